@@ -1,0 +1,48 @@
+# `make` alone prints this list. Every target works on a fresh clone: .venv is made when missing.
+PYTHON ?= python3
+BIN := .venv/bin
+OUT := demo-out
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test quick check format docs bench clean
+
+help: ## print the targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 10
+
+.venv/installed: pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+demo: .venv/installed ## make a small survey, classify it, grid it, and say how good the result is
+	@mkdir -p $(OUT)
+	$(BIN)/python -m toolbox run samples.scene --kind town --points $(OUT)/town.laz --terrain $(OUT)/truth.tif --overwrite
+	$(BIN)/python -m toolbox run ground.csf --points $(OUT)/town.laz --ignore 7,18 --classified $(OUT)/ground.laz --overwrite
+	$(BIN)/python -m toolbox run compare.classes --points $(OUT)/ground.laz --reference $(OUT)/town.laz --positive 2 --overwrite --errors $(OUT)/errors.laz --picture $(OUT)/errors.png
+	$(BIN)/python -m toolbox run surface.grid --points $(OUT)/ground.laz --classes 2 --cell 0.5 --surface $(OUT)/terrain.tif --picture $(OUT)/terrain.png --overwrite
+	@echo "Look at $(OUT)/terrain.png and $(OUT)/errors.png"
+
+test: .venv/installed ## run all tests, also the long ones
+	$(BIN)/python -m pytest -n 2
+
+quick: .venv/installed ## run the tests that take less than about a second each
+	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+check: .venv/installed ## lint, types, layers
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: .venv/installed ## format the code
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+docs: .venv/installed ## rewrite metadata/tools and docs/tools from the declarations
+	$(BIN)/python -m toolbox.reference
+
+bench: .venv/installed ## measure speed and memory; needs TOOLBOX_TEST_DATA
+	$(BIN)/python -m tests.bench
+
+clean: ## remove what the targets made
+	rm -rf .venv $(OUT)

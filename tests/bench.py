@@ -1,0 +1,211 @@
+"""Figures for a note or a release: ``make bench``, or ``python -m tests.bench NAME ...``.
+
+Times of two programs are taken alternately in one run, and medians and their ratio are printed.
+Data comes from the folder named by TOOLBOX_TEST_DATA.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = Path(os.environ.get("TOOLBOX_TEST_DATA", ROOT.parent / "shared" / "data"))
+ROUNDS = 7
+
+# Zhang et al. (2016), table 2 and section 4: settings by group, and total errors in percent.
+CSF_GROUPS = {
+    "12": (2, True, 2.97), "21": (3, False, 3.42), "23": (2, True, 4.79), "31": (3, False, 1.61),
+    "42": (3, False, 1.58), "51": (3, False, 3.08), "54": (3, False, 3.18), "61": (1, True, 1.49),
+}  # fmt: skip
+
+
+def say(text: str) -> None:
+    sys.stdout.write(text + "\n")
+
+
+def timed(work: Callable[[], Any]) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def alternately(ours: Callable[[], Any], theirs: Callable[[], Any]) -> tuple[float, float]:
+    """Medians of both, after one round that is not counted."""
+    pairs = [(timed(ours), timed(theirs)) for _ in range(ROUNDS + 1)][1:]
+    return tuple(statistics.median(column) for column in zip(*pairs, strict=True))  # type: ignore[return-value]
+
+
+@contextmanager
+def folder() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory() as name:
+        yield Path(name)
+
+
+def toolbox(*arguments: Any) -> dict[str, Any]:
+    """Run the command line in a process of its own; the result as JSON, the seconds and MiB."""
+    command = [sys.executable, "-m", "toolbox", *map(str, arguments)]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    start = time.perf_counter()
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+    seconds = time.perf_counter() - start
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    found: dict[str, Any] = {"code": done.returncode, "error": done.stderr, "seconds": seconds}
+    found["cpu"] = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return found | (json.loads(done.stdout) if done.stdout.startswith("{") else {})
+
+
+def startup() -> None:
+    """Wall time of the verbs that must answer at once; aim below 0.3 s."""
+    for arguments in (["list"], ["describe", "ground.csf"], ["run", "ground.csf", "--help"]):
+        seconds = statistics.median(toolbox(*arguments)["seconds"] for _ in range(ROUNDS))
+        say(f"startup  {' '.join(arguments):24} {seconds:.3f} s")
+
+
+def reading() -> None:
+    """Reading and writing LAZ against plain laspy; aims 1.15 and 1.25."""
+    import laspy
+
+    from toolbox.data import PointCloud
+
+    path = DATA / "autzen_ept/autzen_south_5M.laz"
+    ours, theirs = alternately(lambda: PointCloud.open(path).xyz, lambda: laspy.read(path).xyz)
+    say(f"reading  {ours:.2f} s, laspy {theirs:.2f} s, ratio {ours / theirs:.2f}")
+    cloud, las = PointCloud.open(path), laspy.read(path)
+    with folder() as out:
+        ours, theirs = alternately(
+            lambda: cloud.save(out / "a.laz"), lambda: las.write(out / "b.laz")
+        )
+    say(f"writing  {ours:.2f} s, laspy {theirs:.2f} s, ratio {ours / theirs:.2f}")
+
+
+def memory() -> None:
+    """Peak memory per point of reading with coordinates, in processes of their own."""
+    path = DATA / "autzen_ept/autzen_south_5M.laz"
+    code = "import resource, sys; {}; print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    opened = "from toolbox.data import PointCloud; c = PointCloud.open(sys.argv[1]); c.xyz"
+    plain = "import laspy; c = laspy.read(sys.argv[1]); xyz = c.xyz"
+    small = DATA / "feet/autzen_trim.laz"
+    for name, work in [("ours", opened), ("laspy", plain)]:
+        peaks = [
+            int(subprocess.check_output([sys.executable, "-c", code.format(work), file], cwd=ROOT))
+            for file in (path, small)
+        ]
+        grown = 1024 * (peaks[0] - peaks[1]) / (5_050_000 - 110_000)
+        say(f"memory   {name:6} {peaks[0] / 1024:.0f} MiB at the peak, {grown:.0f} bytes per point")
+
+
+def isprs() -> None:
+    """ground.csf and compare.classes on the ISPRS samples with the paper's settings."""
+    errors = []
+    with folder() as out:
+        for sample, (rigidness, smooth, paper) in CSF_GROUPS.items():
+            made = out / f"{sample}.laz"
+            settings = ["--rigidness", rigidness, "--smooth_slopes", str(smooth).lower()]
+            source = ["--points", DATA / f"isprs_samples/samp{sample}.txt.gz"]
+            source += ["--points.columns", "x,y,z,label", "--assume-crs", "EPSG:32632"]
+            first = toolbox("run", "ground.csf", *source, *settings, "--classified", made, "--json")
+            found = toolbox(
+                *["run", "compare.classes", "--points", made, "--reference_attribute", "label"],
+                *["--reference_positive", "0", "--json"],
+            )["statistics"]
+            errors.append((found["total_error"], paper))
+            say(
+                f"isprs    samp{sample}  Type I {found['type_1']:6.2f}  Type II "
+                f"{found['type_2']:6.2f}  total {found['total_error']:5.2f} %  kappa "
+                f"{100 * found['kappa']:5.1f}  paper {paper:.2f} %  {first['seconds']:.1f} s"
+            )
+    ours, papers = (statistics.mean(column) for column in zip(*errors, strict=True))
+    say(f"isprs    mean total error {ours:.2f} %, paper {papers:.2f} %")
+
+
+def terrain() -> None:
+    """A dense urban tile: ground by CSF, gridded at 0.5 m, against another program's DTM."""
+    import numpy as np
+
+    from toolbox.data import Raster
+
+    tile = "77050_627755"
+    with folder() as out:
+        source = ["--points", DATA / f"ign_urban_50m/{tile}.laz"]
+        toolbox("run", "ground.csf", *source, "--classified", out / "g.laz")
+        for name, points in [("csf", out / "g.laz"), ("true", source[1])]:
+            grid = ["--points", points, "--classes", "2", "--cell", "0.5"]
+            toolbox("run", "surface.grid", *grid, "--surface", out / f"{name}.tif")
+            ours = Raster.open(out / f"{name}.tif")
+            reference = Raster.open(DATA / f"ign_gridding_reference/DTM_{tile}.tif")
+            x, y = (g.ravel() for g in np.meshgrid(*_centres(reference)))
+            difference = ours.sample(x, y, method="nearest") - reference.band().ravel()
+            difference = difference[np.isfinite(difference)]
+            say(
+                f"terrain  {name:5} ground: RMSE {np.sqrt(np.mean(difference**2)):.3f} m, "
+                f"median {np.median(difference):+.3f} m, "
+                f"95 % within {np.quantile(abs(difference), 0.95):.3f} m"
+            )
+
+
+def _centres(raster: Any) -> tuple[Any, Any]:
+    from toolbox.data import Lattice
+
+    return Lattice.of(raster).centres()  # type: ignore[no-any-return]
+
+
+def damaged() -> None:
+    """Every odd or damaged file: outcome, seconds and the memory of the process."""
+    for path in sorted((DATA / "robustness").glob("*.la[sz]")):
+        code = (
+            "import resource, sys\nfrom toolbox.cli import main\n"
+            "code = main(['info', sys.argv[1], '--json'])\n"
+            "peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+            "print(peak // 1024, code, file=sys.stderr)"
+        )
+        start = time.perf_counter()
+        done = subprocess.run(
+            [sys.executable, "-c", code, str(path)],
+            capture_output=True, text=True, cwd=ROOT, check=False,
+        )  # fmt: skip
+        *messages, last = done.stderr.strip().splitlines()
+        points = next(
+            (r["value"] for r in json.loads(done.stdout or "[]") if r["property"] == "points"), "-"
+        )
+        mib, exit_code = last.split()
+        note = messages[0][:90] if messages else ""
+        say(
+            f"damaged  {path.name:32} exit {exit_code}  {points:>6} points  "
+            f"{time.perf_counter() - start:.1f} s  {mib} MiB  {note}"
+        )
+
+
+def speed() -> None:
+    """Seconds per million points of the first tools, reading and writing included."""
+    path = DATA / "autzen_ept/autzen_south_5M.laz"
+    with folder() as out:
+        runs = {
+            "ground.csf": ["--cloth_resolution", "1", "--classified", out / "a.laz"],
+            "points.filter": ["--classes", "2", "--kept", out / "b.laz"],
+            "surface.grid": ["--cell", "1", "--surface", out / "c.tif"],
+            "points.info": [],
+        }
+        for id, arguments in runs.items():
+            found = toolbox("run", id, "--points", path, *arguments, "--json")
+            say(
+                f"speed    {id:16} {found['seconds'] / 5.05:.2f} s, "
+                f"{found['cpu'] / 5.05:.2f} CPU s per million points (exit {found['code']})"
+            )
+
+
+BENCHES = {b.__name__: b for b in (startup, reading, memory, isprs, terrain, damaged, speed)}
+
+if __name__ == "__main__":
+    for name in sys.argv[1:] or BENCHES:
+        BENCHES[name]()

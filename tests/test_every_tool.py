@@ -1,0 +1,249 @@
+"""Laws that every tool keeps. A new tool is covered the moment it is declared."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+from process_schema import PROCESS
+from pyproj import CRS
+
+from toolbox import catalog, reference
+from toolbox.context import Context
+from toolbox.data import PointCloud
+from toolbox.errors import Cancelled, DataError, ParameterError
+from toolbox.fields import Field, Spec
+
+TOOLS = [catalog.load(id) for id in catalog.own_ids()]
+NUMBERS = [(s, f) for s in TOOLS for f in s.inputs.values() if f.kind.word in ("number", "integer")]
+LIMITED = [(s, f) for s, f in NUMBERS if f.limits]
+POINT_TOOLS = [s for s in TOOLS if "points" in s.sources]
+FAST = {"samples.scene": {"size": 50.0, "density": 2.0}}  # settings that make a tool quick
+REFERENCE = {"compare.classes": {"reference_attribute": "truth"}}  # settings that a tool needs
+
+tools = pytest.mark.parametrize("spec", TOOLS, ids=lambda s: s.id)
+point_tools = pytest.mark.parametrize("spec", POINT_TOOLS, ids=lambda s: s.id)
+
+
+def name_of(value: Any) -> str:
+    return str(getattr(value, "id", getattr(value, "name", value)))
+
+
+@pytest.fixture(scope="module")
+def block() -> PointCloud:
+    """200 x 60 m of rough slope with two roofs and all the attributes that tools ask for."""
+    rng = np.random.default_rng(1)
+    n = 6000
+    x, y = rng.uniform(0, 200, n), rng.uniform(0, 60, n)
+    z = 0.1 * x + rng.normal(0, 0.05, n)
+    for east, half in [(50, 8), (140, 5)]:
+        z[(abs(x - east) < half) & (abs(y - 30) < half)] += 8
+    returns = rng.integers(1, 3, n).astype(np.uint8)
+    columns = {
+        "intensity": rng.integers(0, 500, n).astype(np.uint16),
+        "return_number": np.minimum(returns, rng.integers(1, 3, n)).astype(np.uint8),
+        "number_of_returns": returns,
+        "classification": rng.integers(1, 7, n).astype(np.uint8),
+        "truth": rng.integers(1, 7, n).astype(np.uint8),
+    }
+    xyz = np.column_stack([x + 500_000.3, y + 4_600_000.4, z])
+    return PointCloud(xyz, columns, crs=CRS(32635), name="block.laz")
+
+
+def job(spec: Spec, points: PointCloud | None = None, **more: Any) -> Any:
+    """The tool with its defaults on the given points."""
+    source = {"points": points} if "points" in spec.sources else {}
+    settings, problems = spec.parse(
+        FAST.get(spec.id, {}) | REFERENCE.get(spec.id, {}) | more, present=source
+    )
+    assert not problems
+    return spec.make(**settings, **source)
+
+
+def values(layer: Any) -> Any:
+    """What two equal results have in common, as plain arrays."""
+    if isinstance(layer, PointCloud):
+        return {"xyz": layer.xyz} | {name: layer[name] for name in layer.names}
+    if hasattr(layer, "frame"):
+        return layer.frame.to_dict()
+    return getattr(layer, "values", layer)
+
+
+def contents(result: Any) -> dict[str, Any]:
+    fields = dataclasses.fields(result)
+    return {field.name: values(getattr(result, field.name)) for field in fields}
+
+
+def beyond(field: Field) -> Iterator[float]:
+    """Values just outside the declared limits."""
+    step = 1 if field.kind.word == "integer" else 1e-9
+    for key, limit in field.limits.items():
+        yield {"gt": limit, "lt": limit, "ge": limit - step, "le": limit + step}[key]
+
+
+@pytest.mark.parametrize(("spec", "field"), LIMITED, ids=name_of)
+def test_limits_are_enforced_by_name(spec: Spec, field: Field, block: PointCloud) -> None:
+    kind = int if field.kind.word == "integer" else float
+    for value in beyond(field):
+        with pytest.raises(ParameterError, match=rf"{field.name}: must be"):
+            spec.build({"points": block} | {field.name: kind(value)})
+
+
+@pytest.mark.parametrize(("spec", "field"), NUMBERS, ids=name_of)
+def test_numbers_say_their_unit(spec: Spec, field: Field) -> None:
+    assert field.unit or field.choices, "give unit='m', or '1' for a ratio or a count"
+
+
+@tools
+def test_names_and_help_follow_the_house_style(spec: Spec) -> None:
+    """File a/b.py = id a.b = class AB; title and help are sentences without markup."""
+    words = re.split(r"[._]", spec.id)
+    assert spec.make.__name__ == "".join(word.capitalize() for word in words)
+    assert re.fullmatch(r"[A-Z][^`*<>]*[^.]", spec.title)
+    assert spec.help.endswith(".")
+    for field in [*spec.inputs.values(), *spec.outputs.values()]:
+        assert re.fullmatch(r"[A-Z].*[^.\s]", field.help), f"{field.name}: {field.help}"
+        assert len(field.help) <= 100, field.name
+
+
+@tools
+def test_defaults_are_accepted(spec: Spec, block: PointCloud) -> None:
+    for field in spec.inputs.values():
+        if field.role == "param":
+            assert field.problem(field.default) is None, field.name
+            text = None if field.default is None else str(field.default)
+            assert field.parse(text) == field.default, field.name
+    job(spec, block)
+
+
+@tools
+def test_same_input_same_answer_and_input_untouched(spec: Spec, block: PointCloud) -> None:
+    before = {name: array.copy() for name, array in values(block).items()}
+    first, second = (contents(job(spec, block).run()) for _ in range(2))
+    np.testing.assert_equal(first, second)
+    np.testing.assert_equal(before, values(block))
+
+
+@tools
+def test_progress_rises_and_cancel_stops(spec: Spec, block: PointCloud) -> None:
+    seen: list[float] = []
+    job(spec, block).run(Context(seen.append))
+    assert seen, "call ctx.progress(), or nobody can cancel the tool"
+    assert seen == sorted(seen)
+    assert all(0 <= f <= 1 for f in seen)
+    with pytest.raises(Cancelled):
+        job(spec, block).run(Context(stop=lambda: True))
+
+
+@point_tools
+def test_order_of_points_does_not_matter(spec: Spec, block: PointCloud) -> None:
+    order = np.random.default_rng(2).permutation(len(block))
+    straight = contents(job(spec, block).run())
+    shuffled = contents(job(spec, block.select(order)).run())
+    for name, found in straight.items():
+        if not isinstance(found, dict) or "xyz" not in found:
+            np.testing.assert_allclose(_numbers(found), _numbers(shuffled[name]), rtol=1e-9)
+            continue
+        assert _sorted_points(found) == _sorted_points(shuffled[name])
+
+
+def _numbers(found: Any) -> Any:
+    """Tables are compared by the numbers in them."""
+    if not isinstance(found, dict):
+        return np.asarray(np.nan if found is None else found, float)
+    cells = [cell for column in found.values() for cell in column.values()]
+    return [cell for cell in cells if isinstance(cell, int | float)]
+
+
+def _sorted_points(columns: dict[str, Any]) -> list[tuple[Any, ...]]:
+    rows = np.column_stack([columns["xyz"], *(columns[n] for n in sorted(columns) if n != "xyz")])
+    return sorted(map(tuple, rows.tolist()))
+
+
+@point_tools
+def test_feet_give_the_answer_of_metres(spec: Spec, block: PointCloud) -> None:
+    """The same block in US survey feet: equal labels and shares, lengths reported in metres."""
+    foot = 1200 / 3937
+    columns = {name: block[name] for name in block.names}
+    in_feet = PointCloud(block.xyz / foot, columns, crs=CRS(2263), name="feet.laz")
+    metres, feet = (contents(job(spec, points).run()) for points in (block, in_feet))
+    for name, field in spec.outputs.items():
+        if field.kind.word in ("number", "integer"):
+            assert feet[name] == pytest.approx(metres[name], rel=1e-6), name
+        elif field.kind.word == "PointCloud":
+            for column in metres[name].keys() - {"xyz"}:
+                same = np.mean(metres[name][column] == feet[name][column])
+                assert same > 0.999, f"{name}.{column}"
+
+
+@point_tools
+@pytest.mark.parametrize("count", [0, 1, 2, 3])
+def test_hardly_any_points(spec: Spec, count: int, block: PointCloud) -> None:
+    """A correct answer or a clear error, never a crash."""
+    try:
+        result = job(spec, block.select(range(count))).run()
+    except (DataError, ParameterError) as err:
+        message = str(err)
+        assert "points" in message or "reference" in message
+        return
+    for name, field in spec.outputs.items():
+        layer = getattr(result, name)
+        if field.kind.word == "PointCloud":
+            assert len(layer) <= count
+
+
+@point_tools
+def test_attributes_survive(spec: Spec, block: PointCloud) -> None:
+    result = job(spec, block).run()
+    for name, field in spec.outputs.items():
+        if field.kind.word == "PointCloud":
+            layer = getattr(result, name)
+            assert set(layer.names) >= set(block.names)
+            assert layer.crs == block.crs
+
+
+@point_tools
+def test_tiles_with_halo_equal_the_whole(spec: Spec, block: PointCloud) -> None:
+    """Labels of tiles, each read with the halo that the tool asks for."""
+    outs = [name for name, f in spec.outputs.items() if f.kind.word == "PointCloud"]
+    whole = job(spec, block)
+    if not outs or whole.halo() > 60:
+        pytest.skip("no point output, or needs more than a tile of this block")
+    x = block["x"] - block["x"].min()
+    marked = block.with_attributes({"index": np.arange(len(block), dtype=np.uint32)})
+    expected = getattr(job(spec, marked).run(), outs[0])
+    for west in (0, 100):
+        wide = (x >= west - whole.halo()) & (x < west + 100 + whole.halo())
+        assert not wide.all(), "the tile is the whole block"
+        tile = getattr(job(spec, marked.select(wide)).run(), outs[0])
+        core = np.flatnonzero((x >= west) & (x < west + 100))
+        here, there = (c.select(np.isin(c["index"], core)) for c in (tile, expected))
+        np.testing.assert_equal(values(here), values(there))
+
+
+@tools
+def test_description_is_an_ogc_process(spec: Spec) -> None:
+    described = json.loads(reference.as_json(spec.describe()))
+    Draft202012Validator.check_schema(PROCESS)
+    Draft202012Validator(PROCESS).validate(described)
+    for name, field in described["inputs"].items():
+        Draft202012Validator.check_schema(field["schema"])
+        if "default" in field["schema"]:
+            Draft202012Validator(field["schema"]).validate(field["schema"]["default"])
+        for value in beyond(spec.inputs[name]):
+            assert not Draft202012Validator(field["schema"]).is_valid(value)
+
+
+def test_published_files_are_current() -> None:
+    wanted = dict(reference.files())
+    stale = [p for p, text in wanted.items() if not p.is_file() or p.read_text("utf-8") != text]
+    assert not stale, "run: make docs"
+    kept = {path for folder in {p.parent for p in wanted} for path in Path(folder).iterdir()}
+    assert kept == wanted.keys()

@@ -1,0 +1,255 @@
+"""Pictures: what is drawn, in which colours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import matplotlib.image
+import numpy as np
+import pytest
+import shapely
+from affine import Affine
+from matplotlib.colors import to_rgba
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from toolbox.data import PointCloud, Raster, Table, Vector
+from toolbox.data.crs import LOCAL
+from toolbox.errors import DataError
+from toolbox.picture import ASPRS_CLASSES, ERROR_CLASSES, Ramp, cloud_image, draw, raster_image
+
+LAMBERT = CRS(2154)
+
+
+def square(size: int = 20, **attributes: NDArray[Any]) -> PointCloud:
+    """A flat grid of points, one per metre, from north-west to south-east."""
+    y, x = np.mgrid[size - 1 : -1 : -1, 0:size]
+    xyz = np.column_stack([x.ravel() + 0.5, y.ravel() + 0.5, np.zeros(size * size)])
+    return PointCloud(xyz, attributes, crs=LAMBERT)
+
+
+def raster(values: Any, **more: Any) -> Raster:
+    return Raster(np.asarray(values), Affine(1, 0, 100, 0, -1, 200), crs=LAMBERT, **more)
+
+
+def outline(*shapes: Any, crs: CRS | None = LAMBERT) -> Vector:
+    return Vector(geopandas.GeoDataFrame(geometry=list(shapes), crs=crs))
+
+
+def colours(rgba: NDArray[np.float64]) -> set[str]:
+    """Colours of the opaque pixels."""
+    found = np.unique((rgba[rgba[..., 3] > 0][:, :3] * 255).round().astype(int), axis=0)
+    return {"#{:02x}{:02x}{:02x}".format(*colour) for colour in found}
+
+
+def read(path: Path) -> NDArray[np.float64]:
+    return np.asarray(matplotlib.image.imread(path), float)
+
+
+def test_classes_of_flat_ground_have_their_exact_colours() -> None:
+    codes = np.repeat(np.array([2, 6, 9, 200], np.uint8), 100)
+    image = cloud_image(square(classification=codes))
+    assert colours(image.rgba) == {
+        ASPRS_CLASSES[2][1], ASPRS_CLASSES[6][1], ASPRS_CLASSES[9][1], "#5b8def",
+    }  # fmt: skip
+    assert not isinstance(image.key, Ramp)
+    assert [name for name, _ in image.key.values()] == ["Ground", "Building", "Water", "Class 200"]
+    north_west, south_east = image.rgba[1, 1], image.rgba[-2, -2]
+    assert north_west == pytest.approx(to_rgba(ASPRS_CLASSES[2][1]))
+    assert south_east == pytest.approx(to_rgba("#5b8def"))
+
+
+def test_highest_point_is_on_top() -> None:
+    ground = square(classification=np.full(400, 2, np.uint8))
+    for order in (1, -1):
+        xyz = np.vstack([ground.xyz, np.add(ground.xyz, [0, 0, 5])])[::order]
+        codes = np.repeat([2, 5], 400).astype(np.uint8)[::order]
+        image = cloud_image(PointCloud(xyz, {"classification": codes}, crs=LAMBERT))
+        assert colours(image.rgba) == {ASPRS_CLASSES[5][1]}
+
+
+def test_errors_come_before_classes_in_their_own_colours() -> None:
+    codes = np.repeat(np.arange(4, dtype=np.uint8), 100)
+    image = cloud_image(square(error=codes, classification=codes + 2))
+    assert colours(image.rgba) == {
+        colour for code, (_, colour) in ERROR_CLASSES.items() if code < 4
+    }
+    assert image.rgba[-2, -2] == pytest.approx(to_rgba("#d7261e"))  # Type II is red
+
+
+def test_without_classes_elevation_then_intensity() -> None:
+    unclassified = {"classification": np.zeros(400, np.uint8), "intensity": np.arange(400)}
+    flat = cloud_image(square(**unclassified))
+    assert isinstance(flat.key, Ramp)
+    assert flat.key.label == "Intensity"
+    assert flat.rgba[1, 1, 0] < flat.rgba[-2, -2, 0]
+    xyz = square().xyz + np.linspace(0, 9, 400)[:, None] * [0, 0, 1]
+    slope = cloud_image(PointCloud(xyz, unclassified, crs=LAMBERT))
+    assert isinstance(slope.key, Ramp)
+    assert slope.key.label == "Elevation (m)"
+    assert slope.key.low == pytest.approx(0, abs=0.1)
+    assert slope.key.high == pytest.approx(9, abs=0.1)
+
+
+def test_gaps_between_points_are_closed_but_voids_stay_open() -> None:
+    xyz = np.random.default_rng(0).uniform(0, 60, (3600, 3))  # leaves a third of pixels empty
+    hole = (np.abs(xyz[:, 0] - 30) < 8) & (np.abs(xyz[:, 1] - 30) < 8)
+    image = cloud_image(PointCloud(xyz[~hole], {"intensity": xyz[~hole, 0]}, crs=LAMBERT))
+    opaque = image.rgba[..., 3] > 0
+    middle = opaque.shape[0] // 2
+    assert not opaque[middle, middle]
+    assert 0.9 < opaque.mean() < 0.99
+
+
+def test_slopes_towards_the_light_are_brighter() -> None:
+    """The sun is in the north-west, so a ridge from south-west to north-east shows two sides."""
+    y, x = np.mgrid[0:21, 0:21]
+    ridge = raster(-np.abs(x + y - 20.0))  # row 0 is north
+    rgba = raster_image(ridge).rgba
+    assert rgba[8, 8, :3].sum() > rgba[12, 12, :3].sum()  # same elevation on both sides
+
+
+def test_small_integers_are_classes_and_nodata_is_open() -> None:
+    image = raster_image(raster(np.array([[0, 2, 6]], np.uint8), nodata=0))
+    assert image.key == {2: ("2", "#5b8def"), 6: ("6", "#e5a93c")}
+    assert image.rgba[0, 0, 3] == 0
+    named = raster_image(raster(np.array([[2, 6]], np.uint8), descriptions=("classification",)))
+    assert named.key == {2: ASPRS_CLASSES[2], 6: ASPRS_CLASSES[6]}
+    assert isinstance(raster_image(raster(np.arange(42).reshape(6, 7))).key, Ramp)
+
+
+def test_only_lengths_are_shaded() -> None:
+    values = np.random.default_rng(0).normal(size=(20, 20))
+    shares = raster_image(raster(values, units=("1",), descriptions=("Share",)))
+    metres = raster_image(raster(values, units=("metre",), descriptions=("Elevation",)))
+    assert isinstance(shares.key, Ramp)
+    assert (shares.key.colours, shares.key.label) == ("viridis", "Share")
+    assert isinstance(metres.key, Ramp)
+    assert metres.key.label == "Elevation (m)"
+
+
+def test_differences_are_centred_on_zero() -> None:
+    values = np.linspace(-1, 3, 100).reshape(10, 10)
+    key = raster_image(raster(values, descriptions=("Difference to reference",))).key
+    assert isinstance(key, Ramp)
+    assert key.low == -key.high
+    assert key.colours == "RdBu_r"
+
+
+def test_same_bytes_on_every_run_and_no_date_in_the_file(tmp_path: Path) -> None:
+    layers = {"a": square(classification=np.full(400, 2, np.uint8)), "b": raster(np.eye(9))}
+    for name in ("a.png", "b.png"):
+        draw(layers, tmp_path / name)
+    content = (tmp_path / "a.png").read_bytes()
+    assert content == (tmp_path / "b.png").read_bytes()
+    assert not any(word in content for word in (b"Software", b"tEXt", b"tIME", b"Date"))
+
+
+@pytest.mark.slow
+def test_one_panel_per_layer_in_rows_of_three(tmp_path: Path) -> None:
+    sizes = {}
+    for count in (1, 3, 4):
+        draw({str(i): raster(np.eye(9)) for i in range(count)}, tmp_path / "a.png")
+        sizes[count] = read(tmp_path / "a.png").shape
+    assert sizes[3][0] == sizes[1][0]
+    assert sizes[4][0] == pytest.approx(2 * sizes[1][0], rel=0.05)
+    assert sizes[3][1] > sizes[4][1] > sizes[1][1]
+
+
+def test_picture_is_as_high_as_the_extent_asks_for(tmp_path: Path) -> None:
+    heights = []
+    for shape in ((5, 100), (50, 100), (100, 100), (100, 5)):
+        draw({"a": raster(np.random.default_rng(0).random(shape))}, tmp_path / "a.png")
+        heights.append(read(tmp_path / "a.png").shape[0])
+    assert heights == sorted(heights)
+    assert heights[2] > 1.5 * heights[1]
+    assert heights[3] < 2 * heights[2]  # a strip does not make a picture without end
+
+
+def test_vector_lies_over_the_map_before_it(tmp_path: Path) -> None:
+    ground = raster(np.full((50, 50), 3.0))
+    roof = outline(shapely.box(110, 160, 140, 190), shapely.Point(105, 155))
+    draw({"ground": ground}, tmp_path / "a.png")
+    draw({"ground": ground, "roof": roof}, tmp_path / "b.png")
+    bare, over = read(tmp_path / "a.png"), read(tmp_path / "b.png")
+    assert bare.shape == over.shape
+    assert np.any(np.abs(bare - over)[200:500] > 0.5)
+
+
+@pytest.mark.parametrize(
+    "vector",
+    [
+        outline(shapely.box(110, 160, 140, 190), crs=CRS(2192)),  # another CRS
+        outline(shapely.box(910, 160, 940, 190)),  # elsewhere
+    ],
+)
+def test_vector_that_does_not_belong_over_a_map_has_its_own(tmp_path: Path, vector: Vector) -> None:
+    draw({"ground": raster(np.eye(50))}, tmp_path / "a.png")
+    draw({"ground": raster(np.eye(50)), "map": vector}, tmp_path / "b.png")
+    assert read(tmp_path / "b.png").shape[1] > 1.8 * read(tmp_path / "a.png").shape[1]
+
+
+def test_scale_bar_needs_lengths(tmp_path: Path) -> None:
+    """The bar is the only dark thing in the lower left of an empty map."""
+    for crs, dark in ((LAMBERT, True), (LOCAL, True), (CRS(2992), True), (CRS(4326), False)):
+        empty = Raster(np.full((20, 20), np.nan), Affine(1, 0, 10, 0, -1, 40), crs=crs)
+        draw({"a": empty}, tmp_path / "a.png")
+        picture = read(tmp_path / "a.png")
+        corner = picture[560:660, 70:250, :3]
+        assert (corner.min() < 0.4) == dark
+
+
+@pytest.mark.parametrize(
+    "layer",
+    [
+        PointCloud(np.array([[1.0, 2.0, 3.0]]), crs=LAMBERT),
+        PointCloud(np.column_stack([np.arange(9.0), np.zeros(9), np.zeros(9)])),
+        PointCloud(np.tile([[1.0, 2.0, 3.0]], (5, 1)), {"intensity": np.ones(5)}),
+        raster(np.full((3, 3), np.nan)),
+        raster(np.array([[np.nan, 1.0]])),
+        raster(np.array([[1.0]])),
+        raster(np.full((2, 2), 7, np.uint8), nodata=7),
+        outline(shapely.Point(3, 4)),
+        outline(shapely.LineString([(0, 0), (0, 9)]), None),
+        outline(shapely.GeometryCollection([shapely.Point(0, 0), shapely.box(1, 1, 2, 2)])),
+        outline(shapely.box(0, 0, 9, 9).difference(shapely.box(2, 2, 3, 3)), crs=None),
+    ],
+)
+def test_the_smallest_layers_are_drawn(tmp_path: Path, layer: PointCloud | Raster | Vector) -> None:
+    draw({"a": layer}, tmp_path / "a.png")
+    assert read(tmp_path / "a.png").std() > 0.01
+
+
+def test_nothing_to_draw(tmp_path: Path) -> None:
+    nothing = {
+        "table": Table.from_rows([{"a": 1}]),
+        "cloud": PointCloud(np.zeros((0, 3))),
+        "map": outline(),
+    }
+    with pytest.raises(DataError, match="nothing to draw"):
+        draw(nothing, tmp_path / "a.png")
+    draw(nothing | {"raster": raster(np.eye(3))}, tmp_path / "a.png")
+    assert (tmp_path / "a.png").exists()
+
+
+def test_file_name_is_checked(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"a\.jpg: pictures are written as \.png"):
+        draw({"a": raster(np.eye(3))}, tmp_path / "a.jpg")
+    with pytest.raises(DataError, match=r"a\.png cannot be written"):
+        draw({"a": raster(np.eye(3))}, tmp_path / "none" / "a.png")
+
+
+@pytest.mark.slow
+def test_city_block(tmp_path: Path, data: Callable[[str], Path]) -> None:
+    """Real points and surfaces: most of the map is covered, in more than a few colours."""
+    cloud = PointCloud.open(data("ign_urban_50m/77055_627755.laz"))
+    image = cloud_image(cloud)
+    assert (image.rgba[..., 3] > 0).mean() > 0.97
+    assert not isinstance(image.key, Ramp)
+    assert {"Ground", "Building", "High vegetation"} <= {name for name, _ in image.key.values()}
+    terrain = Raster.open(data("ign_gridding_reference/DTM_77055_627755.tif"))
+    draw({"Points": cloud, "Terrain": terrain}, tmp_path / "a.png")
+    assert read(tmp_path / "a.png").std() > 0.1

@@ -1,0 +1,28 @@
+"""Declare, check, run and chain geoprocessing tools for LiDAR.
+
+>>> import toolbox
+>>> result = toolbox.run("ground.csf", {"points": "a.laz", "classified": "b.laz"})  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from toolbox.data import PointCloud, Raster, Table, Vector
+    from toolbox.execute import run
+
+__version__ = "0.1.0"
+__all__ = ["PointCloud", "Raster", "Table", "Vector", "__version__", "run"]
+
+_HOMES = {"run": "toolbox.execute"} | dict.fromkeys(
+    ["PointCloud", "Raster", "Table", "Vector"], "toolbox.data"
+)
+
+
+def __getattr__(name: str) -> Any:
+    """Import on first use: `list` and `--help` must not wait for numerical libraries."""
+    if name in _HOMES:
+        return getattr(importlib.import_module(_HOMES[name]), name)
+    raise AttributeError(f"module 'toolbox' has no attribute {name!r}")

@@ -1,0 +1,15 @@
+"""Entry point of ``python -m toolbox``."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+# A GIS that starts us may point these at its own libraries; our wheels carry their own data.
+for _name in ("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "GDAL_DRIVER_PATH"):
+    os.environ.pop(_name, None)
+
+from toolbox.cli import main  # noqa: E402
+
+if __name__ == "__main__":
+    sys.exit(main())

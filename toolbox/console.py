@@ -1,0 +1,162 @@
+"""What the command line prints: progress, messages, results and errors, for people or programs."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from toolbox.errors import ToolboxError
+
+LEVELS = {"quiet": logging.ERROR, "normal": logging.INFO, "verbose": logging.DEBUG}
+
+
+class Console:
+    """For people: the result on standard output, everything else on standard error.
+
+    Parameters
+    ----------
+    level : "quiet", "normal" or "verbose"
+    as_json : print the result as one JSON object
+    """
+
+    def __init__(self, level: str = "normal", *, as_json: bool = False) -> None:
+        self.level, self.as_json = level, as_json
+        log = logging.getLogger("toolbox")
+        log.handlers = [_Handler(self.message)]
+        log.setLevel(LEVELS[level])
+        log.propagate = False
+
+    @contextmanager
+    def progress(self) -> Iterator[Callable[[float], None]]:
+        """A bar on a terminal, nothing elsewhere."""
+        if self.level == "quiet" or not sys.stderr.isatty():
+            yield lambda fraction: None
+            return
+        from rich.console import Console as RichConsole
+        from rich.progress import Progress
+
+        with Progress(console=RichConsole(stderr=True), transient=True) as bar:
+            task = bar.add_task("", total=1.0)
+            yield lambda fraction: bar.update(task, completed=fraction)
+
+    def message(self, level: str, text: str) -> None:
+        prefix = "" if level == "info" else f"{level}: "
+        print(prefix + text, file=sys.stderr)
+
+    def result(self, description: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
+        """Print what a tool gave back; `outputs` holds paths, layers and values."""
+        if self.as_json:
+            values = {name: as_json(value) for name, value in outputs.items()}
+            print(json.dumps({"id": description["id"]} | values_by_kind(values, outputs), indent=2))
+            return
+        for name, value in outputs.items():
+            self._print_value(name, value, _unit(description["outputs"].get(name, {})))
+
+    def _print_value(self, name: str, value: Any, unit: str) -> None:
+        if hasattr(value, "text"):
+            print(value.text())
+        elif hasattr(value, "save"):
+            print(f"{name}: {value}, not saved (--{name} PATH)")
+        elif isinstance(value, float):
+            print(f"{name}: {value:.6g}{unit}")
+        else:
+            print(f"{name}: {value}{unit if isinstance(value, int) else ''}")
+
+    def error(self, err: BaseException) -> int:
+        """Report what went wrong and return the exit code."""
+        code = getattr(err, "exit_code", 1) if isinstance(err, ToolboxError) else 1
+        self._report(code, _error_text(err))
+        if code == 1 and self.level == "verbose":
+            traceback.print_exception(err)
+        return code
+
+    def _report(self, code: int, text: str) -> None:
+        print(f"error: {text}" if code != 130 else text, file=sys.stderr)
+
+
+class Events(Console):
+    """For a program that called us: one JSON object per line on standard output."""
+
+    def __init__(self, level: str = "normal") -> None:
+        super().__init__(level)
+        self._lock = threading.Lock()  # the job's thread and the main thread both write
+
+    def _event(self, event: str, **content: Any) -> None:
+        with self._lock:
+            print(json.dumps({"event": event} | content), flush=True)
+
+    @contextmanager
+    def progress(self) -> Iterator[Callable[[float], None]]:
+        """Whole percents, each once."""
+        last = -1
+
+        def report(fraction: float) -> None:
+            nonlocal last
+            if (percent := int(100 * fraction)) > last:
+                last = percent
+                self._event("progress", value=percent)
+
+        yield report
+
+    def message(self, level: str, text: str) -> None:
+        self._event("log", level=level, message=text)
+
+    def result(self, description: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
+        self._event("result", outputs={name: as_json(value) for name, value in outputs.items()})
+
+    def _report(self, code: int, text: str) -> None:
+        self._event("error", code=code, message=text)
+
+
+class _Handler(logging.Handler):
+    """Hand log records of the library to a console."""
+
+    def __init__(self, message: Callable[[str, str], None]) -> None:
+        super().__init__()
+        self._message = message
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._message(record.levelname.lower(), record.getMessage())
+
+
+def as_json(value: Any) -> Any:
+    """A result as JSON: paths as text, tables as records, other unsaved layers as null."""
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "records"):
+        return value.records()
+    if hasattr(value, "save"):
+        return None
+    return value.item() if hasattr(value, "item") else value
+
+
+def values_by_kind(values: Mapping[str, Any], outputs: Mapping[str, Any]) -> dict[str, Any]:
+    """Files that were written and layers under "outputs", numbers and texts under "statistics"."""
+    layers = {n for n, v in outputs.items() if isinstance(v, Path) or hasattr(v, "save")}
+    return {
+        "outputs": {name: value for name, value in values.items() if name in layers},
+        "statistics": {name: value for name, value in values.items() if name not in layers},
+    }
+
+
+def _unit(described: Mapping[str, Any]) -> str:
+    units = [m["value"] for m in described.get("metadata", []) if m["role"] == "unit"]
+    return f" {units[0]}" if units and units[0] != "1" else ""
+
+
+def _error_text(err: BaseException) -> str:
+    if isinstance(err, ToolboxError):
+        return str(err)
+    if isinstance(err, MemoryError):
+        return "not enough memory for this run; use a larger cell or a part of the data"
+    return (
+        f"{type(err).__name__}: {err}\n"
+        "This is a mistake in the toolbox. Run it again with --verbose and report what it prints."
+    )

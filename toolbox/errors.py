@@ -1,0 +1,43 @@
+"""What can go wrong, one exception per cause, each with the exit code of the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+
+class ToolboxError(Exception):
+    """Base of all errors that a user can mend; its text is complete without a traceback."""
+
+    exit_code = 1
+
+    def __init__(self, where: str, problems: Mapping[str, str] | None = None) -> None:
+        self.where, self.problems = where, dict(problems or {})
+        super().__init__(where, self.problems)
+
+    def __str__(self) -> str:
+        """All problems at once, one line each, under the name of the tool or file."""
+        if not self.problems:
+            return self.where
+        lines = [f"  {name}: {text}" for name, text in self.problems.items()]
+        return "\n".join([f"{self.where}: {len(lines)} problem(s)", *lines])
+
+
+class ParameterError(ToolboxError, ValueError):
+    """One or more values do not fit a tool's declaration."""
+
+    exit_code = 2
+
+
+class DataError(ToolboxError, ValueError):
+    """A file cannot be read, or holds what a tool cannot use."""
+
+    exit_code = 3
+
+
+class Cancelled(ToolboxError):
+    """The user asked the run to stop."""
+
+    exit_code = 130
+
+    def __init__(self) -> None:
+        super().__init__("cancelled")

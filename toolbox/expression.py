@@ -1,0 +1,173 @@
+"""Expressions over the attributes of points, such as ``intensity > 40 and user_data in (2, 9)``.
+
+The text is parsed by Python's own parser, and then only a short list of syntax nodes is walked:
+nothing is ever evaluated as code, so an expression from a web form can do no harm.
+"""
+
+from __future__ import annotations
+
+import ast
+import operator
+from collections.abc import Callable, Mapping
+from functools import reduce
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+LONGEST = 10_000  # characters; Python's parser recurses, so length is bounded before it is asked
+
+BINARY: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Mod: operator.mod,
+    ast.Pow: operator.pow,
+}
+COMPARE: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.In: np.isin,
+    ast.NotIn: lambda value, members: ~np.isin(value, members),
+}
+FUNCTIONS: Mapping[str, np.ufunc] = {
+    "abs": np.abs,
+    "sqrt": np.sqrt,
+    "floor": np.floor,
+    "isnan": np.isnan,
+    "minimum": np.minimum,
+    "maximum": np.maximum,
+}
+
+
+class Expression(str):
+    """A condition over attributes; checked when it is made, evaluated on a point cloud later.
+
+    It may hold attribute names, numbers, ``+ - * / % **``, comparisons (also chained), ``in`` with
+    a list, ``and``, ``or``, ``not``, and the functions abs, sqrt, floor, isnan, minimum, maximum.
+    """
+
+    tree: ast.expr
+
+    def __new__(cls, text: str) -> Expression:
+        """Parse text.
+
+        Raises
+        ------
+        ValueError
+            It is not a condition, or holds anything beyond the short list above.
+        """
+        made = super().__new__(cls, text)
+        made.tree = _parsed(text)
+        return made
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Attributes that the expression needs."""
+        called = {id(node.func) for node in ast.walk(self.tree) if isinstance(node, ast.Call)}
+        return frozenset(
+            node.id
+            for node in ast.walk(self.tree)
+            if isinstance(node, ast.Name) and id(node) not in called
+        )
+
+    def mask(self, columns: Mapping[str, NDArray[Any]], size: int) -> NDArray[np.bool_]:
+        """True where the condition holds.
+
+        Parameters
+        ----------
+        columns : arrays of shape (size,) by attribute name, for every name in `names`
+        size : number of points
+
+        Returns
+        -------
+        array of shape (size,)
+        """
+        # Attributes are compared as float64: uint8 arithmetic would wrap without a word.
+        wide = {name: np.asarray(columns[name], np.float64) for name in self.names}
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            value = _value(self.tree, wide)
+        return np.broadcast_to(_truth(value), (size,))
+
+
+def _parsed(text: str) -> ast.expr:
+    if len(text) > LONGEST:
+        raise ValueError(f"an expression has at most {LONGEST} characters, got {len(text)}")
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, RecursionError, MemoryError, ValueError) as err:
+        raise ValueError(f"cannot be read: {getattr(err, 'msg', err)}") from None
+    for node in ast.walk(tree):
+        if (problem := _refused(node)) is not None:
+            raise ValueError(problem)
+    if not isinstance(tree, ast.Compare | ast.BoolOp | ast.UnaryOp | ast.Call | ast.Name):
+        raise ValueError("must be a condition, such as 'intensity > 40'")
+    return tree
+
+
+def _refused(node: ast.AST) -> str | None:
+    """Why node may not stand in an expression, or None."""
+    structure = ast.Compare | ast.BoolOp | ast.BinOp | ast.UnaryOp | ast.Tuple | ast.List
+    words = ast.Name | ast.Load | ast.And | ast.Or | ast.Not | ast.USub | ast.UAdd
+    if isinstance(node, structure | words) or type(node) in BINARY or type(node) in COMPARE:
+        return None
+    if isinstance(node, ast.Constant):
+        plain = isinstance(node.value, bool | int | float)
+        return None if plain else f"{node.value!r} is not a number"
+    if isinstance(node, ast.Call):
+        return _refused_call(node)
+    return f"{ast.unparse(node) if isinstance(node, ast.expr) else node!r} is not allowed"
+
+
+def _refused_call(node: ast.Call) -> str | None:
+    name = node.func.id if isinstance(node.func, ast.Name) else ""
+    if name not in FUNCTIONS or node.keywords:
+        return f"only these functions may be called: {', '.join(FUNCTIONS)}"
+    wanted = FUNCTIONS[name].nin
+    return None if len(node.args) == wanted else f"{name} takes {wanted} value(s)"
+
+
+def _value(node: ast.expr, columns: Mapping[str, NDArray[np.float64]]) -> Any:  # noqa: PLR0911
+    match node:
+        case ast.Name():
+            return columns[node.id]
+        case ast.Constant():
+            assert isinstance(node.value, int | float)  # _refused has seen to that
+            return np.float64(node.value)  # no integers of unbounded size: 9 ** 9 ** 9 is inf
+        case ast.Tuple() | ast.List():
+            return [_value(item, columns) for item in node.elts]
+        case ast.BinOp():
+            left, right = _value(node.left, columns), _value(node.right, columns)
+            return BINARY[type(node.op)](left, right)
+        case ast.UnaryOp(op=ast.Not()):
+            return ~_truth(_value(node.operand, columns))
+        case ast.UnaryOp(op=ast.USub()):
+            return -_value(node.operand, columns)
+        case ast.UnaryOp():
+            return _value(node.operand, columns)
+        case ast.BoolOp():
+            parts = [_truth(_value(part, columns)) for part in node.values]
+            return reduce(operator.and_ if isinstance(node.op, ast.And) else operator.or_, parts)
+        case ast.Compare():
+            return _compared(node, columns)
+        case ast.Call(func=ast.Name(id=name)):
+            return FUNCTIONS[name](*[_value(argument, columns) for argument in node.args])
+    raise AssertionError(f"_parsed let {node!r} through")
+
+
+def _compared(node: ast.Compare, columns: Mapping[str, NDArray[np.float64]]) -> Any:
+    """A chain such as 1 < a <= 5 is true where each of its links is."""
+    values = [_value(item, columns) for item in [node.left, *node.comparators]]
+    links = [COMPARE[type(op)](values[i], values[i + 1]) for i, op in enumerate(node.ops)]
+    return reduce(operator.and_, links)
+
+
+def _truth(value: Any) -> NDArray[np.bool_]:
+    """NaN counts as false, as it does in every comparison."""
+    array = np.asarray(value)
+    return array if array.dtype == bool else (array != 0) & ~np.isnan(array)

@@ -1,0 +1,174 @@
+"""How each type of value is read, checked and described: one row per type."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import numbers
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pyproj import CRS
+
+from toolbox.data import PointCloud, Raster, Table, Vector
+from toolbox.data.crs import parse_crs
+from toolbox.expression import Expression
+from toolbox.values import Attribute, ClassList, Extent, Range
+
+TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One type of value.
+
+    Attributes
+    ----------
+    word : what help, errors and descriptions call it
+    schema : JSON schema of one value
+    accepts : whether a Python value is of this type
+    parse : makes one from text or from a JSON value; raises ValueError
+    to_json : the way back
+    plain : the word alone says what a text must look like, so errors need no more
+    suffixes : endings of the files that it can be written to; empty for what is no layer
+    """
+
+    word: str
+    schema: Mapping[str, Any]
+    accepts: Callable[[Any], bool]
+    parse: Callable[[Any], Any]
+    to_json: Callable[[Any], Any] = field(default=lambda value: value)
+    plain: bool = False
+    suffixes: tuple[str, ...] = ()
+
+    @property
+    def is_layer(self) -> bool:
+        """Whether it lives in files."""
+        return bool(self.suffixes)
+
+
+def find(hint: Any) -> Kind:
+    """The row of a type.
+
+    Raises
+    ------
+    TypeError
+        A declaration uses a type that is not in the table.
+    """
+    if hint in KINDS:
+        return KINDS[hint]
+    raise TypeError(f"{hint!r} cannot be declared; there are {[k.word for k in KINDS.values()]}")
+
+
+def _number(value: Any) -> float:
+    number = float(value)
+    if isinstance(value, bool) or not math.isfinite(number):
+        raise ValueError
+    return number
+
+
+def _integer(value: Any) -> int:
+    if isinstance(value, str):
+        return int(value)
+    if isinstance(value, float) and value.is_integer():  # JSON does not tell 3 from 3.0
+        return int(value)
+    raise ValueError
+
+
+def _boolean(value: Any) -> bool:
+    text = str(value).lower()
+    if text not in TRUE + FALSE:
+        raise ValueError
+    return text in TRUE
+
+
+def _is_number(value: Any) -> bool:
+    real = isinstance(value, numbers.Real) and not isinstance(value, bool)
+    return real and math.isfinite(value)
+
+
+def _is_integer(value: Any) -> bool:
+    return isinstance(value, numbers.Integral) and not isinstance(value, bool)
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError
+    return value
+
+
+def _class_list(value: Any) -> ClassList:
+    if isinstance(value, str):
+        return ClassList.parse(value)
+    return ClassList([value] if _is_integer(value) else map(_integer_item, value))
+
+
+def _integer_item(value: Any) -> int:
+    return int(value) if _is_integer(value) else _integer(value)
+
+
+def _range(value: Any) -> Range:
+    return Range.parse(value) if isinstance(value, str) else Range.of(value)
+
+
+def _extent(value: Any) -> Extent:
+    return Extent.parse(value) if isinstance(value, str) else Extent.of(value)
+
+
+def _is(*types: type) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, types)
+
+
+def _scalars() -> dict[Any, Kind]:
+    number = {"type": "number"}
+    text = {"type": "string"}
+    pair = {"type": "array", "items": number, "minItems": 2, "maxItems": 2}
+    box = {"type": "array", "items": number, "minItems": 4, "maxItems": 4}
+    classes = {"type": "string", "pattern": r"^\d+(-\d+)?(,\d+(-\d+)?)*$"}
+    return {
+        float: Kind("number", number, _is_number, _number, plain=True),
+        int: Kind("integer", {"type": "integer"}, _is_integer, _integer, plain=True),
+        bool: Kind("boolean", {"type": "boolean"}, _is(bool), _boolean, plain=True),
+        str: Kind("text", text, _is(str), _text, plain=True),
+        ClassList: Kind("class list", classes, _is(ClassList), _class_list, str),
+        Range: Kind("range", pair, _is(Range), _range, list),
+        Extent: Kind("extent", box, _is(Extent), _extent, list),
+        CRS: Kind("CRS", text, _is(CRS), parse_crs, lambda crs: crs.to_string()),
+        Attribute: Kind("attribute", text, _is(Attribute), lambda v: Attribute(_text(v)), str),
+        Expression: Kind("expression", text, _is(Expression), lambda v: Expression(_text(v)), str),
+    }
+
+
+OPTIONS: Mapping[str, Callable[[Any], Any]] = {
+    "columns": lambda value: re.split(r"[,;\s]+", value) if isinstance(value, str) else list(value),
+    "separator": _text,
+    "bounds": _extent,
+    "layer": _text,
+    "ctx": lambda value: value,
+}  # how a source is to be read, beside its path; how texts of these options are read
+
+
+def _layer(cls: Any, media_type: str) -> Kind:
+    """A layer is opened from a path, or from a mapping of a path and how to open it."""
+    known = OPTIONS.keys() & inspect.signature(cls.open).parameters.keys()
+
+    def opened(value: Any) -> Any:
+        how = dict(value) if isinstance(value, Mapping) else {"path": value}
+        path = how.pop("path")
+        if unknown := how.keys() - known:
+            allowed = ", ".join(sorted(known - {"ctx"})) or "none"
+            raise ValueError(f"no option {sorted(unknown)[0]!r} of a source; there are {allowed}")
+        return cls.open(path, **{name: OPTIONS[name](text) for name, text in how.items()})
+
+    schema = {"type": "string", "format": "uri-reference", "contentMediaType": media_type}
+    return Kind(cls.__name__, schema, _is(cls), opened, suffixes=cls.SUFFIXES)
+
+
+KINDS: Mapping[Any, Kind] = _scalars() | {
+    PointCloud: _layer(PointCloud, "application/vnd.laszip"),
+    Raster: _layer(Raster, "image/tiff; application=geotiff"),
+    Vector: _layer(Vector, "application/geopackage+sqlite3"),
+    Table: _layer(Table, "text/csv"),
+}

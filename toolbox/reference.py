@@ -1,0 +1,80 @@
+"""Write metadata/tools/*.json and docs/tools/*.md from the declarations: ``make docs``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from toolbox import catalog
+
+ROOT = catalog.METADATA.parent
+
+
+def files() -> Iterator[tuple[Path, str]]:
+    """Every generated file and what it must hold."""
+    described = [catalog.load(id).describe() for id in catalog.own_ids()]
+    for tool in described:
+        yield catalog.METADATA / "tools" / f"{tool['id']}.json", as_json(tool)
+        yield ROOT / "docs" / "tools" / f"{tool['id']}.md", page(tool)
+    yield ROOT / "docs" / "tools" / "index.md", index(described)
+
+
+def as_json(tool: Mapping[str, Any]) -> str:
+    return json.dumps(tool, indent=2, ensure_ascii=False) + "\n"
+
+
+def index(tools: list[dict[str, Any]]) -> str:
+    """The list of all tools."""
+    rows = [f"| [`{tool['id']}`]({tool['id']}.md) | {tool['title']} |" for tool in tools]
+    return "\n".join(["# Tools", "", "| tool | what it does |", "| --- | --- |", *rows, ""])
+
+
+def page(tool: Mapping[str, Any]) -> str:
+    """The reference page of one tool."""
+    lines = [f"# {tool['id']}: {tool['title']}", "", tool["description"], ""]
+    lines += [
+        "## Inputs",
+        "",
+        "| name | type | what | rule | default |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    lines += [_row(name, field) for name, field in tool["inputs"].items()]
+    lines += ["", "## Outputs", "", "| name | type | what |", "| --- | --- | --- |"]
+    for name, field in tool["outputs"].items():
+        says = _says(field)
+        unit = f" [{says['unit']}]" if says.get("unit", "1") != "1" else ""
+        lines.append(f"| `{name}` | {says['type']} | {field['description']}{unit} |")
+    source = "/".join(tool["id"].split("."))
+    lines += ["", f"Declared in `algorithms/{source}.py`.", ""]
+    return "\n".join(lines)
+
+
+def _row(name: str, field: Mapping[str, Any]) -> str:
+    says, schema = _says(field), field["schema"]
+    unit = f" [{says['unit']}]" if says.get("unit", "1") != "1" else ""
+    default = f"`{schema['default']}`" if "default" in schema else ""
+    if field["minOccurs"]:
+        default = "required"
+    rule = says.get("rule", "")
+    return f"| `{name}` | {says['type']} | {field['description']}{unit} | {rule} | {default} |"
+
+
+def _says(field: Mapping[str, Any]) -> dict[str, str]:
+    return {meta["role"]: meta["value"] for meta in field["metadata"]}
+
+
+def main() -> None:
+    """Write what has changed, and remove pages of tools that are gone."""
+    wanted = dict(files())
+    for path, text in wanted.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    for folder in {path.parent for path in wanted}:
+        for path in set(folder.iterdir()) - wanted.keys():
+            path.unlink()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""Run a job so that Ctrl-C, SIGTERM or the end of a pipe stops it within a second.
+
+The job runs in a thread of its own while the main thread waits, because Python hands signals to
+the main thread only, and only between two of its own instructions: a long call into a compiled
+library would otherwise keep Ctrl-C waiting until it returns.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import IO, Generic, TypeVar
+
+from toolbox import files
+from toolbox.context import Context
+from toolbox.errors import Cancelled
+
+T = TypeVar("T")
+GRACE = 0.7  # seconds that a job gets to stop by itself before the process ends
+
+
+class _Job(threading.Thread, Generic[T]):
+    """A thread that keeps what its work returned or raised."""
+
+    def __init__(self, work: Callable[[], T]) -> None:
+        super().__init__(daemon=True)
+        self.work = work
+        self.result: T
+        self.error: BaseException | None = None
+
+    def run(self) -> None:
+        try:
+            self.result = self.work()
+        except BaseException as err:  # noqa: BLE001  handed to the main thread, which raises it
+            self.error = err
+
+
+def stoppable(
+    work: Callable[[Context], T], report: Callable[[float], None], pipe: IO[bytes] | None = None
+) -> T:
+    """Return work(ctx), or stop it.
+
+    Parameters
+    ----------
+    work : called in another thread with a context that knows when to stop
+    report : called with the fraction done
+    pipe : when it ends, the job stops; for programs that keep our standard input open
+
+    Raises
+    ------
+    Cancelled
+        The job was stopped and has cleaned up behind itself. A job that does not stop within
+        `GRACE` seconds ends the whole process with exit code 130, after its unfinished
+        files were removed.
+    """
+    stop = threading.Event()
+    if pipe:
+        threading.Thread(target=_wait_for_end, args=(pipe, stop), daemon=True).start()
+    job = _Job(lambda: work(Context(report, stop.is_set)))
+    with _signals_set(stop):
+        job.start()
+        asked: float | None = None
+        while job.is_alive():
+            job.join(0.05)
+            if stop.is_set():
+                asked = asked or time.monotonic()
+                if time.monotonic() - asked > GRACE:
+                    files.discard_unfinished()
+                    os._exit(Cancelled.exit_code)
+    if job.error:
+        raise job.error
+    return job.result
+
+
+def _wait_for_end(pipe: IO[bytes], stop: threading.Event) -> None:
+    # Past Python's buffer, whose lock would be held when the interpreter ends.
+    while os.read(pipe.fileno(), 4096):
+        pass
+    stop.set()
+
+
+@contextmanager
+def _signals_set(stop: threading.Event) -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM set the event, and give the old handlers back at the end."""
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        stop.set()
+
+    old = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in old.items():
+            signal.signal(number, handler)

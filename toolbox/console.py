@@ -63,7 +63,7 @@ class Console:
         if hasattr(value, "text"):
             print(value.text())
         elif hasattr(value, "save"):
-            print(f"{name}: {value}, not saved (--{name} PATH)")
+            print(f"{name}: {_kind(value)}, not saved (--{name} PATH)")
         elif isinstance(value, float):
             print(f"{name}: {value:.6g}{unit}")
         else:
@@ -144,6 +144,11 @@ def values_by_kind(values: Mapping[str, Any], outputs: Mapping[str, Any]) -> dic
         "outputs": {name: value for name, value in values.items() if name in layers},
         "statistics": {name: value for name, value in values.items() if name not in layers},
     }
+
+
+def _kind(layer: Any) -> str:
+    size = f"{len(layer)} points" if hasattr(layer, "xyz") else type(layer).__name__
+    return size.lower()
 
 
 def _unit(described: Mapping[str, Any]) -> str:

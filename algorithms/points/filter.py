@@ -1,0 +1,108 @@
+"""Selection of points by class, return, attribute expression and height above the lowest point."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud
+from toolbox.errors import DataError
+from toolbox.expression import Expression
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import ClassList, Range
+
+ROUNDING = 1e-6  # 5.2 - 5.0 is a little more than 0.2 in binary; files hold no finer coordinates
+Returns = Literal["all", "first", "last", "only", "intermediate", "first_of_many", "last_of_many"]
+
+
+@tool("points.filter")
+class PointsFilter:
+    """Keep the points that meet all of the given conditions.
+
+    `returns` needs return numbers: "only" is the single return of a pulse, "first" and "last"
+    include it, "first_of_many" and "last_of_many" do not. `where` is a condition over attributes,
+    for example ``intensity > 40 and user_data in (1, 3)``. The band `elevation_above_lowest` is
+    measured from the lowest of the points that meet the other conditions.
+    """
+
+    points: PointCloud = source("Points to choose from")
+    classes: ClassList | None = param("Classes to keep", default=None)
+    returns: Returns = param("Returns to keep", default="all")
+    where: Expression | None = param("Condition to meet", default=None, of="points")
+    elevation_above_lowest: Range | None = param(
+        "Band of heights above the lowest point to keep, limits included", default=None, unit="m"
+    )
+
+    @outputs
+    class Outputs:
+        kept: PointCloud = sink("The points that meet all conditions, otherwise unchanged")
+        removed_share: float = sink("Share of points removed", unit="1")
+
+    def halo(self) -> float:
+        """Each point is judged by itself, unless the lowest point of all decides."""
+        return math.inf if self.elevation_above_lowest else 0.0
+
+    def run(self, ctx: Context = QUIET) -> PointsFilter.Outputs:
+        """Keep the points."""
+        keep = np.ones(len(self.points), bool)
+        if self.classes:
+            keep &= np.isin(self.points["classification"], self.classes)
+        if self.returns != "all":
+            keep &= return_mask(
+                self.points["return_number"], self.points["number_of_returns"], self.returns
+            )
+        if self.where:
+            columns = {name: self.points[name] for name in self.where.names}
+            keep &= self.where.mask(columns, len(self.points))
+        if self.elevation_above_lowest and keep.any():
+            height = self.points["z"] - self.points["z"][keep].min()
+            low, high = self.elevation_above_lowest
+            keep &= (height >= low - ROUNDING) & (height <= high + ROUNDING)
+        if not keep.any():
+            log.warning("no point meets all conditions")
+        ctx.progress(1.0)
+        return self.Outputs(kept=self.points.select(keep), removed_share=removed_share(keep))
+
+
+def return_mask(number: NDArray[Any], count: NDArray[Any], returns: Returns) -> NDArray[np.bool_]:
+    """True for the returns of one kind.
+
+    Parameters
+    ----------
+    number, count : arrays of shape (n,), the return number and the number of returns of the pulse
+    returns : see :class:`PointsFilter`
+
+    Returns
+    -------
+    array of shape (n,)
+
+    Raises
+    ------
+    DataError
+        No point has a valid return number (1 to the number of returns).
+    """
+    valid = (number >= 1) & (number <= count)
+    if len(valid) and not valid.any():
+        raise DataError("points: no point has a valid return number, so returns cannot be chosen")
+    if not valid.all():
+        log.warning("%d points have an invalid return number and are left out", (~valid).sum())
+    first, last, single = number == 1, number == count, count == 1
+    masks = {
+        "all": valid,
+        "first": first,
+        "last": last,
+        "only": single,
+        "intermediate": ~first & ~last,
+        "first_of_many": first & ~single,
+        "last_of_many": last & ~single,
+    }
+    return np.asarray(valid & masks[returns])
+
+
+def removed_share(keep: NDArray[np.bool_]) -> float:
+    """Share of False; 0 when there is nothing to remove."""
+    return float(np.count_nonzero(~keep) / len(keep)) if len(keep) else 0.0

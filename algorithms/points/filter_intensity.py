@@ -1,0 +1,133 @@
+"""Selection of points by intensity: the first step of the shoreline study.
+
+References
+----------
+Otsu, N. (1979). A threshold selection method from gray-level histograms. IEEE Transactions on
+Systems, Man, and Cybernetics 9(1), 62-66.
+Höfle, B. et al. (2009). Water surface mapping from airborne laser scanning using signal intensity
+and elevation data. Earth Surface Processes and Landforms 34(12), 1635-1649.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.points.filter import removed_share
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud
+from toolbox.errors import DataError
+from toolbox.spec import outputs, param, sink, source, tool
+
+
+@tool("points.filter_intensity")
+class PointsFilterIntensity:
+    """Keep points whose intensity lies within limits.
+
+    Water and wet mud absorb near-infrared light, so that a lower limit separates land from water.
+    Intensities are not calibrated between sensors and are rescaled by many programs: `value` uses
+    the limits as they are, `percentile` takes them as percentiles of the intensities in the file,
+    and `otsu` finds the lower limit that best splits the histogram in two.
+    """
+
+    points: PointCloud = source("Points with intensity")
+    minimum: float | None = param(
+        "Lowest intensity or percentile to keep", default=40.0, unit="1", ge=0
+    )
+    maximum: float | None = param(
+        "Highest intensity or percentile to keep", default=None, unit="1", ge=0
+    )
+    method: Literal["value", "percentile", "otsu"] = param(
+        "What the limits mean; with otsu the lower one is found and `minimum` is not used",
+        default="value",
+    )
+
+    @outputs
+    class Outputs:
+        kept: PointCloud = sink("The points within the limits, otherwise unchanged")
+        removed_share: float = sink("Share of points removed", unit="1")
+        threshold: float | None = sink("Lowest intensity that is kept", unit="1")
+
+    def check(self) -> Iterator[tuple[str, str]]:
+        """Limits must fit each other, the method and the data."""
+        if "intensity" not in self.points:
+            yield "points", f"{self.points.name} has no intensity"
+        if self.method == "otsu":
+            return
+        if self.minimum is None and self.maximum is None:
+            yield "minimum", "give a minimum, a maximum or both"
+        for name in ("minimum", "maximum"):
+            limit = getattr(self, name)
+            if self.method == "percentile" and limit is not None and limit > 100:
+                yield name, f"must be <= 100 as a percentile, got {limit:g}"
+        if self.minimum is not None and self.maximum is not None and self.minimum > self.maximum:
+            yield "minimum", f"must be <= maximum ({self.maximum:g}), got {self.minimum:g}"
+
+    def halo(self) -> float:
+        """Each point is judged by itself, unless the histogram of all decides."""
+        return 0.0 if self.method == "value" else math.inf
+
+    def run(self, ctx: Context = QUIET) -> PointsFilterIntensity.Outputs:
+        """Keep the points."""
+        intensity = self.points["intensity"]
+        low, high = self._limits(intensity)
+        keep = np.ones(len(intensity), bool)
+        if low is not None:
+            keep &= intensity >= low
+        if high is not None:
+            keep &= intensity <= high
+        if len(keep) and not keep.any():
+            log.warning("no intensity lies within the limits")
+        ctx.progress(1.0)
+        return self.Outputs(
+            kept=self.points.select(keep), removed_share=removed_share(keep), threshold=low
+        )
+
+    def _limits(self, intensity: NDArray[Any]) -> tuple[float | None, float | None]:
+        low, high = (
+            None if limit is None else float(limit) for limit in (self.minimum, self.maximum)
+        )
+        if self.method == "value" or len(intensity) == 0:
+            return low, high
+        if self.method == "otsu":
+            return otsu_threshold(intensity), high
+        low, high = (
+            None if limit is None else float(np.percentile(intensity, limit))
+            for limit in (low, high)
+        )
+        return low, high
+
+
+def otsu_threshold(values: NDArray[Any]) -> float:
+    """The value that splits a histogram into two classes with the largest variance between them.
+
+    Parameters
+    ----------
+    values : array of shape (n,); every distinct value is a bin of its own
+
+    Returns
+    -------
+    float
+        The lowest value of the upper class: ``values >= threshold`` is that class.
+
+    Raises
+    ------
+    DataError
+        All values are equal.
+
+    Notes
+    -----
+    Otsu (1979), equation 14: the variance between the classes is w0 * w1 * (m1 - m0)**2.
+    """
+    level, count = np.unique(values, return_counts=True)
+    if len(level) < 2:
+        raise DataError(f"points: all intensities are {level[0]:g}, which cannot be split in two")
+    below = np.cumsum(count)[:-1].astype(np.float64)
+    total = np.cumsum(count * level.astype(np.float64))
+    above = len(values) - below
+    gap = (total[-1] - total[:-1]) / above - total[:-1] / below
+    return float(level[int(np.argmax(below * above * gap**2)) + 1])

@@ -1,0 +1,151 @@
+"""What a point cloud holds, and what a user should know before working with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from toolbox.context import QUIET, Context
+from toolbox.data import PointCloud, Table
+from toolbox.data.crs import describe_crs, length_problem, vertical_unit
+from toolbox.picture import ASPRS_CLASSES
+from toolbox.spec import outputs, sink, source, tool
+
+PERCENTILES = (0, 1, 5, 25, 50, 75, 95, 99, 100)
+POINTS_PER_CELL = 10  # of the grid that tells covered ground from gaps
+
+Row = dict[str, Any]
+
+
+@tool("points.info")
+class PointsInfo:
+    """Report counts, bounds, CRS, density, classes, returns and warnings of a point cloud.
+
+    The density counts only cells that hold points, so that gaps and an oblique outline do not
+    dilute it.
+    """
+
+    points: PointCloud = source("Points to describe")
+
+    @outputs
+    class Outputs:
+        table: Table = sink("One row per property: property, value, unit")
+        count: int = sink("Number of points", unit="1")
+        density: float | None = sink("Points per square metre of covered ground", unit="1/m2")
+
+    def halo(self) -> float:
+        """Each point counts by itself."""
+        return 0.0
+
+    def run(self, ctx: Context = QUIET) -> PointsInfo.Outputs:
+        """Collect the rows."""
+        cloud = self.points
+        area = covered_area(cloud)
+        density = len(cloud) / area if area else None
+        rows = [
+            *_general(cloud),
+            *_coverage(cloud, area),
+            *_counts(cloud),
+            *_intensity(cloud),
+            *({"property": "warning", "value": text} for text in warnings(cloud)),
+        ]
+        ctx.progress(1.0)
+        table = Table.from_rows([{"property": "", "value": None, "unit": ""} | row for row in rows])
+        metric = length_problem(cloud.crs) is None
+        return self.Outputs(table=table, count=len(cloud), density=density if metric else None)
+
+
+def covered_area(cloud: PointCloud) -> float:
+    """Area of the cells that hold points, in square units of the coordinates; 0 for an empty cloud.
+
+    The cell is chosen so that it would hold ten points if they filled their bounding box evenly.
+    """
+    if len(cloud) == 0:
+        return 0.0
+    x, y = cloud["x"], cloud["y"]
+    box = (x.max() - x.min()) * (y.max() - y.min())
+    if box <= 0:
+        return 0.0
+    cell = np.sqrt(POINTS_PER_CELL * box / len(cloud))
+    col = ((x - x.min()) // cell).astype(np.int64)
+    row = ((y - y.min()) // cell).astype(np.int64)
+    return float(len(np.unique(row * (col.max() + 1) + col)) * cell**2)
+
+
+def _general(cloud: PointCloud) -> Iterator[Row]:
+    yield {"property": "file", "value": cloud.name}
+    yield {"property": "points", "value": len(cloud)}
+    yield {"property": "crs", "value": describe_crs(cloud.crs) if cloud.crs else None}
+    for name in cloud.names:
+        yield {"property": f"attribute {name}", "value": cloud[name].dtype.name}
+    if len(cloud):
+        unit = vertical_unit(cloud.crs) if cloud.crs else ""
+        names = ("xmin", "ymin", "zmin", "xmax", "ymax", "zmax")
+        for name, value in zip(names, cloud.bounds, strict=True):
+            yield {"property": name, "value": value, "unit": unit if name[0] == "z" else ""}
+
+
+def _coverage(cloud: PointCloud, area: float) -> Iterator[Row]:
+    if not area:
+        return
+    metric = length_problem(cloud.crs) is None
+    square = cloud.metre**2 if metric else 1.0
+    unit = "m2" if metric else "square unit"
+    yield {"property": "covered area", "value": area / square, "unit": unit}
+    yield {"property": "density", "value": len(cloud) * square / area, "unit": f"1/{unit}"}
+    if "return_number" in cloud and (first := int((cloud["return_number"] == 1).sum())):
+        yield {"property": "pulse density", "value": first * square / area, "unit": f"1/{unit}"}
+
+
+def _counts(cloud: PointCloud) -> Iterator[Row]:
+    for name in ("classification", "return_number", "number_of_returns"):
+        if name not in cloud:
+            continue
+        for value, count in zip(*np.unique(cloud[name], return_counts=True), strict=True):
+            known = ASPRS_CLASSES.get(int(value), ("",)) if name == "classification" else ("",)
+            label = f"{name} {value} {known[0]}".strip()
+            yield {"property": label, "value": int(count), "unit": "points"}
+    for name in ("synthetic", "key_point", "withheld", "overlap"):
+        if name in cloud and (count := int(np.count_nonzero(cloud[name]))):
+            yield {"property": f"flag {name}", "value": count, "unit": "points"}
+
+
+def _intensity(cloud: PointCloud) -> Iterator[Row]:
+    if "intensity" not in cloud or len(cloud) == 0:
+        return
+    values = np.percentile(cloud["intensity"], PERCENTILES)
+    for percent, value in zip(PERCENTILES, values, strict=True):
+        yield {"property": f"intensity percentile {percent}", "value": float(value)}
+
+
+def warnings(cloud: PointCloud) -> Iterator[str]:
+    """What may surprise a user of this cloud, one sentence each."""
+    if len(cloud) == 0:
+        yield "there are no points"
+        return
+    if problem := length_problem(cloud.crs):
+        yield f"{cloud.name} {problem}"
+    if "return_number" in cloud:
+        number, count = cloud["return_number"], cloud["number_of_returns"]
+        if invalid := int(((number < 1) | (number > count)).sum()):
+            yield f"{invalid} points have a return number below 1 or above their number of returns"
+    if "intensity" in cloud and not np.any(cloud["intensity"]):
+        yield "all intensities are 0"
+    if "classification" in cloud and (never := int((cloud["classification"] == 0).sum())):
+        yield f"{never} points were never classified (class 0)"
+    if "withheld" in cloud and (withheld := int(np.count_nonzero(cloud["withheld"]))):
+        yield f"{withheld} points are flagged as withheld"
+    yield from _gross_outliers(cloud)
+
+
+def _gross_outliers(cloud: PointCloud) -> Iterator[str]:
+    """Heights far outside the body of the data: three times the range of the inner 98 %."""
+    z = cloud["z"]
+    low, high = np.percentile(z, (1, 99))
+    margin = 3 * (high - low) + 10 * (1.0 if length_problem(cloud.crs) else cloud.metre)
+    if below := int((z < low - margin).sum()):
+        yield f"{below} points lie far below all others (lowest {z.min():.2f})"
+    if above := int((z > high + margin).sum()):
+        yield f"{above} points lie far above all others (highest {z.max():.2f})"

@@ -1,0 +1,501 @@
+"""A power-line corridor: lattice towers, poles, catenaries, a road, and trees that come too near.
+
+References
+----------
+A wire of constant weight under horizontal tension hangs as z = a + c (cosh((u - b) / c) - 1):
+u runs horizontally from its first end, c is tension over weight, b and a locate the lowest point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from algorithms.samples._objects import Plan, Wing, building, shrub, tree
+from algorithms.samples._survey import (
+    ASPHALT,
+    BLOCK,
+    CONNECTOR,
+    CROWN,
+    EAST,
+    FOREST,
+    GRASS,
+    GUARD,
+    MEADOW,
+    NORTH,
+    ROD,
+    ROUND,
+    TOWER,
+    WIRE,
+    Features,
+    FlightLine,
+    Floats,
+    Records,
+    SceneData,
+    World,
+    blank_terrain,
+    crown_widths,
+    graded,
+    rolling,
+    survey,
+)
+from toolbox.context import QUIET, Context
+
+WIDTH = 120.0
+BEND = np.radians(18.0)  # change of direction at the middle tower
+WIRE_RADIUS, BAR_RADIUS, POLE_RADIUS = 0.08, 0.12, 0.2  # with half a footprint of the laser, m
+NEAR = 10.0  # trees nearer to a wire than this carry their clearance
+OUTLIERS = 0.0005
+
+
+@dataclass(frozen=True)
+class Support:
+    """A tower or pole: foot, direction of the arms, and where its wires hang."""
+
+    tower_id: int
+    object_id: int
+    x: float
+    y: float
+    ground: float
+    arm: tuple[float, float]  # unit vector along the cross arms
+    tension: bool  # wires pull at their strings instead of hanging from them
+
+
+@dataclass(frozen=True)
+class Catenary:
+    """One wire of one span, in scene coordinates."""
+
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    c: float
+
+    @property
+    def span(self) -> float:
+        """Horizontal length."""
+        return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
+
+    @property
+    def b(self) -> float:
+        """Horizontal distance of the lowest point from the start."""
+        rise = self.end[2] - self.start[2]
+        half = 2 * self.c * np.sinh(self.span / (2 * self.c))
+        return float(self.span / 2 - self.c * np.arcsinh(rise / half))
+
+    @property
+    def a(self) -> float:
+        """Height of the lowest point, which may lie beyond an end."""
+        return float(self.start[2] - self.c * (np.cosh(self.b / self.c) - 1))
+
+    @property
+    def length(self) -> float:
+        """Length of the wire."""
+        c, b = self.c, self.b
+        return float(c * (np.sinh((self.span - b) / c) + np.sinh(b / c)))
+
+    @property
+    def sag(self) -> float:
+        """Greatest vertical distance below the chord."""
+        rise = (self.end[2] - self.start[2]) / self.span
+        u = self.b + self.c * np.arcsinh(rise)
+        wire = self.a + self.c * (np.cosh((u - self.b) / self.c) - 1)
+        return float(self.start[2] + rise * u - wire)
+
+    def points(self, step: float) -> Floats:
+        """Positions along the wire at about `step` metres, array of shape (n, 3)."""
+        share = np.linspace(0, 1, max(2, int(np.ceil(self.span / step)) + 1))
+        xy = np.outer(1 - share, self.start[:2]) + np.outer(share, self.end[:2])
+        z = self.a + self.c * (np.cosh((share * self.span - self.b) / self.c) - 1)
+        return np.column_stack([xy, z])
+
+
+@dataclass(frozen=True)
+class System:
+    """What distinguishes the transmission line from the distribution line."""
+
+    name: str
+    offset: float  # of the line from the axis, to the left, m
+    spacing: float  # between supports, m
+    height: float
+    wires: tuple[tuple[float, float, float, int], ...]  # offset, height, catenary c, class
+    string: float  # length of the insulators
+
+
+TRANSMISSION = System(
+    "transmission", 14.0, 220.0, 40.0, string=2.0,
+    wires=(
+        (-5.0, 22.0, 1100.0, WIRE), (5.0, 22.0, 1100.0, WIRE), (-7.0, 29.0, 1100.0, WIRE),
+        (7.0, 29.0, 1100.0, WIRE), (-5.0, 35.0, 1100.0, WIRE), (5.0, 35.0, 1100.0, WIRE),
+        (0.0, 40.0, 1500.0, GUARD),
+    ),
+)  # fmt: skip
+DISTRIBUTION = System(
+    "distribution", -22.0, 45.0, 10.0, string=0.3,
+    wires=((-0.9, 9.3, 320.0, WIRE), (0.0, 9.3, 320.0, WIRE), (0.9, 9.3, 320.0, WIRE),
+           (0.0, 7.2, 260.0, WIRE)),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Centre line of two legs; stations run along it, offsets to its left."""
+
+    start: tuple[float, float]
+    leg: float
+    headings: tuple[tuple[float, float], tuple[float, float]]
+
+    @property
+    def bend(self) -> tuple[float, float]:
+        (hx, hy), (x, y) = self.headings[0], self.start
+        return x + hx * self.leg, y + hy * self.leg
+
+    def locate(self, x: Any, y: Any) -> tuple[Floats, Floats]:
+        """Station and offset of points."""
+        (ax, ay), (bx, by) = self.headings
+        dx, dy = x - self.bend[0], y - self.bend[1]
+        second = dx * (ax + bx) + dy * (ay + by) > 0
+        hx, hy = np.where(second, bx, ax), np.where(second, by, ay)
+        return self.leg + dx * hx + dy * hy, dy * hx - dx * hy
+
+    def place(self, station: float, offset: float) -> tuple[float, float]:
+        """Position of a station and offset; at the bend on the bisector."""
+        (ax, ay), (bx, by) = self.headings
+        x, y = self.bend
+        if abs(station - self.leg) < 1e-6:
+            mx, my = ax + bx, ay + by
+            offset *= 2 / (mx * mx + my * my)
+            return x - offset * my, y + offset * mx
+        hx, hy = (ax, ay) if station < self.leg else (bx, by)
+        along = station - self.leg
+        return x + along * hx - offset * hy, y + along * hy + offset * hx
+
+    def arm(self, station: float) -> tuple[float, float]:
+        """Unit vector to the left of the line."""
+        (ax, ay), (bx, by) = self.headings
+        hx, hy = (ax, ay) if station <= self.leg else (bx, by)
+        if abs(station - self.leg) < 1e-6:
+            hx, hy = ax + bx, ay + by
+        norm = float(np.hypot(hx, hy))
+        return -hy / norm, hx / norm
+
+
+@dataclass
+class Network:
+    """Bars, strings and wires as they are put up."""
+
+    plan: Plan
+    axis: Axis
+    rods: list[Any] = field(default_factory=list)
+    spans: list[Catenary] = field(default_factory=list)
+    features: Features = field(default_factory=list)
+    towers: int = 0
+    wires: int = 0
+    span_count: int = 0
+
+    def rod(
+        self, ends: Floats, radius: float, cls: int, owner: int,
+        *, wire: int = 0, span: int = 0, tower: int = 0,
+    ) -> None:  # fmt: skip
+        """Add the rods between successive points of an array of shape (n, 3)."""
+        rods = np.zeros(len(ends) - 1, ROD)
+        for k, name in enumerate("xyz"):
+            rods[f"{name}1"], rods[f"{name}2"] = ends[:-1, k], ends[1:, k]
+        rods["radius"], rods["cls"], rods["object_id"] = radius, cls, owner
+        rods["wire_id"], rods["span_id"], rods["tower_id"] = wire, span, tower
+        self.rods.append(rods)
+
+
+def corridor(*, size: float, density: float, seed: int, ctx: Context = QUIET) -> SceneData:
+    """A corridor `size` metres long and 120 m wide at most; see `scene`."""
+    rng = np.random.default_rng(seed)
+    width = min(WIDTH, size)
+    plan, axis = _land(size, width, rng)
+    network = Network(plan, axis)
+    for system in (TRANSMISSION, DISTRIBUTION):
+        if abs(system.offset) + 8 < width / 2:
+            _string_up(network, system, size)
+    x, y = axis.place(0.72 * size, -0.36 * width)
+    turn = float(np.arctan2(*axis.headings[1][::-1]))
+    building(plan, x, y, turn, wings=[Wing(0, 0, 7.0, 4.5, slope=0.8)], storeys=2)
+    _vegetation(network, size, width, ctx)
+
+    world = World(
+        terrain=plan.terrain,
+        cover=plan.cover,
+        level=plan.level,
+        blocks=np.array(plan.blocks, BLOCK),
+        crowns=np.array(plan.crowns, CROWN),
+        rods=np.concatenate([np.empty(0, ROD), *network.rods]),
+    )
+
+    def inside(x: Floats, y: Floats) -> NDArray[np.bool_]:
+        station, offset = axis.locate(x, y)
+        return np.asarray((station >= 0) & (station < size) & (np.abs(offset) <= width / 2))
+
+    xyz, attributes = survey(
+        world,
+        _flights(axis, width, float(plan.terrain.values.mean())),
+        float(np.sqrt(1.8 / density)),
+        rng,
+        inside=inside,
+        truth=("wire_id", "span_id", "tower_id"),
+        outliers=OUTLIERS,
+        ctx=ctx.part(0.2, 1.0),
+    )
+    features = [*network.features, *_tree_features(network, world.crowns)]
+    return SceneData(xyz, attributes, plan.terrain.placed(), features)
+
+
+def _land(size: float, width: float, rng: np.random.Generator) -> tuple[Plan, Axis]:
+    """Hills, a road across, woods on both sides of the cleared strip."""
+    leg, half = size / 2, BEND / 2
+    rise, run = float(np.sin(half)), float(np.cos(half))
+    axis = Axis((0.5 * width * rise, 0.5 * width), leg, ((run, rise), (run, -rise)))
+    east, north = size * run + width * rise, leg * rise + width
+    terrain = blank_terrain(0, 0, east, north)
+    x, y = terrain.centres()
+    z = 210 + rolling(rng, x, y, ((6.0, 420), (3.0, 210), (0.8, 95), (0.12, 23)))
+    station, offset = axis.locate(x, y)
+    road = station - 0.3 * size - 4.0 * np.sin(offset / 30)
+    # The road follows the hills along its centre line and is level across.
+    reach = np.linspace(-width, width, 200)
+    line = np.array([axis.place(0.3 * size + 4.0 * float(np.sin(v / 30)), float(v)) for v in reach])
+    profile = replace(terrain, values=z.astype(np.float32)).at(line[:, 0], line[:, 1]) + 0.5
+    z = graded(z, np.interp(offset, reach, profile), np.abs(road) - 3.5, 1 / 1.5)
+    strip = (np.abs(offset - TRANSMISSION.offset) < 17) | (np.abs(offset - DISTRIBUTION.offset) < 7)
+    cover = np.where(strip, MEADOW, FOREST)
+    cover[np.abs(road) < 9] = GRASS
+    cover[np.abs(road) < 3] = ASPHALT
+    terrain = replace(terrain, values=z.astype(np.float32))
+    taken = np.zeros((int(np.ceil(north)), int(np.ceil(east))), bool)
+    dry = np.full(z.shape, -np.inf, np.float32)
+    plan = Plan(terrain, cover.astype(np.uint8), dry, taken, size, rng)
+    px, py = np.arange(taken.shape[1]) + 0.5, np.arange(taken.shape[0]) + 0.5
+    plan.taken |= np.abs(road)[terrain.index(px[None, :], py[:, None])] < 5
+    return plan, axis
+
+
+def _flights(axis: Axis, width: float, ground: float) -> list[FlightLine]:
+    """Two strips along each leg, there and back."""
+    lines = []
+    for first, heading in enumerate(axis.headings):
+        hx, hy = heading
+        x, y = axis.start if first == 0 else axis.bend
+        extra = 0.25 * width  # to cover the wedge at the bend
+        for side in (-0.21, 0.21):
+            px, py = x - side * width * hy - extra * hx, y + side * width * hx - extra * hy
+            length = axis.leg + 2 * extra
+            way = (px, py), (hx, hy)
+            if side > 0:
+                way = (px + length * hx, py + length * hy), (-hx, -hy)
+            lines.append(FlightLine(*way, length, 0.375 * width, ground))
+    return lines
+
+
+# --- towers and wires ----------------------------------------------------------------------
+
+
+def _string_up(network: Network, system: System, size: float) -> None:
+    """Supports along the axis, one of them at the bend, and the wires between them."""
+    margin = min(12.0, 0.1 * size)
+    leg = size / 2 - margin
+    count = max(1, round(leg / system.spacing))
+    first = margin + leg * np.arange(count) / count
+    stations = [*first, size / 2, *(size - first[::-1])]
+    raise_tower = _lattice if system is TRANSMISSION else _pole
+    supports = []
+    for station in stations:
+        x, y = network.axis.place(float(station), system.offset)
+        plan = network.plan
+        network.towers += 1
+        tension = station in (stations[0], size / 2, stations[-1])
+        support = Support(
+            network.towers, plan.new_object(), x, y, float(plan.terrain.at(x, y)),
+            network.axis.arm(float(station)), tension,
+        )  # fmt: skip
+        raise_tower(network, support, system)
+        plan.claim(x, y, 0.0, a=3.0, b=3.0)
+        supports.append(support)
+    for i in range(len(supports) - 1):
+        network.span_count += 1
+        for k, wire in enumerate(system.wires):
+            _hang(network, system, supports[i : i + 2], wire, network.wires + k + 1)
+    network.wires += len(system.wires)
+
+
+def _hang(
+    network: Network, system: System, supports: Sequence[Support],
+    wire: tuple[float, float, float, int], wire_id: int,
+) -> None:  # fmt: skip
+    """One wire of one span, with its strings of insulators."""
+    offset, height, c, cls = wire
+    one, two = supports
+    tips = [
+        np.array([s.x + offset * s.arm[0], s.y + offset * s.arm[1], s.ground + height])
+        for s in supports
+    ]
+    ahead = (tips[1] - tips[0]) / np.hypot(*(tips[1] - tips[0])[:2])
+    ahead[2] = 0.0
+    string = 0.0 if cls == GUARD else system.string
+    ends = []
+    for support, tip, way in ((one, tips[0], ahead), (two, tips[1], -ahead)):
+        end = tip + (way if support.tension else np.array([0.0, 0.0, -1.0])) * string
+        ends.append((float(end[0]), float(end[1]), float(end[2])))
+        if string and (support.tension or support is one):
+            network.rod(
+                np.array([end, tip]), BAR_RADIUS, CONNECTOR, support.object_id,
+                tower=support.tower_id,
+            )  # fmt: skip
+    span = Catenary(ends[0], ends[1], c)
+    network.spans.append(span)
+    owner = network.plan.new_object()
+    network.rod(span.points(2.0), WIRE_RADIUS, cls, owner, wire=wire_id, span=network.span_count)
+    network.features.append((_line(span.points(2.0)), {
+        "kind": "wire", "object_id": owner, "wire_id": wire_id, "span_id": network.span_count,
+        "system": system.name, "classification": cls, "from_tower": one.tower_id,
+        "to_tower": two.tower_id, "a": span.a, "b": span.b, "c": c, "sag": span.sag,
+        "span": span.span, "length": span.length,
+    }))  # fmt: skip
+
+
+def _line(points: Floats) -> shapely.LineString:
+    return shapely.LineString(np.round(points + np.array([EAST, NORTH, 0.0]), 4))
+
+
+def _lattice(network: Network, support: Support, system: System) -> None:
+    """Four legs with crossed braces, and arms that taper to their tips."""
+    levels = np.array([0.0, 5.0, 10.0, 15.0, 20.0, 22.0, 26.0, 29.0, 32.0, 35.0, 37.0])
+    half = np.interp(levels, (0, 20, 37), (3.2, 1.0, 0.6))
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    (ax, ay), z = support.arm, support.ground
+    across, along = np.array([ax, ay]), np.array([ay, -ax])
+
+    def at(u: float, v: float, h: float) -> Floats:
+        px, py = np.array([support.x, support.y]) + u * across + v * along
+        return np.array([px, py, z + h])
+
+    def bar(*points: Floats) -> None:
+        network.rod(np.array(points), BAR_RADIUS, TOWER, support.object_id, tower=support.tower_id)
+
+    rings = list(zip(levels, half, strict=True))
+    legs = [[at(h * u, h * v, level) for level, h in rings] for u, v in corners]
+    peak = at(0, 0, system.height)
+    for i in range(4):
+        here, there = legs[i], legs[(i + 1) % 4]
+        bar(*here, peak)
+        for k in range(len(levels) - 1):
+            bar(here[k], there[k + 1])
+            bar(there[k], here[k + 1])
+    for offset, height, _, cls in system.wires:
+        if cls == GUARD:
+            continue
+        tip, side = at(offset, 0, height), np.sign(offset)
+        for v in (-0.8, 0.8):
+            bar(at(0.8 * side, v, height), tip)
+            bar(at(0.8 * side, v, height + 1.8), tip)
+    _post(network, support, system)
+
+
+def _pole(network: Network, support: Support, system: System) -> None:
+    """A wooden pole with one cross arm."""
+    (ax, ay), z = support.arm, support.ground
+    x, y = support.x, support.y
+    pole = np.array([(x, y, z), (x, y, z + system.height)])
+    arm = np.array([(x + s * ax, y + s * ay, z + 9.3) for s in (-1.1, 1.1)])
+    for ends in (pole, arm):
+        network.rod(ends, POLE_RADIUS, TOWER, support.object_id, tower=support.tower_id)
+    _post(network, support, system)
+
+
+def _post(network: Network, support: Support, system: System) -> None:
+    """The tower as a vertical line."""
+    foot = np.array([support.x, support.y, support.ground])
+    network.features.append((_line(np.array([foot, foot + np.array([0.0, 0.0, system.height])])), {
+        "kind": "tower", "object_id": support.object_id, "tower_id": support.tower_id,
+        "system": system.name, "height": system.height, "tension": support.tension,
+    }))  # fmt: skip
+
+
+# --- vegetation ----------------------------------------------------------------------------
+
+
+def _vegetation(network: Network, size: float, width: float, ctx: Context) -> None:
+    """Woods beside the line, shrubs below it, and a few trees that nobody cut."""
+    plan, axis = network.plan, network.axis
+    rng = plan.rng
+    for k, gap in enumerate((0.8, 1.5, 2.5)):
+        for system, share in ((TRANSMISSION, 0.34), (DISTRIBUTION, 0.61)):
+            _intruder(network, system, (share + 0.1 * k) * size, gap)
+    spots = rng.uniform((0, -width / 2), (size, width / 2), (int(size * width / 28), 2))
+    for number, (station, offset) in enumerate(spots):
+        if number % 500 == 0:
+            ctx.progress(0.2 * number / len(spots))
+        x, y = axis.place(station, offset)
+        if abs(offset - TRANSMISSION.offset) < 17 or abs(offset - DISTRIBUTION.offset) < 7:
+            if rng.random() < 0.4:
+                shrub(plan, x, y)
+        elif min(abs(offset - TRANSMISSION.offset) - 17, abs(offset - DISTRIBUTION.offset) - 7) > 3:
+            tree(plan, x, y)
+
+
+def _intruder(network: Network, system: System, station: float, gap: float) -> None:
+    """A round tree whose top ends `gap` metres below the lowest wire above it."""
+    plan = network.plan
+    x, y = network.axis.place(station, system.offset + system.wires[0][0])
+    if not network.spans or not plan.claim(x, y, 0.0, a=1.5, b=1.5):
+        return
+    wires = np.concatenate([span.points(0.5) for span in network.spans])
+    near = wires[np.hypot(wires[:, 0] - x, wires[:, 1] - y) < 1.0]
+    ground = float(plan.terrain.at(x, y))
+    if len(near) == 0:
+        return
+    top = float(near[:, 2].min()) - gap
+    height = top - ground
+    plan.crowns.append((x, y, ground + 0.3 * height, top, 0.25 * height, ROUND, plan.new_object()))
+
+
+def _tree_features(network: Network, crowns: Records) -> Features:
+    """Trees as vertical lines, with the distance from crown to wire where it is short."""
+    ground = network.plan.terrain.at(crowns["x"], crowns["y"])
+    clearances = _clearances(network.spans, crowns)
+    features: Features = []
+    for crown, z, clearance in zip(crowns, ground, clearances, strict=True):
+        foot, top = np.array([(crown["x"], crown["y"], h) for h in (z, crown["top"])])
+        properties = {
+            "kind": "shrub" if crown["base"] < z else "tree",
+            "object_id": int(crown["object_id"]),
+            "height": round(float(crown["top"] - z), 3),
+            "crown_radius": round(float(crown["radius"]), 3),
+        }
+        if clearance < NEAR:
+            properties["clearance"] = round(float(clearance), 2)
+        features.append((_line(np.array([foot, top])), properties))
+    return features
+
+
+def _clearances(spans: Sequence[Catenary], crowns: Records) -> Floats:
+    """Distance of each crown's surface from the nearest wire; inf where it is clearly far."""
+    clearances = np.full(len(crowns), np.inf)
+    if not spans or not len(crowns):
+        return clearances
+    wires = cKDTree(np.concatenate([span.points(0.1) for span in spans]))
+    middle = (crowns["base"] + crowns["top"]) / 2
+    away = wires.query(np.column_stack([crowns["x"], crowns["y"], middle]))[0]
+    size = np.hypot((crowns["top"] - crowns["base"]) / 2, crowns["radius"])
+    for i in np.flatnonzero(away < size + NEAR):
+        clearances[i] = np.min(wires.query(_hull(crowns[i]))[0])
+    return clearances
+
+
+def _hull(crown: np.void) -> Floats:
+    """Points on the surface of a crown."""
+    t, turn = np.linspace(0, 1, 21), np.linspace(0, 2 * np.pi, 25)[:-1, None]
+    radius = crown["radius"] * crown_widths(int(crown["shape"]), t)
+    x, y = crown["x"] + radius * np.cos(turn), crown["y"] + radius * np.sin(turn)
+    z = np.broadcast_to(crown["base"] + t * (crown["top"] - crown["base"]), x.shape)
+    return np.stack([x, y, z], axis=-1).reshape(-1, 3)

@@ -1,0 +1,105 @@
+"""Synthetic surveys with known truth: for demonstrations, tests and benchmarks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+import geopandas
+from pyproj import CRS
+
+from algorithms.samples._corridor import corridor
+from algorithms.samples._facade import facade
+from algorithms.samples._reservoir import reservoir
+from algorithms.samples._survey import SceneData
+from algorithms.samples._town import town
+from toolbox.context import QUIET, Context
+from toolbox.data import Lattice, PointCloud, Raster, Vector
+from toolbox.data.crs import length_problem, metres_per_unit
+from toolbox.errors import ParameterError
+from toolbox.spec import outputs, param, sink, tool
+
+KINDS = {"town": town, "corridor": corridor, "reservoir": reservoir, "facade": facade}
+
+
+@tool("samples.scene")
+class SamplesScene:
+    """Make a small synthetic survey with known truth.
+
+    Every point knows its true class, and further attributes name the object, wire, span, tower or
+    plane it belongs to, 0 for none. The terrain is the true ground without noise; the features are
+    building outlines (town), wires and towers (corridor), water bodies (reservoir), or planes and
+    openings (facade), all in three dimensions. The same seed gives the same survey.
+    """
+
+    kind: Literal["town", "corridor", "reservoir", "facade"] = param(
+        "What the survey shows", default="town"
+    )
+    size: float = param("Side, or length of a corridor", default=200.0, unit="m", ge=20, le=5000)
+    density: float = param(
+        "Points per square metre, on the wall for a facade",
+        default=8.0,
+        unit="1/m2",
+        ge=0.1,
+        le=1000,
+    )
+    seed: int = param("Seed of the random numbers", default=0, unit="1", ge=0)
+    crs: CRS = param("Projected CRS in metres to place the survey in", default=CRS(32635))
+
+    @outputs
+    class Outputs:
+        points: PointCloud = sink("The survey, with true classes")
+        terrain: Raster = sink("True elevation of the ground, also below water and buildings")
+        features: Vector = sink("True outlines, wires, water bodies or planes")
+
+    def check(self) -> Iterator[tuple[str, str]]:
+        """The survey is made in metres."""
+        if problem := length_problem(self.crs):
+            yield "crs", problem
+        elif metres_per_unit(self.crs) != 1.0:
+            yield "crs", f"must be in metres, got {self.crs.name}"
+
+    def run(self, ctx: Context = QUIET) -> SamplesScene.Outputs:
+        """Make the survey and put it into layers."""
+        made = scene(self.kind, size=self.size, density=self.density, seed=self.seed, ctx=ctx)
+        heights, west, north, cell = made.terrain
+        lattice = Lattice(west, north, cell, *heights.shape)
+        terrain = Raster.from_lattice(
+            heights, lattice, crs=self.crs, descriptions=("true ground",), units=("metre",)
+        )
+        frame = geopandas.GeoDataFrame(
+            [properties for _, properties in made.features],
+            geometry=[geometry for geometry, _ in made.features],
+            crs=self.crs,
+        )
+        return self.Outputs(
+            points=PointCloud(made.xyz, made.attributes, crs=self.crs),
+            terrain=terrain,
+            features=Vector(frame),
+        )
+
+
+def scene(kind: str, *, size: float, density: float, seed: int, ctx: Context = QUIET) -> SceneData:
+    """A survey as a LAS file would hold it, and the truth behind it.
+
+    Parameters
+    ----------
+    kind : town, corridor, reservoir or facade
+    size : side of the square, length of the corridor or of the house front, metres
+    density : points per square metre of the scene, for a facade of wall in sight
+    seed : the same seed gives the same scene
+
+    Returns
+    -------
+    SceneData
+        Points with classes, returns and identifiers of the objects that they lie on; the ground
+        without noise; the objects as 3-D shapes: polygons, for a corridor lines.
+
+    Raises
+    ------
+    ParameterError
+        No such kind.
+    """
+    if kind not in KINDS:
+        raise ParameterError("scene", {"kind": f"must be one of {', '.join(KINDS)}, got {kind!r}"})
+    return KINDS[kind](size=size, density=density, seed=seed, ctx=ctx)

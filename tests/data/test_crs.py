@@ -1,0 +1,206 @@
+"""CRS: reading, comparing, units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from pyproj import CRS
+
+from toolbox.data.crs import (
+    LOCAL,
+    describe_crs,
+    horizontal_part,
+    length_problem,
+    metres_per_unit,
+    parse_crs,
+    same_crs,
+    vertical_unit,
+)
+from toolbox.errors import DataError
+
+DIALECTS = ["WKT2_2019", "WKT2_2015", "WKT1_GDAL", "WKT1_ESRI"]
+
+# As older GeoTIFF and LAS files have it: other names, TOWGS84, a geoid grid.
+OLD_UTM = (
+    'COMPD_CS["UTM 10 + height",PROJCS["UTM 10",GEOGCS["NAD83",DATUM["North_American_Datum_1983",'
+    'SPHEROID["GRS 1980",6378137,298.257222101],TOWGS84[0,0,0,0,0,0,0]],PRIMEM["Greenwich",0],'
+    'UNIT["degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],'
+    'PARAMETER["latitude_of_origin",0],PARAMETER["central_meridian",-123],'
+    'PARAMETER["scale_factor",0.9996],PARAMETER["false_easting",500000],'
+    'PARAMETER["false_northing",0],UNIT["Meter",1]],'
+    'VERT_CS["NAVD88",VERT_DATUM["North American Vertical Datum 1988",2005,'
+    'EXTENSION["PROJ4_GRIDS","g2012a_conus.gtx"]],UNIT["Meter",1],AXIS["Up",UP]]]'
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "description"),
+    [
+        ("EPSG:2154", "EPSG:2154 RGF93 v1 / Lambert-93"),
+        (" epsg:2154 ", "EPSG:2154 RGF93 v1 / Lambert-93"),
+        ("EPSG:2154+5720", "EPSG:2154+5720 RGF93 v1 / Lambert-93 + NGF-IGN69 height"),
+        ("EPSG:7415", "EPSG:28992+5709 Amersfoort / RD New + NAP height"),
+        ("Local", "local coordinates in metres"),
+        (CRS("EPSG:28992").to_wkt("WKT1_GDAL"), "EPSG:28992 Amersfoort / RD New"),
+    ],
+)
+def test_text_is_read_and_described(text: str, description: str) -> None:
+    assert describe_crs(parse_crs(text)) == description
+
+
+def test_crs_without_a_code_is_described_by_its_name() -> None:
+    own = CRS.from_wkt(CRS("EPSG:2154").to_wkt().replace("700000", "700001"))
+    assert describe_crs(own) == "RGF93 v1 / Lambert-93"
+    assert describe_crs(None) == "no CRS"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "2154", "Lambert-93", "+proj=utm +zone=31", "EPSG:999999", "EPSG:2154+", "PROJCS[", "a:b"],
+)
+def test_other_text_is_refused_with_the_forms_that_work(text: str) -> None:
+    with pytest.raises(ValueError, match=r"is not a CRS.*'EPSG:2154\+5720'.*WKT.*'local'") as error:
+        parse_crs(text)
+    assert repr(text) in str(error.value)
+
+
+def test_height_system_alone_is_refused() -> None:
+    with pytest.raises(ValueError, match="'EPSG:5720' is a height system alone"):
+        parse_crs("EPSG:5720")
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("EPSG:2154", None),
+        ("EPSG:2154+5720", None),
+        ("EPSG:2227+6360", None),
+        ("EPSG:2193", None),
+        ("local", None),
+        ("EPSG:4326", r"is in degrees \(EPSG:4326 WGS 84\); reproject it to a projected CRS first"),
+        ("EPSG:4979", "is in degrees"),
+        ("EPSG:4326+5773", "is in degrees"),
+        ("EPSG:4978", "Geocentric CRS .*reproject"),
+        ("EPSG:2227+5703", "horizontal US survey foot and vertical metre .*convert its heights"),
+        ("EPSG:2992+6360", "horizontal foot and vertical US survey foot"),
+        ("EPSG:32631+5831", "depths, not heights"),
+    ],
+)
+def test_lengths_need_one_unit_of_length(text: str, problem: str | None) -> None:
+    found = length_problem(parse_crs(text))
+    if problem is None:
+        assert found is None
+    else:
+        with pytest.raises(ValueError, match=problem):
+            raise ValueError(found)
+
+
+def test_unknown_crs_is_a_problem_that_says_what_to_do() -> None:
+    text = length_problem(None)
+    assert text is not None
+    assert "--assume-crs EPSG:..." in text
+    assert "--assume-crs local" in text
+    unknown = CRS.from_wkt(
+        LOCAL.to_wkt().replace('LENGTHUNIT["metre",1]', 'LENGTHUNIT["unknown",1]')
+    )
+    assert "unknown unit" in str(length_problem(unknown))
+
+
+@pytest.mark.parametrize(
+    ("text", "metres", "unit"),
+    [
+        ("EPSG:2154", 1.0, "metre"),
+        ("EPSG:2227", 1200 / 3937, "US survey foot"),
+        ("EPSG:2992", 0.3048, "foot"),
+        ("EPSG:2227+5703", 1200 / 3937, "metre"),
+        ("local", 1.0, "metre"),
+        (OLD_UTM, 1.0, "metre"),
+    ],
+)
+def test_units(text: str, metres: float, unit: str) -> None:
+    crs = parse_crs(text)
+    assert metres_per_unit(crs) == pytest.approx(metres, rel=1e-12)
+    assert vertical_unit(crs) == unit
+
+
+def test_units_that_are_not_lengths() -> None:
+    with pytest.raises(DataError, match="EPSG:4326 WGS 84 is in degrees"):
+        metres_per_unit(parse_crs("EPSG:4326"))
+    assert metres_per_unit(None) == 1.0
+    assert [vertical_unit(crs) for crs in (None, CRS(4326), CRS(4979))] == ["", "", "metre"]
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize(
+    "text",
+    ["EPSG:2154", "EPSG:2154+5720", "EPSG:2193", "EPSG:2227+6360", "EPSG:32631", "EPSG:7415"],
+)
+def test_dialect_makes_no_difference(text: str, dialect: str) -> None:
+    crs = parse_crs(text)
+    assert same_crs(crs, CRS.from_wkt(crs.to_wkt(dialect)))
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        ("EPSG:3067", "EPSG:5048"),  # axes listed in another order
+        ("EPSG:7415", "EPSG:28992+5709"),
+        ("EPSG:4326", "OGC:CRS84"),
+        ("EPSG:26910+5703", OLD_UTM),
+    ],
+)
+def test_same(a: str, b: str) -> None:
+    assert same_crs(parse_crs(a), parse_crs(b))
+    assert same_crs(parse_crs(b), parse_crs(a))
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        ("EPSG:2154", "EPSG:2154+5720"),  # one knows its heights
+        ("EPSG:2154+5720", "EPSG:2154+5721"),  # vertical datum
+        ("EPSG:26910+5703", "EPSG:26910+6360"),  # vertical unit
+        ("EPSG:26910", OLD_UTM),
+        ("EPSG:2154", "EPSG:9793"),  # RGF93 v1 and v2
+        ("EPSG:25832", "EPSG:32632"),  # datum
+        ("EPSG:25832", "EPSG:25833"),
+        ("EPSG:26943", "EPSG:2227"),  # unit
+        ("EPSG:2992", "EPSG:2994"),
+        ("EPSG:2154", "local"),
+        ("local", 'LOCAL_CS["other",UNIT["metre",1]]'),
+        ("local", LOCAL.to_wkt().replace("Local coordinates", "Site coordinates")),
+    ],
+)
+def test_different(a: str, b: str) -> None:
+    assert not same_crs(parse_crs(a), parse_crs(b))
+    assert not same_crs(parse_crs(b), parse_crs(a))
+
+
+def test_no_crs_is_the_same_only_as_none() -> None:
+    assert same_crs(None, None)
+    assert same_crs(LOCAL, parse_crs("local"))
+    assert not same_crs(None, LOCAL)
+    assert not same_crs(CRS(2154), None)
+
+
+def test_horizontal_part() -> None:
+    assert horizontal_part(parse_crs("EPSG:2154+5720")) == CRS(2154)
+    assert not horizontal_part(CRS.from_wkt(OLD_UTM)).is_bound
+
+
+def test_real_files_in_feet(data: Callable[[str], Path]) -> None:
+    laspy = pytest.importorskip("laspy")
+    found = {}
+    for name in ("autzen_trim.laz", "nebraska_wkt_and_geotiff.las"):
+        with laspy.open(data(f"feet/{name}")) as file:
+            found[name] = file.header.parse_crs()
+    assert [vertical_unit(crs) for crs in found.values()] == ["foot", "US survey foot"]
+    assert [length_problem(crs) for crs in found.values()] == [None, None]
+    assert same_crs(found["nebraska_wkt_and_geotiff.las"], CRS(6880))
+
+
+def test_real_prj_file(data: Callable[[str], Path]) -> None:
+    text = data("ign_buildings_bdtopo/bdtopo_buildings.prj").read_text()
+    assert same_crs(parse_crs(text), CRS(2154))

@@ -1,0 +1,131 @@
+"""Tables come back as they went."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from toolbox.data.table import Table
+from toolbox.errors import DataError
+
+ROWS: list[dict[str, Any]] = [
+    {"id": 1, "count": 3, "share": 0.1 + 0.2, "text": "NA", "good": True, "seen": True},
+    {"id": 2, "count": None, "share": None, "text": 'é, "x"', "good": False, "seen": None},
+    {"id": 3, "count": 2**60 + 1, "share": 1e-300, "text": None, "good": True, "late": 5},
+]
+TYPES = ["int64", "Int64", "float64", "string", "bool", "boolean", "Int64"]
+
+
+@pytest.mark.parametrize("suffix", Table.SUFFIXES)
+def test_round_trip_keeps_values_and_types(tmp_path: Path, suffix: str) -> None:
+    table = Table.from_rows(ROWS)
+    assert [str(dtype) for dtype in table.frame.dtypes] == TYPES
+    table.save(tmp_path / f"a{suffix}")
+    found = Table.open(tmp_path / f"a{suffix}")
+    assert found.name == f"a{suffix}"
+    assert found.frame.dtypes.equals(table.frame.dtypes)
+    assert found.frame.equals(table.frame)
+    assert found.frame["share"][0] == 0.30000000000000004
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1))
+def test_every_float_reads_back_exactly(
+    tmp_path_factory: pytest.TempPathFactory, values: list[float]
+) -> None:
+    folder = tmp_path_factory.mktemp("floats")
+    for suffix in (".csv", ".json"):
+        Table.from_rows({"a": value} for value in values).save(folder / f"a{suffix}")
+        assert Table.open(folder / f"a{suffix}").frame["a"].tolist() == values
+
+
+def test_same_bytes_on_every_run(tmp_path: Path) -> None:
+    for suffix in Table.SUFFIXES:
+        made = []
+        for name in ("a", "b"):
+            Table.from_rows(ROWS).save(tmp_path / f"{name}{suffix}")
+            made.append((tmp_path / f"{name}{suffix}").read_bytes())
+        assert made[0] == made[1]
+
+
+def test_json_is_a_list_of_records(tmp_path: Path) -> None:
+    Table.from_rows(ROWS).save(tmp_path / "a.json")
+    first, second, _ = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
+    assert first == ROWS[0] | {"late": None}
+    assert second["count"] is None
+
+
+@pytest.mark.parametrize("suffix", Table.SUFFIXES)
+def test_table_without_rows(tmp_path: Path, suffix: str) -> None:
+    empty = Table(Table.from_rows(ROWS).frame.iloc[:0])
+    empty.save(tmp_path / f"a{suffix}")
+    found = Table.open(tmp_path / f"a{suffix}")
+    assert len(found) == 0
+    if suffix != ".json":  # a list of no records has no columns
+        assert list(found.frame) == list(empty.frame)
+
+
+def test_text_is_aligned() -> None:
+    rows = [
+        {"name": "Ground", "x": 6277500.25, "share": 2 / 3, "n": 12, "ok": True},
+        {"name": "a", "x": 5.0, "share": None, "n": None, "ok": False},
+    ]
+    assert Table.from_rows(rows).text() == (
+        "name             x     share   n  ok\n"
+        "Ground  6277500.25  0.666667  12  True\n"
+        "a                5         -   -  False"
+    )
+
+
+def test_frame_handed_out_may_be_changed() -> None:
+    table = Table.from_rows(ROWS)
+    frame = table.frame
+    frame.loc[0, "id"] = 99
+    assert table.frame["id"][0] == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "problem"),
+    [
+        ("a.csv", "a,b\n1,2\n3,4,5\n", "Expected 2 fields"),
+        ("a.json", '{"a": 1}', "a list of records is needed"),
+        ("a.json", "[1, 2]", "a list of records is needed"),
+        ("a.json", "[{", "cannot be read as a table"),
+        ("a.parquet", "no", "cannot be read as a table"),
+        ("a.xlsx", "", "tables are read from .csv, .json, .parquet"),
+    ],
+)
+def test_what_is_no_table(tmp_path: Path, name: str, content: str, problem: str) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(DataError, match=problem) as error:
+        Table.open(tmp_path / name)
+    assert name in str(error.value)
+
+
+def test_missing_file() -> None:
+    with pytest.raises(DataError, match=r"nowhere.csv: no such file"):
+        Table.open("nowhere.csv")
+
+
+def test_what_a_format_cannot_hold(tmp_path: Path) -> None:
+    table = Table.from_rows([{"a": math.inf}])
+    table.save(tmp_path / "a.csv")
+    assert Table.open(tmp_path / "a.csv").frame["a"][0] == math.inf
+    with pytest.raises(DataError, match=r"a\.json cannot be written: .*not JSON compliant"):
+        table.save(tmp_path / "a.json")
+    with pytest.raises(DataError, match="tables are written as"):
+        table.save(tmp_path / "a.txt")
+    with pytest.raises(DataError, match="cannot be written"):
+        table.save(tmp_path / "no folder" / "a.csv")
+
+
+def test_parquet_needs_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("toolbox.data.table.find_spec", lambda name: None)
+    with pytest.raises(DataError, match=r"pip install lidar-toolbox\[parquet\]"):
+        Table.from_rows(ROWS).save(tmp_path / "a.parquet")

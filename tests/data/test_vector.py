@@ -1,0 +1,222 @@
+"""Vector layers come back as they went, or are refused."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+import geopandas
+import numpy as np
+import pyogrio
+import pytest
+import shapely
+from pyproj import CRS
+
+from toolbox.data.crs import LOCAL, describe_crs, parse_crs, same_crs
+from toolbox.data.vector import Vector
+from toolbox.errors import DataError
+
+X, Y = 700000.0, 6600000.0
+KEEPING = [suffix for suffix in Vector.SUFFIXES if suffix != ".kml"]  # KML moves to WGS 84
+
+
+def points(crs: CRS | str | None = "EPSG:2154+5720") -> geopandas.GeoDataFrame:
+    return geopandas.GeoDataFrame(
+        {"n": [1, 2], "share": [0.1 + 0.2, 1e-9], "text": ["é", "b"], "good": [True, False]},
+        geometry=[shapely.Point(X, Y, 3.25), shapely.Point(X + 1, Y, 4)],
+        crs=parse_crs(crs) if isinstance(crs, str) else crs,
+    )
+
+
+def sorted_by_n(frame: geopandas.GeoDataFrame) -> geopandas.GeoDataFrame:
+    """FlatGeobuf sorts features in space."""
+    return frame.sort_values("n").reset_index(drop=True)
+
+
+@pytest.mark.parametrize("suffix", KEEPING)
+@pytest.mark.parametrize("crs", ["EPSG:2154", "EPSG:2154+5720", "EPSG:2227+6360", "EPSG:4326"])
+def test_round_trip(tmp_path: Path, suffix: str, crs: str) -> None:
+    frame = points(crs)
+    Vector(frame).save(tmp_path / f"a{suffix}")
+    found = Vector.open(tmp_path / f"a{suffix}")
+    assert same_crs(found.crs, frame.crs)
+    assert found.name == f"a{suffix}"
+    assert len(found) == 2
+    back = sorted_by_n(found.frame)
+    assert back.geometry.to_wkb().equals(frame.geometry.to_wkb())
+    for column in ("n", "text", "good"):
+        assert back[column].tolist() == frame[column].tolist()
+    rounded = 1e-14 if suffix in (".geojson", ".shp") else 0  # GDAL writes these as decimal text
+    assert back["share"].tolist() == pytest.approx([0.1 + 0.2, 1e-9], rel=rounded, abs=0)
+    assert found.frame["good"].dtype == bool
+
+
+def test_geopackage_as_older_qgis_wants_it(tmp_path: Path) -> None:
+    Vector(points()).save(tmp_path / "roofs.gpkg")
+    assert pyogrio.list_layers(tmp_path / "roofs.gpkg").tolist() == [["roofs", "Point Z"]]
+    version = int.from_bytes((tmp_path / "roofs.gpkg").read_bytes()[60:64], "big")
+    assert version == 10300  # the user_version of its SQLite header
+    Vector(points()).save(tmp_path / "roofs.gpkg", layer="other")
+    assert pyogrio.list_layers(tmp_path / "roofs.gpkg").tolist() == [["other", "Point Z"]]
+
+
+def test_kml_is_in_wgs84_with_the_heights_kept(tmp_path: Path) -> None:
+    Vector(points()).save(tmp_path / "a.kml")
+    found = Vector.open(tmp_path / "a.kml")
+    assert describe_crs(found.crs) == "EPSG:4326 WGS 84"
+    longitude, latitude, height = shapely.get_coordinates(found.frame.geometry, include_z=True)[0]
+    assert (longitude, latitude) == pytest.approx((3.0, 46.5), abs=1e-7)
+    assert height == 3.25
+
+
+@pytest.mark.parametrize("crs", [None, LOCAL])
+@pytest.mark.parametrize("suffix", [".gpkg", ".fgb", ".shp", ".parquet"])
+def test_local_coordinates_are_written_without_crs(
+    tmp_path: Path, suffix: str, crs: CRS | None
+) -> None:
+    Vector(points(crs)).save(tmp_path / f"a{suffix}")
+    assert Vector.open(tmp_path / f"a{suffix}").crs is None
+
+
+@pytest.mark.parametrize("geometry_type", ["Point", "Polygon Z"])
+@pytest.mark.parametrize("suffix", [".gpkg", ".fgb", ".shp"])
+def test_empty_layer_keeps_columns_and_geometry_type(
+    tmp_path: Path, suffix: str, geometry_type: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.ERROR)
+    columns = {"n": np.array([], np.int64), "share": np.array([])}
+    frame = geopandas.GeoDataFrame(columns, geometry=[], crs=2154)
+    Vector(frame, geometry_type=geometry_type).save(tmp_path / f"a{suffix}")
+    found = Vector.open(tmp_path / f"a{suffix}")
+    assert (len(found), found.geometry_type) == (0, geometry_type)
+    assert found.frame.dtypes.astype(str).tolist() == ["int64", "float64", "geometry"]
+    assert found.crs == CRS(2154)
+
+
+@pytest.mark.parametrize("suffix", [".geojson", ".parquet"])
+def test_empty_layer_of_other_formats(tmp_path: Path, suffix: str) -> None:
+    Vector(geopandas.GeoDataFrame({"n": []}, geometry=[], crs=2154)).save(tmp_path / f"a{suffix}")
+    found = Vector.open(tmp_path / f"a{suffix}")
+    assert (len(found), found.crs) == (0, CRS(2154))
+
+
+@pytest.mark.parametrize("suffix", [".gpkg", ".geojson", ".fgb", ".parquet"])
+def test_mixed_geometry_types(tmp_path: Path, suffix: str) -> None:
+    line = shapely.LineString([(X, Y), (X + 1, Y)])
+    shapes = [shapely.Point(X, Y), line, line.buffer(1)]
+    frame = geopandas.GeoDataFrame({"n": [1, 2, 3]}, geometry=shapes, crs=2154)
+    Vector(frame).save(tmp_path / f"a{suffix}")
+    back = sorted_by_n(Vector.open(tmp_path / f"a{suffix}").frame)
+    assert back.geom_type.tolist() == ["Point", "LineString", "Polygon"]
+
+
+CUSTOM = CRS.from_wkt(
+    CRS(2154).to_wkt().replace("700000", "700001").split(',ID["EPSG",2154]')[0] + "]"
+)
+LINE = geopandas.GeoSeries([shapely.Point(0, 0), shapely.LineString([(0, 0), (1, 1)])], crs=2154)
+
+
+@pytest.mark.parametrize(
+    ("frame", "suffix", "problem"),
+    [
+        (points(), ".dxf", "vector layers are written as .gpkg, .geojson"),
+        (points().rename(columns={"n": "number_of_returns"}), ".shp", "not number_of_returns; re"),
+        (points().assign(text="x" * 300), ".shp", "cannot hold the layer: .*truncated to 254"),
+        (points().set_geometry(LINE), ".shp", "cannot be written: .*non-point"),
+        (points(None), ".geojson", r"cannot hold the CRS of the layer \(no CRS\) .*EPSG:4979"),
+        (points(LOCAL), ".geojson", "cannot hold the CRS of the layer"),
+        (points(CUSTOM), ".geojson", r"cannot hold the CRS .*RGF93.*write a GeoPackage"),
+        (points(None), ".kml", "the layer has no CRS to transform it from"),
+        (points("EPSG:2227"), ".kml", "KML heights are in metres.* US survey foot"),
+    ],
+)
+def test_what_a_format_cannot_hold(
+    tmp_path: Path, frame: geopandas.GeoDataFrame, suffix: str, problem: str
+) -> None:
+    path = tmp_path / f"a{suffix}"
+    with pytest.raises(DataError, match=problem) as error:
+        Vector(frame).save(path)
+    assert str(error.value).startswith(str(path))
+
+
+def test_folder_is_missing(tmp_path: Path) -> None:
+    for suffix in Vector.SUFFIXES:
+        with pytest.raises(DataError, match="cannot be written"):
+            Vector(points("EPSG:2154")).save(tmp_path / "none" / f"a{suffix}")
+
+
+def test_parquet_needs_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("toolbox.data.table.find_spec", lambda name: None)
+    with pytest.raises(DataError, match=r"pip install lidar-toolbox\[parquet\]"):
+        Vector(points()).save(tmp_path / "a.parquet")
+
+
+def test_frame_handed_out_may_be_changed() -> None:
+    vector = Vector(points())
+    frame = vector.frame
+    frame.loc[0, "n"] = 99
+    frame.geometry = [shapely.Point(0, 0)] * 2
+    assert vector.frame["n"].tolist() == [1, 2]
+    assert vector.frame.geometry[0] == shapely.Point(X, Y, 3.25)
+
+
+def test_another_crs_is_said_not_made() -> None:
+    vector = Vector(points(None), name="a.shp")
+    found = vector.with_crs(CRS(2992))
+    assert vector.crs is None
+    assert vector.metre == 1.0
+    assert found.metre == pytest.approx(1 / 0.3048)
+    assert found.frame.geometry[0] == vector.frame.geometry[0]
+    assert found.name == "a.shp"
+
+
+def test_what_is_no_vector_layer(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"none\.gpkg: no such file"):
+        Vector.open(tmp_path / "none.gpkg")
+    (tmp_path / "a.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(DataError, match=r"a\.csv has 0 vector layers"):
+        Vector.open(tmp_path / "a.csv")
+    for name in ("a.gpkg", "a.geojson", "a.shp", "a.parquet"):
+        (tmp_path / name).write_text("no layer")
+        with pytest.raises(DataError, match=f"{name} cannot be read as a vector layer"):
+            Vector.open(tmp_path / name)
+
+
+def test_styles_in_a_geopackage_are_no_layer(tmp_path: Path) -> None:
+    """QGIS keeps styles in a table without geometry."""
+    import pandas
+
+    Vector(points()).save(tmp_path / "a.gpkg")
+    styles = pandas.DataFrame({"styleName": ["x"]})
+    pyogrio.write_dataframe(styles, tmp_path / "a.gpkg", layer="layer_styles")
+    assert len(Vector.open(tmp_path / "a.gpkg")) == 2
+
+
+def test_measured_geometry_is_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.ERROR)  # the library tells by the root logger too
+    frame = geopandas.GeoDataFrame({"n": np.array([], int)}, geometry=[], crs=2154)
+    Vector(frame, geometry_type="Polygon Z").save(tmp_path / "a.shp")
+    caplog.set_level(logging.WARNING)
+    Vector.open(tmp_path / "a.shp")
+    assert any("a.shp: Measured (M) geometry" in message for message in caplog.messages)
+
+
+def test_map_of_several_layers(data: Callable[[str], Path]) -> None:
+    path = data("ahn3_delft_bgt/bgt_east_cropped_2.gpkg")
+    with pytest.raises(DataError, match="has 7 vector layers; name one: pand, waterdeel, "):
+        Vector.open(path)
+    with pytest.raises(DataError, match="has no vector layer 'roofs', only pand, waterdeel"):
+        Vector.open(path, layer="roofs")
+    buildings = Vector.open(path, layer="pand")
+    assert (len(buildings), buildings.geometry_type) == (28, "Polygon")
+    assert describe_crs(buildings.crs) == "EPSG:28992 Amersfoort / RD New"
+
+
+def test_shapefile_of_buildings(data: Callable[[str], Path], tmp_path: Path) -> None:
+    buildings = Vector.open(data("ign_buildings_bdtopo/bdtopo_buildings.shp"))
+    assert (len(buildings), describe_crs(buildings.crs)[:9]) == (40, "EPSG:2154")
+    buildings.save(tmp_path / "a.gpkg")
+    back = Vector.open(tmp_path / "a.gpkg").frame
+    assert back.geometry.to_wkb().equals(buildings.frame.geometry.to_wkb())
+    assert back.drop(columns="geometry").equals(buildings.frame.drop(columns="geometry"))

@@ -1,0 +1,168 @@
+"""surface.grid: exact on surfaces that a method can represent, and on the lattice it promises."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pyproj import CRS
+from scipy.interpolate import griddata
+
+from algorithms.surface.grid import Method, SurfaceGrid, interpolator
+from toolbox.data import PointCloud, Raster
+from toolbox.errors import DataError
+from toolbox.values import Attribute, ClassList
+
+UTM = CRS(32635)
+METHODS: list[Method] = ["linear", "idw", "nearest", "cubic"]
+
+
+def plane(x: Any, y: Any) -> Any:
+    return 3 + 0.25 * (x - 5e5) - 0.5 * (y - 4.6e6)
+
+
+def cloud(n: int = 800, crs: CRS | None = UTM, **columns: Any) -> PointCloud:
+    rng = np.random.default_rng(3)
+    x, y = rng.uniform(5e5, 5e5 + 40, n), rng.uniform(4.6e6, 4.6e6 + 30, n)
+    return PointCloud(np.column_stack([x, y, plane(x, y)]), columns, crs=crs)
+
+
+def centres(raster: Raster) -> tuple[Any, Any]:
+    rows, cols = raster.shape
+    x = raster.transform.c + (np.arange(cols) + 0.5) * raster.cell
+    y = raster.transform.f - (np.arange(rows) + 0.5) * raster.cell
+    return np.meshgrid(x, y)
+
+
+@pytest.mark.parametrize("method", ["linear", "cubic"])
+def test_planes_are_exact_at_the_centres_of_cells(method: Method) -> None:
+    surface = SurfaceGrid(points=cloud(), method=method).run().surface
+    values = surface.band()
+    known = np.isfinite(values)
+    assert known.mean() > 0.8
+    np.testing.assert_allclose(values[known], plane(*centres(surface))[known], atol=1e-5)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_agrees_with_an_independent_calculation(method: Method) -> None:
+    points = cloud(200)
+    points = points.with_xyz(points.xyz + [0, 0, 1] * np.sin(points.xyz[:, :1]))
+    xy, z = points.xyz[:, :2], points["z"]
+    surface = SurfaceGrid(points=points, method=method).run().surface
+    x, y = centres(surface)
+    cells = np.column_stack([x.ravel(), y.ravel()])
+    if method == "idw":
+        distance = np.hypot(*(cells[:, None] - xy).transpose(2, 0, 1))
+        nearest = np.argsort(distance, axis=1)[:, :12]
+        weight = np.take_along_axis(distance, nearest, 1) ** -2.0
+        expected = (weight * z[nearest]).sum(1) / weight.sum(1)
+    else:
+        expected = griddata(xy - xy.mean(0), z, cells - xy.mean(0), method=method)
+    np.testing.assert_allclose(surface.band().ravel(), expected, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_values_at_the_points_themselves(method: Method) -> None:
+    xy, values = np.random.default_rng(0).uniform(0, 9, (50, 2)), np.arange(50.0)
+    np.testing.assert_allclose(interpolator(xy, values, method=method)(xy), values, atol=1e-9)
+
+
+@pytest.mark.parametrize("cell", [0.5, 0.7, 1.0, 3.0])
+def test_cells_are_whole_multiples_and_cover_the_points(cell: float) -> None:
+    points = cloud()
+    surface = SurfaceGrid(points=points, cell=cell, method="nearest").run().surface
+    for edge in surface.bounds:
+        assert edge / cell == pytest.approx(round(edge / cell), abs=1e-6)
+    west, south, east, north = surface.bounds
+    assert west <= points["x"].min() < west + cell
+    assert north - cell < points["y"].max() <= north
+    assert south <= points["y"].min()
+    assert east >= points["x"].max()
+
+
+def test_cell_in_feet_is_given_in_metres() -> None:
+    foot = 1200 / 3937
+    metres = cloud()
+    feet = PointCloud(metres.xyz / foot, crs=CRS(2263))
+    surface = SurfaceGrid(points=feet, cell=2.0).run().surface
+    assert surface.cell == pytest.approx(2 / foot)
+    assert surface.units == ("US survey foot",)
+
+
+def test_attribute_classes_and_descriptions() -> None:
+    classes = np.where(np.arange(800) % 2, 2, 6).astype(np.uint8)
+    intensity = np.where(classes == 2, 100, 900).astype(np.uint16)
+    points = cloud(classification=classes, intensity=intensity)
+    out = SurfaceGrid(
+        points=points,
+        attribute=Attribute("intensity"),
+        classes=ClassList([2]),
+        method="idw",
+    ).run()
+    np.testing.assert_allclose(out.surface.band(), 100)
+    assert out.surface.descriptions == ("intensity (idw)",)
+    assert out.surface.crs == points.crs
+
+
+def test_points_at_one_place_are_averaged_in_any_order() -> None:
+    xyz = np.array([[0, 0, 1.0], [0, 0, 3], [9, 0, 2], [0, 9, 2]])
+    for order in ([0, 1, 2, 3], [3, 1, 0, 2]):
+        points = PointCloud(xyz[order], crs=CRS(32635))
+        np.testing.assert_allclose(
+            SurfaceGrid(points=points, method="nearest").run().surface.band(), 2
+        )
+
+
+def test_max_gap_leaves_far_cells_empty() -> None:
+    points = cloud()
+    hole = (points["x"] > 5e5 + 10) & (points["x"] < 5e5 + 30)
+    out = SurfaceGrid(points=points.select(~hole), max_gap=3.0, method="idw").run()
+    x, _ = centres(out.surface)
+    empty = np.isnan(out.surface.band())
+    assert empty[(x > 5e5 + 14) & (x < 5e5 + 26)].all()
+    assert not empty[x < 5e5 + 10].any()
+    assert out.filled_share == pytest.approx(1 - empty.mean())
+
+
+@pytest.mark.parametrize(
+    "xyz", [[[0, 0, 1]], [[0, 0, 1], [5, 5, 2]], [[0, 0, 1], [1, 1, 2], [2, 2, 4]]]
+)
+def test_too_few_places_for_a_triangle(xyz: list[list[float]]) -> None:
+    points = PointCloud(np.array(xyz, float), crs=CRS(32635))
+    with pytest.raises(DataError, match="do not span a triangle"):
+        SurfaceGrid(points=points, method="linear").run()
+    surface = SurfaceGrid(points=points, method="nearest").run().surface
+    assert np.isfinite(surface.band()).all()
+
+
+@pytest.mark.parametrize("classes", [None, ClassList([9])])
+def test_no_points(classes: ClassList | None) -> None:
+    points = cloud(5, classification=np.full(5, 2, np.uint8))
+    points = points if classes else points.select([])
+    with pytest.raises(DataError, match="points: "):
+        SurfaceGrid(points=points, classes=classes).run()
+
+
+def test_absurd_cell_is_refused_before_memory_is_taken() -> None:
+    with pytest.raises(DataError, match="choose larger cells"):
+        SurfaceGrid(points=cloud(), cell=1e-4, method="nearest").run()
+
+
+@pytest.mark.parametrize("tile", ["77050_627755", "77055_627755", "77060_627760"])
+def test_terrain_model_of_other_software(data: Callable[[str], Path], tile: str) -> None:
+    """Linear TIN of the true ground against the mapping agency's tools: RMSE 0.04 m."""
+    points = PointCloud.open(data(f"ign_urban_50m/{tile}.laz"))
+    reference = Raster.open(data(f"ign_gridding_reference/DTM_{tile}.tif"))
+    surface = SurfaceGrid(points=points, cell=0.5, classes=ClassList([2])).run().surface
+    x, y = centres(surface)
+    col = ((x - reference.transform.c) / 0.5).astype(int)
+    row = ((reference.transform.f - y) / 0.5).astype(int)
+    rows, cols = reference.shape
+    inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
+    difference = surface.band()[inside] - reference.band()[row[inside], col[inside]]
+    difference = difference[np.isfinite(difference)]
+    assert len(difference) > 0.8 * rows * cols
+    assert np.sqrt(np.mean(difference**2)) < 0.05

@@ -1,0 +1,199 @@
+"""Coordinate reference systems: reading, naming and comparing them, and their units.
+
+A length is only a length in a projected or local CRS. Heights are in the unit of the vertical
+part; a CRS without a vertical part says nothing about heights, which are then taken to be in the
+unit of the horizontal part, as the LAS and GeoTIFF files in daily use mean it.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from pyproj import CRS
+from pyproj.exceptions import CRSError
+
+from toolbox.errors import DataError
+
+LOCAL = CRS.from_wkt(
+    'ENGCRS["Local coordinates in metres",EDATUM["Local"],CS[Cartesian,3],'
+    'AXIS["easting (X)",east,ORDER[1]],AXIS["northing (Y)",north,ORDER[2]],'
+    'AXIS["up (Z)",up,ORDER[3]],LENGTHUNIT["metre",1]]'
+)
+"""Plain coordinates in metres, without a place on Earth. Never written to a file."""
+
+_FORMS = "give 'EPSG:2154', 'EPSG:2154+5720' (with heights), a WKT text, or 'local'"
+_CODE = re.compile(r"[A-Za-z]\w*:\w+(\+\w+)?")
+_UNITS = {1.0: "metre", 0.3048: "foot", 1200 / 3937: "US survey foot"}
+
+
+def parse_crs(text: str) -> CRS:
+    """Read a CRS from an authority code, a compound code, a WKT text or the word "local".
+
+    Raises
+    ------
+    ValueError
+        The text has another form, is unknown to PROJ, or names a height system alone.
+    """
+    text = text.strip()
+    if text.lower() == "local":
+        return LOCAL
+    if not (_CODE.fullmatch(text) or "[" in text):
+        raise ValueError(f"{text!r} is not a CRS; {_FORMS}")
+    try:
+        crs = CRS.from_user_input(text)
+    except CRSError as error:
+        raise ValueError(f"{text!r} is not a CRS that PROJ knows; {_FORMS}") from error
+    if crs.is_vertical and not crs.is_compound:
+        raise ValueError(f"{text!r} is a height system alone ({crs.name}); {_FORMS}")
+    return crs
+
+
+def length_problem(crs: CRS | None) -> str | None:
+    """Why lengths in this CRS mean nothing, and what to do about it; None if all is well.
+
+    The text continues a sentence that begins with the name of the file.
+    """
+    if crs is None:
+        return (
+            "has no CRS; state it with --assume-crs EPSG:..., "
+            "or --assume-crs local for plain metres"
+        )
+    return _horizontal_problem(crs) or _vertical_problem(crs)
+
+
+def _horizontal_problem(crs: CRS) -> str | None:
+    horizontal = horizontal_part(crs)
+    if horizontal.is_geographic:
+        return f"is in degrees ({describe_crs(crs)}); reproject it to a projected CRS first"
+    if not (horizontal.is_projected or horizontal.is_engineering):
+        kind = horizontal.type_name
+        return f"is in a {kind} ({describe_crs(crs)}); reproject it to a projected CRS first"
+    if horizontal.axis_info[0].unit_name == "unknown":
+        return f"has a CRS of unknown unit ({describe_crs(crs)}); state it with --assume-crs"
+    return None
+
+
+def _vertical_problem(crs: CRS) -> str | None:
+    unit, vertical = horizontal_part(crs).axis_info[0], _vertical_axis(crs)
+    if vertical and vertical.direction == "down":
+        return f"has depths, not heights ({describe_crs(crs)}); turn them upwards first"
+    if vertical and not _close(vertical.unit_conversion_factor, unit.unit_conversion_factor):
+        return (
+            f"has horizontal {_unit_name(unit)} and vertical {_unit_name(vertical)} "
+            f"({describe_crs(crs)}); convert its heights to the horizontal unit first"
+        )
+    return None
+
+
+def metres_per_unit(crs: CRS | None) -> float:
+    """Length of one horizontal unit in metres; 1.0 without a CRS.
+
+    Raises
+    ------
+    DataError
+        The horizontal unit is not a length, as in a geographic CRS.
+    """
+    if crs is None:
+        return 1.0
+    horizontal = horizontal_part(crs)
+    if horizontal.is_geographic:
+        raise DataError(f"{describe_crs(crs)} is in degrees, which are not a length")
+    return float(horizontal.axis_info[0].unit_conversion_factor)
+
+
+def vertical_unit(crs: CRS | None) -> str:
+    """Name of the unit of heights: "metre", "foot", "US survey foot", ...; "" if not known."""
+    if crs is None:
+        return ""
+    horizontal, vertical = horizontal_part(crs), _vertical_axis(crs)
+    if vertical is None and horizontal.is_geographic:
+        return ""
+    return _unit_name(vertical or horizontal.axis_info[0])
+
+
+def same_crs(a: CRS | None, b: CRS | None) -> bool:
+    """Whether coordinates of the two may be mixed: same datum, projection, units and heights.
+
+    Names, the WKT dialect, the order in which the axes are listed and an attached transformation
+    to WGS 84 make no difference. A CRS with a vertical part differs from the same without it,
+    and LOCAL or no CRS is the same only as itself.
+    """
+    if a is None or b is None:
+        return a is b
+    if a.is_engineering or b.is_engineering:  # PROJ would take any two of them for the same
+        return a.name == b.name and a.equals(b)
+    return a.equals(b, ignore_axis_order=True) or _plain(a).equals(
+        _plain(b), ignore_axis_order=True
+    )
+
+
+def describe_crs(crs: CRS | None) -> str:
+    """Authority code and name, e.g. "EPSG:2154+5720 RGF93 v1 / Lambert-93 + NGF-IGN69 height"."""
+    if crs is None:
+        return "no CRS"
+    if crs.equals(LOCAL):
+        return LOCAL.name.lower()
+    code = _code(crs)
+    return f"{code} {crs.name}" if code else crs.name
+
+
+def horizontal_part(crs: CRS) -> CRS:
+    """The CRS of x and y alone, without heights and without TOWGS84."""
+    return _parts(crs)[0]
+
+
+def _code(crs: CRS) -> str:
+    """AUTHORITY:CODE, of a compound AUTHORITY:CODE+CODE; "" unless every part has one."""
+    found = [authority for part in _parts(crs) if (authority := part.to_authority())]
+    if len(found) < len(_parts(crs)) or len({authority for authority, _ in found}) > 1:
+        return ""
+    return f"{found[0][0]}:" + "+".join(code for _, code in found)
+
+
+def _parts(crs: CRS) -> list[CRS]:
+    """The horizontal part, and the vertical one if there is one."""
+    crs = _without_bound(crs)
+    return [_without_bound(part) for part in crs.sub_crs_list] or [crs]
+
+
+def _without_bound(crs: CRS) -> CRS:
+    """The CRS itself, without the transformation to WGS 84 that TOWGS84 attaches."""
+    return crs.source_crs if crs.is_bound and crs.source_crs else crs
+
+
+def _vertical_axis(crs: CRS) -> Any:
+    """The axis of heights (a pyproj Axis), or None."""
+    axes = [axis for part in _parts(crs) for axis in part.axis_info]
+    return next((axis for axis in axes if axis.direction in ("up", "down")), None)
+
+
+def _unit_name(axis: Any) -> str:
+    """One name per unit, since WKT dialects spell them differently (Meter, Foot_US)."""
+    named = (n for factor, n in _UNITS.items() if _close(factor, axis.unit_conversion_factor))
+    return next(named, str(axis.unit_name))
+
+
+def _close(a: float, b: float) -> bool:
+    """Equal but for the digits that files round off; the two feet differ by 2e-6."""
+    return abs(a - b) <= 1e-9 * abs(b)
+
+
+def _plain(crs: CRS) -> CRS:
+    """The CRS without TOWGS84 and with easting before northing, as files hold coordinates.
+
+    PROJ forgives the axis order of geographic CRSs only.
+    """
+    return CRS.from_json_dict(_reordered(crs.to_json_dict()))
+
+
+def _reordered(node: dict[str, Any]) -> dict[str, Any]:
+    if node["type"] == "BoundCRS":
+        return _reordered(node["source_crs"])
+    if node["type"] == "CompoundCRS":
+        return node | {"components": [_reordered(part) for part in node["components"]]}
+    if node["type"] == "ProjectedCRS":
+        system = node["coordinate_system"]
+        axes = sorted(system["axis"], key=lambda axis: axis["direction"] not in ("east", "west"))
+        return node | {"coordinate_system": system | {"axis": axes}}
+    return node

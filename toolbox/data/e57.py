@@ -1,0 +1,112 @@
+"""Points in E57 files (ASTM E2807); read only, and with the optional pye57."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS
+from pyproj.exceptions import CRSError
+
+from toolbox.context import QUIET, Context
+from toolbox.errors import DataError
+
+log = logging.getLogger("toolbox")
+
+_COLOURS = {"red": "Red", "green": "Green", "blue": "Blue"}
+_FULL = 65535  # 16 bit, as LAS has intensities and colours
+
+
+def read_e57(
+    path: Path, *, ctx: Context = QUIET
+) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]], CRS | None]:
+    """Read all scans of a file, each moved to its place by its pose.
+
+    Points that the scanner marked as invalid are left out. `point_source_id` tells the scans
+    apart: 1, 2, ... Intensity and colours are stretched from the limits that the file states to
+    16 bit; without limits intensity stays as it is. What only some scans have is left out, and
+    the log says so.
+
+    Returns
+    -------
+    xyz : of shape (n, 3), metres
+    attributes : point_source_id, and intensity, red, green, blue if there
+    crs : that the file states, or None
+
+    Raises
+    ------
+    DataError
+        The file is damaged, or pye57 is not installed.
+    """
+    try:
+        import pye57
+    except ImportError as error:
+        raise DataError(f"{path}: E57 files need pye57: pip install lidar-toolbox[e57]") from error
+    try:
+        with pye57.E57(str(path)) as file:
+            scans = []
+            for index in range(file.scan_count):
+                ctx.progress(index / file.scan_count)
+                scans.append(_scan(file, index))
+            crs = _crs(file, path.name)
+    except (pye57.libe57.E57Exception, ValueError, RuntimeError, MemoryError) as error:
+        raise DataError(f"{path} is not an E57 file that can be read: {error}") from error
+    if not scans:
+        raise DataError(f"{path} has no scans")
+    names = [name for name in scans[0] if all(name in scan for scan in scans)]
+    if partial := {name for scan in scans for name in scan} - set(names):
+        log.warning("%s: not all scans have %s; left out", path.name, ", ".join(sorted(partial)))
+    merged = {name: np.concatenate([scan[name] for scan in scans]) for name in names}
+    return merged.pop("xyz"), merged, crs
+
+
+def _scan(file: Any, index: int) -> dict[str, NDArray[Any]]:
+    header = file.get_header(index)
+    if not {"cartesianX", "sphericalRange"} & set(header.point_fields):
+        raise ValueError(f"scan {index + 1} has neither cartesian nor spherical coordinates")
+    data = file.read_scan(index, intensity=True, colors=True, ignore_missing_fields=True)
+    xyz = np.column_stack([data[f"cartesian{axis}"] for axis in "XYZ"]).astype(np.float64)
+    scan: dict[str, NDArray[Any]] = {
+        "xyz": xyz,
+        "point_source_id": np.full(len(xyz), index + 1, np.uint16),
+    }
+    if "intensity" in data:
+        scan["intensity"] = _stretched(data["intensity"], _limits(header, "intensity"))
+    for name, field in _COLOURS.items():
+        if f"color{field}" in data:
+            limits = _limits(header, f"color{field}") or (0.0, 255.0)
+            scan[name] = _stretched(data[f"color{field}"], limits)
+    return scan
+
+
+def _limits(header: Any, name: str) -> tuple[float, float] | None:
+    """Least and greatest value that the file states; None if it does not, or they are equal."""
+    group = "intensityLimits" if name == "intensity" else "colorLimits"
+    if not header.node.isDefined(f"{group}/{name}Maximum"):
+        return None
+    low, high = (float(header[group][f"{name}{end}"].value()) for end in ("Minimum", "Maximum"))
+    return (low, high) if low < high else None
+
+
+def _stretched(values: NDArray[Any], limits: tuple[float, float] | None) -> NDArray[Any]:
+    if limits is None:
+        return values
+    low, high = limits
+    share = (values.astype(np.float64) - low) / (high - low)
+    if len(share) and (share.min() < 0 or share.max() > 1):
+        raise ValueError(f"a value is outside the stated limits {low:g} to {high:g}")
+    return np.rint(share * _FULL).astype(np.uint16)
+
+
+def _crs(file: Any, name: str) -> CRS | None:
+    if not file.root.isDefined("coordinateMetadata"):
+        return None
+    text = file.root["coordinateMetadata"].value().strip()
+    try:
+        return CRS.from_wkt(text) if text else None
+    except CRSError as error:
+        log.warning("%s: its CRS cannot be understood: %s", name, error)
+        return None

@@ -1,0 +1,71 @@
+"""Points in PCD files (Point Cloud Library); read only."""
+
+from __future__ import annotations
+
+import logging
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolbox.data.ply import COLOURS, split
+from toolbox.errors import DataError
+
+log = logging.getLogger("toolbox")
+
+_PADDING = "#$%&~~"  # how pypcd4 names the field "_"
+_ERRORS = (ValueError, KeyError, TypeError, IndexError, MemoryError, OverflowError, RuntimeError)
+
+
+def read_pcd(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
+    """Read points with their fields; "rgb" becomes 16-bit red, green and blue.
+
+    Points whose coordinates are NaN are places of an organised scan where nothing was measured:
+    they are left out, and the log says how many.
+
+    Returns
+    -------
+    xyz : of shape (n, 3)
+    attributes : the other fields
+
+    Raises
+    ------
+    DataError
+        The file is damaged, or has no x, y and z.
+    """
+    from pypcd4.pypcd4 import PointCloud
+
+    try:
+        file = PointCloud.from_path(path)
+    except (*_ERRORS, struct.error) as error:
+        raise DataError(f"{path} is not a PCD file that can be read: {error}") from error
+    data: NDArray[Any] = np.atleast_1d(file.pc_data)
+    if len(data) != file.metadata.points:
+        raise DataError(f"{path} promises {file.metadata.points} points, and {len(data)} are there")
+    names = data.dtype.names or ()
+    fields = {name: data[name] for name in names if not name.startswith(_PADDING)}
+    for name in ("rgb", "rgba"):
+        if name in fields:
+            fields |= _colours(fields.pop(name))
+    return split(_measured(fields, path.name), path)
+
+
+def _colours(packed: NDArray[Any]) -> dict[str, NDArray[np.uint8]]:
+    """Red, green and blue out of one 32-bit number, which may pose as a float."""
+    bits = np.ascontiguousarray(packed).view(np.uint32)
+    shifts = zip(COLOURS, (16, 8, 0), strict=True)
+    return {name: (bits >> shift & 0xFF).astype(np.uint8) for name, shift in shifts}
+
+
+def _measured(fields: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
+    """The points that are there."""
+    empty = np.zeros(len(next(iter(fields.values()), ())), bool)
+    for axis in "xyz":
+        if axis in fields:
+            empty |= np.isnan(fields[axis])
+    if not empty.any():
+        return fields
+    log.warning("%s: %s places without a point are left out", name, empty.sum())
+    return {field: values[~empty] for field, values in fields.items()}

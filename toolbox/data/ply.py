@@ -1,0 +1,124 @@
+"""Points in PLY files (Stanford polygon format)."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolbox.data.text import Points, standard_names
+from toolbox.errors import DataError
+
+log = logging.getLogger("toolbox")
+
+COLOURS = ("red", "green", "blue")
+_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
+_ERRORS = (ValueError, KeyError, TypeError, IndexError, EOFError, MemoryError, OverflowError)
+
+
+def read_ply(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
+    """Read the vertices; faces and other elements are left out, and the log says so.
+
+    Colours of 8 bit become 16 bit, as LAS has them.
+
+    Returns
+    -------
+    xyz : of shape (n, 3)
+    attributes : the other properties of the vertices
+
+    Raises
+    ------
+    DataError
+        The file is damaged, or has no vertices with x, y and z.
+    """
+    import plyfile
+
+    try:
+        file = plyfile.PlyData.read(path, mmap=False)
+    except (plyfile.PlyParseError, *_ERRORS) as error:
+        raise DataError(f"{path} is not a PLY file that can be read: {error}") from error
+    others = [element.name for element in file if element.name != "vertex"]
+    if "vertex" not in file:
+        raise DataError(f"{path} has no vertices, only {', '.join(others) or 'nothing'}")
+    if others:
+        log.warning("%s: only its vertices are read, not its %s", path.name, ", ".join(others))
+    data = file["vertex"].data
+    return split({name: data[name] for name in data.dtype.names or ()}, path)
+
+
+def split(
+    fields: Mapping[str, NDArray[Any]], path: Path
+) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
+    """Coordinates, and attributes with the names of LAS, of named columns.
+
+    Raises
+    ------
+    DataError
+        A coordinate is missing or not finite.
+    """
+    columns = dict(zip(standard_names(list(fields)), fields.values(), strict=True))
+    if missing := [name for name in "xyz" if name not in columns]:
+        raise DataError(f"{path} has no {', '.join(missing)}, only {', '.join(columns)}")
+    xyz = np.column_stack([columns.pop(name).astype(np.float64) for name in "xyz"])
+    bad = ~np.isfinite(xyz).all(axis=1)
+    if bad.any():
+        raise DataError(f"{path}: point {int(np.argmax(bad))} has the coordinates {xyz[bad][0]}")
+    lists = [name for name, values in columns.items() if values.dtype.kind == "O"]
+    if lists:
+        log.warning("%s: lists are not read (%s)", path.name, ", ".join(lists))
+    plain = {name: values for name, values in columns.items() if name not in lists}
+    return xyz, {name: _colour(name, values) for name, values in plain.items()}
+
+
+def _colour(name: str, values: NDArray[Any]) -> NDArray[Any]:
+    """8-bit colours as 16 bit: 255 becomes 65535."""
+    if name in COLOURS and values.dtype == np.uint8:
+        return values.astype(np.uint16) * np.uint16(257)
+    return values.astype(values.dtype.newbyteorder("="))
+
+
+def write_ply(path: Path, cloud: Points) -> None:
+    """Write a binary little-endian PLY file with double coordinates.
+
+    Colours that come from 8 bit are written with 8 bit, as other programs expect them.
+
+    Raises
+    ------
+    DataError
+        PLY has no type for an attribute, or its name is no word.
+    """
+    import plyfile
+
+    columns = {name: _typed(path, name, cloud[name]) for name in cloud.names}
+    if set(COLOURS) <= columns.keys() and all((columns[c] % 257 == 0).all() for c in COLOURS):
+        columns |= {colour: (columns[colour] // 257).astype("u1") for colour in COLOURS}
+    kinds = [(name, "f8") for name in "xyz"]
+    kinds += [(name, values.dtype.str) for name, values in columns.items()]
+    vertices = np.empty(len(cloud.xyz), kinds)
+    for axis, name in enumerate("xyz"):
+        vertices[name] = cloud.xyz[:, axis]
+    for name, values in columns.items():
+        vertices[name] = values
+    element = plyfile.PlyElement.describe(vertices, "vertex")
+    plyfile.PlyData([element], byte_order="<").write(str(path))
+
+
+def _typed(path: Path, name: str, values: NDArray[Any]) -> NDArray[Any]:
+    if not re.fullmatch(r"[!-~]+", name):
+        raise DataError(f"{path}: {name!r} cannot be the name of a PLY property; rename it")
+    if values.ndim > 1:
+        raise DataError(f"{path}: {name!r} has several values per point, which is not written")
+    if values.dtype.kind == "b":
+        return values.astype("u1")
+    if values.dtype.kind in "iu" and values.dtype.itemsize == 8:
+        small = values.astype("i4")
+        if (small == values).all():
+            return small
+    if values.dtype.newbyteorder("=") not in [np.dtype(kind) for kind in _TYPES]:
+        raise DataError(f"{path}: {name!r} is of type {values.dtype}, which PLY cannot hold")
+    return values

@@ -1,0 +1,177 @@
+"""Tables: rows of numbers, texts and yes/no values without a place."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pandas as pd
+
+from toolbox.context import QUIET, Context
+from toolbox.errors import DataError
+
+
+class Table:
+    """Rows and named columns.
+
+    Parameters
+    ----------
+    frame : the rows; the table keeps its own copy
+    name : of the file, for messages
+    """
+
+    SUFFIXES: ClassVar[tuple[str, ...]] = (".csv", ".json", ".parquet")
+    crs: ClassVar[None] = None
+    metre: ClassVar[float] = 1.0
+
+    def __init__(self, frame: pd.DataFrame, *, name: str = "") -> None:
+        self._frame, self.name = frame.reset_index(drop=True), name
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """The rows, as a copy that may be changed (made when it is)."""
+        return self._frame.copy(deep=False)
+
+    def __len__(self) -> int:
+        return len(self._frame)
+
+    @classmethod
+    def from_rows(cls, rows: Iterable[Mapping[str, Any]], *, name: str = "") -> Table:
+        """A table from one mapping per row; None or an absent key is a missing value.
+
+        Whole numbers stay whole numbers where values are missing.
+        """
+        rows = list(rows)
+        columns = list(dict.fromkeys(column for row in rows for column in row))
+        frame = pd.DataFrame({c: pd.array([row.get(c) for row in rows]) for c in columns})
+        return cls(_plain(frame), name=name)
+
+    @classmethod
+    def open(cls, path: str | Path, *, ctx: Context = QUIET) -> Table:
+        """Read .csv (comma, UTF-8, a header line), .json (a list of records) or .parquet.
+
+        An empty cell of a CSV file is a missing value; no other text is.
+
+        Raises
+        ------
+        DataError
+            The file is missing, has another suffix, or does not hold a table.
+        """
+        path = Path(path)
+        readers = {".csv": _read_csv, ".json": _read_json, ".parquet": _read_parquet}
+        if path.suffix.lower() not in readers:
+            raise DataError(f"{path}: tables are read from {', '.join(cls.SUFFIXES)}")
+        if not path.exists():
+            raise DataError(f"{path}: no such file")
+        try:
+            table = cls(_plain(readers[path.suffix.lower()](path)), name=path.name)
+        except (ValueError, OSError) as error:
+            raise DataError(f"{path} cannot be read as a table: {error}") from error
+        ctx.progress(1.0)
+        return table
+
+    def save(self, path: str | Path, *, ctx: Context = QUIET) -> None:
+        """Write .csv, .json or .parquet; numbers are written so that they read back exactly.
+
+        Raises
+        ------
+        DataError
+            The suffix is another, the format cannot hold a value (JSON has no infinity), or the
+            file cannot be written.
+        """
+        path = Path(path)
+        writers = {".csv": _write_csv, ".json": _write_json, ".parquet": _write_parquet}
+        if path.suffix.lower() not in writers:
+            raise DataError(f"{path}: tables are written as {', '.join(self.SUFFIXES)}")
+        try:
+            writers[path.suffix.lower()](self._frame, path)
+        except (ValueError, TypeError, OSError) as error:
+            raise DataError(f"{path} cannot be written: {error}") from error
+        ctx.progress(1.0)
+
+    def records(self) -> list[dict[str, Any]]:
+        """The rows as plain Python values, None where a value is missing."""
+        frame = self._frame.astype(object)
+        rows = frame.where(frame.notna(), None).to_dict("records")
+        return [{str(name): value for name, value in row.items()} for row in rows]
+
+    def text(self) -> str:
+        """The table as aligned plain text: numbers to the right, "-" if missing."""
+        columns = [_aligned(str(name), column) for name, column in self._frame.items()]
+        return "\n".join("  ".join(cells).rstrip() for cells in zip(*columns, strict=True))
+
+
+def need_pyarrow() -> None:
+    """Make sure that Parquet can be read and written.
+
+    Raises
+    ------
+    DataError
+        The optional package pyarrow is not installed; says how to get it.
+    """
+    if find_spec("pyarrow") is None:
+        raise DataError("Parquet needs pyarrow: pip install lidar-toolbox[parquet]")
+
+
+def _plain(frame: pd.DataFrame) -> pd.DataFrame:
+    """Columns as numpy types, but for whole numbers and yes/no with missing values."""
+    return pd.DataFrame({name: _plain_column(column) for name, column in frame.items()})
+
+
+def _plain_column(column: pd.Series[Any]) -> pd.Series[Any]:
+    if pd.api.types.is_float_dtype(column):
+        return column.astype("float64")
+    if column.hasnans or not isinstance(column.dtype, (pd.Int64Dtype, pd.BooleanDtype)):
+        return column
+    return column.astype("int64" if isinstance(column.dtype, pd.Int64Dtype) else "bool")
+
+
+def _read_csv(path: Path) -> pd.DataFrame:
+    return pd.read_csv(path, dtype_backend="numpy_nullable", keep_default_na=False, na_values=[""])
+
+
+def _read_json(path: Path) -> pd.DataFrame:
+    rows = json.loads(path.read_text(encoding="utf-8"))
+    if not (isinstance(rows, list) and all(isinstance(row, dict) for row in rows)):
+        raise ValueError("a list of records is needed: [{...}, {...}]")
+    return Table.from_rows(rows).frame
+
+
+def _read_parquet(path: Path) -> pd.DataFrame:
+    need_pyarrow()
+    return pd.read_parquet(path, dtype_backend="numpy_nullable")
+
+
+def _write_csv(frame: pd.DataFrame, path: Path) -> None:
+    frame.to_csv(path, index=False, lineterminator="\n")
+
+
+def _write_json(frame: pd.DataFrame, path: Path) -> None:
+    """One record per line; pandas' own writer cuts floats to 15 digits."""
+    lines = [json.dumps(row, ensure_ascii=False, allow_nan=False) for row in Table(frame).records()]
+    path.write_text("[\n" + ",\n".join(lines) + "\n]\n", encoding="utf-8")
+
+
+def _write_parquet(frame: pd.DataFrame, path: Path) -> None:
+    need_pyarrow()
+    frame.to_parquet(path, index=False)
+
+
+def _aligned(name: str, column: pd.Series[Any]) -> list[str]:
+    """A header and one text per row, all of one width."""
+    cells = [name, *("-" if pd.isna(value) else _cell(value) for value in column)]
+    width = max(len(cell) for cell in cells)
+    number = pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
+    return [cell.rjust(width) if number else cell.ljust(width) for cell in cells]
+
+
+def _cell(value: object) -> str:
+    """Six digits of a small number, millimetres of a coordinate."""
+    if not isinstance(value, float):
+        return str(value)
+    if 1000 <= abs(value) < 1e15:
+        return f"{value:.3f}".rstrip("0").rstrip(".")
+    return f"{value:.6g}"

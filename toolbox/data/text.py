@@ -1,0 +1,412 @@
+"""Points in text files: one line per point, with or without a line of names."""
+
+from __future__ import annotations
+
+import gzip
+import re
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import IO, Any, Protocol
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from toolbox.context import QUIET, Context
+from toolbox.data.las_header import fields
+from toolbox.errors import DataError
+
+_BLOCK = 250_000  # lines between two reports of progress
+_COMMENTS = ("#", "//")
+_SEPARATORS = ("\t", ";", ",", None)  # None: blanks, as in str.split
+_ALIASES = {
+    "x": "x xcoordinate xcoord easting east",
+    "y": "y ycoordinate ycoord northing north",
+    "z": "z zcoordinate zcoord elevation height altitude",
+    "intensity": "intensity i scalarintensity",
+    "return_number": "returnnumber returnno returnnr scalarreturnnumber",
+    "number_of_returns": "numberofreturns numreturns nreturns scalarnumberofreturns",
+    "classification": "classification class scalarclassification",
+    "scan_direction_flag": "scandirectionflag scalarscandirectionflag",
+    "edge_of_flight_line": "edgeofflightline scalaredgeofflightline",
+    "scan_angle_rank": "scananglerank scalarscananglerank",
+    "scan_angle": "scanangle",
+    "user_data": "userdata scalaruserdata",
+    "point_source_id": "pointsourceid pointsource scalarpointsourceid",
+    "scanner_channel": "scannerchannel scanchannel",
+    "gps_time": "gpstime time scalargpstime",
+    "red": "red r",
+    "green": "green g",
+    "blue": "blue b",
+    "nir": "nir infrared nearinfrared",
+    "synthetic": "synthetic",
+    "key_point": "keypoint",
+    "withheld": "withheld",
+    "overlap": "overlap",
+}
+_NAMES = {alias: name for name, aliases in _ALIASES.items() for alias in aliases.split()}
+_PTS = {4: "i", 6: "rgb", 7: "irgb"}  # what a .pts line holds after x y z
+_FIELDS = {name: kind for number in (3, 8) for name, kind in fields(number).items()}
+_FLOAT = re.compile(r"[-+]?\d+,\d+")
+_ERRORS = (ValueError, OverflowError, EOFError, zlib.error, gzip.BadGzipFile)
+
+
+class Points(Protocol):
+    """What is written: a point cloud."""
+
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def decimals(self) -> tuple[int | None, int | None, int | None]: ...
+    @property
+    def xyz(self) -> NDArray[np.float64]: ...
+    def __getitem__(self, name: str) -> NDArray[Any]: ...
+
+
+@dataclass(frozen=True)
+class _Table:
+    """How the lines of a file are to be read.
+
+    Parameters
+    ----------
+    names : of the columns
+    separator : None for blanks
+    skip : number of lines before the first point
+    comment : the character that begins a comment
+    count : number of points that the file promises, or None
+    empty : whether there is no point
+    """
+
+    names: list[str]
+    separator: str | None
+    skip: int = 0
+    comment: str = "#"
+    count: int | None = None
+    empty: bool = False
+
+
+def standard_names(texts: Sequence[str]) -> list[str]:
+    """The LAS names of columns or properties: "Easting" is x, "ReturnNumber" return_number.
+
+    Case, blanks, underscores and a unit in brackets make no difference. A name that is not known
+    is kept, and so is a second one for the same, such as "height" beside "z".
+    """
+    plain = [re.sub(r"[\[(].*|[^a-z0-9]", "", text.lower()) for text in texts]
+    names = [_NAMES.get(word, text) for word, text in zip(plain, texts, strict=True)]
+    exact = {name for word, name in zip(plain, names, strict=True) if word == _plain(name)}
+    taken: set[str] = set()
+    for place, (word, text) in enumerate(zip(plain, texts, strict=True)):
+        name = names[place]
+        if word != _plain(name) and (name in exact or name in taken):
+            names[place] = text
+        taken.add(names[place])
+    return names
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", "")
+
+
+def read_text(
+    path: Path,
+    *,
+    columns: Sequence[str] | None = None,
+    separator: str | None = None,
+    ctx: Context = QUIET,
+) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
+    """Read points from lines of numbers.
+
+    Comments begin with # or //. The first line may hold names, also as a comment; without names
+    the first three columns are x, y and z, and the others column4, column5, ... A .pts file may
+    begin with the number of its points. Whole numbers become integers.
+
+    Parameters
+    ----------
+    path : of an existing file; .gz is unpacked
+    columns : names of all columns, with x, y and z among them; instead of those in the file
+    separator : one character; tab, semicolon, comma or blanks are found out
+
+    Returns
+    -------
+    xyz : of shape (n, 3)
+    attributes : the other columns
+
+    Raises
+    ------
+    DataError
+        Names the line where the file is not such a table.
+    """
+    if separator is not None and len(separator) != 1:
+        raise DataError(f"{path}: the separator must be one character, got {separator!r}")
+    separator = None if separator == " " else separator  # blanks are found out
+    try:
+        table = _table(path, columns, separator)
+        frame = _read(path, table, ctx)
+    except DataError:
+        raise
+    except _ERRORS as error:
+        raise DataError(f"{path} is not a text file of points: {error}") from error
+    if table.count not in (None, len(frame)):
+        raise DataError(f"{path} promises {table.count} points, and {len(frame)} are there")
+    xyz = frame[["x", "y", "z"]].to_numpy(np.float64)
+    others = [name for name in table.names if name not in ("x", "y", "z")]
+    return xyz, {name: _compact(name, frame[name].to_numpy()) for name in others}
+
+
+@contextmanager
+def _text(path: Path) -> Iterator[IO[str]]:
+    opener: Any = gzip.open if path.suffix.lower() == ".gz" else open
+    with opener(path, "rt", encoding="utf-8-sig") as lines:
+        yield lines
+
+
+def _table(path: Path, columns: Sequence[str] | None, separator: str | None) -> _Table:
+    """Find the names, the separator and the first line with numbers."""
+    comment, count = "", None
+    content: list[tuple[int, str]] = []  # the first two lines that are not comments
+    with _text(path) as lines:
+        for number, line in enumerate(lines):
+            text = line.strip()
+            if number == 0 and text.isdecimal() and _suffix(path) == ".pts":
+                count = int(text)
+            elif text.startswith(_COMMENTS):
+                comment = text if not content else comment
+            elif text:
+                content.append((number, text))
+            if len(content) == 2:
+                break
+    if not content and count != 0:
+        raise DataError(f"{path} holds no points")
+    if content and content[0][1].lower().startswith("ncols"):
+        raise DataError(f"{path} is a raster (ESRI ASCII grid), not a file of points")
+    table = _begin(path, content, comment, separator)
+    if columns:
+        table = replace(table, names=standard_names(columns))
+    elif not table.names:
+        table = replace(table, names=_default_names(path, table, comment, content))
+    _check_names(path, table, content)
+    return replace(table, comment="/" if comment.startswith("//") else "#", count=count)
+
+
+def _begin(
+    path: Path, content: list[tuple[int, str]], comment: str, separator: str | None
+) -> _Table:
+    """Tell names from numbers; names stay empty where there is no line of them."""
+    for place, (number, text) in enumerate(content):
+        found = _separator(text, separator)
+        if found is None:
+            continue
+        names = _cells(content[0][1], found[0]) if place == 1 else []
+        return _Table(standard_names(names), found[0], number)
+    if len(content) == 1 and not any(_is_number(cell) for cell in _split(content[0][1])):
+        names = _split(content[0][1], separator)  # a line of names without points
+        return _Table(standard_names(names), separator, empty=True)
+    if not content:
+        return _Table(["x", "y", "z"], separator, empty=True)
+    number, text = content[-1]
+    hint = ""
+    if any(_FLOAT.fullmatch(cell) for cell in re.split(r"[;\s]+", text)):
+        hint = "; decimals must have a point, not a comma"
+    raise DataError(f"{path}, line {number + 1}: {text[:60]!r} is not a line of numbers{hint}")
+
+
+def _separator(text: str, separator: str | None) -> tuple[str | None] | None:
+    """The separator that makes three numbers or more of a line, in a tuple; None if none does."""
+    for candidate in (separator,) if separator else _SEPARATORS:
+        cells = _cells(text, candidate)
+        if len(cells) >= 3 and all(_is_number(cell) for cell in cells):
+            return (candidate,)
+    return None
+
+
+def _cells(text: str, separator: str | None) -> list[str]:
+    return [cell.strip().strip("\"'") for cell in text.split(separator)]
+
+
+def _split(text: str, separator: str | None = None) -> list[str]:
+    """Cells of a line of names, whatever separates them."""
+    return _cells(text, separator) if separator else re.split(r"\s*[,;\t]\s*|\s+", text.strip())
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell
+
+
+def _default_names(
+    path: Path, table: _Table, comment: str, content: list[tuple[int, str]]
+) -> list[str]:
+    """Names from the comment before the points, if it has them, or by position."""
+    width = len(_cells(content[0][1], table.separator))
+    named = standard_names(_split(comment.lstrip("#/ ")))
+    if len(named) == width and {"x", "y", "z"} <= set(named):
+        return named
+    others = [f"column{number}" for number in range(4, width + 1)]
+    if _suffix(path) == ".pts" and width in _PTS:
+        others = standard_names(list(_PTS[width]))
+    return ["x", "y", "z", *others]
+
+
+def _check_names(path: Path, table: _Table, content: list[tuple[int, str]]) -> None:
+    names = table.names
+    if missing := [name for name in "xyz" if name not in names]:
+        raise DataError(
+            f"{path} has no column {', '.join(missing)}, only {', '.join(names)}; "
+            "name all columns, e.g. columns=x,y,z,label"
+        )
+    if len(set(names)) < len(names):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        raise DataError(f"{path} has several columns {', '.join(twice)}")
+    width = len(names) if table.empty else len(_cells(content[-1][1], table.separator))
+    if width != len(names):
+        raise DataError(
+            f"{path}, line {table.skip + 1}: {width} values for the {len(names)} columns "
+            f"{', '.join(names)}"
+        )
+
+
+def _suffix(path: Path) -> str:
+    return Path(path.name.lower().removesuffix(".gz")).suffix
+
+
+def _read(path: Path, table: _Table, ctx: Context) -> pd.DataFrame:
+    if table.empty:
+        return pd.DataFrame({name: np.empty(0) for name in table.names})
+    done, parts = 0, []
+    try:
+        for part in pd.read_csv(
+            path,
+            sep=table.separator or r"\s+",
+            header=None,
+            skiprows=table.skip,
+            comment=table.comment,
+            skipinitialspace=True,
+            keep_default_na=False,
+            na_values=["nan", "NaN", "NAN"],
+            float_precision="round_trip",
+            low_memory=False,
+            chunksize=_BLOCK,
+            encoding="utf-8-sig",
+        ):
+            ctx.progress(1 - 1 / (1 + done / 1e7))  # the number of lines is not known
+            _check_part(part, len(table.names))
+            parts.append(part)
+            done += len(part)
+    except ValueError:
+        _explain(path, table)
+        raise
+    frame = pd.concat(parts, ignore_index=True)
+    frame.columns = pd.Index(table.names)
+    coordinates = frame[["x", "y", "z"]].to_numpy(float)
+    if not np.isfinite(coordinates).all() or frame.isna().to_numpy().any():
+        _explain(path, table)
+    return frame
+
+
+def _check_part(part: pd.DataFrame, width: int) -> None:
+    if part.shape[1] != width or any(dtype.kind not in "iuf" for dtype in part.dtypes):
+        raise ValueError("some lines are not numbers")
+
+
+def _explain(path: Path, table: _Table) -> None:
+    """Raise for the first line that is not as it should be; NaN is allowed in attributes."""
+    with _text(path) as lines:
+        for number, line in enumerate(lines):
+            text = line.split(table.comment)[0].strip()
+            if number < table.skip or not text:
+                continue
+            cells = _cells(text, table.separator)
+            if len(cells) != len(table.names):
+                raise DataError(
+                    f"{path}, line {number + 1}: {len(cells)} values instead of {len(table.names)}"
+                )
+            for name, cell in zip(table.names, cells, strict=True):
+                _check_cell(f"{path}, line {number + 1}", name, cell)
+
+
+def _check_cell(where: str, name: str, cell: str) -> None:
+    if not _is_number(cell):
+        hint = "; decimals must have a point" if _FLOAT.fullmatch(cell) else ""
+        raise DataError(f"{where}: {name} is {cell!r}, which is not a number{hint}")
+    if name in ("x", "y", "z") and not np.isfinite(float(cell)):
+        raise DataError(f"{where}: {name} is {cell}")
+
+
+def _compact(name: str, values: NDArray[Any]) -> NDArray[Any]:
+    """Whole numbers as integers: of the LAS type if there is one, or of 32 bits if they fit."""
+    wanted = np.dtype(_FIELDS.get(name, np.int32))
+    if wanted.kind == "f":
+        return values.astype(np.float64)
+    if values.dtype.kind == "f":
+        if not (np.isfinite(values) & (np.abs(values) < 2**53) & (values == np.rint(values))).all():
+            return values
+        values = values.astype(np.int64)
+    limits = np.iinfo(wanted)
+    fits = len(values) == 0 or (values.min() >= limits.min and values.max() <= limits.max)
+    return values.astype(wanted) if fits else values
+
+
+def write_text(path: Path, cloud: Points, *, ctx: Context = QUIET) -> None:
+    """Write a line of names and a line per point.
+
+    Coordinates have the decimals that their LAS scale needs; other numbers the fewest digits that
+    give the same number back. Commas separate the columns of .csv, blanks those of other files.
+
+    Raises
+    ------
+    DataError
+        The name of an attribute cannot be the name of a column.
+    """
+    separator = "," if _suffix(path) == ".csv" else " "
+    columns = dict(_named_columns(cloud))
+    for name in columns:
+        if not re.fullmatch(r"[^\t\n\r,;#\"'/]+", name) or _is_number(name):
+            raise DataError(f"{path}: {name!r} cannot be the name of a column; rename it")
+        if separator in name:
+            raise DataError(f"{path}: {name!r} has a blank, which separates columns; write .csv")
+    forms = ["%r" if count is None else f"%.{count}f" for count in cloud.decimals]
+    form = separator.join([*forms, *("%s" for _ in columns)]) + "\n"
+    with _sink(path) as sink:
+        sink.write((separator.join(["x", "y", "z", *columns]) + "\n").encode())
+        xyz = cloud.xyz
+        for start in range(0, len(xyz), _BLOCK):
+            ctx.progress(start / len(xyz))
+            block = slice(start, start + _BLOCK)
+            cells = [
+                *xyz[block].T.tolist(),
+                *(_texts(values[block]) for values in columns.values()),
+            ]
+            sink.write("".join([form % row for row in zip(*cells, strict=True)]).encode())
+
+
+def _named_columns(cloud: Points) -> Iterator[tuple[str, NDArray[Any]]]:
+    for name in cloud.names:
+        values = cloud[name]
+        if values.ndim == 1:
+            yield name, values
+        else:
+            yield from ((f"{name}_{k + 1}", values[:, k]) for k in range(values.shape[1]))
+
+
+def _texts(values: NDArray[Any]) -> list[Any]:
+    """Python numbers whose text is as short as possible."""
+    if values.dtype == np.float32:
+        return [str(value) for value in values]
+    return list((values.view("u1") if values.dtype.kind == "b" else values).tolist())
+
+
+@contextmanager
+def _sink(path: Path) -> Iterator[IO[bytes]]:
+    with path.open("wb") as file:
+        if path.suffix.lower() != ".gz":
+            yield file
+            return
+        # without name and time, so that the same points give the same file
+        with gzip.GzipFile(filename="", mode="wb", fileobj=file, mtime=0) as packed:
+            yield packed  # type: ignore[misc]

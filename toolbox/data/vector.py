@@ -1,0 +1,268 @@
+"""Vector layers: points, lines and polygons with attributes."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pyproj import CRS
+
+from toolbox.context import QUIET, Context
+from toolbox.data.crs import (
+    LOCAL,
+    describe_crs,
+    horizontal_part,
+    metres_per_unit,
+    same_crs,
+    vertical_unit,
+)
+from toolbox.data.table import need_pyarrow
+from toolbox.errors import DataError
+
+if TYPE_CHECKING:
+    import geopandas
+
+log = logging.getLogger("toolbox")
+
+_DRIVERS = {
+    ".gpkg": "GPKG",
+    ".geojson": "GeoJSON",
+    ".fgb": "FlatGeobuf",
+    ".shp": "ESRI Shapefile",
+    ".kml": "LIBKML",
+}
+_WGS84 = CRS.from_epsg(4326)
+
+
+class Vector:
+    """Features with a geometry, all in one CRS.
+
+    Parameters
+    ----------
+    frame : the features; the layer keeps its own copy
+    name : of the file, for messages
+    geometry_type : of an empty layer, which cannot show it: "Point", "Polygon Z", ...
+    """
+
+    SUFFIXES: ClassVar[tuple[str, ...]] = (*_DRIVERS, ".parquet")
+
+    def __init__(
+        self, frame: geopandas.GeoDataFrame, *, name: str = "", geometry_type: str = "Unknown"
+    ) -> None:
+        self._frame, self.name = frame.reset_index(drop=True), name
+        self.geometry_type = geometry_type
+
+    @property
+    def frame(self) -> geopandas.GeoDataFrame:
+        """The features, as a copy that may be changed (made when it is)."""
+        return self._frame.copy(deep=False)
+
+    @property
+    def crs(self) -> CRS | None:
+        """None if not known."""
+        found: CRS | None = self._frame.crs
+        return found
+
+    @property
+    def metre(self) -> float:
+        """Length of one metre in the unit of the coordinates; 1.0 without a CRS."""
+        return 1 / metres_per_unit(self.crs)
+
+    def __len__(self) -> int:
+        return len(self._frame)
+
+    @classmethod
+    def open(cls, path: str | Path, *, layer: str | None = None, ctx: Context = QUIET) -> Vector:
+        """Read one layer of a GeoPackage, GeoJSON, FlatGeobuf, Shapefile, KML, GML, GeoParquet...
+
+        Parameters
+        ----------
+        path : of any format that GDAL reads, or GeoParquet
+        layer : may be left out where the file has one
+        ctx : where to report progress
+
+        Raises
+        ------
+        DataError
+            The file is missing or unreadable, has no geometry, or has several layers and none
+            was named.
+        """
+        path = Path(path)
+        if not path.exists():
+            raise DataError(f"{path}: no such file")
+        with _errors_named(f"{path} cannot be read as a vector layer"):
+            if path.suffix.lower() == ".parquet":
+                vector = cls(_read_parquet(path), name=path.name)
+            else:
+                vector = _read(path, layer)
+        ctx.progress(1.0)
+        return vector
+
+    def save(self, path: str | Path, *, layer: str | None = None, ctx: Context = QUIET) -> None:
+        """Write the layer; the suffix chooses the format.
+
+        GeoPackage is written in version 1.3, which older QGIS reads too. GeoJSON keeps the CRS of
+        the layer in its "crs" member, as GDAL does, although RFC 7946 knows WGS 84 alone; an
+        empty one keeps no columns. FlatGeobuf sorts its features in space. KML is always in
+        WGS 84, so that a layer is transformed to it.
+
+        Parameters
+        ----------
+        path : ends in .gpkg, .geojson, .fgb, .parquet, .shp or .kml
+        layer : name of the layer in the file; the stem of the file name unless given
+        ctx : where to report progress
+
+        Raises
+        ------
+        DataError
+            The suffix is another, the format cannot hold the layer (its CRS, the length of a
+            name, a mixture of geometry types, a value), or the file cannot be written.
+        """
+        path = Path(path)
+        suffix = path.suffix.lower()
+        if suffix not in self.SUFFIXES:
+            raise DataError(f"{path}: vector layers are written as {', '.join(self.SUFFIXES)}")
+        frame = self.frame
+        if self.crs is not None and same_crs(self.crs, LOCAL):
+            frame = frame.set_crs(None, allow_override=True)
+        if suffix == ".shp":
+            _check_names(frame, path)
+        if suffix == ".kml":
+            frame = _for_kml(frame, path)
+        with _errors_named(f"{path} cannot be written"):
+            path.unlink(missing_ok=True)  # or GDAL would add a layer to what is there
+            if suffix == ".parquet":
+                need_pyarrow()
+                frame.to_parquet(path)
+            else:
+                _write(frame, path, layer or path.stem, self.geometry_type)
+                _check_crs(frame.crs, path)
+        ctx.progress(1.0)
+
+    def with_crs(self, crs: CRS | None) -> Vector:
+        """The same features, said to be in another CRS; nothing is transformed."""
+        frame = self._frame.set_crs(crs, allow_override=True)
+        return Vector(frame, name=self.name, geometry_type=self.geometry_type)
+
+
+@contextmanager
+def _errors_named(text: str) -> Iterator[None]:
+    """Turn what the libraries raise into a DataError that begins with the text."""
+    from pyogrio import errors
+    from shapely.errors import ShapelyError
+
+    try:
+        yield
+    except DataError:
+        raise
+    except (
+        errors.DataSourceError,
+        errors.DataLayerError,
+        errors.CRSError,
+        errors.FeatureError,
+        errors.FieldError,
+        errors.GeometryError,
+        ShapelyError,
+        OSError,
+        ValueError,
+    ) as error:
+        raise DataError(f"{text}: {error}") from error
+
+
+@contextmanager
+def _warnings_logged(name: str) -> Iterator[None]:
+    """Log what GDAL has to say about a file, e.g. that M values are left out."""
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        yield
+    for warning in heard:
+        log.warning("%s: %s", name, warning.message)
+
+
+def _read(path: Path, layer: str | None) -> Vector:
+    import pyogrio
+
+    with _warnings_logged(path.name):
+        name = _choose(path, layer)
+        frame = pyogrio.read_dataframe(path, layer=name)
+        info = pyogrio.read_info(path, layer=name)
+    return Vector(frame, name=path.name, geometry_type=info["geometry_type"])
+
+
+def _choose(path: Path, layer: str | None) -> str:
+    """The name of the layer to read: the one asked for, or the only one with a geometry."""
+    import pyogrio
+
+    names = [str(name) for name, geometry in pyogrio.list_layers(path) if geometry]
+    if layer is not None and layer not in names:
+        raise DataError(f"{path} has no vector layer {layer!r}, only {', '.join(names) or 'none'}")
+    if layer is None and len(names) != 1:
+        listed = f"; name one: {', '.join(names)}" if names else ""
+        raise DataError(f"{path} has {len(names)} vector layers{listed}")
+    return layer or names[0]
+
+
+def _read_parquet(path: Path) -> geopandas.GeoDataFrame:
+    import geopandas
+
+    need_pyarrow()
+    return geopandas.read_parquet(path)
+
+
+def _write(frame: geopandas.GeoDataFrame, path: Path, layer: str, geometry_type: str) -> None:
+    import pyogrio
+
+    suffix = path.suffix.lower()
+    options: dict[str, Any] = {"dataset_options": {"VERSION": "1.3"}} if suffix == ".gpkg" else {}
+    if suffix == ".shp":
+        options["encoding"] = "UTF-8"
+    if frame.empty:
+        options["geometry_type"] = geometry_type
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        warnings.filterwarnings("ignore", "'crs' was not provided")  # plain coordinates
+        pyogrio.write_dataframe(frame, path, layer=layer, driver=_DRIVERS[suffix], **options)
+    if heard:  # GDAL only warns where a format cuts a value; we do not leave such a file
+        path.unlink()
+        raise DataError(f"{path} cannot hold the layer: {heard[0].message}")
+
+
+def _check_crs(crs: CRS | None, path: Path) -> None:
+    """Read the CRS back, since some formats leave out what they cannot hold."""
+    import pyogrio
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # an empty Shapefile with heights counts as measured (M)
+        text = pyogrio.read_info(path)["crs"]
+    found = CRS.from_user_input(text) if text else None
+    if not same_crs(crs, found):
+        path.unlink()
+        raise DataError(
+            f"{path} cannot hold the CRS of the layer ({describe_crs(crs)}) and would claim "
+            f"{describe_crs(found)}; write a GeoPackage (.gpkg)"
+        )
+
+
+def _check_names(frame: geopandas.GeoDataFrame, path: Path) -> None:
+    """Shapefiles hold ten characters of a name, and GDAL would cut the rest."""
+    long = [name for name in frame.columns.drop(frame.geometry.name) if len(name.encode()) > 10]
+    if long:
+        raise DataError(
+            f"{path}: a Shapefile holds field names of at most 10 characters, not "
+            f"{', '.join(long)}; rename them or write a GeoPackage (.gpkg)"
+        )
+
+
+def _for_kml(frame: geopandas.GeoDataFrame, path: Path) -> geopandas.GeoDataFrame:
+    """In longitude and latitude, with the heights as they are."""
+    if frame.crs is None:
+        raise DataError(f"{path}: KML is in WGS 84, and the layer has no CRS to transform it from")
+    if frame.has_z.any() and vertical_unit(frame.crs) not in ("metre", ""):
+        unit = vertical_unit(frame.crs)
+        raise DataError(f"{path}: KML heights are in metres, and those of the layer in {unit}")
+    plane = frame.set_crs(horizontal_part(frame.crs), allow_override=True)
+    return plane.to_crs(_WGS84)

@@ -51,7 +51,7 @@ try:
     main(["run", "ground.csf", "--help"])
 except SystemExit:
     pass
-sys.exit(", ".join(name for name in {HEAVY!r} if name in sys.modules))
+sys.exit(", ".join(name for name in {HEAVY!r} if name in sys.modules) or 0)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stderr == ""

@@ -42,6 +42,8 @@ def _other(said: list[str]) -> int:
     console = Console(as_json=args.json)
     try:
         verb(args, console)
+    except BrokenPipeError:
+        raise
     except Exception as err:  # noqa: BLE001  the outermost edge: every error becomes an exit code
         return console.error(err)
     return 0
@@ -108,6 +110,8 @@ def _run(said: list[str]) -> int:
         pipe, params = _params(general)
         outputs = _execute(described["id"], params | values, general, console, pipe)
         console.result(described, outputs)
+    except BrokenPipeError:
+        raise
     except Exception as err:  # noqa: BLE001  the outermost edge: every error becomes an exit code
         return console.error(err)
     return 0

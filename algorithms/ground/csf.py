@@ -89,10 +89,10 @@ class GroundCsf:
     """Classify ground with a cloth that falls on the points turned upside down.
 
     Ground becomes class 2, all else class 1. Choose `rigidness` by terrain: 3 flat, 2 gentle
-    slopes with buildings, 1 steep slopes. On flat ground without banks or ditches, switch
-    `smooth_slopes` off: it also lets the cloth climb low objects beside the ground. With the
-    defaults the cloth sags onto halls wider than some 30 m; a smaller `time_step` spans wider
-    ones. The cloth covers gaps and can serve as a first terrain model.
+    slopes with buildings, 1 steep slopes. Turn on `smooth_slopes` where banks and ditches lose
+    points; it also lets the cloth climb low roofs, so leave it off among large buildings on flat
+    ground. With the defaults the cloth sags onto halls wider than some 30 m; a smaller `time_step`
+    spans wider ones. The cloth covers gaps and can serve as a first terrain model.
     """
 
     points: PointCloud = source("Points to classify")
@@ -100,7 +100,7 @@ class GroundCsf:
     rigidness: Literal[1, 2, 3] = param(
         "Stiffness of the cloth: 1 steep slopes, 2 gentle slopes, 3 flat terrain", default=3
     )
-    smooth_slopes: bool = param("Let the cloth down on steep slopes afterwards", default=True)
+    smooth_slopes: bool = param("Let the cloth down on steep slopes afterwards", default=False)
     class_threshold: float = param(
         "Greatest distance of a ground point from the cloth", default=0.5, unit="m", gt=0
     )

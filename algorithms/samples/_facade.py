@@ -299,7 +299,8 @@ def _face_features(house: House, faces: Records) -> Features:
             normal = -normal
         properties = {
             "kind": kind, "plane_id": int(face["plane_id"]), "opening_id": int(face["opening_id"]),
-            "normal": [float(v) for v in normal], "offset": float(normal @ ring[0]),
+            **{f"normal_{axis}": float(v) for axis, v in zip("xyz", normal, strict=True)},
+            "offset": float(normal @ ring[0]),
         }  # fmt: skip
         inner = holes if kind == "wall" else []
         features.append((shapely.Polygon(ring, inner), properties))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from typing import Any
 
@@ -148,7 +149,8 @@ def _water(plan: Plan, zone: NDArray[np.bool_], level: float, body: int) -> Feat
             "level": level, "area": round(shape.area, 2),
         }  # fmt: skip
         if kind == "reservoir":
-            properties["storage"] = _storage(plan.terrain, zone, level)
+            # Text, because few vector formats hold lists.
+            properties["storage"] = json.dumps(_storage(plan.terrain, zone, level))
         features.append((lift(shape, level), properties))
     return features
 

@@ -19,6 +19,7 @@ from toolbox.data.crs import length_problem, metres_per_unit
 from toolbox.errors import ParameterError
 from toolbox.spec import outputs, param, sink, tool
 
+MOST_POINTS = 1e8  # 20 GB while they are made
 KINDS = {"town": town, "corridor": corridor, "reservoir": reservoir, "facade": facade}
 
 
@@ -58,6 +59,9 @@ class SamplesScene:
             yield "crs", problem
         elif metres_per_unit(self.crs) != 1.0:
             yield "crs", f"must be in metres, got {self.crs.name}"
+        wanted = self.density * self.size**2
+        if self.kind in ("town", "reservoir") and wanted > MOST_POINTS:
+            yield "size", f"with this density makes {wanted:.2g} points; at most {MOST_POINTS:.2g}"
 
     def run(self, ctx: Context = QUIET) -> SamplesScene.Outputs:
         """Make the survey and put it into layers."""

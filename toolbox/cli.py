@@ -17,7 +17,7 @@ from typing import IO, Any
 
 from toolbox import __version__, arguments, catalog
 from toolbox.console import Console, Events
-from toolbox.errors import ParameterError
+from toolbox.errors import Cancelled, ParameterError
 from toolbox.stopping import stoppable
 
 
@@ -33,6 +33,8 @@ def main(argv: list[str] | None = None) -> int:
     except BrokenPipeError:  # the reader, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+    except KeyboardInterrupt:  # before or after the part that stops in good order
+        return Cancelled.exit_code
     return code
 
 

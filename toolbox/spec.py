@@ -79,7 +79,8 @@ def tool(id: str) -> Callable[[T], T]:
 
     Inside `run` all lengths are in the unit of the data: a `cell` of 1 m is 3.28 when the
     coordinates are in feet. Lengths that `run` returns are turned back into metres. A constant in
-    the code is brought to the unit of the data with ``self.points.metre``.
+    the code is brought to the unit of the data with ``self.points.metre``. To use what another
+    tool does, call its array function: its class would convert the lengths a second time.
     """
 
     def wrap(cls: T) -> T:

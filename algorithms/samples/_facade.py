@@ -331,7 +331,7 @@ def _station_features(stations: Floats) -> Features:
 
 
 @njit(cache=True, nogil=True)
-def _first_face(  # type: ignore[no-untyped-def]  # noqa: PLR0917 - compiled
+def _first_face(  # type: ignore[no-untyped-def]
     station, directions, luck, faces, everywhere, start, items, openings, first
 ):
     """Distance and face of the nearest hit of each ray; face -1 for the sky and dark rooms."""

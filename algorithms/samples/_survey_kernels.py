@@ -1,5 +1,4 @@
 """Compiled loops of `_survey`: rays against terrain, blocks, crowns and rods."""
-# ruff: noqa: PLR0917 - compiled functions take their arguments by position
 
 from __future__ import annotations
 

@@ -200,7 +200,14 @@ def test_many_returns_lead_to_a_newer_point_format(tmp_path: Path, name: str) ->
 
 @pytest.mark.parametrize(
     ("number", "name", "result_number"),
-    [(0, "gps_time", 1), (1, "red", 3), (3, "nir", 8), (6, "green", 7), (7, "nir", 8), (2, "overlap", 7)],
+    [
+        (0, "gps_time", 1),
+        (1, "red", 3),
+        (3, "nir", 8),
+        (6, "green", 7),
+        (7, "nir", 8),
+        (2, "overlap", 7),
+    ],
 )
 def test_a_standard_attribute_leads_to_the_format_that_has_it(
     tmp_path: Path, number: int, name: str, result_number: int
@@ -474,8 +481,9 @@ def test_real_files_come_back_unchanged(
     before.save(result)
     old, new = laspy.read(path), laspy.read(result)
     assert old.points.array.tobytes() == new.points.array.tobytes()
-    assert path.read_bytes()[: old.header.offset_to_point_data - 300] == (
-        result.read_bytes()[: old.header.offset_to_point_data - 300]
+    assert (
+        path.read_bytes()[: old.header.offset_to_point_data - 300]
+        == (result.read_bytes()[: old.header.offset_to_point_data - 300])
     )  # the LASzip record at the end may differ
     assert len(before._frame.records) == len(PointCloud.open(result)._frame.records)  # type: ignore[union-attr]
     for one, other in zip(

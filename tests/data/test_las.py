@@ -18,6 +18,8 @@ from laspy.vlrs.vlrlist import VLRList
 from toolbox.context import Context
 from toolbox.data import PointCloud, las
 from toolbox.data.crs import LOCAL, parse_crs, same_crs
+from toolbox.data.las_crs import read_crs
+from toolbox.data.las_header import Frame, read_frame
 from toolbox.errors import Cancelled, DataError
 
 COMBINATIONS = [(2, f) for f in range(4)] + [(3, f) for f in range(6)] + [(4, f) for f in range(11)]
@@ -182,6 +184,19 @@ def test_classes_above_31_lead_to_a_newer_point_format(
     assert np.abs(degrees - cloud["scan_angle_rank"]).max() <= 0.003
     for name in set(cloud.names) - {"classification", "scan_angle_rank"}:
         assert np.array_equal(result[name], cloud[name]), name
+
+
+@pytest.mark.parametrize("text", [None, "EPSG:2154+5720"])
+def test_a_newer_point_format_states_the_crs_of_the_file_as_wkt(
+    tmp_path: Path, text: str | None
+) -> None:
+    crs = parse_crs(text) if text else None
+    source, header = saved(opened(tmp_path).with_crs(crs))
+    assert str(header.header.version) == "1.2"
+    result, header = saved(source.with_attributes({"classification": np.full(40, 64)}))
+    assert str(header.header.version) == "1.4"
+    assert len(header.header.vlrs.get("WktCoordinateSystemVlr")) == (1 if text else 0)
+    assert same_crs(result.crs, crs)
 
 
 def test_classes_up_to_31_stay_in_the_old_point_format(tmp_path: Path) -> None:
@@ -426,7 +441,12 @@ def test_a_copc_query_reads_only_what_it_needs(
     path = data("copc/simple.copc.laz")
     read: list[int] = []
     plain = las._bytes
-    monkeypatch.setattr(las, "_bytes", lambda s, c, f: read.append(c.points) or plain(s, c, f))
+
+    def counted(stream: Any, chunk: Any, frame: Frame) -> bytes:
+        read.append(chunk.points)
+        return plain(stream, chunk, frame)
+
+    monkeypatch.setattr(las, "_bytes", counted)
     whole = PointCloud.open(path)
     x, y = whole.xyz[:, 0], whole.xyz[:, 1]
     box = (x.min(), y.min(), np.median(x), np.median(y))
@@ -508,7 +528,7 @@ def test_real_files_come_back_unchanged(
 def test_the_crs_of_real_files(data: Callable[[str], Path], name: str, code: str) -> None:
     path = data(name)
     with path.open("rb") as stream:
-        frame = las.read_frame(stream, path.stat().st_size, lambda text: None)
-    crs = las.read_crs(frame.records, wkt=bool(frame.header.encoding & 16), name=name)
+        frame = read_frame(stream, path.stat().st_size, lambda text: None)
+    crs = read_crs(frame.records, wkt=bool(frame.header.encoding & 16), name=name)
     assert crs is not None
     assert crs.to_authority() == tuple(code.split(":")) or same_crs(crs, parse_crs(code))

@@ -10,12 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import laspy
+import lazrs  # type: ignore[import-untyped]
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from toolbox.data import PointCloud
+from toolbox.data import PointCloud, las
 from toolbox.errors import DataError
 
 
@@ -80,6 +81,10 @@ BROKEN = {
     "LAZ no chunked": (patched(LAZ, LASZIP, "<H", 1), "in the way 1"),
     "LAZ items": (patched(LAZ, LASZIP + 32, "<H", 9), "ends before its 9 items"),
     "LAZ item size": (patched(LAZ, LASZIP + 36, "<H", 21), "but compressed ones of 29"),
+    "LAZ layer": (
+        patched(LAZ14, start_of_points(LAZ14) + 8 + 36 + 4, "<I", 2**31),
+        "chunk of points at byte .* is incomplete",
+    ),
     "LAZ dense": (
         patched(patched(LAZ14, 247, "<Q", 10**9), LAZ14.index(b"laszip enc") + 64, "<I", 2**31),
         "claims 1000000000 points in",
@@ -95,6 +100,16 @@ def test_what_is_wrong_is_said(tmp_path: Path, what: str) -> None:
     with pytest.raises(DataError, match=message) as caught:
         PointCloud.open(path)
     assert str(caught.value).startswith(str(path))
+
+
+def test_a_panic_of_the_decompressor_is_an_error(capfd: pytest.CaptureFixture[str]) -> None:
+    """It is not even an Exception in Python."""
+    laszip = LAZ[LASZIP : LASZIP + 34 + 2 * 6]
+    with pytest.raises(DataError, match="damaged"), las._lazrs_errors("damaged"):
+        lazrs.decompress_points_with_chunk_table(b"abc", laszip, np.zeros(28, "u1"), [(1, 99)])
+    capfd.readouterr()  # Rust prints its own account
+    with pytest.raises(KeyboardInterrupt), las._lazrs_errors("damaged"):
+        raise KeyboardInterrupt
 
 
 def test_missing_empty_and_wrong_files(tmp_path: Path) -> None:
@@ -117,6 +132,7 @@ def test_missing_empty_and_wrong_files(tmp_path: Path) -> None:
 
 HARMLESS = {
     "VLR count": (patched(LAS, 100, "<I", 2**32 - 1), "promises 4294967295 variable length"),
+    "VLR length": (patched(LAS, 227 + 20, "<H", 60_000), "promises 1 variable length records, but"),
     "box": (patched(LAS, 179, "<6d", -5, 5, NAN, NAN, INF, -INF), "bounding box"),
     "legacy count": (patched(LAS14, 107, "<I", 7), "7 in the field for older readers"),
     "too many records": (LAS + bytes(100), "room for 3 points more"),

@@ -339,7 +339,7 @@ def write_las(
         raise DataError(f"{path}: LAS 1.{header.minor} holds fewer than 2^32 points")
     if compress and _mixes_waveforms(frame, record):
         raise DataError(f"{path}: {_MIXED}; write .las")
-    vlrs = frame.vlrs
+    vlrs, laszip = frame.vlrs, None
     if compress:
         extra = header.record_length - Layout(frame.layout.point_format).dtype.itemsize
         laszip = lazrs.LazVlr.new_for_compression(frame.layout.point_format, extra)
@@ -350,17 +350,7 @@ def write_las(
             stream.write(vlr.head + vlr.data)
         stream.write(frame.gap)
         start = stream.tell()
-        sink = lazrs.ParLasZipCompressor(stream, laszip) if compress else None
-        write: Any = stream.write if sink is None else sink.compress_many
-        summary = _Summary()
-        for place in range(0, len(record), _BLOCK):
-            ctx.progress(place / len(record))
-            block = np.ascontiguousarray(record[place : place + _BLOCK])
-            summary.add(frame, block)
-            write(block.view("u1"))
-        if sink is not None:
-            sink.done()
-            stream.seek(0, 2)
+        summary = _write_points(stream, frame, record, laszip, ctx)
         places = [stream.tell()]
         for evlr in frame.evlrs:
             stream.write(evlr.head + evlr.data)
@@ -370,6 +360,24 @@ def write_las(
         fields += _place_fields(frame, places)
         stream.seek(0)
         stream.write(header.patched(*fields, *summary.fields(header)).raw)
+
+
+def _write_points(
+    stream: BinaryIO, frame: Frame, record: NDArray[Any], laszip: Any, ctx: Context
+) -> _Summary:
+    """Write the records at the present place, compressed if laszip is not None."""
+    sink = None if laszip is None else lazrs.ParLasZipCompressor(stream, laszip)
+    write: Any = stream.write if sink is None else sink.compress_many
+    summary = _Summary()
+    for place in range(0, len(record), _BLOCK):
+        ctx.progress(place / len(record))
+        block = np.ascontiguousarray(record[place : place + _BLOCK])
+        summary.add(frame, block)
+        write(block.view("u1"))
+    if sink is not None:
+        sink.done()
+        stream.seek(0, 2)
+    return summary
 
 
 def _place_fields(frame: Frame, places: list[int]) -> list[_Field]:

@@ -7,6 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# Compilation makes the first example slow; in CI a failure must be the fault of the change.
+settings.register_profile("local", deadline=None)
+settings.register_profile("ci", deadline=None, derandomize=True)
+settings.load_profile("ci" if os.environ.get("CI") else "local")
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get("TOOLBOX_TEST_DATA", ROOT.parent / "shared" / "data"))

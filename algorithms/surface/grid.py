@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy.interpolate import CloughTocher2DInterpolator, LinearNDInterpolator
+from scipy.interpolate import CloughTocher2DInterpolator
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from toolbox.context import QUIET, Context, log
@@ -28,7 +29,8 @@ from toolbox.values import Attribute, ClassList
 
 Method = Literal["linear", "idw", "nearest", "cubic"]
 Array = NDArray[np.float64]
-BLOCK = 200_000  # cells between two looks at whether the user cancelled
+BLOCK = 200_000  # cells or triangles between two looks at whether the user cancelled
+EDGE = 1e-9  # cells: a centre this close to an edge lies on it, so that no cell falls between two
 
 
 @tool("surface.grid")
@@ -65,22 +67,24 @@ class SurfaceGrid:
         """Interpolate."""
         xy, values = self._samples()
         lattice = Lattice.cover((*xy.min(axis=0), *xy.max(axis=0)), self.cell)
-        at = interpolator(
-            xy, values, method=self.method, power=self.power, neighbours=self.neighbours
+        ctx.progress(0.1)
+        grid = interpolate(
+            xy,
+            values,
+            lattice,
+            method=self.method,
+            power=self.power,
+            neighbours=self.neighbours,
+            ctx=ctx.part(0.1, 0.9),
         )
-        gap = self.max_gap
-        tree = cKDTree(xy) if gap else None
-        grid = np.empty(lattice.shape)
-        x, y = lattice.centres()
-        rows = max(1, BLOCK // len(x))
-        for top in range(0, len(y), rows):
-            ctx.progress(0.5 + 0.5 * top / len(y))
-            block = slice(top, top + rows)
-            cells = np.column_stack([g.ravel() for g in np.meshgrid(x, y[block])])
-            grid[block] = at(cells).reshape(-1, len(x))
-            if gap and tree:
-                distance, _ = tree.query(cells, distance_upper_bound=gap)
-                grid[block][np.isinf(distance).reshape(-1, len(x))] = np.nan
+        if self.max_gap is not None:
+            tree, gap = cKDTree(xy), self.max_gap
+            near = per_block(
+                lambda cells: np.asarray(tree.query(cells, distance_upper_bound=gap)[0]),
+                lattice,
+                ctx.part(0.9, 1.0),
+            )
+            grid[np.isinf(near)] = np.nan
         unit = vertical_unit(self.points.crs) if self.attribute == "z" and self.points.crs else ""
         surface = Raster.from_lattice(
             grid.astype(np.float32),
@@ -113,21 +117,28 @@ class SurfaceGrid:
         return xy, np.bincount(which.ravel(), values) / count
 
 
-def interpolator(
-    xy: Array, values: Array, *, method: Method, power: float = 2.0, neighbours: int = 12
-) -> Callable[[Array], Array]:
-    """A function that gives values at other places, NaN where the method has none.
+def interpolate(
+    xy: Array,
+    values: Array,
+    lattice: Lattice,
+    *,
+    method: Method,
+    power: float = 2.0,
+    neighbours: int = 12,
+    ctx: Context = QUIET,
+) -> Array:
+    """Values at the centres of cells, NaN where the method has none.
 
     Parameters
     ----------
     xy : array of shape (n, 2), no place twice
     values : array of shape (n,)
+    lattice : the cells
     method, power, neighbours : see :class:`SurfaceGrid`
 
     Returns
     -------
-    callable
-        Takes places as an array of shape (m, 2), gives an array of shape (m,).
+    array of shape (rows, cols)
 
     Raises
     ------
@@ -135,7 +146,7 @@ def interpolator(
         The points do not span a triangle, which linear and cubic need.
     """
     if method in ("nearest", "idw"):
-        return _by_distance(xy, values, power, 1 if method == "nearest" else neighbours)
+        return per_block(by_distance(xy, values, power, neighbours, method), lattice, ctx)
     # Qhull works with absolute numbers: coordinates of millions of metres would cost it digits.
     origin = xy.mean(axis=0)
     try:
@@ -144,16 +155,31 @@ def interpolator(
         raise DataError(
             f"points: {len(xy)} place(s) do not span a triangle, which {method} needs; use nearest"
         ) from err
-    cls: Any = LinearNDInterpolator if method == "linear" else CloughTocher2DInterpolator
-    surface = cls(mesh, values)
-    return lambda places: np.asarray(surface(places - origin))
+    if method == "cubic":
+        smooth = CloughTocher2DInterpolator(mesh, values)
+        return per_block(lambda cells: np.asarray(smooth(cells - origin)), lattice, ctx)
+    return facets(xy, values, mesh.simplices, lattice, ctx)
 
 
-def _by_distance(
-    xy: Array, values: Array, power: float, neighbours: int
+def per_block(at: Callable[[Array], Array], lattice: Lattice, ctx: Context) -> Array:
+    """Ask a function of places of shape (m, 2) for its values at all cell centres."""
+    grid = np.empty(lattice.shape)
+    x, y = lattice.centres()
+    rows = max(1, BLOCK // len(x))
+    for top in range(0, len(y), rows):
+        ctx.progress(top / len(y))
+        block = slice(top, top + rows)
+        cells = np.column_stack([g.ravel() for g in np.meshgrid(x, y[block])])
+        grid[block] = at(cells).reshape(-1, len(x))
+    return grid
+
+
+def by_distance(
+    xy: Array, values: Array, power: float, neighbours: int, method: Method
 ) -> Callable[[Array], Array]:
+    """A function that weights the nearest points with their distance to the power of -power."""
     tree = cKDTree(xy)
-    count = min(neighbours, len(xy))
+    count = 1 if method == "nearest" else min(neighbours, len(xy))
 
     def at(places: Array) -> Array:
         distance, index = (np.asarray(a) for a in tree.query(places, k=range(1, count + 1)))
@@ -163,3 +189,58 @@ def _by_distance(
         return np.asarray((weight * values[index]).sum(axis=1) / weight.sum(axis=1))
 
     return at
+
+
+def facets(
+    xy: Array, values: Array, triangles: NDArray[np.int32], lattice: Lattice, ctx: Context
+) -> Array:
+    """Draw the plane of each triangle of shape (t, 3) into the cells whose centres it covers."""
+    grid = np.full(lattice.shape, np.nan)
+    # In numbers of cells from the first centre, so that all centres are whole numbers.
+    u = (xy[:, 0] - lattice.west) / lattice.cell - 0.5
+    v = (lattice.north - xy[:, 1]) / lattice.cell - 0.5
+    for start in range(0, len(triangles), BLOCK):
+        ctx.progress(start / len(triangles))
+        draw_triangles(u, v, values, triangles[start : start + BLOCK], grid)
+    return grid
+
+
+@njit(cache=True, nogil=True)
+def draw_triangles(u, v, values, triangles, grid):  # type: ignore[no-untyped-def]
+    """Fill rows of cells between the edges of each triangle.
+
+    Along a row each barycentric coordinate is a*col + b, and the triangle is where all three are
+    positive: no cell outside is ever looked at, however long and thin the triangle.
+    """
+    rows, cols = grid.shape
+    for t in range(len(triangles)):
+        i, j, k = triangles[t]
+        area = (u[j] - u[i]) * (v[k] - v[i]) - (u[k] - u[i]) * (v[j] - v[i])
+        if area == 0.0:
+            continue
+        slope_j, slope_k = (v[k] - v[i]) / area, (v[i] - v[j]) / area
+        first = max(0, math.ceil(min(v[i], v[j], v[k]) - EDGE))
+        last = min(rows - 1, math.floor(max(v[i], v[j], v[k]) + EDGE))
+        for row in range(first, last + 1):
+            at_j = ((u[i] - u[k]) * (row - v[i]) - (v[k] - v[i]) * u[i]) / area
+            at_k = ((u[j] - u[i]) * (row - v[i]) + (v[j] - v[i]) * u[i]) / area
+            low, high = 0.0, cols - 1.0
+            low, high = narrowed(low, high, slope_j, at_j)
+            low, high = narrowed(low, high, slope_k, at_k)
+            low, high = narrowed(low, high, -slope_j - slope_k, 1.0 - at_j - at_k)
+            for col in range(math.ceil(low - EDGE), math.floor(high + EDGE) + 1):
+                if 0 <= col < cols:
+                    w_j, w_k = slope_j * col + at_j, slope_k * col + at_k
+                    grid[row, col] = (
+                        (1.0 - w_j - w_k) * values[i] + w_j * values[j] + w_k * values[k]
+                    )
+
+
+@njit(cache=True, nogil=True)
+def narrowed(low, high, slope, at):  # type: ignore[no-untyped-def]
+    """The part of low..high where slope * x + at is not negative."""
+    if slope > 0:
+        return max(low, -at / slope), high
+    if slope < 0:
+        return low, min(high, -at / slope)
+    return (low, high) if at >= -EDGE else (1.0, 0.0)

@@ -8,11 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pyproj import CRS
-from scipy.interpolate import griddata
+from scipy.interpolate import LinearNDInterpolator, griddata
+from scipy.spatial import Delaunay
 
-from algorithms.surface.grid import Method, SurfaceGrid, interpolator
-from toolbox.data import PointCloud, Raster
+from algorithms.surface.grid import Method, SurfaceGrid, facets, interpolate
+from toolbox.context import QUIET
+from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.errors import DataError
 from toolbox.values import Attribute, ClassList
 
@@ -66,8 +70,28 @@ def test_agrees_with_an_independent_calculation(method: Method) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_values_at_the_points_themselves(method: Method) -> None:
-    xy, values = np.random.default_rng(0).uniform(0, 9, (50, 2)), np.arange(50.0)
-    np.testing.assert_allclose(interpolator(xy, values, method=method)(xy), values, atol=1e-9)
+    """Points in the middle of cells: gridded input, where all triangles are doubtful."""
+    lattice = Lattice(0.0, 8.0, 1.0, 8, 9)
+    x, y = (g.ravel() for g in np.meshgrid(*lattice.centres()))
+    values = np.random.default_rng(0).uniform(0, 9, len(x))
+    grid = interpolate(np.column_stack([x, y]), values, lattice, method=method)
+    np.testing.assert_allclose(grid.ravel(), values, atol=1e-9)
+
+
+@given(st.integers(0, 10_000), st.integers(3, 60), st.sampled_from([0.13, 1.0, 4.7]))
+def test_facets_agree_with_scipy(seed: int, count: int, cell: float) -> None:
+    """Drawing triangles gives what looking up each cell's triangle gives, hull edges included."""
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(0, 10, (count, 2)) + np.array([7e5, 6e6])
+    values = rng.normal(size=count)
+    lattice = Lattice.cover((*xy.min(axis=0), *xy.max(axis=0)), cell)
+    mesh = Delaunay(xy - xy.mean(axis=0))
+    cells = np.column_stack([g.ravel() for g in np.meshgrid(*lattice.centres())])
+    expected = LinearNDInterpolator(mesh, values)(cells - xy.mean(axis=0))
+    found = facets(xy, values, mesh.simplices, lattice, QUIET).ravel()
+    hull = np.isnan(expected) | np.isnan(found)  # rounding may decide for a cell on the very hull
+    assert np.sum(np.isnan(expected) != np.isnan(found)) <= 1
+    np.testing.assert_allclose(found[~hull], expected[~hull], atol=1e-7)
 
 
 @pytest.mark.parametrize("cell", [0.5, 0.7, 1.0, 3.0])

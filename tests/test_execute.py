@@ -1,0 +1,163 @@
+"""toolbox.run: paths in, layers or paths out, and every problem in one error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pyproj import CRS
+
+import toolbox
+from toolbox import PointCloud, Raster
+from toolbox.context import QUIET, Context
+from toolbox.errors import Cancelled, DataError, ParameterError
+from toolbox.spec import REGISTRY, outputs, sink, source, tool
+
+
+@tool("testing.together")
+class Together:
+    """Count the points of several clouds."""
+
+    clouds: tuple[PointCloud, ...] = source("Clouds")
+    extra: PointCloud | None = source("One more", default=None)
+
+    @outputs
+    class Outputs:
+        count: int = sink("Number of points", unit="1")
+
+    def halo(self) -> float:
+        return 0.0
+
+    def run(self, ctx: Context = QUIET) -> Together.Outputs:
+        """Count."""
+        return self.Outputs(count=sum(map(len, self.clouds)) + len(self.extra or ()))
+
+
+TOGETHER = REGISTRY.pop("testing.together")
+
+
+@pytest.fixture
+def together(monkeypatch: pytest.MonkeyPatch) -> str:
+    """Make the test's own tool known while a test runs."""
+    monkeypatch.setattr("toolbox.catalog.load", lambda id: TOGETHER)
+    return TOGETHER.id
+
+
+@pytest.fixture
+def text(tmp_path: Path) -> Path:
+    """Five points without names or CRS."""
+    path = tmp_path / "five.txt"
+    np.savetxt(path, np.column_stack([np.eye(5, 3) * 9, np.arange(5)]), fmt="%.2f")
+    return path
+
+
+def cloud(crs: CRS | None = CRS(32635)) -> PointCloud:  # noqa: B008
+    return PointCloud(np.eye(4, 3) * 9, crs=crs, name="four.laz")
+
+
+def test_a_layer_in_and_layers_out() -> None:
+    result = toolbox.run("surface.grid", {"points": cloud(), "method": "nearest", "cell": "3"})
+    assert isinstance(result["surface"], Raster)
+    assert result["surface"].cell == 3
+    assert result["filled_share"] == 1
+
+
+def test_a_path_in_and_a_path_out(text: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.tif"
+    values = {"points": str(text), "method": "nearest", "surface": str(out)}
+    result = toolbox.run("surface.grid", values, assume_crs="EPSG:2154+5720")
+    assert result["surface"] == out
+    assert Raster.open(out).crs == CRS("EPSG:2154+5720")
+
+
+def test_a_source_may_say_how_to_read_it(text: Path) -> None:
+    points = {"path": text, "columns": "x,y,z,intensity", "bounds": [0, 0, 5, 9]}
+    result = toolbox.run("points.filter", {"points": points, "where": "intensity > 0"})
+    assert list(result["kept"]["intensity"]) == [1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ({"path": "FILE", "colums": "x,y,z"}, "no option 'colums' of a source"),
+        ({"columns": "x,y,z"}, "needs a path"),
+        (["FILE", "FILE"], "must be a PointCloud"),
+        (5, "must be a PointCloud"),
+        ("", "there is no file|folder"),
+        ("FOLDER", "folder"),
+    ],
+)
+def test_sources_that_cannot_be_opened(
+    points: Any, message: str, text: Path, tmp_path: Path
+) -> None:
+    if isinstance(points, dict) and "path" in points:
+        points = points | {"path": text}
+    elif isinstance(points, list):
+        points = [text for _ in points]
+    elif points == "FOLDER":
+        points = tmp_path
+    with pytest.raises((ParameterError, DataError), match=message) as caught:
+        toolbox.run("points.info", {"points": points})
+    assert caught.value.problems.keys() == {"points"}
+
+
+def test_several_sources_of_a_kind(together: str, text: Path) -> None:
+    crs = "EPSG:32635"
+    values = {"clouds": [str(text), cloud(), {"path": text}], "extra": text}
+    assert toolbox.run(together, values, assume_crs=crs) == {"count": 19}
+    assert toolbox.run(together, {"clouds": text, "extra": None}) == {"count": 5}
+
+
+def test_several_sources_must_share_their_crs(together: str) -> None:
+    with pytest.raises(DataError, match=r"clouds: .*32636.*32635"):
+        toolbox.run(together, {"clouds": [cloud(), cloud(CRS(32636))]})
+
+
+def test_assumed_crs_does_not_replace_a_known_one(text: Path) -> None:
+    result = toolbox.run("points.filter", {"points": cloud()}, assume_crs="EPSG:2154")
+    assert result["kept"].crs == CRS(32635)
+
+
+def test_all_problems_of_names_values_and_paths_together(tmp_path: Path) -> None:
+    values = {"points": tmp_path / "no.laz", "cell": 0, "celll": 1, "surface": tmp_path / "a.jpg"}
+    with pytest.raises(ParameterError) as caught:
+        toolbox.run("surface.grid", values, picture=tmp_path / "no" / "a.png")
+    assert caught.value.problems.keys() == {"points", "cell", "celll", "surface", "picture"}
+
+
+def test_unknown_tool_is_named() -> None:
+    with pytest.raises(ParameterError, match=r"no tool called 'ground.cfs'; did you mean"):
+        toolbox.run("ground.cfs", {})
+
+
+@pytest.mark.parametrize("after", [0, 1, 2, 3])
+def test_cancelled_run_leaves_nothing(after: int, text: Path, tmp_path: Path) -> None:
+    steps = iter(range(1000))
+    stop = Context(stop=lambda: next(steps) >= after)
+    values = {"points": text, "kept": tmp_path / "out.laz"}
+    with pytest.raises(Cancelled):
+        toolbox.run("points.filter", values, ctx=stop)
+    assert [p.name for p in tmp_path.iterdir()] == ["five.txt"]
+
+
+def test_one_output_that_cannot_be_written_takes_the_others_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any, **__: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Raster, "save", full)
+    values = {"points": cloud(), "classified": tmp_path / "a.laz", "cloth": tmp_path / "b.tif"}
+    with pytest.raises(DataError, match="No space left"):
+        toolbox.run("ground.csf", values)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_progress_rises_over_reading_running_and_writing(text: Path, tmp_path: Path) -> None:
+    seen: list[float] = []
+    values = {"points": text, "kept": tmp_path / "out.laz"}
+    toolbox.run("points.filter", values, ctx=Context(seen.append))
+    assert seen == sorted(seen)
+    assert seen[-1] == 1

@@ -13,10 +13,11 @@ VALUE_TYPES = ["array", "boolean", "integer", "number", "object", "string"]
 # Keys that both OpenAPI 3.0 (OGC 1.0) and JSON Schema 2020-12 know with the same meaning.
 DATA: dict[str, Any] = {
     "type": "object",
-    "required": ["type"],
+    "anyOf": [{"required": ["type"]}, {"required": ["oneOf"]}],
     "additionalProperties": False,
     "properties": {
         "type": {"enum": VALUE_TYPES},
+        "oneOf": {"type": "array", "minItems": 2, "items": {"required": ["type"]}},
         "format": TEXT,
         "contentMediaType": TEXT,
         "pattern": {"type": "string", "format": "regex"},
@@ -31,7 +32,7 @@ DATA: dict[str, Any] = {
         "maximum": {"type": "number"},
         "minItems": {"type": "integer"},
         "maxItems": {"type": "integer"},
-        "items": {"type": "object", "required": ["type"]},
+        "items": {"type": "object"},
         "default": {},
     },
 }
@@ -42,7 +43,7 @@ METADATA = {
         "type": "object",
         "required": ["role", "value"],
         "additionalProperties": False,
-        "properties": {"role": TEXT, "value": TEXT},
+        "properties": {"role": TEXT, "title": TEXT, "value": TEXT},
     },
 }
 
@@ -50,7 +51,9 @@ METADATA = {
 def field(*, is_input: bool) -> dict[str, Any]:
     """An input or output; only inputs say how often they may occur."""
     properties = {"title": TEXT, "description": TEXT, "schema": DATA, "metadata": METADATA}
-    occurs = {"minOccurs": {"enum": [0, 1]}, "maxOccurs": {"enum": [1]}} if is_input else {}
+    occurs = (
+        {"minOccurs": {"enum": [0, 1]}, "maxOccurs": {"enum": [1, "unbounded"]}} if is_input else {}
+    )
     return {
         "type": "object",
         "required": ["title", "description", "schema", *occurs],

@@ -137,7 +137,9 @@ def test_all_problems_are_reported_at_once(
         (["--cell", "1", "--cell", "2"], "cell: given more than once"),
         (["stray"], "stray"),
         (["--filled_share", "a.csv"], "filled_share"),
-        (["--points.colums", "x"], "points.colums"),
+        (["--points.colums", "x"], "points: no option 'colums'; there are columns"),
+        (["--cell"], "expected one argument"),
+        (["--events", "xml"], "invalid choice"),
         (["--assume-crs", "EPSG:1"], "assume_crs"),
         (["--picture", "a.jpg"], "use .png"),
         (["--params", "no.json"], "params: cannot read no.json"),
@@ -147,7 +149,7 @@ def test_wrong_arguments(
     town: Path, arguments: list[str], text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["run", "surface.grid", "--points", str(town), *arguments]) == 2
-    assert text in capsys.readouterr().err
+    assert text in "".join(capsys.readouterr())
 
 
 def test_harmful_outputs_are_refused(
@@ -205,6 +207,34 @@ def test_params_from_a_file(
     assert capsys.readouterr().err == ""
 
 
+def test_options_of_a_source_join_a_path_from_a_file(tmp_path: Path) -> None:
+    text, params = tmp_path / "a.txt", tmp_path / "p.json"
+    text.write_text("1 2 3 9\n4 5 6 8\n")
+    params.write_text(json.dumps({"points": str(text)}))
+    argv = ["run", "points.filter", "--params", str(params), "--where", "-user_data<-8.5"]
+    assert main([*argv, "--points.columns", "x,y,z,user_data"]) == 0
+
+
+def test_an_output_may_say_how_to_write_it(
+    town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    argv = ["run", "surface.grid", "--points", str(town), "--surface", str(tmp_path / "s.tif")]
+    assert main([*argv, "--surface.cog", "perhaps"]) == 2
+    assert main([*argv, "--surface.cog", "true"]) == 0
+    assert b"LAYOUT=IFDS_BEFORE_DATA" in (tmp_path / "s.tif").read_bytes()[:400]
+    assert capsys.readouterr().err.count("problem(s)") == 1
+
+
+def test_names_that_stand_twice_in_a_file_are_refused(
+    town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    params = tmp_path / "p.json"
+    params.write_text('{"cell": 1, "cell": 2}')
+    argv = ["run", "surface.grid", "--points", str(town), "--params", str(params)]
+    assert main(argv) == 2
+    assert "'cell' is given more than once" in capsys.readouterr().err
+
+
 def test_params_from_stdin(town: Path) -> None:
     text = json.dumps({"points": str(town)})
     done = run("run", "points.info", "--params", "-", "--json", input=text)
@@ -231,7 +261,8 @@ import toolbox.execute
 from toolbox import files
 
 def slow(id, values, *, ctx, **how):
-    with files.staged([__import__("pathlib").Path(values["kept"])]) as places:
+    kept = __import__("pathlib").Path(values["kept"])
+    with files.staged({{kept: lambda path: (path,)}}, overwrite=False) as places:
         for path in places.values():
             path.write_text("half")
         for step in range(600):
@@ -280,8 +311,13 @@ def test_stopping_leaves_nothing(
 ) -> None:
     child = start(tmp_path, town, "--events", "jsonl", stubborn=stubborn)
     stop(child)
-    child.communicate(timeout=10)
+    events, _ = child.communicate(timeout=10)
     assert child.returncode == 130
+    assert json.loads(events.splitlines()[-1]) == {
+        "event": "error",
+        "code": 130,
+        "message": "cancelled",
+    }
     assert [p.name for p in tmp_path.iterdir()] == ["town.laz"]
 
 
@@ -320,6 +356,9 @@ def test_events_carry_errors(town: Path) -> None:
     assert done.returncode == 2
     assert json.loads(done.stdout)["event"] == "error"
     assert json.loads(done.stdout)["code"] == 2
+    done = run("run", "points.filter", "--points", "--events", "jsonl", stdin=subprocess.DEVNULL)
+    assert done.returncode == 2
+    assert "expected one argument" in json.loads(done.stdout)["message"]
 
 
 def test_head_of_a_long_list_is_no_error() -> None:

@@ -81,11 +81,15 @@ def test_a_source_may_say_how_to_read_it(text: Path) -> None:
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        ({"path": "FILE", "colums": "x,y,z"}, "no option 'colums' of a source"),
-        ({"columns": "x,y,z"}, "needs a path"),
-        (["FILE", "FILE"], "must be a PointCloud"),
-        (5, "must be a PointCloud"),
-        ("", "there is no file|folder"),
+        ({"path": "FILE", "colums": "x,y,z"}, "no option 'colums'; there are columns"),
+        ({"path": "FILE", "bounds": "1,2,3"}, "option bounds: needs 4 numbers, got 3"),
+        ({"path": "FILE", "ctx": 1}, "no option 'ctx'"),
+        ({"columns": "x,y,z"}, "must be a path or a PointCloud"),
+        (["FILE", "FILE"], "takes one PointCloud, got 2"),
+        (5, "must be a path or a PointCloud, got 5"),
+        (None, "must be a path or a PointCloud, got None"),
+        ("", "must be a path or a PointCloud, got ''"),
+        ("no" * 200, "File name too long"),
         ("FOLDER", "folder"),
     ],
 )
@@ -115,9 +119,44 @@ def test_several_sources_must_share_their_crs(together: str) -> None:
         toolbox.run(together, {"clouds": [cloud(), cloud(CRS(32636))]})
 
 
-def test_assumed_crs_does_not_replace_a_known_one(text: Path) -> None:
-    result = toolbox.run("points.filter", {"points": cloud()}, assume_crs="EPSG:2154")
+def test_assumed_crs_does_not_replace_a_known_one(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("WARNING", "toolbox"):
+        result = toolbox.run("points.filter", {"points": cloud()}, assume_crs="EPSG:2154")
     assert result["kept"].crs == CRS(32635)
+    assert "four.laz states its CRS" in caplog.text
+
+
+def test_a_picture_of_nothing_does_not_spoil_a_run(tmp_path: Path) -> None:
+    values = {"points": cloud(), "where": "z < -1", "kept": tmp_path / "a.laz"}
+    result = toolbox.run("points.filter", values, picture=tmp_path / "a.png")
+    assert "picture" not in result
+    assert [p.name for p in tmp_path.iterdir()] == ["a.laz"]
+
+
+def test_an_output_may_say_how_to_write_it(tmp_path: Path) -> None:
+    target = {"path": tmp_path / "a.tif", "cog": True}
+    values = {"points": cloud(), "method": "nearest", "surface": target}
+    assert toolbox.run("surface.grid", values)["surface"] == tmp_path / "a.tif"
+    assert b"LAYOUT=IFDS_BEFORE_DATA" in (tmp_path / "a.tif").read_bytes()[:400]
+    with pytest.raises(ParameterError, match="surface: no option 'zip'; there are cog"):
+        toolbox.run("surface.grid", values | {"surface": {"path": "b.tif", "zip": 1}})
+
+
+@pytest.mark.parametrize("kind", ["symbolic", "broken"])
+def test_outputs_behind_links_do_not_hit_inputs(kind: str, tmp_path: Path) -> None:
+    """A link named like an input in another folder: the input stays as it is."""
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+    source, link = tmp_path / "b" / "out.laz", tmp_path / "a" / "out.laz"
+    cloud().save(source)
+    before = source.read_bytes()
+    behind = tmp_path / "b" / "real.laz"
+    if kind == "symbolic":
+        cloud().save(behind)
+    link.symlink_to(behind)
+    toolbox.run("points.filter", {"points": source, "where": "z > 1", "kept": link}, overwrite=True)
+    assert source.read_bytes() == before
+    assert len(PointCloud.open(behind)) == 1
 
 
 def test_all_problems_of_names_values_and_paths_together(tmp_path: Path) -> None:

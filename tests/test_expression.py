@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from toolbox.errors import DataError
 from toolbox.expression import Expression
 
 COLUMNS = {
@@ -28,6 +29,7 @@ def holds(text: str) -> list[bool]:
         ("0 < a <= 2", [0, 1, 1, 0]),
         ("a in (0, 200) or b < 0", [1, 0, 1, 1]),
         ("a not in [0, 200]", [0, 1, 1, 0]),
+        ("b in (-2, 4.0)", [0, 0, 1, 1]),
         ("isnan(b)", [0, 1, 0, 0]),
         ("b == b", [1, 0, 1, 1]),
         ("abs(b) >= 2", [0, 0, 1, 1]),
@@ -43,8 +45,13 @@ def test_meaning(text: str, expected: list[int]) -> None:
     assert holds(text) == list(map(bool, expected))
 
 
+def test_attributes_with_several_values_are_refused() -> None:
+    with pytest.raises(DataError, match="'a' has several values"):
+        Expression("a > 1").mask({"a": np.zeros((4, 3))}, 4)
+
+
 def test_names() -> None:
-    assert Expression("abs(a) > b and 2 in (a, 3)").names == {"a", "b"}
+    assert Expression("abs(a) > b and a in (2, 3)").names == {"a", "b"}
 
 
 @pytest.mark.parametrize(
@@ -66,6 +73,16 @@ def test_names() -> None:
         "5",
         "(" * 500 + "a" + ")" * 500,
         "a > 1 " * 3000,
+        "a + " * 1500 + "a > 1",
+        "a in (a, b)",
+        "a in b",
+        "a in ()",
+        "a == (1, 2)",
+        "-(a > 1) > 0",
+        "(a > 1) - (a > 2) > 0",
+        "a is 1",
+        "a > 1 if a else b",
+        "(1, 2)",
     ],
 )
 def test_refused(text: str) -> None:

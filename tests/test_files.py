@@ -10,8 +10,26 @@ import pytest
 from toolbox import files
 
 
-def check(path: Path, inputs: list[Path] | None = None, *, overwrite: bool = False) -> str | None:
-    found = files.problems({"out": path}, {"out": (".laz",)}, inputs or [], overwrite=overwrite)
+def alone(path: Path) -> tuple[Path, ...]:
+    """A format of one file."""
+    return (path,)
+
+
+def shapefile(path: Path) -> tuple[Path, ...]:
+    """A format of several files."""
+    return (path, path.with_suffix(".dbf"), path.with_suffix(".prj"))
+
+
+def check(
+    path: Path,
+    inputs: list[Path] | None = None,
+    *,
+    overwrite: bool = False,
+    parts: files.Parts = alone,
+) -> str | None:
+    found = files.problems(
+        {"out": path}, {"out": (".laz", ".shp")}, {"out": parts}, inputs or [], overwrite=overwrite
+    )
     return found.get("out")
 
 
@@ -22,7 +40,12 @@ def test_all_is_well(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "text"),
-    [("a.xyz", "cannot write .xyz; use .laz"), ("a", "without ending"), ("no/a.laz", "no folder")],
+    [
+        ("a.xyz", "cannot write .xyz; use .laz, .shp"),
+        ("a", "without ending"),
+        (".laz", "without ending"),
+        ("no/a.laz", "no folder"),
+    ],
 )
 def test_wrong_name(tmp_path: Path, name: str, text: str) -> None:
     assert text in str(check(tmp_path / name))
@@ -58,13 +81,14 @@ def test_input_is_refused_under_any_name(tmp_path: Path) -> None:
 def test_two_outputs_may_not_share_a_path(tmp_path: Path) -> None:
     path = tmp_path / "a.laz"
     endings = {"one": (".laz",), "two": (".laz",)}
-    found = files.problems({"one": path, "two": path}, endings, [], overwrite=False)
+    parts = {"one": alone, "two": alone}
+    found = files.problems({"one": path, "two": path}, endings, parts, [], overwrite=False)
     assert found.keys() == {"one", "two"}
 
 
 def test_all_parts_appear_together(tmp_path: Path) -> None:
     one, two = tmp_path / "one.shp", tmp_path / "two.tif"
-    with files.staged([one, two]) as places:
+    with files.staged({one: shapefile, two: alone}, overwrite=False) as places:
         places[one].write_text("1")
         places[one].with_suffix(".dbf").write_text("2")
         places[two].write_text("3")
@@ -77,7 +101,7 @@ def test_nothing_stays_after_an_error(tmp_path: Path) -> None:
     old.write_text("old")
 
     def fail() -> None:
-        with files.staged([old, tmp_path / "new.tif"]) as places:
+        with files.staged({old: alone, tmp_path / "new.tif": alone}, overwrite=True) as places:
             places[old].write_text("half")
             raise RuntimeError("disk on fire")
 
@@ -91,10 +115,77 @@ def test_unfinished_files_can_be_discarded_from_outside(tmp_path: Path) -> None:
     path = tmp_path / "a.tif"
 
     def crash() -> None:
-        with files.staged([path]) as places:
+        with files.staged({path: alone}, overwrite=False) as places:
             places[path].write_text("half")
             files.discard_unfinished()
             assert list(tmp_path.iterdir()) == []
 
     with pytest.raises(FileNotFoundError):
         crash()
+
+
+def test_parts_of_a_format_count_as_outputs(tmp_path: Path) -> None:
+    other = tmp_path / "a.dbf"
+    other.write_text("not mine")
+    assert "a.dbf exists" in str(check(tmp_path / "a.shp", parts=shapefile))
+    assert "also an input" in str(
+        check(tmp_path / "a.shp", [other], overwrite=True, parts=shapefile)
+    )
+
+
+def test_stale_parts_do_not_survive(tmp_path: Path) -> None:
+    """An old .prj beside a new layer without CRS would give it one."""
+    path = tmp_path / "a.shp"
+    for part in shapefile(path):
+        part.write_text("old")
+    with files.staged({path: shapefile}, overwrite=True) as places:
+        places[path].write_text("new")
+    assert [p.name for p in tmp_path.iterdir()] == ["a.shp"]
+
+
+def test_a_link_is_followed(tmp_path: Path) -> None:
+    real, link = tmp_path / "real" / "b.laz", tmp_path / "a.laz"
+    real.parent.mkdir()
+    real.write_text("old")
+    link.symlink_to(real)
+    with files.staged({link: alone}, overwrite=True) as places:
+        places[link].write_text("new")
+    assert (link.is_symlink(), real.read_text()) == (True, "new")
+    assert [p.name for p in real.parent.iterdir()] == ["b.laz"]
+
+
+def test_a_file_that_appears_meanwhile_is_not_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "a.laz"
+
+    def race() -> None:
+        with files.staged({path: alone}, overwrite=False) as places:
+            places[path].write_text("ours")
+            path.write_text("theirs")
+
+    with pytest.raises(FileExistsError, match="appeared meanwhile"):
+        race()
+    assert path.read_text() == "theirs"
+
+
+def test_all_is_put_back_when_one_move_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, two = tmp_path / "1.laz", tmp_path / "2.laz"
+    one.write_text("old")
+    real = Path.replace
+
+    def fails_for_two(self: Path, target: Path) -> Path:
+        if target == two:
+            raise OSError("disk on fire")
+        return real(self, target)
+
+    def write() -> None:
+        with files.staged({one: alone, two: alone}, overwrite=True) as places:
+            for place in places.values():
+                place.write_text("new")
+
+    monkeypatch.setattr(Path, "replace", fails_for_two)
+    with pytest.raises(OSError, match="disk on fire"):
+        write()
+    assert [p.name for p in tmp_path.iterdir()] == ["1.laz"]
+    assert one.read_text() == "old"

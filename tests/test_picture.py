@@ -16,10 +16,11 @@ from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from toolbox._images import ERRORS, POINT_CLASSES, Ramp, cloud_image, raster_image
 from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import LOCAL
 from toolbox.errors import DataError
-from toolbox.picture import ASPRS_CLASSES, ERROR_CLASSES, Ramp, cloud_image, draw, raster_image
+from toolbox.picture import draw
 
 LAMBERT = CRS(2154)
 
@@ -53,12 +54,12 @@ def test_classes_of_flat_ground_have_their_exact_colours() -> None:
     codes = np.repeat(np.array([2, 6, 9, 200], np.uint8), 100)
     image = cloud_image(square(classification=codes))
     assert colours(image.rgba) == {
-        ASPRS_CLASSES[2][1], ASPRS_CLASSES[6][1], ASPRS_CLASSES[9][1], "#5b8def",
+        POINT_CLASSES[2][1], POINT_CLASSES[6][1], POINT_CLASSES[9][1], "#5b8def",
     }  # fmt: skip
     assert not isinstance(image.key, Ramp)
     assert [name for name, _ in image.key.values()] == ["Ground", "Building", "Water", "Class 200"]
     north_west, south_east = image.rgba[1, 1], image.rgba[-2, -2]
-    assert north_west == pytest.approx(to_rgba(ASPRS_CLASSES[2][1]))
+    assert north_west == pytest.approx(to_rgba(POINT_CLASSES[2][1]))
     assert south_east == pytest.approx(to_rgba("#5b8def"))
 
 
@@ -68,14 +69,14 @@ def test_highest_point_is_on_top() -> None:
         xyz = np.vstack([ground.xyz, np.add(ground.xyz, [0, 0, 5])])[::order]
         codes = np.repeat([2, 5], 400).astype(np.uint8)[::order]
         image = cloud_image(PointCloud(xyz, {"classification": codes}, crs=LAMBERT))
-        assert colours(image.rgba) == {ASPRS_CLASSES[5][1]}
+        assert colours(image.rgba) == {POINT_CLASSES[5][1]}
 
 
 def test_errors_come_before_classes_in_their_own_colours() -> None:
     codes = np.repeat(np.arange(4, dtype=np.uint8), 100)
     image = cloud_image(square(error=codes, classification=codes + 2))
     assert colours(image.rgba) == {
-        colour for code, (_, colour) in ERROR_CLASSES.items() if code < 4
+        colour for code, (_, colour) in ERRORS.items() if code < 4
     }
     assert image.rgba[-2, -2] == pytest.approx(to_rgba("#d7261e"))  # Type II is red
 
@@ -117,7 +118,7 @@ def test_small_integers_are_classes_and_nodata_is_open() -> None:
     assert image.key == {2: ("2", "#5b8def"), 6: ("6", "#e5a93c")}
     assert image.rgba[0, 0, 3] == 0
     named = raster_image(raster(np.array([[2, 6]], np.uint8), descriptions=("classification",)))
-    assert named.key == {2: ASPRS_CLASSES[2], 6: ASPRS_CLASSES[6]}
+    assert named.key == {2: POINT_CLASSES[2], 6: POINT_CLASSES[6]}
     assert isinstance(raster_image(raster(np.arange(42).reshape(6, 7))).key, Ramp)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Iterator
 from typing import Any, Literal
 
@@ -12,7 +13,7 @@ from pyproj import CRS
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud
 from toolbox.data.crs import LOCAL
-from toolbox.errors import DataError, ParameterError
+from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.expression import Expression
 from toolbox.spec import REGISTRY, outputs, param, sink, source, tool
 from toolbox.values import Attribute, ClassList, Range
@@ -40,6 +41,11 @@ class Measure:
     classes: ClassList | None = param("Classes", default=None)
     column: Attribute | None = param("An attribute", default=None, of="points")
     where: Expression | None = param("A condition", default=None, of="points")
+    steps: tuple[float, ...] = param("Several lengths", default=(1.0, 2.0), unit="m", gt=0)
+    tolerance: float | Literal["auto"] = param("Length or word", default="auto", unit="m", gt=0)
+    stiffness: Literal[1, 2, "auto"] = param("Number or word", default=1)
+    word: Literal["none", "some"] | None = param("An optional word", default=None)
+    features: tuple[Attribute, ...] = param("Attributes", default=(), of="points")
 
     @outputs
     class Outputs:
@@ -127,6 +133,15 @@ def test_numpy_numbers_are_numbers() -> None:
         ("classes", 2, ClassList([2])),
         ("column", "intensity", Attribute("intensity")),
         ("where", "a > 1", Expression("a > 1")),
+        ("steps", ["0.5", 2], (0.5, 2.0)),
+        ("steps", "3", (3.0,)),
+        ("tolerance", "auto", "auto"),
+        ("tolerance", "0.5", 0.5),
+        ("stiffness", "2", 2),
+        ("stiffness", "auto", "auto"),
+        ("word", "none", "none"),
+        ("word", None, None),
+        ("features", ["z", "intensity"], (Attribute("z"), Attribute("intensity"))),
     ],
 )
 def test_texts_and_json_values_are_parsed(name: str, text: Any, value: Any) -> None:
@@ -145,6 +160,8 @@ def test_texts_and_json_values_are_parsed(name: str, text: Any, value: Any) -> N
         ("strict", "perhaps", "must be a boolean, got 'perhaps'"),
         ("classes", "2,x", "must be a class list, got '2,x'"),
         ("where", "import os", "must be an expression"),
+        ("tolerance", "much", "must be a number, got 'much'"),
+        ("stiffness", "3", "must be one of 1, 2, auto, got '3'"),
         ("band", "3,1", "the lower limit 3 is above the upper limit 1"),
     ],
 )
@@ -163,10 +180,22 @@ def test_lengths_reach_the_tool_in_the_unit_of_the_data_and_come_back_in_metres(
     assert feet.density == pytest.approx(0.25)
 
 
+def test_lists_and_words_are_scaled_with_sense() -> None:
+    field = SPEC.inputs["steps"]
+    assert field.scaled((1.0, 2.0), 3.0) == (3.0, 6.0)
+    assert SPEC.inputs["tolerance"].scaled("auto", 3.0) == "auto"
+    assert SPEC.inputs["band"].scaled(Range(1, 2), 3.0) == Range(3, 6)
+
+
 def test_limits_are_in_metres_whatever_the_data() -> None:
     assert Measure(points=cloud(FEET), width=100.0).run().width_out == pytest.approx(100)
     with pytest.raises(ParameterError, match="got 101"):
         Measure(points=cloud(FEET), width=101.0)
+
+
+def test_halo_is_known_before_there_are_layers() -> None:
+    assert SPEC.halo({}) == 2
+    assert SPEC.halo({"width": 7.0}) == 7
 
 
 def test_halo_is_in_metres() -> None:
@@ -198,6 +227,8 @@ def test_different_crs_are_refused_by_both_names() -> None:
 def test_unknown_attributes_are_refused_with_the_nearest_name() -> None:
     points = cloud(intensity=np.zeros(3, np.uint16))
     assert Measure(points=points, column=Attribute("intensity"), where=Expression("z > 1"))
+    with pytest.raises(ParameterError, match="features: no attribute 'q'"):
+        Measure(points=points, features=(Attribute("z"), Attribute("q")))
     with pytest.raises(ParameterError) as caught:
         Measure(points=points, column=Attribute("intensty"), where=Expression("q > 1"))
     assert caught.value.problems["column"].startswith("no attribute 'intensty'; did you mean")
@@ -212,6 +243,12 @@ def test_rules_between_parameters() -> None:
 def test_build_names_the_step_of_a_model() -> None:
     with pytest.raises(ParameterError, match=r"step 'ground'.*\n.*width"):
         SPEC.build({"points": cloud(), "width": -1.0}, "models.a, step 'ground' (testing.measure)")
+
+
+def test_errors_can_be_sent_to_other_processes() -> None:
+    for error in (ParameterError("a", {"b": "c"}), DataError("text"), Cancelled()):
+        copy = pickle.loads(pickle.dumps(error))
+        assert (type(copy), str(copy)) == (type(error), str(error))
 
 
 def test_a_job_is_frozen() -> None:
@@ -249,6 +286,9 @@ def test_a_sound_declaration_is_accepted() -> None:
         ({"a": Attribute}, {"a": param("X", default=None, of="dots")}, "no source called 'dots'"),
         ({"Bad": int}, {"Bad": param("X", default=1)}, "lower_case"),
         ({"a": complex}, {"a": param("X", default=1j)}, "cannot be declared"),
+        ({"a": float | str}, {"a": param("X", default=1.0)}, "more than one type"),
+        ({"a": float}, {"a": param("X", default=1.0, unit="metres")}, "unit 'metres'"),
+        ({"picture": float}, {"picture": param("X", default=1.0)}, "option of every run"),
     ],
 )
 def test_mistakes_of_authors_are_found_on_import(

@@ -4,28 +4,24 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, NoReturn
 
 from toolbox.errors import ParameterError
 
-# How a source is to be read, where its file does not say so: --points.columns x,y,z,label
-SOURCE_OPTIONS: Mapping[str, Mapping[str, str]] = {
-    "PointCloud": {
-        "columns": "names of the columns of a text file, such as x,y,z,intensity",
-        "separator": "what stands between the columns of a text file",
-        "bounds": "read only xmin,ymin,xmax,ymax",
-    },
-    "Vector": {"layer": "name of the layer in the file"},
-}
-NEGATIVE = re.compile(r"-[\d.]")
 Description = Mapping[str, Any]
+
+
+class _Parser(argparse.ArgumentParser):
+    """Reports what it cannot read as we report everything else."""
+
+    def error(self, message: str) -> NoReturn:
+        raise ParameterError(self.prog.removeprefix("toolbox run "), {"command line": message})
 
 
 def parser(described: Description) -> argparse.ArgumentParser:
     """All options of one tool; every value that is given ends up in a list under its name."""
-    made = argparse.ArgumentParser(
+    made = _Parser(
         f"toolbox run {described['id']}",
         description=f"{described['title']}.\n\n{described['description']}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -39,6 +35,7 @@ def parser(described: Description) -> argparse.ArgumentParser:
     for name, field in described["outputs"].items():
         if field["schema"].get("format") == "uri-reference":
             _add(results, name, metavar="PATH", help=field["description"])
+            _add_options(results, name, field)
     _add_general(made.add_argument_group("how to run"))
     return made
 
@@ -49,14 +46,21 @@ def _add_input(group: Any, name: str, field: Description) -> None:
     rule = f" [{says['rule']}]" if "rule" in says else ""
     default = f" (default {schema['default']})" if "default" in schema else ""
     how: dict[str, Any] = {}
-    if says["type"] in SOURCE_OPTIONS and schema["type"] == "array":
+    if field["maxOccurs"] != 1:
         how = {"nargs": "+"}
     elif schema.get("type") == "boolean":
         how = {"nargs": "?", "const": "true"}
     kind = says["type"].upper().replace(" ", "_")
     _add(group, name, metavar=kind, help=field["description"] + rule + default, **how)
-    for option, text in SOURCE_OPTIONS.get(says["type"], {}).items():
-        _add(group, f"{name}.{option}", metavar=option.upper(), help=text)
+    _add_options(group, name, field)
+
+
+def _add_options(group: Any, name: str, field: Description) -> None:
+    """How a layer is read or written: ``--points.columns x,y,z,label``."""
+    for meta in field["metadata"]:
+        if meta["role"] == "option":
+            option = meta["title"]
+            _add(group, f"{name}.{option}", metavar=option.upper(), help=meta["value"])
 
 
 def _add(group: Any, name: str, *, help: str, **how: Any) -> None:
@@ -81,62 +85,70 @@ def read(described: Description, arguments: Iterable[str]) -> tuple[dict[str, An
 
     Returns
     -------
-    values : what is said of inputs and outputs, by name; unknown names are kept, to be reported
-        together with all other problems of the values
+    values : what is said of inputs and outputs, by name, and under ``name.option`` how a layer is
+        to be read or written; unknown names are kept, to be reported with all other problems
     general : the options of "how to run" that were given, by name
 
     Raises
     ------
     ParameterError
-        An option is repeated, or says how to read a source that is not given.
+        An option is repeated, or a word belongs to none.
     """
     found, unknown = parser(described).parse_known_args(_joined(arguments))
     given = vars(found)
     general = {name: given.pop(name) for name in list(given) if not isinstance(given[name], list)}
-    said, options, problems = _sorted(given)
-    stray = {_name_of(text): "" for text in unknown if text.startswith("--")}
-    if unknown and not stray:
-        problems["run"] = f"does not know what to do with {' '.join(unknown)!r}"
+    problems = {name: "given more than once" for name, texts in given.items() if len(texts) > 1}
+    misspelt = {_name_of(text): "" for text in unknown if text.startswith("--")}
+    if unknown and not misspelt:
+        problems["command line"] = f"does not know what to do with {' '.join(unknown)!r}"
     if problems:
         raise ParameterError(described["id"], problems)
-    values = {name: _with_options(value, options.get(name)) for name, value in said.items()}
-    return values | stray, general
+    return {name: texts[0] for name, texts in given.items()} | misspelt, general
+
+
+def merged(params: Mapping[str, Any], said: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Values of a parameter file and of the command line, which wins; options join their layers.
+
+    Raises
+    ------
+    ParameterError
+        An option speaks about a layer that is not given.
+    """
+    values = dict(params) | {name: value for name, value in said.items() if "." not in name}
+    problems = {}
+    for name in said.keys() - values.keys():
+        layer, _, option = name.partition(".")
+        if layer in values:
+            values[layer] = _with_option(values[layer], option, said[name])
+        elif option and said[name]:
+            problems[name] = f"speaks about {layer}, which is not given"
+        else:
+            values[name] = said[name]  # unknown, and reported as such
+    if problems:
+        raise ParameterError(where, problems)
+    return values
+
+
+def _with_option(value: Any, option: str, text: str) -> Any:
+    if isinstance(value, list):
+        return [_with_option(item, option, text) for item in value]
+    return {**(value if isinstance(value, dict) else {"path": value}), option: text}
 
 
 def _joined(arguments: Iterable[str]) -> list[str]:
     """Write ['--extent', '-5,0,5,9'] as ['--extent=-5,0,5,9'], else argparse sees two options."""
     made: list[str] = []
     for text in arguments:
-        if NEGATIVE.match(text) and made and made[-1].startswith("--") and "=" not in made[-1]:
+        value = text.startswith("-") and not text.startswith("--") and text not in ("-", "-h")
+        if value and made and made[-1].startswith("--") and "=" not in made[-1]:
             made[-1] += "=" + text
         else:
             made.append(text)
     return made
 
 
-def _sorted(
-    given: Mapping[str, list[Any]],
-) -> tuple[dict[str, Any], dict[str, dict[str, str]], dict[str, str]]:
-    """Values, options of sources (``points.columns``), and problems."""
-    said = {name: texts[0] for name, texts in given.items() if "." not in name}
-    problems = {name: "given more than once" for name, texts in given.items() if len(texts) > 1}
-    options: dict[str, dict[str, str]] = {}
-    for name in given.keys() - said.keys():
-        source, _, option = name.partition(".")
-        options.setdefault(source, {})[option] = given[name][0]
-        if source not in said:
-            problems[name] = f"says how to read {source}, which is not given"
-    return said, options, problems
-
-
 def _name_of(text: str) -> str:
     return text[2:].partition("=")[0].replace("-", "_")
-
-
-def _with_options(said: Any, options: Mapping[str, str] | None) -> Any:
-    if isinstance(said, list):
-        return [_with_options(item, options) for item in said]
-    return {"path": said, **options} if options else said
 
 
 def mapping(text: str, where: str) -> dict[str, Any]:
@@ -148,14 +160,22 @@ def mapping(text: str, where: str) -> dict[str, Any]:
         The text is neither, or holds something else; names `where` it comes from.
     """
     try:
-        values = json.loads(text)  # first, because it needs no import
-    except ValueError:
+        values = json.loads(text, object_pairs_hook=_once)  # first: it needs no import
+    except json.JSONDecodeError:
         import yaml
 
         try:
             values = yaml.safe_load(text)
         except yaml.YAMLError as err:
             raise ParameterError("run", {"params": f"{where}: {err}"}) from None
-    if not isinstance(values, dict):
+    if not isinstance(values, dict) or not all(isinstance(name, str) for name in values):
         raise ParameterError("run", {"params": f"{where} must hold names and values"})
     return values
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A mapping in which no name stands twice."""
+    names = [name for name, _ in pairs]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise ParameterError("run", {"params": f"{sorted(twice)[0]!r} is given more than once"})
+    return dict(pairs)

@@ -22,6 +22,7 @@ from toolbox.errors import ParameterError
 if TYPE_CHECKING:
     from toolbox.fields import Spec
 
+NOT_GROUPS = ("models", "shared")  # folders of algorithms/ that hold no tools
 _PACKAGE = Path(__file__).parent
 # An installed wheel carries metadata/ inside the package, a checkout has it beside the package.
 METADATA = next(
@@ -35,6 +36,7 @@ def own_ids() -> list[str]:
     found = find_spec("algorithms")
     folders = [Path(name) for name in (found and found.submodule_search_locations) or []]
     paths = [path for folder in folders for path in folder.glob("*/[!_]*.py")]
+    paths = [path for path in paths if path.parent.name not in NOT_GROUPS]
     return sorted(f"{path.parent.name}.{path.stem}" for path in paths)
 
 

@@ -96,7 +96,11 @@ def _info(args: argparse.Namespace, console: Console) -> None:
     from toolbox.info import describe_file
 
     with console.progress() as report:
-        table = stoppable(lambda ctx: describe_file(Path(args.file), ctx), report)
+        table = stoppable(
+            lambda ctx: describe_file(Path(args.file), ctx),
+            report,
+            farewell=lambda: console.error(Cancelled()),
+        )
     print(json.dumps(table.records(), indent=2) if console.as_json else table.text())
 
 
@@ -108,9 +112,10 @@ def _run(said: list[str]) -> int:
                 _parser().parse_args(["run", "--help"])
             raise ParameterError("run: which tool? 'list' shows them all")
         described = catalog.describe(said[0])
-        values, general = arguments.read(described, said[1:])
+        said_values, general = arguments.read(described, said[1:])
         pipe, params = _params(general)
-        outputs = _execute(described["id"], params | values, general, console, pipe)
+        values = arguments.merged(params, said_values, described["id"])
+        outputs = _execute(described["id"], values, general, console, pipe)
         console.result(described, outputs)
     except BrokenPipeError:
         raise
@@ -134,7 +139,7 @@ def _params(general: Mapping[str, Any]) -> tuple[IO[bytes] | None, dict[str, Any
     stdin = sys.stdin.buffer if sys.stdin else None
     if name == "-" and stdin:
         # With events our caller keeps the pipe open after one line, and ends it to stop us.
-        text = (stdin.readline() if events else stdin.read()).decode()
+        text = (stdin.readline() if events else stdin.read()).decode(errors="replace")
         return (stdin if events else None), arguments.mapping(text, "standard input")
     pipe = stdin if events and _is_pipe(stdin) else None
     if not name:
@@ -171,4 +176,4 @@ def _execute(
         )
 
     with console.progress() as report:
-        return stoppable(work, report, pipe)
+        return stoppable(work, report, pipe, lambda: console.error(Cancelled()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Self
 
 
 class ToolboxError(Exception):
@@ -13,6 +14,12 @@ class ToolboxError(Exception):
     def __init__(self, where: str, problems: Mapping[str, str] | None = None) -> None:
         self.where, self.problems = where, dict(problems or {})
         super().__init__(where, self.problems)
+
+    def named(self, where: str) -> Self:
+        """The same error under the name of a tool or of a step in a model."""
+        if self.problems:
+            return type(self)(where, self.problems)
+        return type(self)(f"{where}: {self.where}")
 
     def __str__(self) -> str:
         """All problems at once, one line each, under the name of the tool or file."""
@@ -39,5 +46,5 @@ class Cancelled(ToolboxError):
 
     exit_code = 130
 
-    def __init__(self) -> None:
-        super().__init__("cancelled")
+    def __init__(self, where: str = "cancelled", problems: Mapping[str, str] | None = None) -> None:
+        super().__init__(where, problems)

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pyproj import CRS
 
 from toolbox import catalog, files
-from toolbox.context import QUIET, Context
-from toolbox.data.crs import parse_crs
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Raster, Vector
+from toolbox.data.crs import describe_crs, parse_crs, same_crs
 from toolbox.errors import DataError, ParameterError
 from toolbox.fields import Field, Spec, nearest
+from toolbox.kinds import parsed_options
 from toolbox.picture import draw
 
 READ, WRITE = 0.15, 0.85  # shares of the progress at which reading ends and writing begins
@@ -34,8 +37,8 @@ def run(
     id : such as "ground.csf"
     values : inputs by name, and for each output that should be written its path. A source is a
         layer, a path, or a mapping of a path and how to open it, for example
-        ``{"path": "a.txt", "columns": ["x", "y", "z", "label"]}``. Texts are read as on the
-        command line.
+        ``{"path": "a.txt", "columns": ["x", "y", "z", "label"]}``; an output may likewise be
+        ``{"path": "a.tif", "cog": True}``. Texts are read as on the command line.
     overwrite : whether outputs may replace files
     assume_crs : CRS of sources that state none; "local" for plain metres
     picture : PNG to draw the resulting layers into
@@ -56,19 +59,58 @@ def run(
         `ctx` asked the run to stop; nothing was written.
     """
     spec = catalog.load(id)
-    targets = {n: v for n, v in values.items() if n in spec.outputs and v is not None}
-    if picture is not None:
-        targets["picture"] = picture
     given = {name: value for name, value in values.items() if name not in spec.outputs}
-    settings = _checked(spec, given, targets, overwrite=overwrite)
-    crs = _crs(assume_crs, id)
+    wanted = {n: v for n, v in values.items() if n in spec.outputs and v is not None}
+    if picture is not None:
+        wanted["picture"] = picture
     sources = {name: value for name, value in given.items() if name in spec.sources}
-    layers = _opened(spec, sources, crs, ctx.part(0, READ))
+    targets = {name: Target.of(name, value, spec) for name, value in wanted.items()}
+    settings = _checked(spec, given, targets, overwrite=overwrite)
+    layers = _opened(spec, sources, _crs(assume_crs, id), ctx.part(0, READ))
     result = spec.build(settings | layers).run(ctx.part(READ, WRITE))
     found = {name: getattr(result, name) for name in spec.outputs}
-    paths = {name: Path(target) for name, target in targets.items()}
-    _write(spec, found, paths, ctx.part(WRITE, 1))
-    return found | paths
+    written = _write(spec, found, targets, overwrite, ctx.part(WRITE, 1))
+    return found | written
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where and how an output is to be written.
+
+    Attributes
+    ----------
+    path : None if the value does not name one
+    suffixes : endings that the output can have; none for a number, which is printed
+    """
+
+    path: Path | None
+    options: Mapping[str, Any]
+    suffixes: tuple[str, ...]
+    known: tuple[str, ...]
+    parts: files.Parts
+
+    @classmethod
+    def of(cls, name: str, value: Any, spec: Spec) -> Target:
+        """Take a path, or a mapping of a path and options, apart."""
+        how = dict(value) if isinstance(value, Mapping) else {"path": value}
+        path = how.pop("path", None)
+        place = Path(path) if isinstance(path, str | Path) and str(path) else None
+        if name == "picture":
+            return cls(place, how, (".png",), (), lambda path: (path,))
+        kind = spec.outputs[name].kind
+        return cls(place, how, kind.suffixes, kind.save_options, kind.parts)
+
+    def problem(self) -> str | None:
+        """What is wrong with it, apart from the place."""
+        if not self.suffixes:
+            return "is a value, which is printed; it cannot be written to a file"
+        if self.path is None:
+            return "must be a path"
+        try:
+            parsed_options(self.options, self.known)
+        except ValueError as err:
+            return str(err)
+        return None
 
 
 def _crs(crs: str | CRS | None, where: str) -> CRS | None:
@@ -79,7 +121,7 @@ def _crs(crs: str | CRS | None, where: str) -> CRS | None:
 
 
 def _checked(
-    spec: Spec, given: Mapping[str, Any], targets: Mapping[str, Any], *, overwrite: bool
+    spec: Spec, given: Mapping[str, Any], targets: Mapping[str, Target], *, overwrite: bool
 ) -> dict[str, Any]:
     """The values that are no layers. What can be checked without data is checked here."""
     sources = {name: value for name, value in given.items() if name in spec.sources}
@@ -88,8 +130,10 @@ def _checked(
     for name in given.keys() - spec.inputs.keys():
         known = [*spec.inputs, *spec.outputs]
         problems[name] = f"unknown parameter{nearest(name, known)}"
-    problems |= _source_problems(sources)
-    problems |= _target_problems(spec, targets, sources, overwrite=overwrite)
+    for name, value in sources.items():
+        if text := _source_problem(spec.sources[name], value):
+            problems[name] = text
+    problems |= _target_problems(targets, sources, overwrite=overwrite)
     if problems:
         raise ParameterError(spec.id, dict(sorted(problems.items())))
     return values
@@ -104,31 +148,46 @@ def _paths(value: Any) -> list[Path]:
     return [Path(value)] if isinstance(value, str | Path) else []
 
 
-def _source_problems(sources: Mapping[str, Any]) -> dict[str, str]:
-    found = {}
-    for name, value in sources.items():
-        if isinstance(value, Mapping) and "path" not in value:
-            found[name] = f"needs a path, got {sorted(value)}"
-        if missing := [str(path) for path in _paths(value) if not path.exists()]:
-            found[name] = f"there is no file {', '.join(missing)}"
-    return found
+def _source_problem(field: Field, value: Any) -> str | None:
+    """What is wrong with the raw value of a source, before anything is opened."""
+    if value is None and field.optional:
+        return None
+    items = value if isinstance(value, list | tuple) else [value]
+    if len(items) != 1 and not (field.many and items):
+        return (
+            f"takes {'at least one' if field.many else 'one'} {field.kind.word}, got {len(items)}"
+        )
+    return next(filter(None, (_item_problem(field, item) for item in items)), None)
+
+
+def _item_problem(field: Field, item: Any) -> str | None:
+    if field.kind.accepts(item):
+        return None
+    how = dict(item) if isinstance(item, Mapping) else {"path": item}
+    path = how.pop("path", None)
+    if not isinstance(path, str | Path) or not str(path):
+        return f"must be a path or a {field.kind.word}, got {item!r}"
+    try:
+        parsed_options(how, field.kind.open_options)
+        there = Path(path).exists()
+    except (ValueError, OSError) as err:
+        return str(err)
+    return None if there else f"there is no file {path}"
 
 
 def _target_problems(
-    spec: Spec, targets: Mapping[str, Any], sources: Mapping[str, Any], *, overwrite: bool
+    targets: Mapping[str, Target], sources: Mapping[str, Any], *, overwrite: bool
 ) -> dict[str, str]:
-    endings = {name: field.kind.suffixes for name, field in spec.outputs.items()}
-    endings["picture"] = (".png",)
-    found, paths = {}, {}
-    for name, target in targets.items():
-        if not endings[name]:
-            found[name] = "is a value, which is printed; it cannot be written to a file"
-        elif not isinstance(target, str | Path) or not str(target):
-            found[name] = f"must be a path, got {target!r}"
-        else:
-            paths[name] = Path(target)
+    found = {name: text for name, target in targets.items() if (text := target.problem())}
+    good = {name: target for name, target in targets.items() if name not in found}
     reads = [path for value in sources.values() for path in _paths(value)]
-    return found | files.problems(paths, endings, reads, overwrite=overwrite)
+    return found | files.problems(
+        {name: target.path for name, target in good.items() if target.path},
+        {name: target.suffixes for name, target in good.items()},
+        {name: target.parts for name, target in good.items()},
+        reads,
+        overwrite=overwrite,
+    )
 
 
 def _opened(
@@ -148,7 +207,7 @@ def _opened(
 
 def _open(field: Field, value: Any, crs: CRS | None, ctx: Context) -> Any:
     made = field.parse(_openable(value, ctx))
-    if crs is None:
+    if crs is None or made is None:
         return made
     assumed = tuple(_with_crs(layer, crs) for layer in field.items(made))
     return assumed if field.many else assumed[0]
@@ -164,20 +223,47 @@ def _openable(value: Any, ctx: Context) -> Any:
 
 
 def _with_crs(layer: Any, crs: CRS) -> Any:
-    known = not hasattr(layer, "with_crs") or layer.crs is not None
-    return layer if known else layer.with_crs(crs)
+    if not hasattr(layer, "with_crs"):
+        return layer
+    if layer.crs is None:
+        return layer.with_crs(crs)
+    if not same_crs(layer.crs, crs):
+        known, given = describe_crs(layer.crs), describe_crs(crs)
+        log.warning("%s states its CRS, %s; %s is not assumed", layer.name, known, given)
+    return layer
 
 
-def _write(spec: Spec, found: Mapping[str, Any], paths: Mapping[str, Path], ctx: Context) -> None:
-    """Write what was asked for, all or nothing."""
+def _drawable(found: Mapping[str, Any]) -> dict[str, Any]:
+    """The layers that hold anything to see."""
+    maps = {n: v for n, v in found.items() if isinstance(v, PointCloud | Raster | Vector)}
+    return {n: v for n, v in maps.items() if isinstance(v, Raster) or len(v)}
+
+
+def _write(
+    spec: Spec,
+    found: Mapping[str, Any],
+    targets: Mapping[str, Target],
+    overwrite: bool,
+    ctx: Context,
+) -> dict[str, Path]:
+    """Write what was asked for, all or nothing, and say where it is."""
+    there = {n: t for n, t in targets.items() if n == "picture" or found[n] is not None}
+    if not _drawable(found):
+        there.pop("picture", None)
+    for name in targets.keys() - there.keys():
+        log.warning("%s: there is nothing to write", name)
+    paths = {name: target.path for name, target in there.items() if target.path}
     try:
-        with files.staged(paths.values()) as places:
+        parts = {path: there[name].parts for name, path in paths.items()}
+        with files.staged(parts, overwrite=overwrite) as places:
             for index, (name, path) in enumerate(paths.items()):
                 part = ctx.part(index / len(paths), (index + 1) / len(paths))
                 if name == "picture":
-                    draw({n: v for n, v in found.items() if hasattr(v, "save")}, places[path])
+                    draw(_drawable(found), places[path])
                 else:
-                    found[name].save(places[path], ctx=part)
+                    how = parsed_options(there[name].options, there[name].known)
+                    found[name].save(places[path], ctx=part, **how)
             ctx.progress(1.0)
     except OSError as err:
         raise DataError(f"{spec.id}: cannot write: {err}") from err
+    return paths

@@ -9,13 +9,17 @@ from __future__ import annotations
 import ast
 import operator
 from collections.abc import Callable, Mapping
+from enum import Enum
 from functools import reduce
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from toolbox.errors import DataError
+
 LONGEST = 10_000  # characters; Python's parser recurses, so length is bounded before it is asked
+DEEPEST = 100  # levels; so do we
 
 BINARY: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -87,9 +91,17 @@ class Expression(str):
         Returns
         -------
         array of shape (size,)
+
+        Raises
+        ------
+        DataError
+            An attribute has several values per point.
         """
         # Attributes are compared as float64: uint8 arithmetic would wrap without a word.
         wide = {name: np.asarray(columns[name], np.float64) for name in self.names}
+        for name, column in wide.items():
+            if column.shape != (size,):
+                raise DataError(f"attribute {name!r} has several values per point")
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             value = _value(self.tree, wide)
         return np.broadcast_to(_truth(value), (size,))
@@ -101,35 +113,78 @@ def _parsed(text: str) -> ast.expr:
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, RecursionError, MemoryError, ValueError) as err:
-        raise ValueError(f"cannot be read: {getattr(err, 'msg', err)}") from None
-    for node in ast.walk(tree):
-        if (problem := _refused(node)) is not None:
-            raise ValueError(problem)
-    if not isinstance(tree, ast.Compare | ast.BoolOp | ast.UnaryOp | ast.Call | ast.Name):
+        hint = "write conditions such as 'intensity > 40 and user_data == 3'"
+        raise ValueError(f"cannot be read ({getattr(err, 'msg', err)}); {hint}") from None
+    if _sort(tree) is not Sort.TRUTH and not isinstance(tree, ast.Name):
         raise ValueError("must be a condition, such as 'intensity > 40'")
     return tree
 
 
-def _refused(node: ast.AST) -> str | None:
-    """Why node may not stand in an expression, or None."""
-    structure = ast.Compare | ast.BoolOp | ast.BinOp | ast.UnaryOp | ast.Tuple | ast.List
-    words = ast.Name | ast.Load | ast.And | ast.Or | ast.Not | ast.USub | ast.UAdd
-    if isinstance(node, structure | words) or type(node) in BINARY or type(node) in COMPARE:
-        return None
-    if isinstance(node, ast.Constant):
-        plain = isinstance(node.value, bool | int | float)
-        return None if plain else f"{node.value!r} is not a number"
-    if isinstance(node, ast.Call):
-        return _refused_call(node)
-    return f"{ast.unparse(node) if isinstance(node, ast.expr) else node!r} is not allowed"
+class Sort(Enum):
+    """What a part of an expression is."""
+
+    NUMBER = "a number"
+    TRUTH = "true or false"
 
 
-def _refused_call(node: ast.Call) -> str | None:
-    name = node.func.id if isinstance(node.func, ast.Name) else ""
-    if name not in FUNCTIONS or node.keywords:
-        return f"only these functions may be called: {', '.join(FUNCTIONS)}"
-    wanted = FUNCTIONS[name].nin
-    return None if len(node.args) == wanted else f"{name} takes {wanted} value(s)"
+def _sort(node: ast.expr, depth: int = 0) -> Sort:  # noqa: PLR0911, PLR0912  one case per node
+    """Number or truth; refuses whatever is not in the short list, and what does not fit."""
+    if depth > DEEPEST:
+        raise ValueError(f"is nested more than {DEEPEST} levels deep")
+
+    def need(sort: Sort, *parts: ast.expr) -> None:
+        for part in parts:
+            if (found := _sort(part, depth + 1)) is not sort:
+                raise ValueError(f"{ast.unparse(part)} is {found.value}, not {sort.value}")
+
+    match node:
+        case ast.Name():
+            return Sort.NUMBER
+        case ast.Constant(value=bool() | int() | float()):
+            return Sort.NUMBER
+        case ast.UnaryOp(op=ast.Not()):
+            _sort(node.operand, depth + 1)
+            return Sort.TRUTH
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd()):
+            need(Sort.NUMBER, node.operand)
+            return Sort.NUMBER
+        case ast.BinOp() if type(node.op) in BINARY:
+            need(Sort.NUMBER, node.left, node.right)
+            return Sort.NUMBER
+        case ast.BoolOp():
+            for part in node.values:
+                _sort(part, depth + 1)
+            return Sort.TRUTH
+        case ast.Compare():
+            need(Sort.NUMBER, node.left)
+            for op, right in zip(node.ops, node.comparators, strict=True):
+                _check_comparison(op, right, need)
+            return Sort.TRUTH
+        case ast.Call(func=ast.Name(id=name)) if name in FUNCTIONS and not node.keywords:
+            if len(node.args) != FUNCTIONS[name].nin:
+                raise ValueError(f"{name} takes {FUNCTIONS[name].nin} value(s)")
+            need(Sort.NUMBER, *node.args)
+            return Sort.TRUTH if name == "isnan" else Sort.NUMBER
+        case ast.Call():
+            raise ValueError(f"only these functions may be called: {', '.join(FUNCTIONS)}")
+    raise ValueError(f"{ast.unparse(node)} is not allowed")
+
+
+def _check_comparison(op: ast.cmpop, right: ast.expr, need: Callable[..., None]) -> None:
+    if type(op) not in COMPARE:
+        raise ValueError("'is' is not allowed; use ==")
+    if not isinstance(op, ast.In | ast.NotIn):
+        need(Sort.NUMBER, right)
+        return
+    items = right.elts if isinstance(right, ast.Tuple | ast.List) else [right]
+    if not items or not all(_is_plain_number(item) for item in items):
+        raise ValueError(f"'in' takes a list of numbers, such as (2, 9), not {ast.unparse(right)}")
+
+
+def _is_plain_number(node: ast.expr) -> bool:
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        node = node.operand
+    return isinstance(node, ast.Constant) and isinstance(node.value, int | float)
 
 
 def _value(node: ast.expr, columns: Mapping[str, NDArray[np.float64]]) -> Any:  # noqa: PLR0911
@@ -137,7 +192,7 @@ def _value(node: ast.expr, columns: Mapping[str, NDArray[np.float64]]) -> Any:  
         case ast.Name():
             return columns[node.id]
         case ast.Constant():
-            assert isinstance(node.value, int | float)  # _refused has seen to that
+            assert isinstance(node.value, int | float)  # _sort has seen to that
             return np.float64(node.value)  # no integers of unbounded size: 9 ** 9 ** 9 is inf
         case ast.Tuple() | ast.List():
             return [_value(item, columns) for item in node.elts]
@@ -157,7 +212,7 @@ def _value(node: ast.expr, columns: Mapping[str, NDArray[np.float64]]) -> Any:  
             return _compared(node, columns)
         case ast.Call(func=ast.Name(id=name)):
             return FUNCTIONS[name](*[_value(argument, columns) for argument in node.args])
-    raise AssertionError(f"_parsed let {node!r} through")
+    raise AssertionError(f"_sort let {node!r} through")
 
 
 def _compared(node: ast.Compare, columns: Mapping[str, NDArray[np.float64]]) -> Any:

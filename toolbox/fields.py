@@ -6,11 +6,11 @@ import dataclasses
 import difflib
 import operator
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from toolbox import __version__
 from toolbox.errors import DataError, ParameterError, ToolboxError
-from toolbox.kinds import Kind
+from toolbox.kinds import CHOICE, OPTIONS, Kind
 from toolbox.values import Range
 
 LENGTHS = {"m": 1, "m2": 2, "m3": 3, "1/m": -1, "1/m2": -2}  # unit: power of the metre
@@ -31,7 +31,8 @@ class Field:
     ----------
     kind : how values of this type are read, checked and described
     role : "source", "param" or "sink"
-    choices : allowed words or numbers, from a Literal annotation; empty when anything goes
+    choices : allowed words or numbers, from a Literal annotation; with a kind such as number
+        (``float | Literal["auto"]``) they are allowed beside it
     many : the value is a tuple of `kind`
     optional : None is a value
     of : the source that an attribute name or expression speaks about
@@ -60,10 +61,12 @@ class Field:
 
     def rule(self) -> str:
         """The limits in words; --help, the docs and the errors all print these same words."""
-        if self.choices:
-            return "one of " + ", ".join(map(str, self.choices))
+        words = ", ".join(map(str, self.choices))
+        if self.kind is CHOICE:
+            return f"one of {words}"
         text = " and ".join(f"{SIGNS[key]} {limit:g}" for key, limit in self.limits.items())
-        return f"{text} {self.unit}" if text and self.unit != "1" else text
+        text = f"{text} {self.unit}" if text and self.unit != "1" else text
+        return f"{text} or {words}".strip() if words else text
 
     def problem(self, value: Any) -> str | None:
         """What is wrong with value, or None."""
@@ -78,10 +81,12 @@ class Field:
         return value if self.many and isinstance(value, tuple) else (value,)
 
     def _item_problem(self, value: Any) -> str | None:
+        if any(value == choice and type(value) is type(choice) for choice in self.choices):
+            return None
+        if self.kind is CHOICE:
+            return f"must be {self.rule()}, got {value!r}{nearest(str(value), self.choices)}"
         if not self.kind.accepts(value):
             return f"must be {_a(self.kind.word)}, got {value!r}"
-        if self.choices and value not in self.choices:
-            return f"must be {self.rule()}, got {value!r}{nearest(str(value), self.choices)}"
         numbers = value if isinstance(value, Range) else (value,)
         meets = (MEETS[key](n, limit) for key, limit in self.limits.items() for n in numbers)
         return None if all(meets) else f"must be {self.rule()}, got {value!r}"
@@ -94,7 +99,8 @@ class Field:
         ValueError
             It cannot be read as one.
         """
-        if value is None or (isinstance(value, str) and value.lower() in ("none", "null")):
+        none = value is None or (isinstance(value, str) and value.lower() in ("none", "null"))
+        if none and str(value) not in map(str, self.choices):
             if self.optional:
                 return None
             raise ValueError(f"must be {_a(self.word)}, got none")
@@ -104,8 +110,13 @@ class Field:
         return self._parse_item(value)
 
     def _parse_item(self, value: Any) -> Any:
+        for choice in self.choices:
+            if str(choice) == str(value):
+                return choice
         if self.kind.accepts(value):
             return value
+        if self.kind is CHOICE:
+            raise ValueError(self._item_problem(value))
         try:
             return self.kind.parse(value)
         except ToolboxError:
@@ -115,33 +126,56 @@ class Field:
             raise ValueError(f"must be {_a(self.kind.word)}, got {_shown(value)}{why}") from None
 
     def scaled(self, value: Any, metre: float) -> Any:
-        """A length in metres as a length in a unit of which `metre` make one metre."""
+        """A length in metres in the unit of the data, of which `metre` make one metre."""
         power = LENGTHS.get(self.unit or "")
-        if power is None or value is None or self.kind.is_layer:
+        if power is None or self.kind.is_layer:
             return value
         factor = metre**power
-        return Range(*(n * factor for n in value)) if isinstance(value, Range) else value * factor
+        scaled = tuple(_times(item, factor) for item in self.items(value))
+        return scaled if self.many else scaled[0]
 
     def schema(self) -> dict[str, Any]:
         """This field as an input or output of an OGC API - Processes description."""
-        body = dict(self.kind.schema) | self._schema_limits()
+        body = self._item_schema()
         if self.many:
-            body = {"type": "array", "items": body, "minItems": 1}
+            body = {"type": "array", "items": body}
         if self.role == "param" and self.default is not None and not self.required:
-            body["default"] = self.kind.to_json(self.default)
+            body["default"] = self._default_json()
         says = {"type": self.kind.word, "unit": self.unit, "rule": self.rule(), "of": self.of}
         meta = [{"role": role, "value": value} for role, value in says.items() if value]
+        options = self.kind.save_options if self.role == "sink" else self.kind.open_options
+        for option in options:
+            meta.append({"role": "option", "title": option, "value": OPTIONS[option].help})
+        if self.role == "sink":
+            meta += [{"role": "suffix", "value": suffix} for suffix in self.kind.suffixes]
         made: dict[str, Any] = {"title": self.name.replace("_", " ").capitalize()}
         made |= {"description": self.help, "schema": body, "metadata": meta}
         if self.role != "sink":
             made["minOccurs"] = int(self.required)
-            made["maxOccurs"] = 1
+            made["maxOccurs"] = "unbounded" if self.many and self.kind.is_layer else 1
         return made
+
+    def _default_json(self) -> Any:
+        made = [v if v in self.choices else self.kind.to_json(v) for v in self.items(self.default)]
+        return made if self.many else made[0]
+
+    def _item_schema(self) -> dict[str, Any]:
+        """One value: a word, a number, or what the kind says; several sorts become oneOf."""
+        texts = [choice for choice in self.choices if isinstance(choice, str)]
+        numbers = [choice for choice in self.choices if not isinstance(choice, str)]
+        sorts: list[dict[str, Any]] = []
+        if self.kind is not CHOICE:
+            sorts.append(dict(self.kind.schema) | self._schema_limits())
+        if numbers:
+            sorts.append({"type": "integer", "enum": numbers})
+        if texts:
+            sorts.append({"type": "string", "enum": texts})
+        return sorts[0] if len(sorts) == 1 else {"oneOf": sorts}
 
     def _schema_limits(self) -> dict[str, Any]:
         # A strict limit is written as "not that very number": exclusiveMinimum is a boolean in
         # OpenAPI 3.0 (OGC API - Processes 1.0) and a number in JSON Schema 2020-12.
-        body: dict[str, Any] = {"enum": list(self.choices)} if self.choices else {}
+        body: dict[str, Any] = {}
         for key, limit in self.limits.items():
             body["minimum" if key[0] == "g" else "maximum"] = limit
         strict = [limit for key, limit in self.limits.items() if key in ("gt", "lt")]
@@ -215,7 +249,14 @@ class Spec:
         try:
             return self.make(**values)
         except (ParameterError, DataError) as err:
-            raise type(err)(where or err.where, err.problems) from None
+            raise (err.named(where) if where else err) from None
+
+    def halo(self, settings: Mapping[str, Any]) -> float:
+        """Reach in metres under these settings, before any layer is read."""
+        defaults = {name: None if f.required else f.default for name, f in self.inputs.items()}
+        job: Any = object.__new__(cast(type, self.make))
+        job.__dict__.update(defaults | dict(settings))
+        return float(job.halo())
 
     def describe(self) -> dict[str, Any]:
         """OGC API - Processes, Part 1: the process description of this tool."""
@@ -235,6 +276,13 @@ def nearest(name: str, known: Iterable[Any]) -> str:
     """Say '; did you mean ...?' with the known name that is closest, or nothing."""
     close = difflib.get_close_matches(name, [str(k) for k in known], n=1)
     return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def _times(value: Any, factor: float) -> Any:
+    """Scale numbers; words such as "auto" and None stay as they are."""
+    if isinstance(value, Range):
+        return Range(*(number * factor for number in value))
+    return value if value is None or isinstance(value, str) else value * factor
 
 
 def _a(word: str) -> str:

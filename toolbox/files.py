@@ -5,16 +5,21 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+Parts = Callable[[Path], tuple[Path, ...]]  # all files that belong to a path, itself included
+
 _unfinished: set[Path] = set()  # folders of this process that a crash must not leave behind
+_moving = threading.Lock()  # held while outputs are moved into place
 
 
 def problems(
     targets: Mapping[str, Path],
     suffixes: Mapping[str, tuple[str, ...]],
+    parts: Mapping[str, Parts],
     inputs: Iterable[Path],
     *,
     overwrite: bool,
@@ -25,38 +30,54 @@ def problems(
     ----------
     targets : path of each output
     suffixes : file name endings that each output can be written with
+    parts : which files belong to the path of each output
     inputs : files that the run reads
     """
     reads = list(inputs)
     found: dict[str, str] = {}
     for name, path in targets.items():
-        text = _wrong_format(path, suffixes[name]) or _wrong_place(path, overwrite=overwrite)
-        if not text and any(_same(path, read) for read in reads):
-            text = f"{path} is also an input; choose another name"
-        twin = next((n for n, p in targets.items() if n != name and _same(p, path)), None)
-        if not text and twin:
-            text = f"{path} is also the path of {twin}"
+        files = parts[name](path)
+        text = _wrong_format(path, suffixes[name]) or _wrong_place(files, overwrite=overwrite)
+        text = text or _clash(name, files, targets, reads)
         if text:
             found[name] = text
     return found
 
 
+def _clash(
+    name: str, files: tuple[Path, ...], targets: Mapping[str, Path], reads: list[Path]
+) -> str | None:
+    """Say if a file of this output is an input or another output."""
+    used = [part for part in files if any(_same(part, read) for read in reads)]
+    if used:
+        return f"{used[0]} is also an input; choose another name"
+    twin = next((n for n, p in targets.items() if n != name and _same(p, files[0])), None)
+    return f"{files[0]} is also the path of {twin}" if twin else None
+
+
 def _wrong_format(path: Path, suffixes: tuple[str, ...]) -> str | None:
-    if path.name.lower().endswith(suffixes):
+    name = path.name.lower()
+    if name.endswith(".copc.laz"):
+        return "cannot write COPC; use .laz"
+    if name.endswith(suffixes) and name not in suffixes:
         return None
     return f"cannot write {path.suffix or 'a file without ending'}; use {', '.join(suffixes)}"
 
 
-def _wrong_place(path: Path, *, overwrite: bool) -> str | None:
-    folder = path.parent
+def _wrong_place(files: tuple[Path, ...], *, overwrite: bool) -> str | None:
+    path, folder = files[0], files[0].parent
+    try:
+        there = [part for part in files if part.exists()]
+    except OSError as err:
+        return f"{path} cannot be a file: {err.strerror}"
     if not folder.is_dir():
         return f"there is no folder {folder}"
     if not os.access(folder, os.W_OK | os.X_OK):
         return f"no permission to write in folder {folder}"
     if path.is_dir():
         return f"{path} is a folder"
-    if path.exists() and not overwrite:
-        return f"{path} exists; allow it with --overwrite"
+    if there and not overwrite:
+        return f"{there[0]} exists; allow it with --overwrite"
     return None
 
 
@@ -67,36 +88,60 @@ def _same(one: Path, other: Path) -> bool:
 
 
 @contextmanager
-def staged(targets: Iterable[Path]) -> Iterator[dict[Path, Path]]:
+def staged(targets: Mapping[Path, Parts], *, overwrite: bool) -> Iterator[dict[Path, Path]]:
     """Give a place beside each target to write to; move all there at the end, or none.
 
     Each output is written under its own name in a hidden folder beside the target, because some
-    formats write several files, and is then renamed, which is atomic within a file system.
+    formats write several files, and is then renamed, which is atomic within a file system. What
+    was there before, also parts that the new output does not have, is kept until all is moved.
 
     Raises
     ------
     OSError
-        A folder cannot be written.
+        A folder cannot be written, or a file has appeared that may not be replaced.
     """
+    homes = {target: target.resolve() for target in targets}  # of a link, the file behind it
     folders: dict[Path, Path] = {}
     try:
-        for target in targets:
-            folder = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=target.resolve().parent))
+        for target, home in homes.items():
+            folder = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=home.parent))
             _unfinished.add(folder)
             folders[target] = folder
-        yield {target: folder / target.name for target, folder in folders.items()}
-        for target, folder in folders.items():
-            for part in sorted(folder.iterdir()):
-                part.replace(target.resolve().parent / part.name)
+        yield {target: folder / homes[target].name for target, folder in folders.items()}
+        with _moving:
+            moves = [(folders[t], targets[t](home), overwrite) for t, home in homes.items()]
+            _move_all(moves)
     finally:
         for folder in folders.values():
             _discard(folder)
 
 
+def _move_all(moves: Iterable[tuple[Path, tuple[Path, ...], bool]]) -> None:
+    """Move the files of each folder to its parent; put everything back if one move fails."""
+    undo: list[tuple[Path, Path]] = []
+    try:
+        for folder, old_parts, overwrite in moves:
+            new = sorted(path for path in folder.iterdir() if path.is_file())
+            old = {*old_parts, *(folder.parent / path.name for path in new)}
+            kept = folder / "replaced"
+            kept.mkdir()
+            for path in sorted(path for path in old if path.exists()):
+                if not overwrite:
+                    raise FileExistsError(f"{path} has appeared meanwhile")
+                undo.append((path.replace(kept / path.name), path))
+            for path in new:
+                undo.append((path.replace(folder.parent / path.name), path))
+    except OSError:
+        for now, before in reversed(undo):
+            now.replace(before)
+        raise
+
+
 def discard_unfinished() -> None:
     """Remove what unfinished runs of this process have written, before a hard exit."""
-    for folder in list(_unfinished):
-        _discard(folder)
+    with _moving:
+        for folder in list(_unfinished):
+            _discard(folder)
 
 
 def _discard(folder: Path) -> None:

@@ -8,10 +8,12 @@ import numbers
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from pyproj import CRS
 
+from toolbox.context import QUIET
 from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import parse_crs
 from toolbox.expression import Expression
@@ -33,6 +35,8 @@ class Kind:
     to_json : the way back
     plain : the word alone says what a text must look like, so errors need no more
     suffixes : endings of the files that it can be written to; empty for what is no layer
+    open_options, save_options : names in `OPTIONS` that a source or target of it may carry
+    parts : all files that a layer written to a path consists of
     """
 
     word: str
@@ -42,6 +46,9 @@ class Kind:
     to_json: Callable[[Any], Any] = field(default=lambda value: value)
     plain: bool = False
     suffixes: tuple[str, ...] = ()
+    open_options: tuple[str, ...] = ()
+    save_options: tuple[str, ...] = ()
+    parts: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
 
     @property
     def is_layer(self) -> bool:
@@ -60,6 +67,14 @@ def find(hint: Any) -> Kind:
     if hint in KINDS:
         return KINDS[hint]
     raise TypeError(f"{hint!r} cannot be declared; there are {[k.word for k in KINDS.values()]}")
+
+
+@dataclass(frozen=True)
+class Option:
+    """How a layer is read or written, where its file does not say so."""
+
+    help: str
+    parse: Callable[[Any], Any]
 
 
 def _number(value: Any) -> float:
@@ -141,30 +156,72 @@ def _scalars() -> dict[Any, Kind]:
     }
 
 
-OPTIONS: Mapping[str, Callable[[Any], Any]] = {
-    "columns": lambda value: re.split(r"[,;\s]+", value) if isinstance(value, str) else list(value),
-    "separator": _text,
-    "bounds": _extent,
-    "layer": _text,
-    "ctx": lambda value: value,
-}  # how a source is to be read, beside its path; how texts of these options are read
+def _columns(value: Any) -> list[str]:
+    names = re.split(r"[,;\s]+", value.strip()) if isinstance(value, str) else list(value)
+    if not all(isinstance(name, str) and name for name in names):
+        raise ValueError(f"needs names, got {value!r}")
+    return names
+
+
+OPTIONS: Mapping[str, Option] = {
+    "columns": Option(
+        "Names of the columns of a text file, such as x,y,z,intensity",
+        _columns,
+    ),
+    "separator": Option("What stands between the columns of a text file", _text),
+    "bounds": Option("Read only xmin,ymin,xmax,ymax", _extent),
+    "layer": Option("Name of the layer in the file", _text),
+    "cog": Option("Write a cloud-optimised GeoTIFF", _boolean),
+}
 
 
 def _layer(cls: Any, media_type: str) -> Kind:
     """A layer is opened from a path, or from a mapping of a path and how to open it."""
-    known = OPTIONS.keys() & inspect.signature(cls.open).parameters.keys()
 
     def opened(value: Any) -> Any:
         how = dict(value) if isinstance(value, Mapping) else {"path": value}
-        path = how.pop("path")
-        if unknown := how.keys() - known:
-            allowed = ", ".join(sorted(known - {"ctx"})) or "none"
-            raise ValueError(f"no option {sorted(unknown)[0]!r} of a source; there are {allowed}")
-        return cls.open(path, **{name: OPTIONS[name](text) for name, text in how.items()})
+        path, ctx = how.pop("path"), how.pop("ctx", QUIET)
+        return cls.open(path, ctx=ctx, **parsed_options(how, known))
 
+    known = _options_of(cls.open)
     schema = {"type": "string", "format": "uri-reference", "contentMediaType": media_type}
-    return Kind(cls.__name__, schema, _is(cls), opened, suffixes=cls.SUFFIXES)
+    return Kind(
+        cls.__name__,
+        schema,
+        _is(cls),
+        opened,
+        suffixes=cls.SUFFIXES,
+        open_options=known,
+        save_options=_options_of(cls.save),
+        parts=getattr(cls, "parts", lambda path: (path,)),
+    )
 
+
+def _options_of(method: Callable[..., Any]) -> tuple[str, ...]:
+    return tuple(name for name in inspect.signature(method).parameters if name in OPTIONS)
+
+
+def parsed_options(given: Mapping[str, Any], known: tuple[str, ...]) -> dict[str, Any]:
+    """Texts or JSON values of options as their methods take them.
+
+    Raises
+    ------
+    ValueError
+        An option is unknown or cannot be read.
+    """
+    if unknown := sorted(given.keys() - set(known)):
+        raise ValueError(f"no option {unknown[0]!r}; there are {', '.join(known) or 'none'}")
+    found = {}
+    for name, value in given.items():
+        try:
+            found[name] = OPTIONS[name].parse(value)
+        except (ValueError, TypeError) as err:
+            raise ValueError(f"option {name}: {err or f'cannot be {value!r}'}") from None
+    return found
+
+
+CHOICE = Kind("choice", {}, lambda value: False, lambda value: value)
+"""A word or number out of a list; the list stands in the field, which does the checking."""
 
 KINDS: Mapping[Any, Kind] = _scalars() | {
     PointCloud: _layer(PointCloud, "application/vnd.laszip"),

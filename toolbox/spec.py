@@ -10,22 +10,25 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
-import math
 import re
 import types
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Literal, TypeVar, cast, dataclass_transform
 
 from toolbox import kinds
 from toolbox.context import QUIET, Context, log
-from toolbox.data.crs import describe_crs, length_problem, same_crs
+from toolbox.data import PointCloud
+from toolbox.data.crs import crs_conflict, length_problem
 from toolbox.errors import DataError, ParameterError
 from toolbox.expression import Expression
 from toolbox.fields import LENGTHS, MEETS, Field, Spec, nearest
 
 T = TypeVar("T", bound=type)
 REGISTRY: dict[str, Spec] = {}
+UNITS = (*LENGTHS, "1", "%", "deg", "s", "degC", "V")
+RESERVED = {"assume_crs", "events", "help", "json", "overwrite", "params", "picture"}
+RESERVED |= {"quiet", "verbose"}
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
@@ -75,7 +78,9 @@ def tool(id: str) -> Callable[[T], T]:
 
     The class has a docstring (first line: title), fields, `Outputs`, `run(ctx)`, `halo()` if it
     reads layers, and may have `check()`, which yields (parameter, problem) for rules between
-    values. `halo()` gives metres, or `math.inf` for a tool that needs the whole cloud.
+    values, and `check_data()` for rules between values and layers. `halo()` gives metres, or
+    `math.inf` for a tool that needs the whole cloud. `check` and `halo` must not look at layers: a
+    model and the tile engine ask them before there are any.
 
     Inside `run` all lengths are in the unit of the data: a `cell` of 1 m is 3.28 when the
     coordinates are in feet. Lengths that `run` returns are turned back into metres. A constant in
@@ -104,26 +109,34 @@ def _fields(cls: type) -> dict[str, Field]:
 
 
 def _field(declared: dataclasses.Field[Any], hint: Any) -> Field:
-    """Take the annotation apart: X | None, tuple[X, ...], Literal[...], or plain X."""
-    args = typing.get_args(hint)
-    optional = isinstance(hint, types.UnionType) and type(None) in args
-    if optional:
-        hint = next(arg for arg in args if arg is not type(None))
-    many = typing.get_origin(hint) is tuple
-    if many:
-        hint = typing.get_args(hint)[0]
-    choices = typing.get_args(hint) if typing.get_origin(hint) is Literal else ()
-    kind = kinds.find(type(choices[0]) if choices else hint)
+    """Take the annotation apart: X | None, tuple[X, ...], Literal[...], X | Literal["auto"]."""
+    members = _members(hint)
+    optional = type(None) in members
+    lists = [member for member in members if typing.get_origin(member) is tuple]
+    if lists:
+        members = _members(typing.get_args(lists[0])[0])
+    words = [member for member in members if typing.get_origin(member) is Literal]
+    choices = tuple(choice for word in words for choice in typing.get_args(word))
+    plain = [member for member in members if member not in (*words, type(None))]
+    if len(plain) > 1:
+        raise TypeError(f"{declared.name}: {hint} is more than one type")
+    kind = kinds.find(plain[0]) if plain else kinds.CHOICE
     given: dict[str, Any] = {"unit": None, "limits": {}} | dict(declared.metadata)
     return Field(
         declared.name,
         kind,
         default=declared.default,
         choices=choices,
-        many=many,
+        many=bool(lists),
         optional=optional,
         **given,
     )
+
+
+def _members(hint: Any) -> list[Any]:
+    """The alternatives of a union, or the one type."""
+    union = typing.get_origin(hint) in (types.UnionType, typing.Union)
+    return list(typing.get_args(hint)) if union else [hint]
 
 
 def _check_declaration(spec: Spec, made: Any) -> None:
@@ -138,6 +151,10 @@ def _check_declaration(spec: Spec, made: Any) -> None:
             raise TypeError(f"{spec.id}.{field.name}: names are lower_case words")
         if field.limits.keys() - MEETS.keys():
             raise TypeError(f"{spec.id}.{field.name}: limits are {', '.join(MEETS)}")
+        if field.name in RESERVED:
+            raise TypeError(f"{spec.id}.{field.name}: is an option of every run")
+        if field.unit and field.unit not in UNITS:
+            raise TypeError(f"{spec.id}.{field.name}: unit {field.unit!r} is not in {UNITS}")
         if field.of and field.of not in spec.sources:
             raise TypeError(f"{spec.id}.{field.name}: no source called {field.of!r}")
 
@@ -151,10 +168,17 @@ def _check(job: Any) -> None:
         raise ParameterError(spec.id, unsuitable | wrong)
     if unsuitable:
         raise DataError(spec.id, unsuitable)
-    if problems := dict(_attribute_problems(spec, values)):
-        raise ParameterError(spec.id, problems)
-    if hasattr(job, "check") and (problems := dict(job.check())):
-        raise ParameterError(spec.id, problems)
+    for found in (
+        _rules(job, "check"),
+        _attribute_problems(spec, values),
+        _rules(job, "check_data"),
+    ):
+        if problems := dict(found):
+            raise ParameterError(spec.id, problems)
+
+
+def _rules(job: Any, name: str) -> Iterable[tuple[str, str]]:
+    return getattr(job, name)() if hasattr(job, name) else ()
 
 
 def _layers(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -179,11 +203,9 @@ def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
             log.warning("%s: %s %s", name, layer.name, text)
     for name, layer in layers[1:]:
         first_name, first = layers[0]
-        if not same_crs(first.crs, layer.crs):
-            found[name] = (
-                f"{layer.name} is in {describe_crs(layer.crs)}, but {first_name} "
-                f"{first.name} is in {describe_crs(first.crs)}; reproject one of them first"
-            )
+        heights = isinstance(first, PointCloud) and isinstance(layer, PointCloud)
+        if text := crs_conflict(layer.crs, first.crs, heights=heights):
+            found[name] = f"{layer.name} {text} of {first_name} {first.name}".strip()
     return found
 
 
@@ -193,8 +215,9 @@ def _attribute_problems(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple
         layer = values[field.of] if field.of else None
         if layer is None or values[name] is None:
             continue
-        value = values[name]
-        wanted = value.names if isinstance(value, Expression) else {str(value)}
+        wanted: set[str] = set()
+        for value in field.items(values[name]):
+            wanted |= value.names if isinstance(value, Expression) else {str(value)}
         known = ("x", "y", "z", *layer.names)
         for missing in sorted(wanted - set(known)):
             hint = nearest(missing, known)
@@ -210,10 +233,11 @@ def _in_data_units(run: Callable[..., Any]) -> Callable[..., Any]:
         values = {name: getattr(self, name) for name in spec.inputs}
         metric = (layer for _, layer in _layers(spec, values) if not length_problem(layer.crs))
         metre = next((layer.metre for layer in metric), 1.0)
-        if math.isclose(metre, 1.0, rel_tol=1e-12):
-            return run(self, ctx)
         inside = {name: f.scaled(values[name], metre) for name, f in spec.inputs.items()}
-        result = run(_unchecked(self, inside), ctx)
+        try:
+            result = run(_unchecked(self, inside), ctx)
+        except DataError as err:
+            raise (err if err.problems else err.named(spec.id)) from err.__cause__
         outside = {n: f.scaled(getattr(result, n), 1 / metre) for n, f in spec.outputs.items()}
         return dataclasses.replace(result, **outside)
 

@@ -1,8 +1,9 @@
 """Run a job so that Ctrl-C, SIGTERM or the end of a pipe stops it within a second.
 
 The job runs in a thread of its own while the main thread waits, because Python hands signals to
-the main thread only, and only between two of its own instructions: a long call into a compiled
-library would otherwise keep Ctrl-C waiting until it returns.
+the main thread only, and only between two of its own instructions. A compiled library that works
+without the interpreter's lock then cannot keep Ctrl-C waiting; one that holds the lock still can,
+so tools call such libraries in blocks of a fraction of a second.
 """
 
 from __future__ import annotations
@@ -41,7 +42,10 @@ class _Job(threading.Thread, Generic[T]):
 
 
 def stoppable(
-    work: Callable[[Context], T], report: Callable[[float], None], pipe: IO[bytes] | None = None
+    work: Callable[[Context], T],
+    report: Callable[[float], None],
+    pipe: IO[bytes] | None = None,
+    farewell: Callable[[], object] = lambda: None,
 ) -> T:
     """Return work(ctx), or stop it.
 
@@ -50,6 +54,7 @@ def stoppable(
     work : called in another thread with a context that knows when to stop
     report : called with the fraction done
     pipe : when it ends, the job stops; for programs that keep our standard input open
+    farewell : called before the process ends for a job that does not stop
 
     Raises
     ------
@@ -71,10 +76,17 @@ def stoppable(
                 asked = asked or time.monotonic()
                 if time.monotonic() - asked > GRACE:
                     files.discard_unfinished()
+                    _within(0.2, farewell)  # nobody may read what it prints
                     os._exit(Cancelled.exit_code)
     if job.error:
         raise job.error
     return job.result
+
+
+def _within(seconds: float, work: Callable[[], object]) -> None:
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    thread.join(seconds)
 
 
 def _wait_for_end(pipe: IO[bytes], stop: threading.Event) -> None:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple, Self
 
+CLASSES = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?")
 HIGHEST_CLASS = 255  # ASPRS LAS 1.4: one byte
 
 
@@ -34,8 +35,13 @@ class ClassList(tuple[int, ...]):
         """Read single classes and ranges: ``2,9,14-16``."""
         classes: list[int] = []
         for part in text.split(","):
-            first, _, last = part.strip().partition("-")
-            classes += range(int(first), int(last or first) + 1)
+            found = CLASSES.fullmatch(part.strip())
+            if not found:
+                raise ValueError(f"{part.strip()!r} is no class or range of classes")
+            first, last = int(found[1]), int(found[2] or found[1])
+            if first > last or last > HIGHEST_CLASS:
+                raise ValueError(f"{part.strip()!r} is not a range within 0 and {HIGHEST_CLASS}")
+            classes += range(first, last + 1)
         return cls(classes)
 
     def __str__(self) -> str:

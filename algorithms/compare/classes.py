@@ -12,7 +12,7 @@ correctness, completeness and quality.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,9 +26,21 @@ from toolbox.errors import DataError
 from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import Attribute, ClassList
 
-SAME = 1e-6  # coordinates that differ less than this differ by rounding only, in any unit
+# Coordinates are the same if they agree to this: 0.1 mm on the ground in degrees, or 1 micrometre.
+SAME_IN_DEGREES, SAME = 1e-9, 1e-6
+DEGREES = 360.0  # larger numbers are no degrees; smaller ones have digits enough for 1e-9
+# Borders between two roundings lie at this share of a step, where no decimal number lies.
+BORDER = 0.685
+BLOCK = 200_000  # points between two looks at whether the user cancelled
+# Attributes that the sensor gave, in the order in which they tell points at one place apart.
+RECORDED = (
+    *("gps_time", "return_number", "number_of_returns", "point_source_id", "scanner_channel"),
+    *("scan_angle", "scan_angle_rank", "intensity", "red", "green", "blue", "nir"),
+)
 # Values of the attribute `error`, drawn in the colours of Şen and Bayaslı (2020).
 CORRECT_POSITIVE, CORRECT_NEGATIVE, TYPE_1, TYPE_2, NO_REFERENCE = 0, 1, 2, 3, 4
+
+Ties = Callable[[NDArray[np.int64]], Sequence[NDArray[Any]]]  # columns of some points, to sort by
 
 
 @tool("compare.classes")
@@ -42,6 +54,12 @@ class CompareClasses:
 
     Type I is the share of reference ground that was lost, Type II the share of reference objects
     that was taken for ground. Points without a counterpart are counted and reported.
+
+    Coordinates are the same if they agree to 0.000001 units (0.000000001 where none exceeds 360,
+    as degrees). Several points at one place are told apart by the attributes that both clouds
+    have, GPS time and return number first, and where all those are equal in favour of the
+    classification; each takes one reference point. With `max_distance`, points left over take the
+    nearest reference point, which may then serve several.
     """
 
     points: PointCloud = source("Classified points")
@@ -91,13 +109,13 @@ class CompareClasses:
 
     def run(self, ctx: Context = QUIET) -> CompareClasses.Outputs:
         """Match, count, and mark."""
-        found = self._counterparts()
+        found = self._counterparts(ctx.part(0.0, 0.8))
         matched = found >= 0
         if not matched.any():
             raise DataError("reference: no point has a counterpart; are these the same points?")
         if unmatched := int((~matched).sum()):
             log.warning("%d of %d points have no counterpart", unmatched, len(found))
-        ctx.progress(0.5)
+        ctx.progress(0.8)
         said = self.points[self.attribute]
         true = (self.reference or self.points)[self.reference_attribute][found]
         is_said = np.isin(said, self.positive)
@@ -118,11 +136,32 @@ class CompareClasses:
             unmatched=unmatched,
         )
 
-    def _counterparts(self) -> NDArray[np.int64]:
+    def _counterparts(self, ctx: Context) -> NDArray[np.int64]:
         """Index of each point's counterpart in the reference, -1 where there is none."""
-        if self.reference is None:
-            return np.arange(len(self.points))
-        return counterparts(self.points.xyz, self.reference.xyz, self.max_distance or SAME)
+        points, reference = self.points, self.reference
+        if reference is None:
+            return np.arange(len(points))
+        compared = (self.attribute, self.reference_attribute)
+        shared = [name for name in points.names if name in reference and name not in compared]
+        shared.sort(key=lambda name: (name not in RECORDED, (*RECORDED, name).index(name), name))
+        truth = self.reference_positive or self.positive
+        return counterparts(
+            points.xyz,
+            reference.xyz,
+            lambda few: ties(points.select(few), shared, self.attribute, self.positive),
+            lambda few: ties(reference.select(few), shared, self.reference_attribute, truth),
+            max_distance=self.max_distance,
+            ctx=ctx,
+        )
+
+
+def ties(
+    cloud: PointCloud, shared: Sequence[str], attribute: str, positive: ClassList
+) -> list[NDArray[Any]]:
+    """What tells points at one place apart; last, whether they are of the class of interest."""
+    given = cloud[attribute]
+    columns = [column for name in shared if (column := cloud[name]).ndim == 1]
+    return [*columns, np.isin(given, positive), given]
 
 
 @dataclass(frozen=True)
@@ -205,29 +244,112 @@ def _percent(part: int, whole: int) -> float | None:
 
 
 def counterparts(
-    xyz: NDArray[np.float64], reference: NDArray[np.float64], max_distance: float
+    xyz: NDArray[np.float64],
+    reference: NDArray[np.float64],
+    ties: Ties = lambda few: (),
+    reference_ties: Ties = lambda few: (),
+    *,
+    max_distance: float | None = None,
+    ctx: Context = QUIET,
 ) -> NDArray[np.int64]:
-    """The reference point that belongs to each point.
+    """The reference point that belongs to each point, whatever the order of both.
 
-    Points in the same order are recognised at once; others are matched with the nearest reference
-    point, so that of several points at one place each finds one.
+    The k-th of the points at one place belongs to the k-th of the reference points there. Points
+    left over may take the nearest reference point, several of them the same one.
 
     Parameters
     ----------
     xyz, reference : arrays of shape (n, 3) and (m, 3), in the same unit
-    max_distance : farthest counterpart, in that unit
+    ties, reference_ties : give for an array of indices the columns by which points at one place
+        are sorted, the weightiest first
+    max_distance : farthest counterpart of points left over, in that unit; None to leave them
+    ctx : progress and cancellation
 
     Returns
     -------
     array of shape (n,)
-        Index into reference, -1 where none is near enough.
+        Index into reference, -1 where there is none.
     """
-    if xyz.shape == reference.shape and np.all(np.abs(xyz - reference) <= max_distance):
-        return np.arange(len(xyz))
-    if len(reference) == 0:
-        return np.full(len(xyz), -1)
-    distance, index = cKDTree(reference).query(xyz, distance_upper_bound=max_distance)
-    return np.where(np.isfinite(distance), index, -1)
+    place, reference_place = shared_places(xyz, reference)
+    ctx.progress(0.4)
+    rank = rank_in_place(place, ties)
+    reference_rank = rank_in_place(reference_place, reference_ties)
+    ctx.progress(0.5)
+    count = np.bincount(reference_place, minlength=place.max(initial=-1) + 1)
+    first = np.cumsum(count) - count
+    order = np.empty(len(reference), np.int64)
+    order[first[reference_place] + reference_rank] = np.arange(len(reference))
+    matched = rank < count[place]
+    found = np.full(len(xyz), -1)
+    found[matched] = order[first[place[matched]] + rank[matched]]
+    if max_distance is not None and len(reference):
+        # The tree is built in the sorted order, which decides between equally near points.
+        tree, left_over = cKDTree(reference[order]), np.flatnonzero(~matched)
+        for start in range(0, len(left_over), BLOCK):
+            ctx.progress(0.5 + 0.5 * start / len(left_over))
+            block = left_over[start : start + BLOCK]
+            distance, index = tree.query(xyz[block], distance_upper_bound=max_distance)
+            found[block] = np.where(np.isfinite(distance), order[index % len(order)], -1)
+    return found
+
+
+def shared_places(
+    xyz: NDArray[np.float64], reference: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Number of the place of each point and reference point: equal for equal coordinates.
+
+    Parameters
+    ----------
+    xyz, reference : arrays of shape (n, 3) and (m, 3)
+
+    Returns
+    -------
+    arrays of shape (n,) and (m,)
+    """
+    largest = max(np.abs(part[:, :2]).max(initial=0.0) for part in (xyz, reference))
+    step = SAME_IN_DEGREES if largest <= DEGREES else SAME
+    columns, reference_columns = (
+        [np.floor(part[:, axis] / step + 1 - BORDER) for axis in range(3)]
+        for part in (xyz, reference)
+    )
+    if all(map(np.array_equal, columns, reference_columns)):  # in the same order: half the work
+        place = numbered(columns)
+        return place, place
+    place = numbered(
+        [np.concatenate(pair) for pair in zip(columns, reference_columns, strict=True)]
+    )
+    return place[: len(xyz)], place[len(xyz) :]
+
+
+def numbered(columns: Sequence[NDArray[np.float64]]) -> NDArray[np.int64]:
+    """Number equal rows of columns of shape (n,) alike, from 0, in their sorted order."""
+    order = np.lexsort(columns)
+    another = np.zeros(len(order), bool)
+    for column in columns:
+        another[1:] |= np.diff(column[order]) != 0
+    number = np.empty(len(order), np.int64)
+    number[order] = np.cumsum(another)
+    return number
+
+
+def rank_in_place(place: NDArray[np.int64], ties: Ties) -> NDArray[np.int64]:
+    """0, 1, 2, ... for the points at one place, sorted by `ties`.
+
+    Parameters
+    ----------
+    place : array of shape (n,), numbers from 0
+    ties : see :func:`counterparts`
+
+    Returns
+    -------
+    array of shape (n,)
+    """
+    rank = np.zeros(len(place), np.int64)
+    crowded = np.flatnonzero(np.bincount(place)[place] > 1)  # few, and only these need sorting
+    order = crowded[np.lexsort([*reversed(ties(crowded)), place[crowded]])]
+    starts = np.flatnonzero(np.diff(place[order], prepend=-1))
+    rank[order] = np.arange(len(order)) - np.repeat(starts, np.diff(starts, append=len(order)))
+    return rank
 
 
 def confusion_matrix(said: NDArray[Any], true: NDArray[Any]) -> Table:

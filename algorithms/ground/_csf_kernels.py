@@ -17,20 +17,18 @@ ALONG, ACROSS = 64, 128  # nodes of a tile; its scratch stays in the cache
 
 
 @njit(cache=True, nogil=True)
-def lowest_points(xyz, use, start, stop, left, top, cell, lowest):  # type: ignore[no-untyped-def]
-    """Enter the points start..stop into `lowest`: index of the lowest point of each cell.
+def lowest_points(xyz, use, start, row, col, lowest):  # type: ignore[no-untyped-def]
+    """Enter the points from start on, in cells (row, col), as the lowest of their cell.
 
-    Cells are counted from the origin of the coordinates, so that a point is in the same cell
-    in every tile. Equal heights are decided by position, never by the order of the points.
+    Equal heights are decided by position, never by the order of the points.
     """
-    for i in range(start, stop):
+    for k in range(len(row)):
+        i = start + k
         if not use[i]:
             continue
-        row = top - int(np.floor(xyz[i, 1] / cell))
-        col = int(np.floor(xyz[i, 0] / cell)) - left
-        j = lowest[row, col]
+        j = lowest[row[k], col[k]]
         if j < 0 or (xyz[i, 2], xyz[i, 0], xyz[i, 1]) < (xyz[j, 2], xyz[j, 0], xyz[j, 1]):
-            lowest[row, col] = i
+            lowest[row[k], col[k]] = i
 
 
 @njit(cache=True, nogil=True)
@@ -78,26 +76,26 @@ def _nearer(x, y, xyz, near, row, col, from_row, from_col):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def spread_rows(xyz, near, empty, left, top, cell, start, stop, way):  # type: ignore[no-untyped-def]
-    """Hand points on to `empty` nodes, row by row from start to stop in steps of `way`.
+def spread_rows(xyz, near, empty, xs, ys, start, stop, way):  # type: ignore[no-untyped-def]
+    """Hand points on to `empty` nodes at (xs, ys), row by row from start to stop by `way`.
 
     Two such sweeps, one down and one up, give each node its nearest point (Danielsson 1980,
     vector distance transform with the true positions of the points).
     """
     cols = near.shape[1]
     for row in range(start, stop, way):
-        y = (top - row + 0.5) * cell
+        y = ys[row]
         before = row - way
         for col in range(cols):
             if empty[row, col]:
-                x = (left + col + 0.5) * cell
+                x = xs[col]
                 _nearer(x, y, xyz, near, row, col, before, col - 1)
                 _nearer(x, y, xyz, near, row, col, before, col)
                 _nearer(x, y, xyz, near, row, col, before, col + 1)
                 _nearer(x, y, xyz, near, row, col, row, col - 1)
         for col in range(cols - 2, -1, -1):
             if empty[row, col]:
-                x = (left + col + 0.5) * cell
+                x = xs[col]
                 _nearer(x, y, xyz, near, row, col, row, col + 1)
 
 
@@ -254,12 +252,13 @@ def _let_down(height, obstacle, step, row, col, waiting, count):  # type: ignore
 def near_surface(heights, left, top, cell, xyz, threshold):  # type: ignore[no-untyped-def]
     """Whether each point is within threshold + slope x cell of the bilinear lattice, up or down.
 
-    Beyond the outermost nodes the lattice goes on level.
+    The lattice begins `left` and `top` cells from the origin of the coordinates; beyond its
+    outermost nodes it goes on level.
     """
     rows, cols = heights.shape
     near = np.empty(len(xyz), np.bool_)
     for i in prange(len(xyz)):
-        y = min(max(top + 0.5 - xyz[i, 1] / cell, 0.0), rows - 1.0)
+        y = min(max(top - xyz[i, 1] / cell - 0.5, 0.0), rows - 1.0)
         x = min(max(xyz[i, 0] / cell - left - 0.5, 0.0), cols - 1.0)
         row, col = min(int(y), rows - 2), min(int(x), cols - 2)
         v, u = y - row, x - col

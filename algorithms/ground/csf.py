@@ -9,41 +9,7 @@ References
 Zhang, W. et al. (2016). An easy-to-use airborne LiDAR data filtering method based on cloth
 simulation. Remote Sensing 8(6), 501.
 
-Notes
------
-The steps are those of section 3.3 of the paper. Where it leaves a choice, or where we depart
-from it:
-
-- *Gravity* acts once per step, with the square of the time step. It also grows with the
-  square of the cloth resolution, so that a coarse and a fine cloth sag alike. The paper gives
-  no value; GRAVITY and DRAG are one setting for all terrain, chosen on ISPRS samples.
-- *Springs.* A particle is tied to its 8 neighbours and to the 8 two nodes away. In each of
-  the `rigidness` passes every movable particle goes half way to the mean of them, which
-  leaves 1/2, 1/4, 1/8 of a difference, as in the paper. All read the heights before the
-  pass, so the result does not depend on an order of visits or on the number of threads.
-- *Obstacle.* A node takes the lowest point of its cell (the paper: the nearest point), and
-  in an empty cell the point nearest to its middle in plan.
-- *Start.* The paper starts a level cloth above the highest point of all the data. Here it
-  starts as a lid on the upturned terrain, its grey closing with a square of twice
-  START_REACH. Then far points have no say, tiles agree, and the way down is short.
-- *Low outliers* would hold the cloth up like tent poles. On cells of OUTLIER_CELL, a point
-  is left out of the cloth if fewer than OUTLIER_SUPPORT other cells within OUTLIER_REACH
-  reach below a cone that opens upwards with OUTLIER_SLOPE from OUTLIER_STEP above the point,
-  and at least twice as many stay above it. On level ground that takes 4 m of depth. A hill
-  side supports its points from along the contour. Such a point is labelled like any other.
-- *Distance* from point to cloth is vertical, to the bilinearly interpolated cloth; the
-  threshold grows by slope times cloth resolution.
-- *Rest.* The cloth rests once no particle moves by more than AT_REST of a free step.
-
-How far the cloth sags: a width W in metres, long in the other direction, by
-W^2 GRAVITY time_step^2 / (15/4 rigidness), about half of that over a square. Where that
-exceeds the height of a building the cloth lies on the roof: with the defaults from 30 m
-width at 8 m height. A larger `rigidness` or a smaller `time_step` spans wider halls.
-
-How far the cloth looks: the lid depends on points up to twice START_REACH away, HALO, and the
-cloth on its supports around the widest object, which is narrower. Labels of 30 to 120 m tiles
-of five urban and forest scenes differed from those of the whole in at most 0.13 % of the points
-with a halo of 25 m, 0.007 % with 50 m, 0.004 % with 75 m and none with 100 m.
+Where we depart from the paper, why, and what that gained: docs/explanation/cloth-simulation.md.
 """
 
 from __future__ import annotations
@@ -134,8 +100,6 @@ class GroundCsf:
         cloud = self.points
         old = cloud["classification"] if "classification" in cloud else np.zeros(len(cloud), "u1")
         use = ~np.isin(old, self.ignore or ())
-        if not use.any():
-            raise DataError("points: there are none to classify")
         xyz = cloud.xyz if use.all() else cloud.xyz[use]
         cloth = cloth_simulation(
             xyz,
@@ -158,19 +122,14 @@ class GroundCsf:
         ctx.progress(1.0)
         return self.Outputs(
             classified=cloud.with_attributes({"classification": classes}),
-            cloth=self._raster(cloth),
+            cloth=Raster.from_lattice(
+                cloth.heights.astype(np.float32),
+                cloth.lattice,
+                crs=cloud.crs,
+                descriptions=("cloth",),
+                units=(vertical_unit(cloud.crs) if cloud.crs else "",),
+            ),
             ground_share=float(np.count_nonzero(ground) / len(ground)),
-        )
-
-    def _raster(self, cloth: Cloth) -> Raster:
-        lattice = Lattice(cloth.west, cloth.north, cloth.cell, *cloth.heights.shape)
-        crs = self.points.crs
-        return Raster.from_lattice(
-            cloth.heights.astype(np.float32),
-            lattice,
-            crs=crs,
-            descriptions=("cloth",),
-            units=(vertical_unit(crs) if crs else "",),
         )
 
 
@@ -180,32 +139,14 @@ class Cloth:
 
     Attributes
     ----------
-    heights : array of shape (rows, cols), elevation of the particles; the first row is the
-        northernmost, the first column the westernmost
-    left, top : number of the first column and row, counted in cells from the origin of the
-        coordinates, eastwards and northwards
-    cell : distance of the particles
+    heights : array of shape (rows, cols), elevation of the particles
+    lattice : cells with a particle in the middle of each, in whole multiples of their size
     settled : whether the cloth came to rest within the iterations
-
-    A particle stands in the middle of its cell, at x = west + (col + 1/2) cell and
-    y = north - (row + 1/2) cell. All lengths are in the unit of the points.
     """
 
     heights: Floats
-    left: int
-    top: int
-    cell: float
+    lattice: Lattice
     settled: bool
-
-    @property
-    def west(self) -> float:
-        """Outer edge of the first column."""
-        return self.left * self.cell
-
-    @property
-    def north(self) -> float:
-        """Outer edge of the first row."""
-        return (self.top + 1) * self.cell
 
 
 def ground_mask(xyz: Floats, cloth: Cloth, *, class_threshold: float = 0.5) -> NDArray[np.bool_]:
@@ -228,15 +169,15 @@ def ground_mask(xyz: Floats, cloth: Cloth, *, class_threshold: float = 0.5) -> N
     Raises
     ------
     ValueError
-        A coordinate is not a finite number, or there are points but an empty cloth.
+        A coordinate is not a finite number.
     """
     require_finite(xyz)
-    if not len(xyz):
-        return np.empty(0, bool)
-    if not cloth.heights.size:
-        raise ValueError("cloth: made from no points, so it has no elevation")
-    lattice = (cloth.heights, cloth.left, cloth.top, cloth.cell)
-    near: NDArray[np.bool_] = kernels.near_surface(*lattice, xyz, class_threshold)
+    cell = cloth.lattice.cell
+    # Counted in whole cells from the origin of the coordinates, a place is the same in all tiles.
+    left, top = round(cloth.lattice.west / cell), round(cloth.lattice.north / cell)
+    near: NDArray[np.bool_] = kernels.near_surface(
+        cloth.heights, left, top, cell, xyz, class_threshold
+    )
     return near
 
 
@@ -268,25 +209,24 @@ def cloth_simulation(
     Returns
     -------
     Cloth
-        On a lattice of whole multiples of `cloth_resolution`, one cell wider than the points
-        on all sides; of shape (0, 0) if there are no points.
+        On a lattice one cell wider than the points on all sides.
 
     Raises
     ------
     ValueError
         A coordinate is not a finite number.
     DataError
-        The bounding box of the points would need more than MAX_PARTICLES particles.
+        There are no points, or their bounding box would need more than MAX_PARTICLES particles.
 
     Notes
     -----
     Memory is BYTES_PER_PARTICLE for each particle and 1 byte for each point.
     """
-    require_finite(xyz)
     if not len(xyz):
-        return Cloth(np.empty((0, 0)), 0, 0, cloth_resolution, settled=True)
-    grid = Grid.around(xyz, cloth_resolution)
-    obstacle = obstacle_of(xyz, grid, metre, ctx.part(0.0, 0.2))
+        raise DataError("points: there are none to lay a cloth on")
+    require_finite(xyz)
+    lattice = lattice_around(xyz, cloth_resolution)
+    obstacle = obstacle_of(xyz, lattice, metre, ctx.part(0.0, 0.2))
     start = lid_over(obstacle, START_REACH * metre / cloth_resolution, ctx.part(0.2, 0.25))
     start += START_GAP * metre
     spacing = cloth_resolution / metre
@@ -304,7 +244,7 @@ def cloth_simulation(
     heights = np.negative(height, out=height)
     heights.flags.writeable = False
     ctx.progress(1.0)
-    return Cloth(heights, grid.left, grid.top, cloth_resolution, settled)
+    return Cloth(heights, lattice, settled)
 
 
 def require_finite(xyz: Floats) -> None:
@@ -318,56 +258,45 @@ def require_finite(xyz: Floats) -> None:
     )
 
 
-@dataclass(frozen=True)
-class Grid:
-    """Cells counted from the origin of the coordinates: `left` eastwards, `top` northwards."""
-
-    left: int
-    top: int
-    rows: int
-    cols: int
-    cell: float
-
-    @classmethod
-    def around(cls, xyz: Floats, cell: float) -> Grid:
-        """The cells of the points and one more on each side."""
-        low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
-        (left, bottom), (right, top) = np.floor(low / cell) - 1, np.floor(high / cell) + 1
-        rows, cols = int(top - bottom) + 1, int(right - left) + 1
-        if rows * cols > MAX_PARTICLES:
-            raise DataError(
-                f"points: a cloth of {cell:g} over their bounding box, x {low[0]:.2f} to "
-                f"{high[0]:.2f} and y {low[1]:.2f} to {high[1]:.2f}, would need "
-                f"{rows * cols:,} particles ({rows * cols * BYTES_PER_PARTICLE / 1e9:,.0f} GB); "
-                f"at most {MAX_PARTICLES:,} are allowed: remove stray points, "
-                "cut the data into tiles or raise cloth_resolution"
-            )
-        return cls(int(left), int(top), rows, cols, cell)
+def lattice_around(xyz: Floats, cell: float) -> Lattice:
+    """The cells of the points and one more on each side."""
+    low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
+    particles = int(np.prod((high - low) // cell + 3))
+    if particles > MAX_PARTICLES:
+        raise DataError(
+            f"points: a cloth of {cell:g} over their bounding box, x {low[0]:.2f} to "
+            f"{high[0]:.2f} and y {low[1]:.2f} to {high[1]:.2f}, would need "
+            f"{particles:,} particles ({particles * BYTES_PER_PARTICLE / 1e9:,.0f} GB); "
+            f"at most {MAX_PARTICLES:,} are allowed: remove stray points, "
+            "cut the data into tiles or raise cloth_resolution"
+        )
+    return Lattice.cover((*(low - cell), *(high + cell)), cell)
 
 
-def obstacle_of(xyz: Floats, grid: Grid, metre: float, ctx: Context) -> Floats:
+def obstacle_of(xyz: Floats, lattice: Lattice, metre: float, ctx: Context) -> Floats:
     """What the cloth falls on: the height of each particle's point, upside down."""
-    use = without_low_outliers(xyz, max(grid.cell, OUTLIER_CELL * metre), metre, ctx.part(0, 0.6))
-    point = lowest_points(xyz, use, grid, ctx.part(0.6, 0.8))
-    spread_to_empty(xyz, point, grid, ctx.part(0.8, 1.0))
+    coarse = max(lattice.cell, OUTLIER_CELL * metre)
+    use = without_low_outliers(xyz, coarse, metre, ctx.part(0, 0.6))
+    point = lowest_points(xyz, use, lattice, ctx.part(0.6, 0.8))
+    spread_to_empty(xyz, point, lattice, ctx.part(0.8, 1.0))
     obstacle: Floats = xyz[:, 2][point]
     return np.negative(obstacle, out=obstacle)
 
 
 def without_low_outliers(xyz: Floats, cell: float, metre: float, ctx: Context) -> NDArray[np.bool_]:
     """False for points far below almost all others around them, judged on cells of `cell`."""
-    grid = Grid.around(xyz, cell)
+    lattice = lattice_around(xyz, cell)
     reach = max(2, round(OUTLIER_REACH * metre / cell))
     step, rise = OUTLIER_STEP * metre, OUTLIER_SLOPE * cell
     use = np.ones(len(xyz), bool)
     done = 0.0
     while True:
         half = ctx.part(done, (1 + done) / 2)  # how many rounds there will be, nobody knows
-        lowest = lowest_points(xyz, use, grid, half.part(0.0, 0.2))
+        lowest = lowest_points(xyz, use, lattice, half.part(0.0, 0.2))
         found = np.zeros(lowest.shape, bool)
-        for rows in blocks(grid.rows, 10 * grid.cols):
+        for rows in blocks(lattice.rows, 10 * lattice.cols):
             kernels.alone_below(xyz[:, 2], lowest, *rows, reach, step, rise, OUTLIER_SUPPORT, found)
-            half.progress(0.2 + 0.8 * rows[1] / grid.rows)
+            half.progress(0.2 + 0.8 * rows[1] / lattice.rows)
         if not found.any():
             return use
         use[lowest[found]] = False  # another point of the cell may take its place
@@ -375,23 +304,24 @@ def without_low_outliers(xyz: Floats, cell: float, metre: float, ctx: Context) -
 
 
 def lowest_points(
-    xyz: Floats, use: NDArray[np.bool_], grid: Grid, ctx: Context
+    xyz: Floats, use: NDArray[np.bool_], lattice: Lattice, ctx: Context
 ) -> NDArray[np.int64]:
     """Index of the lowest point in use of each cell; -1 where there is none."""
-    lowest = np.full((grid.rows, grid.cols), -1)
+    lowest = np.full(lattice.shape, -1)
     for start, stop in blocks(len(xyz)):
-        kernels.lowest_points(xyz, use, start, stop, grid.left, grid.top, grid.cell, lowest)
+        cells = lattice.indices(xyz[start:stop, 0], xyz[start:stop, 1])
+        kernels.lowest_points(xyz, use, start, *cells, lowest)
         ctx.progress(stop / len(xyz))
     return lowest
 
 
-def spread_to_empty(xyz: Floats, near: NDArray[np.int64], grid: Grid, ctx: Context) -> None:
+def spread_to_empty(xyz: Floats, near: NDArray[np.int64], lattice: Lattice, ctx: Context) -> None:
     """Give each empty cell (-1) the index of the point nearest to its middle (in place)."""
     empty = near < 0
-    down = [(first, last, 1) for first, last in blocks(grid.rows, grid.cols)]
+    down = [(first, last, 1) for first, last in blocks(lattice.rows, lattice.cols)]
     up = [(last - 1, first - 1, -1) for first, last, _ in reversed(down)]
     for k, rows in enumerate(down + up):
-        kernels.spread_rows(xyz, near, empty, grid.left, grid.top, grid.cell, *rows)
+        kernels.spread_rows(xyz, near, empty, *lattice.centres(), *rows)
         ctx.progress((k + 1) / len(down + up))
 
 

@@ -65,7 +65,9 @@ class PointsFilter:
         if not keep.any():
             log.warning("no point meets all conditions")
         ctx.progress(1.0)
-        return self.Outputs(kept=self.points.select(keep), removed_share=removed_share(keep))
+        kept = self.points.select(keep)
+        removed = len(keep) - len(kept)
+        return self.Outputs(kept=kept, removed_share=removed / max(1, len(keep)))
 
 
 def return_mask(number: NDArray[Any], count: NDArray[Any], returns: Returns) -> NDArray[np.bool_]:
@@ -101,8 +103,3 @@ def return_mask(number: NDArray[Any], count: NDArray[Any], returns: Returns) -> 
         "last_of_many": last & ~single,
     }
     return np.asarray(valid & masks[returns])
-
-
-def removed_share(keep: NDArray[np.bool_]) -> float:
-    """Share of False; 0 when there is nothing to remove."""
-    return float(np.count_nonzero(~keep) / len(keep)) if len(keep) else 0.0

@@ -17,7 +17,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.points.filter import removed_share
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.errors import DataError
@@ -31,7 +30,8 @@ class PointsFilterIntensity:
     Water and wet mud absorb near-infrared light, so that a lower limit separates land from water.
     Intensities are not calibrated between sensors and are rescaled by many programs: `value` uses
     the limits as they are, `percentile` takes them as percentiles of the intensities in the file,
-    and `otsu` finds the lower limit that best splits the histogram in two.
+    and `otsu` finds the lower limit that best splits the histogram in two. Points without an
+    intensity (NaN) are removed with `value`; the other methods do not accept them.
     """
 
     points: PointCloud = source("Points with intensity")
@@ -74,6 +74,7 @@ class PointsFilterIntensity:
     def run(self, ctx: Context = QUIET) -> PointsFilterIntensity.Outputs:
         """Keep the points."""
         intensity = self.points["intensity"]
+        self._look_for_nan(intensity)
         low, high = self._limits(intensity)
         keep = np.ones(len(intensity), bool)
         if low is not None:
@@ -83,9 +84,20 @@ class PointsFilterIntensity:
         if len(keep) and not keep.any():
             log.warning("no intensity lies within the limits")
         ctx.progress(1.0)
-        return self.Outputs(
-            kept=self.points.select(keep), removed_share=removed_share(keep), threshold=low
-        )
+        kept = self.points.select(keep)
+        removed = len(keep) - len(kept)
+        return self.Outputs(kept=kept, removed_share=removed / max(1, len(keep)), threshold=low)
+
+    def _look_for_nan(self, intensity: NDArray[Any]) -> None:
+        """Intensities from text files may be missing: within no limits, and of no rank."""
+        missing = int(np.isnan(intensity).sum())
+        if missing and self.method != "value":
+            raise DataError(
+                f"points: {missing} of {len(intensity)} intensities are not a number (NaN), so "
+                f"method {self.method} cannot rank them; keep intensity >= 0 with points.filter"
+            )
+        if missing:
+            log.warning("%d points without an intensity (NaN) are removed", missing)
 
     def _limits(self, intensity: NDArray[Any]) -> tuple[float | None, float | None]:
         low, high = (

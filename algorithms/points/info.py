@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from toolbox.asprs import CLASSES
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Table
 from toolbox.data.crs import describe_crs, length_problem, vertical_unit
-from toolbox.picture import ASPRS_CLASSES
 from toolbox.spec import outputs, sink, source, tool
 
 PERCENTILES = (0, 1, 5, 25, 50, 75, 95, 99, 100)
@@ -104,8 +104,8 @@ def _counts(cloud: PointCloud) -> Iterator[Row]:
         if name not in cloud:
             continue
         for value, count in zip(*np.unique(cloud[name], return_counts=True), strict=True):
-            known = ASPRS_CLASSES.get(int(value), ("",)) if name == "classification" else ("",)
-            label = f"{name} {value} {known[0]}".strip()
+            known = CLASSES.get(int(value), "") if name == "classification" else ""
+            label = f"{name} {value} {known}".strip()
             yield {"property": label, "value": int(count), "unit": "points"}
     for name in ("synthetic", "key_point", "withheld", "overlap"):
         if name in cloud and (count := int(np.count_nonzero(cloud[name]))):

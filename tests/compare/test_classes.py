@@ -105,9 +105,91 @@ def test_other_points_altogether_are_an_error() -> None:
 def test_counterparts_within_a_distance() -> None:
     points = np.array([[0, 0, 0], [5, 0, 0], [9, 0, 0.0]])
     reference = points[[2, 0]] + [0, 0, 0.004]
-    assert list(counterparts(points, reference, 0.01)) == [1, -1, 0]
-    assert list(counterparts(points, reference, 0.001)) == [-1, -1, -1]
-    assert list(counterparts(points, reference[:0], 1.0)) == [-1, -1, -1]
+    assert list(counterparts(points, reference, max_distance=0.01)) == [1, -1, 0]
+    assert list(counterparts(points, reference, max_distance=0.001)) == [-1, -1, -1]
+    assert list(counterparts(points, reference)) == [-1, -1, -1]
+    assert list(counterparts(points, reference[:0], max_distance=1.0)) == [-1, -1, -1]
+    assert list(counterparts(points, points[:1], max_distance=5.5)) == [0, 0, -1]
+    assert list(counterparts(points[:0], reference, max_distance=1.0)) == []
+
+
+def test_a_point_with_the_same_coordinates_goes_before_any_that_is_merely_near() -> None:
+    """Shuffled, and with a distance that holds many: still each point finds itself."""
+    points = from_counts(SOM_STUDY)
+    order = np.random.default_rng(1).permutation(len(points))
+    found = counterparts(points.xyz, points.xyz[order], max_distance=30.0)
+    np.testing.assert_array_equal(order[found], np.arange(len(points)))
+
+
+@pytest.mark.parametrize(
+    ("place", "apart", "rounding"),
+    [
+        ([32.65, 39.93, 850.0], 1e-8, 1e-14),  # degrees: 1 mm
+        ([500_000.3, 4_600_000.4, 850.0], 1e-5, 1e-9),
+        ([500_000.0000005, 4_600_000.4, 850.0], 1e-5, 1e-9),  # between two steps of 1e-6
+    ],
+)
+def test_same_coordinates(place: list[float], apart: float, rounding: float) -> None:
+    """What arithmetic rounds is the same place, what a person can measure is not."""
+    point = np.array([place])
+    for axis in np.eye(3):
+        assert list(counterparts(point, point + rounding * axis)) == [0]
+        assert list(counterparts(point, point + apart * axis)) == [-1]
+
+
+def twins(n: int = 400) -> PointCloud:
+    """Three points at each of many places, told apart by GPS time or, some, by their return."""
+    rng = np.random.default_rng(5)
+    xyz = np.repeat(rng.uniform(0, 500, (n, 3)).round(2), 3, axis=0)
+    time = rng.permutation(3 * n).astype(float)
+    time[:300] = 7.0
+    columns = {
+        "classification": rng.integers(1, 4, 3 * n).astype(np.uint8),
+        "label": rng.integers(1, 4, 3 * n).astype(np.uint8),
+        "gps_time": time,
+        "return_number": np.tile([1, 2, 3], n).astype(np.uint8),
+        "user_data": rng.integers(0, 255, 3 * n).astype(np.uint8),
+    }
+    return PointCloud(xyz, columns, crs=UTM)
+
+
+@pytest.mark.parametrize("max_distance", [None, 30.0])
+def test_points_at_one_place_are_told_apart_by_what_the_sensor_gave(
+    max_distance: float | None,
+) -> None:
+    """Figures of a shuffled reference are those of the points themselves."""
+    points = twins()
+    itself = CompareClasses(points=points, reference_attribute=Attribute("label")).run()
+    order = np.random.default_rng(6).permutation(len(points))
+    for reference in (points, points.select(order), points.select(order[::-1])):
+        # An attribute that somebody changed has less to say than those of the sensor.
+        changed = reference.with_attributes({"user_data": reference["user_data"][::-1]})
+        out = CompareClasses(
+            points=points,
+            reference=changed,
+            reference_attribute=Attribute("label"),
+            max_distance=max_distance,
+        ).run()
+        np.testing.assert_array_equal(out.errors["error"], itself.errors["error"])
+        assert out.unmatched == 0
+
+
+def test_points_that_nothing_tells_apart_are_compared_in_favour_of_the_classes() -> None:
+    xyz = np.zeros((4, 3))
+    points = PointCloud(xyz, {"classification": np.array([2, 1, 1, 2], np.uint8)}, crs=UTM)
+    truth = PointCloud(xyz, {"classification": np.array([0, 6, 0, 6], np.uint8)}, crs=UTM)
+    for order in ([0, 1, 2, 3], [3, 1, 0, 2], [2, 3, 1, 0]):
+        out = CompareClasses(
+            points=points, reference=truth.select(order), reference_positive=ClassList([0])
+        ).run()
+        assert (out.total_error, out.unmatched) == (0, 0)
+
+
+def test_a_reference_point_serves_one_point_of_its_place_but_several_near_ones() -> None:
+    points = PointCloud(np.zeros((3, 3)), {"classification": np.full(3, 2, np.uint8)}, crs=UTM)
+    one = points.select([0])
+    assert CompareClasses(points=points, reference=one).run().unmatched == 2
+    assert CompareClasses(points=points, reference=one, max_distance=0.5).run().unmatched == 0
 
 
 def test_one_class_only_has_no_kappa() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from pyproj import CRS
 
 from toolbox.data.crs import (
     LOCAL,
+    crs_conflict,
     describe_crs,
     horizontal_part,
     length_problem,
@@ -33,6 +35,10 @@ OLD_UTM = (
     'VERT_CS["NAVD88",VERT_DATUM["North American Vertical Datum 1988",2005,'
     'EXTENSION["PROJ4_GRIDS","g2012a_conus.gtx"]],UNIT["Meter",1],AXIS["Up",UP]]]'
 )
+
+
+def parsed(text: str | None) -> CRS | None:
+    return None if text is None else parse_crs(text)
 
 
 @pytest.mark.parametrize(
@@ -183,6 +189,57 @@ def test_no_crs_is_the_same_only_as_none() -> None:
     assert same_crs(LOCAL, parse_crs("local"))
     assert not same_crs(None, LOCAL)
     assert not same_crs(CRS(2154), None)
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        (None, None),
+        ("local", "local"),
+        ("EPSG:7415", "EPSG:28992+5709"),
+        ("EPSG:26910+5703", OLD_UTM),
+    ],
+)
+def test_layers_in_the_same_crs_go_together(a: str | None, b: str | None) -> None:
+    assert crs_conflict(parsed(a), parsed(b), heights=True) is None
+
+
+@pytest.mark.parametrize(
+    ("a", "b"), [("EPSG:2154", "EPSG:2154+5720"), ("EPSG:26910", OLD_UTM), ("EPSG:4326", "EPSG:4979")]
+)
+def test_heights_of_one_layer_alone_matter_only_where_heights_are_compared(a: str, b: str) -> None:
+    flat, high = parse_crs(a), parse_crs(b)
+    assert crs_conflict(flat, high, heights=False) is None
+    assert crs_conflict(high, flat, heights=False) is None
+    assert f"assign it the heights of {describe_crs(high)}" in str(
+        crs_conflict(flat, high, heights=True)
+    )
+    assert f"assign its heights to {describe_crs(flat)}" in str(
+        crs_conflict(high, flat, heights=True)
+    )
+
+
+@pytest.mark.parametrize("heights", [False, True])
+@pytest.mark.parametrize(
+    ("a", "b", "text"),
+    [
+        ("EPSG:2154", "EPSG:2192", "is in EPSG:2154 .*; reproject it to EPSG:2192 "),
+        ("EPSG:25832+5783", "EPSG:32632", r"is in EPSG:25832\+5783 .*; reproject it to EPSG:32632 "),
+        ("EPSG:4978", "EPSG:2154", "is in EPSG:4978 .*; reproject it to EPSG:2154 "),
+        ("EPSG:2154+5720", "EPSG:2154+5721", r"5720 .*; bring its heights to EPSG:2154\+5721 "),
+        ("EPSG:4979", "EPSG:4326+5773", "; bring its heights to EPSG:4326"),
+        (None, "EPSG:2154", "has no CRS; state it with --assume-crs, to go with EPSG:2154 "),
+        (None, "local", "has no CRS; state it with --assume-crs, to go with local coord"),
+        ("EPSG:2154", None, "is in EPSG:2154 .*; state with --assume-crs the missing CRS$"),
+        ("local", "EPSG:2154", "is in local coordinates .* cannot be compared with EPSG:2154 "),
+        ("EPSG:2154", "local", "is in EPSG:2154 .* cannot be compared with local coordinates"),
+    ],
+)
+def test_layers_that_do_not_go_together(
+    a: str | None, b: str | None, text: str, heights: bool
+) -> None:
+    found = crs_conflict(parsed(a), parsed(b), heights=heights)
+    assert re.search(text, str(found))
 
 
 def test_horizontal_part() -> None:

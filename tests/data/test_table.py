@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
 import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -59,6 +62,42 @@ def test_json_is_a_list_of_records(tmp_path: Path) -> None:
     first, second, _ = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
     assert first == ROWS[0] | {"late": None}
     assert second["count"] is None
+
+
+def test_records_are_ready_for_json(tmp_path: Path) -> None:
+    frame = pd.DataFrame(
+        {
+            "count": np.array([1, 2], np.uint16),
+            "share": np.array([0.5, np.nan]),
+            "seen": pd.array([True, None], dtype="boolean"),
+            "flown": pd.to_datetime(["2024-05-01T10:00:00.25", None]),
+            "took": pd.to_timedelta(["90s", None]),
+            "mixed": [np.int64(7), np.datetime64("2024-05-01", "D")],
+            "day": [dt.date(2024, 5, 1), dt.time(10, 30)],
+            "codes": [np.array([2, 6]), None],
+            8: ["é", None],
+        }
+    )
+    first, second = Table(frame).records()
+    assert first == {
+        "count": 1,
+        "share": 0.5,
+        "seen": True,
+        "flown": "2024-05-01T10:00:00.250000",
+        "took": "P0DT0H1M30S",
+        "mixed": 7,
+        "day": "2024-05-01",
+        "codes": [2, 6],
+        "8": "é",
+    }
+    assert second == dict.fromkeys(first) | {
+        "count": 2,
+        "mixed": "2024-05-01T00:00:00",
+        "day": "10:30:00",
+    }
+    Table(frame).save(tmp_path / "a.json")
+    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == [first, second]
+    assert Table.parts(tmp_path / "a.json") == (tmp_path / "a.json",)
 
 
 @pytest.mark.parametrize("suffix", Table.SUFFIXES)

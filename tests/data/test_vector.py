@@ -61,6 +61,38 @@ def test_geopackage_as_older_qgis_wants_it(tmp_path: Path) -> None:
     assert pyogrio.list_layers(tmp_path / "roofs.gpkg").tolist() == [["other", "Point Z"]]
 
 
+@pytest.mark.parametrize("suffix", Vector.SUFFIXES)
+def test_same_bytes_on_every_run(tmp_path: Path, suffix: str) -> None:
+    """No file says when it was written: GDAL would write the time or the day into two of them."""
+    files = []
+    for run in ("first", "second"):
+        (tmp_path / run).mkdir()
+        Vector(points("EPSG:2154")).save(tmp_path / run / f"a{suffix}")
+        files.append({p.name: p.read_bytes() for p in (tmp_path / run).iterdir()})
+    assert files[0] == files[1]
+    if suffix == ".gpkg":
+        assert b"2000-01-01T00:00:00.000Z" in files[0]["a.gpkg"]
+    assert files[0].get("a.dbf", b"\3\x64\1\1")[1:4] == bytes([100, 1, 1])  # 2000-01-01
+    assert pyogrio.get_gdal_config_option("OGR_CURRENT_DATE") is None
+
+
+def test_stale_parts_are_removed(tmp_path: Path) -> None:
+    """A .prj of another layer would give a layer without CRS the CRS of that one."""
+    path = tmp_path / "a.shp"
+    Vector(points("EPSG:32631")).save(path)
+    (tmp_path / "a.sbn").write_text("index of other features")
+    assert set(tmp_path.iterdir()) <= set(Vector.parts(path))
+    Vector(points(None)).save(path)
+    assert Vector.open(path).crs is None
+    endings = sorted(part.suffix for part in tmp_path.iterdir())
+    assert endings == [".cpg", ".dbf", ".shp", ".shx"]
+
+
+def test_parts_of_one_file_formats() -> None:
+    assert Vector.parts("b/a.geojson") == (Path("b/a.geojson"),)
+    assert Vector.parts("b/a.gpkg")[:2] == (Path("b/a.gpkg"), Path("b/a.gpkg-wal"))
+
+
 def test_kml_is_in_wgs84_with_the_heights_kept(tmp_path: Path) -> None:
     Vector(points()).save(tmp_path / "a.kml")
     found = Vector.open(tmp_path / "a.kml")
@@ -200,6 +232,19 @@ def test_measured_geometry_is_logged(tmp_path: Path, caplog: pytest.LogCaptureFi
     caplog.set_level(logging.WARNING)
     Vector.open(tmp_path / "a.shp")
     assert any("a.shp: Measured (M) geometry" in message for message in caplog.messages)
+
+
+def test_layers_of_a_file(tmp_path: Path) -> None:
+    Vector(points()).save(tmp_path / "a.gpkg", layer="roofs")
+    Vector(points()).save(tmp_path / "a.parquet")
+    points().drop(columns="geometry").to_parquet(tmp_path / "table.parquet")
+    assert Vector.layers(tmp_path / "a.gpkg") == ("roofs",)
+    assert Vector.layers(tmp_path / "a.parquet") == ("a",)
+    assert Vector.layers(tmp_path / "table.parquet") == ()
+    (tmp_path / "no.parquet").write_text("no layer")
+    for name in ("none.gpkg", "no.parquet"):
+        with pytest.raises(DataError, match=name):
+            Vector.layers(tmp_path / name)
 
 
 def test_map_of_several_layers(data: Callable[[str], Path]) -> None:

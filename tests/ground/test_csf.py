@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from pyproj import CRS
 from scipy.ndimage import correlate
 from scipy.spatial import cKDTree
 
 from algorithms.ground import csf
-from algorithms.ground.csf import cloth_simulation, ground_mask
+from algorithms.ground.csf import GroundCsf, cloth_simulation, ground_mask
 from toolbox.context import QUIET, Context
+from toolbox.data import PointCloud
 from toolbox.errors import Cancelled, DataError
+from toolbox.values import ClassList
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -69,6 +73,19 @@ def town() -> Floats:
 
 def on_roof(xyz: Floats) -> Mask:
     return inside(xyz, BOXES[0]) | inside(xyz, BOXES[1]) | inside(xyz, BOXES[2])
+
+
+def dike() -> tuple[Floats, Floats]:
+    """The plane with a bank 32 m wide and flat on top, with slopes of 50 %; its height."""
+    xyz = plane()
+    height = np.clip(8 - 0.5 * np.abs(xyz[:, 0] - 700_030), 0, 4)
+    xyz[:, 2] += height
+    return xyz, height
+
+
+def cloud(xyz: Floats, classes: Any = None) -> PointCloud:
+    columns = {} if classes is None else {"classification": np.asarray(classes, np.uint8)}
+    return PointCloud(xyz, columns, crs=CRS(32632))
 
 
 def labels(xyz: Floats, **options: object) -> Mask:
@@ -150,11 +167,10 @@ def test_the_cloth_sags_over_a_long_pit_as_computed(rigidness: int) -> None:
 def test_empty_nodes_take_the_point_nearest_in_plan() -> None:
     xyz = plane(side=20, spacing=3.1)
     xyz[:, 2] = np.arange(len(xyz))
-    grid = csf.Grid.around(xyz, 0.5)
-    point = csf.lowest_points(xyz, np.ones(len(xyz), bool), grid, QUIET)
-    csf.spread_to_empty(xyz, point, grid, QUIET)
-    row, col = np.indices(point.shape)
-    middle = np.stack([(grid.left + col + 0.5) * 0.5, (grid.top - row + 0.5) * 0.5], axis=-1)
+    lattice = csf.lattice_around(xyz, 0.5)
+    point = csf.lowest_points(xyz, np.ones(len(xyz), bool), lattice, QUIET)
+    csf.spread_to_empty(xyz, point, lattice, QUIET)
+    middle = np.stack(np.meshgrid(*lattice.centres()), axis=-1)
     nearest, _ = cKDTree(xyz[:, :2]).query(middle)
     taken = np.hypot(*np.moveaxis(xyz[point][..., :2] - middle, -1, 0))
     # A vector distance transform may miss the nearest by a little at a few nodes.
@@ -172,13 +188,10 @@ def test_a_terrace_is_ground_on_both_levels() -> None:
 
 
 def test_smooth_slopes_bring_back_a_dike_with_steep_banks() -> None:
-    xyz = plane()
-    x = xyz[:, 0] - 700_000
-    dike = np.clip(8 - 0.5 * np.abs(x - 30), 0, 4)
-    xyz[:, 2] += dike  # 32 m wide and flat on top, with banks of 50 %
+    xyz, height = dike()
     without = labels(xyz, rigidness=12, smooth_slopes=False)
     smoothed = labels(xyz, rigidness=12, smooth_slopes=True)
-    assert without[dike > 3].mean() < 0.1
+    assert without[height > 3].mean() < 0.1
     assert smoothed.all()
 
 
@@ -186,9 +199,8 @@ def test_the_cloth_spans_a_gap() -> None:
     xyz = plane()
     gap = inside(xyz, (20.0, 35.0, 20.0, 35.0))
     cloth = cloth_simulation(xyz[~gap])
-    row, col = np.indices(cloth.heights.shape)
-    x: Floats = np.asarray(cloth.west + (col + 0.5) * cloth.cell - 700_000)
-    y: Floats = np.asarray(cloth.north - (row + 0.5) * cloth.cell - 5_200_000)
+    x, y = np.meshgrid(*cloth.lattice.centres())
+    x, y = x - 700_000, y - 5_200_000
     within = (x > 20) & (x < 35) & (y > 20) & (y < 35)
     error = cloth.heights[within] - terrain(x, y)[within]
     assert within.sum() > 800
@@ -254,7 +266,8 @@ def test_the_lattice_is_shared_by_tiles() -> None:
     xyz = plane()
     whole = cloth_simulation(xyz, cloth_resolution=0.7)
     part = cloth_simulation(xyz[inside(xyz, (13.0, 40.0, 9.0, 41.0))], cloth_resolution=0.7)
-    west, north = (part.west - whole.west) / 0.7, (whole.north - part.north) / 0.7
+    west = (part.lattice.west - whole.lattice.west) / 0.7
+    north = (whole.lattice.north - part.lattice.north) / 0.7
     assert west == pytest.approx(round(west), abs=1e-6)
     assert north == pytest.approx(round(north), abs=1e-6)
     row, col = round(north) + 10, round(west) + 10
@@ -274,11 +287,9 @@ def test_points_in_one_cell() -> None:
 
 def test_no_points() -> None:
     none = np.empty((0, 3))
-    cloth = cloth_simulation(none)
-    assert cloth.heights.shape == (0, 0)
-    assert ground_mask(none, cloth).shape == (0,)
-    with pytest.raises(ValueError, match="no elevation"):
-        ground_mask(np.zeros((1, 3)), cloth)
+    with pytest.raises(DataError, match="points: there are none"):
+        cloth_simulation(none)
+    assert ground_mask(none, cloth_simulation(plane(side=5))).shape == (0,)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -321,6 +332,123 @@ def test_progress_rises_to_one_and_a_run_can_be_cancelled() -> None:
     calls = iter([False] * 20 + [True])
     with pytest.raises(Cancelled):
         cloth_simulation(town(), ctx=Context(stop=lambda: next(calls)))
+
+
+def test_the_tool_gives_classes_share_and_cloth() -> None:
+    xyz = town()
+    out = GroundCsf(points=cloud(xyz)).run()
+    ground = labels(xyz)
+    np.testing.assert_array_equal(out.classified["classification"], np.where(ground, 2, 1))
+    assert out.classified["classification"].dtype == np.uint8
+    assert out.ground_share == ground.mean()
+    cloth = cloth_simulation(xyz)
+    np.testing.assert_array_equal(out.cloth.band(), cloth.heights.astype(np.float32))
+    assert (out.cloth.crs, out.cloth.units) == (CRS(32632), ("metre",))
+    x, y = np.meshgrid(*cloth.lattice.centres())
+    expected = terrain(x - 700_000, y - 5_200_000)
+    assert np.median(np.abs(out.cloth.sample(x, y) - expected)) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("cloth_resolution", 0.7),
+        ("rigidness", 1),
+        ("rigidness", 2),
+        ("smooth_slopes", True),
+        ("class_threshold", 0.05),
+        ("time_step", 0.3),
+        ("iterations", 20),
+    ],
+)
+def test_each_setting_of_the_tool_reaches_the_simulation(name: str, value: Any) -> None:
+    xyz, _ = dike()
+    others: dict[str, Any] = {"time_step": 0.3} if name == "smooth_slopes" else {}
+    plain = GroundCsf(points=cloud(xyz), **others).run()
+    out = GroundCsf(points=cloud(xyz), **(others | {name: value})).run()
+    threshold = {name: value} if name == "class_threshold" else {}
+    cloth = cloth_simulation(xyz, **(others | ({} if threshold else {name: value})))
+    expected = ground_mask(xyz, cloth, **threshold)
+    np.testing.assert_array_equal(out.classified["classification"] == 2, expected)
+    np.testing.assert_array_equal(out.cloth.band(), cloth.heights.astype(np.float32))
+    same_cloth = np.array_equal(out.cloth.band(), plain.cloth.band())
+    same_labels = np.array_equal(expected, plain.classified["classification"] == 2)
+    assert not (same_labels if threshold else same_cloth), "a setting without effect proves nothing"
+
+
+@pytest.mark.parametrize("smooth_slopes", [False, True])
+def test_the_tool_in_feet_is_the_tool_in_metres(smooth_slopes: bool) -> None:
+    """Constants of the code are metres, also the step of 0.3 m between banks of 50 %."""
+    foot = 1200 / 3937
+    xyz, _ = dike()
+    xyz[:50, 2] -= 40  # low outliers
+    feet = PointCloud(xyz / foot, crs=CRS(2263))
+    settings: dict[str, Any] = {"time_step": 0.3, "smooth_slopes": smooth_slopes}
+    metric = GroundCsf(points=cloud(xyz), **settings).run()
+    found = GroundCsf(points=feet, **settings).run()
+    assert found.ground_share == pytest.approx(metric.ground_share, abs=0.002)
+    assert found.cloth.cell == pytest.approx(0.5 / foot)
+    assert found.cloth.units == ("US survey foot",)
+    x, y = np.meshgrid(np.arange(700_005, 700_055), np.arange(5_200_005, 5_200_055))
+    expected = metric.cloth.sample(x, y, method="linear")
+    heights = found.cloth.sample(x / foot, y / foot, method="linear") * foot
+    np.testing.assert_allclose(heights, expected, atol=0.1)
+
+
+def test_ignored_classes_take_no_part_and_stay() -> None:
+    xyz = town()
+    low = inside(xyz, (24.0, 28.0, 4.0, 8.0))
+    bad = xyz.copy()
+    bad[low, 2] -= 3  # too many to be outliers
+    classes = np.where(low, 7, 0)
+    alone = GroundCsf(points=cloud(xyz[~low])).run()
+    out = GroundCsf(points=cloud(bad, classes), ignore=ClassList([7, 18])).run()
+    found = out.classified["classification"]
+    assert (found[low] == 7).all()
+    np.testing.assert_array_equal(found[~low], alone.classified["classification"])
+    np.testing.assert_array_equal(out.cloth.band(), alone.cloth.band())
+    assert out.ground_share == pytest.approx((found == 2).mean())
+    careless = GroundCsf(points=cloud(bad, classes)).run()
+    assert not np.array_equal(careless.classified["classification"][~low], found[~low])
+
+
+def test_other_classes_may_be_kept_but_not_ground() -> None:
+    xyz = town()
+    roof = on_roof(xyz)
+    before = np.where(roof, 6, 1)
+    before[np.flatnonzero(roof)[::2]] = 2
+    before[~roof] = 9
+    kept = GroundCsf(points=cloud(xyz, before), keep_classes=True).run()
+    expected = np.where(roof, np.where(before == 2, 1, 6), 2)
+    np.testing.assert_array_equal(kept.classified["classification"], expected)
+    plain = GroundCsf(points=cloud(xyz, before)).run()
+    np.testing.assert_array_equal(plain.classified["classification"], np.where(roof, 1, 2))
+
+
+def test_the_tool_says_that_the_cloth_is_still_moving(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("WARNING", "toolbox"):
+        GroundCsf(points=cloud(town()), iterations=3).run()
+        assert "did not come to rest in 3 iterations" in caplog.text
+        caplog.clear()
+        GroundCsf(points=cloud(town())).run()
+    assert not caplog.text
+
+
+@pytest.mark.parametrize("ignore", [None, ClassList([7])])
+def test_nothing_to_classify(ignore: ClassList | None) -> None:
+    points = cloud(plane(side=5), np.full(len(plane(side=5)), 7))
+    points = points if ignore else points.select([])
+    with pytest.raises(DataError, match="points: there are none"):
+        GroundCsf(points=points, ignore=ignore).run()
+
+
+def test_the_cloth_lies_on_the_lattice_of_all_tools() -> None:
+    """Corners are the numbers a person would write: 499999.8, not 499999.80000000005."""
+    xyz = plane(side=3) - (200_000.1, 200_000, 0)
+    lattice = cloth_simulation(xyz, cloth_resolution=0.1).lattice
+    west, north = xyz[:, 0].min() - 0.1, xyz[:, 1].max() + 0.1
+    assert lattice.west == np.floor(west * 10) / 10
+    assert lattice.north == np.ceil(north * 10) / 10
 
 
 @pytest.mark.slow

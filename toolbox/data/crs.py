@@ -128,6 +128,41 @@ def same_crs(a: CRS | None, b: CRS | None) -> bool:
     )
 
 
+def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool) -> str | None:
+    """Why a layer in `a` does not go with one in `b`, and what to do about it; None if it does.
+
+    Both must place things on the ground in the same way. Their height systems must agree where
+    both state one, so that outlines without heights go with points that have them.
+
+    Parameters
+    ----------
+    heights : whether the heights of the two are compared, as those of two point clouds, so that
+        both must state the same height system or none
+
+    Returns
+    -------
+    str or None
+        Continues a sentence that begins with the name of the first layer, and is continued by
+        "of" and the name of the second one.
+    """
+    if same_crs(a, b):
+        return None
+    if a is None:
+        return f"has no CRS; state it with --assume-crs, to go with {describe_crs(b)}"
+    first, second = f"is in {describe_crs(a)}", describe_crs(b)
+    if b is None:
+        return f"{first}; state with --assume-crs the missing CRS"
+    if a.is_engineering or b.is_engineering:
+        return f"{first}, which cannot be compared with {second}"
+    if not same_crs(_plane(a), _plane(b)):
+        return f"{first}; reproject it to {second}"
+    if _vertical_axis(a) and _vertical_axis(b):
+        return f"{first}; bring its heights to {second}"
+    if not heights:
+        return None
+    return f"{first}; assign {'its heights to' if _vertical_axis(a) else 'it the heights of'} {second}"
+
+
 def describe_crs(crs: CRS | None) -> str:
     """Authority code and name, e.g. "EPSG:2154+5720 RGF93 v1 / Lambert-93 + NGF-IGN69 height"."""
     if crs is None:
@@ -141,6 +176,11 @@ def describe_crs(crs: CRS | None) -> str:
 def horizontal_part(crs: CRS) -> CRS:
     """The CRS of x and y alone, without heights and without TOWGS84."""
     return _parts(crs)[0]
+
+
+def _plane(crs: CRS) -> CRS:
+    """The CRS of x and y alone, of a 3-D one too."""
+    return horizontal_part(crs).to_2d()
 
 
 def _code(crs: CRS) -> str:

@@ -1,4 +1,4 @@
-"""Rasters with square cells, north up, and the lattice of cells they lie on."""
+"""Rasters with square cells, north up."""
 
 from __future__ import annotations
 
@@ -17,139 +17,16 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context
 from toolbox.data.crs import LOCAL, metres_per_unit, same_crs
+from toolbox.data.lattice import Lattice
 from toolbox.errors import DataError
 
-MAX_CELLS = 1_000_000_000
-"""A lattice with more cells than this is taken for a mistake in the cell size."""
-
 _NODATA = -9999.0  # of float rasters, unless the file or the caller has its own
-_ROUNDING = 1e-6  # cells: coordinates this close to a cell boundary lie on it
+_SIDE_CARS = (".aux.xml", ".ovr", ".msk", ".msk.ovr")  # what GDAL reads with a GeoTIFF
 _DTYPES = frozenset(
     f"{kind}{bits}"
     for kind, sizes in {"uint": (8, 16, 32, 64), "int": (8, 16, 32, 64), "float": (32, 64)}.items()
     for bits in sizes
 )
-
-
-@dataclass(frozen=True)
-class Lattice:
-    """Square cells in rows from north to south and columns from west to east.
-
-    A cell holds its west and south edge; the last ones hold the outer east and north edge too,
-    so that every point of the covered bounds has a cell. Which cell a point falls in does not
-    depend on where the lattice begins, so tiles agree with the whole to the last bit.
-
-    Parameters
-    ----------
-    west, north : outer corner, in CRS units
-    cell : size of a cell, in CRS units
-    rows, cols : number of cells
-
-    Raises
-    ------
-    DataError
-        The lattice has no cells, or more than `MAX_CELLS`.
-    """
-
-    west: float
-    north: float
-    cell: float
-    rows: int
-    cols: int
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.cell) and self.cell > 0):
-            raise DataError(f"the cell size must be > 0, got {self.cell}")
-        if self.rows < 1 or self.cols < 1:
-            raise DataError(f"a raster needs cells, got {self.rows} rows x {self.cols} columns")
-        if self.rows * self.cols > MAX_CELLS:
-            raise DataError(
-                f"cells of {self.cell:g} make {self.rows} rows x {self.cols} columns, more than "
-                f"{MAX_CELLS} cells; choose larger cells or work in tiles"
-            )
-
-    @classmethod
-    def cover(cls, bounds: Sequence[float], cell: float) -> Lattice:
-        """The smallest lattice over bounds whose edges are whole multiples of the cell.
-
-        Parameters
-        ----------
-        bounds : (xmin, ymin, xmax, ymax), or with heights as a point cloud has them
-        cell : in the unit of the bounds
-
-        Raises
-        ------
-        DataError
-            The bounds are not finite, or hold more than `MAX_CELLS` cells.
-        """
-        if len(bounds) == 6:
-            bounds = (*bounds[:2], *bounds[3:5])
-        if not (math.isfinite(cell) and cell > 0):
-            raise DataError(f"the cell size must be > 0, got {cell}")
-        if not all(math.isfinite(value) for value in bounds):
-            raise DataError(f"cannot lay cells over the bounds {tuple(bounds)}; no points?")
-        low = [math.floor(value / cell + _ROUNDING) for value in bounds[:2]]
-        high = [math.ceil(value / cell - _ROUNDING) for value in bounds[2:]]
-        cols, rows = (max(1, h - w) for w, h in zip(low, high, strict=True))
-        return cls(_multiple(low[0], cell), _multiple(low[1] + rows, cell), cell, rows, cols)
-
-    @classmethod
-    def of(cls, raster: Raster) -> Lattice:
-        """The lattice of an existing raster, to use it as a template."""
-        return cls(raster.transform.c, raster.transform.f, raster.cell, *raster.shape)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(rows, cols)."""
-        return self.rows, self.cols
-
-    @property
-    def transform(self) -> Affine:
-        """From (column, row) of a cell corner to coordinates."""
-        return Affine(self.cell, 0.0, self.west, 0.0, -self.cell, self.north)
-
-    @property
-    def bounds(self) -> tuple[float, float, float, float]:
-        """(xmin, ymin, xmax, ymax) of the outer edges."""
-        (col, east), (top, north) = _place(self.west, self.cell), _place(self.north, self.cell)
-        return (
-            self.west,
-            _multiple(top - self.rows, self.cell) + north * self.cell,
-            _multiple(col + self.cols, self.cell) + east * self.cell,
-            self.north,
-        )
-
-    def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Coordinates of the cell centres: x of shape (cols,), y of shape (rows,)."""
-        (col, east), (top, north) = _place(self.west, self.cell), _place(self.north, self.cell)
-        cols = np.arange(col, col + self.cols, dtype=np.float64)
-        rows = np.arange(top, top - self.rows, -1, dtype=np.float64)
-        return (cols + (0.5 + east)) * self.cell, (rows - (0.5 - north)) * self.cell
-
-    def indices(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Row and column of the cell that holds each point.
-
-        Points outside get a row < 0 or >= rows, or a column < 0 or >= cols (see `holds`).
-
-        Parameters
-        ----------
-        x, y : arrays of one shape, finite
-
-        Returns
-        -------
-        row, col : int64 arrays of that shape
-        """
-        col, (east, north) = _cells(x, self.west, self.cell), self.bounds[2:]
-        row = np.asarray(-1 - _cells(y, self.north, self.cell))
-        slack = _ROUNDING * self.cell
-        col[(col == self.cols) & (np.asarray(x) <= east + slack)] = self.cols - 1
-        row[(row == -1) & (np.asarray(y) <= north + slack)] = 0
-        return row, col
-
-    def holds(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Which points lie on the lattice."""
-        row, col = self.indices(x, y)
-        return (row >= 0) & (row < self.rows) & (col >= 0) & (col < self.cols)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +39,8 @@ class Raster:
         NaN where nothing is known, integer ones hold `nodata`; bool becomes uint8
     transform : from cell corner to coordinates; north up, square cells
     crs : None if not known
-    nodata : what a file holds where nothing is known; -9999 for floats unless given
+    nodata : what a file holds where nothing is known; -9999 for floats unless given, or where the
+        type of the file cannot hold what is given
     descriptions, units : one text per band, or nothing
     name : of the file, for messages
 
@@ -230,6 +108,14 @@ class Raster:
         )
 
     @classmethod
+    def parts(cls, path: str | Path) -> tuple[Path, ...]:
+        """The file itself, and all that would be read with it: another CRS, overviews, a mask.
+
+        World files are none of them, since the position in the file comes first.
+        """
+        return Path(path), *(Path(f"{path}{ending}") for ending in _SIDE_CARS)
+
+    @classmethod
     def open(cls, path: str | Path, *, ctx: Context = QUIET) -> Raster:
         """Read all bands of any raster that GDAL reads.
 
@@ -271,11 +157,14 @@ class Raster:
     ) -> None:
         """Write a GeoTIFF: tiled, deflated, the same bytes for the same raster.
 
+        The file has the type of the values. A tool makes float32 of elevations, which it rounds
+        to a quarter of a millimetre below 8192 m; longer numbers, as GPS times, need float64.
+
         Parameters
         ----------
         path : ends in .tif or .tiff
         cog : write a Cloud Optimized GeoTIFF, with overviews
-        dtype : of the file; by default floats become float32 and integers stay what they are
+        dtype : of the file, if not that of the values; float32 rounds float64
         ctx : where to report progress
 
         Raises
@@ -289,7 +178,7 @@ class Raster:
 
         if Path(path).suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: rasters are written as {' or '.join(self.SUFFIXES)}")
-        values = self._stored(path, dtype)
+        values, nodata = self._stored(path, np.dtype(dtype or self.values.dtype))
         profile = {
             "count": len(values),
             "height": self.shape[0],
@@ -297,10 +186,12 @@ class Raster:
             "dtype": values.dtype.name,
             "crs": None if self.crs is None or same_crs(self.crs, LOCAL) else self.crs.to_wkt(),
             "transform": self.transform,
-            "nodata": self.nodata,
+            "nodata": nodata,
         }
         profile |= _layout(values.dtype, cog)
         try:
+            for part in self.parts(path):  # or a CRS that is stale would be read back
+                part.unlink(missing_ok=True)
             with _position_unchecked(), rasterio.open(path, "w", **profile) as sink:
                 sink.write(values)
                 sink.units = self.units
@@ -314,22 +205,26 @@ class Raster:
         """The same cells, said to be in another CRS; nothing is transformed."""
         return replace(self, crs=crs)
 
-    def _stored(self, path: str | Path, dtype: DTypeLike | None) -> NDArray[Any]:
-        """The values as the file holds them, with nodata for NaN."""
-        kind = self.values.dtype.kind
-        wanted = np.dtype(dtype or (np.float32 if kind == "f" else self.values.dtype))
-        if wanted.kind != "f" and (kind == "f" or not np.can_cast(self.values.dtype, wanted)):
+    def _stored(
+        self, path: str | Path, wanted: np.dtype[Any]
+    ) -> tuple[NDArray[Any], float | None]:
+        """The values as the file holds them, with nodata for NaN, and nodata."""
+        rounds = self.values.dtype.kind == wanted.kind == "f"
+        if wanted.name not in _DTYPES or not (rounds or np.can_cast(self.values.dtype, wanted)):
             raise DataError(f"{path}: {self.values.dtype} values do not fit {wanted}")
-        if kind != "f":
-            return self.values.astype(wanted, copy=False)
+        if self.values.dtype.kind != "f":
+            return self.values.astype(wanted, copy=False), self.nodata
         with np.errstate(over="ignore"):  # the overflow is the error below
             values = self.values.astype(wanted)
+            nodata = float(wanted.type(self.nodata))
         if np.any(np.isinf(values) & np.isfinite(self.values)):
             raise DataError(f"{path}: values exceed the range of {wanted}; ask for float64")
-        if np.any(values == np.array(self.nodata, wanted)):
-            raise DataError(f"{path}: valid cells hold the nodata value {self.nodata:g}")
-        values[np.isnan(values)] = self.nodata
-        return values
+        if math.isinf(nodata) and self.nodata != nodata:  # of a DEM in float64, say -1.8e308
+            nodata = _NODATA
+        if np.any(values == nodata):
+            raise DataError(f"{path}: valid cells hold the nodata value {nodata:g}")
+        values[np.isnan(values)] = nodata
+        return values, nodata
 
     @property
     def cell(self) -> float:
@@ -391,26 +286,6 @@ class Raster:
         row, col = lattice.indices(np.asarray(x)[inside], np.asarray(y)[inside])
         found[inside] = values[row, col]
         return found
-
-
-def _place(value: float, cell: float) -> tuple[int, float]:
-    """A corner as whole cells from the origin and the rest, which is 0 on a snapped lattice."""
-    whole = round(value / cell)
-    rest = value / cell - whole
-    return whole, 0.0 if abs(rest) <= _ROUNDING else rest
-
-
-def _cells(values: ArrayLike, corner: float, cell: float) -> NDArray[np.int64]:
-    """Whole cells between a corner and each value, downwards."""
-    whole, rest = _place(corner, cell)
-    cells = np.floor(np.asarray(values, float) / cell - rest + _ROUNDING).astype(np.int64)
-    return np.asarray(cells - whole)
-
-
-def _multiple(count: int, cell: float) -> float:
-    """`count` cells, as the number a person would write: 3 cells of 0.1 are 0.3."""
-    per_unit = round(1 / cell)
-    return count / per_unit if per_unit and 1 / per_unit == cell else count * cell
 
 
 def _bilinear(

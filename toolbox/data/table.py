@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
 from collections.abc import Iterable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
 import pandas as pd
 
 from toolbox.context import QUIET, Context
@@ -29,6 +31,11 @@ class Table:
 
     def __init__(self, frame: pd.DataFrame, *, name: str = "") -> None:
         self._frame, self.name = frame.reset_index(drop=True), name
+
+    @classmethod
+    def parts(cls, path: str | Path) -> tuple[Path, ...]:
+        """The file itself: no other is written or read with it."""
+        return (Path(path),)
 
     @property
     def frame(self) -> pd.DataFrame:
@@ -93,10 +100,13 @@ class Table:
         ctx.progress(1.0)
 
     def records(self) -> list[dict[str, Any]]:
-        """The rows as plain Python values, None where a value is missing."""
+        """The rows as values that JSON knows, None where a value is missing.
+
+        Dates and times are ISO 8601 texts. Infinity stays what it is, which JSON does not know.
+        """
         frame = self._frame.astype(object)
         rows = frame.where(frame.notna(), None).to_dict("records")
-        return [{str(name): value for name, value in row.items()} for row in rows]
+        return [{str(name): _json_ready(value) for name, value in row.items()} for row in rows]
 
     def text(self) -> str:
         """The table as aligned plain text: numbers to the right, "-" if missing."""
@@ -147,6 +157,14 @@ def _read_parquet(path: Path) -> pd.DataFrame:
 
 def _write_csv(frame: pd.DataFrame, path: Path) -> None:
     frame.to_csv(path, index=False, lineterminator="\n")
+
+
+def _json_ready(value: Any) -> Any:
+    if isinstance(value, (np.datetime64, np.timedelta64)):
+        value = pd.Timestamp(value) if isinstance(value, np.datetime64) else pd.Timedelta(value)
+    if isinstance(value, (dt.date, dt.time, pd.Timedelta)):
+        return value.isoformat()
+    return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else value
 
 
 def _write_json(frame: pd.DataFrame, path: Path) -> None:

@@ -35,6 +35,10 @@ _DRIVERS = {
     ".shp": "ESRI Shapefile",
     ".kml": "LIBKML",
 }
+_SHAPEFILE = (".shp", ".shx", ".dbf", ".prj", ".cpg", ".qpj", ".qix", ".sbn", ".sbx")
+_SHAPEFILE += (".idm", ".ind", ".shp.xml")
+_GEOPACKAGE = ("", "-wal", "-shm", "-journal")  # of the SQLite database that it is
+_WRITTEN = "2000-01-01"  # said by every file; with the day of the run, no two would be the same
 _WGS84 = CRS.from_epsg(4326)
 
 
@@ -76,6 +80,31 @@ class Vector:
         return len(self._frame)
 
     @classmethod
+    def parts(cls, path: str | Path) -> tuple[Path, ...]:
+        """The file itself, and all that would be written or read with it."""
+        path = Path(path)
+        if path.suffix.lower() == ".shp":
+            return path, *(path.with_suffix(ending) for ending in _SHAPEFILE[1:])
+        if path.suffix.lower() == ".gpkg":
+            return tuple(Path(f"{path}{ending}") for ending in _GEOPACKAGE)
+        return (path,)
+
+    @staticmethod
+    def layers(path: str | Path) -> tuple[str, ...]:
+        """Names of the vector layers in a file; the stem of its own name for GeoParquet.
+
+        Raises
+        ------
+        DataError
+            The file is missing or cannot be read.
+        """
+        path = Path(path)
+        if not path.exists():
+            raise DataError(f"{path}: no such file")
+        with _errors_named(f"{path} cannot be read as a vector layer"):
+            return _layer_names(path)
+
+    @classmethod
     def open(cls, path: str | Path, *, layer: str | None = None, ctx: Context = QUIET) -> Vector:
         """Read one layer of a GeoPackage, GeoJSON, FlatGeobuf, Shapefile, KML, GML, GeoParquet...
 
@@ -105,10 +134,10 @@ class Vector:
     def save(self, path: str | Path, *, layer: str | None = None, ctx: Context = QUIET) -> None:
         """Write the layer; the suffix chooses the format.
 
-        GeoPackage is written in version 1.3, which older QGIS reads too. GeoJSON keeps the CRS of
-        the layer in its "crs" member, as GDAL does, although RFC 7946 knows WGS 84 alone; an
-        empty one keeps no columns. FlatGeobuf sorts its features in space. KML is always in
-        WGS 84, so that a layer is transformed to it.
+        The same layer makes the same bytes. GeoPackage is written in version 1.3, which older QGIS
+        reads too. GeoJSON keeps the CRS of the layer in its "crs" member, as GDAL does, although
+        RFC 7946 knows WGS 84 alone; an empty one keeps no columns. FlatGeobuf sorts its features in
+        space. KML is always in WGS 84, so that a layer is transformed to it.
 
         Parameters
         ----------
@@ -134,7 +163,8 @@ class Vector:
         if suffix == ".kml":
             frame = _for_kml(frame, path)
         with _errors_named(f"{path} cannot be written"):
-            path.unlink(missing_ok=True)  # or GDAL would add a layer to what is there
+            for part in self.parts(path):  # or GDAL would add a layer, and read a stale CRS back
+                part.unlink(missing_ok=True)
             if suffix == ".parquet":
                 need_pyarrow()
                 frame.to_parquet(path)
@@ -174,6 +204,20 @@ def _errors_named(text: str) -> Iterator[None]:
 
 
 @contextmanager
+def _same_date() -> Iterator[None]:
+    """Make GDAL write the same date into every file."""
+    import pyogrio
+
+    option = "OGR_CURRENT_DATE"
+    before = pyogrio.get_gdal_config_option(option)
+    pyogrio.set_gdal_config_options({option: f"{_WRITTEN}T00:00:00.000Z"})
+    try:
+        yield
+    finally:
+        pyogrio.set_gdal_config_options({option: before})
+
+
+@contextmanager
 def _warnings_logged(name: str) -> Iterator[None]:
     """Log what GDAL has to say about a file, e.g. that M values are left out."""
     with warnings.catch_warnings(record=True) as heard:
@@ -195,15 +239,28 @@ def _read(path: Path, layer: str | None) -> Vector:
 
 def _choose(path: Path, layer: str | None) -> str:
     """The name of the layer to read: the one asked for, or the only one with a geometry."""
-    import pyogrio
-
-    names = [str(name) for name, geometry in pyogrio.list_layers(path) if geometry]
+    names = _layer_names(path)
     if layer is not None and layer not in names:
         raise DataError(f"{path} has no vector layer {layer!r}, only {', '.join(names) or 'none'}")
     if layer is None and len(names) != 1:
         listed = f"; name one: {', '.join(names)}" if names else ""
         raise DataError(f"{path} has {len(names)} vector layers{listed}")
     return layer or names[0]
+
+
+def _layer_names(path: Path) -> tuple[str, ...]:
+    import pyogrio
+
+    if path.suffix.lower() == ".parquet":
+        return (path.stem,) if _is_geoparquet(path) else ()
+    return tuple(str(name) for name, geometry in pyogrio.list_layers(path) if geometry)
+
+
+def _is_geoparquet(path: Path) -> bool:
+    need_pyarrow()
+    import pyarrow.parquet
+
+    return b"geo" in (pyarrow.parquet.read_schema(path).metadata or {})
 
 
 def _read_parquet(path: Path) -> geopandas.GeoDataFrame:
@@ -219,10 +276,10 @@ def _write(frame: geopandas.GeoDataFrame, path: Path, layer: str, geometry_type:
     suffix = path.suffix.lower()
     options: dict[str, Any] = {"dataset_options": {"VERSION": "1.3"}} if suffix == ".gpkg" else {}
     if suffix == ".shp":
-        options["encoding"] = "UTF-8"
+        options = {"encoding": "UTF-8", "layer_options": {"DBF_DATE_LAST_UPDATE": _WRITTEN}}
     if frame.empty:
         options["geometry_type"] = geometry_type
-    with warnings.catch_warnings(record=True) as heard:
+    with _same_date(), warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         warnings.filterwarnings("ignore", "'crs' was not provided")  # plain coordinates
         pyogrio.write_dataframe(frame, path, layer=layer, driver=_DRIVERS[suffix], **options)

@@ -1,0 +1,163 @@
+"""The lattice of square cells that rasters lie on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from affine import Affine
+from numpy.typing import ArrayLike, NDArray
+
+from toolbox.errors import DataError
+
+if TYPE_CHECKING:
+    from toolbox.data.raster import Raster
+
+MAX_CELLS = 1_000_000_000
+"""A lattice with more cells than this is taken for a mistake in the cell size."""
+
+_ROUNDING = 1e-6  # cells: coordinates this close to a cell boundary lie on it
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Square cells in rows from north to south and columns from west to east.
+
+    A cell holds its west and south edge; the last ones hold the outer east and north edge too,
+    so that every point of the covered bounds has a cell. Which cell a point falls in does not
+    depend on where the lattice begins, so tiles agree with the whole to the last bit.
+
+    Parameters
+    ----------
+    west, north : outer corner, in CRS units
+    cell : size of a cell, in CRS units
+    rows, cols : number of cells
+
+    Raises
+    ------
+    DataError
+        The lattice has no cells, or more than `MAX_CELLS`.
+    """
+
+    west: float
+    north: float
+    cell: float
+    rows: int
+    cols: int
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.cell) and self.cell > 0):
+            raise DataError(f"the cell size must be > 0, got {self.cell}")
+        if self.rows < 1 or self.cols < 1:
+            raise DataError(f"a raster needs cells, got {self.rows} rows x {self.cols} columns")
+        if self.rows * self.cols > MAX_CELLS:
+            raise DataError(
+                f"cells of {self.cell:g} make {self.rows} rows x {self.cols} columns, more than "
+                f"{MAX_CELLS} cells; choose larger cells or work in tiles"
+            )
+
+    @classmethod
+    def cover(cls, bounds: Sequence[float], cell: float) -> Lattice:
+        """The smallest lattice over bounds whose edges are whole multiples of the cell.
+
+        Parameters
+        ----------
+        bounds : (xmin, ymin, xmax, ymax), or with heights as a point cloud has them
+        cell : in the unit of the bounds
+
+        Raises
+        ------
+        DataError
+            The bounds are not finite, or hold more than `MAX_CELLS` cells.
+        """
+        if len(bounds) == 6:
+            bounds = (*bounds[:2], *bounds[3:5])
+        if not (math.isfinite(cell) and cell > 0):
+            raise DataError(f"the cell size must be > 0, got {cell}")
+        if not all(math.isfinite(value) for value in bounds):
+            raise DataError(f"cannot lay cells over the bounds {tuple(bounds)}; no points?")
+        low = [math.floor(value / cell + _ROUNDING) for value in bounds[:2]]
+        high = [math.ceil(value / cell - _ROUNDING) for value in bounds[2:]]
+        cols, rows = (max(1, h - w) for w, h in zip(low, high, strict=True))
+        return cls(_multiple(low[0], cell), _multiple(low[1] + rows, cell), cell, rows, cols)
+
+    @classmethod
+    def of(cls, raster: Raster) -> Lattice:
+        """The lattice of an existing raster, to use it as a template."""
+        return cls(raster.transform.c, raster.transform.f, raster.cell, *raster.shape)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols)."""
+        return self.rows, self.cols
+
+    @property
+    def transform(self) -> Affine:
+        """From (column, row) of a cell corner to coordinates."""
+        return Affine(self.cell, 0.0, self.west, 0.0, -self.cell, self.north)
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(xmin, ymin, xmax, ymax) of the outer edges."""
+        (col, east), (top, north) = _place(self.west, self.cell), _place(self.north, self.cell)
+        return (
+            self.west,
+            _multiple(top - self.rows, self.cell) + north * self.cell,
+            _multiple(col + self.cols, self.cell) + east * self.cell,
+            self.north,
+        )
+
+    def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Coordinates of the cell centres: x of shape (cols,), y of shape (rows,)."""
+        (col, east), (top, north) = _place(self.west, self.cell), _place(self.north, self.cell)
+        cols = np.arange(col, col + self.cols, dtype=np.float64)
+        rows = np.arange(top, top - self.rows, -1, dtype=np.float64)
+        return (cols + (0.5 + east)) * self.cell, (rows - (0.5 - north)) * self.cell
+
+    def indices(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Row and column of the cell that holds each point.
+
+        Points outside get a row < 0 or >= rows, or a column < 0 or >= cols (see `holds`).
+
+        Parameters
+        ----------
+        x, y : arrays of one shape, finite
+
+        Returns
+        -------
+        row, col : int64 arrays of that shape
+        """
+        col, (east, north) = _cells(x, self.west, self.cell), self.bounds[2:]
+        row = np.asarray(-1 - _cells(y, self.north, self.cell))
+        slack = _ROUNDING * self.cell
+        col[(col == self.cols) & (np.asarray(x) <= east + slack)] = self.cols - 1
+        row[(row == -1) & (np.asarray(y) <= north + slack)] = 0
+        return row, col
+
+    def holds(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+        """Which points lie on the lattice."""
+        row, col = self.indices(x, y)
+        return (row >= 0) & (row < self.rows) & (col >= 0) & (col < self.cols)
+
+
+def _place(value: float, cell: float) -> tuple[int, float]:
+    """A corner as whole cells from the origin and the rest, which is 0 on a snapped lattice."""
+    whole = round(value / cell)
+    rest = value / cell - whole
+    return whole, 0.0 if abs(rest) <= _ROUNDING else rest
+
+
+def _cells(values: ArrayLike, corner: float, cell: float) -> NDArray[np.int64]:
+    """Whole cells between a corner and each value, downwards."""
+    whole, rest = _place(corner, cell)
+    cells = np.floor(np.asarray(values, float) / cell - rest + _ROUNDING).astype(np.int64)
+    return np.asarray(cells - whole)
+
+
+def _multiple(count: int, cell: float) -> float:
+    """`count` cells, as the number a person would write: 3 cells of 0.1 are 0.3."""
+    per_unit = round(1 / cell)
+    return count / per_unit if per_unit and 1 / per_unit == cell else count * cell

@@ -1,0 +1,22 @@
+"""What became of each point in a comparison of classes: the values of the attribute "error".
+
+The words are those of Sithole and Vosselman (2004), with ground as the class of interest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+CORRECT_POSITIVE, CORRECT_NEGATIVE, TYPE_1, TYPE_2, NO_REFERENCE = range(5)
+
+OUTCOMES: Mapping[int, str] = MappingProxyType(
+    {
+        CORRECT_POSITIVE: "Ground, correct",
+        CORRECT_NEGATIVE: "Object, correct",
+        TYPE_1: "Type I: ground missed",
+        TYPE_2: "Type II: object taken for ground",
+        NO_REFERENCE: "No reference",
+    }
+)
+"""Name of each value."""

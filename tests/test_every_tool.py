@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +18,7 @@ from pyproj import CRS
 
 from toolbox import catalog, reference
 from toolbox.context import Context
-from toolbox.data import PointCloud
+from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.fields import Field, Spec
 
@@ -27,7 +28,19 @@ LIMITED = [(s, f) for s, f in NUMBERS if f.limits]
 POINT_TOOLS = [s for s in TOOLS if "points" in s.sources]
 FAST = {"samples.scene": {"size": 50.0, "density": 2.0}}  # settings that make a tool quick
 REFERENCE = {"compare.classes": {"reference_attribute": "truth"}}  # settings that a tool needs
+TILE = 150.0  # metres, three of them in the strip
+TILED = [
+    *((spec, {"cloth_resolution": 1.0} if spec.id == "ground.csf" else {}) for spec in POINT_TOOLS),
+    (catalog.load("surface.grid"), {"method": "nearest", "max_gap": 1.0}),
+    (catalog.load("compare.classes"), {"max_distance": 1.0, "reference": "moved"}),
+]
+# Share of labels and metres of height by which tiles may differ from the whole. The cloth stops
+# when its fastest part rests, which may lie in another tile.
+NEARLY = {"ground.csf": (0.001, 0.05)}
 
+tiled = pytest.mark.parametrize(
+    ("spec", "settings"), TILED, ids=lambda v: v.id if isinstance(v, Spec) else "-".join(v)
+)
 tools = pytest.mark.parametrize("spec", TOOLS, ids=lambda s: s.id)
 point_tools = pytest.mark.parametrize("spec", POINT_TOOLS, ids=lambda s: s.id)
 
@@ -45,21 +58,48 @@ def block() -> PointCloud:
     z = 0.1 * x + rng.normal(0, 0.05, n)
     for east, half in [(50, 8), (154, 10)]:  # one across the edge of a tile
         z[(abs(x - east) < half) & (abs(y - 20) < half)] += 8
+    xyz = np.column_stack([x + 500_000.3, y + 4_600_000.4, z])
+    return PointCloud(xyz, columns(rng, n), crs=CRS(32635), name="block.laz")
+
+
+@pytest.fixture(scope="module")
+def strip() -> PointCloud:
+    """450 x 24 m of rough terrain with trees, and halls from side to side across edges of tiles.
+
+    The halls are made for cloths: of the first, which is 80 m wide, half a halo sees too little to
+    know that it ends, and of the second no halo sees so little that it seems a small house.
+    """
+    rng = np.random.default_rng(1)
+    n = 22_000
+    x, y = rng.uniform(0, 3 * TILE, n), rng.uniform(0, 24, n)
+    z = 0.02 * x + 0.5 * np.sin(x / 9) + rng.normal(0, 0.05, n)
+    hall = (abs(x - 120) < 40) | (abs(x - 309) < 21)
+    z[hall] += 8
+    for east, north in rng.uniform(0, (3 * TILE, 24), (60, 2)):
+        tree = (np.hypot(x - east, y - north) < 2) & ~hall
+        z[tree] += rng.uniform(0, 10, tree.sum())
+    xyz = np.column_stack([x + 500_000, y + 4_600_000, z])
+    return PointCloud(xyz, columns(rng, n), crs=CRS(32635), name="strip.laz")
+
+
+def columns(rng: np.random.Generator, n: int) -> dict[str, Any]:
+    """Random attributes."""
     returns = rng.integers(1, 3, n).astype(np.uint8)
-    columns = {
+    return {
         "intensity": rng.integers(0, 500, n).astype(np.uint16),
         "return_number": np.minimum(returns, rng.integers(1, 3, n)).astype(np.uint8),
         "number_of_returns": returns,
         "classification": rng.integers(1, 7, n).astype(np.uint8),
         "truth": rng.integers(1, 7, n).astype(np.uint8),
     }
-    xyz = np.column_stack([x + 500_000.3, y + 4_600_000.4, z])
-    return PointCloud(xyz, columns, crs=CRS(32635), name="block.laz")
 
 
-def job(spec: Spec, points: PointCloud | None = None, **more: Any) -> Any:
+def job(
+    spec: Spec, points: PointCloud | None = None, reference: PointCloud | None = None, **more: Any
+) -> Any:
     """The tool with its defaults on the given points."""
     source = {"points": points} if "points" in spec.sources else {}
+    source |= {"reference": reference} if reference else {}
     settings, problems = spec.parse(
         FAST.get(spec.id, {}) | REFERENCE.get(spec.id, {}) | more, present=source
     )
@@ -210,23 +250,84 @@ def test_attributes_survive(spec: Spec, block: PointCloud) -> None:
             assert layer.crs == block.crs
 
 
-@point_tools
-def test_tiles_with_halo_equal_the_whole(spec: Spec, block: PointCloud) -> None:
-    """Labels of tiles, each read with the halo that the tool asks for."""
-    outs = [name for name, f in spec.outputs.items() if f.kind.word == "PointCloud"]
-    whole = job(spec, block)
-    if not outs or whole.halo() > 150:
-        pytest.skip("no point output, or needs more than a tile of this block")
-    x = block["x"] - block["x"].min()
-    marked = block.with_attributes({"index": np.arange(len(block), dtype=np.uint32)})
-    expected = getattr(job(spec, marked).run(), outs[0])
-    for west in (0, 150):
-        wide = (x >= west - whole.halo()) & (x < west + 150 + whole.halo())
-        assert not wide.all(), "the tile is the whole block: make the block larger"
-        tile = getattr(job(spec, marked.select(wide)).run(), outs[0])
-        core = np.flatnonzero((x >= west) & (x < west + 150))
-        here, there = (c.select(np.isin(c["index"], core)) for c in (tile, expected))
-        np.testing.assert_equal(values(here), values(there))
+@tiled
+def test_tiles_with_halo_equal_the_whole(
+    spec: Spec, settings: dict[str, Any], strip: PointCloud
+) -> None:
+    """Labels and cells of tiles, each read with the halo that the tool asks for."""
+    halo = reach(spec, settings, strip)
+    check_tiles(spec, settings, strip, halo)
+
+
+@tiled
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_too_small_a_halo_is_noticed(
+    spec: Spec, settings: dict[str, Any], share: float, strip: PointCloud
+) -> None:
+    """The law above means something: it fails for less than the tool asks for."""
+    halo = reach(spec, settings, strip)
+    if halo == 0:
+        pytest.skip("the tool asks for none")
+    with pytest.raises(AssertionError):
+        check_tiles(spec, settings, strip, share * halo)
+
+
+def reach(spec: Spec, settings: dict[str, Any], strip: PointCloud) -> float:
+    """The halo that the tool asks for; skips tools that need the whole cloud."""
+    halo = float(tile_job(spec, settings, strip).halo())
+    if math.isinf(halo):
+        pytest.skip("needs the whole cloud")
+    assert halo < TILE, "make the strip longer: a tile with its halo is the whole"
+    return halo
+
+
+def tile_job(
+    spec: Spec,
+    settings: dict[str, Any],
+    strip: PointCloud,
+    bounds: tuple[float, float] = (-math.inf, math.inf),
+) -> Any:
+    """The tool on the part of all its layers between two eastings."""
+
+    def cut(cloud: PointCloud) -> PointCloud:
+        return cloud.select((cloud["x"] >= bounds[0]) & (cloud["x"] < bounds[1]))
+
+    others = dict(settings)
+    if others.pop("reference", None):
+        others["reference"] = cut(strip.with_xyz(strip.xyz + [0.9, 0, 0]))
+    return job(spec, cut(strip), **others)
+
+
+def check_tiles(spec: Spec, settings: dict[str, Any], strip: PointCloud, halo: float) -> None:
+    """Compare each tile, read with the halo, with the whole on the points and cells of the tile."""
+    marked = strip.with_attributes({"index": np.arange(len(strip), dtype=np.uint32)})
+    whole = tile_job(spec, settings, marked).run()
+    share, height = NEARLY.get(spec.id, (0.0, 0.0))
+    for west in 500_000 + TILE * np.arange(3):
+        east = west + TILE
+        tile = tile_job(spec, settings, marked, (west - halo, east + halo)).run()
+        for name, field in spec.outputs.items():
+            here, there = getattr(tile, name), getattr(whole, name)
+            if field.kind.word == "PointCloud":
+                check_points(here, there, (west, east), share)
+            elif field.kind.word == "Raster":
+                check_cells(here, there, (west, east), height)
+
+
+def check_points(
+    tile: PointCloud, whole: PointCloud, core: tuple[float, float], share: float
+) -> None:
+    here, there = (c.select((c["x"] >= core[0]) & (c["x"] < core[1])) for c in (tile, whole))
+    np.testing.assert_array_equal(here["index"], there["index"])
+    for name in there.names:
+        assert np.mean(here[name] != there[name]) <= share, name
+
+
+def check_cells(tile: Raster, whole: Raster, core: tuple[float, float], height: float) -> None:
+    x, y = np.meshgrid(*Lattice.of(whole).centres())
+    inside = (x >= core[0]) & (x < core[1])
+    here, there = (raster.sample(x[inside], y[inside]) for raster in (tile, whole))
+    np.testing.assert_allclose(here, there, rtol=0, atol=height)
 
 
 @tools

@@ -18,7 +18,7 @@ from pyproj import CRS
 
 from toolbox._images import ERRORS, POINT_CLASSES, Ramp, cloud_image, raster_image
 from toolbox.data import PointCloud, Raster, Table, Vector
-from toolbox.data.crs import LOCAL
+from toolbox.data.crs import LOCAL, parse_crs
 from toolbox.errors import DataError
 from toolbox.picture import draw
 
@@ -75,9 +75,7 @@ def test_highest_point_is_on_top() -> None:
 def test_errors_come_before_classes_in_their_own_colours() -> None:
     codes = np.repeat(np.arange(4, dtype=np.uint8), 100)
     image = cloud_image(square(error=codes, classification=codes + 2))
-    assert colours(image.rgba) == {
-        colour for code, (_, colour) in ERRORS.items() if code < 4
-    }
+    assert colours(image.rgba) == {colour for code, (_, colour) in ERRORS.items() if code < 4}
     assert image.rgba[-2, -2] == pytest.approx(to_rgba("#d7261e"))  # Type II is red
 
 
@@ -180,6 +178,14 @@ def test_vector_lies_over_the_map_before_it(tmp_path: Path) -> None:
     assert np.any(np.abs(bare - over)[200:500] > 0.5)
 
 
+def test_outlines_without_heights_lie_over_a_map_with_heights(tmp_path: Path) -> None:
+    ground = raster(np.full((50, 50), 3.0)).with_crs(parse_crs("EPSG:2154+5720"))
+    roof = outline(shapely.box(110, 160, 140, 190), crs=CRS(2154))
+    draw({"ground": ground}, tmp_path / "a.png")
+    draw({"ground": ground, "roof": roof}, tmp_path / "b.png")
+    assert read(tmp_path / "a.png").shape == read(tmp_path / "b.png").shape
+
+
 @pytest.mark.parametrize(
     "vector",
     [
@@ -234,6 +240,13 @@ def test_nothing_to_draw(tmp_path: Path) -> None:
         draw(nothing, tmp_path / "a.png")
     draw(nothing | {"raster": raster(np.eye(3))}, tmp_path / "a.png")
     assert (tmp_path / "a.png").exists()
+
+
+def test_layers_of_other_types_are_refused(tmp_path: Path) -> None:
+    unknown: Any = {"ground": raster(np.eye(3)), "mesh": [1, 2, 3]}
+    with pytest.raises(DataError, match="mesh: a list cannot be drawn"):
+        draw(unknown, tmp_path / "a.png")
+    assert not (tmp_path / "a.png").exists()
 
 
 def test_file_name_is_checked(tmp_path: Path) -> None:

@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from toolbox.context import QUIET, Context
 from toolbox.data import Raster, Table, Vector
 from toolbox.data.crs import describe_crs
+from toolbox.data.text import standard_names
 from toolbox.errors import DataError
 from toolbox.execute import run
 
 RASTERS = (".tif", ".tiff", ".vrt", ".img", ".asc")
 VECTORS = (".gpkg", ".geojson", ".fgb", ".shp", ".kml", ".gml", ".dxf")
+TABLES = (".parquet", ".json")
+
+Row = dict[str, Any]
 
 
 def describe_file(path: Path, ctx: Context = QUIET) -> Table:
     """Properties of a point cloud, raster, vector or table: rows of property, value and unit.
+
+    A CSV file whose columns include x, y and z, or have no names, is a point cloud, and any other
+    a table. Of a file with several vector layers, such as a GeoPackage, all are listed.
 
     Raises
     ------
@@ -29,53 +39,109 @@ def describe_file(path: Path, ctx: Context = QUIET) -> Table:
         raise DataError(f"there is no file {path}")
     suffix = path.suffix.lower()
     if suffix in RASTERS:
-        return _table(_raster(Raster.open(path)))
-    if suffix in VECTORS:
-        return _table(_vector(Vector.open(path)))
-    if suffix in (".parquet", ".json"):
-        return _table(_frame(Table.open(path).frame))
+        return _table(_raster(Raster.open(path, ctx=ctx)))
+    if suffix in VECTORS or (suffix == ".parquet" and Vector.layers(path)):
+        return _table(_vectors(path, ctx))
+    if suffix in TABLES or (suffix == ".csv" and not _holds_points(path)):
+        return _table(_records(Table.open(path, ctx=ctx)))
     made: Table = run("points.info", {"points": path}, ctx=ctx)["table"]
     return made
 
 
-def _table(rows: dict[str, Any]) -> Table:
-    return Table.from_rows({"property": name, "value": value} for name, value in rows.items())
+def _holds_points(path: Path) -> bool:
+    """Whether a text file begins as one of points does: names with x, y, z, or three numbers."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        first = file.readline().strip()
+    cells = [cell.strip("\"'") for cell in re.split(r"[\s,;]+", first)]
+    numbers = sum(_is_number(cell) for cell in cells)
+    comment = first.startswith(("#", "//"))
+    return comment or not first or numbers >= 3 or {"x", "y", "z"} <= {*standard_names(cells)}
 
 
-def _crs(layer: Any) -> str | None:
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _table(rows: Iterable[Row]) -> Table:
+    return Table.from_rows({"property": "", "value": None, "unit": ""} | row for row in rows)
+
+
+def _row(name: str, value: Any, unit: str = "") -> Row:
+    return {"property": name, "value": value, "unit": unit}
+
+
+def _crs(layer: Raster | Vector) -> str | None:
     return describe_crs(layer.crs) if layer.crs else None
 
 
-def _raster(raster: Raster) -> dict[str, Any]:
+def _bounds(bounds: Iterable[float]) -> Iterator[Row]:
+    for name, value in zip(("xmin", "ymin", "xmax", "ymax"), bounds, strict=True):
+        yield _row(name, float(value))
+
+
+def _raster(raster: Raster) -> Iterator[Row]:
     rows, cols = raster.shape
-    found: dict[str, Any] = {
-        "file": raster.name,
-        "crs": _crs(raster),
-        "rows": rows,
-        "columns": cols,
-    }
-    found["cell"] = raster.cell
-    found |= dict(zip(("xmin", "ymin", "xmax", "ymax"), raster.bounds, strict=True))
-    for band in range(1, len(raster.values) + 1):
-        values = raster.band(band)
+    yield _row("file", raster.name)
+    yield _row("crs", _crs(raster))
+    yield _row("rows", rows)
+    yield _row("columns", cols)
+    yield _row("cell", raster.cell)
+    yield from _bounds(raster.bounds)
+    for number, (text, unit) in enumerate(zip(raster.descriptions, raster.units, strict=True), 1):
+        values = raster.band(number)
         known = values[np.isfinite(values)]
-        found[f"band {band}"] = raster.descriptions[band - 1] if raster.descriptions else ""
-        found[f"band {band} cells without data"] = values.size - known.size
+        band = f"band {number}"
+        yield _row(band, text)
+        yield _row(f"{band} type", raster.values.dtype.name)
+        yield _row(f"{band} cells without data", values.size - known.size)
         if known.size:
-            found[f"band {band} minimum"] = float(known.min())
-            found[f"band {band} mean"] = float(known.mean())
-            found[f"band {band} maximum"] = float(known.max())
-    return found
+            yield _row(f"{band} minimum", float(known.min()), unit)
+            yield _row(f"{band} mean", float(known.mean()), unit)
+            yield _row(f"{band} maximum", float(known.max()), unit)
 
 
-def _vector(vector: Vector) -> dict[str, Any]:
-    found: dict[str, Any] = {"file": vector.name, "crs": _crs(vector), "features": len(vector)}
-    found["geometry"] = ", ".join(sorted(set(vector.frame.geom_type.dropna())))
-    if len(vector):
-        found |= dict(zip(("xmin", "ymin", "xmax", "ymax"), vector.frame.total_bounds, strict=True))
-    attributes = vector.frame.drop(columns=vector.frame.geometry.name)
-    return found | _frame(attributes)
+def _vectors(path: Path, ctx: Context) -> Iterator[Row]:
+    """One layer in full, or the list of several."""
+    names = Vector.layers(path)
+    if len(names) < 2:
+        yield from _vector(Vector.open(path, ctx=ctx))
+        return
+    yield _row("file", path.name)
+    yield _row("layers", len(names))
+    for place, name in enumerate(names):
+        share = place / len(names), (place + 1) / len(names)
+        layer = Vector.open(path, layer=name, ctx=ctx.part(*share))
+        yield _row(f"layer {name}", _geometry(layer))
+        yield _row(f"layer {name} crs", _crs(layer))
+        yield _row(f"layer {name} features", len(layer))
 
 
-def _frame(frame: Any) -> dict[str, Any]:
-    return {"rows": len(frame)} | {f"column {name}": str(frame[name].dtype) for name in frame}
+def _vector(vector: Vector) -> Iterator[Row]:
+    yield _row("file", vector.name)
+    yield _row("crs", _crs(vector))
+    yield _row("features", len(vector))
+    yield _row("geometry", _geometry(vector))
+    if np.isfinite(vector.frame.total_bounds).all():
+        yield from _bounds(vector.frame.total_bounds)
+    yield from _columns(vector.frame.drop(columns=vector.frame.geometry.name))
+
+
+def _geometry(vector: Vector) -> str:
+    """The types that occur; of an empty layer the type that it is made for."""
+    found = sorted(set(vector.frame.geom_type.dropna()))
+    return ", ".join(found) or vector.geometry_type
+
+
+def _records(table: Table) -> Iterator[Row]:
+    yield _row("file", table.name)
+    yield _row("rows", len(table))
+    yield from _columns(table.frame)
+
+
+def _columns(frame: pd.DataFrame) -> Iterator[Row]:
+    for name, column in frame.items():
+        yield _row(f"column {name}", str(column.dtype))

@@ -205,7 +205,8 @@ def test_layers_in_the_same_crs_go_together(a: str | None, b: str | None) -> Non
 
 
 @pytest.mark.parametrize(
-    ("a", "b"), [("EPSG:2154", "EPSG:2154+5720"), ("EPSG:26910", OLD_UTM), ("EPSG:4326", "EPSG:4979")]
+    ("a", "b"),
+    [("EPSG:2154", "EPSG:2154+5720"), ("EPSG:26910", OLD_UTM), ("EPSG:4326", "EPSG:4979")],
 )
 def test_heights_of_one_layer_alone_matter_only_where_heights_are_compared(a: str, b: str) -> None:
     flat, high = parse_crs(a), parse_crs(b)
@@ -224,15 +225,15 @@ def test_heights_of_one_layer_alone_matter_only_where_heights_are_compared(a: st
     ("a", "b", "text"),
     [
         ("EPSG:2154", "EPSG:2192", "is in EPSG:2154 .*; reproject it to EPSG:2192 "),
-        ("EPSG:25832+5783", "EPSG:32632", r"is in EPSG:25832\+5783 .*; reproject it to EPSG:32632 "),
+        ("EPSG:25832+5783", "EPSG:32632", r"EPSG:25832\+5783 .*; reproject it to EPSG:32632 "),
         ("EPSG:4978", "EPSG:2154", "is in EPSG:4978 .*; reproject it to EPSG:2154 "),
         ("EPSG:2154+5720", "EPSG:2154+5721", r"5720 .*; bring its heights to EPSG:2154\+5721 "),
         ("EPSG:4979", "EPSG:4326+5773", "; bring its heights to EPSG:4326"),
         (None, "EPSG:2154", "has no CRS; state it with --assume-crs, to go with EPSG:2154 "),
         (None, "local", "has no CRS; state it with --assume-crs, to go with local coord"),
         ("EPSG:2154", None, "is in EPSG:2154 .*; state with --assume-crs the missing CRS$"),
-        ("local", "EPSG:2154", "is in local coordinates .* cannot be compared with EPSG:2154 "),
-        ("EPSG:2154", "local", "is in EPSG:2154 .* cannot be compared with local coordinates"),
+        ("local", "EPSG:2154", "is in local coordinates .*; it cannot be compared with EPSG:2154 "),
+        ("EPSG:2154", "local", "is in EPSG:2154 .*; it cannot be compared with local coordinates"),
     ],
 )
 def test_layers_that_do_not_go_together(

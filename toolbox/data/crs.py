@@ -149,18 +149,22 @@ def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool) -> str | None:
         return None
     if a is None:
         return f"has no CRS; state it with --assume-crs, to go with {describe_crs(b)}"
-    first, second = f"is in {describe_crs(a)}", describe_crs(b)
-    if b is None:
-        return f"{first}; state with --assume-crs the missing CRS"
+    advice = _advice(a, b, heights) if b else "state with --assume-crs the missing CRS"
+    return f"is in {describe_crs(a)}; {advice}" if advice else None
+
+
+def _advice(a: CRS, b: CRS, heights: bool) -> str | None:
+    """How to bring a layer in `a` to `b`; None if they go together."""
+    name, high_a, high_b = describe_crs(b), _vertical_axis(a), _vertical_axis(b)
     if a.is_engineering or b.is_engineering:
-        return f"{first}, which cannot be compared with {second}"
+        return f"it cannot be compared with {name}"
     if not same_crs(_plane(a), _plane(b)):
-        return f"{first}; reproject it to {second}"
-    if _vertical_axis(a) and _vertical_axis(b):
-        return f"{first}; bring its heights to {second}"
+        return f"reproject it to {name}"
+    if high_a and high_b:
+        return f"bring its heights to {name}"
     if not heights:
         return None
-    return f"{first}; assign {'its heights to' if _vertical_axis(a) else 'it the heights of'} {second}"
+    return f"assign its heights to {name}" if high_a else f"assign it the heights of {name}"
 
 
 def describe_crs(crs: CRS | None) -> str:

@@ -205,9 +205,7 @@ class Raster:
         """The same cells, said to be in another CRS; nothing is transformed."""
         return replace(self, crs=crs)
 
-    def _stored(
-        self, path: str | Path, wanted: np.dtype[Any]
-    ) -> tuple[NDArray[Any], float | None]:
+    def _stored(self, path: str | Path, wanted: np.dtype[Any]) -> tuple[NDArray[Any], float | None]:
         """The values as the file holds them, with nodata for NaN, and nodata."""
         rounds = self.values.dtype.kind == wanted.kind == "f"
         if wanted.name not in _DTYPES or not (rounds or np.can_cast(self.values.dtype, wanted)):

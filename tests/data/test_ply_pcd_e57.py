@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import plyfile
 import pytest
-from pypcd4 import Encoding
+from pypcd4.pypcd4 import Encoding
 from pypcd4.pypcd4 import PointCloud as PcdFile
 
 from toolbox.data import PointCloud

@@ -78,7 +78,7 @@ BROKEN = {
     "LAZ chunks": (patched(LAZ, TABLE + 4, "<I", 10**9), "claims 1000000000 chunks"),
     "LAZ count": (patched(LAZ, 107, "<I", 10**9), "promises 1000000000 points"),
     "LAZ no chunked": (patched(LAZ, LASZIP, "<H", 1), "in the way 1"),
-    "LAZ items": (patched(LAZ, LASZIP + 32, "<H", 9), "ends before its 9 items"),
+    "LAZ items": (patched(LAZ, LASZIP + 32, "<H", 9), "damaged LASzip record"),
     "LAZ item size": (patched(LAZ, LASZIP + 36, "<H", 21), "but compressed ones of 29"),
     "LAZ dense": (
         patched(patched(LAZ14, 247, "<Q", 10**9), LAZ14.index(b"laszip enc") + 64, "<I", 2**31),

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context
 from toolbox.data.las_crs import read_crs
-from toolbox.data.las_header import SIZES, Frame, read_frame
+from toolbox.data.las_header import SIZES, Frame, demand, read_frame
 from toolbox.data.las_points import attribute
 from toolbox.errors import DataError
 
@@ -38,16 +38,14 @@ log = logging.getLogger("toolbox")
 
 _BLOCK = 1_000_000  # points between two reports of progress
 _NODES = 16  # of COPC between two reports; some 10 000 points each
-_LASZIP = struct.Struct("<HHBBHIIqqH")
 _LAYERED = 3  # compressor: each attribute of a chunk in a layer of its own
-_VARIABLE = 0xFFFF_FFFF  # chunk size that says: each chunk has its own
-_LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # of an item in point formats 6-10; one per byte in others
+_LAYERS = {6: 9, 7: 10, 8: 11, 9: 10, 10: 12}  # of a point format; and one per extra byte
 _MIXED = "lazrs does not keep the wave packets of several scanner channels in LAZ"
 _DENSEST = 1000  # points per compressed byte; identical points, the densest there are, reach 150
 _PAGE = -1  # number of points of a COPC entry that says: further down in another page
 
 Array = NDArray[Any]
-Chunk = tuple[int, int, int]
+Chunk = list[int]
 """Compressed points: where in the file, how many bytes, how many points."""
 
 
@@ -75,9 +73,10 @@ def read_las(
     """
     size = path.stat().st_size
     try:
-        with path.open("rb") as stream, _errors("is damaged"):
+        with path.open("rb") as stream:
             frame = read_frame(stream, size, lambda text: log.warning("%s %s", path.name, text))
-            record = _read_points(stream, frame, size, bounds, ctx)
+            with _errors("is damaged: its points cannot be read"):
+                record = _read_points(stream, frame, size, bounds, ctx)
     except MemoryError as error:
         raise DataError(f"{path} claims more points than fit in memory") from error
     except DataError as error:
@@ -106,32 +105,29 @@ def _read_points(
     stream: BinaryIO, frame: Frame, size: int, bounds: Sequence[float] | None, ctx: Context
 ) -> Array:
     header = frame.header
-    if header.point_count == 0:
-        return np.empty(0, header.point_format.dtype())
-    if header.are_points_compressed:
-        _check_laszip(frame.laszip, header.point_format.size)
-        if bounds is not None and frame.copc:
-            chunks = _copc_chunks(stream, frame, size, bounds)
-            _check_chunks(stream, frame, chunks)
-            return _read_chunks(stream, frame, chunks, ctx)
+    if header.point_count == 0 or not header.are_points_compressed:
+        return _read_all(stream, frame, ctx)
+    _check_laszip(frame)
+    if bounds is None or not frame.copc:
         _check_chunks(stream, frame, _all_chunks(stream, frame, size))
-    return _read_all(stream, frame, ctx)
+        return _read_all(stream, frame, ctx)
+    chunks = _copc_chunks(stream, frame, size, bounds)
+    _check_chunks(stream, frame, chunks)
+    return _read_chunks(stream, frame, chunks, ctx)
 
 
 def _read_all(stream: BinaryIO, frame: Frame, ctx: Context) -> Array:
     header = frame.header.copy()
+    record = np.empty(header.point_count, header.point_format.dtype())
     stream.seek(header.offset_to_point_data)
-    if header.are_points_compressed:
+    source: Any = UncompressedPointReader(stream, header)
+    if header.are_points_compressed and len(record):
         header.vlrs.append(LasZipVlr(frame.laszip))
         source = laspy.LazBackend.LazrsParallel.create_reader(stream, header)
-    else:
-        source = UncompressedPointReader(stream, header)
-    record = np.empty(header.point_count, header.point_format.dtype())
     for start in range(0, len(record), _BLOCK):
         ctx.progress(start / len(record))
         block = record[start : start + _BLOCK]
-        with _errors(f"is damaged: its points from number {start} on cannot be decompressed"):
-            block.view("u1")[:] = np.frombuffer(source.read_n_points(len(block)), "u1")
+        block.view("u1")[:] = np.frombuffer(source.read_n_points(len(block)), "u1")
     return record
 
 
@@ -142,12 +138,10 @@ def _read_chunks(stream: BinaryIO, frame: Frame, chunks: list[Chunk], ctx: Conte
         ctx.progress(number / len(chunks))
         group = chunks[number : number + _NODES]
         data = b"".join(_bytes(stream, start, size) for start, size, _ in group)
-        count = sum(points for *_, points in group)
         table = [(points, size) for _, size, points in group]
-        block = record[done : done + count].view("u1")
-        with _errors("is damaged: points of its COPC nodes cannot be decompressed"):
-            lazrs.decompress_points_with_chunk_table(data, frame.laszip, block, table)
-        done += count
+        block = record[done : done + sum(points for points, _ in table)]
+        lazrs.decompress_points_with_chunk_table(data, frame.laszip, block.view("u1"), table)
+        done += len(block)
     return record
 
 
@@ -156,75 +150,54 @@ def _bytes(stream: BinaryIO, start: int, size: int) -> bytes:
     return stream.read(size)
 
 
-def _check_laszip(laszip: bytes, record_length: int) -> None:
+def _check_laszip(frame: Frame) -> None:
     """Whether lazrs knows this way of compression, and its items make up a point record."""
-    if len(laszip) < _LASZIP.size:
-        raise DataError(f"has a LASzip record of {len(laszip)} bytes, which is too short")
-    compressor, coder, *_, items = _LASZIP.unpack_from(laszip)
-    if compressor not in (2, _LAYERED) or coder != 0:
-        raise DataError(
-            f"is compressed in the way {compressor} (coder {coder}) of LASzip; only chunked "
-            "files (2 and 3) can be read, as LASzip writes them since 2011"
-        )
-    if len(laszip) < _LASZIP.size + 6 * items:
-        raise DataError(f"has a LASzip record that ends before its {items} items")
-    length = sum(size for _, size, _ in _items(laszip))
-    if length != record_length:
-        raise DataError(
-            f"has point records of {record_length} bytes, but compressed ones of {length}"
-        )
-
-
-def _items(laszip: bytes) -> list[tuple[int, ...]]:
-    """Type, size and version of the parts that a point record is compressed in."""
-    count = _LASZIP.unpack_from(laszip)[-1]
-    return list(struct.iter_unpack("<3H", laszip[_LASZIP.size : _LASZIP.size + 6 * count]))
+    with _errors("has a damaged LASzip record"):
+        length = lazrs.LazVlr(frame.laszip).item_size()
+    compressor, coder = struct.unpack_from("<HH", frame.laszip)
+    demand(
+        compressor in (2, _LAYERED) and coder == 0,
+        f"is compressed in the way {compressor} (coder {coder}) of LASzip; only chunked files "
+        "(2 and 3) can be read, as LASzip writes them since 2011",
+    )
+    stated = frame.header.point_format.size
+    same = length == stated
+    demand(same, f"has point records of {stated} bytes, but compressed ones of {length}")
 
 
 def _all_chunks(stream: BinaryIO, frame: Frame, size: int) -> list[Chunk]:
-    """The chunks in the order of the file, from its chunk table."""
-    header, start = frame.header, frame.header.offset_to_point_data
-    first, table = start + 8, _chunk_table_place(stream, start, size)
+    """The chunks in the order of the file, from its chunk table.
+
+    lazrs sets memory aside for as many chunks as the table claims, so they are looked at first.
+    """
+    header, laszip = frame.header, lazrs.LazVlr(frame.laszip)
+    start, total = header.offset_to_point_data, header.point_count
+    demand(start + 8 <= size, "is cut off where its points begin")
+    (table,) = struct.unpack("<q", _bytes(stream, start, 8))
+    if table == -1:  # of a file written as a stream
+        (table,) = struct.unpack("<q", _bytes(stream, size - 8, 8))
+    inside = start + 8 <= table <= size - 8
+    demand(inside, f"is cut off or damaged: its table of chunks should be at {table} of {size}")
+    room = table - start - 8
     _, count = struct.unpack("<II", _bytes(stream, table, 8))
-    if count * header.point_format.size > table - first:
-        raise DataError(f"claims {count} chunks of points in {table - first} bytes")
+    possible = count * header.point_format.size <= room
+    demand(possible, f"claims {count} chunks of points in {room} bytes")
     stream.seek(start)
-    with _errors("has a damaged chunk table"):
-        pairs = lazrs.read_chunk_table(stream, lazrs.LazVlr(frame.laszip))
-    sizes = np.array([size for _, size in pairs], np.uint64).astype(float)
-    if len(pairs) != count or sizes.sum() > table - first:
-        raise DataError("has a damaged chunk table: its chunks do not fit before it")
-    points = _chunk_points(frame.laszip, [points for points, _ in pairs], header.point_count)
-    starts = first + np.concatenate([[0], np.cumsum(sizes)])
-    return [(int(s), size, n) for s, (_, size), n in zip(starts, pairs, points, strict=False)]
-
-
-def _chunk_table_place(stream: BinaryIO, start: int, size: int) -> int:
-    """Where the chunk table is: stated before the points, or at the end of a streamed file."""
-    place = -1
-    for where in (start, size - 8):
-        if place == -1 and start + 8 <= size:
-            (place,) = struct.unpack("<q", _bytes(stream, where, 8))
-    if not start + 8 <= place <= size - 8:
-        raise DataError(
-            f"is cut off or damaged: its table of chunks should be at byte {place} of {size}"
-        )
-    return int(place)
-
-
-def _chunk_points(laszip: bytes, stated: list[int], total: int) -> list[int]:
-    """Points per chunk; only chunks of variable size state it."""
-    chunk_size = _LASZIP.unpack_from(laszip)[6]
-    if chunk_size != _VARIABLE:
-        stated = [chunk_size] * (len(stated) - 1)
-        last = total - sum(stated)
-        stated += [last] if 0 < last <= chunk_size else []
-    if sum(stated) != total:
-        raise DataError(
-            f"is cut off or damaged: its header promises {total} points, and its chunks hold "
-            f"{sum(stated)}"
-        )
-    return stated
+    pairs = lazrs.read_chunk_table(stream, laszip)
+    points, sizes = np.array(pairs, float).reshape(-1, 2).T
+    fits = len(pairs) == count and sizes.sum() <= room
+    demand(fits, "has a damaged chunk table: its chunks do not fit before it")
+    if count and not laszip.uses_variable_size_chunks():
+        points[:] = laszip.chunk_size()
+        points[-1] = np.clip(total - points[:-1].sum(), 0, points[-1])
+    demand(
+        points.sum() == total,
+        f"is cut off or damaged: its header promises {total} points, and its chunks hold "
+        f"{points.sum():.0f}",
+    )
+    starts = start + 8 + np.cumsum(sizes) - sizes
+    chunks: list[Chunk] = np.stack([starts, sizes, points], axis=1).astype(np.int64).tolist()
+    return chunks
 
 
 def _check_chunks(stream: BinaryIO, frame: Frame, chunks: list[Chunk]) -> None:
@@ -233,22 +206,22 @@ def _check_chunks(stream: BinaryIO, frame: Frame, chunks: list[Chunk]) -> None:
     In layers a chunk begins with a plain point, the number of points, and the size of each layer,
     for which lazrs would set memory aside before it looks whether they are there.
     """
-    layered = _LASZIP.unpack_from(frame.laszip)[0] == _LAYERED
-    count = sum(_LAYERS.get(kind, size) for kind, size, _ in _items(frame.laszip))
-    ahead = frame.header.point_format.size + 4
+    layout = frame.header.point_format
+    layers = _LAYERS.get(layout.id, 0) + layout.num_extra_bytes
+    ahead = layout.size + 4
     for start, size, points in chunks:
-        if points > _DENSEST * size:
-            raise DataError(f"is damaged: it claims {points} points in {size} bytes")
-        if layered:
-            data = _bytes(stream, start + ahead, min(4 * count, max(size - ahead, 0)))
-            sizes = np.frombuffer(data[: len(data) // 4 * 4], "<u4").astype(np.int64)
-            if len(sizes) < count or sizes.sum() > size - ahead - 4 * count:
-                raise DataError(f"is damaged: the chunk of points at byte {start} is incomplete")
+        dense = points > _DENSEST * size
+        demand(not dense, f"is damaged: it claims {points} points in {size} bytes")
+        if frame.laszip[0] == _LAYERED:
+            data = _bytes(stream, start + ahead, 4 * layers)
+            needed = ahead + len(data) + sum(memoryview(data[: len(data) // 4 * 4]).cast("I"))
+            demand(
+                len(data) == 4 * layers and needed <= size,
+                f"is damaged: the chunk of points at byte {start} is incomplete",
+            )
 
 
-def _copc_chunks(
-    stream: BinaryIO, frame: Frame, size: int, bounds: Sequence[float]
-) -> list[Chunk]:
+def _copc_chunks(stream: BinaryIO, frame: Frame, size: int, bounds: Sequence[float]) -> list[Chunk]:
     """The chunks of the octree nodes that touch the bounds, in the order of the file.
 
     The reader of laspy would follow pages in a circle, and read all points in one piece.
@@ -262,8 +235,8 @@ def _copc_chunks(
     chunks: list[Chunk] = []
     while pages:
         start, length = pages.pop()
-        if start in seen or not 0 <= length <= size - start:
-            raise DataError("has a damaged COPC hierarchy")
+        fits = start not in seen and 0 <= length <= size - start
+        demand(fits, "has a damaged COPC hierarchy")
         seen.add(start)
         for entry in HierarchyPage.from_bytes(_bytes(stream, start, length)).entries.values():
             place = (entry.offset, entry.byte_size)
@@ -272,10 +245,10 @@ def _copc_chunks(
             if entry.point_count == _PAGE:
                 pages.append(place)
             elif entry.point_count > 0:
-                chunks.append((*place, entry.point_count))
-    inside = all(0 < length <= size - start for start, length, _ in chunks)
-    if not inside or sum(points for *_, points in chunks) > frame.header.point_count:
-        raise DataError("has a damaged COPC hierarchy")
+                chunks.append([*place, entry.point_count])
+    fits = all(0 < length <= size - start for start, length, _ in chunks)
+    fits &= sum(points for *_, points in chunks) <= frame.header.point_count
+    demand(fits, "has a damaged COPC hierarchy")
     return sorted(chunks)
 
 

@@ -140,6 +140,12 @@ def oldest_version(minor: int, number: int) -> Version:
     return next(v for v in versions if is_point_fmt_compatible_with_version(number, str(v)))
 
 
+def demand(holds: bool, text: str) -> None:
+    """Refuse a file for which something does not hold."""
+    if not holds:
+        raise DataError(text)
+
+
 def read_frame(stream: BinaryIO, size: int, warn: Callable[[str], None]) -> Frame:
     """Read and check everything but the points.
 
@@ -156,67 +162,67 @@ def read_frame(stream: BinaryIO, size: int, warn: Callable[[str], None]) -> Fram
     """
     raw = _raw_header(stream, size)
     header = _parsed(raw, warn)
+    start = header.offset_to_point_data
     _check_places(header, len(raw), size, warn)
     (count,) = struct.unpack_from("<I", raw, 100)
-    vlrs, header.extra_vlr_bytes = _read_vlrs(stream, header, count, warn)
-    evlrs, starts = _read_evlrs(stream, header, size)
-    wave = header.start_of_waveform_data_packet_record
+    vlrs, places = _records(stream, len(raw), start, count, 54)
+    if len(vlrs) < count:
+        warn(
+            f"promises {count} variable length records, but only {len(vlrs)} fit before the "
+            "points; the others are ignored"
+        )
+    stream.seek(places[-1])
+    header.extra_vlr_bytes = stream.read(start - places[-1])
+    evlrs, waveform = _read_evlrs(stream, header, size)
     header.version = oldest_version(raw[25], header.point_format.id)
     header.point_format = _described(header, vlrs, warn)
-    frame = Frame(header, raw[25], raw[26:94], vlrs, evlrs)
-    if wave in starts:
-        frame = replace(frame, waveform=starts.index(wave))
+    frame = Frame(header, raw[25], raw[26:94], vlrs, evlrs, waveform)
     frame = frame.without(lambda record: record.key in _COMPRESSION)
     if not header.are_points_compressed:
         return frame
     found = {record.key: record.data for record in vlrs}
-    if _LASZIP not in found:
-        raise DataError("is compressed, but has no LASzip record that says how")
+    demand(_LASZIP in found, "is compressed, but has no LASzip record that says how")
     return replace(frame, laszip=found[_LASZIP], copc=found.get(_COPC, b""))
 
 
 def _raw_header(stream: BinaryIO, size: int) -> bytes:
-    if size == 0:
-        raise DataError("is empty (0 bytes)")
-    start = stream.read(SIZES[4])
-    if start[:4] != b"LASF":
-        raise DataError(f"is not a LAS file: it begins with {start[:4]!r}, not b'LASF'")
-    if len(start) < SIZES[0]:
-        raise DataError(f"ends within the header, after {len(start)} of {SIZES[0]} bytes")
-    major, minor = start[24], start[25]
-    if major != 1 or minor not in SIZES:
-        raise DataError(f"is LAS version {major}.{minor}; versions 1.0 to 1.4 can be read")
-    (length,) = struct.unpack_from("<H", start, 94)
-    if not SIZES[minor] <= length <= size:
-        raise DataError(
-            f"claims a header of {length} bytes; version 1.{minor} has at least {SIZES[minor]}, "
-            f"and the file {size}"
-        )
-    stream.seek(0)
-    return stream.read(length)
+    demand(size > 0, "is empty (0 bytes)")
+    raw = stream.read(0xFFFF)
+    demand(raw[:4] == b"LASF", f"is not a LAS file: it begins with {raw[:4]!r}, not b'LASF'")
+    least = SIZES[0]
+    demand(len(raw) >= least, f"ends within the header, after {len(raw)} of {least} bytes")
+    (major, minor), (length,) = raw[24:26], struct.unpack_from("<H", raw, 94)
+    demand(
+        major == 1 and minor in SIZES,
+        f"is LAS version {major}.{minor}; versions 1.0 to 1.4 can be read",
+    )
+    demand(
+        SIZES[minor] <= length <= size,
+        f"claims a header of {length} bytes; version 1.{minor} has at least {SIZES[minor]}, "
+        f"and the file {size}",
+    )
+    return raw[:length]
 
 
 def _parsed(raw: bytes, warn: Callable[[str], None]) -> LasHeader:
     """The header as laspy reads it, without the records, which it would not read unchanged."""
     start, _, packed, record_length, legacy = struct.unpack_from("<IIBHI", raw, 96)
     number = packed & 0x3F
-    if packed >> 6 not in (0, 2) or number > 10:
-        raise DataError(f"has the unknown point format {packed}")
-    if record_length < PointFormat(number).size:
-        raise DataError(
-            f"has point records of {record_length} bytes; point format {number} needs "
-            f"{PointFormat(number).size}"
-        )
+    demand(packed >> 6 in (0, 2) and number <= 10, f"has the unknown point format {packed}")
+    least = PointFormat(number).size
+    demand(
+        record_length >= least,
+        f"has point records of {record_length} bytes; point format {number} needs {least}",
+    )
     alone = bytearray(raw)
     struct.pack_into("<HHHII", alone, 90, 0, 0, len(raw), len(raw), 0)  # no date, no records
     header = LasHeader.read_from(io.BytesIO(alone))
     header.offset_to_point_data = start
     header.point_count = header.point_count or legacy
-    for what, values in (("scale", header.scales), ("offset", header.offsets)):
-        bad = ~np.isfinite(values) | ((values == 0) & (what == "scale"))
-        if bad.any():
-            axis = "xyz"[int(np.argmax(bad))]
-            raise DataError(f"has the impossible {what} {values[bad][0]} for {axis}")
+    for axis, scale, offset in zip("xyz", header.scales, header.offsets, strict=True):
+        possible = np.isfinite(scale) and scale != 0
+        demand(possible, f"has the impossible scale {scale} for {axis}")
+        demand(np.isfinite(offset), f"has the impossible offset {offset} for {axis}")
     if legacy not in (0, header.point_count):
         warn(
             f"counts {header.point_count} points, and {legacy} in the field for older readers, "
@@ -225,75 +231,61 @@ def _parsed(raw: bytes, warn: Callable[[str], None]) -> LasHeader:
     return header
 
 
-def _check_places(
-    header: LasHeader, length: int, size: int, warn: Callable[[str], None]
-) -> None:
+def _check_places(header: LasHeader, length: int, size: int, warn: Callable[[str], None]) -> None:
     """Whether points and records lie within the file."""
-    start, record_length = header.offset_to_point_data, header.point_format.size
-    if not length <= start <= size:
-        raise DataError(
-            f"claims that its points begin at byte {start}; the header ends at {length} and the "
-            f"file at {size}"
-        )
-    end = size
+    start, end, count = header.offset_to_point_data, size, header.point_count
+    demand(
+        length <= start <= size,
+        f"claims that its points begin at byte {start}; the header ends at {length} and the file "
+        f"at {size}",
+    )
     if header.number_of_evlrs:
         end = header.start_of_first_evlr
-        if not start <= end <= size:
-            raise DataError(f"claims records after the points at byte {end}; it has {size} bytes")
-    present = (end - start) // record_length
+        inside = start <= end <= size
+        demand(inside, f"claims records after the points at byte {end}; it has {size} bytes")
     if header.are_points_compressed:
         return
-    if present < header.point_count:
-        raise DataError(
-            f"is cut off: its header promises {header.point_count} points, and {present} are there"
-        )
-    more = present - header.point_count
+    more = (end - start) // header.point_format.size - count
+    demand(
+        more >= 0, f"is cut off: its header promises {count} points, and {count + more} are there"
+    )
     if more and not header.start_of_waveform_data_packet_record:
         warn(f"has room for {more} points more than its header promises; they are not read")
 
 
-def _read_vlrs(
-    stream: BinaryIO, header: LasHeader, count: int, warn: Callable[[str], None]
-) -> tuple[tuple[Record, ...], bytes]:
-    """The VLRs, and the bytes between them and the points."""
-    block = stream.read(header.offset_to_point_data - stream.tell())
+def _records(
+    stream: BinaryIO, start: int, end: int, count: int, head: int
+) -> tuple[tuple[Record, ...], list[int]]:
+    """Up to count records that fit before the end; where each begins, and the last one ends."""
     records: list[Record] = []
-    place = 0
-    for _ in range(count):
-        head = block[place : place + 54]
-        size = struct.unpack_from("<H", head, 20)[0] if len(head) == 54 else len(block)
-        if place + 54 + size > len(block):
-            warn(
-                f"promises {count} variable length records, but only {len(records)} "
-                "fit before the points; the others are ignored"
-            )
+    places = [start]
+    while len(records) < count and start + head <= end:
+        stream.seek(start)
+        top = stream.read(head)
+        (length,) = struct.unpack_from("<H" if head == 54 else "<Q", top, 20)
+        start += head + length
+        if start > end:
             break
-        records.append(Record(head, block[place + 54 : place + 54 + size]))
-        place += 54 + size
-    return tuple(records), block[place:]
+        records.append(Record(top, stream.read(length)))
+        places.append(start)
+    return tuple(records), places
 
 
 def _read_evlrs(
     stream: BinaryIO, header: LasHeader, size: int
-) -> tuple[tuple[Record, ...], list[int]]:
-    """The records after the points, and where each begins."""
+) -> tuple[tuple[Record, ...], int | None]:
+    """The records after the points, and which of them holds the waveform packets."""
     start, count = header.start_of_first_evlr, header.number_of_evlrs
+    wave = header.start_of_waveform_data_packet_record
     if header.version.minor == 3 and header.global_encoding.waveform_data_packets_internal:
-        start, count = header.start_of_waveform_data_packet_record, 1
-    records: list[Record] = []
-    starts: list[int] = []
-    for number in range(1, count + 1):
-        stream.seek(min(start, size))
-        head = stream.read(60)
-        length = struct.unpack_from("<Q", head, 20)[0] if len(head) == 60 else size
-        if start + 60 + length > size:
-            raise DataError(
-                f"is cut off: record {number} of {count} after the points ends beyond the file"
-            )
-        records.append(Record(head, stream.read(length)))
-        starts.append(start)
-        start += 60 + length
-    return tuple(records), starts
+        start, count = wave, 1
+    records, places = _records(stream, start, size, count, 60)
+    found = len(records)
+    demand(
+        found == count,
+        f"is cut off: record {found + 1} of {count} after the points ends beyond the file",
+    )
+    return records, places.index(wave) if wave in places[:-1] else None
 
 
 def _described(

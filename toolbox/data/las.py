@@ -22,7 +22,7 @@ from typing import Any, BinaryIO
 import laspy
 import lazrs  # type: ignore[import-untyped]
 import numpy as np
-from laspy.copc import Bounds, CopcInfoVlr, Entry, HierarchyPage
+from laspy.copc import Bounds, CopcInfoVlr, HierarchyPage, load_octree_for_query
 from laspy.errors import LaspyException
 from laspy.lasreader import UncompressedPointReader
 from laspy.vlrs.known import LasZipVlr
@@ -42,7 +42,8 @@ _LAYERED = 3  # compressor: each attribute of a chunk in a layer of its own
 _LAYERS = {6: 9, 7: 10, 8: 11, 9: 10, 10: 12}  # of a point format; and one per extra byte
 _MIXED = "lazrs does not keep the wave packets of several scanner channels in LAZ"
 _DENSEST = 1000  # points per compressed byte; identical points, the densest there are, reach 150
-_PAGE = -1  # number of points of a COPC entry that says: further down in another page
+
+_BAD = (ArithmeticError, TypeError, ValueError, struct.error)
 
 Array = NDArray[Any]
 Chunk = list[int]
@@ -93,7 +94,7 @@ def _errors(text: str) -> Iterator[None]:
     """Turn what laspy and lazrs raise into a DataError; a panic in Rust is no Exception."""
     try:
         yield
-    except (LaspyException, lazrs.LazrsError, ArithmeticError, TypeError, ValueError) as error:
+    except (LaspyException, lazrs.LazrsError, *_BAD) as error:
         raise DataError(f"{text} ({error})") from error
     except BaseException as error:
         if type(error).__name__ != "PanicException":
@@ -221,42 +222,38 @@ def _check_chunks(stream: BinaryIO, frame: Frame, chunks: list[Chunk]) -> None:
             )
 
 
-def _copc_chunks(stream: BinaryIO, frame: Frame, size: int, bounds: Sequence[float]) -> list[Chunk]:
-    """The chunks of the octree nodes that touch the bounds, in the order of the file.
+class _Pages:
+    """Pages of a COPC hierarchy; laspy would follow pages in a circle for ever."""
 
-    The reader of laspy would follow pages in a circle, and read all points in one piece.
-    """
-    info = CopcInfoVlr()
-    info.parse_record_data(frame.copc)
-    cube = Bounds(info.center[:2] - info.halfsize, info.center[:2] + info.halfsize)
-    box = Bounds(np.array(bounds[:2]), np.array(bounds[2:]))
-    pages = [(info.hierarchy_root_offset, info.hierarchy_root_size)]
-    seen: set[int] = set()
-    chunks: list[Chunk] = []
-    while pages:
-        start, length = pages.pop()
-        fits = start not in seen and 0 <= length <= size - start
-        demand(fits, "has a damaged COPC hierarchy")
-        seen.add(start)
-        for entry in HierarchyPage.from_bytes(_bytes(stream, start, length)).entries.values():
-            place = (entry.offset, entry.byte_size)
-            if not _bounds(entry, cube).overlaps(box):
-                continue
-            if entry.point_count == _PAGE:
-                pages.append(place)
-            elif entry.point_count > 0:
-                chunks.append([*place, entry.point_count])
+    def __init__(self, stream: BinaryIO, size: int) -> None:
+        self._stream, self._size = stream, size
+        self._seen: set[int] = set()
+
+    def seek(self, start: int) -> None:
+        demand(start < self._size and start not in self._seen, "has a damaged COPC hierarchy")
+        self._seen.add(self._stream.seek(start))
+
+    def read(self, length: int) -> bytes:
+        room = self._size - self._stream.tell()
+        demand(0 <= length <= room, "has a damaged COPC hierarchy")
+        return self._stream.read(length)
+
+
+def _copc_chunks(stream: BinaryIO, frame: Frame, size: int, bounds: Sequence[float]) -> list[Chunk]:
+    """The chunks of the octree nodes that touch the bounds, in the order of the file."""
+    info, pages = CopcInfoVlr(), _Pages(stream, size)
+    with _errors("has a damaged COPC record"):
+        info.parse_record_data(frame.copc)
+    pages.seek(info.hierarchy_root_offset)
+    root = HierarchyPage.from_bytes(pages.read(info.hierarchy_root_size))
+    box = Bounds(np.array([*bounds[:2], -np.inf]), np.array([*bounds[2:], np.inf]))
+    nodes = load_octree_for_query(pages, info, root, box)
+    chunks = [[node.offset, node.byte_size, node.point_count] for node in nodes]
+    chunks = sorted(chunk for chunk in chunks if chunk[2] > 0)
     fits = all(0 < length <= size - start for start, length, _ in chunks)
     fits &= sum(points for *_, points in chunks) <= frame.header.point_count
     demand(fits, "has a damaged COPC hierarchy")
-    return sorted(chunks)
-
-
-def _bounds(entry: Entry, cube: Bounds) -> Bounds:
-    """Of a node, in the plane."""
-    side = (cube.maxs - cube.mins) / 2.0 ** min(max(entry.key.level, 0), 63)
-    low = cube.mins + side * (entry.key.x, entry.key.y)
-    return Bounds(low, low + side)
+    return chunks
 
 
 def _check_box(header: laspy.LasHeader, record: Array, name: str) -> None:

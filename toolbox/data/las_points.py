@@ -13,7 +13,7 @@ from laspy import ExtraBytesParams, LasHeader, PackedPointRecord, PointFormat
 from laspy.errors import UnknownExtraType
 from laspy.extradims import get_id_for_extra_dim_type
 from laspy.point.dims import DimensionInfo
-from laspy.vlrs.known import ExtraBytesStruct, ExtraBytesVlr
+from laspy.vlrs.known import ExtraBytesStruct
 from numpy.typing import NDArray
 from pyproj import CRS
 
@@ -39,18 +39,15 @@ STANDARD = frozenset(name for number in range(11) for name in standard_names(num
 """Attributes that some LAS point format has."""
 
 SCAN_ANGLE = 0.006  # degrees per step of scan_angle in point formats 6-10
-_BLOCK = 65_536  # points whose coordinates stay in the cache
 _WEEK = 604_800  # seconds; larger GPS times are not times of the week
 
 
 def coordinates(header: LasHeader, record: Array) -> NDArray[np.float64]:
     """x, y, z of shape (n, 3) in the unit of the CRS: integer times scale plus offset."""
     xyz = np.empty((len(record), 3))
-    for start in range(0, len(record), _BLOCK):
-        block, part = record[start : start + _BLOCK], xyz[start : start + _BLOCK]
-        for axis, name in enumerate("XYZ"):
-            np.multiply(block[name], header.scales[axis], out=part[:, axis])
-        part += header.offsets
+    for axis, name in enumerate("XYZ"):
+        np.multiply(record[name], header.scales[axis], out=xyz[:, axis])
+    xyz += header.offsets
     return xyz
 
 
@@ -216,8 +213,10 @@ def _with_columns(
         header.version = oldest_version(header.version.minor, number)
         text = "written as LAS %s point format %s instead of %s, which cannot hold the attributes"
         log.info(text, header.version, number, old.id)
-    header.point_format = new
-    return _with_description(frame, columns), points.array
+    before, header.point_format = frame.extras, new
+    if frame.extras != before or any(dimension.name in columns for dimension in before):
+        frame = _with_description(frame, columns)
+    return frame, points.array
 
 
 def _number(frame: Frame, columns: Mapping[str, Array]) -> int:
@@ -230,18 +229,13 @@ def _number(frame: Frame, columns: Mapping[str, Array]) -> int:
         for name in ("classification", "return_number", "number_of_returns")
         if name in columns
     )
-    old = range(6) if present < 6 and small else range(0)
-    first = [present] if small or present >= 6 else []
-    choices: list[int] = [*first, *old, *range(6, 11)]
-    for number in choices:
-        spoken = needed if number < 6 else {_modern(name) for name in needed}
-        if spoken <= set(standard_names(number)):
-            return number
+    for number in (present, *range(0 if present < 6 else 6, 11)):
+        lacking = needed - set(standard_names(number))
+        if number >= 6:  # scan_angle says it there
+            lacking -= {"scan_angle_rank"}
+        if not lacking and (small or number >= 6):
+            return int(number)
     raise DataError(f"no LAS point format has all of {', '.join(sorted(needed))}")
-
-
-def _modern(name: str) -> str:
-    return "scan_angle" if name == "scan_angle_rank" else name
 
 
 def _extras(
@@ -327,13 +321,12 @@ def _check_fit(name: str, values: Array, low: int, high: int) -> None:
 def _with_description(frame: Frame, columns: Mapping[str, Array]) -> Frame:
     """Describe the extra bytes; what is not changed in the words of the file."""
     old = b"".join(record.data for record in frame.vlrs if record.key == EXTRA_BYTES)
-    made = ExtraBytesVlr()
-    made.parse_record_data(old[: len(old) // DESCRIPTOR * DESCRIPTOR])
-    known = {struct.name: bytes(struct) for struct in made.extra_bytes_structs}
+    pieces = [old[place : place + DESCRIPTOR] for place in range(0, len(old), DESCRIPTOR)]
+    known = {piece[4:36].split(b"\0")[0]: piece for piece in pieces}
     data = b""
     for dimension in frame.extras:
-        name = dimension.name.encode()
-        data += _descriptor(dimension) if dimension.name in columns else known[name]
+        changed = dimension.name in columns
+        data += _descriptor(dimension) if changed else known[dimension.name.encode()]
     if data == old:
         return frame
     frame = frame.without(lambda record: record.key == EXTRA_BYTES)
@@ -342,7 +335,8 @@ def _with_description(frame: Frame, columns: Mapping[str, Array]) -> Frame:
 
 
 def _descriptor(dimension: DimensionInfo) -> bytes:
-    made = ExtraBytesStruct.from_buffer_copy(bytes(DESCRIPTOR))  # promises no range of values
+    """Without the range of values, for which laspy looks at single points (as of 2.7)."""
+    made = ExtraBytesStruct.from_buffer_copy(bytes(DESCRIPTOR))
     made.name, made.description = dimension.name.encode(), dimension.description.encode()
     made.data_type = get_id_for_extra_dim_type(dimension.dtype)
     return bytes(made)

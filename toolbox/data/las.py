@@ -294,7 +294,7 @@ def write_las(
     if compress and _mixes_waveforms(frame, record):
         raise DataError(f"{path}: {_MIXED}; write .las")
     header.vlrs.clear()
-    header.vlrs.extend(laspy.VLR(*vlr.key, "", vlr.data) for vlr in frame.vlrs)
+    header.vlrs.extend(laspy.VLR("", 0, "", vlr.data) for vlr in frame.vlrs)  # see _restore
     with path.open("wb") as stream, _errors(f"{path} cannot be written"):
         writer = laspy.LasWriter(stream, header, compress, closefd=False, encoding_errors="ignore")
         for place in range(0, len(record), _BLOCK):
@@ -311,15 +311,14 @@ def write_las(
 
 def _write_evlrs(stream: BinaryIO, frame: Frame, header: laspy.LasHeader) -> None:
     """Records after the points, which laspy does not write in LAS 1.3, and their places."""
-    stream.seek(0, 2)
-    places = [stream.tell()]
+    start = stream.seek(0, 2)
+    if not header.global_encoding.waveform_data_packets_external:
+        header.start_of_waveform_data_packet_record = 0
     for evlr in frame.evlrs:
+        if evlr is frame.waveform:
+            header.start_of_waveform_data_packet_record = stream.tell()
         stream.write(evlr.head + evlr.data)
-        places.append(stream.tell())
-    wave = 0 if frame.waveform is None else places[frame.waveform]
-    if wave or not header.global_encoding.waveform_data_packets_external:
-        header.start_of_waveform_data_packet_record = wave
-    header.start_of_first_evlr = places[0] if frame.evlrs else 0
+    header.start_of_first_evlr = start if frame.evlrs else 0
     header.number_of_evlrs = len(frame.evlrs)
 
 

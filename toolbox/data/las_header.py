@@ -65,7 +65,7 @@ class Frame:
     texts : bytes 26-93 of the file: system, software and date, where laspy is not exact
     vlrs : without those that describe the compression (LASzip, COPC)
     evlrs : records after the points; in LAS 1.3 the waveform packets alone
-    waveform : which of them holds the waveform packets, or None
+    waveform : the one that holds the waveform packets, or None
     laszip : content of the LASzip VLR; b"" if the points are not compressed
     copc : content of the COPC info VLR; b"" if there is none
     crs : that the records state, or None
@@ -76,7 +76,7 @@ class Frame:
     texts: bytes
     vlrs: tuple[Record, ...] = ()
     evlrs: tuple[Record, ...] = ()
-    waveform: int | None = None
+    waveform: Record | None = None
     laszip: bytes = b""
     copc: bytes = b""
     crs: CRS | None = None
@@ -92,31 +92,36 @@ class Frame:
         return tuple(dimension for dimension in found if dimension.name != _SPARE)
 
     @property
+    def spare(self) -> int:
+        """Bytes per point that nothing describes."""
+        described = sum(dimension.num_bytes for dimension in self.extras)
+        return int(self.header.point_format.num_extra_bytes - described)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Attributes of the points."""
-        return (
-            *standard_names(self.header.point_format.id),
-            *(dimension.name for dimension in self.extras),
-        )
+        extras = tuple(dimension.name for dimension in self.extras)
+        return standard_names(self.header.point_format.id) + extras
 
     def without(self, dropped: Callable[[Record], bool]) -> Frame:
         """The frame without the records for which dropped(record) holds."""
-        kept = tuple(record for record in self.evlrs if not dropped(record))
-        wave = None if self.waveform is None else self.evlrs[self.waveform]
-        vlrs = tuple(record for record in self.vlrs if not dropped(record))
-        place = kept.index(wave) if wave in kept else None
-        return replace(self, vlrs=vlrs, evlrs=kept, waveform=place)
+        vlrs, evlrs = (
+            tuple(record for record in records if not dropped(record))
+            for records in (self.vlrs, self.evlrs)
+        )
+        return replace(self, vlrs=vlrs, evlrs=evlrs)
 
 
 @lru_cache
 def standard_names(number: int) -> tuple[str, ...]:
     """Attributes of a point format, in the order of the specification."""
-    return tuple(name for name in fields(number) if name not in ("X", "Y", "Z"))
+    return tuple(fields(number))
 
 
 def fields(number: int) -> dict[str, np.dtype[Any]]:
-    """Type of each dimension of a point format."""
-    return {found.name: found.dtype or np.dtype("u1") for found in PointFormat(number).dimensions}
+    """Type of each attribute of a point format."""
+    dimensions = PointFormat(number).dimensions[3:]  # without X, Y, Z
+    return {found.name: found.dtype or np.dtype("u1") for found in dimensions}
 
 
 def point_format(number: int, extras: list[ExtraBytesParams], spare: int) -> PointFormat:
@@ -126,12 +131,6 @@ def point_format(number: int, extras: list[ExtraBytesParams], spare: int) -> Poi
     for param in params:
         found.add_extra_dimension(param)
     return found
-
-
-def spare_bytes(header: LasHeader) -> int:
-    """Bytes per point that nothing describes."""
-    found = header.point_format.extra_dimensions
-    return sum(dimension.num_bytes for dimension in found if dimension.name == _SPARE)
 
 
 def oldest_version(minor: int, number: int) -> Version:
@@ -273,8 +272,8 @@ def _records(
 
 def _read_evlrs(
     stream: BinaryIO, header: LasHeader, size: int
-) -> tuple[tuple[Record, ...], int | None]:
-    """The records after the points, and which of them holds the waveform packets."""
+) -> tuple[tuple[Record, ...], Record | None]:
+    """The records after the points, and the one that holds the waveform packets."""
     start, count = header.start_of_first_evlr, header.number_of_evlrs
     wave = header.start_of_waveform_data_packet_record
     if header.version.minor == 3 and header.global_encoding.waveform_data_packets_internal:
@@ -285,7 +284,7 @@ def _read_evlrs(
         found == count,
         f"is cut off: record {found + 1} of {count} after the points ends beyond the file",
     )
-    return records, places.index(wave) if wave in places[:-1] else None
+    return records, dict(zip(places, records, strict=False)).get(wave)
 
 
 def _described(

@@ -26,7 +26,6 @@ from toolbox.data.las_header import (
     Record,
     oldest_version,
     point_format,
-    spare_bytes,
     standard_names,
 )
 from toolbox.errors import DataError
@@ -205,12 +204,13 @@ def _with_columns(
     if number >= 6 and "scan_angle_rank" in columns:
         columns.setdefault("scan_angle", _steps(columns.pop("scan_angle_rank")))
     extras = _extras(frame, number, columns, descriptions)
-    new = point_format(number, extras, spare_bytes(header))
+    new = point_format(number, extras, frame.spare)
     points = _converted(record, old, new, columns)
     for name, values in columns.items():
         _put(points, name, values)
     if number != old.id:
         header.version = oldest_version(header.version.minor, number)
+        frame = replace(frame, minor=header.version.minor)
         text = "written as LAS %s point format %s instead of %s, which cannot hold the attributes"
         log.info(text, header.version, number, old.id)
     before, header.point_format = frame.extras, new
@@ -280,8 +280,7 @@ def _converted(
         return PackedPointRecord(record.copy(), new)
     points = PackedPointRecord.zeros(len(record), new)
     for name in set(old.dimension_names) & set(new.dimension_names) - changed.keys():
-        stored = name in (record.dtype.names or ())
-        if stored and record.dtype[name] == points.array.dtype.fields.get(name, [None])[0]:
+        if {name} <= set(record.dtype.names or ()) & set(points.array.dtype.names or ()):
             points.array[name] = record[name]
         else:
             points[name] = attribute(old, record, name)

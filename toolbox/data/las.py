@@ -24,8 +24,6 @@ import lazrs  # type: ignore[import-untyped]
 import numpy as np
 from laspy.copc import Bounds, CopcInfoVlr, HierarchyPage, load_octree_for_query
 from laspy.errors import LaspyException
-from laspy.lasreader import UncompressedPointReader
-from laspy.vlrs.known import LasZipVlr
 from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context
@@ -37,7 +35,7 @@ from toolbox.errors import DataError
 log = logging.getLogger("toolbox")
 
 _BLOCK = 1_000_000  # points between two reports of progress
-_NODES = 16  # of COPC between two reports; some 10 000 points each
+_GROUP = 20  # chunks between two reports; most have 50 000 points
 _LAYERED = 3  # compressor: each attribute of a chunk in a layer of its own
 _LAYERS = {6: 9, 7: 10, 8: 11, 9: 10, 10: 12}  # of a point format; and one per extra byte
 _MIXED = "lazrs does not keep the wave packets of several scanner channels in LAZ"
@@ -107,37 +105,37 @@ def _read_points(
 ) -> Array:
     header = frame.header
     if header.point_count == 0 or not header.are_points_compressed:
-        return _read_all(stream, frame, ctx)
+        return _read_plain(stream, header, ctx)
     _check_laszip(frame)
-    if bounds is None or not frame.copc:
-        _check_chunks(stream, frame, _all_chunks(stream, frame, size))
-        return _read_all(stream, frame, ctx)
-    chunks = _copc_chunks(stream, frame, size, bounds)
+    if bounds is not None and frame.copc:
+        chunks = _copc_chunks(stream, frame, size, bounds)
+    else:
+        chunks = _all_chunks(stream, frame, size)
     _check_chunks(stream, frame, chunks)
     return _read_chunks(stream, frame, chunks, ctx)
 
 
-def _read_all(stream: BinaryIO, frame: Frame, ctx: Context) -> Array:
-    header = frame.header.copy()
+def _read_plain(stream: BinaryIO, header: laspy.LasHeader, ctx: Context) -> Array:
     record = np.empty(header.point_count, header.point_format.dtype())
     stream.seek(header.offset_to_point_data)
-    source: Any = UncompressedPointReader(stream, header)
-    if header.are_points_compressed and len(record):
-        header.vlrs.append(LasZipVlr(frame.laszip))
-        source = laspy.LazBackend.LazrsParallel.create_reader(stream, header)
     for start in range(0, len(record), _BLOCK):
         ctx.progress(start / len(record))
         block = record[start : start + _BLOCK]
-        block.view("u1")[:] = np.frombuffer(source.read_n_points(len(block)), "u1")
+        block[:] = np.fromfile(stream, record.dtype, len(block))
     return record
 
 
 def _read_chunks(stream: BinaryIO, frame: Frame, chunks: list[Chunk], ctx: Context) -> Array:
+    """The points of chunks.
+
+    Not with the reader of laspy: it sets memory aside for as many points as the LASzip record
+    claims for a chunk, and ends the process if there is not so much.
+    """
     record = np.empty(sum(points for *_, points in chunks), frame.header.point_format.dtype())
     done = 0
-    for number in range(0, len(chunks), _NODES):
+    for number in range(0, len(chunks), _GROUP):
         ctx.progress(number / len(chunks))
-        group = chunks[number : number + _NODES]
+        group = chunks[number : number + _GROUP]
         data = b"".join(_bytes(stream, start, size) for start, size, _ in group)
         table = [(points, size) for _, size, points in group]
         block = record[done : done + sum(points for points, _ in table)]

@@ -30,6 +30,7 @@ from toolbox.errors import DataError
 SIZES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}  # of the header, by minor version
 EXTRA_BYTES = ("LASF_Spec", 4)
 DESCRIPTOR = 192  # bytes that describe one dimension of extra bytes
+_FAR = 1e290  # beyond that, coordinates are no numbers any more
 _SPARE = "_spare"  # bytes of a point that nothing describes
 _LASZIP, _COPC = ("laszip encoded", 22204), ("copc", 1)
 _COMPRESSION = (_LASZIP, _COPC, ("copc", 1000))
@@ -219,9 +220,8 @@ def _parsed(raw: bytes, warn: Callable[[str], None]) -> LasHeader:
     header.offset_to_point_data = start
     header.point_count = header.point_count or legacy
     for axis, scale, offset in zip("xyz", header.scales, header.offsets, strict=True):
-        possible = np.isfinite(scale) and scale != 0
-        demand(possible, f"has the impossible scale {scale} for {axis}")
-        demand(np.isfinite(offset), f"has the impossible offset {offset} for {axis}")
+        demand(0 < abs(scale) < _FAR, f"has the impossible scale {scale} for {axis}")
+        demand(abs(offset) < _FAR, f"has the impossible offset {offset} for {axis}")
     if legacy not in (0, header.point_count):
         warn(
             f"counts {header.point_count} points, and {legacy} in the field for older readers, "

@@ -132,6 +132,17 @@ def test_other_programs_read_what_is_written(tmp_path: Path, minor: int, number:
         assert np.array_equal(np.asarray(other[name]), cloud[name][::3]), name
 
 
+@pytest.mark.parametrize(("minor", "later"), [(0, 2), (1, 2)])
+def test_versions_that_laspy_does_not_write_stay(tmp_path: Path, minor: int, later: int) -> None:
+    content = bytearray(make(2, 1))
+    content[25] = minor
+    cloud = PointCloud.open(write(tmp_path / "a.las", bytes(content)))
+    cloud.save(tmp_path / "b.las")
+    assert (tmp_path / "b.las").read_bytes() == content
+    cloud.with_attributes({"red": np.ones(40, int)}).save(tmp_path / "c.las")
+    assert (tmp_path / "c.las").read_bytes()[25] == later  # the first that has point format 3
+
+
 def test_waveforms_within_a_1_3_file_keep_their_place(tmp_path: Path) -> None:
     content = bytearray(make(3, 4))
     struct.pack_into("<H", content, 6, 3)

@@ -302,19 +302,15 @@ def _put(points: PackedPointRecord, name: str, values: Array) -> None:
         return
     dtype = dimension.dtype or np.dtype("u1")  # none of single bits
     if dtype.kind in "iu":
-        _check_fit(name, values, dimension.min, dimension.max)
+        bad = (values < dimension.min) | (values > dimension.max)
+        if values.dtype.kind == "f":
+            bad |= values != np.rint(values)  # also NaN
+        if bad.any():
+            raise DataError(
+                f"{name} has the value {values[bad][0]}, and LAS holds whole numbers from "
+                f"{dimension.min} to {dimension.max} there"
+            )
     points[name] = values.astype(dtype)
-
-
-def _check_fit(name: str, values: Array, low: int, high: int) -> None:
-    bad = (values < low) | (values > high)
-    if values.dtype.kind == "f":
-        bad |= values != np.rint(values)  # also NaN
-    if bad.any():
-        raise DataError(
-            f"{name} has the value {values[bad][0]}, and LAS holds whole numbers from {low} to "
-            f"{high} there"
-        )
 
 
 def _with_description(frame: Frame, columns: Mapping[str, Array]) -> Frame:

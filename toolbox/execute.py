@@ -258,12 +258,19 @@ def _write(
         with files.staged(parts, overwrite=overwrite) as places:
             for index, (name, path) in enumerate(paths.items()):
                 part = ctx.part(index / len(paths), (index + 1) / len(paths))
-                if name == "picture":
-                    draw(_drawable(found), places[path])
-                else:
-                    how = parsed_options(there[name].options, there[name].known)
-                    found[name].save(places[path], ctx=part, **how)
+                try:
+                    _save(name, found, there[name], places[path], part)
+                except (OSError, DataError) as err:
+                    text = str(err).replace(str(places[path]), str(path))
+                    raise DataError(spec.id, {name: text}) from err
             ctx.progress(1.0)
     except OSError as err:
         raise DataError(f"{spec.id}: cannot write: {err}") from err
     return paths
+
+
+def _save(name: str, found: Mapping[str, Any], target: Target, place: Path, ctx: Context) -> None:
+    if name == "picture":
+        draw(_drawable(found), place)
+    else:
+        found[name].save(place, ctx=ctx, **parsed_options(target.options, target.known))

@@ -19,7 +19,7 @@ from toolbox.context import Context
 from toolbox.data import PointCloud, las
 from toolbox.data.crs import LOCAL, parse_crs, same_crs
 from toolbox.data.las_crs import read_crs
-from toolbox.data.las_header import Frame, read_frame
+from toolbox.data.las_header import read_frame
 from toolbox.errors import Cancelled, DataError
 
 COMBINATIONS = [(2, f) for f in range(4)] + [(3, f) for f in range(6)] + [(4, f) for f in range(11)]
@@ -130,6 +130,17 @@ def test_other_programs_read_what_is_written(tmp_path: Path, minor: int, number:
     assert np.array_equal(other.header.number_of_points_by_return[:limit], counts[:limit])
     for name in cloud.names:
         assert np.array_equal(np.asarray(other[name]), cloud[name][::3]), name
+
+
+@pytest.mark.parametrize(("minor", "later"), [(0, 2), (1, 2)])
+def test_versions_that_laspy_does_not_write_stay(tmp_path: Path, minor: int, later: int) -> None:
+    content = bytearray(make(2, 1))
+    content[25] = minor
+    cloud = PointCloud.open(write(tmp_path / "a.las", bytes(content)))
+    cloud.save(tmp_path / "b.las")
+    assert (tmp_path / "b.las").read_bytes() == content
+    cloud.with_attributes({"red": np.ones(40, int)}).save(tmp_path / "c.las")
+    assert (tmp_path / "c.las").read_bytes()[25] == later  # the first that has point format 3
 
 
 def test_waveforms_within_a_1_3_file_keep_their_place(tmp_path: Path) -> None:
@@ -440,13 +451,13 @@ def test_a_copc_query_reads_only_what_it_needs(
 ) -> None:
     path = data("copc/simple.copc.laz")
     read: list[int] = []
-    plain = las._bytes
+    plain = las.lazrs.decompress_points_with_chunk_table
 
-    def counted(stream: Any, chunk: Any, frame: Frame) -> bytes:
-        read.append(chunk.points)
-        return plain(stream, chunk, frame)
+    def counted(data: bytes, laszip: bytes, out: Any, table: list[tuple[int, int]]) -> None:
+        read.extend(points for points, _ in table)
+        plain(data, laszip, out, table)
 
-    monkeypatch.setattr(las, "_bytes", counted)
+    monkeypatch.setattr(las.lazrs, "decompress_points_with_chunk_table", counted)
     whole = PointCloud.open(path)
     x, y = whole.xyz[:, 0], whole.xyz[:, 1]
     box = (x.min(), y.min(), np.median(x), np.median(y))
@@ -529,6 +540,6 @@ def test_the_crs_of_real_files(data: Callable[[str], Path], name: str, code: str
     path = data(name)
     with path.open("rb") as stream:
         frame = read_frame(stream, path.stat().st_size, lambda text: None)
-    crs = read_crs(frame.records, wkt=bool(frame.header.encoding & 16), name=name)
+    crs = read_crs(frame.records, wkt=frame.header.global_encoding.wkt, name=name)
     assert crs is not None
     assert crs.to_authority() == tuple(code.split(":")) or same_crs(crs, parse_crs(code))

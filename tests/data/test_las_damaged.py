@@ -68,6 +68,7 @@ BROKEN = {
     "cut": (LAS[:-1], "promises 30 points, and 29 are there"),
     "zero scale": (patched(LAS, 131, "<d", 0), "impossible scale 0.0 for x"),
     "NaN scale": (patched(LAS, 139, "<d", NAN), "impossible scale nan for y"),
+    "huge scale": (patched(LAS, 131, "<d", 1e300), r"impossible scale 1e\+300 for x"),
     "infinite offset": (patched(LAS, 171, "<d", INF), "impossible offset inf for z"),
     "EVLR before points": (patched(LAS14, 235, "<Q", 10), "records after the points at byte 10"),
     "EVLR after end": (patched(LAS14, 235, "<Q", 2**62), "records after the points at byte"),
@@ -79,11 +80,11 @@ BROKEN = {
     "LAZ chunks": (patched(LAZ, TABLE + 4, "<I", 10**9), "claims 1000000000 chunks"),
     "LAZ count": (patched(LAZ, 107, "<I", 10**9), "promises 1000000000 points"),
     "LAZ no chunked": (patched(LAZ, LASZIP, "<H", 1), "in the way 1"),
-    "LAZ items": (patched(LAZ, LASZIP + 32, "<H", 9), "ends before its 9 items"),
+    "LAZ items": (patched(LAZ, LASZIP + 32, "<H", 9), "damaged LASzip record"),
     "LAZ item size": (patched(LAZ, LASZIP + 36, "<H", 21), "but compressed ones of 29"),
     "LAZ layer": (
-        patched(LAZ14, start_of_points(LAZ14) + 8 + 36 + 4, "<I", 2**31),
-        "chunk of points at byte .* is incomplete",
+        patched(LAZ14, start_of_points(LAZ14) + 8 + 36 + 4, "<I", 2**32 - 1),
+        "the chunk of points at byte .* is incomplete",
     ),
     "LAZ dense": (
         patched(patched(LAZ14, 247, "<Q", 10**9), LAZ14.index(b"laszip enc") + 64, "<I", 2**31),
@@ -105,10 +106,10 @@ def test_what_is_wrong_is_said(tmp_path: Path, what: str) -> None:
 def test_a_panic_of_the_decompressor_is_an_error(capfd: pytest.CaptureFixture[str]) -> None:
     """It is not even an Exception in Python."""
     laszip = LAZ[LASZIP : LASZIP + 34 + 2 * 6]
-    with pytest.raises(DataError, match="damaged"), las._lazrs_errors("damaged"):
+    with pytest.raises(DataError, match="damaged"), las._errors("damaged"):
         lazrs.decompress_points_with_chunk_table(b"abc", laszip, np.zeros(28, "u1"), [(1, 99)])
     capfd.readouterr()  # Rust prints its own account
-    with pytest.raises(KeyboardInterrupt), las._lazrs_errors("damaged"):
+    with pytest.raises(KeyboardInterrupt), las._errors("damaged"):
         raise KeyboardInterrupt
 
 
@@ -176,6 +177,13 @@ def test_wrong_extra_bytes_are_kept_but_not_shown(
     raw = laspy.read(tmp_path / "b.laz").points.array.view("u1").reshape(5, -1)
     assert raw[:, -2:].copy().view("<u2").ravel().tolist() == [0, 1, 2, 3, 4]
     assert np.array_equal(PointCloud.open(tmp_path / "b.laz")["other"], np.arange(5.0))
+
+
+def test_an_absurd_chunk_size_does_no_harm(tmp_path: Path) -> None:
+    """laspy would set memory aside for such a chunk, which ends the process."""
+    (tmp_path / "a.laz").write_bytes(patched(LAZ, LASZIP + 12, "<I", 2**32 - 2))
+    found = PointCloud.open(tmp_path / "a.laz")
+    assert np.array_equal(found.xyz, laspy.read(io.BytesIO(LAZ)).xyz)
 
 
 def test_copc_pages_in_a_circle_are_found(data: Callable[[str], Path], tmp_path: Path) -> None:

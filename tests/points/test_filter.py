@@ -34,6 +34,11 @@ def kept(**parameters: Any) -> list[int]:
     return [int(x) for x in out.kept["x"]]
 
 
+def test_no_points_have_nothing_removed() -> None:
+    out = PointsFilter(points=cloud().select([])).run()
+    assert (len(out.kept), out.removed_share) == (0, 0)
+
+
 def test_without_conditions_all_points_stay() -> None:
     assert kept() == [0, 1, 2, 3, 4]
 

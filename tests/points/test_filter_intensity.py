@@ -24,6 +24,12 @@ def cloud(intensity: Any) -> PointCloud:
     return PointCloud(xyz, {"intensity": values}, crs=CRS(32635))
 
 
+def with_gaps() -> PointCloud:
+    """As from a text file that lacks two intensities."""
+    intensity = np.array([1.0, np.nan, 3.0, np.nan, 2.0])
+    return PointCloud(np.zeros((5, 3)), {"intensity": intensity}, crs=CRS(32635))
+
+
 def test_default_is_the_threshold_of_the_shoreline_study() -> None:
     out = PointsFilterIntensity(points=cloud([0, 39, 40, 41, 65535])).run()
     assert list(out.kept["intensity"]) == [40, 41, 65535]
@@ -66,6 +72,28 @@ def test_otsu_is_the_best_of_all_splits(values: list[int]) -> None:
 
     best = max(between(level) for level in np.unique(array)[1:])
     assert between(otsu_threshold(array)) == pytest.approx(best, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["percentile", "otsu"])
+def test_missing_intensities_have_no_rank(method: Any) -> None:
+    with pytest.raises(DataError, match=r"points: 2 of 5 intensities are not a number \(NaN\)"):
+        PointsFilterIntensity(points=with_gaps(), method=method).run()
+
+
+@pytest.mark.parametrize("limits", [{"minimum": 2.0}, {"minimum": None, "maximum": 2.5}])
+def test_missing_intensities_are_removed_and_said(
+    limits: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level("WARNING", "toolbox"):
+        out = PointsFilterIntensity(points=with_gaps(), **limits).run()
+    assert len(out.kept) == 2
+    assert out.removed_share == pytest.approx(3 / 5)
+    assert "2 points without an intensity (NaN) are removed" in caplog.text
+
+
+def test_no_points_have_nothing_removed() -> None:
+    out = PointsFilterIntensity(points=cloud([])).run()
+    assert (len(out.kept), out.removed_share) == (0, 0)
 
 
 def test_one_intensity_cannot_be_split() -> None:

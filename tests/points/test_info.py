@@ -56,6 +56,27 @@ def test_density_in_feet_is_per_square_metre() -> None:
     assert found["density"] == pytest.approx(1, rel=0.05)
 
 
+@pytest.mark.parametrize(("crs", "foot"), [(2222, 0.3048), (2263, 1200 / 3937)])
+def test_covered_area_in_feet_is_in_square_metres(crs: int, foot: float) -> None:
+    metres = grid()
+    feet = PointCloud(metres.xyz / foot, crs=CRS(crs))
+    expected, _ = report(metres)
+    found, _ = report(feet)
+    assert expected["covered area"] == pytest.approx(10_000, rel=0.05)
+    assert found["covered area"] == pytest.approx(expected["covered area"])
+    returns = {"return_number": np.ones(10_000, np.uint8)}
+    returns["number_of_returns"] = returns["return_number"]
+    found, _ = report(PointCloud(feet.xyz, returns, crs=CRS(crs)))
+    assert found["pulse density"] == pytest.approx(expected["density"])
+
+
+def test_the_covered_area_of_degrees_is_in_their_unit() -> None:
+    rows = PointsInfo(points=grid(crs=CRS(4326))).run().table.records()
+    (row,) = (row for row in rows if row["property"] == "covered area")
+    assert row["unit"] == "square unit"
+    assert row["value"] == pytest.approx(10_000, rel=0.05)
+
+
 def test_density_of_degrees_is_not_given() -> None:
     out = PointsInfo(points=grid(crs=CRS(4326))).run()
     assert out.density is None
@@ -98,3 +119,17 @@ def test_gross_outliers_are_counted() -> None:
     _, warnings = report(cloud.with_xyz(np.column_stack([cloud.xyz[:, :2], z])))
     assert any("3 points lie far below" in w for w in warnings)
     assert any("1 points lie far above" in w for w in warnings)
+
+
+@pytest.mark.parametrize(("depth", "warned"), [(9.0, False), (13.0, True)])
+@pytest.mark.parametrize(("crs", "foot"), [(32635, 1.0), (2222, 0.3048)])
+def test_gross_outliers_lie_ten_metres_beyond_the_body(
+    crs: int, foot: float, depth: float, warned: bool
+) -> None:
+    """On level ground of 0.3 m, so that ten metres decide, in feet as well."""
+    cloud = grid()
+    z = np.linspace(0, 0.3, len(cloud))
+    z[0] = -depth
+    points = PointCloud(np.column_stack([cloud.xyz[:, :2], z]) / foot, crs=CRS(crs))
+    _, warnings = report(points)
+    assert any("1 points lie far below" in w for w in warnings) == warned

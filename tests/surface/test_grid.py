@@ -14,10 +14,10 @@ from pyproj import CRS
 from scipy.interpolate import LinearNDInterpolator, griddata
 from scipy.spatial import Delaunay
 
-from algorithms.surface.grid import Method, SurfaceGrid, facets, interpolate
-from toolbox.context import QUIET
+from algorithms.surface.grid import Method, SurfaceGrid, averaged, facets, grid, interpolate
+from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster
-from toolbox.errors import DataError
+from toolbox.errors import Cancelled, DataError
 from toolbox.values import Attribute, ClassList
 
 UTM = CRS(32635)
@@ -138,6 +138,53 @@ def test_points_at_one_place_are_averaged_in_any_order() -> None:
         np.testing.assert_allclose(
             SurfaceGrid(points=points, method="nearest").run().surface.band(), 2
         )
+
+
+@given(st.lists(st.tuples(*[st.integers(0, 3)] * 3), min_size=1, max_size=40), st.randoms())
+def test_averaged_is_the_mean_of_each_place(rows: list[tuple[int, ...]], random: Any) -> None:
+    table = np.array(rows, float) * [1, 1, 0.1]
+    xy, values = averaged(table[:, :2], table[:, 2])
+    expected, which = np.unique(table[:, :2], axis=0, return_inverse=True)
+    np.testing.assert_array_equal(xy, expected)
+    means = [table[which.ravel() == k, 2].mean() for k in range(len(expected))]
+    np.testing.assert_allclose(values, means, atol=1e-12)
+    order = random.sample(range(len(rows)), len(rows))
+    shuffled = averaged(table[order, :2], table[order, 2])
+    np.testing.assert_array_equal(shuffled[1], values)
+
+
+def test_a_run_can_be_cancelled_before_it_interpolates() -> None:
+    """Each stage of the preparation asks, so that no one sorts millions of points in vain."""
+    seen: list[float] = []
+    SurfaceGrid(points=cloud(), method="nearest").run(Context(seen.append))
+    assert seen == sorted(seen)
+    assert sum(fraction < 0.2 for fraction in seen) >= 4
+    for count in range(4):
+        answers = iter([False] * count + [True])
+        with pytest.raises(Cancelled):
+            SurfaceGrid(points=cloud()).run(Context(stop=lambda left=answers: next(left)))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_attributes_keep_their_digits(method: Method) -> None:
+    """Seconds of the GPS week plus 1e9: a 32-bit float would round them to 32."""
+    time = 3e8 + plane(*cloud().xyz[:, :2].T) / 100
+    points = cloud(gps_time=time, intensity=np.arange(800, dtype=np.uint16))
+    found = SurfaceGrid(points=points, attribute=Attribute("gps_time"), method=method).run().surface
+    x, y = centres(found)
+    error = found.band() - 3e8 - plane(x, y) / 100
+    assert found.values.dtype == np.float64
+    assert np.nanmax(np.abs(error)) < 0.05
+    for name in ("z", "intensity"):
+        small = SurfaceGrid(points=points, attribute=Attribute(name), method=method).run().surface
+        assert small.values.dtype == np.float32
+
+
+def test_grid_is_the_tool_without_layers() -> None:
+    points = cloud(200)
+    surface = SurfaceGrid(points=points, method="idw", max_gap=2.0).run().surface
+    found = grid(points.xyz[:, :2], points["z"], Lattice.of(surface), method="idw", max_gap=2.0)
+    np.testing.assert_array_equal(found.astype(np.float32), surface.band())
 
 
 def test_max_gap_leaves_far_cells_empty() -> None:

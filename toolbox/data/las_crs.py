@@ -34,7 +34,8 @@ def read_crs(records: Iterable[Record], *, wkt: bool, name: str) -> CRS | None:
     wkt : whether the file says that its CRS is stated as WKT; decides where both are present
     name : of the file, for the log, which tells why a CRS cannot be understood
     """
-    found = {number: data for user, number, data in _named(records) if user == _USER}
+    keyed = [(*record.key, record.data) for record in records]
+    found = {number: data for user, number, data in keyed if user == _USER}
     readers = {_WKT: _read_wkt, _KEYS: _read_geotiff}
     order = (_WKT, _KEYS) if wkt else (_KEYS, _WKT)
     for number in order:
@@ -70,10 +71,6 @@ def crs_records(
     if keys is not None:
         return (Record.make(_USER, _KEYS, "GeoTIFF keys", keys),), False
     return (Record.make(_USER, _WKT, "OGC WKT", _wkt(crs).encode() + b"\0"),), True
-
-
-def _named(records: Iterable[Record]) -> list[tuple[str, int, bytes]]:
-    return [(*record.key, record.data) for record in records]
 
 
 def _read_wkt(found: dict[int, bytes]) -> CRS | None:

@@ -9,18 +9,23 @@ from decimal import Decimal
 from typing import Any
 
 import numpy as np
+from laspy import ExtraBytesParams, LasHeader, PackedPointRecord, PointFormat
+from laspy.errors import UnknownExtraType
+from laspy.extradims import get_id_for_extra_dim_type
+from laspy.point.dims import DimensionInfo
+from laspy.vlrs.known import ExtraBytesStruct
 from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox.data.crs import same_crs
-from toolbox.data.las_crs import WKT_BIT, crs_records, is_crs_record
+from toolbox.data.las_crs import crs_records, is_crs_record
 from toolbox.data.las_header import (
-    SIZES,
-    Extra,
+    DESCRIPTOR,
+    EXTRA_BYTES,
     Frame,
-    Header,
-    Layout,
     Record,
+    oldest_version,
+    point_format,
     standard_names,
 )
 from toolbox.errors import DataError
@@ -33,38 +38,31 @@ STANDARD = frozenset(name for number in range(11) for name in standard_names(num
 """Attributes that some LAS point format has."""
 
 SCAN_ANGLE = 0.006  # degrees per step of scan_angle in point formats 6-10
-_BLOCK = 65_536  # points whose coordinates stay in the cache
-_EXTRA_BYTES = ("LASF_Spec", 4)
-_MINOR = (0, 0, 2, 2, 3, 3, 4, 4, 4, 4, 4)  # first LAS 1.x that knows a point format
 _WEEK = 604_800  # seconds; larger GPS times are not times of the week
 
 
-def coordinates(header: Header, record: Array) -> NDArray[np.float64]:
+def coordinates(header: LasHeader, record: Array) -> NDArray[np.float64]:
     """x, y, z of shape (n, 3) in the unit of the CRS: integer times scale plus offset."""
     xyz = np.empty((len(record), 3))
-    for start in range(0, len(record), _BLOCK):
-        block, part = record[start : start + _BLOCK], xyz[start : start + _BLOCK]
-        for axis, name in enumerate("XYZ"):
-            np.multiply(block[name], header.scales[axis], out=part[:, axis])
-        part += header.offsets
+    for axis, name in enumerate("XYZ"):
+        np.multiply(record[name], header.scales[axis], out=xyz[:, axis])
+    xyz += header.offsets
     return xyz
 
 
-def attribute(layout: Layout, record: Array, name: str) -> Array:
+def attribute(layout: PointFormat, record: Array, name: str) -> Array:
     """One attribute of n points; (n, k) for an extra-byte dimension of k elements."""
-    if name in layout.bits:
-        field, first, count = layout.bits[name]
-        found: Array = (record[field] >> first) & np.uint8((1 << count) - 1)
-        return found
-    extra = layout.extra(name)
+    dimension = layout.dimension_by_name(name)
+    if dimension.is_standard:
+        return np.ascontiguousarray(PackedPointRecord(record, layout)[name])
     values = np.ascontiguousarray(record[name])
-    if extra is None or extra.scale is None or extra.offset is None:
-        return values
-    return np.asarray(values * extra.scale + extra.offset).reshape(values.shape)
+    return values * dimension.scales + dimension.offsets if dimension.is_scaled else values
 
 
-def quantised(xyz: NDArray[np.float64], header: Header) -> tuple[Header, NDArray[np.int32]]:
-    """Coordinates as integers, with the scale of the header, and its offset where possible.
+def quantised(
+    xyz: NDArray[np.float64], header: LasHeader
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Offsets, those of the header where possible, and coordinates as integers from there.
 
     Raises
     ------
@@ -89,7 +87,7 @@ def quantised(xyz: NDArray[np.float64], header: Header) -> tuple[Header, NDArray
                 f"steps of {scale:g}"
             )
         integers[:, axis] = steps
-    return header.patched((155, "<3d", tuple(offsets))), integers
+    return offsets, integers
 
 
 def _too_far(steps: NDArray[np.float64]) -> bool:
@@ -104,26 +102,19 @@ def new_frame(xyz: NDArray[np.float64], columns: Mapping[str, Array]) -> tuple[F
     0.0001 if none does; the offset is the rounded minimum. The date is left at zero, so that the
     same points always give the same file. Points without return numbers count as return 1 of 1.
     """
-    offsets = np.floor(xyz.min(axis=0)) if len(xyz) else np.zeros(3)
-    offsets[~np.isfinite(offsets)] = 0  # what is not finite is refused with the coordinates
-    header = Header(b"LASF" + bytes(20) + b"\x01\x04" + bytes(SIZES[4] - 26))
+    number = 8 if "nir" in columns else 7 if columns.keys() & {"red", "green", "blue"} else 6
+    header = LasHeader(version="1.4", point_format=number)
+    header.scales = np.array(_scales(xyz))
+    header.offsets = np.floor(xyz.min(axis=0)) if len(xyz) else np.zeros(3)
+    header.offsets[~np.isfinite(header.offsets)] = 0  # refused with the coordinates
     times = columns.get("gps_time")
     absolute = times is not None and len(times) > 0 and np.nanmax(times) > _WEEK
-    software = b"lidar-toolbox"
-    layout = Layout(
-        8 if "nir" in columns else 7 if columns.keys() & {"red", "green", "blue"} else 6
-    )
-    header = header.patched(
-        (6, "<H", (WKT_BIT | absolute,)),
-        (26, "<32s32s", (software, software)),
-        (94, "<H", (SIZES[4],)),
-        (104, "<BH", (layout.point_format, layout.dtype.itemsize)),
-        (131, "<6d", (*_scales(xyz), *offsets)),
-    )
-    record = np.zeros(len(xyz), layout.dtype)
+    header.global_encoding.wkt, header.global_encoding.gps_time_type = True, int(absolute)
+    points = PackedPointRecord.zeros(len(xyz), header.point_format)
     if "return_number" not in columns and "number_of_returns" not in columns:
-        record["_returns"] = 0x11
-    return Frame(header, layout), record
+        points.array["bit_fields"] = 0x11
+    software = b"lidar-toolbox".ljust(32, b"\0")
+    return Frame(header, 4, software + software + bytes(4)), points.array
 
 
 def decimals(values: NDArray[np.float64]) -> int | None:
@@ -178,116 +169,124 @@ def revised(
     DataError
         A value does not fit in its LAS field, or LAS has no type for an attribute.
     """
-    before = frame.layout.point_format
+    before = frame.header.point_format.id
+    frame = replace(frame, header=frame.header.copy())
     if columns:
         frame, record = _with_columns(frame, record, dict(columns), descriptions)
     if xyz is not None:
-        header, integers = quantised(xyz, frame.header)
-        frame = replace(frame, header=header)
+        frame.header.offsets, integers = quantised(xyz, frame.header)
         record = record if columns else record.copy()
         for axis, name in enumerate("XYZ"):
             record[name] = integers[:, axis]
-    upgraded = before < 6 <= frame.layout.point_format and crs is not None
+    upgraded = before < 6 <= frame.header.point_format.id and crs is not None
     if upgraded or not same_crs(crs, frame.crs):
         frame = _with_crs(frame, crs)
     return frame, record
 
 
 def _with_crs(frame: Frame, crs: CRS | None) -> Frame:
-    header = frame.header
-    before = bool(header.encoding & WKT_BIT)
-    records, wkt = crs_records(crs, frame.layout.point_format, wkt=before)
-    encoding = header.encoding & ~WKT_BIT | WKT_BIT * wkt
-    if wkt:
-        header = header.with_minor(4)
-    frame = replace(frame.without(is_crs_record), header=header.patched((6, "<H", (encoding,))))
+    encoding, number = frame.header.global_encoding, frame.header.point_format.id
+    records, encoding.wkt = crs_records(crs, number, wkt=encoding.wkt)
+    if encoding.wkt:
+        frame.header.version = oldest_version(4, number)
+    frame = frame.without(is_crs_record)
     return replace(frame, vlrs=frame.vlrs + records, crs=crs)
 
 
 def _with_columns(
     frame: Frame, record: Array, columns: dict[str, Array], descriptions: Mapping[str, str]
 ) -> tuple[Frame, Array]:
-    old = frame.layout
-    number = _point_format(old, record, columns)
-    for name in set(standard_names(number)) - set(old.standard):
-        if old.extra(name) and name not in columns:  # e.g. nir, so far in extra bytes
-            columns[name] = attribute(old, record, name)
+    header, old = frame.header, frame.header.point_format
+    number = _number(frame, columns)
+    known = {dimension.name for dimension in frame.extras} - columns.keys()
+    for name in known & set(standard_names(number)):  # e.g. nir, so far in extra bytes
+        columns[name] = attribute(old, record, name)
     if number >= 6 and "scan_angle_rank" in columns:
         columns.setdefault("scan_angle", _steps(columns.pop("scan_angle_rank")))
-    layout = Layout(number, _extras(old, number, columns, descriptions), old.spare)
-    record = _converted(record, old, layout)
+    extras = _extras(frame, number, columns, descriptions)
+    new = point_format(number, extras, frame.spare)
+    points = _converted(record, old, new, columns)
     for name, values in columns.items():
-        _put(layout, record, name, values)
-    return _with_layout(frame, layout), record
+        _put(points, name, values)
+    if number != old.id:
+        header.version = oldest_version(header.version.minor, number)
+        frame = replace(frame, minor=header.version.minor)
+        text = "written as LAS %s point format %s instead of %s, which cannot hold the attributes"
+        log.info(text, header.version, number, old.id)
+    before, header.point_format = frame.extras, new
+    if frame.extras != before or any(dimension.name in columns for dimension in before):
+        frame = _with_description(frame, columns)
+    return frame, points.array
 
 
-def _point_format(layout: Layout, record: Array, columns: Mapping[str, Array]) -> int:
+def _number(frame: Frame, columns: Mapping[str, Array]) -> int:
     """The first point format with all that is needed, beginning with the present one."""
-    present = layout.point_format
-    extras = {extra.name for extra in layout.extras}
-    needed = set(layout.standard) | (columns.keys() & STANDARD - extras)
-    small = all(_below(columns, name, limit) for name, limit in _OLD_LIMITS.items())
-    old = range(6) if present < 6 and small else range(0)
-    first = [present] if small or present >= 6 else []
-    choices: list[int] = [*first, *old, *range(6, 11)]
-    for number in choices:
-        spoken = needed if number < 6 else {_modern(name) for name in needed}
-        if spoken <= set(standard_names(number)):
-            return number
+    present: int = frame.header.point_format.id
+    extras = {dimension.name for dimension in frame.extras}
+    needed = set(standard_names(present)) | (columns.keys() & STANDARD - extras)
+    small = all(
+        (columns[name] <= PointFormat(0)[name].max).all()
+        for name in ("classification", "return_number", "number_of_returns")
+        if name in columns
+    )
+    for number in (present, *range(0 if present < 6 else 6, 11)):
+        lacking = needed - set(standard_names(number))
+        if number >= 6:  # scan_angle says it there
+            lacking -= {"scan_angle_rank"}
+        if not lacking and (small or number >= 6):
+            return int(number)
     raise DataError(f"no LAS point format has all of {', '.join(sorted(needed))}")
 
 
-_OLD_LIMITS = {"classification": 31, "return_number": 7, "number_of_returns": 7}
-
-
-def _below(columns: Mapping[str, Array], name: str, limit: int) -> bool:
-    return name not in columns or not (columns[name] > limit).any()
-
-
-def _modern(name: str) -> str:
-    return "scan_angle" if name == "scan_angle_rank" else name
-
-
 def _extras(
-    old: Layout, number: int, columns: Mapping[str, Array], descriptions: Mapping[str, str]
-) -> tuple[Extra, ...]:
+    frame: Frame, number: int, columns: Mapping[str, Array], descriptions: Mapping[str, str]
+) -> list[ExtraBytesParams]:
     """Extra bytes: those of the file that stay, those that change their type, the new ones."""
-    standard = standard_names(number)
+    old = {dimension.name: dimension for dimension in frame.extras}
     extras = []
-    for extra in old.extras:
-        if extra.name not in columns:
-            extras.append(extra)
-        elif extra.name not in standard:
-            dtype = _column_dtype(columns[extra.name])
-            text = descriptions.get(extra.name, extra.description)
-            extras.append(Extra.make(extra.name, dtype, text))
-    known = {*standard, *(extra.name for extra in extras)}
-    for name in columns.keys() - known:
-        extras.append(Extra.make(name, _column_dtype(columns[name]), descriptions.get(name, "")))
-    order = [*(extra.name for extra in old.extras), *columns]
-    return tuple(sorted(extras, key=lambda extra: order.index(extra.name)))
+    for name in dict.fromkeys([*old, *columns]):
+        if name in standard_names(number):
+            continue
+        if name in columns:
+            text = descriptions.get(name, old[name].description if name in old else "")
+            extras.append(_extra(name, columns[name], text))
+        else:
+            kept = old[name]
+            extras.append(
+                ExtraBytesParams(name, kept.dtype, kept.description, kept.offsets, kept.scales)
+            )
+    return extras
 
 
-def _column_dtype(values: Array) -> np.dtype[Any]:
-    return np.dtype((values.dtype, values.shape[1:])) if values.ndim > 1 else values.dtype
+def _extra(name: str, values: Array, description: str) -> ExtraBytesParams:
+    base = np.dtype("u1") if values.dtype.kind == "b" else values.dtype.newbyteorder("=")
+    dtype = np.dtype((base, values.shape[1:])) if values.ndim > 1 else base
+    if not 0 < len(name.encode()) <= 32:
+        raise DataError(f"LAS holds attribute names of 1 to 32 bytes, not {name!r}")
+    try:
+        get_id_for_extra_dim_type(dtype)
+    except UnknownExtraType as error:
+        message = f"attribute {name!r} is of type {values.dtype}, which LAS cannot hold"
+        raise DataError(message) from error
+    text = description.encode()[:32].decode(errors="ignore")
+    return ExtraBytesParams(name, dtype, text)
 
 
-def _converted(record: Array, old: Layout, new: Layout) -> Array:
-    """The records in another layout, or a copy if it is the same."""
-    if old.dtype == new.dtype and old.point_format == new.point_format:
-        return record.copy()
-    result = np.zeros(len(record), new.dtype)
-    for field in set(old.dtype.names or ()) & set(new.dtype.names or ()):
-        if field[0] != "_" and old.dtype[field] == new.dtype[field]:
-            result[field] = record[field]
-    if old.spare:
-        result["_spare"] = record["_spare"]
-    for name in old.standard:
-        if name in new.bits or name in old.bits:
-            _put(new, result, name, attribute(old, record, name))
-    if "scan_angle_rank" in old.standard and "scan_angle" in new.standard:
-        _put(new, result, "scan_angle", _steps(record["scan_angle_rank"]))
-    return result
+def _converted(
+    record: Array, old: PointFormat, new: PointFormat, changed: Mapping[str, Array]
+) -> PackedPointRecord:
+    """The records in another format; what will be changed need not be there."""
+    if old.id == new.id and old.dtype() == new.dtype():
+        return PackedPointRecord(record.copy(), new)
+    points = PackedPointRecord.zeros(len(record), new)
+    for name in set(old.dimension_names) & set(new.dimension_names) - changed.keys():
+        if {name} <= set(record.dtype.names or ()) & set(points.array.dtype.names or ()):
+            points.array[name] = record[name]
+        else:
+            points[name] = attribute(old, record, name)
+    if old.id < 6 <= new.id:
+        _put(points, "scan_angle", _steps(record["scan_angle_rank"]))
+    return points
 
 
 def _steps(degrees: Array) -> NDArray[np.float64]:
@@ -295,47 +294,44 @@ def _steps(degrees: Array) -> NDArray[np.float64]:
     return np.asarray(np.rint(degrees / SCAN_ANGLE), np.float64)
 
 
-def _put(layout: Layout, record: Array, name: str, values: Array) -> None:
+def _put(points: PackedPointRecord, name: str, values: Array) -> None:
     """Write an attribute into the records, or say why its values do not fit."""
-    if name in layout.bits:
-        field, first, count = layout.bits[name]
-        _check_fit(name, values, 0, (1 << count) - 1)
-        mask = np.uint8(((1 << count) - 1) << first)
-        record[field] = (record[field] & ~mask) | (values.astype(np.uint8) << first)
+    dimension = points.point_format.dimension_by_name(name)
+    if not dimension.is_standard:  # of the type of the values
+        points.array[name] = values
         return
-    dtype = layout.dtype[name].base
+    dtype = dimension.dtype or np.dtype("u1")  # none of single bits
     if dtype.kind in "iu":
-        _check_fit(name, values, np.iinfo(dtype).min, np.iinfo(dtype).max)
-    record[name] = values
+        bad = (values < dimension.min) | (values > dimension.max)
+        if values.dtype.kind == "f":
+            bad |= values != np.rint(values)  # also NaN
+        if bad.any():
+            raise DataError(
+                f"{name} has the value {values[bad][0]}, and LAS holds whole numbers from "
+                f"{dimension.min} to {dimension.max} there"
+            )
+    points[name] = values.astype(dtype)
 
 
-def _check_fit(name: str, values: Array, low: int, high: int) -> None:
-    if values.dtype.kind == "b" or len(values) == 0:
-        return
-    bad = (values < low) | (values > high)
-    if values.dtype.kind == "f":
-        bad |= values != np.rint(values)  # also NaN
-    if bad.any():
-        raise DataError(
-            f"{name} has the value {values[bad][0]}, and LAS holds whole numbers from {low} to "
-            f"{high} there"
-        )
+def _with_description(frame: Frame, columns: Mapping[str, Array]) -> Frame:
+    """Describe the extra bytes; what is not changed in the words of the file."""
+    old = b"".join(record.data for record in frame.vlrs if record.key == EXTRA_BYTES)
+    pieces = [old[place : place + DESCRIPTOR] for place in range(0, len(old), DESCRIPTOR)]
+    known = {piece[4:36].split(b"\0")[0]: piece for piece in pieces}
+    data = b""
+    for dimension in frame.extras:
+        changed = dimension.name in columns
+        data += _descriptor(dimension) if changed else known[dimension.name.encode()]
+    if data == old:
+        return frame
+    frame = frame.without(lambda record: record.key == EXTRA_BYTES)
+    record = Record.make(*EXTRA_BYTES, "Extra bytes", data)
+    return replace(frame, vlrs=frame.vlrs + ((record,) if data else ()))
 
 
-def _with_layout(frame: Frame, layout: Layout) -> Frame:
-    old, header = frame.layout, frame.header
-    if layout.point_format != old.point_format:
-        header = header.with_minor(_MINOR[layout.point_format])
-        log.info(
-            "written as LAS 1.%s point format %s instead of %s, which cannot hold the attributes",
-            header.minor,
-            layout.point_format,
-            old.point_format,
-        )
-    header = header.patched((104, "<BH", (layout.point_format, layout.dtype.itemsize)))
-    vlrs = frame.vlrs
-    if layout.description != old.description:
-        frame = frame.without(lambda record: record.key == _EXTRA_BYTES)
-        described = Record.make(*_EXTRA_BYTES, "Extra bytes", layout.description)
-        vlrs = frame.vlrs + ((described,) if layout.extras else ())
-    return replace(frame, header=header, layout=layout, vlrs=vlrs)
+def _descriptor(dimension: DimensionInfo) -> bytes:
+    """Without the range of values, for which laspy looks at single points (as of 2.7)."""
+    made = ExtraBytesStruct.from_buffer_copy(bytes(DESCRIPTOR))
+    made.name, made.description = dimension.name.encode(), dimension.description.encode()
+    made.data_type = get_id_for_extra_dim_type(dimension.dtype)
+    return bytes(made)

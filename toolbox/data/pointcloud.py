@@ -165,7 +165,7 @@ class PointCloud:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the attributes, those of the file first."""
-        of_file = self._frame.layout.names if self._frame else ()
+        of_file = self._frame.names if self._frame else ()
         return of_file + tuple(name for name in self._columns if name not in of_file)
 
     def __contains__(self, name: object) -> bool:
@@ -187,7 +187,7 @@ class PointCloud:
         if name in ("x", "y", "z"):
             values: NDArray[Any] = np.ascontiguousarray(self.xyz[:, "xyz".index(name)])
         elif self._frame is not None and self._record is not None and name in self.names:
-            values = las_points.attribute(self._frame.layout, self._record, name)
+            values = las_points.attribute(self._frame.header.point_format, self._record, name)
         else:
             raise DataError(self._unknown(name))
         values.flags.writeable = False
@@ -202,7 +202,7 @@ class PointCloud:
     @property
     def descriptions(self) -> dict[str, str]:
         """Descriptions of attributes that LAS does not know."""
-        extras = self._frame.layout.extras if self._frame else ()
+        extras = self._frame.extras if self._frame else ()
         return {extra.name: extra.description for extra in extras} | self._descriptions
 
     @property

@@ -35,10 +35,8 @@ _DRIVERS = {
     ".shp": "ESRI Shapefile",
     ".kml": "LIBKML",
 }
-_BESIDE = {
-    ".shp": [".shx", ".dbf", ".prj", ".cpg", ".qpj", ".qix", ".sbn", ".sbx", ".idm", ".ind", ".shp.xml"],
-    ".gpkg": [".gpkg-wal", ".gpkg-shm", ".gpkg-journal"],  # of the SQLite database that it is
-}
+_SHAPEFILE = (".shx", ".dbf", ".prj", ".cpg", ".qpj", ".qix", ".sbn", ".sbx", ".idm", ".ind")
+_GEOPACKAGE = ("-wal", "-shm", "-journal")  # of the SQLite database that it is
 _WRITTEN = "2000-01-01"  # said by every file; with the day of the run, no two would be the same
 _WGS84 = CRS.from_epsg(4326)
 
@@ -84,8 +82,11 @@ class Vector:
     def parts(cls, path: str | Path) -> tuple[Path, ...]:
         """The file itself, and all that would be written or read with it."""
         path = Path(path)
-        endings = _BESIDE.get(path.suffix.lower(), ())
-        return path, *(path.with_suffix(ending) for ending in endings)
+        if path.suffix.lower() == ".shp":
+            return path, *(path.with_suffix(ending) for ending in _SHAPEFILE)
+        if path.suffix.lower() == ".gpkg":
+            return path, *(Path(f"{path}{ending}") for ending in _GEOPACKAGE)
+        return (path,)
 
     @staticmethod
     def layers(path: str | Path) -> tuple[str, ...]:

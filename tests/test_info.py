@@ -57,6 +57,7 @@ def test_point_clouds(tmp_path: Path, suffix: str) -> None:
         ("1,2,3\n4,5,6\n", True),
         ("Easting;Northing;Height\n1;2;3\n", True),
         ("//X Y Z\n1 2 3\n", True),
+        ("# made on Monday\n1 2 3\n", True),
         ("x,y,height,count\n1,2,3,4\n", True),
         ("x,y,count\n1,2,3\n", False),
         ("class,2,6\nground,1,0\n", False),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ from toolbox.fields import Field, Spec, nearest
 from toolbox.kinds import parsed_options
 from toolbox.picture import draw
 
+FULL = 2**20  # bytes; with less than this left a disk counts as full
 READ, WRITE = 0.15, 0.85  # shares of the progress at which reading ends and writing begins
 
 
@@ -262,6 +264,8 @@ def _write(
                     _save(name, found, there[name], places[path], part)
                 except (OSError, DataError) as err:
                     text = str(err).replace(str(places[path]), str(path))
+                    if shutil.disk_usage(places[path].parent).free < FULL:
+                        text += "; the disk is full"
                     raise DataError(spec.id, {name: text}) from err
             ctx.progress(1.0)
     except OSError as err:

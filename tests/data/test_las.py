@@ -206,6 +206,7 @@ def test_a_newer_point_format_states_the_crs_of_the_file_as_wkt(
     assert str(header.header.version) == "1.2"
     result, header = saved(source.with_attributes({"classification": np.full(40, 64)}))
     assert str(header.header.version) == "1.4"
+    assert header.header.global_encoding.wkt, "which LAS 1.4 asks for, with a CRS or without"
     assert len(header.header.vlrs.get("WktCoordinateSystemVlr")) == (1 if text else 0)
     assert same_crs(result.crs, crs)
 

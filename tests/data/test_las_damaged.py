@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import laspy
-import lazrs  # type: ignore[import-untyped]
+import lazrs
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings

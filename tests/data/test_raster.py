@@ -247,6 +247,7 @@ def test_stale_parts_are_removed(tmp_path: Path) -> None:
     with rasterio.open(path) as file:
         assert file.crs == "EPSG:32631"
         assert {Path(name) for name in file.files} <= {path, *side_cars}
+    path.unlink()  # or GDAL would remove the others with it
     Raster(np.zeros((2, 2)), NORTH_UP).save(path)
     assert Raster.open(path).crs is None
     assert list(tmp_path.iterdir()) == [path]

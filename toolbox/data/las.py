@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import laspy
-import lazrs  # type: ignore[import-untyped]
+import lazrs
 import numpy as np
 from laspy.copc import Bounds, CopcInfoVlr, HierarchyPage, load_octree_for_query
 from laspy.errors import LaspyException

@@ -178,8 +178,9 @@ def revised(
         record = record if columns else record.copy()
         for axis, name in enumerate("XYZ"):
             record[name] = integers[:, axis]
-    upgraded = before < 6 <= frame.header.point_format.id and crs is not None
-    if upgraded or not same_crs(crs, frame.crs):
+    upgraded = before < 6 <= frame.header.point_format.id
+    unread = crs is None and any(map(is_crs_record, frame.records))  # kept as it is
+    if not same_crs(crs, frame.crs) or (upgraded and not unread):
         frame = _with_crs(frame, crs)
     return frame, record
 

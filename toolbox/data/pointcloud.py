@@ -367,7 +367,8 @@ def _columns(attributes: Mapping[str, ArrayLike], size: int) -> dict[str, NDArra
 
 def _indices(which: NDArray[Any], size: int) -> NDArray[np.intp]:
     """A mask as indices; indices as they are."""
-    if which.dtype.kind not in "biu" and which.size:
+    # An array of bytes is more likely a mask that lost its type than indices up to 255.
+    if which.size and (which.dtype.kind not in "biu" or which.dtype in (np.uint8, np.int8)):
         raise DataError(f"points are selected by a mask or by indices, not by {which.dtype}")
     if which.dtype.kind != "b":
         return which.astype(np.intp)

@@ -160,8 +160,6 @@ def _write_csv(frame: pd.DataFrame, path: Path) -> None:
 
 
 def _json_ready(value: Any) -> Any:
-    if isinstance(value, (np.datetime64, np.timedelta64)):
-        value = pd.Timestamp(value) if isinstance(value, np.datetime64) else pd.Timedelta(value)
     if isinstance(value, (dt.date, dt.time, pd.Timedelta)):
         return value.isoformat()
     return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else value

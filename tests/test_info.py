@@ -14,7 +14,7 @@ import shapely
 from affine import Affine
 
 from toolbox.data import PointCloud, Raster, Table, Vector
-from toolbox.errors import DataError
+from toolbox.errors import DataError, ParameterError
 from toolbox.info import describe_file
 
 
@@ -127,7 +127,7 @@ def test_rasters(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_described(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"there is no file .*none\.csv"):
+    with pytest.raises(ParameterError, match=r"there is no file .*none\.csv"):
         describe_file(tmp_path / "none.csv")
     (tmp_path / "a.csv").write_text("")
     with pytest.raises(DataError, match=r"a\.csv is empty"):

@@ -14,7 +14,7 @@ from toolbox.context import QUIET, Context
 from toolbox.data import Raster, Table, Vector
 from toolbox.data.crs import describe_crs
 from toolbox.data.text import standard_names
-from toolbox.errors import DataError
+from toolbox.errors import ParameterError
 from toolbox.execute import run
 
 RASTERS = (".tif", ".tiff", ".vrt", ".img", ".asc")
@@ -32,11 +32,13 @@ def describe_file(path: Path, ctx: Context = QUIET) -> Table:
 
     Raises
     ------
+    ParameterError
+        There is no such file.
     DataError
-        The file is missing or cannot be read.
+        The file cannot be read.
     """
     if not path.exists():
-        raise DataError(f"there is no file {path}")
+        raise ParameterError(f"there is no file {path}")
     suffix = path.suffix.lower()
     if suffix in RASTERS:
         return _table(_raster(Raster.open(path, ctx=ctx)))

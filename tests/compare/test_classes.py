@@ -126,15 +126,16 @@ def test_a_point_with_the_same_coordinates_goes_before_any_that_is_merely_near()
     [
         ([32.65, 39.93, 850.0], 1e-8, 1e-14),  # degrees: 1 mm
         ([500_000.3, 4_600_000.4, 850.0], 1e-5, 1e-9),
-        ([500_000.0000005, 4_600_000.4, 850.0], 1e-5, 1e-9),  # between two steps of 1e-6
+        ([500_000.0000005, 4_600_000.0000005, 5e-7], 1e-5, 1e-9),  # half way between steps
     ],
 )
 def test_same_coordinates(place: list[float], apart: float, rounding: float) -> None:
     """What arithmetic rounds is the same place, what a person can measure is not."""
     point = np.array([place])
     for axis in np.eye(3):
-        assert list(counterparts(point, point + rounding * axis)) == [0]
-        assert list(counterparts(point, point + apart * axis)) == [-1]
+        for sign in (-1, 1):
+            assert list(counterparts(point, point + sign * rounding * axis)) == [0]
+            assert list(counterparts(point, point + sign * apart * axis)) == [-1]
 
 
 def twins(n: int = 400) -> PointCloud:
@@ -148,7 +149,7 @@ def twins(n: int = 400) -> PointCloud:
         "label": rng.integers(1, 4, 3 * n).astype(np.uint8),
         "gps_time": time,
         "return_number": np.tile([1, 2, 3], n).astype(np.uint8),
-        "user_data": rng.integers(0, 255, 3 * n).astype(np.uint8),
+        "amplitude": rng.integers(0, 255, 3 * n).astype(np.uint8),
     }
     return PointCloud(xyz, columns, crs=UTM)
 
@@ -163,7 +164,7 @@ def test_points_at_one_place_are_told_apart_by_what_the_sensor_gave(
     order = np.random.default_rng(6).permutation(len(points))
     for reference in (points, points.select(order), points.select(order[::-1])):
         # An attribute that somebody changed has less to say than those of the sensor.
-        changed = reference.with_attributes({"user_data": reference["user_data"][::-1]})
+        changed = reference.with_attributes({"amplitude": reference["amplitude"][::-1]})
         out = CompareClasses(
             points=points,
             reference=changed,

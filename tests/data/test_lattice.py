@@ -117,3 +117,9 @@ def test_lattices_that_are_refused(bounds: tuple[float, ...], cell: float, probl
 def test_lattice_without_cells() -> None:
     with pytest.raises(DataError, match="0 rows x 3 columns"):
         Lattice(0, 0, 1, 0, 3)
+
+
+@pytest.mark.parametrize("cell", [5e-324, 1e-300, 1e-10])
+def test_cells_too_small_to_be_counted_are_refused(cell: float) -> None:
+    with pytest.raises(DataError, match="cannot be counted so far from the origin"):
+        Lattice.cover((5e5, 4.4e6, 5e5 + 1, 4.4e6 + 1), cell)

@@ -168,3 +168,9 @@ def test_parquet_needs_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("toolbox.data.table.find_spec", lambda name: None)
     with pytest.raises(DataError, match=r"pip install lidar-toolbox\[parquet\]"):
         Table.from_rows(ROWS).save(tmp_path / "a.parquet")
+
+
+def test_parquet_writes_columns_of_mixed_types_as_text(tmp_path: Path) -> None:
+    table = Table.from_rows([{"a": 1}, {"a": "two"}, {"a": None}])
+    table.save(tmp_path / "a.parquet")
+    assert [row["a"] for row in Table.open(tmp_path / "a.parquet").records()] == ["1", "two", None]

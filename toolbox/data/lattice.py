@@ -16,6 +16,9 @@ from toolbox.errors import DataError
 if TYPE_CHECKING:
     from toolbox.data.raster import Raster
 
+MAX_INDEX = 2**53
+"""Cells are counted from the origin of the coordinates in whole float64 numbers."""
+
 MAX_CELLS = 1_000_000_000
 """A lattice with more cells than this is taken for a mistake in the cell size."""
 
@@ -79,6 +82,8 @@ class Lattice:
             raise DataError(f"the cell size must be > 0, got {cell}")
         if not all(math.isfinite(value) for value in bounds):
             raise DataError(f"cannot lay cells over the bounds {tuple(bounds)}; no points?")
+        if max(map(abs, bounds)) / MAX_INDEX >= cell:
+            raise DataError(f"cells of {cell:g} cannot be counted so far from the origin")
         low = [math.floor(value / cell + _ROUNDING) for value in bounds[:2]]
         high = [math.ceil(value / cell - _ROUNDING) for value in bounds[2:]]
         cols, rows = (max(1, h - w) for w, h in zip(low, high, strict=True))

@@ -173,7 +173,15 @@ def _write_json(frame: pd.DataFrame, path: Path) -> None:
 
 def _write_parquet(frame: pd.DataFrame, path: Path) -> None:
     need_pyarrow()
-    frame.to_parquet(path, index=False)
+    texts = {name: column.map(_text) for name, column in frame.items() if column.dtype == object}
+    frame.assign(**{str(name): column for name, column in texts.items()}).to_parquet(
+        path, index=False
+    )
+
+
+def _text(value: Any) -> str | None:
+    """A cell of a column of mixed types, which Parquet does not have."""
+    return None if pd.isna(value) else str(value)
 
 
 def _aligned(name: str, column: pd.Series[Any]) -> list[str]:

@@ -164,6 +164,15 @@ def test_defaults_are_accepted(spec: Spec, block: PointCloud) -> None:
 
 
 @tools
+def test_reach_and_rules_need_no_layers(spec: Spec) -> None:
+    """Models and the tile engine ask before there is any data."""
+    settings = FAST.get(spec.id, {})
+    assert spec.rules(settings) == {}
+    if spec.sources:
+        assert spec.halo(settings) >= 0
+
+
+@tools
 def test_same_input_same_answer_and_input_untouched(spec: Spec, block: PointCloud) -> None:
     before = {name: array.copy() for name, array in values(block).items()}
     first, second = (contents(job(spec, block).run()) for _ in range(2))

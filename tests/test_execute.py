@@ -166,6 +166,13 @@ def test_all_problems_of_names_values_and_paths_together(tmp_path: Path) -> None
     assert caught.value.problems.keys() == {"points", "cell", "celll", "surface", "picture"}
 
 
+def test_rules_between_values_are_checked_before_data_is_read(tmp_path: Path) -> None:
+    (tmp_path / "bad.laz").write_bytes(b"no points")
+    values = {"points": tmp_path / "bad.laz", "minimum": 9, "maximum": 5}
+    with pytest.raises(ParameterError, match="minimum: must be <= maximum"):
+        toolbox.run("points.filter_intensity", values)
+
+
 def test_unknown_tool_is_named() -> None:
     with pytest.raises(ParameterError, match=r"no tool called 'ground.cfs'; did you mean"):
         toolbox.run("ground.cfs", {})

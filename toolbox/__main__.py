@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 
 # A GIS that starts us may point these at its own libraries; our wheels carry their own data.
@@ -11,5 +12,13 @@ for _name in ("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "GDAL_DRIVER_PATH"):
 
 from toolbox.cli import main  # noqa: E402
 
+
+def run() -> None:
+    """Run the command line and leave with its exit code."""
+    code = main()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done: too late to stop anything
+    sys.exit(code)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    run()

@@ -132,6 +132,8 @@ def _checked(
     for name in given.keys() - spec.inputs.keys():
         known = [*spec.inputs, *spec.outputs]
         problems[name] = f"unknown parameter{nearest(name, known)}"
+    if not problems:
+        problems = spec.rules(values)
     for name, value in sources.items():
         if text := _source_problem(spec.sources[name], value):
             problems[name] = text

@@ -253,10 +253,19 @@ class Spec:
 
     def halo(self, settings: Mapping[str, Any]) -> float:
         """Reach in metres under these settings, before any layer is read."""
+        return float(self._draft(settings).halo())
+
+    def rules(self, settings: Mapping[str, Any]) -> dict[str, str]:
+        """Rules between settings that are broken, before any layer is read."""
+        job = self._draft(settings)
+        return dict(job.check()) if hasattr(job, "check") else {}
+
+    def _draft(self, settings: Mapping[str, Any]) -> Any:
+        """The tool with these settings, unchecked and without layers."""
         defaults = {name: None if f.required else f.default for name, f in self.inputs.items()}
         job: Any = object.__new__(cast(type, self.make))
         job.__dict__.update(defaults | dict(settings))
-        return float(job.halo())
+        return job
 
     def describe(self) -> dict[str, Any]:
         """OGC API - Processes, Part 1: the process description of this tool."""

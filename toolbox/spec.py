@@ -78,7 +78,7 @@ def tool(id: str) -> Callable[[T], T]:
 
     The class has a docstring (first line: title), fields, `Outputs`, `run(ctx)`, `halo()` if it
     reads layers, and may have `check()`, which yields (parameter, problem) for rules between
-    values, and `check_data()` for rules between values and layers. `halo()` gives metres, or
+    values, and `check_data()` for what the layers must hold. `halo()` gives metres, or
     `math.inf` for a tool that needs the whole cloud. `check` and `halo` must not look at layers: a
     model and the tile engine ask them before there are any.
 
@@ -168,13 +168,11 @@ def _check(job: Any) -> None:
         raise ParameterError(spec.id, unsuitable | wrong)
     if unsuitable:
         raise DataError(spec.id, unsuitable)
-    for found in (
-        _rules(job, "check"),
-        _attribute_problems(spec, values),
-        _rules(job, "check_data"),
-    ):
-        if problems := dict(found):
-            raise ParameterError(spec.id, problems)
+    found = [*_attribute_problems(spec, values), *_rules(job, "check")]
+    if found:
+        raise ParameterError(spec.id, dict(found))
+    if problems := dict(_rules(job, "check_data")):
+        raise DataError(spec.id, problems)
 
 
 def _rules(job: Any, name: str) -> Iterable[tuple[str, str]]:

@@ -94,7 +94,7 @@ class CompareClasses:
         kappa: float | None = sink("Agreement beyond chance (Cohen)", unit="1")
         unmatched: int = sink("Points without a counterpart in the reference", unit="1")
 
-    def check(self) -> Iterator[tuple[str, str]]:
+    def check_data(self) -> Iterator[tuple[str, str]]:
         """The reference must be something else than the points, and have its attribute."""
         where = self.reference or self.points
         if self.reference_attribute not in where:

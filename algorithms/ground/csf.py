@@ -261,12 +261,13 @@ def require_finite(xyz: Floats) -> None:
 def lattice_around(xyz: Floats, cell: float) -> Lattice:
     """The cells of the points and one more on each side."""
     low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
-    particles = int(np.prod((high - low) // cell + 3))
+    with np.errstate(over="ignore"):
+        particles = float(np.prod((high - low) / cell + 3))
     if particles > MAX_PARTICLES:
         raise DataError(
             f"points: a cloth of {cell:g} over their bounding box, x {low[0]:.2f} to "
             f"{high[0]:.2f} and y {low[1]:.2f} to {high[1]:.2f}, would need "
-            f"{particles:,} particles ({particles * BYTES_PER_PARTICLE / 1e9:,.0f} GB); "
+            f"{particles:,.0f} particles ({particles * BYTES_PER_PARTICLE / 1e9:,.0f} GB); "
             f"at most {MAX_PARTICLES:,} are allowed: remove stray points, "
             "cut the data into tiles or raise cloth_resolution"
         )

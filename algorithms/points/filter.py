@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, Literal
 
 import numpy as np
@@ -41,6 +42,15 @@ class PointsFilter:
     class Outputs:
         kept: PointCloud = sink("The points that meet all conditions, otherwise unchanged")
         removed_share: float = sink("Share of points removed", unit="1")
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """The points need what the conditions look at."""
+        if self.classes and "classification" not in self.points:
+            yield "classes", f"{self.points.name} has no classification"
+        if self.returns != "all" and not {"return_number", "number_of_returns"} <= {
+            *self.points.names
+        }:
+            yield "returns", f"{self.points.name} has no return numbers"
 
     def halo(self) -> float:
         """Each point is judged by itself, unless the lowest point of all decides."""

@@ -53,9 +53,7 @@ class PointsFilterIntensity:
         threshold: float | None = sink("Lowest intensity that is kept", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Limits must fit each other, the method and the data."""
-        if "intensity" not in self.points:
-            yield "points", f"{self.points.name} has no intensity"
+        """Limits must fit each other and the method."""
         if self.method == "otsu":
             return
         if self.minimum is None and self.maximum is None:
@@ -66,6 +64,11 @@ class PointsFilterIntensity:
                 yield name, f"must be <= 100 as a percentile, got {limit:g}"
         if self.minimum is not None and self.maximum is not None and self.minimum > self.maximum:
             yield "minimum", f"must be <= maximum ({self.maximum:g}), got {self.minimum:g}"
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """The points need an intensity."""
+        if "intensity" not in self.points:
+            yield "points", f"{self.points.name} has no intensity"
 
     def halo(self) -> float:
         """Each point is judged by itself, unless the histogram of all decides."""

@@ -104,8 +104,8 @@ def _counts(cloud: PointCloud) -> Iterator[Row]:
         if name not in cloud:
             continue
         for value, count in zip(*np.unique(cloud[name], return_counts=True), strict=True):
-            known = CLASSES.get(int(value), "") if name == "classification" else ""
-            label = f"{name} {value} {known}".strip()
+            known = CLASSES.get(value, "") if name == "classification" else ""
+            label = f"{name} {value:g} {known}".strip()
             yield {"property": label, "value": int(count), "unit": "points"}
     for name in ("synthetic", "key_point", "withheld", "overlap"):
         if name in cloud and (count := int(np.count_nonzero(cloud[name]))):

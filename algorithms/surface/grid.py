@@ -113,7 +113,12 @@ class SurfaceGrid:
             descriptions=(f"{self.attribute} ({self.method})",),
             units=(vertical_unit(points.crs) if is_height and points.crs else "",),
         )
-        return self.Outputs(surface=raster, filled_share=float(np.isfinite(surface).mean()))
+        filled = float(np.isfinite(surface).mean())
+        if not filled:
+            log.warning(
+                "no cell has a value; is the cell larger than the data, or max_gap too small?"
+            )
+        return self.Outputs(surface=raster, filled_share=filled)
 
 
 def grid(

@@ -10,7 +10,7 @@ from pyproj import CRS
 
 from algorithms.compare.classes import CompareClasses, Counts, counterparts
 from toolbox.data import PointCloud
-from toolbox.errors import DataError, ParameterError
+from toolbox.errors import DataError
 from toolbox.values import Attribute, ClassList
 
 UTM = CRS(32635)
@@ -208,5 +208,5 @@ def test_one_class_only_has_no_kappa() -> None:
     ],
 )
 def test_reference_is_needed(parameters: dict[str, Any], text: str) -> None:
-    with pytest.raises(ParameterError, match=text):
+    with pytest.raises(DataError, match=text):
         CompareClasses(points=from_counts({(2, 2): 3}), **parameters)

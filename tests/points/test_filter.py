@@ -95,7 +95,9 @@ def test_invalid_return_numbers_are_left_out_and_said(caplog: pytest.LogCaptureF
 
 def test_missing_attributes_are_named() -> None:
     bare = PointCloud(np.zeros((2, 3)), crs=CRS(32635), name="bare.xyz")
-    with pytest.raises((DataError, ParameterError), match="classification"):
-        PointsFilter(points=bare, classes=ClassList([2])).run()
+    with pytest.raises(DataError, match=r"classes: bare\.xyz has no classification"):
+        PointsFilter(points=bare, classes=ClassList([2]))
+    with pytest.raises(DataError, match=r"returns: bare\.xyz has no return numbers"):
+        PointsFilter(points=bare, returns="last")
     with pytest.raises(ParameterError, match="no attribute 'intensity'"):
         PointsFilter(points=bare, where=Expression("intensity > 1"))

@@ -116,7 +116,7 @@ def test_limits_that_do_not_fit(parameters: dict[str, Any], text: str) -> None:
 
 def test_points_without_intensity() -> None:
     bare = PointCloud(np.zeros((2, 3)), crs=CRS(32635), name="bare.xyz")
-    with pytest.raises(ParameterError, match=r"bare\.xyz has no intensity"):
+    with pytest.raises(DataError, match=r"bare\.xyz has no intensity"):
         PointsFilterIntensity(points=bare)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import gzip
 import logging
 from collections.abc import Callable
 from pathlib import Path
@@ -212,3 +213,20 @@ def test_e57_without_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 )
 def test_real_files_of_other_formats(data: Callable[[str], Path], name: str, count: int) -> None:
     assert len(PointCloud.open(data(name))) == count
+
+
+def test_compressed_ply(tmp_path: Path) -> None:
+    PointCloud(np.eye(3), {"intensity": np.arange(3, dtype=np.uint16)}).save(tmp_path / "a.ply")
+    packed = gzip.compress((tmp_path / "a.ply").read_bytes())
+    (tmp_path / "a.ply.gz").write_bytes(packed)
+    cloud = PointCloud.open(tmp_path / "a.ply.gz")
+    assert np.array_equal(cloud.xyz, np.eye(3))
+    assert cloud["intensity"].tolist() == [0, 1, 2]
+    for damaged in (packed[: len(packed) // 2], b"no gzip"):
+        (tmp_path / "a.ply.gz").write_bytes(damaged)
+        with pytest.raises(DataError, match=r"a\.ply\.gz"):
+            PointCloud.open(tmp_path / "a.ply.gz")
+
+
+def test_the_sample_of_the_cloth_simulation(data: Callable[[str], Path]) -> None:
+    assert len(PointCloud.open(data("csf_sample/sample.ply.gz"))) > 10_000

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import gzip
+import io
 import logging
 import re
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,11 +21,15 @@ log = logging.getLogger("toolbox")
 
 COLOURS = ("red", "green", "blue")
 _TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
+_ERRORS: tuple[type[Exception], ...]
 _ERRORS = (ValueError, KeyError, TypeError, IndexError, EOFError, MemoryError, OverflowError)
+_ERRORS += (gzip.BadGzipFile, zlib.error)
 
 
 def read_ply(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
-    """Read the vertices; faces and other elements are left out, and the log says so.
+    """Read the vertices of a .ply or .ply.gz file.
+
+    Faces and other elements are left out, and the log says so.
 
     Colours of 8 bit become 16 bit, as LAS has them.
 
@@ -39,7 +46,9 @@ def read_ply(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
     import plyfile
 
     try:
-        file = plyfile.PlyData.read(path, mmap=False)
+        packed = path.suffix.lower() == ".gz"
+        stream = io.BytesIO(gzip.decompress(path.read_bytes())) if packed else path
+        file = plyfile.PlyData.read(stream, mmap=False)
     except (plyfile.PlyParseError, *_ERRORS) as error:
         raise DataError(f"{path} is not a PLY file that can be read: {error}") from error
     others = [element.name for element in file if element.name != "vertex"]

@@ -23,7 +23,8 @@ log = logging.getLogger("toolbox")
 
 _LAS = (".las", ".laz")
 _TEXT = (".xyz", ".txt", ".csv", ".pts", ".asc")
-_READABLE = (*_LAS, *_TEXT, *(f"{suffix}.gz" for suffix in _TEXT), ".ply", ".pcd", ".e57")
+_READABLE = (*_LAS, *_TEXT, *(f"{suffix}.gz" for suffix in _TEXT), ".ply", ".ply.gz")
+_READABLE += (".pcd", ".e57")
 
 
 class PointCloud:
@@ -85,7 +86,8 @@ class PointCloud:
 
         Parameters
         ----------
-        path : of a .las, .laz, .ply, .pcd, .e57 or a text file (.xyz .txt .csv .pts .asc, .gz)
+        path : of a .las, .laz, .ply, .pcd, .e57 or a text file (.xyz .txt .csv .pts .asc); text
+            and PLY also compressed, with .gz behind
         columns : names of the columns of a text file, with x, y and z among them
         separator : between the columns of a text file; found out unless given
         bounds : (xmin, ymin, xmax, ymax), in the CRS of the file: only points within, or on the

@@ -44,6 +44,9 @@ class SurfaceGrid:
 
     Heights, and attributes whose type fits into it, become 32-bit floats, which round heights by
     less than 0.0003 up to 8000. Attributes of more digits, such as gps_time, become 64-bit floats.
+
+    Memory grows by some 850 bytes per point for linear and cubic, 150 for the others, and 12 bytes
+    per cell.
     """
 
     points: PointCloud = source("Points to grid")

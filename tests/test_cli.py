@@ -229,10 +229,15 @@ def test_names_that_stand_twice_in_a_file_are_refused(
     town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     params = tmp_path / "p.json"
-    params.write_text('{"cell": 1, "cell": 2}')
     argv = ["run", "surface.grid", "--points", str(town), "--params", str(params)]
-    assert main(argv) == 2
-    assert "'cell' is given more than once" in capsys.readouterr().err
+    for text in ('{"cell": 1, "cell": 2}', "cell: 1\ncell: 2"):
+        params.write_text(text)
+        assert main(argv) == 2
+        assert "'cell' is given more than once" in capsys.readouterr().err
+    for text in ("where: 2020-13-45", "[" * 5000, '{"cell": 1' + "0" * 5000 + "}"):
+        params.write_text(text)
+        assert main(argv) == 2
+        assert "params: " in capsys.readouterr().err
 
 
 def test_params_from_stdin(town: Path) -> None:

@@ -159,6 +159,29 @@ def test_outputs_behind_links_do_not_hit_inputs(kind: str, tmp_path: Path) -> No
     assert len(PointCloud.open(behind)) == 1
 
 
+def test_links_that_cannot_be_written_are_refused_before_the_run(tmp_path: Path) -> None:
+    for name, behind in {"text": "a.xyz", "gone": "no/a.laz", "loop": "loop.laz"}.items():
+        (tmp_path / f"{name}.laz").symlink_to(tmp_path / behind)
+    for name, why in {"gone": "no folder", "loop": "no usable path"}.items():
+        with pytest.raises(ParameterError, match=why):
+            toolbox.run("points.filter", {"points": cloud(), "kept": tmp_path / f"{name}.laz"})
+    toolbox.run("points.filter", {"points": cloud(), "kept": tmp_path / "text.laz"})
+    assert (tmp_path / "a.xyz").read_text().startswith("x y z")
+
+
+@pytest.mark.parametrize(
+    ("values", "how", "text"),
+    [
+        ({"kept": "k\0.laz"}, {}, "kept: "),
+        ({}, {"picture": "q\0.png"}, "picture: "),
+        ({}, {"assume_crs": 5}, "assume_crs: "),
+    ],
+)
+def test_values_of_no_use(values: dict[str, Any], how: dict[str, Any], text: str) -> None:
+    with pytest.raises(ParameterError, match=text):
+        toolbox.run("points.filter", {"points": cloud()} | values, **how)
+
+
 def test_all_problems_of_names_values_and_paths_together(tmp_path: Path) -> None:
     values = {"points": tmp_path / "no.laz", "cell": 0, "celll": 1, "surface": tmp_path / "a.jpg"}
     with pytest.raises(ParameterError) as caught:

@@ -143,15 +143,9 @@ def test_stale_parts_do_not_survive(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["a.shp"]
 
 
-def test_a_link_is_followed(tmp_path: Path) -> None:
-    real, link = tmp_path / "real" / "b.laz", tmp_path / "a.laz"
-    real.parent.mkdir()
-    real.write_text("old")
-    link.symlink_to(real)
-    with files.staged({link: alone}, overwrite=True) as places:
-        places[link].write_text("new")
-    assert (link.is_symlink(), real.read_text()) == (True, "new")
-    assert [p.name for p in real.parent.iterdir()] == ["b.laz"]
+def test_a_folder_named_like_a_part_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "a.dbf").mkdir()
+    assert "a.dbf is a folder" in str(check(tmp_path / "a.shp", overwrite=True, parts=shapefile))
 
 
 def test_a_file_that_appears_meanwhile_is_not_replaced(tmp_path: Path) -> None:

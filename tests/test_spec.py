@@ -138,6 +138,7 @@ def test_numpy_numbers_are_numbers() -> None:
         ("tolerance", "auto", "auto"),
         ("tolerance", "0.5", 0.5),
         ("stiffness", "2", 2),
+        ("stiffness", 2.0, 2),
         ("stiffness", "auto", "auto"),
         ("word", "none", "none"),
         ("word", None, None),

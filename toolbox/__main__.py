@@ -10,12 +10,15 @@ import sys
 for _name in ("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "GDAL_DRIVER_PATH"):
     os.environ.pop(_name, None)
 
-from toolbox.cli import main  # noqa: E402
-
 
 def run() -> None:
     """Run the command line and leave with its exit code."""
-    code = main()
+    try:
+        from toolbox.cli import main
+
+        code = main()
+    except KeyboardInterrupt:  # before or after the part that stops in good order
+        code = 130
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done: too late to stop anything
     sys.exit(code)
 

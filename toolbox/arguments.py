@@ -69,7 +69,9 @@ def _add(group: Any, name: str, *, help: str, **how: Any) -> None:
 
 
 def _add_general(group: Any) -> None:
-    group.add_argument("--assume-crs", metavar="CRS", help="CRS of files that state none, or local")
+    group.add_argument(
+        "--assume-crs", "--assume_crs", metavar="CRS", help="CRS of files that state none, or local"
+    )
     group.add_argument("--params", metavar="FILE", help="values as JSON or YAML; - is stdin")
     group.add_argument("--overwrite", action="store_true", help="let outputs replace files")
     group.add_argument("--picture", metavar="PNG", help="draw the resulting layers")
@@ -161,16 +163,31 @@ def mapping(text: str, where: str) -> dict[str, Any]:
     """
     try:
         values = json.loads(text, object_pairs_hook=_once)  # first: it needs no import
-    except json.JSONDecodeError:
+    except ParameterError:
+        raise
+    except (ValueError, RecursionError):
         import yaml
 
         try:
-            values = yaml.safe_load(text)
-        except yaml.YAMLError as err:
+            values = yaml.load(text, _yaml_loader(yaml.SafeLoader))
+        except ParameterError:
+            raise
+        except (yaml.YAMLError, ValueError, RecursionError) as err:
             raise ParameterError("run", {"params": f"{where}: {err}"}) from None
     if not isinstance(values, dict) or not all(isinstance(name, str) for name in values):
         raise ParameterError("run", {"params": f"{where} must hold names and values"})
     return values
+
+
+def _yaml_loader(base: Any) -> Any:
+    """A safe loader that refuses a name that stands twice, as _once does for JSON."""
+
+    def construct(loader: Any, node: Any) -> dict[str, Any]:
+        return _once(loader.construct_pairs(node, deep=True))
+
+    made = type("Loader", (base,), {})
+    made.add_constructor("tag:yaml.org,2002:map", construct)  # type: ignore[attr-defined]
+    return made
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -33,8 +33,6 @@ def main(argv: list[str] | None = None) -> int:
     except BrokenPipeError:  # the reader, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except KeyboardInterrupt:  # before or after the part that stops in good order
-        return Cancelled.exit_code
     return code
 
 
@@ -140,7 +138,8 @@ def _params(general: Mapping[str, Any]) -> tuple[IO[bytes] | None, dict[str, Any
     if name == "-" and stdin:
         # With events our caller keeps the pipe open after one line, and ends it to stop us.
         text = (stdin.readline() if events else stdin.read()).decode(errors="replace")
-        return (stdin if events else None), arguments.mapping(text, "standard input")
+        pipe = stdin if events and _is_pipe(stdin) else None
+        return pipe, arguments.mapping(text, "standard input")
     pipe = stdin if events and _is_pipe(stdin) else None
     if not name:
         return pipe, {}

@@ -81,11 +81,13 @@ class Target:
 
     Attributes
     ----------
-    path : None if the value does not name one
+    path : as it was given; None if the value does not name one
+    home : the file to write: of a link, the one behind it
     suffixes : endings that the output can have; none for a number, which is printed
     """
 
     path: Path | None
+    home: Path | None
     options: Mapping[str, Any]
     suffixes: tuple[str, ...]
     known: tuple[str, ...]
@@ -97,17 +99,18 @@ class Target:
         how = dict(value) if isinstance(value, Mapping) else {"path": value}
         path = how.pop("path", None)
         place = Path(path) if isinstance(path, str | Path) and str(path) else None
+        home = _resolved(place) if place else None
         if name == "picture":
-            return cls(place, how, (".png",), (), lambda path: (path,))
+            return cls(place, home, how, (".png",), (), lambda path: (path,))
         kind = spec.outputs[name].kind
-        return cls(place, how, kind.suffixes, kind.save_options, kind.parts)
+        return cls(place, home, how, kind.suffixes, kind.save_options, kind.parts)
 
     def problem(self) -> str | None:
         """What is wrong with it, apart from the place."""
         if not self.suffixes:
             return "is a value, which is printed; it cannot be written to a file"
-        if self.path is None:
-            return "must be a path"
+        if self.home is None:
+            return "must be a path" if self.path is None else f"{self.path} is no usable path"
         try:
             parsed_options(self.options, self.known)
         except ValueError as err:
@@ -115,9 +118,19 @@ class Target:
         return None
 
 
-def _crs(crs: str | CRS | None, where: str) -> CRS | None:
+def _resolved(path: Path) -> Path | None:
+    """The file behind links; None for links in a circle and names that no file can have."""
     try:
-        return parse_crs(crs) if isinstance(crs, str) else crs
+        return path.resolve()
+    except (OSError, RuntimeError, ValueError):
+        return None
+
+
+def _crs(crs: str | CRS | None, where: str) -> CRS | None:
+    if crs is None or isinstance(crs, CRS):
+        return crs
+    try:
+        return parse_crs(str(crs))
     except ValueError as err:
         raise ParameterError(where, {"assume_crs": str(err)}) from None
 
@@ -145,11 +158,9 @@ def _checked(
 
 def _paths(value: Any) -> list[Path]:
     """The files that the raw value of a source names."""
-    if isinstance(value, list | tuple):
-        return [path for item in value for path in _paths(item)]
-    if isinstance(value, Mapping):
-        return _paths(value.get("path"))
-    return [Path(value)] if isinstance(value, str | Path) else []
+    items = value if isinstance(value, list | tuple) else [value]
+    named = [item.get("path") if isinstance(item, Mapping) else item for item in items]
+    return [Path(path) for path in named if isinstance(path, str | Path)]
 
 
 def _source_problem(field: Field, value: Any) -> str | None:
@@ -186,7 +197,7 @@ def _target_problems(
     good = {name: target for name, target in targets.items() if name not in found}
     reads = [path for value in sources.values() for path in _paths(value)]
     return found | files.problems(
-        {name: target.path for name, target in good.items() if target.path},
+        {name: target.home for name, target in good.items() if target.home},
         {name: target.suffixes for name, target in good.items()},
         {name: target.parts for name, target in good.items()},
         reads,
@@ -256,23 +267,23 @@ def _write(
         there.pop("picture", None)
     for name in targets.keys() - there.keys():
         log.warning("%s: there is nothing to write", name)
-    paths = {name: target.path for name, target in there.items() if target.path}
+    homes = {name: target.home for name, target in there.items() if target.home}
     try:
-        parts = {path: there[name].parts for name, path in paths.items()}
+        parts = {home: there[name].parts for name, home in homes.items()}
         with files.staged(parts, overwrite=overwrite) as places:
-            for index, (name, path) in enumerate(paths.items()):
-                part = ctx.part(index / len(paths), (index + 1) / len(paths))
+            for index, (name, home) in enumerate(homes.items()):
+                part = ctx.part(index / len(homes), (index + 1) / len(homes))
                 try:
-                    _save(name, found, there[name], places[path], part)
+                    _save(name, found, there[name], places[home], part)
                 except (OSError, DataError) as err:
-                    text = str(err).replace(str(places[path]), str(path))
-                    if shutil.disk_usage(places[path].parent).free < FULL:
+                    text = str(err).replace(str(places[home]), str(there[name].path))
+                    if shutil.disk_usage(places[home].parent).free < FULL:
                         text += "; the disk is full"
                     raise DataError(spec.id, {name: text}) from err
             ctx.progress(1.0)
     except OSError as err:
         raise DataError(f"{spec.id}: cannot write: {err}") from err
-    return paths
+    return {name: target.path for name, target in there.items() if target.path}
 
 
 def _save(name: str, found: Mapping[str, Any], target: Target, place: Path, ctx: Context) -> None:

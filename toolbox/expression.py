@@ -7,6 +7,7 @@ nothing is ever evaluated as code, so an expression from a web form can do no ha
 from __future__ import annotations
 
 import ast
+import math
 import operator
 from collections.abc import Callable, Mapping
 from enum import Enum
@@ -140,7 +141,7 @@ def _sort(node: ast.expr, depth: int = 0) -> Sort:  # noqa: PLR0911, PLR0912  on
     match node:
         case ast.Name():
             return Sort.NUMBER
-        case ast.Constant(value=bool() | int() | float()):
+        case ast.Constant() if _is_plain_number(node):
             return Sort.NUMBER
         case ast.UnaryOp(op=ast.Not()):
             _sort(node.operand, depth + 1)
@@ -157,6 +158,8 @@ def _sort(node: ast.expr, depth: int = 0) -> Sort:  # noqa: PLR0911, PLR0912  on
             return Sort.TRUTH
         case ast.Compare():
             need(Sort.NUMBER, node.left)
+            if len(node.ops) > 1 and any(isinstance(op, ast.In | ast.NotIn) for op in node.ops):
+                raise ValueError("'in' cannot stand in a chain; use 'and'")
             for op, right in zip(node.ops, node.comparators, strict=True):
                 _check_comparison(op, right, need)
             return Sort.TRUTH
@@ -184,7 +187,12 @@ def _check_comparison(op: ast.cmpop, right: ast.expr, need: Callable[..., None])
 def _is_plain_number(node: ast.expr) -> bool:
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         node = node.operand
-    return isinstance(node, ast.Constant) and isinstance(node.value, int | float)
+    if not (isinstance(node, ast.Constant) and isinstance(node.value, int | float)):
+        return False
+    try:
+        return math.isfinite(float(node.value))
+    except OverflowError:
+        return False
 
 
 def _value(node: ast.expr, columns: Mapping[str, NDArray[np.float64]]) -> Any:  # noqa: PLR0911

@@ -111,7 +111,8 @@ class Field:
 
     def _parse_item(self, value: Any) -> Any:
         for choice in self.choices:
-            if str(choice) == str(value):
+            # JSON does not tell 3 from 3.0; True is not 1 here.
+            if str(choice) == str(value) or (isinstance(value, float) and choice == value):
                 return choice
         if self.kind.accepts(value):
             return value

@@ -68,14 +68,14 @@ def _wrong_place(files: tuple[Path, ...], *, overwrite: bool) -> str | None:
     path, folder = files[0], files[0].parent
     try:
         there = [part for part in files if part.exists()]
-    except OSError as err:
-        return f"{path} cannot be a file: {err.strerror}"
+    except (OSError, ValueError) as err:
+        return f"{path} cannot be a file: {getattr(err, 'strerror', err)}"
     if not folder.is_dir():
         return f"there is no folder {folder}"
     if not os.access(folder, os.W_OK | os.X_OK):
         return f"no permission to write in folder {folder}"
-    if path.is_dir():
-        return f"{path} is a folder"
+    if folders := [part for part in there if part.is_dir()]:
+        return f"{folders[0]} is a folder"
     if there and not overwrite:
         return f"{there[0]} exists; allow it with --overwrite"
     return None
@@ -95,22 +95,25 @@ def staged(targets: Mapping[Path, Parts], *, overwrite: bool) -> Iterator[dict[P
     formats write several files, and is then renamed, which is atomic within a file system. What
     was there before, also parts that the new output does not have, is kept until all is moved.
 
+    Parameters
+    ----------
+    targets : files to write, links already followed, with what belongs to each
+    overwrite : whether they may replace files
+
     Raises
     ------
     OSError
         A folder cannot be written, or a file has appeared that may not be replaced.
     """
-    homes = {target: target.resolve() for target in targets}  # of a link, the file behind it
     folders: dict[Path, Path] = {}
     try:
-        for target, home in homes.items():
-            folder = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=home.parent))
+        for target in targets:
+            folder = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=target.parent))
             _unfinished.add(folder)
             folders[target] = folder
-        yield {target: folder / homes[target].name for target, folder in folders.items()}
+        yield {target: folder / target.name for target, folder in folders.items()}
         with _moving:
-            moves = [(folders[t], targets[t](home), overwrite) for t, home in homes.items()]
-            _move_all(moves)
+            _move_all([(folders[t], parts(t), overwrite) for t, parts in targets.items()])
     finally:
         for folder in folders.values():
             _discard(folder)
@@ -125,7 +128,7 @@ def _move_all(moves: Iterable[tuple[Path, tuple[Path, ...], bool]]) -> None:
             old = {*old_parts, *(folder.parent / path.name for path in new)}
             kept = folder / "replaced"
             kept.mkdir()
-            for path in sorted(path for path in old if path.exists()):
+            for path in sorted(path for path in old if path.is_file()):
                 if not overwrite:
                     raise FileExistsError(f"{path} has appeared meanwhile")
                 undo.append((path.replace(kept / path.name), path))

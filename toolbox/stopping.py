@@ -98,12 +98,13 @@ def _wait_for_end(pipe: IO[bytes], stop: threading.Event) -> None:
 
 @contextmanager
 def _signals_set(stop: threading.Event) -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM set the event, and give the old handlers back at the end."""
+    """Let Ctrl-C, SIGTERM and a closed terminal set the event; give the handlers back."""
 
     def ask(number: int, frame: FrameType | None) -> None:
         stop.set()
 
-    old = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    old = {number: signal.signal(number, ask) for number in map(signal.Signals.__getitem__, names)}
     try:
         yield
     finally:

@@ -40,7 +40,9 @@ RECORDED = (
 # Values of the attribute `error`, drawn in the colours of Şen and Bayaslı (2020).
 CORRECT_POSITIVE, CORRECT_NEGATIVE, TYPE_1, TYPE_2, NO_REFERENCE = 0, 1, 2, 3, 4
 
-Ties = Callable[[NDArray[np.int64]], Sequence[NDArray[Any]]]  # columns of some points, to sort by
+Columns = Sequence[NDArray[Any]]
+# Of some points: what they must share with their counterpart, and what only sorts them.
+Ties = Callable[[NDArray[np.int64]], tuple[Columns, Columns]]
 
 
 @tool("compare.classes")
@@ -157,11 +159,11 @@ class CompareClasses:
 
 def ties(
     cloud: PointCloud, shared: Sequence[str], attribute: str, positive: ClassList
-) -> list[NDArray[Any]]:
-    """What tells points at one place apart; last, whether they are of the class of interest."""
+) -> tuple[Columns, Columns]:
+    """What tells points at one place apart, and whether they are of the class of interest."""
     given = cloud[attribute]
     columns = [column for name in shared if (column := cloud[name]).ndim == 1]
-    return [*columns, np.isin(given, positive), given]
+    return columns, [np.isin(given, positive), given]
 
 
 @dataclass(frozen=True)
@@ -246,22 +248,23 @@ def _percent(part: int, whole: int) -> float | None:
 def counterparts(
     xyz: NDArray[np.float64],
     reference: NDArray[np.float64],
-    ties: Ties = lambda few: (),
-    reference_ties: Ties = lambda few: (),
+    ties: Ties = lambda few: ((), ()),
+    reference_ties: Ties = lambda few: ((), ()),
     *,
     max_distance: float | None = None,
     ctx: Context = QUIET,
 ) -> NDArray[np.int64]:
     """The reference point that belongs to each point, whatever the order of both.
 
-    The k-th of the points at one place belongs to the k-th of the reference points there. Points
-    left over may take the nearest reference point, several of them the same one.
+    Of several points at one place, those that are alike in all shared attributes belong together;
+    of the others the k-th belongs to the k-th of the reference points there. Points left over may
+    take the nearest reference point, several of them the same one.
 
     Parameters
     ----------
     xyz, reference : arrays of shape (n, 3) and (m, 3), in the same unit
     ties, reference_ties : give for an array of indices the columns by which points at one place
-        are sorted, the weightiest first
+        are told apart, the weightiest first, and those by which they are sorted after that
     max_distance : farthest counterpart of points left over, in that unit; None to leave them
     ctx : progress and cancellation
 
@@ -272,25 +275,80 @@ def counterparts(
     """
     place, reference_place = shared_places(xyz, reference)
     ctx.progress(0.4)
-    rank = rank_in_place(place, ties)
-    reference_rank = rank_in_place(reference_place, reference_ties)
+    finer, reference_finer = told_apart(place, reference_place, ties, reference_ties)
+    found = paired(finer, reference_finer, lambda i: ties(i)[1], lambda i: reference_ties(i)[1])
+    free = np.ones(len(reference), bool)
+    free[found[found >= 0]] = False
+    rest, free_rest = np.flatnonzero(found < 0), np.flatnonzero(free)
+    second = paired(
+        place[rest],
+        reference_place[free_rest],
+        lambda i: [c for columns in ties(rest[i]) for c in columns],
+        lambda i: [c for columns in reference_ties(free_rest[i]) for c in columns],
+    )
+    found[rest] = np.where(second >= 0, np.append(free_rest, -1)[second], -1)
     ctx.progress(0.5)
+    if max_distance is not None and len(reference):
+        # The tree is built in a sorted order, which decides between equally near points.
+        columns = [c for part in reference_ties(np.arange(len(reference))) for c in part]
+        order = np.lexsort([*reversed(columns), *reference.T])
+        _take_nearest(found, xyz, reference, order, max_distance, ctx.part(0.5, 1.0))
+    return found
+
+
+def told_apart(
+    place: NDArray[np.int64], reference_place: NDArray[np.int64], ties: Ties, reference_ties: Ties
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Give points at one place that differ in a shared attribute places of their own."""
+    size = max(place.max(initial=-1), reference_place.max(initial=-1)) + 1
+    several = np.bincount(place, minlength=size) > 1
+    several |= np.bincount(reference_place, minlength=size) > 1
+    few, reference_few = np.flatnonzero(several[place]), np.flatnonzero(several[reference_place])
+    pairs = zip(
+        [place[few], *ties(few)[0]],
+        [reference_place[reference_few], *reference_ties(reference_few)[0]],
+        strict=True,
+    )
+    number = size + numbered([np.concatenate(pair).astype(np.float64) for pair in pairs])
+    finer, reference_finer = place.copy(), reference_place.copy()
+    finer[few], reference_finer[reference_few] = number[: len(few)], number[len(few) :]
+    return finer, reference_finer
+
+
+def paired(
+    place: NDArray[np.int64],
+    reference_place: NDArray[np.int64],
+    order_by: Callable[[NDArray[np.int64]], Columns],
+    reference_order_by: Callable[[NDArray[np.int64]], Columns],
+) -> NDArray[np.int64]:
+    """For the k-th point of each place the k-th reference point there, -1 where there is none."""
+    rank = rank_in_place(place, order_by)
+    reference_rank = rank_in_place(reference_place, reference_order_by)
     count = np.bincount(reference_place, minlength=place.max(initial=-1) + 1)
     first = np.cumsum(count) - count
-    order = np.empty(len(reference), np.int64)
-    order[first[reference_place] + reference_rank] = np.arange(len(reference))
+    order = np.empty(len(reference_place), np.int64)
+    order[first[reference_place] + reference_rank] = np.arange(len(reference_place))
     matched = rank < count[place]
-    found = np.full(len(xyz), -1)
+    found = np.full(len(place), -1)
     found[matched] = order[first[place[matched]] + rank[matched]]
-    if max_distance is not None and len(reference):
-        # The tree is built in the sorted order, which decides between equally near points.
-        tree, left_over = cKDTree(reference[order]), np.flatnonzero(~matched)
-        for start in range(0, len(left_over), BLOCK):
-            ctx.progress(0.5 + 0.5 * start / len(left_over))
-            block = left_over[start : start + BLOCK]
-            distance, index = tree.query(xyz[block], distance_upper_bound=max_distance)
-            found[block] = np.where(np.isfinite(distance), order[index % len(order)], -1)
     return found
+
+
+def _take_nearest(
+    found: NDArray[np.int64],
+    xyz: NDArray[np.float64],
+    reference: NDArray[np.float64],
+    order: NDArray[np.int64],
+    max_distance: float,
+    ctx: Context,
+) -> None:
+    """Give points without counterpart (-1) the nearest reference point (in place)."""
+    tree, left_over = cKDTree(reference[order]), np.flatnonzero(found < 0)
+    for start in range(0, len(left_over), BLOCK):
+        ctx.progress(start / len(left_over))
+        block = left_over[start : start + BLOCK]
+        distance, index = tree.query(xyz[block], distance_upper_bound=max_distance)
+        found[block] = np.where(np.isfinite(distance), order[index % len(order)], -1)
 
 
 def shared_places(
@@ -332,13 +390,15 @@ def numbered(columns: Sequence[NDArray[np.float64]]) -> NDArray[np.int64]:
     return number
 
 
-def rank_in_place(place: NDArray[np.int64], ties: Ties) -> NDArray[np.int64]:
-    """0, 1, 2, ... for the points at one place, sorted by `ties`.
+def rank_in_place(
+    place: NDArray[np.int64], order_by: Callable[[NDArray[np.int64]], Columns]
+) -> NDArray[np.int64]:
+    """0, 1, 2, ... for the points at one place.
 
     Parameters
     ----------
     place : array of shape (n,), numbers from 0
-    ties : see :func:`counterparts`
+    order_by : gives the columns by which some of the points are sorted, the weightiest first
 
     Returns
     -------
@@ -346,7 +406,7 @@ def rank_in_place(place: NDArray[np.int64], ties: Ties) -> NDArray[np.int64]:
     """
     rank = np.zeros(len(place), np.int64)
     crowded = np.flatnonzero(np.bincount(place)[place] > 1)  # few, and only these need sorting
-    order = crowded[np.lexsort([*reversed(ties(crowded)), place[crowded]])]
+    order = crowded[np.lexsort([*reversed(order_by(crowded)), place[crowded]])]
     starts = np.flatnonzero(np.diff(place[order], prepend=-1))
     rank[order] = np.arange(len(order)) - np.repeat(starts, np.diff(starts, append=len(order)))
     return rank

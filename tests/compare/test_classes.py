@@ -102,6 +102,20 @@ def test_other_points_altogether_are_an_error() -> None:
         CompareClasses(points=points, reference=moved).run()
 
 
+def test_twins_are_told_apart_by_their_attributes_when_some_are_missing() -> None:
+    """Points are a part of the reference: each finds itself, not the one before it."""
+    xyz = np.repeat(np.arange(30.0).reshape(10, 3), 3, axis=0)
+    columns = {
+        "gps_time": np.tile([1.0, 2.0, 3.0], 10),
+        "classification": np.tile([1, 6, 2], 10).astype(np.uint8),
+    }
+    whole = PointCloud(xyz, columns, crs=UTM)
+    order = np.random.default_rng(0).permutation(len(whole))
+    for part in (whole.select(whole["gps_time"] == 3), whole.select(order[:17])):
+        out = CompareClasses(points=part, reference=whole.select(order[::-1])).run()
+        assert (out.total_error, out.unmatched) == (0, 0)
+
+
 def test_counterparts_within_a_distance() -> None:
     points = np.array([[0, 0, 0], [5, 0, 0], [9, 0, 0.0]])
     reference = points[[2, 0]] + [0, 0, 0.004]

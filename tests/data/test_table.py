@@ -170,6 +170,12 @@ def test_parquet_needs_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         Table.from_rows(ROWS).save(tmp_path / "a.parquet")
 
 
+def test_rows_longer_than_the_header_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("a,b\n1,2,3\n4,5,6\n")
+    with pytest.raises(DataError, match="more cells than its header"):
+        Table.open(tmp_path / "a.csv")
+
+
 def test_parquet_writes_columns_of_mixed_types_as_text(tmp_path: Path) -> None:
     table = Table.from_rows([{"a": 1}, {"a": "two"}, {"a": None}])
     table.save(tmp_path / "a.parquet")

@@ -140,7 +140,11 @@ def _plain_column(column: pd.Series[Any]) -> pd.Series[Any]:
 
 
 def _read_csv(path: Path) -> pd.DataFrame:
-    return pd.read_csv(path, dtype_backend="numpy_nullable", keep_default_na=False, na_values=[""])
+    how = {"dtype_backend": "numpy_nullable", "keep_default_na": False, "na_values": [""]}
+    frame: pd.DataFrame = pd.read_csv(path, **how)  # type: ignore[call-overload]
+    if not isinstance(frame.index, pd.RangeIndex):  # pandas takes the first cells for an index
+        raise ValueError("its rows have more cells than its header")
+    return frame
 
 
 def _read_json(path: Path) -> pd.DataFrame:

@@ -40,7 +40,8 @@ class SurfaceGrid:
     `linear` is the facets of the Delaunay triangulation, `cubic` a smooth surface over the same
     triangles; both leave cells outside the convex hull empty. `nearest` takes the closest point,
     `idw` weights the closest `neighbours` by their distance. Points at the same place are averaged.
-    Cells are whole multiples of the cell size, so that rasters of neighbouring surveys fit.
+    Cells are whole multiples of the cell size, so that rasters of neighbouring surveys fit, or
+    those of a template raster.
 
     Heights, and attributes whose type fits into it, become 32-bit floats, which round heights by
     less than 0.0003 up to 8000. Attributes of more digits, such as gps_time, become 64-bit floats.
@@ -50,6 +51,9 @@ class SurfaceGrid:
     """
 
     points: PointCloud = source("Points to grid")
+    template: Raster | None = source(
+        "Raster whose cells to fill, instead of cells of the given size", default=None
+    )
     method: Method = param("How to interpolate", default="linear")
     cell: float = param("Cell size", default=1.0, unit="m", gt=0)
     attribute: Attribute = param("Attribute to grid", default=Attribute("z"), of="points")
@@ -72,7 +76,11 @@ class SurfaceGrid:
     def run(self, ctx: Context = QUIET) -> SurfaceGrid.Outputs:
         """Interpolate at the centres of cells."""
         xy, values = self._samples(ctx.part(0.0, 0.1))
-        lattice = Lattice.cover((*xy.min(axis=0), *xy.max(axis=0)), self.cell)
+        lattice = (
+            Lattice.of(self.template)
+            if self.template
+            else Lattice.cover((*xy.min(axis=0), *xy.max(axis=0)), self.cell)
+        )
         surface = grid(
             xy,
             values,

@@ -107,6 +107,17 @@ def test_cells_are_whole_multiples_and_cover_the_points(cell: float) -> None:
     assert east >= points["x"].max()
 
 
+def test_cells_of_a_template() -> None:
+    lattice = Lattice(5e5 + 3.3, 4.6e6 + 20.1, 0.7, 12, 20)
+    template = Raster.from_lattice(np.zeros(lattice.shape, np.float32), lattice, crs=UTM)
+    surface = SurfaceGrid(points=cloud(), template=template, cell=9.0).run().surface
+    assert (surface.transform, surface.shape) == (lattice.transform, lattice.shape)
+    np.testing.assert_allclose(surface.band(), plane(*centres(surface)), atol=1e-5)
+    elsewhere = template.with_crs(CRS(32636))
+    with pytest.raises(DataError, match=r"template: .*32636"):
+        SurfaceGrid(points=cloud(), template=elsewhere)
+
+
 def test_cell_in_feet_is_given_in_metres() -> None:
     foot = 1200 / 3937
     metres = cloud()

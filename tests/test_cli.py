@@ -136,6 +136,7 @@ def test_all_problems_are_reported_at_once(
     [
         (["--cell", "1", "--cell", "2"], "cell: given more than once"),
         (["stray"], "stray"),
+        (["--metho", "idw"], "metho: unknown parameter; did you mean 'method'?"),
         (["--filled_share", "a.csv"], "filled_share"),
         (["--points.colums", "x"], "points: no option 'colums'; there are columns"),
         (["--cell"], "expected one argument"),

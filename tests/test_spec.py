@@ -59,6 +59,11 @@ class Measure:
         if self.gap is not None and self.gap > self.width:
             yield "gap", f"must be <= width ({self.width:g} m), got {self.gap:g}"
 
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """A rule between a parameter and a layer."""
+        if self.count > len(self.points):
+            yield "points", f"need {self.count}, got {len(self.points)}"
+
     def halo(self) -> float:
         return self.width
 
@@ -111,7 +116,7 @@ def test_wrong_values_are_refused_by_name(name: str, value: Any) -> None:
 
 
 def test_numpy_numbers_are_numbers() -> None:
-    job = Measure(points=cloud(), width=np.float32(2), count=np.int64(4))  # type: ignore[arg-type]
+    job = Measure(points=cloud(), width=np.float32(2), count=np.int64(3))  # type: ignore[arg-type]
     assert job.run().inside == 2
 
 
@@ -239,6 +244,11 @@ def test_unknown_attributes_are_refused_with_the_nearest_name() -> None:
 def test_rules_between_parameters() -> None:
     with pytest.raises(ParameterError, match=r"gap: must be <= width \(2 m\), got 3"):
         Measure(points=cloud(), gap=3.0)
+
+
+def test_rules_between_parameters_and_layers() -> None:
+    with pytest.raises(DataError, match="points: need 9, got 3"):
+        Measure(points=cloud(), count=9)
 
 
 def test_build_names_the_step_of_a_model() -> None:

@@ -7,7 +7,6 @@ declared in `algorithms/a/b.py`. Tools of other packages join through entry poin
 
 from __future__ import annotations
 
-import difflib
 import functools
 import importlib
 import json
@@ -17,7 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from toolbox.errors import ParameterError
+from toolbox.errors import ParameterError, nearest
 
 if TYPE_CHECKING:
     from toolbox.fields import Spec
@@ -84,8 +83,7 @@ def load(id: str) -> Spec:
     from toolbox.spec import REGISTRY
 
     if id not in ids():
-        close = difflib.get_close_matches(id, ids(), n=1)
-        hint = f"; did you mean {close[0]!r}?" if close else "; 'list' shows all"
+        hint = nearest(id, ids()) or "; 'list' shows all"
         raise ParameterError(f"no tool called {id!r}{hint}")
     plugin = plugins().get(id)
     module = plugin.module if plugin else f"algorithms.{id}"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Self
+import difflib
+from collections.abc import Iterable, Mapping
+from typing import Any, Self
 
 
 class ToolboxError(Exception):
@@ -48,3 +49,9 @@ class Cancelled(ToolboxError):
 
     def __init__(self, where: str = "cancelled", problems: Mapping[str, str] | None = None) -> None:
         super().__init__(where, problems)
+
+
+def nearest(name: str, known: Iterable[Any]) -> str:
+    """Say '; did you mean ...?' with the known name that is closest, or nothing."""
+    close = difflib.get_close_matches(name, [str(k) for k in known], n=1)
+    return f"; did you mean {close[0]!r}?" if close else ""

@@ -15,7 +15,7 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Raster, Vector
 from toolbox.data.crs import describe_crs, parse_crs, same_crs
 from toolbox.errors import DataError, ParameterError
-from toolbox.fields import Field, Spec, nearest
+from toolbox.fields import Field, Spec
 from toolbox.kinds import parsed_options
 from toolbox.picture import draw
 
@@ -142,9 +142,6 @@ def _checked(
     sources = {name: value for name, value in given.items() if name in spec.sources}
     settings = {name: value for name, value in given.items() if name not in spec.sources}
     values, problems = spec.parse(settings, present=sources)
-    for name in given.keys() - spec.inputs.keys():
-        known = [*spec.inputs, *spec.outputs]
-        problems[name] = f"unknown parameter{nearest(name, known)}"
     if not problems:
         problems = spec.rules(values)
     for name, value in sources.items():

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import operator
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal, cast
 
 from toolbox import __version__
-from toolbox.errors import DataError, ParameterError, ToolboxError
+from toolbox.errors import DataError, ParameterError, ToolboxError, nearest
 from toolbox.kinds import CHOICE, OPTIONS, Kind
 from toolbox.values import Range
 
@@ -204,8 +203,8 @@ class Spec:
 
     def names_problems(self, names: Iterable[str]) -> dict[str, str]:
         """Unknown and missing input names."""
-        given = set(names)
-        found = {n: f"unknown parameter{nearest(n, self.inputs)}" for n in given - set(self.inputs)}
+        given, known = set(names), [*self.inputs, *self.outputs]
+        found = {n: f"unknown parameter{nearest(n, known)}" for n in given - set(self.inputs)}
         for name, field in self.inputs.items():
             if field.required and name not in given:
                 found[name] = f"missing ({field.help})"
@@ -280,12 +279,6 @@ class Spec:
             "inputs": {name: field.schema() for name, field in self.inputs.items()},
             "outputs": {name: field.schema() for name, field in self.outputs.items()},
         }
-
-
-def nearest(name: str, known: Iterable[Any]) -> str:
-    """Say '; did you mean ...?' with the known name that is closest, or nothing."""
-    close = difflib.get_close_matches(name, [str(k) for k in known], n=1)
-    return f"; did you mean {close[0]!r}?" if close else ""
 
 
 def _times(value: Any, factor: float) -> Any:

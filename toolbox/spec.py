@@ -20,9 +20,9 @@ from toolbox import kinds
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.data.crs import crs_conflict, length_problem
-from toolbox.errors import DataError, ParameterError
+from toolbox.errors import DataError, ParameterError, nearest
 from toolbox.expression import Expression
-from toolbox.fields import LENGTHS, MEETS, Field, Spec, nearest
+from toolbox.fields import LENGTHS, MEETS, Field, Spec
 
 T = TypeVar("T", bound=type)
 REGISTRY: dict[str, Spec] = {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +10,8 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 from toolbox.errors import DataError
-
-log = logging.getLogger("toolbox")
 
 _COLOURS = {"red": "Red", "green": "Green", "blue": "Blue"}
 _FULL = 65535  # 16 bit, as LAS has intensities and colours

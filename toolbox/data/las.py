@@ -11,7 +11,6 @@ LiDAR data. Bell, A. et al. (2021). COPC: cloud optimized point cloud, 1.0.
 
 from __future__ import annotations
 
-import logging
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -26,13 +25,11 @@ from laspy.copc import Bounds, CopcInfoVlr, HierarchyPage, load_octree_for_query
 from laspy.errors import LaspyException
 from numpy.typing import NDArray
 
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 from toolbox.data.las_crs import read_crs
 from toolbox.data.las_header import SIZES, Frame, demand, read_frame
 from toolbox.data.las_points import attribute
 from toolbox.errors import DataError
-
-log = logging.getLogger("toolbox")
 
 _BLOCK = 1_000_000  # points between two reports of progress
 _GROUP = 20  # chunks between two reports; most have 50 000 points

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import logging
 import struct
 from collections.abc import Iterable
 
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
+from toolbox.context import log
 from toolbox.data.crs import LOCAL, describe_crs, horizontal_part, same_crs, vertical_unit
 from toolbox.data.las_header import Record
-
-log = logging.getLogger("toolbox")
 
 WKT_BIT = 16  # of the global encoding
 _USER = "LASF_Projection"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from decimal import Decimal
@@ -17,6 +16,7 @@ from laspy.vlrs.known import ExtraBytesStruct
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from toolbox.context import log
 from toolbox.data.crs import same_crs
 from toolbox.data.las_crs import crs_records, is_crs_record
 from toolbox.data.las_header import (
@@ -29,8 +29,6 @@ from toolbox.data.las_header import (
     standard_names,
 )
 from toolbox.errors import DataError
-
-log = logging.getLogger("toolbox")
 
 Array = NDArray[Any]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import struct
 from pathlib import Path
 from typing import Any
@@ -10,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from toolbox.context import log
 from toolbox.data.ply import COLOURS, split
 from toolbox.errors import DataError
-
-log = logging.getLogger("toolbox")
 
 _PADDING = "#$%&~~"  # how pypcd4 names the field "_"
 _ERRORS = (ValueError, KeyError, TypeError, IndexError, MemoryError, OverflowError, RuntimeError)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import io
-import logging
 import re
 import zlib
 from collections.abc import Mapping
@@ -14,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from toolbox.context import log
 from toolbox.data.text import Points, standard_names
 from toolbox.errors import DataError
-
-log = logging.getLogger("toolbox")
 
 COLOURS = ("red", "green", "blue")
 _TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")

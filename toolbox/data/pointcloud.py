@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
-import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -12,14 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pyproj import CRS
 
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 from toolbox.data import las_points
 from toolbox.data.crs import describe_crs, metres_per_unit
 from toolbox.data.las import read_las, write_las
 from toolbox.data.las_header import Frame
-from toolbox.errors import DataError
-
-log = logging.getLogger("toolbox")
+from toolbox.errors import DataError, nearest
 
 _LAS = (".las", ".laz")
 _TEXT = (".xyz", ".txt", ".csv", ".pts", ".asc")
@@ -196,9 +192,8 @@ class PointCloud:
         return values
 
     def _unknown(self, name: str) -> str:
-        near = difflib.get_close_matches(str(name), self.names, 1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
         listed = ", ".join(self.names) or "none"
+        hint = nearest(str(name), self.names)
         return f"{self.name or 'the cloud'} has no attribute {name!r}, only {listed}{hint}"
 
     @property

@@ -20,7 +20,6 @@ from toolbox.context import QUIET, Context
 from toolbox.data.las_header import fields
 from toolbox.errors import DataError
 
-_VERSION = tuple(int(part) for part in pd.__version__.split(".")[:2])
 _BLOCK = 250_000  # lines between two reports of progress
 _COMMENTS = ("#", "//")
 _SEPARATORS = ("\t", ";", ",", None)  # None: blanks, as in str.split
@@ -53,9 +52,6 @@ _NAMES = {alias: name for name, aliases in _ALIASES.items() for alias in aliases
 _LETTERS = {"r", "g", "b"}
 _PTS = {4: "i", 6: "rgb", 7: "irgb"}  # what a .pts line holds after x y z
 _FIELDS = {name: kind for number in (3, 8) for name, kind in fields(number).items()}
-_EXACT: dict[str, Any] = (  # pandas reads numbers to the last bit by itself since 3.1
-    {"float_precision": "round_trip"} if _VERSION < (3, 1) else {}
-)
 _FLOAT = re.compile(r"[-+]?\d+,\d+")
 _ERRORS = (ValueError, OverflowError, EOFError, zlib.error, gzip.BadGzipFile)
 
@@ -320,7 +316,6 @@ def _blocks(path: Path, table: _Table) -> TextFileReader:
         low_memory=False,
         chunksize=_BLOCK,
         encoding="utf-8-sig",
-        **_EXACT,
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pyproj import CRS
 
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import (
     LOCAL,
     describe_crs,
@@ -25,8 +24,6 @@ from toolbox.errors import DataError
 
 if TYPE_CHECKING:
     import geopandas
-
-log = logging.getLogger("toolbox")
 
 _DRIVERS = {
     ".gpkg": "GPKG",

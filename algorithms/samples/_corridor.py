@@ -20,9 +20,7 @@ from scipy.spatial import cKDTree
 from algorithms.samples._objects import Plan, Wing, building, shrub, tree
 from algorithms.samples._survey import (
     ASPHALT,
-    BLOCK,
     CONNECTOR,
-    CROWN,
     EAST,
     FOREST,
     GRASS,
@@ -38,7 +36,6 @@ from algorithms.samples._survey import (
     Floats,
     Records,
     SceneData,
-    World,
     blank_terrain,
     crown_widths,
     graded,
@@ -224,14 +221,7 @@ def corridor(*, size: float, density: float, seed: int, ctx: Context = QUIET) ->
     building(plan, x, y, turn, wings=[Wing(0, 0, 7.0, 4.5, slope=0.8)], storeys=2)
     _vegetation(network, size, width, ctx)
 
-    world = World(
-        terrain=plan.terrain,
-        cover=plan.cover,
-        level=plan.level,
-        blocks=np.array(plan.blocks, BLOCK),
-        crowns=np.array(plan.crowns, CROWN),
-        rods=np.concatenate([np.empty(0, ROD), *network.rods]),
-    )
+    world = replace(plan.world(), rods=np.concatenate([np.empty(0, ROD), *network.rods]))
 
     def inside(x: Floats, y: Floats) -> NDArray[np.bool_]:
         station, offset = axis.locate(x, y)

@@ -11,15 +11,18 @@ from numba import njit
 from numpy.typing import NDArray
 
 from algorithms.samples._survey import (
+    BLOCK,
     BUILDING,
     COLUMN,
     CONE,
+    CROWN,
     EAST,
     NORTH,
     ROUND,
     UNCLASSIFIED,
     Features,
     Terrain,
+    World,
     lift,
     rectangle,
 )
@@ -41,6 +44,12 @@ class Plan:
     crowns: list[tuple[Any, ...]] = field(default_factory=list)
     features: Features = field(default_factory=list)
     objects: int = 0
+
+    def world(self) -> World:
+        """What a pulse can meet of all that stands so far."""
+        blocks, crowns = np.array(self.blocks, BLOCK), np.array(self.crowns, CROWN)
+        return World(self.terrain, self.cover, self.level, blocks, crowns)
+
     planes: int = 0
 
     def new_object(self) -> int:

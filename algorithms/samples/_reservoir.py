@@ -13,7 +13,6 @@ from scipy import ndimage
 from algorithms.samples._objects import Plan, tree
 from algorithms.samples._survey import (
     ASPHALT,
-    CROWN,
     FOREST,
     GRASS,
     MUD,
@@ -22,7 +21,6 @@ from algorithms.samples._survey import (
     Floats,
     SceneData,
     Terrain,
-    World,
     below_level,
     blank_terrain,
     lift,
@@ -57,7 +55,7 @@ def reservoir(*, size: float, density: float, seed: int, ctx: Context = QUIET) -
     wet = float((terrain.values < level).mean())
     spacing = np.sqrt(1.15 * 1.08 * (1 - 0.87 * wet) / density)
     xyz, attributes = survey(
-        World(terrain, cover, level, crowns=np.array(plan.crowns, CROWN)),
+        plan.world(),
         parallel_lines(size, float(terrain.values.mean())),
         float(spacing),
         rng,

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from algorithms.samples._objects import Plan, Wing, barrier, building, car, shrub, tree, turned
 from algorithms.samples._survey import (
     ASPHALT,
-    BLOCK,
     BRIDGE,
-    CROWN,
     GRASS,
     HEDGE,
     MEADOW,
@@ -20,7 +18,6 @@ from algorithms.samples._survey import (
     Floats,
     SceneData,
     Terrain,
-    World,
     below_level,
     blank_terrain,
     crown_features,
@@ -47,13 +44,7 @@ def town(*, size: float, density: float, seed: int, ctx: Context = QUIET) -> Sce
     plan = landscape(size, rng)
     build(plan, ctx)
     plant(plan, ctx)
-    world = World(
-        terrain=plan.terrain,
-        cover=plan.cover,
-        level=plan.level,
-        blocks=np.array(plan.blocks, BLOCK),
-        crowns=np.array(plan.crowns, CROWN),
-    )
+    world = plan.world()
     lines = parallel_lines(size, float(plan.terrain.values.mean()))
     overlap = 1.3 - 0.3 / len(lines)
     spacing = float(np.sqrt(overlap * 1.06 / density))

@@ -23,6 +23,15 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from algorithms.ground import _csf_kernels as kernels
+from algorithms.shared.ground import Returns, classified, may_be_ground, taking_part
+from algorithms.shared.lowest import (
+    blocks,
+    lattice_around,
+    lowest_points,
+    require_finite,
+    spread_to_empty,
+    without_low_outliers,
+)
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit
@@ -37,15 +46,10 @@ START_GAP = 0.05  # metres
 START_REACH = 50.0  # metres: half the width of the widest object
 AT_REST = 0.02  # of the way that gravity alone moves a particle in a step; tiles agree from here on
 SLOPE_STEP = 0.3  # metres, h_cp in section 3.4 of the paper
-OUTLIER_CELL, OUTLIER_REACH, OUTLIER_STEP = 1.0, 10.0, 1.0  # metres
-OUTLIER_SLOPE, OUTLIER_SUPPORT = 0.3, 5
+OUTLIER_CELL = 1.0  # metres
 BYTES_PER_PARTICLE = 33
-MAX_PARTICLES = 200_000_000  # 6.6 GB: a square of 7 km at 0.5 m, more than a tile ever needs
 CHECK_EVERY = 10  # steps between two looks at which tiles still move
 FEW_TILES = 16  # not worth waking threads
-BLOCK = 2_000_000  # nodes or points that are worked on between two looks at the context
-
-GROUND, OTHER = 2, 1  # ASPRS classes
 
 Floats = NDArray[np.float64]
 
@@ -78,6 +82,9 @@ class GroundCsf:
         le=2,
     )
     iterations: int = param("Most steps until the cloth rests", default=500, unit="1", ge=1)
+    returns: Returns = param(
+        "Returns that can be ground; points without return numbers always can", default="last"
+    )
     ignore: ClassList | None = param(
         "Classes that take no part and stay as they are, such as noise 7,18", default=None
     )
@@ -98,9 +105,9 @@ class GroundCsf:
     def run(self, ctx: Context = QUIET) -> GroundCsf.Outputs:
         """Simulate, and compare points and cloth."""
         cloud = self.points
-        old = cloud["classification"] if "classification" in cloud else np.zeros(len(cloud), "u1")
-        use = ~np.isin(old, self.ignore or ())
-        xyz = cloud.xyz if use.all() else cloud.xyz[use]
+        part = taking_part(cloud, self.ignore)
+        chosen = part & may_be_ground(cloud, self.returns)
+        xyz = cloud.xyz if chosen.all() else cloud.xyz[chosen]
         cloth = cloth_simulation(
             xyz,
             cloth_resolution=self.cloth_resolution,
@@ -114,14 +121,10 @@ class GroundCsf:
         if not cloth.settled:
             log.warning("the cloth did not come to rest in %d iterations", self.iterations)
         ground = np.zeros(len(cloud), bool)
-        ground[use] = ground_mask(xyz, cloth, class_threshold=self.class_threshold)
-        classes = np.where(ground, GROUND, OTHER)
-        if self.keep_classes:
-            classes = np.where(ground | (old == GROUND), classes, old)
-        classes = np.where(use, classes, old).astype(np.uint8)
+        ground[chosen] = ground_mask(xyz, cloth, class_threshold=self.class_threshold)
         ctx.progress(1.0)
         return self.Outputs(
-            classified=cloud.with_attributes({"classification": classes}),
+            classified=classified(cloud, ground, part, keep_classes=self.keep_classes),
             cloth=Raster.from_lattice(
                 cloth.heights.astype(np.float32),
                 cloth.lattice,
@@ -216,7 +219,7 @@ def cloth_simulation(
     ValueError
         A coordinate is not a finite number.
     DataError
-        There are no points, or their bounding box would need more than MAX_PARTICLES particles.
+        There are no points, or their bounding box would need more than MAX_CELLS particles.
 
     Notes
     -----
@@ -225,7 +228,7 @@ def cloth_simulation(
     if not len(xyz):
         raise DataError("points: there are none to lay a cloth on")
     require_finite(xyz)
-    lattice = lattice_around(xyz, cloth_resolution)
+    lattice = lattice_around(xyz, cloth_resolution, bytes_per_cell=BYTES_PER_PARTICLE)
     obstacle = obstacle_of(xyz, lattice, metre, ctx.part(0.0, 0.2))
     start = lid_over(obstacle, START_REACH * metre / cloth_resolution, ctx.part(0.2, 0.25))
     start += START_GAP * metre
@@ -247,33 +250,6 @@ def cloth_simulation(
     return Cloth(heights, lattice, settled)
 
 
-def require_finite(xyz: Floats) -> None:
-    """Refuse coordinates that are not finite numbers."""
-    if np.isfinite(xyz).all():
-        return
-    point, axis = np.argwhere(~np.isfinite(xyz))[0]
-    raise ValueError(
-        f"xyz: coordinates must be finite numbers, got {'xyz'[axis]} = {xyz[point, axis]} "
-        f"at point {point}"
-    )
-
-
-def lattice_around(xyz: Floats, cell: float) -> Lattice:
-    """The cells of the points and one more on each side."""
-    low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
-    with np.errstate(over="ignore"):
-        particles = float(np.prod((high - low) / cell + 3))
-    if particles > MAX_PARTICLES:
-        raise DataError(
-            f"points: a cloth of {cell:g} over their bounding box, x {low[0]:.2f} to "
-            f"{high[0]:.2f} and y {low[1]:.2f} to {high[1]:.2f}, would need "
-            f"{particles:,.0f} particles ({particles * BYTES_PER_PARTICLE / 1e9:,.0f} GB); "
-            f"at most {MAX_PARTICLES:,} are allowed: remove stray points, "
-            "cut the data into tiles or raise cloth_resolution"
-        )
-    return Lattice.cover((*(low - cell), *(high + cell)), cell)
-
-
 def obstacle_of(xyz: Floats, lattice: Lattice, metre: float, ctx: Context) -> Floats:
     """What the cloth falls on: the height of each particle's point, upside down."""
     coarse = max(lattice.cell, OUTLIER_CELL * metre)
@@ -282,48 +258,6 @@ def obstacle_of(xyz: Floats, lattice: Lattice, metre: float, ctx: Context) -> Fl
     spread_to_empty(xyz, point, lattice, ctx.part(0.8, 1.0))
     obstacle: Floats = xyz[:, 2][point]
     return np.negative(obstacle, out=obstacle)
-
-
-def without_low_outliers(xyz: Floats, cell: float, metre: float, ctx: Context) -> NDArray[np.bool_]:
-    """False for points far below almost all others around them, judged on cells of `cell`."""
-    lattice = lattice_around(xyz, cell)
-    reach = max(2, round(OUTLIER_REACH * metre / cell))
-    step, rise = OUTLIER_STEP * metre, OUTLIER_SLOPE * cell
-    use = np.ones(len(xyz), bool)
-    done = 0.0
-    while True:
-        half = ctx.part(done, (1 + done) / 2)  # how many rounds there will be, nobody knows
-        lowest = lowest_points(xyz, use, lattice, half.part(0.0, 0.2))
-        found = np.zeros(lowest.shape, bool)
-        for rows in blocks(lattice.rows, 10 * lattice.cols):
-            kernels.alone_below(xyz[:, 2], lowest, *rows, reach, step, rise, OUTLIER_SUPPORT, found)
-            half.progress(0.2 + 0.8 * rows[1] / lattice.rows)
-        if not found.any():
-            return use
-        use[lowest[found]] = False  # another point of the cell may take its place
-        done = (1 + done) / 2
-
-
-def lowest_points(
-    xyz: Floats, use: NDArray[np.bool_], lattice: Lattice, ctx: Context
-) -> NDArray[np.int64]:
-    """Index of the lowest point in use of each cell; -1 where there is none."""
-    lowest = np.full(lattice.shape, -1)
-    for start, stop in blocks(len(xyz)):
-        cells = lattice.indices(xyz[start:stop, 0], xyz[start:stop, 1])
-        kernels.lowest_points(xyz, use, start, *cells, lowest)
-        ctx.progress(stop / len(xyz))
-    return lowest
-
-
-def spread_to_empty(xyz: Floats, near: NDArray[np.int64], lattice: Lattice, ctx: Context) -> None:
-    """Give each empty cell (-1) the index of the point nearest to its middle (in place)."""
-    empty = near < 0
-    down = [(first, last, 1) for first, last in blocks(lattice.rows, lattice.cols)]
-    up = [(last - 1, first - 1, -1) for first, last, _ in reversed(down)]
-    for k, rows in enumerate(down + up):
-        kernels.spread_rows(xyz, near, empty, *lattice.centres(), *rows)
-        ctx.progress((k + 1) / len(down + up))
 
 
 def lid_over(obstacle: Floats, reach: float, ctx: Context) -> Floats:
@@ -371,9 +305,3 @@ def let_fall(
         if moved.max(initial=0.0) < AT_REST * drop:
             return before, True
     return before, False
-
-
-def blocks(total: int, size: int = 1) -> list[tuple[int, int]]:
-    """Cut `total` items of `size` nodes into runs (first, last) of about BLOCK nodes."""
-    length = max(1, BLOCK // size)
-    return [(first, min(first + length, total)) for first in range(0, total, length)]

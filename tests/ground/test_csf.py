@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from algorithms.ground import csf
 from algorithms.ground.csf import GroundCsf, cloth_simulation, ground_mask
+from algorithms.shared.lowest import lattice_around, lowest_points, spread_to_empty
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud
 from toolbox.errors import Cancelled, DataError
@@ -167,9 +168,9 @@ def test_the_cloth_sags_over_a_long_pit_as_computed(rigidness: int) -> None:
 def test_empty_nodes_take_the_point_nearest_in_plan() -> None:
     xyz = plane(side=20, spacing=3.1)
     xyz[:, 2] = np.arange(len(xyz))
-    lattice = csf.lattice_around(xyz, 0.5)
-    point = csf.lowest_points(xyz, np.ones(len(xyz), bool), lattice, QUIET)
-    csf.spread_to_empty(xyz, point, lattice, QUIET)
+    lattice = lattice_around(xyz, 0.5)
+    point = lowest_points(xyz, np.ones(len(xyz), bool), lattice, QUIET)
+    spread_to_empty(xyz, point, lattice, QUIET)
     middle = np.stack(np.meshgrid(*lattice.centres()), axis=-1)
     nearest, _ = cKDTree(xyz[:, :2]).query(middle)
     taken = np.hypot(*np.moveaxis(xyz[point][..., :2] - middle, -1, 0))
@@ -304,7 +305,7 @@ def test_coordinates_must_be_finite(bad: float) -> None:
 
 def test_a_stray_point_far_away_is_refused_before_memory_is_taken() -> None:
     xyz = np.vstack([plane(), [[900_000.0, 5_000_000.0, 300.0]]])
-    with pytest.raises(DataError, match=r"y 5000000\.00 to .* 160,\d{3},\d{3},\d{3} particles"):
+    with pytest.raises(DataError, match=r"y 5000000\.00 to .* 160,\d{3},\d{3},\d{3} cells"):
         cloth_simulation(xyz)
 
 

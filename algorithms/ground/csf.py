@@ -20,7 +20,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
+from scipy.ndimage import convolve, grey_closing, maximum_filter
 
 from algorithms.ground import _csf_kernels as kernels
 from algorithms.shared.ground import Returns, classified, may_be_ground, taking_part
@@ -39,38 +39,52 @@ from toolbox.errors import DataError
 from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import ClassList
 
-GRAVITY = 0.24  # metres per square of the time step, for particles 1 metre apart
-DRAG = 0.325  # share of the speed lost in a step, per metre between particles (small ones)
-HALO = 100.0  # metres of data that a tile needs around it, 2 START_REACH
-START_GAP = 0.05  # metres
-START_REACH = 50.0  # metres: half the width of the widest object
-AT_REST = 0.02  # of the way that gravity alone moves a particle in a step; tiles agree from here on
+GRAVITY = 0.24  # metres per square of the time step, for particles 1 metre apart, rigidness 1
+DRAG = 0.2  # share of the speed lost in a step, per metre between particles (small ones)
+HALO = 100.0  # metres of data that the cloth of a tile needs around it
+AT_REST = (
+    0.005  # of the way that gravity alone moves a particle in a step; tiles agree from here on
+)
+COARSEST, FEW_NODES = 8.0, 16  # the cloth begins with particles 8 metres apart, 16 along a side
+START_REACH = 50.0  # metres: half the width of the pits that the coarsest cloth starts above
 SLOPE_STEP = 0.3  # metres, h_cp in section 3.4 of the paper
-OUTLIER_CELL = 1.0  # metres
-BYTES_PER_PARTICLE = 33
+OUTLIER_CELL = 2.0  # metres
+BYTES_PER_PARTICLE = 70
 CHECK_EVERY = 10  # steps between two looks at which tiles still move
-FEW_TILES = 16  # not worth waking threads
+FEW_TILES = 128  # not worth waking threads
+
+# How rigidness "auto" reads the terrain: the rise of a first cloth over 2 LAG, averaged by BLOCK.
+STIFF = 3.0
+LAG, BLOCK = 20.0, 100.0  # metres
+SLOPES, RIGIDNESS = (0.06, 0.12), (3.0, 1.5)  # 3 on gentler slopes, 1.5 on steeper ones
+STEEP = 0.09  # slope from which on the cloth is let down: the middle between the two
+AUTO_HALO = 250.0  # metres, 2.5 BLOCK
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 
 
 @tool("ground.csf")
 class GroundCsf:
     """Classify ground with a cloth that falls on the points turned upside down.
 
-    Ground becomes class 2, all else class 1. Choose `rigidness` by terrain: 3 flat, 2 gentle
-    slopes with buildings, 1 steep slopes. Turn on `smooth_slopes` where banks and ditches lose
-    points; it also lets the cloth climb low roofs, so leave it off among large buildings on flat
-    ground. With the defaults the cloth sags onto halls wider than some 30 m; a smaller `time_step`
-    spans wider ones. The cloth covers gaps and can serve as a first terrain model.
+    Ground becomes class 2, all else class 1. `rigidness` auto stiffens the cloth where the terrain
+    is flat, so that it spans large roofs, and softens it and lets it down on slopes, so that it
+    reaches ridges and banks. Or set it by terrain: 3 flat, 2 gentle slopes with buildings, 1 steep
+    slopes. `smooth_slopes` lets the cloth down everywhere; it then climbs low roofs too, so leave
+    it off among large buildings. A smaller `time_step` spans halls wider than some 30 m. The cloth
+    covers gaps and can serve as a first terrain model.
     """
 
     points: PointCloud = source("Points to classify")
     cloth_resolution: float = param("Distance of the cloth particles", default=0.5, unit="m", gt=0)
-    rigidness: Literal[1, 2, 3] = param(
-        "Stiffness of the cloth: 1 steep slopes, 2 gentle slopes, 3 flat terrain", default=3
+    rigidness: Literal["auto", 1, 2, 3] = param(
+        "Stiffness of the cloth: 1 steep slopes, 2 gentle slopes, 3 flat terrain, auto by slope",
+        default="auto",
     )
-    smooth_slopes: bool = param("Let the cloth down on steep slopes afterwards", default=False)
+    smooth_slopes: bool = param(
+        "Let the cloth down on all slopes afterwards; auto does so on steep terrain", default=False
+    )
     class_threshold: float = param(
         "Greatest distance of a ground point from the cloth", default=0.5, unit="m", gt=0
     )
@@ -95,12 +109,13 @@ class GroundCsf:
     @outputs
     class Outputs:
         classified: PointCloud = sink("The same points, class 2 on ground and 1 elsewhere")
-        cloth: Raster = sink("Elevation of the cloth at rest")
+        cloth: Raster = sink("Elevation of the cloth at rest; its rigidness as second band")
+        mean_rigidness: float = sink("Rigidness of the cloth, chosen or given, mean", unit="1")
         ground_share: float = sink("Share of points that became ground", unit="1")
 
     def halo(self) -> float:
-        """The lid from which the cloth starts looks this far; the cloth itself less."""
-        return HALO
+        """What lies farther away moves the cloth by millimetres; auto looks at blocks around."""
+        return AUTO_HALO if self.rigidness == "auto" else HALO
 
     def run(self, ctx: Context = QUIET) -> GroundCsf.Outputs:
         """Simulate, and compare points and cloth."""
@@ -120,18 +135,23 @@ class GroundCsf:
         )
         if not cloth.settled:
             log.warning("the cloth did not come to rest in %d iterations", self.iterations)
+        softer = float(np.mean(cloth.rigidness < STIFF))
+        mean = float(np.mean(cloth.rigidness, dtype=float))
+        if self.rigidness == "auto":
+            log.info("rigidness: %.2f on average, below 3 on %.0f %%", mean, 100 * softer)
         ground = np.zeros(len(cloud), bool)
         ground[chosen] = ground_mask(xyz, cloth, class_threshold=self.class_threshold)
         ctx.progress(1.0)
         return self.Outputs(
             classified=classified(cloud, ground, part, keep_classes=self.keep_classes),
             cloth=Raster.from_lattice(
-                cloth.heights.astype(np.float32),
+                np.stack([cloth.heights.astype(np.float32), cloth.rigidness]),
                 cloth.lattice,
                 crs=cloud.crs,
-                descriptions=("cloth",),
-                units=(vertical_unit(cloud.crs) if cloud.crs else "",),
+                descriptions=("cloth", "rigidness"),
+                units=(vertical_unit(cloud.crs) if cloud.crs else "", "1"),
             ),
+            mean_rigidness=mean,
             ground_share=float(np.count_nonzero(ground) / len(ground)),
         )
 
@@ -144,11 +164,13 @@ class Cloth:
     ----------
     heights : array of shape (rows, cols), elevation of the particles
     lattice : cells with a particle in the middle of each, in whole multiples of their size
+    rigidness : array of shape (rows, cols), what was given or chosen for the particles
     settled : whether the cloth came to rest within the iterations
     """
 
     heights: Floats
     lattice: Lattice
+    rigidness: Singles
     settled: bool
 
 
@@ -188,7 +210,7 @@ def cloth_simulation(
     xyz: Floats,
     *,
     cloth_resolution: float = 0.5,
-    rigidness: int = 3,
+    rigidness: Literal["auto"] | float = "auto",
     smooth_slopes: bool = False,
     time_step: float = 0.65,
     iterations: int = 500,
@@ -201,11 +223,12 @@ def cloth_simulation(
     ----------
     xyz : array of shape (n, 3)
     cloth_resolution : distance of the particles, in the unit of the points
-    rigidness : passes of the springs per step; 3 for flat, 2 for gentle, 1 for steep terrain
-    smooth_slopes : let the cloth down on steep slopes where it lies against resting parts
-        (section 3.4 of the paper)
+    rigidness : strength of the springs, 3 for flat, 2 for gentle, 1 for steep terrain; "auto"
+        chooses it by the slope of the terrain around, and smooths the slopes where it is steep
+    smooth_slopes : let the cloth down everywhere where it lies against resting parts (section 3.4
+        of the paper)
     time_step : of the simulation; gravity moves the cloth by its square
-    iterations : most steps that the cloth may take to come to rest
+    iterations : most steps that the cloth may take to come to rest, at each resolution
     metre : length of one metre in the unit of the points
     ctx : progress and cancellation
 
@@ -229,79 +252,193 @@ def cloth_simulation(
         raise DataError("points: there are none to lay a cloth on")
     require_finite(xyz)
     lattice = lattice_around(xyz, cloth_resolution, bytes_per_cell=BYTES_PER_PARTICLE)
-    obstacle = obstacle_of(xyz, lattice, metre, ctx.part(0.0, 0.2))
-    start = lid_over(obstacle, START_REACH * metre / cloth_resolution, ctx.part(0.2, 0.25))
-    start += START_GAP * metre
+    obstacle = obstacle_of(xyz, lattice, metre, ctx.part(0.0, 0.4))
     spacing = cloth_resolution / metre
-    height, settled = let_fall(
-        start,
-        obstacle,
-        drop=GRAVITY * (time_step * spacing) ** 2 * metre,
-        drag=1.0 - math.exp(-DRAG * spacing),
-        passes=rigidness,
-        iterations=iterations,
-        ctx=ctx.part(0.25, 1.0),
+    weight = GRAVITY * (time_step * spacing) ** 2 * metre
+    given = STIFF if rigidness == "auto" else rigidness
+    chosen = np.full(lattice.shape, given, np.float32)
+    height, settled = come_to_rest(
+        obstacle, weight / chosen, spacing, iterations, ctx.part(0.4, 0.8)
     )
-    if smooth_slopes:
-        kernels.settle_slopes(height, obstacle, SLOPE_STEP * metre)
+    resting, steep = height <= obstacle, np.full(lattice.shape, smooth_slopes)
+    if rigidness == "auto":
+        slope = terrain_slope(height, lattice, metre)
+        chosen = np.interp(slope, SLOPES, RIGIDNESS).astype(np.float32)
+        steep |= slope > STEEP
+        height, still_settled = let_fall(
+            height, obstacle, weight / chosen, spacing, iterations, ctx.part(0.8, 1.0)
+        )
+        settled &= still_settled
+    # On slopes the cloth is let down from where it rested when stiff: not from sunken roofs.
+    kernels.settle_slopes(height, obstacle, resting, steep, SLOPE_STEP * metre)
     heights = np.negative(height, out=height)
-    heights.flags.writeable = False
+    heights.flags.writeable = chosen.flags.writeable = False
     ctx.progress(1.0)
-    return Cloth(heights, lattice, settled)
+    return Cloth(heights, lattice, chosen, settled)
 
 
 def obstacle_of(xyz: Floats, lattice: Lattice, metre: float, ctx: Context) -> Floats:
     """What the cloth falls on: the height of each particle's point, upside down."""
     coarse = max(lattice.cell, OUTLIER_CELL * metre)
-    use = without_low_outliers(xyz, coarse, metre, ctx.part(0, 0.6))
-    point = lowest_points(xyz, use, lattice, ctx.part(0.6, 0.8))
+    use, done = np.ones(len(xyz), bool), 0.4
+    point = lowest_points(xyz, use, lattice, ctx.part(0.0, done))
+    while True:
+        part = ctx.part(done, (0.8 + done) / 2)  # how many rounds there will be, nobody knows
+        low = point[point >= 0]
+        kept = without_low_outliers(xyz[low], coarse, metre, part.part(0.0, 0.5))
+        if kept.all():
+            break
+        use[low[~kept]] = False
+        take_next_lowest(xyz, use, point, lattice, part.part(0.5, 1.0))
+        done = (0.8 + done) / 2
     spread_to_empty(xyz, point, lattice, ctx.part(0.8, 1.0))
     obstacle: Floats = xyz[:, 2][point]
     return np.negative(obstacle, out=obstacle)
 
 
-def lid_over(obstacle: Floats, reach: float, ctx: Context) -> Floats:
+def take_next_lowest(
+    xyz: Floats, use: NDArray[np.bool_], point: NDArray[np.int64], lattice: Lattice, ctx: Context
+) -> None:
+    """Let another point take the place of one that is no longer in use (in place)."""
+    emptied = (point >= 0) & ~use[point]
+    within = np.empty(len(xyz), bool)
+    for first, last in blocks(len(xyz)):
+        within[first:last] = emptied[lattice.indices(xyz[first:last, 0], xyz[first:last, 1])]
+        ctx.progress(last / len(xyz))
+    point[emptied] = -1
+    candidates = np.flatnonzero(within & use)
+    if len(candidates):
+        lowest = lowest_points(xyz[candidates], use[candidates], lattice, QUIET)
+        filled = lowest >= 0
+        point[filled] = candidates[lowest[filled]]
+
+
+def terrain_slope(height: Floats, lattice: Lattice, metre: float) -> Singles:
+    """Slope of the terrain around each node: of the cloth, over 2 LAG, averaged by blocks.
+
+    Blocks are in whole multiples from the origin of the coordinates, so that all tiles share them.
+    """
+    cell = lattice.cell
+    lag = max(1, round(LAG * metre / cell))
+    eastward, southward = rise_per_row(height.T, lag).T, rise_per_row(height, lag)
+    slope = np.hypot(eastward, southward, out=eastward)
+    slope /= cell
+    size = max(1, round(BLOCK * metre / cell))
+    west, south = round(lattice.west / cell), round(lattice.north / cell) - lattice.rows
+    mean = block_means(slope[::-1], south, west, size)
+    return between_blocks(mean, (south, west), lattice.shape, size)[::-1]
+
+
+def rise_per_row(height: Floats, lag: int) -> Floats:
+    """Rise per row, measured over `lag` rows up and down; less at the edges."""
+    row = np.arange(len(height))
+    first, last = np.maximum(row - lag, 0), np.minimum(row + lag, len(row) - 1)
+    rise: Floats = (height[last] - height[first]) / (last - first)[:, None]
+    return rise
+
+
+def block_means(values: Floats, first_row: int, first_col: int, size: int) -> Floats:
+    """Mean of the nodes in 3 x 3 blocks around each block that the lattice touches."""
+    sums, counts = values, np.ones((1, 1))
+    for axis, first in ((0, first_row), (1, first_col)):
+        block = np.arange(first, first + values.shape[axis]) // size
+        starts = np.flatnonzero(np.diff(block, prepend=block[0] - 1))
+        sums = np.add.reduceat(sums, starts, axis=axis)
+        lengths = np.diff(starts, append=len(block))
+        counts = counts * np.expand_dims(lengths, 1 - axis)
+    around = np.ones((3, 3))
+    mean: Floats = convolve(sums, around, mode="constant") / convolve(
+        counts, around, mode="constant"
+    )
+    return mean
+
+
+def between_blocks(
+    mean: Floats, first: tuple[int, int], shape: tuple[int, int], size: int
+) -> Singles:
+    """Bilinear interpolation between the middles of blocks; level beyond the outermost."""
+    for axis in (0, 1):
+        at = (np.arange(first[axis], first[axis] + shape[axis]) + 0.5) / size - 0.5
+        at = np.clip(at - first[axis] // size, 0, mean.shape[axis] - 1)
+        low = at.astype(int)
+        share = np.expand_dims(at - low, 1 - axis)
+        high = np.minimum(low + 1, mean.shape[axis] - 1)
+        mean = mean.take(low, axis) * (1 - share) + mean.take(high, axis) * share
+    return mean.astype(np.float32)
+
+
+def come_to_rest(
+    obstacle: Floats, drop: Singles, spacing: float, iterations: int, ctx: Context
+) -> tuple[Floats, bool]:
+    """Let the cloth fall at coarse resolution first: it starts the fine one where it will rest.
+
+    Where the cloth rests does not depend on its start, so the coarse ones only save time.
+    """
+    levels = [obstacle]
+    while spacing * 2 ** len(levels) <= COARSEST and min(levels[-1].shape) > FEW_NODES:
+        levels.append(coarser(levels[-1]))
+    last = len(levels) - 1
+    start, settled = lid_over(levels[last], START_REACH / (spacing * 2**last)), False
+    for k in range(last, -1, -1):
+        weight = drop[:: 2**k, :: 2**k] * np.float32(4**k)  # so that all of them sag alike
+        part = ctx.part(0.5 ** (k + 1), 0.5**k)
+        start, settled = let_fall(start, levels[k], weight, spacing * 2**k, iterations, part)
+        if k:
+            rows, cols = levels[k - 1].shape
+            start = start.repeat(2, axis=0).repeat(2, axis=1)[:rows, :cols]
+    return start, settled
+
+
+def coarser(obstacle: Floats) -> Floats:
+    """The highest of every 2 x 2 nodes."""
+    rows, cols = obstacle.shape
+    even = np.pad(obstacle, ((0, rows % 2), (0, cols % 2)), mode="edge")
+    made: Floats = np.maximum(
+        np.maximum(even[::2, ::2], even[1::2, ::2]), np.maximum(even[::2, 1::2], even[1::2, 1::2])
+    )
+    return made
+
+
+def lid_over(obstacle: Floats, reach: float) -> Floats:
     """Grey closing with a square of half width `reach` nodes: bridges what is narrower."""
     window = 2 * max(1, round(reach)) + 1
-    lid = obstacle.copy()
-    steps = [
-        (extreme, view) for extreme in (maximum_filter1d, minimum_filter1d) for view in (lid, lid.T)
-    ]
-    for k, (extreme, view) in enumerate(steps):
-        for first, last in blocks(*view.shape):
-            view[first:last] = extreme(view[first:last], window, axis=1)
-            ctx.progress((k + last / len(view)) / len(steps))
+    lid: Floats = grey_closing(obstacle, (window, window))
     return lid
 
 
 def let_fall(
     start: Floats,
     obstacle: Floats,
-    *,
-    drop: float,
-    drag: float,
-    passes: int,
+    drop: Singles,
+    spacing: float,
     iterations: int,
     ctx: Context,
 ) -> tuple[Floats, bool]:
     """Move the cloth from `start` until it rests; its heights and whether it came to rest.
 
-    `drop` is the way of a free particle in the first step, `drag` the share of speed lost.
+    `drop` is the way of a free particle in the first step, `spacing` of the particles in metres.
     """
-    before = start
-    height = np.maximum(start - drop, obstacle)
-    following = height.copy()
-    every = kernels.tiles_of(*height.shape)
-    awake = np.ones(len(every), bool)
-    for k in range(iterations):
-        if k % CHECK_EVERY == 0:
-            # A tile at rest is worked on for one more round: then all arrays agree on it.
-            was_awake, awake = awake, kernels.movable(every, height, obstacle)
-            tiles = every[awake | was_awake]
+    inertia = math.exp(-DRAG * spacing)
+    height = np.pad(np.maximum(start, obstacle), kernels.REACH, mode="edge")
+    before = height.copy()
+    own = (slice(kernels.REACH, -kernels.REACH),) * 2
+    still = AT_REST * float(drop.min())
+    grid = [range(0, length, kernels.TILE) for length in obstacle.shape]
+    every = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1)
+    awake = np.ones(every.shape[:2], bool)
+    tiles = every[awake]
+    for k in range(1, iterations + 1):
         step = kernels.step_serial if len(tiles) < FEW_TILES else kernels.step
-        moved = step(tiles, height, following, before, obstacle, passes, drag, drop)
-        height, following = following, height
-        ctx.progress((k + 1) / iterations)
-        if moved.max(initial=0.0) < AT_REST * drop:
-            return before, True
-    return before, False
+        step(tiles, height, before, obstacle, drop, inertia)
+        height, before = before, height
+        kernels.continue_edges(height)
+        ctx.progress(k / iterations)
+        if k % CHECK_EVERY == 0:
+            moving = np.zeros(awake.shape, bool)
+            moving[awake] = kernels.movement(tiles, height, before) > still
+            if not moving.any():
+                return height[own].copy(), True
+            was_awake, awake = awake, maximum_filter(moving, 3)
+            kernels.hold(every[was_awake & ~awake], height, before)
+            tiles = every[awake]
+    return height[own].copy(), False

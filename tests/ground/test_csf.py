@@ -27,16 +27,17 @@ Mask = NDArray[np.bool_]
 THREADS = numba.get_num_threads()
 FOOT = 0.3048
 
-# sample: rigidness, smooth slopes (groups of the paper), total error in % that we reach
+# sample: rigidness, smooth slopes (groups of the paper), total errors in % that we reach with
+# these settings and with the defaults
 ISPRS = {
-    12: (2, True, 3.23),
-    21: (3, False, 1.26),
-    23: (2, True, 4.47),
-    31: (3, False, 2.14),
-    42: (3, False, 2.25),
-    51: (3, False, 1.57),
-    54: (3, False, 3.11),
-    61: (1, True, 1.49),
+    12: (2, True, 3.26, 3.31),
+    21: (3, False, 1.27, 1.27),
+    23: (2, True, 4.52, 5.08),
+    31: (3, False, 2.16, 2.16),
+    42: (3, False, 2.12, 2.51),
+    51: (3, False, 1.79, 2.39),
+    54: (3, False, 3.09, 3.03),
+    61: (1, True, 1.54, 2.49),
 }
 
 
@@ -49,7 +50,7 @@ def plane(side: float = 60.0, spacing: float = 0.7, seed: int = 1) -> Floats:
     return np.column_stack([x + 700_000, y + 5_200_000, terrain(x, y)])
 
 
-def terrain(x: Floats, y: Floats) -> Floats:
+def terrain(x: Any, y: Any) -> Any:
     """Height of the plane, 6 % steep."""
     return 300 + 0.05 * x + 0.03 * y
 
@@ -105,64 +106,122 @@ def test_buildings_on_a_tilted_plane_are_told_from_it_exactly() -> None:
     np.testing.assert_array_equal(ground, ~roof)
 
 
-@pytest.mark.parametrize("rigidness", [1, 2, 3])
-def test_a_step_follows_the_rule_on_the_whole_lattice(
-    rigidness: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Tiles, scratch and sleeping must not show: compare with the plain rule in numpy."""
-    monkeypatch.setattr(csf, "CHECK_EVERY", 1)  # let tiles sleep as early as they may
-    rng = np.random.default_rng(rigidness)
+def test_a_step_follows_the_rule_on_the_whole_lattice() -> None:
+    """Tiles and rim must not show: compare with the plain rule in numpy."""
+    rng = np.random.default_rng(1)
     shape = (150, 300)  # several tiles both ways, none full at the far edges
     obstacle = np.where(rng.random(shape) < 0.1, rng.normal(0, 1, shape), -50.0)
-    obstacle[:70, :140] = rng.normal(0, 0.1, (70, 140))  # a tile that falls asleep
-    start = np.full(shape, 5.0)
-    drop, drag, steps = 0.1, 0.15, 35
-    got, settled = csf.let_fall(
-        start.copy(),
-        obstacle,
-        drop=drop,
-        drag=drag,
-        passes=rigidness,
-        iterations=steps,
-        ctx=QUIET,
-    )
+    drop = rng.uniform(0.05, 0.15, shape).astype(np.float32)
+    start, steps, spacing = np.full(shape, 5.0), 35, 0.5
+    got, settled = csf.let_fall(start, obstacle, drop, spacing, steps, QUIET)
     weights = np.zeros((5, 5))
     weights[::2, ::2] = 1 / 16
     weights[1:4, 1:4] = 1 / 16
     weights[2, 2] = 0
-    before, height = start, start - drop
+    before = height = start
     for _ in range(steps):
-        for _ in range(rigidness):
-            pulled = (height + correlate(height, weights, mode="nearest")) / 2
-            height = np.where(height > obstacle, np.maximum(pulled, obstacle), obstacle)
-        fallen = height + (1 - drag) * (height - before) - drop
-        before, height = (
-            height,
-            np.where(height > obstacle, np.maximum(fallen, obstacle), obstacle),
-        )
+        pulled = (height + correlate(height, weights, mode="nearest")) / 2
+        kept = np.exp(-csf.DRAG * spacing) * (height - before)
+        before, height = height, np.maximum(pulled + kept - drop, obstacle)
     assert not settled
-    assert (got[:64, :128] <= obstacle[:64, :128]).all(), "no tile has come to rest"
-    np.testing.assert_allclose(got, before, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(got, height, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("rigidness", [1, 3])
-def test_the_cloth_sags_over_a_long_pit_as_computed(rigidness: int) -> None:
-    """At rest the springs carry the weight: a parabola whose depth is known."""
+def pit() -> Floats:
     obstacle = np.zeros((8, 80))
     obstacle[:, 20:60] = -1000
-    height, settled = csf.let_fall(
-        np.full(obstacle.shape, 0.5),
-        obstacle,
-        drop=0.01,
-        drag=0.1,
-        passes=rigidness,
-        iterations=2000,
-        ctx=QUIET,
-    )
-    curvature = 0.01 / (rigidness * 15 / 32)  # mean square reach of the springs / 2, halved
-    sag = curvature * 41**2 / 8
+    return obstacle
+
+
+@pytest.mark.parametrize("drop", [0.01, 0.003])
+def test_the_cloth_sags_over_a_long_pit_as_computed(drop: float) -> None:
+    """At rest the springs carry the weight: a parabola whose depth is known."""
+    weight = np.full(pit().shape, drop, np.float32)
+    height, settled = csf.let_fall(pit() + 0.5, pit(), weight, 0.3, 5000, QUIET)
+    curvature = drop / (15 / 32)  # mean square reach of the springs / 2, halved
     assert settled
-    assert -height[4].min() == pytest.approx(sag, rel=0.2)
+    assert -height[4].min() == pytest.approx(curvature * 41**2 / 8, rel=0.1)
+
+
+def test_where_the_cloth_rests_does_not_depend_on_its_start() -> None:
+    """So it may start at coarse resolution, and tiles agree."""
+    rng = np.random.default_rng(4)
+    obstacle = rng.normal(0, 0.1, (150, 200))
+    obstacle[30:90, 40:120] -= 30
+    drop = np.full(obstacle.shape, 0.01, np.float32)
+    found = [
+        csf.come_to_rest(obstacle, drop, 0.5, 5000, QUIET),
+        csf.let_fall(obstacle + 20, obstacle, drop, 0.5, 5000, QUIET),
+        csf.let_fall(obstacle, obstacle, drop, 0.5, 5000, QUIET),
+    ]
+    assert all(settled for _, settled in found)
+    for height, _ in found[1:]:
+        np.testing.assert_allclose(height, found[0][0], rtol=0, atol=0.02)
+
+
+def test_tiles_that_fall_asleep_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    obstacle = np.random.default_rng(4).normal(0, 0.1, (300, 300))
+    obstacle[30:120, 40:120] -= 30
+    drop = np.full(obstacle.shape, 0.01, np.float32)
+    slept, settled = csf.let_fall(obstacle + 1, obstacle, drop, 0.5, 5000, QUIET)
+    monkeypatch.setattr(csf, "AT_REST", 1e-4)
+    awake, _ = csf.let_fall(obstacle + 1, obstacle, drop, 0.5, 5000, QUIET)
+    assert settled
+    np.testing.assert_allclose(slept, awake, rtol=0, atol=0.005)
+
+
+def ridge() -> tuple[Floats, Mask]:
+    """A slope with sharp ridges 12 m apart, and a plain with a hall east of it; the ridges."""
+    xyz = plane(side=420)
+    xyz = xyz[inside(xyz, (0.0, 420.0, 0.0, 60.0))]
+    x = xyz[:, 0] - 700_000
+    rise = np.where(x < 200, 0.4 * (6 - np.abs(x % 12 - 6)), 0.0)
+    xyz[:, 2] = 300 + 0.2 * np.clip(200 - x, 0, None) + rise
+    xyz[inside(xyz, (345.0, 367.0, 10.0, 50.0)), 2] += 5
+    return xyz, (rise > 2.1) & (x > 20) & (x < 180)
+
+
+def test_auto_softens_the_cloth_on_slopes_and_stiffens_it_on_the_plain() -> None:
+    xyz, tops = ridge()
+    hall = inside(xyz, (345.0, 367.0, 10.0, 50.0))
+    cloth = cloth_simulation(xyz)
+    auto = ground_mask(xyz, cloth)
+    row, col = cloth.lattice.indices(xyz[:, 0], xyz[:, 1])
+    assert (cloth.rigidness[row, col][tops] == 1.5).all()
+    assert (cloth.rigidness[row, col][hall] == 3).all()
+    assert auto[tops].all()
+    assert not auto[hall].any()
+    soft, smooth = labels(xyz, rigidness=1), labels(xyz, rigidness=1, smooth_slopes=True)
+    stiff = labels(xyz, rigidness=3)
+    assert soft[hall].any() or smooth[hall].any()
+    assert stiff[tops].mean() < 0.9
+
+
+def test_smooth_slopes_go_before_what_auto_chooses() -> None:
+    """Switched on, the cloth is let down on gentle terrain too."""
+    xyz, height = dike()
+    auto = labels(xyz, time_step=0.3)
+    assert auto[height > 3].mean() < 0.1
+    assert labels(xyz, time_step=0.3, smooth_slopes=True)[height > 3].all()
+
+
+def test_blocks_of_slope_are_shared_by_tiles() -> None:
+    """Far from the edge of a tile, its slopes are those of the whole."""
+    rng = np.random.default_rng(2)
+    height = np.cumsum(rng.normal(0.1, 1.0, (900, 800)), axis=1)
+    whole = csf.terrain_slope(height, Lattice(1001.0, 5007.0, 1.0, 900, 800), 1.0)
+    tile = csf.terrain_slope(height[37:, 53:], Lattice(1054.0, 4970.0, 1.0, 863, 747), 1.0)
+    inner = (slice(280, -280), slice(280, -280))
+    np.testing.assert_allclose(tile[inner], whole[37:, 53:][inner], rtol=1e-5)
+    assert np.ptp(whole) > 0.001
+
+
+def test_the_slope_of_a_plane_is_its_own() -> None:
+    rows, cols = np.mgrid[0:300, 0:500]
+    height = 0.03 * rows + 0.04 * cols
+    for metre in (1.0, 1 / FOOT):
+        slope = csf.terrain_slope(height * 0.5, Lattice(0.0, 150.0, 0.5, 300, 500), metre)
+        np.testing.assert_allclose(slope, 0.05, rtol=1e-5)
 
 
 def test_empty_nodes_take_the_point_nearest_in_plan() -> None:
@@ -188,6 +247,25 @@ def test_a_terrace_is_ground_on_both_levels() -> None:
     assert ground[~near_edge].all()
 
 
+def test_the_choice_of_auto_is_reported(caplog: pytest.LogCaptureFixture) -> None:
+    xyz, _ = ridge()
+    with caplog.at_level("INFO", "toolbox"):
+        out = GroundCsf(points=cloud(xyz)).run()
+        assert 1.5 < out.mean_rigidness < 3
+        assert out.mean_rigidness == pytest.approx(out.cloth.band(2).mean())
+        assert f"rigidness: {out.mean_rigidness:.2f} on average" in caplog.text
+        caplog.clear()
+        given = GroundCsf(points=cloud(xyz), rigidness=2).run()
+    assert given.mean_rigidness == 2
+    assert "rigidness" not in caplog.text
+
+
+def test_auto_needs_more_data_around_a_tile() -> None:
+    points = cloud(plane(side=5))
+    assert GroundCsf(points=points).halo() == 250
+    assert GroundCsf(points=points, rigidness=3).halo() == 100
+
+
 def test_smooth_slopes_bring_back_a_dike_with_steep_banks() -> None:
     xyz, height = dike()
     without = labels(xyz, rigidness=12, smooth_slopes=False)
@@ -209,18 +287,18 @@ def test_the_cloth_spans_a_gap() -> None:
     assert ground_mask(xyz, cloth)[gap].all()
 
 
-def test_a_low_outlier_does_not_hold_up_the_cloth() -> None:
-    xyz = town()
-    centre = np.argmin(np.hypot(xyz[:, 0] - 700_027, xyz[:, 1] - 5_200_005))
-    clean = labels(xyz)
-    for depth in (5.0, 50.0):
-        bad = xyz.copy()
-        bad[centre, 2] -= depth
-        bad[centre + 1, 2] -= depth + 1
-        ground = labels(bad)
-        assert not ground[[centre, centre + 1]].any()
-        rest = np.delete(np.arange(len(xyz)), [centre, centre + 1])
-        np.testing.assert_array_equal(ground[rest], clean[rest])
+@pytest.mark.parametrize("spacing", [0.35, 0.7, 2.0])
+@pytest.mark.parametrize("count", [1, 2, 4, 6])
+@pytest.mark.parametrize("depth", [6.0, 50.0])
+def test_low_outliers_do_not_hold_up_the_cloth(depth: float, count: int, spacing: float) -> None:
+    """Multipath: single echoes and small groups far below the ground."""
+    xyz = plane(spacing=spacing)
+    angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    low = np.column_stack([700_030 + np.cos(angle), 5_200_030 + np.sin(angle), 0.1 * angle])
+    low[:, 2] += terrain(30, 30) - depth
+    ground = labels(np.concatenate([xyz, low]))
+    assert ground[: len(xyz)].all()
+    assert not ground[len(xyz) :].any()
 
 
 def test_feet_give_the_labels_of_metres() -> None:
@@ -344,7 +422,10 @@ def test_the_tool_gives_classes_share_and_cloth() -> None:
     assert out.ground_share == ground.mean()
     cloth = cloth_simulation(xyz)
     np.testing.assert_array_equal(out.cloth.band(), cloth.heights.astype(np.float32))
-    assert (out.cloth.crs, out.cloth.units) == (CRS(32632), ("metre",))
+    assert (out.cloth.crs, out.cloth.units) == (CRS(32632), ("metre", "1"))
+    assert out.cloth.descriptions == ("cloth", "rigidness")
+    np.testing.assert_array_equal(out.cloth.band(2), cloth.rigidness)
+    assert out.mean_rigidness == pytest.approx(cloth.rigidness.mean())
     x, y = np.meshgrid(*cloth.lattice.centres())
     expected = terrain(x - 700_000, y - 5_200_000)
     assert np.median(np.abs(out.cloth.sample(x, y) - expected)) < 0.05
@@ -364,7 +445,9 @@ def test_the_tool_gives_classes_share_and_cloth() -> None:
 )
 def test_each_setting_of_the_tool_reaches_the_simulation(name: str, value: Any) -> None:
     xyz, _ = dike()
-    others: dict[str, Any] = {"time_step": 0.3} if name == "smooth_slopes" else {}
+    others: dict[str, Any] = (
+        {"time_step": 0.3} if name in ("smooth_slopes", "class_threshold") else {}
+    )
     plain = GroundCsf(points=cloud(xyz), **others).run()
     out = GroundCsf(points=cloud(xyz), **(others | {name: value})).run()
     threshold = {name: value} if name == "class_threshold" else {}
@@ -391,7 +474,7 @@ def test_the_tool_in_feet_is_the_tool_in_metres(smooth_slopes: bool) -> None:
     found = GroundCsf(points=feet, **settings).run()
     assert found.ground_share == pytest.approx(metric.ground_share, abs=0.002)
     assert found.cloth.cell == pytest.approx(0.5 / foot)
-    assert found.cloth.units == ("US survey foot",)
+    assert found.cloth.units == ("US survey foot", "1")
     x, y = np.meshgrid(np.arange(700_005, 700_055), np.arange(5_200_005, 5_200_055))
     expected = metric.cloth.sample(x, y, method="linear")
     heights = found.cloth.sample(x / foot, y / foot, method="linear") * foot
@@ -454,25 +537,31 @@ def test_the_cloth_lies_on_the_lattice_of_all_tools() -> None:
 
 @pytest.mark.slow
 def test_isprs_samples_stay_at_the_error_we_reached(data: Callable[[str], Path]) -> None:
-    """Settings of the paper, whose mean over these samples is 2.77 %."""
-    errors = {}
-    for sample, (rigidness, smooth, _) in ISPRS.items():
+    """With the settings of the paper, whose mean over these samples is 2.77 %, and the defaults."""
+    errors = []
+    for sample, (rigidness, smooth, *_) in ISPRS.items():
         xyz, truth = isprs(data(f"isprs_samples/samp{sample}.txt.gz"))
-        ground = labels(xyz, rigidness=rigidness, smooth_slopes=smooth)
-        errors[sample] = 100 * float((ground != truth).mean())
-    reached = {sample: error for sample, (_, _, error) in ISPRS.items()}
-    assert errors == pytest.approx(reached, abs=0.3)
-    assert np.mean(list(errors.values())) <= np.mean(list(reached.values())) + 0.05
+        grouped = labels(xyz, rigidness=rigidness, smooth_slopes=smooth)
+        errors.append([100 * float((ground != truth).mean()) for ground in (grouped, labels(xyz))])
+    reached = np.array([row[2:] for row in ISPRS.values()])
+    np.testing.assert_allclose(errors, reached, rtol=0, atol=0.2)
+    assert (np.mean(errors, axis=0) <= (2.5, 2.8)).all()
 
 
 @pytest.mark.slow
-def test_a_tile_with_its_halo_has_the_labels_of_the_whole(data: Callable[[str], Path]) -> None:
-    xyz, _ = isprs(data("isprs_samples/samp12.txt.gz"))
-    whole = labels(xyz, rigidness=2, smooth_slopes=True)
+@pytest.mark.parametrize(
+    ("settings", "halo", "side"),
+    [({"rigidness": 2, "smooth_slopes": True}, csf.HALO, 60), ({}, csf.AUTO_HALO, 60)],
+)
+def test_a_tile_with_its_halo_has_the_labels_of_the_whole(
+    data: Callable[[str], Path], settings: dict[str, Any], halo: float, side: float
+) -> None:
+    xyz, _ = isprs(data("isprs_samples/samp61.txt.gz"))
+    whole = labels(xyz, **settings)
     corner = xyz[:, :2].min(axis=0)
-    away = np.abs(xyz[:, :2] - corner - 30).max(axis=1)
-    tile, core = away < 30 + csf.HALO, away < 30
-    alone = labels(xyz[tile], rigidness=2, smooth_slopes=True)
-    assert core.sum() > 2000
+    away = np.abs(xyz[:, :2] - corner - side / 2).max(axis=1)
+    tile, core = away < side / 2 + halo, away < side / 2
+    alone = labels(xyz[tile], **settings)
+    assert core.sum() > 300
     assert tile.sum() < 0.8 * len(xyz)
     np.testing.assert_array_equal(alone[core[tile]], whole[core])

@@ -1,0 +1,394 @@
+"""Ground filter by hierarchic robust interpolation.
+
+A smooth surface is laid through the lowest points of coarse cells. Points above it lose weight
+and the surface is computed again, until it runs through the ground. Points near it go on to
+the next finer cells.
+
+References
+----------
+Kraus, K., Pfeifer, N. (1998). Determination of terrain models in wooded areas with airborne
+laser scanner data. ISPRS Journal of Photogrammetry and Remote Sensing 53(4), 193-203.
+
+Pfeifer, N., Stadler, P., Briese, C. (2001). Derivation of digital terrain models in the SCOP++
+environment. OEEPE Workshop on Airborne Laserscanning and Interferometric SAR, Stockholm.
+
+Where we depart from the papers, and why: docs/explanation/robust-interpolation.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.ground import _robust_interpolation_kernels as kernels
+from algorithms.shared.ground import Returns, classified, may_be_ground, taking_part
+from algorithms.shared.lowest import (
+    OUTLIER_REACH,
+    blocks,
+    lattice_around,
+    lowest_points,
+    require_finite,
+    without_low_outliers,
+)
+from toolbox.context import QUIET, Context
+from toolbox.data import Lattice, PointCloud, Raster
+from toolbox.data.crs import vertical_unit
+from toolbox.errors import DataError
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import ClassList
+
+COARSEST = 1 / 3  # of the widest building, so that its window reaches ground on both sides
+VEGETATION_CELL = 5.0  # metres: smaller cells serve the vegetation strategy
+DROP = 0.2  # a point that is lower than the surface by more than this times the cell has no say
+OUTLIER_CELL = 1.0  # metres
+ROUNDING = 1e-9  # so that feet give the levels of metres
+BYTES_PER_CELL = 26
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Place = tuple[int, int, float]
+
+
+@tool("ground.robust_interpolation")
+class GroundRobustInterpolation:
+    """Classify ground by interpolation that takes weight from high points.
+
+    Ground becomes class 2, all else class 1. Surfaces are laid from coarse cells to fine ones:
+    the coarse ones remove buildings, the fine ones vegetation. Raise `building_size` for wider
+    buildings and `relief` where hilltops, dams or terraces get lost; lower `relief` on flat land
+    with low buildings. The surface also bridges gaps and can serve as a first terrain model.
+    """
+
+    points: PointCloud = source("Points to classify")
+    cell: float = param("Size of the finest cells", default=1.0, unit="m", gt=0)
+    building_size: float = param(
+        "Width of the widest building", default=48.0, unit="m", gt=0, le=2000
+    )
+    half_width: float = param(
+        "Height above the ground at which a point has half its weight", default=0.1, unit="m", gt=0
+    )
+    relief: float = param(
+        "Roughness of the terrain: half width and tolerance grow by it per metre of cell",
+        default=0.15,
+        unit="1",
+        ge=0,
+    )
+    tolerance: float = param(
+        "Greatest height above a coarse surface at which a point goes on to finer cells",
+        default=0.5,
+        unit="m",
+        gt=0,
+    )
+    iterations: int = param("Times that a surface is computed again", default=3, unit="1", ge=0)
+    above: float = param(
+        "Greatest height of a ground point above the surface", default=0.35, unit="m", gt=0
+    )
+    below: float = param(
+        "Greatest depth of a ground point below the surface", default=1.0, unit="m", gt=0
+    )
+    returns: Returns = param(
+        "Returns that can be ground; points without return numbers always can", default="last"
+    )
+    ignore: ClassList | None = param(
+        "Classes that take no part and stay as they are, such as noise 7,18", default=None
+    )
+    keep_classes: bool = param(
+        "Let points that are not ground keep their class, unless it was 2", default=False
+    )
+
+    @outputs
+    class Outputs:
+        classified: PointCloud = sink("The same points, class 2 on ground and 1 elsewhere")
+        surface: Raster = sink("Elevation of the surface through the ground")
+        ground_share: float = sink("Share of points that became ground", unit="1")
+
+    def halo(self) -> float:
+        """All levels and the search for outliers together."""
+        return reach(self.cell, self.building_size)
+
+    def run(self, ctx: Context = QUIET) -> GroundRobustInterpolation.Outputs:
+        """Interpolate, and compare points and surface."""
+        cloud = self.points
+        part = taking_part(cloud, self.ignore)
+        chosen = part & may_be_ground(cloud, self.returns)
+        xyz = cloud.xyz if chosen.all() else cloud.xyz[chosen]
+        surface = robust_interpolation(
+            xyz,
+            cell=self.cell,
+            building_size=self.building_size,
+            half_width=self.half_width,
+            relief=self.relief,
+            tolerance=self.tolerance,
+            iterations=self.iterations,
+            below=self.below,
+            metre=cloud.metre,
+            ctx=ctx.part(0, 0.95),
+        )
+        ground = np.zeros(len(cloud), bool)
+        ground[chosen] = ground_mask(
+            xyz, surface, above=self.above, below=self.below, ctx=ctx.part(0.95, 1)
+        )
+        return self.Outputs(
+            classified=classified(cloud, ground, part, keep_classes=self.keep_classes),
+            surface=Raster.from_lattice(
+                surface.heights.astype(np.float32),
+                surface.lattice,
+                crs=cloud.crs,
+                descriptions=("surface",),
+                units=(vertical_unit(cloud.crs) if cloud.crs else "",),
+            ),
+            ground_share=float(np.count_nonzero(ground) / len(ground)),
+        )
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface through the ground.
+
+    Attributes
+    ----------
+    heights : array of shape (rows, cols), elevation in the middle of the cells; NaN far from
+        all points
+    lattice : the cells, in whole multiples of their size
+    """
+
+    heights: Floats
+    lattice: Lattice
+
+    @property
+    def place(self) -> Place:
+        """Where the cells lie, for the kernels."""
+        return place_of(self.lattice)
+
+
+def place_of(lattice: Lattice) -> Place:
+    """Whole cells from the origin of the coordinates to the corner, and the size of a cell."""
+    return round(lattice.west / lattice.cell), round(lattice.north / lattice.cell), lattice.cell
+
+
+class Weights(NamedTuple):
+    """How robust interpolation treats the points; lengths in the unit of the points."""
+
+    half_width: float
+    relief: float
+    tolerance: float
+    below: float
+    iterations: int
+
+
+def residuals(xyz: Floats, surface: Surface) -> Floats:
+    """Height of the points above the surface: z - surface.
+
+    Positive on vegetation and roofs, around zero on the ground, negative below it.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    surface : bilinear between the middles of its cells
+
+    Returns
+    -------
+    array of shape (n,), in the unit of the points; NaN beyond the surface
+
+    Raises
+    ------
+    ValueError
+        A coordinate is not a finite number.
+    """
+    require_finite(xyz)
+    residual: Floats = kernels.residuals(read_only(xyz), surface.heights, surface.place)[0]
+    return residual
+
+
+def ground_mask(
+    xyz: Floats,
+    surface: Surface,
+    *,
+    above: float = 0.35,
+    below: float = 1.0,
+    ctx: Context = QUIET,
+) -> Mask:
+    """True where a point is near the surface.
+
+    Both thresholds grow by what the surface rises over one cell, because its height there is
+    that uncertain.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    surface : made from the same points, or from those of their returns that may be ground
+    above, below : greatest vertical distance, in the unit of the points
+    ctx : progress and cancellation
+
+    Returns
+    -------
+    array of shape (n,)
+
+    Raises
+    ------
+    ValueError
+        A coordinate is not a finite number.
+    """
+    require_finite(xyz)
+    return near_surface(read_only(xyz), surface, above, below, ctx)
+
+
+def robust_interpolation(
+    xyz: Floats,
+    *,
+    cell: float = 1.0,
+    building_size: float = 48.0,
+    half_width: float = 0.1,
+    relief: float = 0.15,
+    tolerance: float = 0.5,
+    iterations: int = 3,
+    below: float = 1.0,
+    metre: float = 1.0,
+    ctx: Context = QUIET,
+) -> Surface:
+    """Lay surfaces through the ground, from coarse cells to fine ones.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    cell : size of the finest cells, in the unit of the points as all lengths
+    building_size : width of the widest building; sets the coarsest cells
+    half_width : residual above the ground at which a point has half its weight
+    relief : growth of `half_width` and `tolerance` per length of a cell
+    tolerance : greatest residual of the points that go on to finer cells
+    iterations : times that a surface is computed again with weights from its residuals
+    below : residuals of less than -below are not ground; grows with the cells
+    metre : length of one metre in the unit of the points
+    ctx : progress and cancellation
+
+    Returns
+    -------
+    Surface
+        On the cells of the points and one more on each side.
+
+    Raises
+    ------
+    ValueError
+        A coordinate is not a finite number.
+    DataError
+        There are no points, or their bounding box would need more than MAX_CELLS cells.
+
+    Notes
+    -----
+    Memory is BYTES_PER_CELL for each of the finest cells and 4 bytes for each point. Time grows
+    with the number of points and with that of the finest cells.
+    """
+    if not len(xyz):
+        raise DataError("points: there are none to lay a surface through")
+    require_finite(xyz)
+    xyz = read_only(xyz)
+    inner = lattice_around(xyz, cell, bytes_per_cell=BYTES_PER_CELL, parameter="cell")
+    cells = cells_of_levels(cell, building_size, metre)
+    weights = Weights(half_width, relief, tolerance, below, iterations)
+    clean = without_low_outliers(xyz, max(cell, OUTLIER_CELL * metre), metre, ctx.part(0, 0.3))
+    use, trend = clean, None
+    for k, size in enumerate(cells):
+        level = ctx.part(0.3 + 0.7 * k / len(cells), 0.3 + 0.7 * (k + 1) / len(cells))
+        if trend:
+            use = clean & tolerated(xyz, trend, weights, level.part(0, 0.2))
+        lattice = widened(inner, sum(cells[k:-1]), size)
+        trend = interpolated(xyz, use, lattice, trend, weights, level.part(0.2, 1))
+    assert trend
+    return trend
+
+
+def read_only(array: Floats) -> Floats:
+    """The same array; kernels are compiled once for it, not for a writable one too."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def cells_of_levels(cell: float, building_size: float, metre: float = 1.0) -> list[float]:
+    """Sizes of the cells of the levels, in the order in which they are worked on.
+
+    The building strategy goes down from the coarsest cells. The vegetation strategy goes down
+    twice: hilltops that its first pass reached only with its finest cells grow in the second.
+    """
+    down = [cell]
+    while down[0] < building_size * COARSEST * (1 - ROUNDING):
+        down.insert(0, 2 * down[0])
+    return down + [size for size in down[1:] if size < VEGETATION_CELL * metre * (1 - ROUNDING)]
+
+
+def reach(cell: float, building_size: float) -> float:
+    """Metres from a point within which other points can change its label.
+
+    The search for low outliers is counted once. It repeats where it finds one, so a chain of
+    outliers could reach further.
+    """
+    cells = cells_of_levels(cell, building_size)
+    window = kernels.WINDOW + 0.5  # cells from a node to the far side of the outermost cell
+    bilinear = 1.0  # cells from a point to the nodes around it
+    outliers = max(OUTLIER_REACH, 2 * cell) + max(cell, OUTLIER_CELL)
+    return (window + bilinear) * sum(cells) + outliers
+
+
+def widened(lattice: Lattice, margin: float, cell: float) -> Lattice:
+    """Cells of another size over the same area and a margin.
+
+    With all finer cells as the margin, no height within the area depends on where it ends.
+    """
+    west, south, east, north = lattice.bounds
+    return Lattice.cover((west - margin, south - margin, east + margin, north + margin), cell)
+
+
+def near_surface(xyz: Floats, surface: Surface, above: float, below: float, ctx: Context) -> Mask:
+    """True where residuals lie between -below and above, both widened on slopes."""
+    near = np.empty(len(xyz), bool)
+    for start, stop in blocks(len(xyz)):
+        residual, rise = kernels.residuals(xyz[start:stop], surface.heights, surface.place)
+        near[start:stop] = (residual <= above + rise) & (residual >= -below - rise)
+        ctx.progress(stop / len(xyz))
+    return near
+
+
+def tolerated(xyz: Floats, surface: Surface, weights: Weights, ctx: Context) -> Mask:
+    """True for the points that go on to finer cells."""
+    cell = surface.lattice.cell
+    above = weights.tolerance + weights.relief * cell
+    return near_surface(xyz, surface, above, weights.below + DROP * cell, ctx)
+
+
+def interpolated(
+    xyz: Floats,
+    use: Mask,
+    lattice: Lattice,
+    trend: Surface | None,
+    weights: Weights,
+    ctx: Context,
+) -> Surface:
+    """The surface of one level, from the lowest point in use of each cell."""
+    lowest = lowest_points(xyz, use, lattice, ctx.part(0, 0.2))
+    below = trend or Surface(read_only(np.empty((0, 0))), lattice)
+    heights = np.empty(lattice.shape)
+    residual = np.empty(lattice.shape)
+    for first, last in blocks(lattice.rows, lattice.cols):
+        kernels.above_trend(xyz, lowest, below.heights, below.place, first, last, residual)
+        ctx.progress(0.2 + 0.1 * last / lattice.rows)
+    for first, last in blocks(lattice.rows, 10 * lattice.cols):
+        kernels.interpolate(
+            xyz,
+            lowest,
+            residual,
+            place_of(lattice),
+            below.heights,
+            below.place,
+            weights.half_width,
+            weights.relief,
+            weights.below + DROP * lattice.cell,
+            weights.iterations + 1,
+            first,
+            last,
+            heights,
+        )
+        ctx.progress(0.3 + 0.7 * last / lattice.rows)
+    return Surface(read_only(heights), lattice)

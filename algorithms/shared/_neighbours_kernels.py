@@ -1,0 +1,279 @@
+"""Compiled loops of :mod:`algorithms.shared.neighbours`: a balanced k-d tree in flat arrays.
+
+Node j of level l holds the points from ``first(j, l, n)`` to ``first(j + 1, l, n)`` of the
+reordered cloud. Its box is number ``2**l + j``, so the children of box b are 2b and 2b + 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+DEEPEST = 64  # levels: more than any memory holds
+ROUNDING = 1e-9  # share by which a bound made of two square roots is widened
+
+
+@njit(cache=True, nogil=True)
+def first(node, level, n):  # type: ignore[no-untyped-def]
+    """Where the points of a node begin."""
+    return (node * n) >> level
+
+
+# Building ----------------------------------------------------------------------------------
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def split(xyz, order, level):  # type: ignore[no-untyped-def]
+    """Split all nodes of a level at the median of their widest axis (in place)."""
+    n = len(xyz)
+    for node in prange(1 << level):
+        start, stop = first(node, level, n), first(node + 1, level, n)
+        middle = first(2 * node + 1, level + 1, n)
+        _part(xyz, order, start, stop, middle, _widest(xyz, start, stop))
+
+
+@njit(cache=True, nogil=True)
+def _widest(xyz, start, stop):  # type: ignore[no-untyped-def]
+    """Axis along which the points extend farthest."""
+    axis, width = 0, -1.0
+    for a in range(3):
+        low = high = xyz[start, a]
+        for i in range(start + 1, stop):
+            low, high = min(low, xyz[i, a]), max(high, xyz[i, a])
+        if high - low > width:
+            axis, width = a, high - low
+    return axis
+
+
+@njit(cache=True, nogil=True)
+def _part(xyz, order, start, stop, middle, axis):  # type: ignore[no-untyped-def]
+    """Move points until none before `middle` is above any from there on (Hoare 1961)."""
+    low, high = start, stop - 1
+    while low < high:
+        a, b, c = xyz[low, axis], xyz[(low + high) >> 1, axis], xyz[high, axis]
+        pivot = max(min(a, b), min(max(a, b), c))
+        i, j = low, high
+        while i <= j:
+            while xyz[i, axis] < pivot:
+                i += 1
+            while xyz[j, axis] > pivot:
+                j -= 1
+            if i <= j:
+                for k in range(3):
+                    xyz[i, k], xyz[j, k] = xyz[j, k], xyz[i, k]
+                order[i], order[j] = order[j], order[i]
+                i += 1
+                j -= 1
+        if middle <= j:
+            high = j
+        elif middle >= i:
+            low = i
+        else:
+            return
+
+
+@njit(cache=True, nogil=True)
+def boxes(xyz, depth):  # type: ignore[no-untyped-def]
+    """Lowest and highest coordinates of every node, shape (2**(depth + 1), 6)."""
+    n = len(xyz)
+    box = np.empty((2 << depth, 6))
+    for leaf in range(1 << depth):
+        here = box[(1 << depth) + leaf]
+        here[:3], here[3:] = np.inf, -np.inf
+        for i in range(first(leaf, depth, n), first(leaf + 1, depth, n)):
+            for a in range(3):
+                here[a], here[3 + a] = min(here[a], xyz[i, a]), max(here[3 + a], xyz[i, a])
+    for node in range((1 << depth) - 1, 0, -1):
+        for a in range(3):
+            box[node, a] = min(box[2 * node, a], box[2 * node + 1, a])
+            box[node, 3 + a] = max(box[2 * node, 3 + a], box[2 * node + 1, 3 + a])
+    return box
+
+
+# Distances ---------------------------------------------------------------------------------
+
+
+@njit(cache=True, nogil=True)
+def _beyond(low, high, at):  # type: ignore[no-untyped-def]
+    """Squared distance of a number from an interval."""
+    under, over = low - at, at - high
+    most = under if under > over else over
+    return most * most if most > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def away(box, node, x, y, z):  # type: ignore[no-untyped-def]
+    """Squared distance of a place from the box of a node."""
+    flat = _beyond(box[node, 0], box[node, 3], x) + _beyond(box[node, 1], box[node, 4], y)
+    return flat + _beyond(box[node, 2], box[node, 5], z)
+
+
+@njit(cache=True, nogil=True)
+def _scan(xyz, start, stop, own, far):  # type: ignore[no-untyped-def]
+    """Sort the squared distances of a leaf's points from point `own` into the nearest so far."""
+    x, y, z = xyz[own, 0], xyz[own, 1], xyz[own, 2]
+    last = len(far) - 1
+    for i in range(start, stop):
+        dx, dy, dz = xyz[i, 0] - x, xyz[i, 1] - y, xyz[i, 2] - z
+        d = dx * dx + dy * dy + dz * dz
+        if d < far[0] and i != own:
+            # All places are worked out without a branch, which the processor does in parallel.
+            for j in range(last):
+                kept = d if d < far[j] else far[j]
+                far[j] = kept if kept > far[j + 1] else far[j + 1]
+            far[last] = d if d < far[last] else far[last]
+
+
+@njit(cache=True, nogil=True)
+def search(xyz, box, depth, leaf, own, far, held, held_away):  # type: ignore[no-untyped-def]
+    """Squared distances from point `own` to its nearest, the largest first.
+
+    The search goes from the leaf up to the root, and down into what else may hold a nearer point.
+
+    `far` comes filled with a bound that the distances must be below; where there are too few
+    points it keeps the bound. `held` and `held_away` are scratch for DEEPEST nodes.
+    """
+    n = len(xyz)
+    x, y, z = xyz[own, 0], xyz[own, 1], xyz[own, 2]
+    _scan(xyz, first(leaf, depth, n), first(leaf + 1, depth, n), own, far)
+    node = (1 << depth) + leaf
+    while node > 1:
+        here = node ^ 1
+        d = away(box, here, x, y, z)
+        waiting = 0
+        while True:
+            if d < far[0]:
+                if here >> depth:
+                    start = here - (1 << depth)
+                    _scan(xyz, first(start, depth, n), first(start + 1, depth, n), own, far)
+                else:
+                    near, other = 2 * here, 2 * here + 1
+                    d, d_other = away(box, near, x, y, z), away(box, other, x, y, z)
+                    if d_other < d:
+                        near, other, d, d_other = other, near, d_other, d
+                    held[waiting], held_away[waiting] = other, d_other
+                    waiting += 1
+                    here = near
+                    continue
+            if waiting == 0:
+                break
+            waiting -= 1
+            here, d = held[waiting], held_away[waiting]
+        node >>= 1
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def mean_distances(xyz, box, depth, leaves, k, reach, mean, farthest):  # type: ignore[no-untyped-def]
+    """Fill in the mean and the largest distance to the k nearest for the points of some leaves.
+
+    A neighbour that is missing within `reach` counts as being that far away.
+    """
+    n = len(xyz)
+    for leaf in prange(leaves[0], leaves[1]):
+        far, held, held_away = np.empty(k), np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
+        start = first(leaf, depth, n)
+        for own in range(start, first(leaf + 1, depth, n)):
+            bound = reach
+            if own > start:  # what is near the point before cannot be far from this one
+                step = 0.0
+                for a in range(3):
+                    step += (xyz[own, a] - xyz[own - 1, a]) ** 2
+                bound = min(reach, (farthest[own - 1] + np.sqrt(step)) * (1.0 + ROUNDING))
+            if bound == 0.0:  # no distance is below zero, so more points than k share this place
+                mean[own] = farthest[own] = 0.0
+                continue
+            far[:] = bound * bound
+            search(xyz, box, depth, leaf, own, far, held, held_away)
+            total = 0.0
+            for j in range(k):
+                total += np.sqrt(far[j])
+            mean[own], farthest[own] = total / k, np.sqrt(far[0])
+
+
+# Neighbours --------------------------------------------------------------------------------
+
+
+@njit(cache=True, nogil=True)
+def _before(x, y, z, place):  # type: ignore[no-untyped-def]
+    """Whether (x, y, z) comes before a place in the order of x, then y, then z."""
+    if x != place[0]:
+        return x < place[0]
+    if y != place[1]:
+        return y < place[1]
+    return z < place[2]
+
+
+@njit(cache=True, nogil=True)
+def _enter(xyz, i, d, near, far):  # type: ignore[no-untyped-def]
+    """Sort point i at squared distance d into the nearest; of equally near ones x, y, z decide."""
+    x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+    at = len(near)
+    while at > 0 and (
+        near[at - 1] < 0
+        or d < far[at - 1]
+        or (d == far[at - 1] and _before(x, y, z, xyz[near[at - 1]]))
+    ):
+        at -= 1
+        if at + 1 < len(near):
+            far[at + 1], near[at + 1] = far[at], near[at]
+    if at < len(near):
+        far[at], near[at] = d, i
+
+
+@njit(cache=True, nogil=True)
+def gather(xyz, box, depth, own, limit, near, far, held):  # type: ignore[no-untyped-def]
+    """Fill in the nearest of point `own`, none farther than `limit` (squared); their number.
+
+    Of points equally near to the last those that come first by x, y, z are taken.
+    """
+    n, last = len(xyz), len(near) - 1
+    x, y, z = xyz[own, 0], xyz[own, 1], xyz[own, 2]
+    near[:], far[:] = -1, np.inf
+    held[0], waiting = 1, 1
+    while waiting > 0:
+        waiting -= 1
+        here = held[waiting]
+        corner, d = box[here], away(box, here, x, y, z)
+        if d > limit or d > far[last]:
+            continue
+        if d == far[last] and not _before(corner[0], corner[1], corner[2], xyz[near[last]]):
+            continue
+        if here >> depth:
+            leaf = here - (1 << depth)
+            for i in range(first(leaf, depth, n), first(leaf + 1, depth, n)):
+                dx, dy, dz = xyz[i, 0] - x, xyz[i, 1] - y, xyz[i, 2] - z
+                d = dx * dx + dy * dy + dz * dz
+                if d <= limit and d <= far[last] and i != own:
+                    _enter(xyz, i, d, near, far)
+        else:
+            held[waiting], held[waiting + 1] = 2 * here, 2 * here + 1
+            waiting += 2
+    found = 0
+    while found <= last and near[found] >= 0:
+        found += 1
+    return found
+
+
+@njit(cache=True, nogil=True)
+def nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away):  # type: ignore[no-untyped-def]
+    """Fill in the nearest of point `own` that are nearer than `reach`; their number."""
+    far[:] = reach * reach
+    search(xyz, box, depth, leaf, own, far, held, held_away)
+    limit = far[0]
+    if limit >= reach * reach:  # fewer than wanted: all of those nearer than the reach
+        limit = np.nextafter(reach * reach, 0.0)
+    return gather(xyz, box, depth, own, limit, near, far, held)
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def neighbours(xyz, order, box, depth, leaves, reach, distance, index):  # type: ignore[no-untyped-def]
+    """Fill in the rows of `distance` and `index` for the points of some leaves."""
+    n, k = len(xyz), distance.shape[1]
+    for leaf in prange(leaves[0], leaves[1]):
+        near, far = np.empty(k, np.int64), np.empty(k)
+        held, held_away = np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
+        for own in range(first(leaf, depth, n), first(leaf + 1, depth, n)):
+            found = nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away)
+            for j in range(found):
+                distance[order[own], j] = np.sqrt(far[j])
+                index[order[own], j] = order[near[j]]

@@ -1,0 +1,126 @@
+"""The nearest neighbours of every point, exactly, in clouds of any and of changing density.
+
+References
+----------
+Friedman, J. H., Bentley, J. L. and Finkel, R. A. (1977). An algorithm for finding best matches
+in logarithmic expected time. ACM Transactions on Mathematical Software 3(3), 209-226: the k-d
+tree. It is balanced here, so that it needs no pointers, and its boxes are those of the points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.shared import _neighbours_kernels as kernels
+from algorithms.shared.lowest import require_finite
+from toolbox.context import QUIET, Context
+
+LEAF = 16  # points at most; from 8 to 32 it makes no difference worth having
+BLOCK = 200_000  # points between two looks at whether the user cancelled
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PointTree:
+    """Points in an order in which neighbours are close, with the boxes of their groups.
+
+    Attributes
+    ----------
+    xyz : array of shape (n, 3), reordered
+    order : array of shape (n,), index of each among the points given
+    boxes : array of shape (2**(depth + 1), 6), lowest and highest x, y, z of every node
+    depth : level of the leaves
+    """
+
+    xyz: Floats
+    order: NDArray[np.int64]
+    boxes: Floats
+    depth: int
+
+    @classmethod
+    def of(cls, xyz: Floats, *, ctx: Context = QUIET) -> PointTree:
+        """Sort points of shape (n, 3) into a tree.
+
+        Raises
+        ------
+        ValueError
+            A coordinate is not a finite number.
+        """
+        require_finite(xyz)
+        depth = max(0, (len(xyz) - 1) // LEAF).bit_length()
+        sorted_xyz, order = np.array(xyz, order="C"), np.arange(len(xyz))
+        for level in range(depth):
+            kernels.split(sorted_xyz, order, level)
+            ctx.progress((level + 1) / (depth + 1))
+        return cls(sorted_xyz, order, kernels.boxes(sorted_xyz, depth), depth)
+
+    def blocks(self, ctx: Context = QUIET) -> Iterator[tuple[int, int]]:
+        """Runs of leaves (first, last) of about BLOCK points, with progress after each."""
+        leaves = 1 << self.depth
+        length = max(1, BLOCK * leaves // max(1, len(self.xyz)))
+        for start in range(0, leaves, length):
+            yield start, min(start + length, leaves)
+            ctx.progress(min(start + length, leaves) / leaves)
+
+    def mean_distances(
+        self, k: int, *, max_distance: float = np.inf, ctx: Context = QUIET
+    ) -> tuple[Floats, Floats]:
+        """Mean and largest distance of each point to its k nearest others.
+
+        Parameters
+        ----------
+        k : 1 or more
+        max_distance : a neighbour that is missing within it counts as being that far away
+
+        Returns
+        -------
+        two arrays of shape (n,), in the order of the tree
+        """
+        mean, farthest = np.empty(len(self.xyz)), np.empty(len(self.xyz))
+        for leaves in self.blocks(ctx):
+            kernels.mean_distances(
+                self.xyz, self.boxes, self.depth, leaves, k, max_distance, mean, farthest
+            )
+        return mean, farthest
+
+
+def knn(
+    xyz: Floats, k: int, *, max_distance: float = np.inf, ctx: Context = QUIET
+) -> tuple[Floats, NDArray[np.int64]]:
+    """The k nearest others of each point.
+
+    Of points equally far from a point, those that come first by x, then y, then z are taken, so
+    that the answer does not depend on the order of the points; which of several points at one
+    place is taken is not defined.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    k : 1 or more
+    max_distance : neighbours must be nearer than this, in the unit of the points
+    ctx : progress and cancellation
+
+    Returns
+    -------
+    distances : array of shape (n, k), rising along each row, inf where there is no neighbour
+    indices : array of shape (n, k), -1 where there is no neighbour
+
+    Raises
+    ------
+    ValueError
+        A coordinate is not a finite number, or k is less than 1.
+    """
+    if k < 1:
+        raise ValueError(f"k: must be >= 1, got {k}")
+    tree = PointTree.of(xyz, ctx=ctx.part(0.0, 0.2))
+    distance, index = np.full((len(xyz), k), np.inf), np.full((len(xyz), k), -1)
+    for leaves in tree.blocks(ctx.part(0.2, 1.0)):
+        kernels.neighbours(
+            tree.xyz, tree.order, tree.boxes, tree.depth, leaves, max_distance, distance, index
+        )
+    return distance, index

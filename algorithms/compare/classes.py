@@ -8,11 +8,16 @@ Cohen, J. (1960). A coefficient of agreement for nominal scales. Educational and
 Measurement 20(1), 37-46.
 Heipke, C. et al. (1997). Evaluation of automatic road extraction. IAPRS 32(3-2W3), 47-56:
 correctness, completeness and quality.
+Wilson, E. B. (1927). Probable inference, the law of succession, and statistical inference. Journal
+of the American Statistical Association 22(158), 209-212: intervals of shares.
+Fleiss, J. L., Cohen, J. and Everitt, B. S. (1969). Large sample standard errors of kappa and
+weighted kappa. Psychological Bulletin 72(5), 323-327.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +28,7 @@ from scipy.spatial import cKDTree
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
 from toolbox.errors import DataError
+from toolbox.outcomes import CORRECT_NEGATIVE, CORRECT_POSITIVE, NO_REFERENCE, TYPE_1, TYPE_2
 from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import Attribute, ClassList
 
@@ -37,8 +43,18 @@ RECORDED = (
     *("gps_time", "return_number", "number_of_returns", "point_source_id", "scanner_channel"),
     *("scan_angle", "scan_angle_rank", "intensity", "red", "green", "blue", "nir"),
 )
-# Values of the attribute `error`, drawn in the colours of Şen and Bayaslı (2020).
-CORRECT_POSITIVE, CORRECT_NEGATIVE, TYPE_1, TYPE_2, NO_REFERENCE = 0, 1, 2, 3, 4
+# Red, green and blue of the values of `error`, as in Şen and Bayaslı (2020) and our pictures.
+COLOURS: Mapping[int, tuple[int, int, int]] = {
+    CORRECT_POSITIVE: (0xD4, 0xD4, 0xD4),
+    CORRECT_NEGATIVE: (0x6E, 0x6E, 0x6E),
+    TYPE_1: (0x21, 0x66, 0xD1),
+    TYPE_2: (0xD7, 0x26, 0x1E),
+    NO_REFERENCE: (0xF0, 0xDF, 0xAE),
+}
+SIXTEEN_BIT = 257  # from 0..255 to 0..65535
+MOST_STRATA = 256
+ROUNDING = 1e-12  # what is left of a difference of shares that is zero
+CONFIDENCE = 1.959963984540054  # standard deviations of a normal distribution that hold 95 %
 
 Columns = Sequence[NDArray[Any]]
 # Of some points: what they must share with their counterpart, and what only sorts them.
@@ -62,6 +78,11 @@ class CompareClasses:
     have, GPS time and return number first, and where all those are equal in favour of the
     classification; each takes one reference point. With `max_distance`, points left over take the
     nearest reference point, which may then serve several.
+
+    The tables give 95 % intervals: of Wilson for shares, of Fleiss, Cohen and Everitt for kappa.
+    They hold for points whose errors are independent; errors of neighbours seldom are, so take
+    them as the least uncertainty. `stratum` counts the errors apart for each value of an
+    attribute, such as return_number or the number of a test area.
     """
 
     points: PointCloud = source("Classified points")
@@ -84,15 +105,24 @@ class CompareClasses:
         unit="m",
         gt=0,
     )
+    stratum: Attribute | None = param(
+        "Attribute by whose values errors are also counted apart", default=None, of="points"
+    )
+    colours: bool = param(
+        "Give the points the colours of their errors as red, green and blue", default=False
+    )
 
     @outputs
     class Outputs:
-        table: Table = sink("One row per measure: measure, value, unit, meaning")
+        table: Table = sink("One row per measure: measure, value, low, high, unit, meaning")
+        strata: Table = sink("One row per value of the stratum, or one for all")
         confusion: Table = sink("Full confusion matrix: a row per reference class")
         errors: PointCloud = sink("The points with the attribute `error`: see the table of values")
         type_1: float | None = sink("Reference ground that was lost, b / (a + b)", unit="%")
         type_2: float | None = sink("Reference objects taken for ground, c / (c + d)", unit="%")
-        total_error: float = sink("Points on the wrong side, (b + c) / (a + b + c + d)", unit="%")
+        total_error: float | None = sink(
+            "Points on the wrong side, (b + c) / (a + b + c + d)", unit="%"
+        )
         kappa: float | None = sink("Agreement beyond chance (Cohen)", unit="1")
         unmatched: int = sink("Points without a counterpart in the reference", unit="1")
 
@@ -126,17 +156,40 @@ class CompareClasses:
         error = np.where(is_true, np.where(is_said, CORRECT_POSITIVE, TYPE_1), 0)
         error = np.where(is_true, error, np.where(is_said, TYPE_2, CORRECT_NEGATIVE))
         error = np.where(matched, error, NO_REFERENCE).astype(np.uint8)
+        names = {"error": error}
+        if self.colours:
+            table = np.array([COLOURS[code] for code in range(len(COLOURS))], np.uint16)
+            shown = (table * SIXTEEN_BIT)[error].T
+            names |= dict(zip(("red", "green", "blue"), shown, strict=True))
         meaning = "0 and 1 correct, 2 Type I, 3 Type II"
         return self.Outputs(
             table=Table.from_rows(counts.rows(unmatched)),
+            strata=Table.from_rows(self._strata(is_said, is_true, matched)),
             confusion=confusion_matrix(said[matched], true[matched]),
-            errors=self.points.with_attributes({"error": error}, descriptions={"error": meaning}),
+            errors=self.points.with_attributes(names, descriptions={"error": meaning}),
             type_1=counts.type_1,
             type_2=counts.type_2,
             total_error=counts.total_error,
             kappa=counts.kappa,
             unmatched=unmatched,
         )
+
+    def _strata(
+        self, said: NDArray[np.bool_], true: NDArray[np.bool_], matched: NDArray[np.bool_]
+    ) -> Iterator[dict[str, Any]]:
+        """A row for each value of the stratum, in rising order."""
+        name = self.stratum
+        group = self.points[name] if name else np.zeros(len(matched), np.uint8)
+        values, number = np.unique(group, return_inverse=True)
+        if len(values) > MOST_STRATA:
+            raise DataError(
+                f"stratum: {name!r} has {len(values):,} values, at most {MOST_STRATA} are allowed"
+            )
+        for k, value in enumerate(values):
+            inside = number == k
+            some = inside & matched
+            row = {"stratum": f"{name} {value}" if name else "all"}
+            yield row | Counts.of(said[some], true[some]).row(int((inside & ~matched).sum()))
 
     def _counterparts(self, ctx: Context) -> NDArray[np.int64]:
         """Index of each point's counterpart in the reference, -1 where there is none."""
@@ -192,57 +245,136 @@ class Counts:
 
     @property
     def type_1(self) -> float | None:
-        return _percent(self.b, self.a + self.b)
+        return self._shares["type_1"][1].percent
 
     @property
     def type_2(self) -> float | None:
-        return _percent(self.c, self.c + self.d)
+        return self._shares["type_2"][1].percent
 
     @property
-    def total_error(self) -> float:
-        return 100 * (self.b + self.c) / self.total
+    def total_error(self) -> float | None:
+        return self._shares["total_error"][1].percent
+
+    @property
+    def correctness(self) -> float | None:
+        return self._shares["correctness"][1].percent
+
+    @property
+    def completeness(self) -> float | None:
+        return self._shares["completeness"][1].percent
+
+    @property
+    def quality(self) -> float | None:
+        return self._shares["quality"][1].percent
 
     @property
     def kappa(self) -> float | None:
         """(observed - chance) / (1 - chance); None when only one class occurs."""
+        if not self.total or (chance := self._chance) == 1:
+            return None
+        return (1 - (self.b + self.c) / self.total - chance) / (1 - chance)
+
+    @property
+    def kappa_interval(self) -> tuple[float | None, float | None]:
+        """Limits of 95 % confidence: equation 13 of Fleiss, Cohen and Everitt (1969)."""
+        if (kappa := self.kappa) is None:
+            return None, None
+        cells = np.array([[self.a, self.b], [self.c, self.d]]) / self.total
+        rows, columns, chance = cells.sum(axis=1), cells.sum(axis=0), self._chance
+        left = 1 - (self.b + self.c) / self.total
+        beside = np.add.outer(columns, rows)  # of cell i, j: column i and row j
+        same = np.diag(cells) * ((1 - chance) - np.diag(beside) * (1 - left)) ** 2
+        mixed = cells * beside**2
+        spread = same.sum() + (1 - left) ** 2 * (mixed.sum() - np.trace(mixed))
+        spread -= (left * chance - 2 * chance + left) ** 2
+        spread = spread if spread > ROUNDING else 0.0
+        error = math.sqrt(spread / self.total) / (1 - chance) ** 2
+        return max(kappa - CONFIDENCE * error, -1.0), min(kappa + CONFIDENCE * error, 1.0)
+
+    @property
+    def _chance(self) -> float:
+        """Agreement of two classifications that have nothing to do with each other."""
         a, b, c, d = self.a, self.b, self.c, self.d
-        chance = ((a + b) * (a + c) + (c + d) * (b + d)) / self.total**2
-        return (1 - (b + c) / self.total - chance) / (1 - chance) if chance < 1 else None
+        return ((a + b) * (a + c) + (c + d) * (b + d)) / self.total**2
 
     @property
-    def correctness(self) -> float | None:
-        return _percent(self.a, self.a + self.c)
-
-    @property
-    def completeness(self) -> float | None:
-        return _percent(self.a, self.a + self.b)
-
-    @property
-    def quality(self) -> float | None:
-        return _percent(self.a, self.a + self.b + self.c)
+    def _shares(self) -> dict[str, tuple[str, Share, str]]:
+        """The measures that are shares: name, share and meaning."""
+        a, b, c, d = self.a, self.b, self.c, self.d
+        return {
+            "type_1": ("Type I", Share(b, a + b), "b / (a + b)"),
+            "type_2": ("Type II", Share(c, c + d), "c / (c + d)"),
+            "total_error": ("total error", Share(b + c, self.total), "(b + c) / (a + b + c + d)"),
+            "correctness": ("correctness", Share(a, a + c), "a / (a + c)"),
+            "completeness": ("completeness", Share(a, a + b), "a / (a + b)"),
+            "quality": ("quality", Share(a, a + b + c), "a / (a + b + c)"),
+        }
 
     def rows(self, unmatched: int) -> Iterator[dict[str, Any]]:
         """One row per measure, in the order of the literature."""
-        yield _row("a", self.a, "points", "positive in both")
-        yield _row("b", self.b, "points", "positive in the reference only")
-        yield _row("c", self.c, "points", "positive in the classification only")
-        yield _row("d", self.d, "points", "positive in neither")
-        yield _row("unmatched", unmatched, "points", "without a counterpart, not counted above")
-        yield _row("Type I", self.type_1, "%", "b / (a + b)")
-        yield _row("Type II", self.type_2, "%", "c / (c + d)")
-        yield _row("total error", self.total_error, "%", "(b + c) / (a + b + c + d)")
-        yield _row("kappa", self.kappa, "1", "agreement beyond chance")
-        yield _row("correctness", self.correctness, "%", "a / (a + c)")
-        yield _row("completeness", self.completeness, "%", "a / (a + b)")
-        yield _row("quality", self.quality, "%", "a / (a + b + c)")
+        yield _row("a", self.a, (None, None), "points", "positive in both")
+        yield _row("b", self.b, (None, None), "points", "positive in the reference only")
+        yield _row("c", self.c, (None, None), "points", "positive in the classification only")
+        yield _row("d", self.d, (None, None), "points", "positive in neither")
+        meaning = "without a counterpart, not counted above"
+        yield _row("unmatched", unmatched, (None, None), "points", meaning)
+        for measure, share, meaning in self._shares.values():
+            if measure == "correctness":
+                meant = "agreement beyond chance"
+                yield _row("kappa", self.kappa, self.kappa_interval, "1", meant)
+            yield _row(measure, share.percent, share.interval, "%", meaning)
+
+    def row(self, unmatched: int) -> dict[str, Any]:
+        """All measures side by side, shares in percent."""
+        found: dict[str, Any] = {"points": self.total, "unmatched": unmatched}
+        found |= {"a": self.a, "b": self.b, "c": self.c, "d": self.d}
+        for name, (_, share, _) in self._shares.items():
+            found |= _with_limits(name, share.percent, share.interval)
+        return found | _with_limits("kappa", self.kappa, self.kappa_interval)
 
 
-def _row(measure: str, value: float | None, unit: str, meaning: str) -> dict[str, Any]:
-    return {"measure": measure, "value": value, "unit": unit, "meaning": meaning}
+@dataclass(frozen=True)
+class Share:
+    """A part of a whole that was counted."""
+
+    part: int
+    whole: int
+
+    @property
+    def percent(self) -> float | None:
+        """None where there was nothing to count."""
+        return 100 * self.part / self.whole if self.whole else None
+
+    @property
+    def interval(self) -> tuple[float | None, float | None]:
+        """Limits of 95 % confidence in percent (Wilson 1927)."""
+        if not self.whole:
+            return None, None
+        n, p, z = self.whole, self.part / self.whole, CONFIDENCE
+        middle = (p + z * z / (2 * n)) / (1 + z * z / n)
+        half = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n)) / (1 + z * z / n)
+        # All or nothing found: the limit is exact, and must not miss it by a rounding.
+        low = 0.0 if self.part == 0 else 100 * (middle - half)
+        high = 100.0 if self.part == self.whole else 100 * (middle + half)
+        return low, high
 
 
-def _percent(part: int, whole: int) -> float | None:
-    return 100 * part / whole if whole else None
+def _row(
+    measure: str,
+    value: float | None,
+    interval: tuple[float | None, float | None],
+    unit: str,
+    meaning: str,
+) -> dict[str, Any]:
+    low, high = interval
+    limits = {"value": value, "low": low, "high": high}
+    return {"measure": measure} | limits | {"unit": unit, "meaning": meaning}
+
+
+def _with_limits(
+    name: str, value: float | None, interval: tuple[float | None, float | None]
+) -> dict[str, Any]:
+    return {name: value, f"{name}_low": interval[0], f"{name}_high": interval[1]}
 
 
 def counterparts(

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from pyproj import CRS
 
-from algorithms.compare.classes import CompareClasses, Counts, counterparts
+from algorithms.compare.classes import COLOURS, CompareClasses, Counts, Share, counterparts
+from toolbox._images import ERRORS
 from toolbox.data import PointCloud
 from toolbox.errors import DataError
 from toolbox.values import Attribute, ClassList
@@ -53,6 +55,120 @@ def test_measures_of_the_power_line_study() -> None:
     assert counts.completeness == pytest.approx(97.36)
     assert counts.correctness == pytest.approx(97.13)
     assert counts.quality == pytest.approx(94.64, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("part", "whole", "low", "high"),
+    [
+        (10, 200, 2.74, 8.96),  # 2.7 to 9.0 in the literature
+        (81, 263, 25.53, 36.62),  # Newcombe (1998), table I, method 3
+        (15, 148, 6.24, 16.05),
+        (0, 20, 0, 16.11),
+        (1, 29, 0.61, 17.18),
+    ],
+)
+def test_intervals_of_wilson(part: int, whole: int, low: float, high: float) -> None:
+    assert Share(part, whole).interval == pytest.approx((low, high), abs=0.005)
+    assert Share(whole - part, whole).interval == pytest.approx((100 - high, 100 - low), abs=0.005)
+
+
+def test_all_or_nothing_lies_within_its_interval() -> None:
+    for whole in range(1, 300):
+        assert Share(0, whole).interval[0] == 0
+        assert Share(whole, whole).interval[1] == 100
+    assert Share(0, 0).interval == (None, None)
+
+
+@pytest.mark.parametrize("cells", [(70, 10, 5, 15), (15703, 2049, 5573, 23113), (5, 40, 30, 25)])
+def test_interval_of_kappa_is_that_of_the_delta_method(cells: tuple[int, ...]) -> None:
+    """The variance from derivatives of kappa by the four shares, taken numerically."""
+    counts = np.array(cells, float)
+
+    def kappa(c: Any) -> float:
+        a, b, c_, d = c / c.sum()
+        chance = (a + b) * (a + c_) + (c_ + d) * (b + d)
+        return float((a + d - chance) / (1 - chance))
+
+    step = 1e-4 * counts.sum()
+    slopes = [(kappa(counts + s) - kappa(counts - s)) / (2 * step) for s in np.eye(4) * step]
+    slope = np.array(slopes) * counts.sum()
+    share = counts / counts.sum()
+    error = np.sqrt((share @ slope**2 - (share @ slope) ** 2) / counts.sum())
+    low, high = Counts(*cells).kappa_interval
+    assert low == pytest.approx(kappa(counts) - 1.959964 * error, abs=1e-5)
+    assert high == pytest.approx(kappa(counts) + 1.959964 * error, abs=1e-5)
+
+
+def test_perfect_agreement_has_a_kappa_of_one_without_doubt() -> None:
+    assert Counts(5, 0, 0, 5).kappa_interval == (1, 1)
+    assert Counts(0, 0, 525, 12781).kappa_interval == (0, 0)
+    assert Counts(5, 0, 0, 0).kappa_interval == (None, None)
+
+
+def test_table_with_limits() -> None:
+    out = CompareClasses(
+        points=from_counts(SOM_STUDY), reference_attribute=Attribute("truth")
+    ).run()
+    rows = {row["measure"]: row for row in out.table.records()}
+    assert list(rows) == [
+        *("a", "b", "c", "d", "unmatched", "Type I", "Type II", "total error", "kappa"),
+        *("correctness", "completeness", "quality"),
+    ]
+    for row in [*rows.values()][5:]:
+        assert row["low"] < row["value"] < row["high"]
+    limits = [rows["Type I"][limit] for limit in ("low", "high")]
+    assert limits == pytest.approx([11.08, 12.02], abs=0.01)
+    assert rows["a"]["low"] is None
+
+
+def test_errors_by_stratum() -> None:
+    points = from_counts(SOM_STUDY)
+    returns = np.where(np.arange(len(points)) % 3, 1, 2).astype(np.uint8)
+    points = points.with_attributes({"return_number": returns})
+    job: dict[str, Any] = {"points": points, "reference_attribute": Attribute("truth")}
+    out = CompareClasses(**job, stratum=Attribute("return_number")).run()
+    rows = {row["stratum"]: row for row in out.strata.records()}
+    assert list(rows) == ["return_number 1", "return_number 2"]
+    for value in (1, 2):
+        one = CompareClasses(**job | {"points": points.select(returns == value)}).run()
+        row = rows[f"return_number {value}"]
+        measures = ("type_1", "type_2", "total_error", "kappa")
+        assert [row[name] for name in measures] == [getattr(one, name) for name in measures]
+        assert row["type_1_low"] < row["type_1"] < row["type_1_high"]
+    alone = CompareClasses(**job).run().strata.records()
+    assert [(row["stratum"], row["points"]) for row in alone] == [("all", len(points))]
+
+
+def test_a_stratum_may_have_no_counterparts_but_not_a_value_for_each_point() -> None:
+    points = from_counts({(2, 2): 300, (1, 2): 100})
+    first = points.select(range(300))
+    job: dict[str, Any] = {"points": points, "reference": first}
+    job["reference_attribute"] = Attribute("truth")
+    areas = np.repeat([1, 2], [300, 100]).astype(np.uint8)
+    out = CompareClasses(
+        **job | {"points": points.with_attributes({"user_data": areas})},
+        stratum=Attribute("user_data"),
+    ).run()
+    second = out.strata.records()[1]
+    assert (second["points"], second["unmatched"], second["total_error"]) == (0, 100, None)
+    with pytest.raises(DataError, match=r"stratum: 'x' has 4\d\d values, at most 256"):
+        CompareClasses(**job, stratum=Attribute("x")).run()
+
+
+def test_colours_are_those_of_the_picture(tmp_path: Path) -> None:
+    assert {code: f"#{r:02x}{g:02x}{b:02x}" for code, (r, g, b) in COLOURS.items()} == {
+        code: colour for code, (_, colour) in ERRORS.items()
+    }
+    counts = {(2, 2): 1, (1, 1): 1, (2, 1): 1, (1, 2): 1}
+    job: dict[str, Any] = {"points": from_counts(counts)}
+    job["reference_attribute"] = Attribute("truth")
+    CompareClasses(**job, colours=True).run().errors.save(tmp_path / "a.laz")
+    errors = PointCloud.open(tmp_path / "a.laz")
+    for code in range(4):
+        point = np.flatnonzero(errors["error"] == code)[0]
+        found = [errors[name][point] // 257 for name in ("red", "green", "blue")]
+        assert tuple(found) == COLOURS[code]
+    assert "red" not in CompareClasses(**job).run().errors
 
 
 def test_error_attribute() -> None:

@@ -1,0 +1,424 @@
+"""Ground filter by progressive densification of a triangulation.
+
+A sparse surface through the lowest points of large cells grows round by round: points that are
+near enough to its facets, by distance and by angle, become vertices. Points near the finished
+surface are ground.
+
+References
+----------
+Axelsson, P. (2000). DEM generation from laser scanner data using adaptive TIN models.
+International Archives of Photogrammetry and Remote Sensing 33(B4/1), 110-117.
+
+Where we depart from the paper, why, and what that gained: docs/explanation/tin-densification.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from algorithms.ground import _ptd_kernels as kernels
+from algorithms.shared.delaunay import LiveMesh
+from algorithms.shared.ground import Returns, classified, may_be_ground, taking_part
+from algorithms.shared.lowest import (
+    lattice_around,
+    lowest_points,
+    require_finite,
+    without_low_outliers,
+)
+from toolbox.context import QUIET, Context, log
+from toolbox.data import Lattice, PointCloud
+from toolbox.errors import DataError
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import ClassList
+
+CELL = 1.0  # metres: of each cell the lowest point may become a vertex
+FINEST = 5.0  # metres: seed grids are halved until they are at most this wide
+BREAK_RISE = 0.2  # facets at least this steep are looked at as breaks
+COARSE_ANGLE = 2.0  # times the angle on seed grids, whose points are low
+BELOW = 60.0  # degrees: greatest angle of a point below the surface
+WALL_MEAN = 0.8  # rise per length of all walls of a patch
+WALL_STEP, WALL_RISE, WALL_SHARE = 1.0, 0.3, 0.8  # metres, rise per length, share going down
+PATCH = 5 / 3  # widest patch that is taken for a building, in building sizes
+CHECKS = 4  # times that raised patches are looked for
+RING, RING_REACH = 10.0, 1  # metres between the vertices around the data, and rings
+SLOPE_STEP, GREATEST_RISE = 0.5, 2.0  # metres of tolerance per rise of the facet
+BLOCK = 200_000  # points that are worked on between two looks at the context
+HALO = 2.25  # metres of data that a tile needs around it, in building sizes
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+@tool("ground.ptd")
+class GroundPtd:
+    """Classify ground by growing a triangulated surface from the lowest points upwards.
+
+    Ground becomes class 2, all else class 1. The defaults fit towns and forests alike. Set
+    `max_building_size` a little above the widest building. Lower `iteration_angle` on flat ground
+    with low plants, raise it in rough terrain.
+    """
+
+    points: PointCloud = source("Points to classify")
+    max_building_size: float = param(
+        "Cell of the first seeds: wider than any building", default=60.0, unit="m", ge=10
+    )
+    terrain_angle: float = param(
+        "Steepest rise of the terrain", default=88.0, unit="deg", gt=0, lt=90
+    )
+    iteration_angle: float = param(
+        "Greatest angle of a new point, seen from the corners of its facet",
+        default=10.0,
+        unit="deg",
+        gt=0,
+        lt=90,
+    )
+    iteration_distance: float = param(
+        "Greatest distance of a new point from its facet", default=1.5, unit="m", gt=0
+    )
+    reduce_angle_below: float = param(
+        "Facets with shorter edges lower the angle in proportion; 0 for never",
+        default=5.0,
+        unit="m",
+        ge=0,
+    )
+    stop_edge: float = param(
+        "Facets whose edges are all shorter take no more points", default=2.0, unit="m", ge=0
+    )
+    mirror: bool = param("Mirror points at breaks, so that edges of terraces enter", default=True)
+    class_distance: float = param(
+        "Greatest height of a ground point above or below the surface",
+        default=0.4,
+        unit="m",
+        gt=0,
+    )
+    returns: Returns = param(
+        "Returns that can be ground; points without return numbers always can", default="last"
+    )
+    ignore: ClassList | None = param(
+        "Classes that take no part and stay as they are, such as noise 7,18", default=None
+    )
+    keep_classes: bool = param(
+        "Let points that are not ground keep their class, unless it was 2", default=False
+    )
+
+    @outputs
+    class Outputs:
+        classified: PointCloud = sink("The same points, class 2 on ground and 1 elsewhere")
+        ground_share: float = sink("Share of points that became ground", unit="1")
+
+    def halo(self) -> float:
+        """Seeds and the test for raised patches look about two building sizes far."""
+        return HALO * self.max_building_size
+
+    def run(self, ctx: Context = QUIET) -> GroundPtd.Outputs:
+        """Grow the surface, and compare points with it."""
+        cloud = self.points
+        part = taking_part(cloud, self.ignore)
+        chosen = part & may_be_ground(cloud, self.returns)
+        xyz = cloud.xyz if chosen.all() else cloud.xyz[chosen]
+        surface = densified(
+            xyz,
+            max_building_size=self.max_building_size,
+            terrain_angle=self.terrain_angle,
+            iteration_angle=self.iteration_angle,
+            iteration_distance=self.iteration_distance,
+            reduce_angle_below=self.reduce_angle_below,
+            stop_edge=self.stop_edge,
+            mirror=self.mirror,
+            metre=cloud.metre,
+            ctx=ctx.part(0, 0.9),
+        )
+        log.info("the surface has %d vertices after %d rounds", surface.vertices, surface.rounds)
+        ground = np.zeros(len(cloud), bool)
+        ground[chosen] = ground_mask(
+            xyz,
+            surface,
+            class_distance=self.class_distance,
+            metre=cloud.metre,
+            ctx=ctx.part(0.9, 1),
+        )
+        return self.Outputs(
+            classified=classified(cloud, ground, part, keep_classes=self.keep_classes),
+            ground_share=float(np.count_nonzero(ground) / len(ground)),
+        )
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The finished triangulation of the ground.
+
+    Attributes
+    ----------
+    mesh : the triangulation; some of its points never became vertices
+    z : array of shape (n,), heights of the points of the mesh
+    facet : array of shape (n,), the triangle at each point
+    lowest : array of shape (rows, cols), the point of each cell of the lattice; -1 for none
+    lattice : cells of the points
+    vertices : how many points became vertices
+    rounds : how many rounds there were
+    """
+
+    mesh: LiveMesh
+    z: Floats
+    facet: Ints
+    lowest: Ints
+    lattice: Lattice
+    vertices: int
+    rounds: int
+
+
+def ground_mask(
+    xyz: Floats,
+    surface: Surface,
+    *,
+    class_distance: float = 0.4,
+    metre: float = 1.0,
+    ctx: Context = QUIET,
+) -> Mask:
+    """True where a point is near the surface.
+
+    The vertical distance may be `class_distance`, and more where the facet is steep, since its
+    corners are the lowest points of their cells.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), the points that the surface was made from
+    surface : made by :func:`densified`
+    class_distance : in the unit of the points
+    metre : length of one metre in the unit of the points
+    ctx : progress and cancellation
+
+    Returns
+    -------
+    array of shape (n,)
+    """
+    near = np.zeros(len(xyz), bool)
+    for first in range(0, len(xyz), 5 * BLOCK):
+        some = xyz[first : first + 5 * BLOCK]
+        kernels.near_surface(
+            xyz,
+            first,
+            *surface.lattice.indices(some[:, 0], some[:, 1]),
+            surface.lowest,
+            surface.facet,
+            surface.mesh.arrays,
+            surface.z,
+            class_distance,
+            SLOPE_STEP * metre,
+            GREATEST_RISE,
+            near,
+        )
+        ctx.progress((first + len(some)) / len(xyz))
+    return near
+
+
+def densified(
+    xyz: Floats,
+    *,
+    max_building_size: float = 60.0,
+    terrain_angle: float = 88.0,
+    iteration_angle: float = 10.0,
+    iteration_distance: float = 1.5,
+    reduce_angle_below: float = 5.0,
+    stop_edge: float = 2.0,
+    mirror: bool = True,
+    metre: float = 1.0,
+    ctx: Context = QUIET,
+) -> Surface:
+    """Grow a triangulated surface of the ground from the lowest points of large cells.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    max_building_size : cell of the first seeds, in the unit of the points like all lengths
+    terrain_angle : steepest rise from a corner of the facet to a new point, degrees
+    iteration_angle : greatest angle between the facet and the line to a corner, degrees
+    iteration_distance : greatest distance from the plane of the facet
+    reduce_angle_below : shorter facets lower the angle in proportion; 0 for never
+    stop_edge : facets whose edges are all shorter take no more points
+    mirror : test points at breaks on the other side of the break, too
+    metre : length of one metre in the unit of the points
+    ctx : progress and cancellation
+
+    Raises
+    ------
+    ValueError
+        A coordinate is not a finite number.
+    DataError
+        There are no points, or their bounding box is too large.
+    """
+    if not len(xyz):
+        raise DataError("points: there are none to make a surface of")
+    require_finite(xyz)
+    lattice = lattice_around(xyz, CELL * metre, bytes_per_cell=8, parameter="the density")
+    use = without_low_outliers(xyz, CELL * metre, metre, ctx.part(0, 0.3))
+    lowest = lowest_points(xyz, use, lattice, ctx.part(0.3, 0.35))
+    filled = lowest >= 0
+    points = xyz[lowest[filled]]
+    lowest[filled] = np.arange(len(points))
+    fine = kernels.Limits(
+        angle=iteration_angle,
+        distance=iteration_distance,
+        steepest=math.tan(math.radians(terrain_angle)),
+        stop=stop_edge,
+        reduce=reduce_angle_below,
+        mirror=mirror,
+        below=BELOW,
+    )
+    growth = Growth(points, metre)
+    growth.start(np.flatnonzero(lowest_of_cells(points, max_building_size)), ctx.part(0.35, 0.36))
+    done = 0.36
+    size = max_building_size
+    while size > FINEST * metre:
+        size /= 2
+        coarse = fine._replace(
+            angle=min(COARSE_ANGLE * iteration_angle, 89.0), stop=size, reduce=0.0, mirror=False
+        )
+        ids = np.flatnonzero(lowest_of_cells(points, size))
+        growth.grow(ids, coarse, ctx.part(done, done + 0.03))
+        done += 0.03 if done < 0.5 else 0.0
+    everyone = np.arange(len(points))
+    growth.grow(everyone, fine, ctx.part(done, 0.75))
+    banned = np.zeros(len(points), bool)
+    for k in range(CHECKS):
+        raised = growth.raised(PATCH * max_building_size)
+        log.debug("%d vertices are on raised patches", np.count_nonzero(raised))
+        if not raised.any():
+            break
+        banned |= raised
+        part = ctx.part(0.75 + 0.05 * k, 0.8 + 0.05 * k)
+        growth.start(np.flatnonzero(growth.entered[: len(points)] & ~raised), part.part(0, 0.3))
+        growth.grow(np.flatnonzero(~banned), fine, part.part(0.3, 1))
+    growth.locate(everyone)
+    ctx.progress(1.0)
+    vertices = int(np.count_nonzero(growth.entered[: len(points)]))
+    return Surface(growth.mesh, growth.z, growth.facet, lowest, lattice, vertices, growth.rounds)
+
+
+def lowest_of_cells(points: Floats, cell: float) -> Mask:
+    """True for the lowest point of each cell of a lattice in whole multiples of `cell`."""
+    lattice = lattice_around(points, cell)
+    found = lowest_points(points, np.ones(len(points), bool), lattice, QUIET)
+    low = np.zeros(len(points), bool)
+    low[found[found >= 0]] = True
+    return low
+
+
+def ring_around(points: Floats, step: float) -> Floats:
+    """Places outside the points, `step` apart in whole multiples of it, shape (m, 2)."""
+    west, south = np.floor(points[:, :2].min(axis=0) / step) - RING_REACH
+    east, north = np.floor(points[:, :2].max(axis=0) / step) + RING_REACH + 1
+    columns, rows = np.arange(west, east + 1), np.arange(south + 1, north)
+    sides = [(columns, south), (columns, north), (west, rows), (east, rows)]
+    places = [np.column_stack(np.broadcast_arrays(x, y)) for x, y in sides]
+    return np.concatenate(places) * step
+
+
+class Growth:
+    """The surface while it grows.
+
+    A ring of vertices around the points saves the rim from special rules. They have the height
+    of the nearest vertex, set anew whenever the surface has come to rest.
+    """
+
+    def __init__(self, points: Floats, metre: float) -> None:
+        self.real = len(points)
+        self.metre = metre
+        self.xy = np.vstack([points[:, :2], ring_around(points, RING * metre)])
+        self.z = np.append(points[:, 2], np.zeros(len(self.xy) - self.real))
+        capacity = 2 * len(self.xy) + 2
+        self.best = np.full(capacity, -1)
+        self.lowest = np.empty(capacity)
+        self.chosen = np.empty(capacity, np.int64)
+        self.changed = np.zeros(capacity, bool)
+        self.rounds = 0
+
+    def start(self, seeds: Ints, ctx: Context) -> None:
+        """Begin anew with the given points as vertices."""
+        self.mesh = LiveMesh(self.xy)
+        self.entered = np.zeros(len(self.xy), bool)
+        self.entered[self.real :] = True
+        self.facet = np.full(len(self.xy), -1)
+        self.entered[seeds] = True
+        self.lift_ring()
+        self.mesh.insert(np.flatnonzero(self.entered), ctx=ctx)
+
+    def lift_ring(self) -> None:
+        """Give the ring the heights of the nearest vertices."""
+        vertices = np.flatnonzero(self.entered[: self.real])
+        tree = cKDTree(self.xy[vertices], compact_nodes=False, balanced_tree=False)
+        _, nearest = tree.query(self.xy[self.real :])
+        self.z[self.real :] = self.z[vertices[nearest]]
+
+    def grow(self, points: Ints, limits: kernels.Limits, ctx: Context) -> None:
+        """Let points enter in rounds, until none is left that may."""
+        everyone, done = True, 0.0
+        while True:
+            half = ctx.part(done, (1 + done) / 2)  # how many rounds there will be, nobody knows
+            chosen = self.look(points, limits, everyone, half.part(0, 0.7))
+            if len(chosen):
+                self.enter(chosen, half.part(0.7, 1))
+                everyone = False
+            elif everyone:
+                return
+            else:
+                self.lift_ring()
+                everyone = True
+            done = (1 + done) / 2
+
+    def look(self, points: Ints, limits: kernels.Limits, everyone: bool, ctx: Context) -> Ints:
+        """Find the lowest point for each facet that may enter; the facets."""
+        count = 0
+        for first in range(0, len(points), BLOCK):
+            count = kernels.best_of_facets(
+                self.mesh.arrays,
+                self.z,
+                points[first : first + BLOCK],
+                everyone,
+                self.changed,
+                self.entered,
+                limits,
+                BREAK_RISE,
+                self.facet,
+                self.best,
+                self.lowest,
+                self.chosen,
+                count,
+            )
+            ctx.progress(min(1.0, (first + BLOCK) / len(points)))
+        return self.chosen[:count]
+
+    def enter(self, facets: Ints, ctx: Context) -> None:
+        """Make the points found for the facets vertices."""
+        points = self.best[facets]
+        self.best[facets] = -1
+        self.entered[points] = True
+        made = self.mesh.insert(points, ctx=ctx)
+        self.changed[:] = False
+        self.changed[made] = True
+        self.rounds += 1
+
+    def raised(self, extent: float) -> Mask:
+        """True for vertices on patches that drop all round, such as roofs."""
+        found: Mask = kernels.raised_all_round(
+            self.mesh.arrays,
+            self.z,
+            self.real,
+            WALL_STEP * self.metre,
+            WALL_RISE,
+            WALL_MEAN,
+            WALL_SHARE,
+            extent,
+        )
+        return found & self.entered[: self.real]
+
+    def locate(self, points: Ints) -> None:
+        """Bring the facets of the points up to date."""
+        for first in range(0, len(points), BLOCK):
+            kernels.relocate(self.mesh.arrays, points[first : first + BLOCK], self.facet)

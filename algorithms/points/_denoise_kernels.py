@@ -1,0 +1,128 @@
+"""Compiled loops of :mod:`algorithms.points.denoise`."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from algorithms.shared import _neighbours_kernels as tree
+
+LOW, HIGH, ISOLATED = 7, 18, 1  # verdicts, noise as the ASPRS classes; 0 is none
+MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
+
+
+@njit(cache=True, nogil=True)
+def lowest_means(mean, depth):  # type: ignore[no-untyped-def]
+    """The lowest mean distance among the points of every node, shape (2**(depth + 1),)."""
+    n = len(mean)
+    lowest = np.full(2 << depth, np.inf)
+    for leaf in range(1 << depth):
+        for i in range(tree.first(leaf, depth, n), tree.first(leaf + 1, depth, n)):
+            lowest[(1 << depth) + leaf] = min(lowest[(1 << depth) + leaf], mean[i])
+    for node in range((1 << depth) - 1, 0, -1):
+        lowest[node] = min(lowest[2 * node], lowest[2 * node + 1])
+    return lowest
+
+
+@njit(cache=True, nogil=True)
+def _lowest_around(box, depth, leaf, reach, lowest, held):  # type: ignore[no-untyped-def]
+    """No neighbour within `reach` of any point of the leaf has a lower mean distance."""
+    own = box[(1 << depth) + leaf]
+    held[0], waiting, low = 1, 1, np.inf
+    while waiting > 0:
+        waiting -= 1
+        here = held[waiting]
+        gap = 0.0
+        for a in range(3):
+            gap += max(box[here, a] - own[3 + a], 0.0, own[a] - box[here, 3 + a]) ** 2
+        if lowest[here] >= low or gap > reach * reach:
+            continue
+        if here >> depth:
+            low = lowest[here]
+        else:
+            held[waiting], held[waiting + 1] = 2 * here, 2 * here + 1
+            waiting += 2
+    return low
+
+
+@njit(cache=True, nogil=True)
+def _median(values, count):  # type: ignore[no-untyped-def]
+    """Median of the first values, which are sorted (in place; Shell 1959). np.median takes
+    seconds to compile."""
+    step = count // 2
+    while step > 0:
+        for i in range(step, count):
+            value, j = values[i], i
+            while j >= step and values[j - step] > value:
+                values[j] = values[j - step]
+                j -= step
+            values[j] = value
+        step //= 2
+    return (values[(count - 1) // 2] + values[count // 2]) / 2.0
+
+
+@njit(cache=True, nogil=True)
+def _side(xyz, own, near, values, found):  # type: ignore[no-untyped-def]
+    """Whether a point is high or low noise, by the median height of its neighbours."""
+    for j in range(found):
+        values[j] = xyz[near[j], 2]
+    return HIGH if xyz[own, 2] > _median(values, found) else LOW
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def judge(  # type: ignore[no-untyped-def]
+    xyz, box, depth, leaves, mean, farthest, lowest, k, reach, rule, verdict
+):
+    """Fill in the verdict on the points of some leaves.
+
+    `rule` holds the threshold, the least deviation as a share of what is usual, and the least
+    number of neighbours; `k` is the number of neighbours near by and around, see the tool.
+    """
+    n = len(xyz)
+    threshold, share, fewest = rule
+    for leaf in prange(leaves[0], leaves[1]):
+        few, few_far = np.empty(k[0], np.int64), np.empty(k[0])
+        near, far, values = np.empty(k[1], np.int64), np.empty(k[1]), np.empty(k[1])
+        held, held_away = np.empty(tree.DEEPEST, np.int64), np.empty(tree.DEEPEST)
+        start, stop = tree.first(leaf, depth, n), tree.first(leaf + 1, depth, n)
+        widest = 0.0
+        for own in range(start, stop):
+            widest = max(widest, farthest[own])
+        low = _lowest_around(box, depth, leaf, widest, lowest, held)
+        for own in range(start, stop):
+            # Nobody is noise below this; most points are done with by the lowest around them.
+            least = mean[own] / (1.0 + threshold * share)
+            if farthest[own] < reach and least <= low:
+                continue
+            found = tree.nearest(xyz, box, depth, leaf, own, reach, few, few_far, held, held_away)
+            for j in range(found):
+                values[j] = mean[few[j]]
+            near_by = _median(values, found) if found > 0 else 0.0
+            if farthest[own] < reach and least <= near_by:
+                continue
+            found = tree.nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away)
+            if found < fewest:
+                verdict[own] = ISOLATED
+                continue
+            for j in range(found):
+                values[j] = mean[near[j]]
+            middle = _median(values, found)
+            for j in range(found):
+                values[j] = abs(mean[near[j]] - middle)
+            usual = max(middle, near_by)
+            deviation = max(MAD * _median(values, found), share * usual)
+            if mean[own] - usual > threshold * deviation:
+                verdict[own] = _side(xyz, own, near, values, found)
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def sides(xyz, box, depth, noise, k, verdict):  # type: ignore[no-untyped-def]
+    """Fill in whether each of some points, in the order of the tree, is low or high noise."""
+    n = len(xyz)
+    for i in prange(len(noise)):
+        near, far, values = np.empty(k, np.int64), np.empty(k), np.empty(k)
+        held, held_away = np.empty(tree.DEEPEST, np.int64), np.empty(tree.DEEPEST)
+        own = noise[i]
+        leaf = (((own + 1) << depth) - 1) // n  # the last that begins at or before the point
+        found = tree.nearest(xyz, box, depth, leaf, own, np.inf, near, far, held, held_away)
+        verdict[own] = _side(xyz, own, near, values, found)

@@ -1,0 +1,331 @@
+"""Statistical outlier removal: noise is what lies too far from its neighbours.
+
+References
+----------
+Rusu, R. B. et al. (2008). Towards 3D point cloud based object maps for household environments.
+Robotics and Autonomous Systems 56(11), 927-941: the mean distance to the k nearest neighbours.
+Breunig, M. M. et al. (2000). LOF: identifying density-based local outliers. ACM SIGMOD, 93-104:
+a point is judged by the density around its own neighbours.
+Rousseeuw, P. J. and Croux, C. (1993). Alternatives to the median absolute deviation. Journal of
+the American Statistical Association 88(424), 1273-1283: the factor 1.4826.
+
+What we changed, why, and what each change was worth: docs/explanation/denoise.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.points import _denoise_kernels as kernels
+from algorithms.shared.ground import taking_part
+from algorithms.shared.lowest import require_finite
+from algorithms.shared.neighbours import PointTree
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import ClassList
+
+LOW, HIGH = kernels.LOW, kernels.HIGH
+LEAST_DEVIATION = 0.2  # of what is usual: even a perfect lattice may have gaps of twice its step
+NEARER, WIDER = 4, 4  # what is usual: for a fourth of the neighbours, and for four times as many
+BLOCK = 100_000  # points between two looks at whether the user cancelled
+STRIDE = 1 << 32  # of the number of a cell, for rows up to 2**31 on both sides of the origin
+
+Scope = Literal["local", "global", "classic"]
+Floats = NDArray[np.float64]
+Verdicts = NDArray[np.uint8]
+Indices = NDArray[np.int64]
+
+
+@tool("points.denoise")
+class PointsDenoise:
+    """Remove or label points that lie too far from their neighbours.
+
+    The mean distance of a point to its nearest `neighbours` is compared with what is usual. With
+    `scope` local this is the median among the neighbours themselves, both the nearest few and many
+    more, so that density may change from place to place and sparse wires stay. `global` compares
+    with the median of the whole cloud; `classic` with mean and standard deviation, as the method
+    was published. Those two look at neighbours at any distance and need the whole cloud at once.
+
+    Before that, whatever is cut off from the ground below or above it by `height_gap` of empty
+    air is noise, such as returns from clouds, mist and birds. Raise it where lines cross valleys.
+
+    Noise becomes class 7, or 18 where it lies above its surroundings. Ignored classes and withheld
+    points take no part and stay.
+    """
+
+    points: PointCloud = source("Points to clean")
+    action: Literal["remove", "label"] = param("What to do with noise", default="remove")
+    neighbours: int = param("Neighbours of a point", default=20, unit="1", ge=1, le=1000)
+    threshold: float = param(
+        "Standard deviations that the mean distance may lie above the usual",
+        default=5.0,
+        unit="1",
+        ge=0,
+    )
+    scope: Scope = param("What is usual: local, global or classic", default="local")
+    reach: float = param(
+        "Farthest neighbour to look for, with local; what is missing counts as this far",
+        default=20.0,
+        unit="m",
+        gt=0,
+    )
+    min_neighbours: int = param(
+        "Points with fewer neighbours than this within reach are noise, with local",
+        default=6,
+        unit="1",
+        ge=1,
+    )
+    height_gap: float | None = param(
+        "Empty height that cuts points off from the ground; none to skip this",
+        default=100.0,
+        unit="m",
+        gt=0,
+    )
+    ignore: ClassList | None = param(
+        "Classes that take no part and stay as they are, such as wires 13,14", default=None
+    )
+
+    @outputs
+    class Outputs:
+        clean: PointCloud = sink("The points without noise, or with noise as classes 7 and 18")
+        low_noise: int = sink("Points found to be low noise", unit="1")
+        high_noise: int = sink("Points found to be high noise", unit="1")
+
+    def check(self) -> Iterator[tuple[str, str]]:
+        """Nobody can have more neighbours than are looked for."""
+        if self.min_neighbours > self.neighbours:
+            text = f"must be <= neighbours ({self.neighbours}), got {self.min_neighbours}"
+            yield "min_neighbours", text
+
+    def halo(self) -> float:
+        """Neighbours of neighbours, and for each whether a gap two cells wide cuts it off."""
+        return 4 * self.reach if self.scope == "local" else math.inf
+
+    def run(self, ctx: Context = QUIET) -> PointsDenoise.Outputs:
+        """Judge the points that take part, and remove or label the noise."""
+        cloud = self.points
+        part = taking_part(cloud, self.ignore)
+        verdict = np.zeros(len(cloud), np.uint8)
+        verdict[part] = noise(
+            cloud.xyz if part.all() else cloud.xyz[part],
+            neighbours=self.neighbours,
+            threshold=self.threshold,
+            scope=self.scope,
+            reach=self.reach,
+            min_neighbours=self.min_neighbours,
+            height_gap=self.height_gap,
+            ctx=ctx,
+        )
+        found = verdict > 0
+        if found.sum() > part.sum() / 2:
+            log.warning("more than half of the points are noise; is reach too small?")
+        return self.Outputs(
+            clean=_labelled(cloud, verdict) if self.action == "label" else cloud.select(~found),
+            low_noise=int((verdict == LOW).sum()),
+            high_noise=int((verdict == HIGH).sum()),
+        )
+
+
+def _labelled(cloud: PointCloud, verdict: Verdicts) -> PointCloud:
+    """The cloud with classes 7 and 18 on noise."""
+    old: NDArray[Any] = cloud["classification"] if "classification" in cloud else 0 * verdict
+    classes = np.where(verdict > 0, verdict, old).astype(np.uint8)
+    return cloud.with_attributes({"classification": classes})
+
+
+def noise(
+    xyz: Floats,
+    *,
+    neighbours: int = 20,
+    threshold: float = 5.0,
+    scope: Scope = "local",
+    reach: float = 20.0,
+    min_neighbours: int = 6,
+    height_gap: float | None = 100.0,
+    ctx: Context = QUIET,
+) -> Verdicts:
+    """Which points are noise.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    neighbours, threshold, scope, min_neighbours : see :class:`PointsDenoise`
+    reach, height_gap : as there, in the unit of the points
+    ctx : progress and cancellation
+
+    Returns
+    -------
+    array of shape (n,)
+        0 for points to keep, 7 for low noise, 18 for high noise.
+
+    Raises
+    ------
+    ValueError
+        A coordinate is not a finite number.
+    """
+    require_finite(xyz)
+    verdict = np.zeros(len(xyz), np.uint8)
+    ctx.progress(0.0)
+    if len(xyz) < 2:
+        return verdict
+    if height_gap is not None and np.ptp(xyz[:, 2]) > height_gap:
+        verdict = cut_off(xyz, reach, height_gap, ctx.part(0.0, 0.2))
+    rest = np.flatnonzero(verdict == 0)
+    tree = PointTree.of(xyz[rest] if len(rest) < len(xyz) else xyz, ctx=ctx.part(0.2, 0.4))
+    k = min(neighbours, len(rest) - 1)
+    if scope == "local":
+        rule = (threshold, LEAST_DEVIATION, min_neighbours)
+        found = _beside_neighbours(tree, neighbours, reach, rule, ctx.part(0.4, 0.95))
+    elif k > 0:
+        found = _beside_all(tree, k, threshold, scope, ctx.part(0.4, 0.95))
+    else:
+        found = np.zeros(len(rest), np.uint8)
+    verdict[rest[tree.order]] = found
+    alone = np.flatnonzero(verdict == kernels.ISOLATED)
+    verdict[alone] = against_columns(xyz, alone, reach, ctx.part(0.95, 1.0))
+    ctx.progress(1.0)
+    return verdict
+
+
+def _beside_neighbours(
+    tree: PointTree, k: int, reach: float, rule: tuple[float, float, int], ctx: Context
+) -> Verdicts:
+    """Verdicts in the order of the tree, each by the mean distances of the neighbours."""
+    mean, farthest = tree.mean_distances(k, max_distance=reach, ctx=ctx.part(0.0, 0.8))
+    lowest = kernels.lowest_means(mean, tree.depth)
+    counts = (max(1, k // NEARER), k * WIDER)
+    verdict = np.zeros(len(mean), np.uint8)
+    for leaves in tree.blocks(ctx.part(0.8, 1.0)):
+        kernels.judge(
+            *(tree.xyz, tree.boxes, tree.depth, leaves, mean, farthest, lowest),
+            *(counts, reach, rule, verdict),
+        )
+    return verdict
+
+
+def _beside_all(tree: PointTree, k: int, threshold: float, scope: Scope, ctx: Context) -> Verdicts:
+    """Verdicts in the order of the tree, each by the mean distances of the whole cloud."""
+    mean, _ = tree.mean_distances(k, ctx=ctx.part(0.0, 0.8))
+    ordered = np.sort(mean)  # sums depend on the order
+    if scope == "classic":
+        usual, deviation = ordered.mean(), ordered.std(ddof=1)
+    else:
+        usual = np.median(ordered)
+        deviation = kernels.MAD * np.median(np.abs(ordered - usual))
+    verdict = np.zeros(len(mean), np.uint8)
+    found = np.flatnonzero(mean > usual + threshold * deviation)
+    for start in range(0, len(found), BLOCK):
+        some = found[start : start + BLOCK]
+        kernels.sides(tree.xyz, tree.boxes, tree.depth, some, k, verdict)
+        ctx.progress(0.8 + 0.2 * (start + len(some)) / len(found))
+    return verdict
+
+
+# Columns -----------------------------------------------------------------------------------
+
+
+class Columns:
+    """The points by square cells of a fixed lattice, of which only occupied ones are kept."""
+
+    def __init__(self, xyz: Floats, cell: float) -> None:
+        col, row = np.floor(xyz[:, :2].T / cell).astype(np.int64)
+        number = col * STRIDE + row
+        self.order: Indices = np.argsort(number, kind="stable")
+        number = number[self.order]
+        starts = np.flatnonzero(np.r_[True, number[1:] != number[:-1]])
+        self.numbers: Indices = number[starts]
+        self.edges: Indices = np.append(starts, len(number))
+
+    def around(self) -> Iterator[Indices]:
+        """For each of the 9 cells of a window the one beside each cell, -1 where it is empty."""
+        for step in (i * STRIDE + j for i in (-1, 0, 1) for j in (-1, 0, 1)):
+            wanted = self.numbers + step
+            at = np.minimum(np.searchsorted(self.numbers, wanted), len(wanted) - 1)
+            yield np.where(self.numbers[at] == wanted, at, -1)
+
+    def points(self, cell: Any) -> Indices:
+        """Indices of the points in a cell."""
+        return self.order[self.edges[cell] : self.edges[cell + 1]]
+
+    def window(self, cells: Indices) -> Indices:
+        """Indices of the points in the occupied ones of some cells."""
+        return np.concatenate([self.points(cell) for cell in cells[cells >= 0]])
+
+
+def cut_off(xyz: Floats, cell: float, height_gap: float, ctx: Context = QUIET) -> Verdicts:
+    """Noise far above or below the ground, however many points it has.
+
+    In the window of 3 x 3 cells around each cell, the points fall into layers, with more than
+    `height_gap` between them. All layers but the one of most points are noise.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    cell, height_gap : in the unit of the points
+    ctx : progress and cancellation
+
+    Returns
+    -------
+    array of shape (n,)
+        0 for points to keep, 7 for low noise, 18 for high noise.
+    """
+    columns, z = Columns(xyz, cell), xyz[:, 2]
+    ctx.progress(0.3)
+    lowest = np.minimum.reduceat(z[columns.order], columns.edges[:-1])
+    highest = np.maximum.reduceat(z[columns.order], columns.edges[:-1])
+    around = np.stack(list(columns.around()))
+    low = np.where(around >= 0, lowest[around], np.inf).min(axis=0)
+    high = np.where(around >= 0, highest[around], -np.inf).max(axis=0)
+    ctx.progress(0.5)
+    verdict = np.zeros(len(xyz), np.uint8)
+    deep = np.flatnonzero(high - low > height_gap)
+    for done, cell_number in enumerate(deep):
+        own = columns.points(cell_number)
+        bottom, top = main_layer(z[columns.window(around[:, cell_number])], height_gap)
+        verdict[own] = np.where(z[own] > top, HIGH, np.where(z[own] < bottom, LOW, 0))
+        ctx.progress(0.5 + 0.5 * (done + 1) / len(deep))
+    return verdict
+
+
+def main_layer(z: Floats, gap: float) -> tuple[float, float]:
+    """Bottom and top of the layer of most heights, the lowest such; layers lie `gap` apart."""
+    z = np.sort(z)
+    cuts = np.flatnonzero(np.diff(z) > gap) + 1
+    starts, stops = np.r_[0, cuts], np.r_[cuts, len(z)]
+    largest = np.argmax(stops - starts)
+    return float(z[starts[largest]]), float(z[stops[largest] - 1])
+
+
+def against_columns(xyz: Floats, points: Indices, cell: float, ctx: Context = QUIET) -> Verdicts:
+    """Low or high noise by the median height in the window around each of some points.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    points : array of shape (m,), indices
+    cell : in the unit of the points
+    ctx : progress and cancellation
+
+    Returns
+    -------
+    array of shape (m,)
+        7 for low noise, 18 for high noise.
+    """
+    if not len(points):
+        return np.zeros(0, np.uint8)
+    columns, z = Columns(xyz, cell), xyz[:, 2]
+    around = np.stack(list(columns.around()))
+    cell_of = np.empty(len(xyz), np.int64)
+    cell_of[columns.order] = np.repeat(np.arange(len(columns.numbers)), np.diff(columns.edges))
+    cells, which = np.unique(cell_of[points], return_inverse=True)
+    middle = np.empty(len(cells))
+    for done, cell_number in enumerate(cells):
+        middle[done] = np.median(z[columns.window(around[:, cell_number])])
+        ctx.progress((done + 1) / len(cells))
+    return np.where(z[points] > middle[which], HIGH, LOW).astype(np.uint8)

@@ -1,0 +1,239 @@
+"""Densification of a triangulation: scenes with a known answer, each setting, bad input."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from algorithms.ground.ptd import GroundPtd, densified, ground_mask
+from toolbox.context import Context
+from toolbox.data import PointCloud
+from toolbox.errors import Cancelled, DataError
+from toolbox.values import ClassList
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+THREADS = numba.get_num_threads()
+FOOT = 1200 / 3937
+EAST, NORTH = 700_000, 5_200_000
+
+
+def ground_of(height: Callable[[Floats, Floats], Floats], side: float = 80.0) -> Floats:
+    """Jittered points on a surface, far from the origin."""
+    rng = np.random.default_rng(1)
+    x, y = np.meshgrid(np.arange(0.0, side, 0.8), np.arange(0.0, side, 0.8))
+    x = (x + rng.uniform(0, 0.5, x.shape)).ravel().round(3)
+    y = (y + rng.uniform(0, 0.5, y.shape)).ravel().round(3)
+    return np.column_stack([x + EAST, y + NORTH, (300 + height(x, y)).round(3)])
+
+
+def tilted(x: Floats, y: Floats) -> Floats:
+    return 0.05 * x + 0.03 * y
+
+
+def inside(xyz: Floats, west: float, east: float, south: float, north: float) -> Mask:
+    x, y = xyz[:, 0] - EAST, xyz[:, 1] - NORTH
+    return (x > west) & (x < east) & (y > south) & (y < north)
+
+
+def town() -> tuple[Floats, Mask]:
+    """A tilted plane with three boxes and no ground under them; what is roof."""
+    xyz = ground_of(tilted)
+    roof = np.zeros(len(xyz), bool)
+    for box, height in (((10, 20, 10, 25), 4), ((38, 68, 20, 60), 8), ((15, 19, 50, 54), 5)):
+        within = inside(xyz, *box)
+        xyz[within, 2] += height
+        roof |= within
+    return xyz, roof
+
+
+def labels(xyz: Floats, **settings: Any) -> Mask:
+    return ground_mask(xyz, densified(xyz, **settings))
+
+
+def cloud(xyz: Floats, classes: Any = None) -> PointCloud:
+    columns = {} if classes is None else {"classification": np.asarray(classes, np.uint8)}
+    return PointCloud(xyz, columns, crs=CRS(32632))
+
+
+def test_buildings_on_a_tilted_plane_are_told_from_it() -> None:
+    xyz, roof = town()
+    np.testing.assert_array_equal(labels(xyz), ~roof)
+
+
+def test_a_hall_that_fills_its_seed_cell_is_found_out() -> None:
+    """Seeds on a roof start a patch that drops on all sides."""
+    xyz = ground_of(tilted, side=120)
+    hall = inside(xyz, 30, 70, 35, 75)
+    xyz[hall, 2] += 7
+    found = labels(xyz, max_building_size=30.0)
+    assert found[hall].mean() < 0.01
+    assert found[~hall].mean() > 0.99
+
+
+def test_a_terrace_is_ground_on_both_levels_if_points_are_mirrored() -> None:
+    xyz = ground_of(lambda x, y: tilted(x, y) + np.where(x > 62, 4.0, 0.0), side=160)
+    assert labels(xyz).mean() > 0.99
+    assert labels(xyz, mirror=False).mean() < labels(xyz).mean()
+
+
+def test_a_steep_slope_is_ground_and_its_shrubs_are_not() -> None:
+    xyz = ground_of(lambda x, y: 0.5 * x + 2 * np.sin(y / 15))
+    shrub = np.random.default_rng(2).random(len(xyz)) < 0.1
+    xyz[shrub, 2] += 2.5
+    found = labels(xyz)
+    assert found[~shrub].mean() > 0.98
+    assert found[shrub].mean() < 0.05
+
+
+def test_low_outliers_do_not_pull_the_surface_down() -> None:
+    xyz, roof = town()
+    low = np.argmin(np.hypot(xyz[:, 0] - EAST - 30, xyz[:, 1] - NORTH - 8))
+    xyz[low, 2] -= 20
+    expected = ~roof
+    expected[low] = False
+    np.testing.assert_array_equal(labels(xyz), expected)
+
+
+def test_order_duplicates_and_equal_heights_do_not_matter() -> None:
+    xyz, _ = town()
+    xyz = np.concatenate([xyz, xyz[:500]])
+    xyz[:, 2] = xyz[:, 2].round(1)
+    order = np.random.default_rng(3).permutation(len(xyz))
+    np.testing.assert_array_equal(labels(xyz)[order], labels(xyz[order]))
+
+
+@pytest.mark.skipif(THREADS < 2, reason="one thread only")
+def test_the_number_of_threads_does_not_matter() -> None:
+    xyz, _ = town()
+    try:
+        numba.set_num_threads(1)
+        one = labels(xyz)
+        numba.set_num_threads(2)
+        np.testing.assert_array_equal(labels(xyz), one)
+    finally:
+        numba.set_num_threads(THREADS)
+
+
+def test_a_regular_lattice_of_points() -> None:
+    """All corners of four on one circle, and all nearest neighbours at equal distance."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(80.0), np.arange(80.0)))
+    xyz = np.column_stack([x, y, 0.1 * x])
+    roof = (abs(x - 40) < 10) & (abs(y - 40) < 10)
+    xyz[roof, 2] += 6
+    order = np.random.default_rng(4).permutation(len(xyz))
+    found = labels(xyz)
+    np.testing.assert_array_equal(found, ~roof)
+    np.testing.assert_array_equal(labels(xyz[order]), found[order])
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_very_few_points_are_ground(count: int) -> None:
+    xyz = np.array([[5.0, 5.0, 1.0], [6.0, 8.0, 1.2], [9.0, 4.0, 0.9]])[:count]
+    assert labels(xyz).all()
+
+
+def test_points_in_one_cell_on_a_line_and_on_a_wall() -> None:
+    cell = np.array([[5.1, 5.1, 1.0], [5.2, 5.1, 1.3], [5.1, 5.2, 4.0], [5.1, 5.1, 1.0]])
+    np.testing.assert_array_equal(labels(cell), [True, True, False, True])
+    line = np.column_stack([np.arange(90.0), np.arange(90.0), np.zeros(90)])
+    assert labels(line).all()
+    height = np.tile(np.arange(0.0, 10, 0.1), 20)
+    wall = np.column_stack([np.repeat(np.arange(20.0), 100), np.full(2000, 7.0), height])
+    np.testing.assert_array_equal(labels(wall), height <= 0.4)
+
+
+def test_no_points_and_bad_coordinates() -> None:
+    with pytest.raises(DataError, match="points: there are none"):
+        densified(np.empty((0, 3)))
+    xyz, _ = town()
+    for bad in (np.nan, np.inf):
+        xyz[7, 1] = bad
+        with pytest.raises(ValueError, match=rf"finite numbers, got y = {bad} at point 7"):
+            densified(xyz)
+
+
+def test_a_stray_point_far_away_is_refused() -> None:
+    xyz = np.vstack([town()[0], [[900_000.0, 5_000_000.0, 300.0]]])
+    with pytest.raises(DataError, match="remove stray points"):
+        densified(xyz)
+
+
+def test_progress_rises_to_one_and_a_run_can_be_cancelled() -> None:
+    seen: list[float] = []
+    densified(town()[0], ctx=Context(seen.append))
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    calls = iter([False] * 20 + [True])
+    with pytest.raises(Cancelled):
+        densified(town()[0], ctx=Context(stop=lambda: next(calls)))
+
+
+def rough() -> Floats:
+    """Waves, a terrace, plants of all heights and a hall: every setting matters somewhere."""
+    rng = np.random.default_rng(5)
+    xyz = ground_of(lambda x, y: 3 * np.sin(x / 8) + 0.2 * y + np.where(y > 50, 3.0, 0.0), 120)
+    plants = rng.random(len(xyz)) < 0.3
+    xyz[plants, 2] += rng.uniform(0, 2.0, plants.sum())
+    xyz[inside(xyz, 30, 65, 20, 45), 2] += 5
+    return xyz
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("max_building_size", 20.0),
+        ("terrain_angle", 20.0),
+        ("iteration_angle", 5.0),
+        ("iteration_distance", 0.4),
+        ("reduce_angle_below", 0.0),
+        ("stop_edge", 6.0),
+        ("mirror", False),
+        ("class_distance", 0.1),
+    ],
+)
+def test_each_setting_of_the_tool_has_its_effect(name: str, value: Any) -> None:
+    xyz = rough()
+    plain = GroundPtd(points=cloud(xyz)).run().classified["classification"]
+    out = GroundPtd(points=cloud(xyz), **{name: value}).run()
+    surface = densified(xyz, **({} if name == "class_distance" else {name: value}))
+    threshold = {name: value} if name == "class_distance" else {}
+    expected = ground_mask(xyz, surface, **threshold)
+    np.testing.assert_array_equal(out.classified["classification"], np.where(expected, 2, 1))
+    assert out.ground_share == expected.mean()
+    assert not np.array_equal(plain == 2, expected), "a setting without effect proves nothing"
+
+
+def test_the_tool_in_feet_is_the_tool_in_metres() -> None:
+    xyz = rough()
+    metric = GroundPtd(points=cloud(xyz)).run().classified["classification"]
+    feet = GroundPtd(points=PointCloud(xyz / FOOT, crs=CRS(2263))).run()
+    assert (feet.classified["classification"] == metric).mean() > 0.999
+
+
+def test_ignored_classes_take_no_part_and_others_may_be_kept() -> None:
+    xyz, roof = town()
+    low = inside(xyz, 24, 28, 4, 8)
+    xyz[low, 2] -= 3  # too many to be outliers
+    before = np.where(low, 7, np.where(roof, 6, 9))
+    out = GroundPtd(points=cloud(xyz, before), ignore=ClassList([7]), keep_classes=True).run()
+    found = out.classified["classification"]
+    np.testing.assert_array_equal(found, np.where(low, 7, np.where(roof, 6, 2)))
+
+
+def test_the_tool_reports_rounds(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("INFO", "toolbox"):
+        GroundPtd(points=cloud(town()[0])).run()
+    assert " vertices after " in caplog.text
+
+
+def test_the_reach_is_finite_and_follows_the_building_size() -> None:
+    points = cloud(town()[0])
+    assert 0 < GroundPtd(points=points).halo() < 150
+    assert GroundPtd(points=points, max_building_size=30.0).halo() == pytest.approx(67.5)

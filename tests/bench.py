@@ -22,6 +22,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get("TOOLBOX_TEST_DATA", ROOT.parent / "shared" / "data"))
 ROUNDS = 7
+SIZES = (1, 5, 10)  # millions of points
 # Peak of this process in KiB; ru_maxrss would hand on the peak of the parent.
 PEAK = "next(int(l.split()[1]) for l in open('/proc/self/status') if l.startswith('VmHWM'))"
 
@@ -36,15 +37,20 @@ def say(text: str) -> None:
     sys.stdout.write(text + "\n")
 
 
-def timed(work: Callable[[], Any]) -> float:
-    start = time.perf_counter()
+def timed(work: Callable[[], Any], clock: Callable[[], float] = time.perf_counter) -> float:
+    start = clock()
     work()
-    return time.perf_counter() - start
+    return clock() - start
 
 
-def alternately(ours: Callable[[], Any], theirs: Callable[[], Any]) -> tuple[float, float]:
+def alternately(
+    ours: Callable[[], Any],
+    theirs: Callable[[], Any],
+    rounds: int = ROUNDS,
+    clock: Callable[[], float] = time.perf_counter,
+) -> tuple[float, float]:
     """Medians of both, after one round that is not counted."""
-    pairs = [(timed(ours), timed(theirs)) for _ in range(ROUNDS + 1)][1:]
+    pairs = [(timed(ours, clock), timed(theirs, clock)) for _ in range(rounds + 1)][1:]
     return tuple(statistics.median(column) for column in zip(*pairs, strict=True))  # type: ignore[return-value]
 
 
@@ -129,6 +135,103 @@ def isprs() -> None:
             )
     ours, papers = (statistics.mean(column) for column in zip(*errors, strict=True))
     say(f"isprs    mean total error {ours:.2f} %, paper {papers:.2f} %")
+
+
+def filters() -> None:
+    """All ground filters with their defaults, and csf with the paper's settings, on known truth."""
+    from pyproj import CRS
+
+    from toolbox.data import PointCloud
+
+    samples, tiles = {}, {}
+    for name in CSF_GROUPS:
+        path = DATA / f"isprs_samples/samp{name}.txt.gz"
+        cloud = PointCloud.open(path, columns=("x", "y", "z", "label")).with_crs(CRS(32632))
+        samples[name] = cloud, cloud["label"] == 0
+    for path in sorted((DATA / "ign_urban_50m").glob("*.laz")):
+        cloud = PointCloud.open(path)
+        tiles[path.stem] = cloud, cloud["classification"] == 2
+    for id, make in _ground_filters().items():
+        _errors(id, make, samples, {})
+        _errors(id, make, tiles, {})
+    groups = {n: {"rigidness": r, "smooth_slopes": s} for n, (r, s, _) in CSF_GROUPS.items()}
+    _errors("ground.csf by group", _ground_filters()["ground.csf"], samples, groups)
+
+
+def _ground_filters() -> dict[str, Any]:
+    from toolbox import catalog
+
+    return {id: catalog.load(id).make for id in catalog.own_ids() if id.startswith("ground.")}
+
+
+def _errors(
+    title: str, make: Any, clouds: dict[str, Any], settings: dict[str, dict[str, Any]]
+) -> None:
+    """One line of errors per cloud, and their means."""
+    from algorithms.compare.classes import Counts
+
+    rows = []
+    for name, (cloud, true) in clouds.items():
+        found = make(points=cloud, **settings.get(name, {})).run().classified
+        counts = Counts.of(found["classification"] == 2, true)
+        rows.append((counts.type_1, counts.type_2, counts.total_error, counts.kappa))
+    means = tuple(statistics.mean(column) for column in zip(*rows, strict=True))
+    for name, (type_1, type_2, total, kappa) in zip([*clouds, "mean"], [*rows, means], strict=True):
+        say(
+            f"filters  {title:28} {name:12} Type I {type_1:6.2f}  Type II {type_2:6.2f}  "
+            f"total {total:5.2f} %  kappa {100 * kappa:5.1f}"
+        )
+
+
+def cloth() -> None:
+    """ground.csf against the package cloth-simulation-filter, in processor time of one thread."""
+    import numba
+
+    from algorithms.samples.scene import SamplesScene
+    from toolbox.data import PointCloud
+
+    os.environ["OMP_NUM_THREADS"] = "1"
+    try:
+        import CSF  # type: ignore[import-not-found]
+    except ImportError:
+        say("cloth    the package cloth-simulation-filter is not installed")
+        return
+    numba.set_num_threads(1)
+    clouds = {
+        "autzen": PointCloud.open(DATA / "autzen_ept/autzen_south_5M.laz"),
+        "scene": SamplesScene(size=500.0, density=20.0).run().points,
+    }
+    for name, cloud in clouds.items():
+        xyz, metre = cloud.xyz, cloud.metre
+        ours, theirs = alternately(
+            lambda xyz=xyz, metre=metre: _our_cloth(xyz, metre),  # type: ignore[misc]
+            lambda xyz=xyz, metre=metre: _their_cloth(CSF, xyz, metre),  # type: ignore[misc]
+            *(3, time.process_time),
+        )
+        say(
+            f"cloth    {name:7} {len(xyz) / 1e6:.2f} M points: {ours:.2f} CPU s, "
+            f"package {theirs:.2f} CPU s, ratio {theirs / ours:.1f}"
+        )
+
+
+def _our_cloth(xyz: Any, metre: float) -> Any:
+    from algorithms.ground.csf import cloth_simulation, ground_mask
+
+    cloth = cloth_simulation(xyz, cloth_resolution=metre, rigidness=3, metre=metre)
+    return ground_mask(xyz, cloth, class_threshold=0.5 * metre)
+
+
+def _their_cloth(package: Any, xyz: Any, metre: float) -> Any:
+    """The same with the package, which knows no units and is given metres."""
+    cloth = package.CSF()
+    cloth.params.bSloopSmooth = False
+    cloth.params.rigidness = 3
+    cloth.params.cloth_resolution = 1.0
+    cloth.params.class_threshold = 0.5
+    cloth.setPointCloud(xyz / metre)
+    ground, other = package.VecInt(), package.VecInt()
+    cloth.do_filtering(ground, other, False)
+    return ground
 
 
 def terrain() -> None:
@@ -251,7 +354,14 @@ def _equal(one: Any, two: Any) -> bool:
 
 
 def speed() -> None:
-    """Seconds per million points of the first tools, reading and writing included."""
+    """Tools by themselves, filters beside laspy's reading, and denoise beside Open3D."""
+    _command_line()
+    _growth()
+    _beside_open3d()
+
+
+def _command_line() -> None:
+    """Seconds per million points, reading and writing included."""
     path = DATA / "autzen_ept/autzen_south_5M.laz"
     with folder() as out:
         runs = {
@@ -263,12 +373,83 @@ def speed() -> None:
         for id, arguments in runs.items():
             found = toolbox("run", id, "--points", path, *arguments, "--json")
             say(
-                f"speed    {id:16} {found['seconds'] / 5.05:.2f} s, "
+                f"speed    {id:28} {found['seconds'] / 5.05:.2f} s, "
                 f"{found['cpu'] / 5.05:.2f} CPU s per million points (exit {found['code']})"
             )
 
 
-ALL = (startup, reading, memory, isprs, terrain, damaged, roundtrip, speed)
+def _growth() -> None:
+    """Processor time of the filters beside that of laspy's reading, and how it grows."""
+    import laspy
+
+    from algorithms.points.denoise import PointsDenoise
+    from toolbox.data import PointCloud
+
+    makes = _ground_filters() | {"points.denoise": PointsDenoise}
+    seconds: dict[str, list[float]] = {id: [] for id in makes}
+    with folder() as out:
+        for millions in SIZES:
+            path = out / f"{millions}.laz"
+            _survey(millions, path)
+            cloud, count = PointCloud.open(path), laspy.read(path).header.point_count / 1e6
+            reading = statistics.median(
+                timed(lambda path=path: laspy.read(path).xyz, time.process_time)  # type: ignore[misc]
+                for _ in range(3)
+            )
+            for id, make in makes.items():
+                make(points=cloud.select(range(50_000))).run()  # compiles
+                seconds[id].append(timed(make(points=cloud).run, time.process_time) / count)
+                say(
+                    f"speed    {id:28} {count:5.2f} M points: {seconds[id][-1]:.2f} CPU s "
+                    f"per million, {seconds[id][-1] * count / reading:.1f} times reading"
+                )
+    for id, found in seconds.items():
+        growth = found[-1] / found[0]
+        say(f"speed    {id:28} per point, {SIZES[-1]} M over {SIZES[0]} M: {growth:.2f}")
+
+
+def _survey(millions: int, path: Path) -> None:
+    """Write the west of two copies of a survey side by side, at its own density."""
+    import laspy
+    import numpy as np
+
+    las = laspy.read(DATA / "autzen_ept/autzen_south_5M.laz")
+    west, count = las.points.array, millions * 1_000_000
+    east = west.copy()
+    east["X"] += np.ptp(west["X"]) + 1
+    both = np.concatenate([west, east])
+    both = both[both["X"] <= np.partition(both["X"], count - 1)[count - 1]]
+    scales, offsets = las.header.scales, las.header.offsets
+    las.points = laspy.ScaleAwarePointRecord(both, las.point_format, scales, offsets)
+    las.write(path)
+
+
+def _beside_open3d() -> None:
+    """Statistical outlier removal of 5 M points with 20 neighbours, in processor time."""
+    from algorithms.points.denoise import noise
+    from toolbox.data import PointCloud
+
+    try:
+        import open3d  # type: ignore[import-not-found]
+    except ImportError:
+        say("speed    Open3D is not installed")
+        return
+    cloud = PointCloud.open(DATA / "autzen_ept/autzen_south_5M.laz")
+    xyz, metre = cloud.xyz, cloud.metre
+    theirs = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(xyz))
+    for scope in ("local", "classic"):
+        our_seconds, their_seconds = alternately(
+            lambda scope=scope: noise(xyz, scope=scope, reach=20 * metre, height_gap=100 * metre),  # type: ignore[misc]
+            lambda: theirs.remove_statistical_outlier(21, 5.0),  # it counts the point itself
+            *(3, time.process_time),
+        )
+        say(
+            f"speed    points.denoise {scope:7} {our_seconds:.1f} CPU s, Open3D "
+            f"{their_seconds:.1f} CPU s, ratio {their_seconds / our_seconds:.2f}"
+        )
+
+
+ALL = (startup, reading, memory, isprs, filters, cloth, terrain, damaged, roundtrip, speed)
 BENCHES = {b.__name__: b for b in ALL}
 
 if __name__ == "__main__":

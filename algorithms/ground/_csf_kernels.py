@@ -4,6 +4,9 @@ Heights are turned upside down: the cloth falls towards smaller values and rests
 Arrays of heights have a rim of REACH nodes on all sides, which repeats the outermost nodes: the
 cloth has a free edge. A step reads one array of heights and writes another, node by node, so the
 result is the same, bit for bit, for any number of threads.
+
+Steps follow each other at a distance, strip after strip down the lattice: what one has written is
+still near at hand, in the cache, when the next reads it.
 """
 
 from __future__ import annotations
@@ -13,37 +16,40 @@ from numba import njit, prange
 
 REACH = 2  # nodes: the longest spring
 TILE = 64  # nodes: side of the squares that fall asleep one by one
+STRIP = 8  # rows of a tile that are worked on at a time
 
 
 @njit(cache=True, nogil=True)
-def step_serial(tiles, height, out, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
+def step_serial(strips, even, odd, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
     """As :func:`step`, without the price of waking threads."""
-    for t in range(len(tiles)):
-        _step_tile(tiles[t], height, out, obstacle, drop, inertia)
+    for t in range(len(strips)):
+        _step_strip(strips[t], even, odd, obstacle, drop, inertia)
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def step(tiles, height, out, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
-    """Springs, gravity and inertia of one step for the given tiles (first row, first column).
+def step(strips, even, odd, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
+    """Springs, gravity and inertia of one step for the given strips (row, column, step).
 
-    `out` holds the heights before `height`, and receives those after it.
+    Even steps read the heights `even` and write `odd`, odd ones the other way round. What is
+    written held the heights one step earlier, and receives those one step later.
     """
-    for t in prange(len(tiles)):
-        _step_tile(tiles[t], height, out, obstacle, drop, inertia)
+    for t in prange(len(strips)):
+        _step_strip(strips[t], even, odd, obstacle, drop, inertia)
 
 
 @njit(cache=True, nogil=True)
-def _step_tile(corner, height, out, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
-    """One step of one tile.
+def _step_strip(strip, even, odd, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
+    """One step of one strip.
 
     A particle goes half way to the mean of its 16 neighbours, keeps the share `inertia` of its
     last way, falls by `drop` and is held up by the obstacle. Rows are cut out first, so that
     indices start at 0 and the loop becomes vector code.
     """
+    height, out = (even, odd) if strip[2] % 2 == 0 else (odd, even)
     rows, cols = obstacle.shape
-    first, last = corner[1], min(corner[1] + TILE, cols)
+    first, last = strip[1], min(strip[1] + TILE, cols)
     wide = slice(first, last + 2 * REACH)
-    for r in range(corner[0], min(corner[0] + TILE, rows)):
+    for r in range(strip[0], min(strip[0] + STRIP, rows)):
         n2, n1, own = height[r, wide], height[r + 1, wide], height[r + 2, wide]
         s1, s2 = height[r + 3, wide], height[r + 4, wide]
         to = out[r + REACH, first + REACH : last + REACH]
@@ -62,17 +68,26 @@ def _step_tile(corner, height, out, obstacle, drop, inertia):  # type: ignore[no
             here = own[j + 2]
             free = 0.5 * here + (near + far) / 32.0 + inertia * (here - to[j]) - fall[j]
             to[j] = max(free, floor[j])
+        _continue_edges(out, r, first, last, rows, cols)
 
 
 @njit(cache=True, nogil=True)
-def continue_edges(height):  # type: ignore[no-untyped-def]
-    """Let the rim repeat the outermost nodes."""
+def _continue_edges(height, row, first, last, rows, cols):  # type: ignore[no-untyped-def]
+    """Let the rim repeat the nodes first..last of a row that are outermost."""
+    here = height[row + REACH]
     for k in range(REACH):
-        height[:, k] = height[:, REACH]
-        height[:, -1 - k] = height[:, -1 - REACH]
-    for k in range(REACH):
-        height[k] = height[REACH]
-        height[-1 - k] = height[-1 - REACH]
+        if first == 0:
+            here[k] = here[REACH]
+        if last == cols:
+            here[cols + REACH + k] = here[cols + REACH - 1]
+    if row not in (0, rows - 1):
+        return
+    for c in range(first + (REACH if first else 0), last + REACH + (REACH if last == cols else 0)):
+        for k in range(REACH):
+            if row == 0:
+                height[k, c] = here[c]
+            if row == rows - 1:
+                height[rows + REACH + k, c] = here[c]
 
 
 @njit(cache=True, nogil=True)
@@ -93,9 +108,10 @@ def hold(tiles, height, before):  # type: ignore[no-untyped-def]
     """Let both arrays agree on tiles that fall asleep."""
     rows, cols = height.shape[0] - REACH, height.shape[1] - REACH
     for t in range(len(tiles)):
-        row, col = tiles[t] + REACH
-        r, c = slice(row, min(row + TILE, rows)), slice(col, min(col + TILE, cols))
-        before[r, c] = height[r, c]
+        row, col = tiles[t]
+        for r in range(row + REACH, min(row + REACH + TILE, rows)):
+            for c in range(col + REACH, min(col + REACH + TILE, cols)):
+                before[r, c] = height[r, c]
 
 
 @njit(cache=True, nogil=True)

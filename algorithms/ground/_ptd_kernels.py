@@ -19,6 +19,7 @@ class Limits(NamedTuple):
     stop: float  # no point enters a facet whose edges are all shorter
     reduce: float  # facets smaller than this lower the angle; 0 for never
     mirror: bool
+    gentle: float  # greatest rise of the facet that a mirrored point falls on
     below: float  # degrees, for points below the surface
 
 
@@ -74,44 +75,59 @@ def _enters(mesh, z, t, x, y, h, limits, break_rise):  # type: ignore[no-untyped
         enters = True
     else:
         enters = limits.mirror and rise >= break_rise
-        enters = enters and _enters_beyond(mesh, z, t, x, y, h, limits.distance, most, top)
+        enters = enters and _enters_beyond(mesh, z, t, x, y, h, limits, most, top)
     return enters, distance
 
 
 @njit(cache=True, nogil=True)
-def _enters_beyond(mesh, z, t, x, y, h, distance, angle, top):  # type: ignore[no-untyped-def]
+def _enters_beyond(mesh, z, t, x, y, h, limits, angle, top):  # type: ignore[no-untyped-def]
     """Mirror a point at corner `top` of facet t, in plan and height: is it on the surface there?
 
     On the other side of a break the surface may be known already. Mirrored in plan alone, plants
-    on a slope would be held against the higher ground uphill.
+    on a slope would be held against the higher ground uphill. What is as steep as a wall there is
+    no level to go on from: walls would let the roofs above them in.
     """
     x, y, h = 2 * mesh.xy[top, 0] - x, 2 * mesh.xy[top, 1] - y, 2 * z[top] - h
     s = locate(mesh.xy, mesh.triangles, mesh.neighbours, x, y, t)
     if is_ghost(mesh.triangles, s):
         return False
-    off, seen, _, _, _, _ = _against(mesh, z, s, x, y, h)
-    return seen <= angle and abs(off) <= distance
+    off, seen, _, _, beyond, _ = _against(mesh, z, s, x, y, h)
+    return seen <= angle and abs(off) <= limits.distance and beyond <= limits.gentle
+
+
+@njit(cache=True, nogil=True)
+def points_of(changed, head, following, found):  # type: ignore[no-untyped-def]
+    """List the points of facets, and empty the facets; how many points there are."""
+    n = 0
+    for t in changed:
+        i = head[t]
+        while i >= 0:
+            found[n] = i
+            n += 1
+            i = following[i]
+        head[t] = -1
+    return n
 
 
 @njit(cache=True, nogil=True)
 def best_of_facets(  # type: ignore[no-untyped-def]
-    mesh, z, points, everyone, changed, entered, limits, break_rise, facet, best, lowest, chosen, n
+    mesh, z, points, entered, limits, break_rise, facet, head, following, best, lowest, chosen, n
 ):
     """Test points against the surface; per facet keep the lowest one that may enter.
 
-    Only points whose facet has changed are looked at, or `everyone`. Facets with a point are
-    listed in `chosen` from n on; returns how many there are now. Equal distances are decided by
-    position, never by the order of the points. The search for the facet of a point begins at its
-    last one, or, where that is not known (-1), at the facet of the point before.
+    Facets with such a point are listed in `chosen` from n on; returns how many there are now.
+    Equal distances are decided by position, never by the order of the points. All points that
+    are not vertices yet are put on the lists of their facets, `head` and `following`.
     """
     last = 0
     for i in points:
-        if entered[i] or not (everyone or changed[facet[i]]):
+        if entered[i]:
             continue
         x, y = mesh.xy[i, 0], mesh.xy[i, 1]
         hint = facet[i] if facet[i] >= 0 else last
         t = locate(mesh.xy, mesh.triangles, mesh.neighbours, x, y, hint)
         facet[i] = last = t
+        following[i], head[t] = head[t], i
         if is_ghost(mesh.triangles, t):
             continue
         good, distance = _enters(mesh, z, t, x, y, z[i], limits, break_rise)
@@ -154,51 +170,50 @@ def _wall(xy, z, a, b, step, rise):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def raised_all_round(mesh, z, real, step, rise, steep, share, extent):  # type: ignore[no-untyped-def]
-    """Vertices of patches smaller than `extent` from which nearly all walls go down.
+def join_patches(mesh, z, real, step, rise, first, last, group):  # type: ignore[no-untyped-def]
+    """Put vertices below `real` that an edge joins into one group, unless it is a wall.
 
-    Patches are what is left of the surface when it is cut at its walls: edges that climb more
-    than `step` and steeper than `rise`. Vertices from `real` on are not points but lie around
-    them: what goes on beyond the data may at most be a third of the outline. Walls must be
-    steeper than `steep` in the mean, or the tops of steep hills would be patches.
+    Looks at the triangles first to last. Walls climb more than `step` and steeper than `rise`.
     """
-    xy, triangles = mesh.xy, mesh.triangles
-    group = np.arange(real)
-    for t in range(mesh.size[0]):
+    for t in range(first, last):
         for k in range(3):
-            a, b = triangles[t, k], triangles[t, (k + 1) % 3]
-            if 0 <= a < b < real and _wall(xy, z, a, b, step, rise) == 0:
+            a, b = mesh.triangles[t, k], mesh.triangles[t, (k + 1) % 3]
+            if 0 <= a < b < real and _wall(mesh.xy, z, a, b, step, rise) == 0:
                 group[_root(group, a)] = _root(group, b)
-    down, walls, cut = np.zeros(real), np.zeros(real), np.zeros(real)
-    drop, run = np.zeros(real), np.zeros(real)
-    box = np.empty((real, 4))
-    for v in range(real):
-        box[v] = xy[v, 0], xy[v, 1], -xy[v, 0], -xy[v, 1]
-    for t in range(mesh.size[0]):
+
+
+@njit(cache=True, nogil=True)
+def patches_of(mesh, first, last, group, boxes):  # type: ignore[no-untyped-def]
+    """Name the patch of each vertex, and widen its box (west, south, -east, -north)."""
+    for v in range(first, last):
+        group[v] = g = _root(group, v)
+        x, y = mesh.xy[v, 0], mesh.xy[v, 1]
+        boxes[g, 0], boxes[g, 1] = min(boxes[g, 0], x), min(boxes[g, 1], y)
+        boxes[g, 2], boxes[g, 3] = min(boxes[g, 2], -x), min(boxes[g, 3], -y)
+
+
+@njit(cache=True, nogil=True)
+def outlines_of(mesh, z, real, step, rise, first, last, group, outline):  # type: ignore[no-untyped-def]
+    """Sum up the walls around patches: walls, of them down, edges to the rim, drop and run.
+
+    Looks at the triangles first to last. Vertices from `real` on are the rim of the data.
+    """
+    xy = mesh.xy
+    for t in range(first, last):
         for k in range(3):
-            a, b = triangles[t, k], triangles[t, (k + 1) % 3]
+            a, b = mesh.triangles[t, k], mesh.triangles[t, (k + 1) % 3]
             if 0 <= a < real <= b:
-                cut[_root(group, a)] += 1
-            if not (0 <= a < real and 0 <= b < real):
+                outline[group[a], 2] += 1
+            if not 0 <= a < b < real or group[a] == group[b]:
                 continue
-            ga, gb = _root(group, a), _root(group, b)
-            for j in range(4):
-                box[ga, j] = min(box[ga, j], box[a, j])
             climbs = _wall(xy, z, a, b, step, rise)
-            if a < b and climbs != 0 and ga != gb:
-                walls[ga] += 1
-                walls[gb] += 1
-                top = gb if climbs > 0 else ga
-                down[top] += 1
-                drop[top] += abs(z[b] - z[a])
-                run[top] += np.hypot(xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1])
-    found = np.zeros(real, np.bool_)
-    for v in range(real):
-        g = _root(group, v)
-        small = max(-box[g, 2] - box[g, 0], -box[g, 3] - box[g, 1]) < extent
-        outline = down[g] > 2 * cut[g] and down[g] >= share * walls[g]
-        found[v] = small and outline and drop[g] > steep * run[g]
-    return found
+            if climbs != 0:
+                top = group[b] if climbs > 0 else group[a]
+                outline[group[a], 0] += 1
+                outline[group[b], 0] += 1
+                outline[top, 1] += 1
+                outline[top, 3] += abs(z[b] - z[a])
+                outline[top, 4] += np.hypot(xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1])
 
 
 @njit(cache=True, nogil=True, parallel=True)

@@ -25,7 +25,6 @@ from scipy.ndimage import convolve, grey_closing, maximum_filter
 from algorithms.ground import _csf_kernels as kernels
 from algorithms.shared.ground import Returns, classified, may_be_ground, taking_part
 from algorithms.shared.lowest import (
-    blocks,
     lattice_around,
     lowest_points,
     require_finite,
@@ -48,10 +47,10 @@ AT_REST = (
 COARSEST, FEW_NODES = 8.0, 16  # the cloth begins with particles 8 metres apart, 16 along a side
 START_REACH = 50.0  # metres: half the width of the pits that the coarsest cloth starts above
 SLOPE_STEP = 0.3  # metres, h_cp in section 3.4 of the paper
-OUTLIER_CELL = 2.0  # metres
 BYTES_PER_PARTICLE = 70
 CHECK_EVERY = 10  # steps between two looks at which tiles still move
-FEW_TILES = 128  # not worth waking threads
+FOLLOWING = 10  # steps that follow each other down the lattice; even, and divides CHECK_EVERY
+FEW_STRIPS = 128  # not worth waking threads
 
 # How rigidness "auto" reads the terrain: the rise of a first cloth over 2 LAG, averaged by BLOCK.
 STIFF = 3.0
@@ -62,6 +61,7 @@ AUTO_HALO = 250.0  # metres, 2.5 BLOCK
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
+Ints = NDArray[np.int64]
 
 
 @tool("ground.csf")
@@ -279,38 +279,11 @@ def cloth_simulation(
 
 def obstacle_of(xyz: Floats, lattice: Lattice, metre: float, ctx: Context) -> Floats:
     """What the cloth falls on: the height of each particle's point, upside down."""
-    coarse = max(lattice.cell, OUTLIER_CELL * metre)
-    use, done = np.ones(len(xyz), bool), 0.4
-    point = lowest_points(xyz, use, lattice, ctx.part(0.0, done))
-    while True:
-        part = ctx.part(done, (0.8 + done) / 2)  # how many rounds there will be, nobody knows
-        low = point[point >= 0]
-        kept = without_low_outliers(xyz[low], coarse, metre, part.part(0.0, 0.5))
-        if kept.all():
-            break
-        use[low[~kept]] = False
-        take_next_lowest(xyz, use, point, lattice, part.part(0.5, 1.0))
-        done = (0.8 + done) / 2
+    use = without_low_outliers(xyz, lattice.cell, metre, ctx.part(0.0, 0.5))
+    point = lowest_points(xyz, use, lattice, ctx.part(0.5, 0.8))
     spread_to_empty(xyz, point, lattice, ctx.part(0.8, 1.0))
     obstacle: Floats = xyz[:, 2][point]
     return np.negative(obstacle, out=obstacle)
-
-
-def take_next_lowest(
-    xyz: Floats, use: NDArray[np.bool_], point: NDArray[np.int64], lattice: Lattice, ctx: Context
-) -> None:
-    """Let another point take the place of one that is no longer in use (in place)."""
-    emptied = (point >= 0) & ~use[point]
-    within = np.empty(len(xyz), bool)
-    for first, last in blocks(len(xyz)):
-        within[first:last] = emptied[lattice.indices(xyz[first:last, 0], xyz[first:last, 1])]
-        ctx.progress(last / len(xyz))
-    point[emptied] = -1
-    candidates = np.flatnonzero(within & use)
-    if len(candidates):
-        lowest = lowest_points(xyz[candidates], use[candidates], lattice, QUIET)
-        filled = lowest >= 0
-        point[filled] = candidates[lowest[filled]]
 
 
 def terrain_slope(height: Floats, lattice: Lattice, metre: float) -> Singles:
@@ -427,13 +400,16 @@ def let_fall(
     every = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1)
     awake = np.ones(every.shape[:2], bool)
     tiles = every[awake]
-    for k in range(1, iterations + 1):
-        step = kernels.step_serial if len(tiles) < FEW_TILES else kernels.step
-        step(tiles, height, before, obstacle, drop, inertia)
-        height, before = before, height
-        kernels.continue_edges(height)
-        ctx.progress(k / iterations)
-        if k % CHECK_EVERY == 0:
+    batches = in_turn(tiles, len(obstacle))
+    for k in range(0, iterations, FOLLOWING):
+        if iterations - k < FOLLOWING:
+            batches = in_turn(tiles, len(obstacle), iterations - k)
+        for done, strips in enumerate(batches):
+            step = kernels.step_serial if len(strips) < FEW_STRIPS else kernels.step
+            step(strips, height, before, obstacle, drop, inertia)
+            ctx.progress((k + FOLLOWING * done / len(batches)) / iterations)
+        # An even number of steps, so that `height` has the newest.
+        if (k + FOLLOWING) % CHECK_EVERY == 0:
             moving = np.zeros(awake.shape, bool)
             moving[awake] = kernels.movement(tiles, height, before) > still
             if not moving.any():
@@ -441,4 +417,24 @@ def let_fall(
             was_awake, awake = awake, maximum_filter(moving, 3)
             kernels.hold(every[was_awake & ~awake], height, before)
             tiles = every[awake]
-    return height[own].copy(), False
+            batches = in_turn(tiles, len(obstacle))
+    newest = before if iterations % 2 else height
+    return newest[own].copy(), False
+
+
+def in_turn(tiles: Ints, rows: int, steps: int = FOLLOWING) -> list[Ints]:
+    """Strips of the tiles with the number of their step, in batches to be worked on in turn.
+
+    A step follows the one before two strips behind, so that all strips of a batch are
+    independent of each other: it needs what that wrote beside its own strip, and overwrites what
+    that has read.
+    """
+    inner = np.arange(0, kernels.TILE, kernels.STRIP)
+    strips = (tiles[:, None] + np.stack([inner, 0 * inner], axis=1)).reshape(-1, 2)
+    strips = strips[strips[:, 0] < rows]
+    number = np.repeat(np.arange(steps), len(strips))
+    strips = np.tile(strips, (steps, 1))
+    turn = strips[:, 0] // kernels.STRIP + 2 * number
+    order = np.argsort(turn, kind="stable")
+    starts = np.flatnonzero(np.diff(turn[order])) + 1
+    return np.split(np.column_stack([strips, number])[order], starts)

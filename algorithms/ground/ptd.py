@@ -31,7 +31,8 @@ from algorithms.shared.lowest import (
     without_low_outliers,
 )
 from toolbox.context import QUIET, Context, log
-from toolbox.data import Lattice, PointCloud
+from toolbox.data import Lattice, PointCloud, Raster
+from toolbox.data.crs import vertical_unit
 from toolbox.errors import DataError
 from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import ClassList
@@ -39,14 +40,16 @@ from toolbox.values import ClassList
 CELL = 1.0  # metres: of each cell the lowest point may become a vertex
 FINEST = 5.0  # metres: seed grids are halved until they are at most this wide
 BREAK_RISE = 0.2  # facets at least this steep are looked at as breaks
+GENTLE = 1.2  # rise of terrain that a surface goes on with beyond a break or the data; not walls
 COARSE_ANGLE = 2.0  # times the angle on seed grids, whose points are low
 BELOW = 60.0  # degrees: greatest angle of a point below the surface
 WALL_MEAN = 0.8  # rise per length of all walls of a patch
 WALL_STEP, WALL_RISE, WALL_SHARE = 1.0, 0.3, 0.8  # metres, rise per length, share going down
 PATCH = 5 / 3  # widest patch that is taken for a building, in building sizes
-CHECKS = 4  # times that raised patches are looked for
+CHECKS = 6  # times that raised patches are looked for
 RING, RING_REACH = 10.0, 1  # metres between the vertices around the data, and rings
 SLOPE_STEP, GREATEST_RISE = 0.5, 2.0  # metres of tolerance per rise of the facet
+SIDE = 32  # cells
 BLOCK = 200_000  # points that are worked on between two looks at the context
 HALO = 2.25  # metres of data that a tile needs around it, in building sizes
 
@@ -97,6 +100,7 @@ class GroundPtd:
         unit="m",
         gt=0,
     )
+    cell: float = param("Cell size of the surface", default=1.0, unit="m", gt=0)
     returns: Returns = param(
         "Returns that can be ground; points without return numbers always can", default="last"
     )
@@ -110,6 +114,7 @@ class GroundPtd:
     @outputs
     class Outputs:
         classified: PointCloud = sink("The same points, class 2 on ground and 1 elsewhere")
+        surface: Raster = sink("Elevation of the triangulated surface at the cell centres")
         ground_share: float = sink("Share of points that became ground", unit="1")
 
     def halo(self) -> float:
@@ -141,10 +146,19 @@ class GroundPtd:
             surface,
             class_distance=self.class_distance,
             metre=cloud.metre,
-            ctx=ctx.part(0.9, 1),
+            ctx=ctx.part(0.9, 0.95),
         )
+        lattice = Lattice.cover((*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0)), self.cell)
+        heights = heights_on(surface, lattice, ctx=ctx.part(0.95, 1))
         return self.Outputs(
             classified=classified(cloud, ground, part, keep_classes=self.keep_classes),
+            surface=Raster.from_lattice(
+                heights,
+                lattice,
+                crs=cloud.crs,
+                descriptions=("surface",),
+                units=(vertical_unit(cloud.crs) if cloud.crs else "",),
+            ),
             ground_share=float(np.count_nonzero(ground) / len(ground)),
         )
 
@@ -218,6 +232,29 @@ def ground_mask(
     return near
 
 
+def heights_on(surface: Surface, lattice: Lattice, *, ctx: Context = QUIET) -> NDArray[np.float32]:
+    """Heights of the surface at the centres of cells.
+
+    Returns
+    -------
+    array of shape (rows, cols)
+        NaN beyond the surface, which ends some 10 to 20 m outside the points.
+    """
+    heights = np.full(lattice.shape, np.nan, np.float32)
+    x, y = lattice.centres()
+    step = max(1, BLOCK // lattice.cols)
+    for first in range(0, lattice.rows, step):
+        across, down = np.meshgrid(x, y[first : first + step])
+        places = np.column_stack([across.ravel(), down.ravel()])
+        facets = surface.mesh.locate(places)
+        inside = facets >= 0
+        corners = surface.mesh.triangles[facets[inside]]
+        found = plane_at(surface.mesh.arrays.xy[corners], surface.z[corners], places[inside])
+        heights[first : first + step].reshape(-1)[inside] = found
+        ctx.progress(min(1.0, (first + step) / lattice.rows))
+    return heights
+
+
 def densified(
     xyz: Floats,
     *,
@@ -259,9 +296,9 @@ def densified(
     lattice = lattice_around(xyz, CELL * metre, bytes_per_cell=8, parameter="the density")
     use = without_low_outliers(xyz, CELL * metre, metre, ctx.part(0, 0.3))
     lowest = lowest_points(xyz, use, lattice, ctx.part(0.3, 0.35))
-    filled = lowest >= 0
-    points = xyz[lowest[filled]]
-    lowest[filled] = np.arange(len(points))
+    cells = by_blocks(lowest)
+    points = xyz[lowest[cells]]
+    lowest[cells] = np.arange(len(points))
     fine = kernels.Limits(
         angle=iteration_angle,
         distance=iteration_distance,
@@ -269,6 +306,7 @@ def densified(
         stop=stop_edge,
         reduce=reduce_angle_below,
         mirror=mirror,
+        gentle=GENTLE,
         below=BELOW,
     )
     growth = Growth(points, metre)
@@ -287,18 +325,27 @@ def densified(
     growth.grow(everyone, fine, ctx.part(done, 0.75))
     banned = np.zeros(len(points), bool)
     for k in range(CHECKS):
-        raised = growth.raised(PATCH * max_building_size)
+        part = ctx.part(0.75 + 0.24 * k / CHECKS, 0.75 + 0.24 * (k + 1) / CHECKS)
+        raised = growth.raised(PATCH * max_building_size, part.part(0, 0.2))
         log.debug("%d vertices are on raised patches", np.count_nonzero(raised))
         if not raised.any():
             break
         banned |= raised
-        part = ctx.part(0.75 + 0.05 * k, 0.8 + 0.05 * k)
-        growth.start(np.flatnonzero(growth.entered[: len(points)] & ~raised), part.part(0, 0.3))
-        growth.grow(np.flatnonzero(~banned), fine, part.part(0.3, 1))
-    growth.locate(everyone)
-    ctx.progress(1.0)
+        growth.start(np.flatnonzero(growth.entered[: len(points)] & ~raised), part.part(0.2, 0.4))
+        growth.grow(np.flatnonzero(~banned), fine, part.part(0.4, 1))
+    growth.locate(everyone, ctx.part(0.99, 1))
     vertices = int(np.count_nonzero(growth.entered[: len(points)]))
     return Surface(growth.mesh, growth.z, growth.facet, lowest, lattice, vertices, growth.rounds)
+
+
+def by_blocks(lowest: Ints) -> tuple[Ints, Ints]:
+    """Rows and columns of the cells with a point, block by block of SIDE x SIDE cells.
+
+    What is near on the ground is then near in memory, however wide the data are.
+    """
+    row, col = np.nonzero(lowest >= 0)
+    order = np.argsort((row // SIDE) * (lowest.shape[1] // SIDE + 1) + col // SIDE, kind="stable")
+    return row[order], col[order]
 
 
 def lowest_of_cells(points: Floats, cell: float) -> Mask:
@@ -320,6 +367,21 @@ def ring_around(points: Floats, step: float) -> Floats:
     return np.concatenate(places) * step
 
 
+def plane_at(xy: Floats, z: Floats, places: Floats) -> Floats:
+    """Heights at places (m, 2) of planes through corners (m, 3, 2) of heights (m, 3)."""
+    (ux, uy), (vx, vy) = (xy[:, 1] - xy[:, 0]).T, (xy[:, 2] - xy[:, 0]).T
+    x, y = (places - xy[:, 0]).T
+    area = ux * vy - uy * vx
+    second, third = (x * vy - y * vx) / area, (ux * y - uy * x) / area
+    height: Floats = z[:, 0] + second * (z[:, 1] - z[:, 0]) + third * (z[:, 2] - z[:, 0])
+    return height
+
+
+def runs(total: int) -> list[tuple[int, int]]:
+    """Cut `total` items into runs (first, last) of BLOCK."""
+    return [(first, min(first + BLOCK, total)) for first in range(0, total, BLOCK)]
+
+
 class Growth:
     """The surface while it grows.
 
@@ -333,10 +395,11 @@ class Growth:
         self.xy = np.vstack([points[:, :2], ring_around(points, RING * metre)])
         self.z = np.append(points[:, 2], np.zeros(len(self.xy) - self.real))
         capacity = 2 * len(self.xy) + 2
-        self.best = np.full(capacity, -1)
-        self.lowest = np.empty(capacity)
+        self.facet = np.full(len(self.xy), -1)
+        self.head, self.following = np.full(capacity, -1), np.empty(self.real, np.int64)
+        self.waiting = np.empty(self.real, np.int64)
+        self.best, self.lowest = np.full(capacity, -1), np.empty(capacity)
         self.chosen = np.empty(capacity, np.int64)
-        self.changed = np.zeros(capacity, bool)
         self.rounds = 0
 
     def start(self, seeds: Ints, ctx: Context) -> None:
@@ -350,29 +413,62 @@ class Growth:
         self.mesh.insert(np.flatnonzero(self.entered), ctx=ctx)
 
     def lift_ring(self) -> None:
-        """Give the ring the heights of the nearest vertices."""
-        vertices = np.flatnonzero(self.entered[: self.real])
-        tree = cKDTree(self.xy[vertices], compact_nodes=False, balanced_tree=False)
-        _, nearest = tree.query(self.xy[self.real :])
-        self.z[self.real :] = self.z[vertices[nearest]]
+        """Give the ring the heights to which the surface goes on, or else the nearest vertices'.
+
+        The surface is mirrored at the nearest vertex, in plan and height.
+        """
+        nearest = self.nearest_to_ring()
+        base = self.z[nearest]
+        self.z[self.real :] = base
+        mesh = self.mesh.arrays
+        if not mesh.size[0]:
+            return
+        places = 2 * self.xy[nearest] - self.xy[self.real :]
+        facets = self.mesh.locate(places)
+        corners = mesh.triangles[facets]
+        inside = (facets >= 0) & (corners < self.real).all(axis=1)
+        corners = corners[inside]
+        height = plane_at(self.xy[corners], self.z[corners], places[inside])
+        away = np.hypot(*(places[inside] - self.xy[nearest[inside]]).T)
+        rise = base[inside] - height
+        rise[np.abs(rise) > GENTLE * away] = 0.0
+        self.z[self.real + np.flatnonzero(inside)] += rise
+
+    def nearest_to_ring(self) -> Ints:
+        """The vertices nearest to the ring."""
+        vertices, ring = np.flatnonzero(self.entered[: self.real]), self.xy[self.real :]
+        places = self.xy[vertices]
+        inwards = np.minimum(places - ring.min(axis=0), ring.max(axis=0) - places).min(axis=1)
+        reach = 4 * RING * self.metre
+        while True:  # what is farther inwards than the nearest one found cannot be nearer
+            some = np.flatnonzero(inwards <= reach)
+            if len(some):
+                distance, nearest = cKDTree(places[some]).query(ring)
+                if np.max(distance) <= reach or len(some) == len(places):
+                    found: Ints = vertices[some[nearest]]
+                    return found
+            reach *= 2
 
     def grow(self, points: Ints, limits: kernels.Limits, ctx: Context) -> None:
         """Let points enter in rounds, until none is left that may."""
         everyone, done = True, 0.0
+        waiting = points
         while True:
             half = ctx.part(done, (1 + done) / 2)  # how many rounds there will be, nobody knows
-            chosen = self.look(points, limits, everyone, half.part(0, 0.7))
+            if everyone:
+                self.head[:] = -1
+            chosen = self.look(waiting, limits, half.part(0, 0.7))
             if len(chosen):
-                self.enter(chosen, half.part(0.7, 1))
+                waiting = self.enter(chosen, half.part(0.7, 1))
                 everyone = False
             elif everyone:
                 return
             else:
                 self.lift_ring()
-                everyone = True
+                waiting, everyone = points, True
             done = (1 + done) / 2
 
-    def look(self, points: Ints, limits: kernels.Limits, everyone: bool, ctx: Context) -> Ints:
+    def look(self, points: Ints, limits: kernels.Limits, ctx: Context) -> Ints:
         """Find the lowest point for each facet that may enter; the facets."""
         count = 0
         for first in range(0, len(points), BLOCK):
@@ -380,12 +476,12 @@ class Growth:
                 self.mesh.arrays,
                 self.z,
                 points[first : first + BLOCK],
-                everyone,
-                self.changed,
                 self.entered,
                 limits,
                 BREAK_RISE,
                 self.facet,
+                self.head,
+                self.following,
                 self.best,
                 self.lowest,
                 self.chosen,
@@ -394,31 +490,44 @@ class Growth:
             ctx.progress(min(1.0, (first + BLOCK) / len(points)))
         return self.chosen[:count]
 
-    def enter(self, facets: Ints, ctx: Context) -> None:
-        """Make the points found for the facets vertices."""
+    def enter(self, facets: Ints, ctx: Context) -> Ints:
+        """Make the points found for the facets vertices; the points whose facets have changed."""
         points = self.best[facets]
         self.best[facets] = -1
         self.entered[points] = True
-        made = self.mesh.insert(points, ctx=ctx)
-        self.changed[:] = False
-        self.changed[made] = True
+        changed = self.mesh.insert(points, ctx=ctx)
         self.rounds += 1
+        count = kernels.points_of(changed, self.head, self.following, self.waiting)
+        return self.waiting[:count]
 
-    def raised(self, extent: float) -> Mask:
-        """True for vertices on patches that drop all round, such as roofs."""
-        found: Mask = kernels.raised_all_round(
-            self.mesh.arrays,
-            self.z,
-            self.real,
-            WALL_STEP * self.metre,
-            WALL_RISE,
-            WALL_MEAN,
-            WALL_SHARE,
-            extent,
-        )
-        return found & self.entered[: self.real]
+    def raised(self, extent: float, ctx: Context) -> Mask:
+        """True for vertices on patches narrower than `extent` that drop all round: roofs.
 
-    def locate(self, points: Ints) -> None:
+        Patches are what is left of the surface when it is cut at its walls. Nearly all walls
+        around go down; what goes on beyond the data is at most a third of the outline. The walls
+        must be steep in the mean, or the tops of steep hills would be patches.
+        """
+        mesh, wall = self.mesh.arrays, (WALL_STEP * self.metre, WALL_RISE)
+        group, boxes = np.arange(self.real), np.full((self.real, 4), np.inf)
+        outline = np.zeros((self.real, 5))
+        size = int(mesh.size[0])
+        for first, last in runs(size):
+            kernels.join_patches(mesh, self.z, self.real, *wall, first, last, group)
+            ctx.progress(0.4 * last / size)
+        for first, last in runs(self.real):
+            kernels.patches_of(mesh, first, last, group, boxes)
+            ctx.progress(0.4 + 0.2 * last / self.real)
+        for first, last in runs(size):
+            kernels.outlines_of(mesh, self.z, self.real, *wall, first, last, group, outline)
+            ctx.progress(0.6 + 0.4 * last / size)
+        walls, down, cut, drop, length = outline.T
+        narrow = (-boxes[:, 2:] - boxes[:, :2]).max(axis=1) < extent
+        drops = (down > 2 * cut) & (down >= WALL_SHARE * walls) & (drop > WALL_MEAN * length)
+        found: Mask = (narrow & drops)[group] & self.entered[: self.real]
+        return found
+
+    def locate(self, points: Ints, ctx: Context) -> None:
         """Bring the facets of the points up to date."""
-        for first in range(0, len(points), BLOCK):
-            kernels.relocate(self.mesh.arrays, points[first : first + BLOCK], self.facet)
+        for first, last in runs(len(points)):
+            kernels.relocate(self.mesh.arrays, points[first:last], self.facet)
+            ctx.progress(last / len(points))

@@ -2,50 +2,140 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
+
+GROUP, MOST = 3.0, 12  # metres, points: of a group of low outliers
+SUPPORTER = 3  # points of a group that one supporter farther away weighs
+STEP, SLOPE, REACHED = 1.0, 0.3, 10  # metres, -, cells: a cone, and how many must be above it
+BAND, DENSE = 5.0, 20  # metres, points: dense terrain above a group
+ROUNDING = 1e-6  # cells, as in toolbox.data.Lattice
 
 
 @njit(cache=True, nogil=True)
-def lowest_points(xyz, use, start, row, col, lowest):  # type: ignore[no-untyped-def]
-    """Enter the points from start on, in cells (row, col), as the lowest of their cell.
+def cells_of(xyz, left, top, cell, rows, cols):  # type: ignore[no-untyped-def]
+    """Cells of the points on a lattice that begins `left` and `top` cells from the origin."""
+    found = np.empty(len(xyz), np.int32)
+    for i in range(len(xyz)):
+        col = int(np.floor(xyz[i, 0] / cell + ROUNDING)) - left
+        row = top - 1 - int(np.floor(xyz[i, 1] / cell + ROUNDING))
+        found[i] = max(row, 0) * cols + min(col, cols - 1)  # outermost edges belong to them
+    return found
+
+
+@njit(cache=True, nogil=True)
+def enter_lowest(xyz, use, start, cells, height, lowest):  # type: ignore[no-untyped-def]
+    """Enter the points from start on, in `cells`, as the lowest of their cell.
 
     Equal heights are decided by position, never by the order of the points.
     """
-    for k in range(len(row)):
-        i = start + k
-        if not use[i]:
+    for k in range(len(cells)):
+        i, cell = start + k, cells[k]
+        if not use[i] or xyz[i, 2] > height[cell]:
             continue
-        j = lowest[row[k], col[k]]
+        j = lowest[cell]
         if j < 0 or (xyz[i, 2], xyz[i, 0], xyz[i, 1]) < (xyz[j, 2], xyz[j, 0], xyz[j, 1]):
-            lowest[row[k], col[k]] = i
+            lowest[cell], height[cell] = i, xyz[i, 2]
 
 
 @njit(cache=True, nogil=True)
-def alone_below(z, lowest, first, last, reach, step, rise, few, found):  # type: ignore[no-untyped-def]
-    """Mark in `found` the cells of the rows first..last whose point is a low outlier.
+def _support(tops, x, y, z, row, col, cell, reach, metre):  # type: ignore[no-untyped-def]
+    """Count the cells with their lowest point under and above a cone and a plane over (x, y, z).
 
-    A cone with the slope `rise` per cell is put, `step` above its tip, on the point. A point
-    of the ground has neighbours under the cone; a low outlier has almost none.
+    Cells as near as a group is wide count above only. Enough cells under the plane end the count.
     """
-    rows, cols = lowest.shape
+    rows, cols, _ = tops.shape
+    cone, plane, above_cone, above_plane = 0, 0, 0, 0
+    tip = z + STEP * metre
+    for ring in range(int(np.ceil(reach / cell)) + 1):
+        for r in range(max(0, row - ring), min(rows, row + ring + 1)):
+            stride = 1 if abs(r - row) == ring else 2 * ring
+            for c in range(col - ring, col + ring + 1, stride):
+                if not 0 <= c < cols:
+                    continue
+                away = np.sqrt((tops[r, c, 0] - x) ** 2 + (tops[r, c, 1] - y) ** 2)
+                if away > reach:
+                    continue
+                beside, rise = away > GROUP * metre, tops[r, c, 2] - tip
+                plane += beside and rise < 0
+                above_plane += rise >= 0
+                cone += beside and rise < SLOPE * away
+                above_cone += rise >= SLOPE * away
+        if SUPPORTER * plane >= MOST:
+            break
+    return cone, plane, above_cone, above_plane
+
+
+@njit(cache=True, nogil=True)
+def suspects(tops, first, last, cell, reach, metre, ceiling):  # type: ignore[no-untyped-def]
+    """Find the cells of the rows first..last whose lowest point (x, y, z) hardly has support.
+
+    `ceiling` takes the height below which points around it tell whether it is an outlier.
+    """
     for row in range(first, last):
-        for col in range(cols):
-            if lowest[row, col] < 0:
+        for col in range(tops.shape[1]):
+            x, y, z = tops[row, col]
+            if np.isinf(x):
                 continue
-            tip = z[lowest[row, col]] + step
-            under, above = 0, 0
-            for ring in range(1, reach + 1):
-                for r in range(max(0, row - ring), min(rows, row + ring + 1)):
-                    stride = 1 if abs(r - row) == ring else 2 * ring
-                    for c in range(col - ring, col + ring + 1, stride):
-                        if 0 <= c < cols and lowest[r, c] >= 0:
-                            if z[lowest[r, c]] < tip + rise * ring:
-                                under += 1
-                            else:
-                                above += 1
-                if under >= few:
-                    break
-            found[row, col] = under < few and above >= 2 * few
+            cone, plane, above_cone, above_plane = _support(
+                tops, x, y, z, row, col, cell, reach, metre
+            )
+            if SUPPORTER * cone < MOST and above_cone >= REACHED:
+                ceiling[row, col] = z + (2 * STEP + SLOPE * GROUP) * metre
+            elif SUPPORTER * plane < MOST and above_plane >= REACHED:
+                ceiling[row, col] = z + (STEP + BAND) * metre
+
+
+@njit(cache=True, nogil=True)
+def below(xyz, use, start, cells, ceiling):  # type: ignore[no-untyped-def]
+    """Indices of the points in use, from start on, below the ceiling of their cell."""
+    found, count = np.empty(len(cells), np.int64), 0
+    for k in range(len(cells)):
+        if xyz[start + k, 2] < ceiling[cells[k]] and use[start + k]:
+            found[count] = start + k
+            count += 1
+    return found[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def judge(tops, places, low, cells, cell, reach, metre, alone):  # type: ignore[no-untyped-def]
+    """Mark the low points of the cells at `places` that are outliers, from the lowest upwards.
+
+    `low` are points sorted by their `cells`, and by height in each.
+    """
+    for p in range(len(places)):
+        row, col = places[p]
+        own = row * tops.shape[1] + col
+        k = np.searchsorted(cells, own)
+        while k < len(low) and cells[k] == own and low[k, 2] <= tops[row, col, 2] + STEP * metre:
+            alone[k] = _is_alone(tops, low[k], row, col, low, cells, cell, reach, metre)
+            if not alone[k]:
+                break
+            k += 1
+
+
+@njit(cache=True, nogil=True)
+def _is_alone(tops, point, row, col, low, cells, cell, reach, metre):  # type: ignore[no-untyped-def]
+    """Whether few points lie under the cone, or under the plane in spite of dense terrain."""
+    rows, cols, _ = tops.shape
+    x, y, z = point
+    cone, plane, above_cone, above_plane = _support(tops, x, y, z, row, col, cell, reach, metre)
+    cone, plane, dense = SUPPORTER * cone, SUPPORTER * plane, 0
+    around = int(np.ceil(GROUP * metre / cell))
+    for r in range(max(0, row - around), min(rows, row + around + 1)):
+        begin = np.searchsorted(cells, r * cols + max(0, col - around))
+        end = np.searchsorted(cells, r * cols + min(cols, col + around + 1))
+        for k in range(begin, end):
+            away = np.sqrt((low[k, 0] - x) ** 2 + (low[k, 1] - y) ** 2)
+            if away <= GROUP * metre:
+                rise = low[k, 2] - z - STEP * metre
+                cone += rise < SLOPE * away
+                plane += rise < 0
+                dense += 0 <= rise < (BAND - STEP) * metre
+        if plane > MOST:
+            return False
+    by_cone = cone <= MOST and above_cone >= REACHED
+    return by_cone or (plane <= MOST and above_plane >= REACHED and dense >= DENSE)
 
 
 @njit(cache=True, nogil=True)

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 
 from algorithms.shared import _lowest_kernels as kernels
 from toolbox.context import Context
 from toolbox.data import Lattice
 from toolbox.errors import DataError
 
-OUTLIER_REACH, OUTLIER_STEP = 10.0, 1.0  # metres
-OUTLIER_SLOPE, OUTLIER_SUPPORT = 0.3, 5
+OUTLIER_REACH, OUTLIER_CELL = 10.0, 2.0  # metres
+OUTLIER_ROUNDS = 3
 MAX_CELLS = 200_000_000  # a square of 7 km at 0.5 m, more than a tile ever needs
 BLOCK = 2_000_000  # nodes or points that are worked on between two looks at the context
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 
 def require_finite(xyz: Floats) -> None:
@@ -46,7 +51,8 @@ def lattice_around(
     DataError
         The bounding box of the points, which one stray point may stretch, has too many cells.
     """
-    low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
+    low = np.array([xyz[:, axis].min() for axis in (0, 1)])  # much faster than along the points
+    high = np.array([xyz[:, axis].max() for axis in (0, 1)])
     with np.errstate(over="ignore"):
         cells = float(np.prod((high - low) / cell + 3))
     if cells > MAX_CELLS:
@@ -59,39 +65,127 @@ def lattice_around(
     return Lattice.cover((*(low - cell), *(high + cell)), cell)
 
 
-def without_low_outliers(xyz: Floats, cell: float, metre: float, ctx: Context) -> NDArray[np.bool_]:
-    """False for points far below almost all others around them, judged on cells of `cell`."""
-    lattice = lattice_around(xyz, cell)
-    reach = max(2, round(OUTLIER_REACH * metre / cell))
-    step, rise = OUTLIER_STEP * metre, OUTLIER_SLOPE * cell
+def outlier_reach(cell: float) -> float:
+    """Metres from a point within which others decide whether it is a low outlier.
+
+    In each round it is compared with the lowest points of cells, and so are the points below it
+    in its own cell.
+    """
+    cell = max(cell, OUTLIER_CELL)
+    return OUTLIER_ROUNDS * (max(OUTLIER_REACH, 2 * cell) + 2 * math.sqrt(2) * cell)
+
+
+def without_low_outliers(xyz: Floats, cell: float, metre: float, ctx: Context) -> Mask:
+    """False for single points and small groups far below almost all others around them.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    cell : on which support is counted, in the unit of the points; at least OUTLIER_CELL metres
+    metre : length of one metre in the unit of the points
+    ctx : progress and cancellation
+
+    Returns
+    -------
+    array of shape (n,)
+
+    Notes
+    -----
+    What is left out may have hidden others, so the search is repeated where it found something,
+    OUTLIER_ROUNDS times at most. Points farther away than :func:`outlier_reach` never count.
+    """
+    lattice = lattice_around(xyz, max(cell, OUTLIER_CELL * metre))
+    cells = np.empty(len(xyz), np.int32)
+    for first, last in blocks(len(xyz)):
+        cells[first:last] = cells_of(xyz[first:last], lattice)
+        ctx.progress(0.1 * last / len(xyz))
     use = np.ones(len(xyz), bool)
-    done = 0.0
-    while True:
-        half = ctx.part(done, (1 + done) / 2)  # how many rounds there will be, nobody knows
-        lowest = lowest_points(xyz, use, lattice, half.part(0.0, 0.2))
-        found = np.zeros(lowest.shape, bool)
-        for rows in blocks(lattice.rows, 10 * lattice.cols):
-            kernels.alone_below(xyz[:, 2], lowest, *rows, reach, step, rise, OUTLIER_SUPPORT, found)
-            half.progress(0.2 + 0.8 * rows[1] / lattice.rows)
-        if not found.any():
-            return use
-        use[lowest[found]] = False  # another point of the cell may take its place
-        done = (1 + done) / 2
-
-
-def lowest_points(
-    xyz: Floats, use: NDArray[np.bool_], lattice: Lattice, ctx: Context
-) -> NDArray[np.int64]:
-    """Index of the lowest point in use of each cell; -1 where there is none."""
     lowest = np.full(lattice.shape, -1)
-    for start, stop in blocks(len(xyz)):
-        cells = lattice.indices(xyz[start:stop, 0], xyz[start:stop, 1])
-        kernels.lowest_points(xyz, use, start, *cells, lowest)
-        ctx.progress(stop / len(xyz))
+    wanted = np.ones(lattice.shape, bool)
+    for k in range(OUTLIER_ROUNDS):
+        part = ctx.part(0.1 + 0.9 * k / OUTLIER_ROUNDS, 0.1 + 0.9 * (k + 1) / OUTLIER_ROUNDS)
+        height = np.where(wanted, np.inf, -np.inf)
+        for first, last in blocks(len(xyz)):
+            kernels.enter_lowest(xyz, use, first, cells[first:last], height.ravel(), lowest.ravel())
+            part.progress(0.3 * last / len(xyz))
+        found = low_outliers(xyz, use, cells, lowest, lattice.cell, metre, part.part(0.3, 1.0))
+        if not len(found):
+            break
+        use[found] = False
+        wanted[:] = False
+        wanted.ravel()[cells[found]] = True  # another point of the cell may take its place
+        lowest[wanted] = -1
+    return use
+
+
+def low_outliers(
+    xyz: Floats,
+    use: Mask,
+    cells: NDArray[np.int32],
+    lowest: Ints,
+    cell: float,
+    metre: float,
+    ctx: Context,
+) -> Ints:
+    """Indices of the low outliers among the points in use, judged by all of these.
+
+    Few cells are suspect by their lowest points alone; only what lies low there is looked at.
+    """
+    reach = max(OUTLIER_REACH * metre, 2 * cell)
+    tops = xyz[lowest]
+    tops[lowest < 0] = np.inf
+    ceiling = np.full(lowest.shape, -np.inf)
+    for first, last in blocks(len(lowest), 10 * lowest.shape[1]):
+        kernels.suspects(tops, first, last, cell, reach, metre, ceiling)
+        ctx.progress(0.4 * last / len(lowest))
+    places = np.argwhere(np.isfinite(ceiling))
+    around = 2 * math.ceil(kernels.GROUP * metre / cell) + 1
+    heights: Floats = maximum_filter(ceiling, around).ravel()
+    found = []
+    for first, last in blocks(len(xyz)):
+        found.append(kernels.below(xyz, use, first, cells[first:last], heights))
+        ctx.progress(0.4 + 0.4 * last / len(xyz))
+    low = np.concatenate(found)
+    low = low[np.lexsort((xyz[low, 1], xyz[low, 0], xyz[low, 2], cells[low]))]
+    alone = np.zeros(len(low), bool)
+    for first, last in blocks(len(places), 1000):
+        kernels.judge(tops, places[first:last], xyz[low], cells[low], cell, reach, metre, alone)
+        ctx.progress(0.8 + 0.2 * last / len(places))
+    return low[alone]
+
+
+def cells_of(xyz: Floats, lattice: Lattice) -> NDArray[np.int32]:
+    """The cell that each point lies in, counted row by row; as :meth:`Lattice.indices`.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), on the lattice
+    lattice : in whole multiples of its cell
+
+    Returns
+    -------
+    array of shape (n,)
+    """
+    left, top = round(lattice.west / lattice.cell), round(lattice.north / lattice.cell)
+    found: NDArray[np.int32] = kernels.cells_of(xyz, left, top, lattice.cell, *lattice.shape)
+    return found
+
+
+def lowest_points(xyz: Floats, use: Mask, lattice: Lattice, ctx: Context) -> Ints:
+    """Index of the lowest point in use of each cell; -1 where there is none.
+
+    The lattice must be in whole multiples of its cell.
+    """
+    lowest = np.full(lattice.shape, -1)
+    height = np.full(lattice.shape, np.inf)
+    for first, last in blocks(len(xyz)):
+        cells = cells_of(xyz[first:last], lattice)
+        kernels.enter_lowest(xyz, use, first, cells, height.ravel(), lowest.ravel())
+        ctx.progress(last / len(xyz))
     return lowest
 
 
-def spread_to_empty(xyz: Floats, near: NDArray[np.int64], lattice: Lattice, ctx: Context) -> None:
+def spread_to_empty(xyz: Floats, near: Ints, lattice: Lattice, ctx: Context) -> None:
     """Give each empty cell (-1) the index of the point nearest to its middle (in place)."""
     empty = near < 0
     down = [(first, last, 1) for first, last in blocks(lattice.rows, lattice.cols)]

@@ -329,7 +329,7 @@ def test_the_order_of_the_points_does_not_matter() -> None:
 
 @pytest.mark.skipif(THREADS < 2, reason="one thread only")
 def test_the_number_of_threads_does_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(csf, "FEW_TILES", 0)  # use threads on this small scene
+    monkeypatch.setattr(csf, "FEW_STRIPS", 0)  # use threads on this small scene
     xyz = town()
     try:
         numba.set_num_threads(1)

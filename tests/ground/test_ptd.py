@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from algorithms.ground.ptd import GroundPtd, densified, ground_mask
+from algorithms.ground.ptd import GroundPtd, densified, ground_mask, heights_on
 from toolbox.context import Context
-from toolbox.data import PointCloud
+from toolbox.data import Lattice, PointCloud
 from toolbox.errors import Cancelled, DataError
 from toolbox.values import ClassList
 
@@ -81,6 +81,31 @@ def test_a_terrace_is_ground_on_both_levels_if_points_are_mirrored() -> None:
     xyz = ground_of(lambda x, y: tilted(x, y) + np.where(x > 62, 4.0, 0.0), side=160)
     assert labels(xyz).mean() > 0.99
     assert labels(xyz, mirror=False).mean() < labels(xyz).mean()
+
+
+def test_points_on_the_walls_of_a_hall_do_not_let_its_roof_in() -> None:
+    """They enter one above the other; mirrored at them, the roof would follow."""
+    rng = np.random.default_rng(1)
+    xyz = ground_of(tilted, 120)
+    hall, inner = inside(xyz, 30, 65, 30, 90), inside(xyz, 31.5, 63.5, 31.5, 88.5)
+    wall = hall & ~inner & (rng.random(len(xyz)) < 0.9)
+    xyz[hall, 2] += 4
+    xyz[wall, 2] -= rng.uniform(0, 4, wall.sum())
+    found = labels(xyz)
+    assert found[hall & ~wall].mean() < 0.01
+    assert found[~hall].mean() > 0.99
+
+
+@pytest.mark.parametrize("east", [0, 17, 31, 44])
+def test_a_row_of_terraces_wherever_the_seed_grid_falls(east: int) -> None:
+    xyz = ground_of(lambda x, y: 0.3 * x + 2 * np.floor(x / 15), side=120)
+    assert labels(xyz + np.array([east, 2 * east, 0])).mean() > 0.98
+
+
+@pytest.mark.parametrize("rise", [0.3, 0.5, 1.0])
+def test_a_slope_is_ground_up_to_the_end_of_the_data(rise: float) -> None:
+    xyz = ground_of(lambda x, y: rise * x + 2 * np.sin(y / 15), side=120)
+    assert labels(xyz).mean() > 0.999
 
 
 def test_a_steep_slope_is_ground_and_its_shrubs_are_not() -> None:
@@ -173,6 +198,30 @@ def test_progress_rises_to_one_and_a_run_can_be_cancelled() -> None:
     calls = iter([False] * 20 + [True])
     with pytest.raises(Cancelled):
         densified(town()[0], ctx=Context(stop=lambda: next(calls)))
+
+
+def test_the_surface_is_the_terrain_under_roofs_too() -> None:
+    xyz, _ = town()
+    lattice = Lattice.cover((EAST, NORTH, EAST + 80, NORTH + 80), 4.0)
+    heights = heights_on(densified(xyz), lattice)
+    x, y = lattice.centres()
+    expected = 300 + tilted(x - EAST, (y - NORTH)[:, None])
+    np.testing.assert_allclose(heights, expected, atol=0.02)
+    beyond = Lattice.cover((EAST - 400, NORTH, EAST - 300, NORTH + 80), 4.0)
+    assert np.isnan(heights_on(densified(xyz), beyond)).all()
+
+
+def test_the_surface_of_the_tool_covers_the_points_in_its_cells() -> None:
+    xyz, _ = town()
+    far = np.array([[EAST + 5000.0, NORTH, 300.0]])  # ignored: it must not widen the surface
+    classes = [0] * len(xyz) + [7]
+    out = GroundPtd(
+        points=cloud(np.vstack([xyz, far]), classes), ignore=ClassList([7]), cell=2.0
+    ).run()
+    assert out.surface.shape == (40, 40)
+    assert out.surface.cell == 2.0
+    lattice = Lattice.of(out.surface)
+    np.testing.assert_array_equal(out.surface.values[0], heights_on(densified(xyz), lattice))
 
 
 def rough() -> Floats:

@@ -1,0 +1,253 @@
+"""Compiled loops of :mod:`algorithms.ground.classify`.
+
+All rasters hold metres and have cells of one metre, so distances in cells are metres. Loops run
+over the rows first..last, each of which writes its own cells only: the result is the same for any
+number of threads.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def steps(z, first, last, reach, slope, out):  # type: ignore[no-untyped-def]
+    """The deepest step down from each cell to one within `reach`, beyond what `slope` explains."""
+    rows, cols = z.shape
+    for r in prange(first, last):
+        for c in range(cols):
+            deepest = -np.inf
+            if not math.isnan(z[r, c]):
+                for i in range(max(0, r - reach), min(rows, r + reach + 1)):
+                    for j in range(max(0, c - reach), min(cols, c + reach + 1)):
+                        square = (i - r) ** 2 + (j - c) ** 2
+                        if 0 < square <= reach * reach and not math.isnan(z[i, j]):
+                            deepest = max(deepest, z[r, c] - z[i, j] - slope * math.sqrt(square))
+            out[r, c] = deepest
+
+
+@njit(cache=True, nogil=True)
+def _falls(r, c, highest, slope, lows, lowest, look, offsets, way):  # type: ignore[no-untyped-def]
+    """Look around in 8 sectors; which hold data, and which a cell below `highest`, as bits.
+
+    Of each such sector `way` receives where the cell is whose cone with `slope` is lowest here, in
+    rows and columns, and its height. `lows` have a margin of `look` cells, `lowest` are their
+    minima over all cells that are looked at, and `offsets` hold, for each level, rows down,
+    columns right and the sector.
+    """
+    seen, falls = 0, 0
+    limit = np.full(8, highest)
+    for level in range(len(lows) - 1, -1, -1):
+        low, size = lows[level], 1 << level
+        i, j = (r >> level) + look, (c >> level) + look
+        # All cells of the coarser levels are farther away than this; most ground needs no look.
+        nearest = 3 * size if level else 0
+        if seen == 255 and lowest[level][i - look, j - look] + slope * nearest >= highest:
+            continue
+        for k in range(offsets.shape[1]):
+            sector = offsets[level, k, 2]
+            height = low[i + offsets[level, k, 0], j + offsets[level, k, 1]]
+            if height < np.inf:
+                seen |= 1 << sector
+            if height < limit[sector]:  # else its cone is no lower either
+                row = (i + offsets[level, k, 0] - look + 0.5) * size - 0.5
+                col = (j + offsets[level, k, 1] - look + 0.5) * size - 0.5
+                cone = height + slope * math.sqrt((row - r) ** 2 + (col - c) ** 2)
+                if cone < limit[sector]:
+                    limit[sector] = cone
+                    way[sector, 0], way[sector, 1], way[sector, 2] = row - r, col - c, height
+                    falls |= 1 << sector
+    return seen, falls
+
+
+@njit(cache=True, nogil=True)
+def _is_abrupt(step, r, c, south, east, least):  # type: ignore[no-untyped-def]
+    """Whether there is a step of at least `least` on the straight way; `step` has cells of 2 m."""
+    count = int(max(abs(south), abs(east)) / 2) + 1
+    for t in range(count + 1):
+        i, j = int(r + 0.5 + south * t / count) >> 1, int(c + 0.5 + east * t / count) >> 1
+        if i < step.shape[0] and j < step.shape[1] and step[i, j] > least:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def raised(z, first, last, lows, lowest, look, offsets, slope, step, fall, least, share, out):  # type: ignore[no-untyped-def]
+    """The share of the sectors with data in which the terrain falls off abruptly from each cell.
+
+    At least half the sectors are counted as having data. `least` and `share` (of the whole way
+    down) say how much of the fall must be in one step.
+    """
+    for r in prange(first, last):
+        way = np.empty((8, 3))
+        for c in range(z.shape[1]):
+            out[r, c] = 0.0
+            if math.isnan(z[r, c]):
+                continue
+            seen, falls = _falls(
+                r, c, z[r, c] - fall, slope[r, c], lows, lowest, look, offsets, way
+            )
+            count, votes = 0, 0
+            for k in range(8):
+                count += (seen >> k) & 1
+                if (falls >> k) & 1:
+                    need = max(least, share * (z[r, c] - way[k, 2]))
+                    votes += _is_abrupt(step, r, c, way[k, 0], way[k, 1], need)
+            out[r, c] = votes / max(count, 4)
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def levelled(votes, z, first, last, reach, step, slope, out):  # type: ignore[no-untyped-def]
+    """The mean of the votes around each cell, of cells that lie on about the same height."""
+    rows, cols = z.shape
+    for r in prange(first, last):
+        for c in range(cols):
+            total, count = 0.0, 0
+            if not math.isnan(z[r, c]):
+                for i in range(max(0, r - reach), min(rows, r + reach + 1)):
+                    for j in range(max(0, c - reach), min(cols, c + reach + 1)):
+                        away = math.sqrt((i - r) ** 2 + (j - c) ** 2)
+                        # A comparison with NaN is false: cells without data never count.
+                        if away <= reach and abs(z[i, j] - z[r, c]) <= step + slope * away:
+                            total += votes[i, j]
+                            count += 1
+            out[r, c] = total / count if count else 0.0
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def gathered(z, surface, weight, level, weights, residuals):  # type: ignore[no-untyped-def]
+    """Sums of the weights, and of weight times z - surface, over cells of 2**level m."""
+    size = 1 << level
+    for i in prange(weights.shape[0]):
+        for j in range(weights.shape[1]):
+            total, product = 0.0, 0.0
+            for r in range(i * size, (i + 1) * size):
+                for c in range(j * size, (j + 1) * size):
+                    if weight[r, c] > 0:
+                        total += weight[r, c]
+                        product += weight[r, c] * (z[r, c] - surface[r, c])
+            weights[i, j], residuals[i, j] = total, product
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def planes(weights, residuals, first, last, sigma, enough, stiff, out):  # type: ignore[no-untyped-def]
+    """Height, at each cell, of the plane through the residuals around it.
+
+    Weighted least squares in a Gaussian window of `sigma` cells; `stiff` (of the square of sigma)
+    holds the plane level where there is little data. The height fades to nothing where the
+    weights in the window sum to less than `enough` points. NaN where there is no data.
+    """
+    rows, cols = weights.shape
+    reach = math.ceil(3 * sigma)
+    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    for r in prange(first, last):
+        # Moments along the column first, one value per column; the margins are zeros.
+        line = np.zeros((5, cols + 2 * reach))
+        for k in range(2 * reach + 1):
+            i = r + k - reach
+            if 0 <= i < rows:
+                g, d = bell[k], float(k - reach)
+                for c in range(cols):
+                    w, v = g * weights[i, c], g * residuals[i, c]
+                    line[0, c + reach] += w
+                    line[1, c + reach] += w * d
+                    line[2, c + reach] += w * d * d
+                    line[3, c + reach] += v
+                    line[4, c + reach] += v * d
+        m = np.zeros((9, cols))
+        for k in range(2 * reach + 1):
+            g, d = bell[k], float(k - reach)
+            for c in range(cols):
+                w, wy, wyy = g * line[0, c + k], g * line[1, c + k], g * line[2, c + k]
+                v, vy = g * line[3, c + k], g * line[4, c + k]
+                m[0, c] += w
+                m[1, c] += w * d
+                m[2, c] += wy
+                m[3, c] += w * d * d
+                m[4, c] += wy * d
+                m[5, c] += wyy
+                m[6, c] += v
+                m[7, c] += v * d
+                m[8, c] += vy
+        hold = stiff * sigma * sigma
+        for c in range(cols):
+            if m[0, c] < 1e-6:
+                out[r, c] = np.nan
+                continue
+            x, y, v = m[1, c] / m[0, c], m[2, c] / m[0, c], m[6, c] / m[0, c]
+            xx = m[3, c] / m[0, c] - x * x + hold
+            xy = m[4, c] / m[0, c] - x * y
+            yy = m[5, c] / m[0, c] - y * y + hold
+            xv, yv = m[7, c] / m[0, c] - x * v, m[8, c] / m[0, c] - y * v
+            determinant = xx * yy - xy * xy
+            east = (xv * yy - yv * xy) / determinant
+            south = (yv * xx - xv * xy) / determinant
+            trust = min(max(m[0, c] / enough - 0.5, 0.0), 1.0)
+            out[r, c] = (v - east * x - south * y) * trust
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def add_bilinear(surface, coarse, level):  # type: ignore[no-untyped-def]
+    """Add to the surface another one with cells of 2**level m, read between their middles."""
+    size = 1 << level
+    rows, cols = coarse.shape
+    for r in prange(surface.shape[0]):
+        y = min(max((r + 0.5) / size - 0.5, 0.0), rows - 1.0)
+        i = min(int(y), max(rows - 2, 0))
+        below, v = min(i + 1, rows - 1), y - i
+        for c in range(surface.shape[1]):
+            x = min(max((c + 0.5) / size - 0.5, 0.0), cols - 1.0)
+            j = min(int(x), max(cols - 2, 0))
+            right, u = min(j + 1, cols - 1), x - j
+            upper = coarse[i, j] * (1 - u) + coarse[i, right] * u
+            lower = coarse[below, j] * (1 - u) + coarse[below, right] * u
+            surface[r, c] += upper * (1 - v) + lower * v
+
+
+@njit(cache=True, nogil=True)
+def _between(surface, y, x):  # type: ignore[no-untyped-def]
+    """Bilinear height at row y and column x, and the slope there."""
+    rows, cols = surface.shape
+    i, j = min(int(y), rows - 2), min(int(x), cols - 2)
+    v, u = y - i, x - j
+    nw, ne = surface[i, j], surface[i, j + 1]
+    sw, se = surface[i + 1, j], surface[i + 1, j + 1]
+    height = (nw * (1 - u) + ne * u) * (1 - v) + (sw * (1 - u) + se * u) * v
+    east, south = (ne - nw) * (1 - v) + (se - sw) * v, (sw - nw) * (1 - u) + (se - ne) * u
+    return height, math.sqrt(east * east + south * south)
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def reweighted(z, candidate, surface, tolerance, slope_tolerance, below, weight):  # type: ignore[no-untyped-def]
+    """Weights of the candidates by their residual; those above the surface lose it sooner."""
+    rows, cols = z.shape
+    for r in prange(rows):
+        for c in range(cols):
+            weight[r, c] = 0.0
+            if candidate[r, c]:
+                height, slope = _between(surface, float(r), float(c))
+                residual = z[r, c] - height
+                limit = tolerance + slope_tolerance * slope
+                if residual < 0:
+                    limit *= below
+                weight[r, c] = 1.0 / (1.0 + (residual / limit) ** 4)
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def residuals(x, y, z, metre, left, top, surface, tolerance, slope_tolerance):  # type: ignore[no-untyped-def]
+    """Height over the surface in metres, and how much of it the slope there allows.
+
+    The raster begins `left` and `top` metres from the origin of the coordinates.
+    """
+    rows, cols = surface.shape
+    residual, allowed = np.empty(len(x)), np.empty(len(x))
+    for k in prange(len(x)):
+        row = min(max(top - y[k] / metre - 0.5, 0.0), rows - 1.0)
+        col = min(max(x[k] / metre - left - 0.5, 0.0), cols - 1.0)
+        height, slope = _between(surface, row, col)
+        residual[k] = z[k] / metre - height
+        allowed[k] = tolerance + slope_tolerance * slope
+    return residual, allowed

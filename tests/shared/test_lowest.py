@@ -135,3 +135,9 @@ def test_cells_are_those_of_the_lattice(cell: float) -> None:
     lattice = lattice_around(xyz, cell)
     row, col = lattice.indices(xyz[:, 0], xyz[:, 1])
     np.testing.assert_array_equal(cells_of(xyz, lattice), row * lattice.cols + col)
+
+
+def test_a_shallow_hollow_between_few_points_stays() -> None:
+    hollow = terrain(0.4, lambda x, y: np.where(np.hypot(x, y) < 2, -3, 0.0))
+    assert (hollow[:, 2] < -2).any()
+    assert used(hollow).all()

@@ -436,7 +436,7 @@ def _beside_open3d() -> None:
         return
     cloud = PointCloud.open(DATA / "autzen_ept/autzen_south_5M.laz")
     xyz, metre = cloud.xyz, cloud.metre
-    theirs = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(xyz))
+    theirs = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(xyz.copy()))
     for scope in ("local", "classic"):
         our_seconds, their_seconds = alternately(
             lambda scope=scope: noise(xyz, scope=scope, reach=20 * metre, height_gap=100 * metre),  # type: ignore[misc]

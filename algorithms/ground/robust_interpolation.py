@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from algorithms.ground import _robust_interpolation_kernels as kernels
 from algorithms.shared.ground import Returns, classified, may_be_ground, taking_part
 from algorithms.shared.lowest import (
-    OUTLIER_REACH,
     blocks,
     lattice_around,
     lowest_points,
+    outlier_reach,
     require_finite,
     without_low_outliers,
 )
@@ -320,16 +320,11 @@ def cells_of_levels(cell: float, building_size: float, metre: float = 1.0) -> li
 
 
 def reach(cell: float, building_size: float) -> float:
-    """Metres from a point within which other points can change its label.
-
-    The search for low outliers is counted once. It repeats where it finds one, so a chain of
-    outliers could reach further.
-    """
+    """Metres from a point within which other points can change its label."""
     cells = cells_of_levels(cell, building_size)
     window = kernels.WINDOW + 0.5  # cells from a node to the far side of the outermost cell
     bilinear = 1.0  # cells from a point to the nodes around it
-    outliers = max(OUTLIER_REACH, 2 * cell) + max(cell, OUTLIER_CELL)
-    return (window + bilinear) * sum(cells) + outliers
+    return (window + bilinear) * sum(cells) + outlier_reach(max(cell, OUTLIER_CELL))
 
 
 def widened(lattice: Lattice, margin: float, cell: float) -> Lattice:

@@ -23,6 +23,7 @@ from algorithms.ground.robust_interpolation import (
     residuals,
     robust_interpolation,
 )
+from algorithms.shared.lowest import outlier_reach
 from toolbox.context import Context
 from toolbox.data import Lattice, PointCloud
 from toolbox.errors import Cancelled, DataError
@@ -322,7 +323,7 @@ def test_the_number_of_threads_does_not_matter() -> None:
 
 @pytest.mark.parametrize("cell", [0.7, 1.0, 3.0])
 def test_a_tile_with_its_halo_is_the_whole_to_the_last_bit(cell: float) -> None:
-    xyz, _ = forest(side=150.0)
+    xyz, _ = forest(side=300.0)
     xyz = xyz[xyz[:, 1] - NORTH < 30]
     size = 9 * cell
     whole = robust_interpolation(xyz, cell=cell, building_size=size)
@@ -332,7 +333,8 @@ def test_a_tile_with_its_halo_is_the_whole_to_the_last_bit(cell: float) -> None:
     assert len(part) < 0.9 * len(xyz)
     tile = robust_interpolation(part, cell=cell, building_size=size)
     np.testing.assert_array_equal(residuals(xyz[core], tile), residuals(xyz[core], whole))
-    less = robust_interpolation(xyz[x < 20 + halo / 3], cell=cell, building_size=size)
+    narrow = (halo - outlier_reach(cell)) / 3  # there are no outliers here
+    less = robust_interpolation(xyz[x < 20 + narrow], cell=cell, building_size=size)
     assert not np.array_equal(residuals(xyz[core], less), residuals(xyz[core], whole))
 
 
@@ -477,8 +479,11 @@ def test_the_tool_in_feet_is_the_tool_in_metres() -> None:
 
 
 def test_the_reach_of_the_defaults_fits_a_tile() -> None:
-    assert GroundRobustInterpolation(points=cloud(plane(side=5))).halo() == pytest.approx(144.0)
-    assert math.isclose(reach(1.0, 96.0), 144 + 3.5 * 32)
+    assert GroundRobustInterpolation(points=cloud(plane(side=5))).halo() == pytest.approx(
+        reach(1.0, 48.0)
+    )
+    assert math.isclose(reach(1.0, 96.0), reach(1.0, 48.0) + 3.5 * 32)
+    assert reach(1.0, 48.0) < 180
 
 
 def test_ignored_classes_take_no_part_and_stay() -> None:

@@ -238,15 +238,18 @@ def reweighted(z, candidate, surface, tolerance, slope_tolerance, below, weight)
 
 @njit(cache=True, nogil=True, parallel=True)
 def residuals(x, y, z, metre, left, top, surface, tolerance, slope_tolerance):  # type: ignore[no-untyped-def]
-    """Height over the surface in metres, and how much of it the slope there allows.
+    """Height over the surface in metres, and how much of it the slope there allows; NaN outside.
 
     The raster begins `left` and `top` metres from the origin of the coordinates.
     """
     rows, cols = surface.shape
     residual, allowed = np.empty(len(x)), np.empty(len(x))
     for k in prange(len(x)):
-        row = min(max(top - y[k] / metre - 0.5, 0.0), rows - 1.0)
-        col = min(max(x[k] / metre - left - 0.5, 0.0), cols - 1.0)
+        row, col = top - y[k] / metre - 0.5, x[k] / metre - left - 0.5
+        residual[k] = allowed[k] = np.nan
+        if not (-1 < row < rows and -1 < col < cols):
+            continue
+        row, col = min(max(row, 0.0), rows - 1.0), min(max(col, 0.0), cols - 1.0)
         height, slope = _between(surface, row, col)
         residual[k] = z[k] / metre - height
         allowed[k] = tolerance + slope_tolerance * slope

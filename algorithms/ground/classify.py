@@ -63,6 +63,7 @@ ROUNDS = 5
 TOLERANCE, SLOPE_TOLERANCE, BELOW = 0.3, 1.0, 3.0  # metres; metres per slope; points below: times
 HALO = 200.0  # metres
 BYTES_PER_CELL = 50
+FEW_CELLS, MAX_CELLS_PER_POINT = 10_000_000, 1_000  # more, and stray points stretch the raster
 
 Floats = NDArray[np.float64]
 Grid = NDArray[np.float32]
@@ -193,8 +194,14 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
     -------
     arrays of shape (n,)
         The confidence goes from 0 at the limit to 1 on the terrain, and to 1 at twice the
-        tolerance above it.
+        tolerance above it. Where there is no terrain, there is no ground.
+
+    Raises
+    ------
+    ValueError
+        A coordinate is not a finite number.
     """
+    require_finite(xyz)
     cell = terrain.lattice.cell
     x, y, z = xyz.T
     residual, allowed = kernels.residuals(
@@ -217,9 +224,15 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
 
 def aligned_lattice(xyz: Floats, metre: float) -> Lattice:
     """Cells of a metre whose coarser levels fall on whole multiples of their size, too."""
-    lattice_around(xyz, CELL * metre, bytes_per_cell=BYTES_PER_CELL, parameter="the unit")
+    lattice_around(xyz, CELL * metre, bytes_per_cell=BYTES_PER_CELL, parameter=None)
     size = 2 ** max(level for level, _ in FINE)
     coarse = lattice_around(xyz, size * metre)
+    cells = coarse.rows * coarse.cols * size**2
+    if cells > max(FEW_CELLS, MAX_CELLS_PER_POINT * len(xyz)):
+        raise DataError(
+            f"points: {len(xyz):,} of them in a bounding box of {cells:,} m2; no more than "
+            f"{MAX_CELLS_PER_POINT:,} m2 to a point are allowed: remove stray points"
+        )
     return Lattice(coarse.west, coarse.north, metre, coarse.rows * size, coarse.cols * size)
 
 

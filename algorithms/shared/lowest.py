@@ -35,7 +35,11 @@ def require_finite(xyz: Floats) -> None:
 
 
 def lattice_around(
-    xyz: Floats, cell: float, *, bytes_per_cell: int = 33, parameter: str = "cloth_resolution"
+    xyz: Floats,
+    cell: float,
+    *,
+    bytes_per_cell: int = 33,
+    parameter: str | None = "cloth_resolution",
 ) -> Lattice:
     """The cells of the points and one more on each side.
 
@@ -44,7 +48,7 @@ def lattice_around(
     xyz : array of shape (n, 3)
     cell : in the unit of the points
     bytes_per_cell : memory that the caller is going to need, for the message
-    parameter : what sets the cell, for the message
+    parameter : what sets the cell, for the message; None if the user cannot set it
 
     Raises
     ------
@@ -56,11 +60,12 @@ def lattice_around(
     with np.errstate(over="ignore"):
         cells = float(np.prod((high - low) / cell + 3))
     if cells > MAX_CELLS:
+        advice = "remove stray points or cut the data into tiles"
         raise DataError(
             f"points: their bounding box, x {low[0]:.2f} to {high[0]:.2f} and y {low[1]:.2f} to "
             f"{high[1]:.2f}, has {cells:,.0f} cells of {cell:g} "
             f"({cells * bytes_per_cell / 1e9:,.0f} GB); at most {MAX_CELLS:,} are allowed: "
-            f"remove stray points, cut the data into tiles or raise {parameter}"
+            + (f"{advice}, or raise {parameter}" if parameter else advice)
         )
     return Lattice.cover((*(low - cell), *(high + cell)), cell)
 

@@ -17,6 +17,7 @@ from scipy.ndimage import map_coordinates
 from algorithms.ground import _classify_kernels as kernels
 from algorithms.ground import classify
 from algorithms.ground.classify import GroundClassify, Terrain, find_terrain, verdict
+from algorithms.shared.ground import Returns
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud
 from toolbox.errors import Cancelled, DataError
@@ -61,7 +62,8 @@ def town() -> Floats:
 
 
 def on_roof(xyz: Floats) -> Mask:
-    return np.any([inside(xyz, house) for house in HOUSES], axis=0)
+    roof: Mask = np.any([inside(xyz, house) for house in HOUSES], axis=0)
+    return roof
 
 
 def forest() -> tuple[Floats, Mask]:
@@ -213,6 +215,16 @@ def test_low_outliers_do_not_pull_the_terrain_down(count: int, depth: float) -> 
     ground = labels(np.vstack([xyz, low]))
     np.testing.assert_array_equal(ground[: len(xyz)], ~on_roof(xyz))
     assert not ground[len(xyz) :].any()
+
+
+def test_low_outliers_everywhere_do_not_make_the_ground_stand_out() -> None:
+    """One in each 16 x 16 m: all round every point there is something far below it."""
+    xyz = town()
+    _, low = np.unique(np.floor(xyz[:, :2] / 16), axis=0, return_index=True)
+    xyz[low, 2] -= 20 + np.arange(len(low))
+    ground = labels(xyz)
+    assert not ground[low].any()
+    np.testing.assert_array_equal(np.delete(ground, low), np.delete(~on_roof(xyz), low))
 
 
 def test_the_surface_spans_a_gap() -> None:
@@ -397,9 +409,9 @@ def brute_raised(z: Any, ground: Mask, slope: Any, step: Any) -> Floats:
 
 @pytest.mark.parametrize("steepness", [0.05, 0.3])
 def test_raised_is_what_falls_off_in_all_directions(steepness: float) -> None:
-    z = rough(64, 96)
+    z = rough(48, 64)
     ground = np.isfinite(z) & (np.random.default_rng(7).random(z.shape) < 0.8)
-    ground[:, 60:] = False
+    ground[:, 45:] = False
     slope = np.linspace(0, steepness, z.size, dtype=np.float32).reshape(z.shape)
     step = classify.steep_steps(z, QUIET)
     got = classify.raised_share(z, ground, slope, step, QUIET)
@@ -534,7 +546,7 @@ def test_the_slope_of_the_surface_and_its_mean() -> None:
     np.testing.assert_allclose(slope[10:, :150], 0.5, atol=1e-4)
     np.testing.assert_allclose(slope[10:, 170:], 0.3, atol=1e-4)
     np.testing.assert_allclose(relief[70:, [20, 300]], [[0.5, 0.3]] * 90, atol=1e-3)
-    np.testing.assert_allclose(relief[100, 160], 0.4, atol=0.005)
+    np.testing.assert_allclose(relief[100, [160, 135]], [0.4, 0.4505], atol=0.005)
 
 
 def test_a_robust_surface_leaves_what_stands_on_it() -> None:
@@ -542,11 +554,62 @@ def test_a_robust_surface_leaves_what_stands_on_it() -> None:
     rng = np.random.default_rng(12)
     expected = np.tile(0.1 * np.arange(96, dtype=np.float32), (64, 1))
     z = expected.copy()
-    bush = rng.random(z.shape) < 0.1
-    z[bush] += rng.uniform(1, 3, bush.sum())
+    bush = np.flatnonzero(rng.random(z.shape) < 0.1)
+    z.flat[bush] += rng.uniform(1, 3, len(bush))
     every = np.ones(z.shape, bool)
     got = classify.robust_surface(z, every, classify.FINE, classify.STIFF, QUIET)
     assert np.abs(got - expected).max() < 0.1
+
+
+def test_the_surface_knows_candidates_only() -> None:
+    z = rough(64, 96)
+    candidates = np.isfinite(z) & (np.random.default_rng(13).random(z.shape) < 0.5)
+    got, alone = (
+        classify.robust_surface(heights, candidates, classify.FINE, classify.STIFF, QUIET)
+        for heights in (z, np.where(candidates, z, np.float32(np.nan)))
+    )
+    np.testing.assert_array_equal(got, alone)
+
+
+def test_what_the_second_look_takes_out_the_third_does_not_see(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen: list[Mask] = []
+    look = classify.raised_share
+
+    def spy(z: Any, ground: Mask, *others: Any) -> Any:
+        seen.append(ground)
+        return look(z, ground, *others)
+
+    monkeypatch.setattr(classify, "raised_share", spy)
+    z = np.zeros((64, 96), np.float32)
+    z[20:40, 30:60] = 6
+    z[:, 80] = np.nan
+    found = classify.ground_cells(z, QUIET)
+    for ground, expected in zip(
+        seen, (np.isfinite(z), np.isfinite(z), np.isfinite(z) & (z == 0)), strict=True
+    ):
+        np.testing.assert_array_equal(ground, expected)
+    np.testing.assert_array_equal(found, np.isfinite(z) & (z == 0))
+
+
+@pytest.mark.parametrize(("tilt", "fall", "stays"), [(0.0, 0.2, False), (0.4, 0.6, True)])
+def test_on_a_slope_a_fall_is_steeper_and_more_must_fall_off(
+    tilt: float, fall: float, stays: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where six in ten directions fall off, level ground stands out, a slope does not."""
+    slopes: list[Any] = []
+
+    def votes(z: Any, ground: Mask, slope: Any, *others: Any) -> Any:
+        slopes.append(slope)
+        return np.full_like(z, 0.6)
+
+    monkeypatch.setattr(classify, "raised_share", votes)
+    z = np.tile(np.float32(tilt) * np.arange(96, dtype=np.float32), (64, 1))
+    assert (classify.ground_cells(z, QUIET) == stays).all()
+    np.testing.assert_allclose(slopes[0], 0.5)
+    for slope in slopes[1:]:
+        np.testing.assert_allclose(slope[20:-20, 20:-20], fall, atol=0.02)
 
 
 # What must not matter
@@ -557,8 +620,9 @@ def test_feet_give_the_labels_of_metres() -> None:
     metres = find_terrain(xyz)
     feet = find_terrain(xyz / FOOT, metre=1 / FOOT)
     np.testing.assert_allclose(feet.heights, metres.heights, rtol=0, atol=1e-3)
-    for there, here in zip(verdict(xyz / FOOT, feet), verdict(xyz, metres), strict=True):
-        np.testing.assert_allclose(there, here, rtol=0, atol=0.01)
+    there, here = verdict(xyz / FOOT, feet), verdict(xyz, metres)
+    np.testing.assert_array_equal(there[0], here[0])
+    np.testing.assert_allclose(there[1], here[1], rtol=0, atol=0.01)
 
 
 def test_the_place_of_the_origin_does_not_matter() -> None:
@@ -606,7 +670,7 @@ def test_the_size_of_blocks_does_not_matter(monkeypatch: pytest.MonkeyPatch) -> 
 def test_the_lattice_is_shared_by_tiles() -> None:
     """Its coarsest cells lie on whole multiples of 16 m, wherever the points begin."""
     for start in (0.0, 3.3, 17.9):
-        lattice = classify.aligned_lattice(plane(side=40) + [start, -start, 0], 1.0)
+        lattice = classify.aligned_lattice(plane(side=40) + np.array([start, -start, 0]), 1.0)
         assert lattice.cell == 1.0
         assert lattice.west % 16 == lattice.north % 16 == 0
         assert lattice.rows % 16 == lattice.cols % 16 == 0
@@ -742,7 +806,12 @@ def test_only_last_returns_can_be_ground() -> None:
         "number_of_returns": np.full(len(xyz), 2, np.uint8),
     }
     every = np.ones(len(xyz), bool)
-    for zero, returns, expected in [(1, "last", ~first), (0, "last", every), (1, "all", every)]:
+    cases: list[tuple[int, Returns, Mask]] = [
+        (1, "last", ~first),
+        (0, "last", every),
+        (1, "all", every),
+    ]
+    for zero, returns, expected in cases:
         numbers = {name: zero * column for name, column in columns.items()}
         points = PointCloud(xyz, numbers, crs=CRS(32632))
         found = GroundClassify(points=points, returns=returns).run().classified
@@ -773,6 +842,7 @@ def test_isprs_samples_stay_at_the_error_we_reached(data: Callable[[str], Path])
     assert np.mean(kappas) >= 92
 
 
+@pytest.mark.slow
 def test_confident_points_are_wrong_less_often(data: Callable[[str], Path]) -> None:
     """On a real town and a real wood: the surer, the fewer errors."""
     for sample in (12, 31, 54):
@@ -796,3 +866,17 @@ def test_a_dense_town_is_classified_as_its_producer_did(data: Callable[[str], Pa
         wrong += int(((found == 2) != (points["classification"] == 2)).sum())
         total += len(points)
     assert wrong / total <= 0.03
+
+
+def test_a_stray_point_along_one_axis_is_refused() -> None:
+    xyz = np.vstack([plane(side=40), [[EAST + 400_000.0, NORTH, 300.0]]])
+    with pytest.raises(DataError, match=r"no more than 1,000 m2 to a point.*stray"):
+        find_terrain(xyz)
+
+
+def test_there_is_no_ground_beyond_the_terrain() -> None:
+    terrain = find_terrain(plane(side=40))
+    far = np.array([[EAST + 9_000.0, NORTH, 0.0]])
+    assert verdict(far, terrain)[0].tolist() == [False]
+    with pytest.raises(ValueError, match="finite"):
+        verdict(np.full((1, 3), np.nan), terrain)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
+import math
 import re
 import types
 import typing
@@ -191,7 +192,10 @@ def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
     """CRS that differ, and data in which a length given in metres has no meaning."""
     found: dict[str, str] = {}
     layers = list(_layers(spec, values))
+    settings = {n: v for n, v in values.items() if n not in spec.sources}
+    # A tool that reaches some metres far measures, even if it has no length to set.
     lengths = any(f.unit in LENGTHS and values[n] is not None for n, f in spec.inputs.items())
+    lengths = lengths or 0 < spec.halo(settings) < math.inf
     for name, layer in layers:
         if not (text := length_problem(layer.crs)):
             continue

@@ -25,7 +25,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
+from scipy.ndimage import (
+    distance_transform_edt,
+    maximum_filter,
+    minimum_filter,
+    uniform_filter,
+)
 
 from algorithms.ground import _classify_kernels as kernels
 from algorithms.shared.ground import Returns, classified, may_be_ground, taking_part
@@ -63,7 +68,7 @@ ROUNDS = 5
 TOLERANCE, SLOPE_TOLERANCE, BELOW = 0.3, 1.0, 3.0  # metres; metres per slope; points below: times
 HALO = 200.0  # metres
 BYTES_PER_CELL = 50
-FEW_CELLS, MAX_CELLS_PER_POINT = 10_000_000, 1_000  # more, and stray points stretch the raster
+FAR = 50.0  # metres from any ground, where the surface ends
 
 Floats = NDArray[np.float64]
 Grid = NDArray[np.float32]
@@ -95,7 +100,7 @@ class GroundClassify:
     @outputs
     class Outputs:
         classified: PointCloud = sink("The same points, class 2 on ground, 1 elsewhere, confidence")
-        surface: Raster = sink("Elevation of the terrain, smoothed, empty far from any ground")
+        surface: Raster = sink("Elevation of the terrain, smoothed, empty beyond 50 m from ground")
         ground_share: float = sink("Share of points that became ground", unit="1")
 
     def halo(self) -> float:
@@ -136,7 +141,7 @@ class Terrain:
 
     Attributes
     ----------
-    heights : array of shape (rows, cols), in metres, NaN far from any ground
+    heights : array of shape (rows, cols), in metres, NaN beyond FAR from any ground
     lattice : cells of a metre, in the unit of the coordinates
     metre : length of one metre in that unit
     """
@@ -175,6 +180,7 @@ def find_terrain(xyz: Floats, *, metre: float = 1.0, ctx: Context = QUIET) -> Te
     z = np.where(lowest >= 0, xyz[:, 2][lowest] / metre, np.nan).astype(np.float32)
     candidates = ground_cells(z, ctx.part(0.15, 0.7))
     heights = robust_surface(z, candidates, FINE, STIFF, ctx.part(0.7, 1.0))
+    heights[distance_transform_edt(~candidates) > FAR] = np.nan
     heights.flags.writeable = False
     return Terrain(heights, lattice, metre)
 
@@ -224,15 +230,9 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
 
 def aligned_lattice(xyz: Floats, metre: float) -> Lattice:
     """Cells of a metre whose coarser levels fall on whole multiples of their size, too."""
-    lattice_around(xyz, CELL * metre, bytes_per_cell=BYTES_PER_CELL, parameter=None)
+    lattice_around(xyz, CELL * metre, bytes_per_cell=BYTES_PER_CELL)
     size = 2 ** max(level for level, _ in FINE)
     coarse = lattice_around(xyz, size * metre)
-    cells = coarse.rows * coarse.cols * size**2
-    if cells > max(FEW_CELLS, MAX_CELLS_PER_POINT * len(xyz)):
-        raise DataError(
-            f"points: {len(xyz):,} of them in a bounding box of {cells:,} m2; no more than "
-            f"{MAX_CELLS_PER_POINT:,} m2 to a point are allowed: remove stray points"
-        )
     return Lattice(coarse.west, coarse.north, metre, coarse.rows * size, coarse.cols * size)
 
 

@@ -41,9 +41,7 @@ from toolbox.values import ClassList
 GRAVITY = 0.24  # metres per square of the time step, for particles 1 metre apart, rigidness 1
 DRAG = 0.2  # share of the speed lost in a step, per metre between particles (small ones)
 HALO = 100.0  # metres of data that the cloth of a tile needs around it
-AT_REST = (
-    0.005  # of the way that gravity alone moves a particle in a step; tiles agree from here on
-)
+AT_REST = 0.005  # of the way that gravity alone moves a particle; tiles agree from here on
 COARSEST, FEW_NODES = 8.0, 16  # the cloth begins with particles 8 metres apart, 16 along a side
 START_REACH = 50.0  # metres: half the width of the pits that the coarsest cloth starts above
 SLOPE_STEP = 0.3  # metres, h_cp in section 3.4 of the paper
@@ -251,7 +249,9 @@ def cloth_simulation(
     if not len(xyz):
         raise DataError("points: there are none to lay a cloth on")
     require_finite(xyz)
-    lattice = lattice_around(xyz, cloth_resolution, bytes_per_cell=BYTES_PER_PARTICLE)
+    lattice = lattice_around(
+        xyz, cloth_resolution, bytes_per_cell=BYTES_PER_PARTICLE, parameter="cloth_resolution"
+    )
     obstacle = obstacle_of(xyz, lattice, metre, ctx.part(0.0, 0.4))
     spacing = cloth_resolution / metre
     weight = GRAVITY * (time_step * spacing) ** 2 * metre

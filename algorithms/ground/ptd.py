@@ -127,6 +127,9 @@ class GroundPtd:
         part = taking_part(cloud, self.ignore)
         chosen = part & may_be_ground(cloud, self.returns)
         xyz = cloud.xyz if chosen.all() else cloud.xyz[chosen]
+        if not len(xyz):
+            raise DataError("points: there are none to make a surface of")
+        lattice = Lattice.cover((*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0)), self.cell)
         surface = densified(
             xyz,
             max_building_size=self.max_building_size,
@@ -148,7 +151,6 @@ class GroundPtd:
             metre=cloud.metre,
             ctx=ctx.part(0.9, 0.95),
         )
-        lattice = Lattice.cover((*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0)), self.cell)
         heights = heights_on(surface, lattice, ctx=ctx.part(0.95, 1))
         return self.Outputs(
             classified=classified(cloud, ground, part, keep_classes=self.keep_classes),
@@ -293,7 +295,7 @@ def densified(
     if not len(xyz):
         raise DataError("points: there are none to make a surface of")
     require_finite(xyz)
-    lattice = lattice_around(xyz, CELL * metre, bytes_per_cell=8, parameter="the density")
+    lattice = lattice_around(xyz, CELL * metre, bytes_per_cell=8)
     use = without_low_outliers(xyz, CELL * metre, metre, ctx.part(0, 0.3))
     lowest = lowest_points(xyz, use, lattice, ctx.part(0.3, 0.35))
     cells = by_blocks(lowest)

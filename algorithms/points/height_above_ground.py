@@ -50,7 +50,9 @@ class PointsHeightAboveGround:
     points: PointCloud = source("Points with classified ground")
     method: Method = param("How to find the ground below a point", default="tin")
     ground_classes: ClassList = param("Classes that are ground", default=ClassList([2]))
-    count: int = param("Ground points used for each point, for nearest", default=1, unit="1", ge=1)
+    count: int = param(
+        "Ground points used for each point, for nearest", default=1, unit="1", ge=1, le=1000
+    )
     max_distance: float | None = param(
         "Farthest ground point in plan that may tell the height; any by default",
         default=None,
@@ -84,7 +86,10 @@ class PointsHeightAboveGround:
         if "withheld" in cloud:
             ground &= cloud["withheld"] == 0
         if not ground.any():
-            raise DataError(f"points: none is of class {self.ground_classes}; classify them first")
+            raise DataError(
+                f"points: none is of class {self.ground_classes}, or all of those are withheld; "
+                "classify them first"
+            )
         heights = height_above_ground(
             cloud.xyz,
             cloud.xyz[ground],

@@ -15,6 +15,7 @@ from toolbox.errors import DataError
 
 OUTLIER_REACH, OUTLIER_CELL = 10.0, 2.0  # metres
 OUTLIER_ROUNDS = 3
+FEW_CELLS, MAX_CELLS_PER_POINT = 10_000_000, 1_000  # more, and stray points stretch the box
 MAX_CELLS = 200_000_000  # a square of 7 km at 0.5 m, more than a tile ever needs
 BLOCK = 2_000_000  # nodes or points that are worked on between two looks at the context
 
@@ -38,8 +39,8 @@ def lattice_around(
     xyz: Floats,
     cell: float,
     *,
-    bytes_per_cell: int = 33,
-    parameter: str | None = "cloth_resolution",
+    bytes_per_cell: int = 8,
+    parameter: str | None = None,
 ) -> Lattice:
     """The cells of the points and one more on each side.
 
@@ -59,13 +60,15 @@ def lattice_around(
     high = np.array([xyz[:, axis].max() for axis in (0, 1)])
     with np.errstate(over="ignore"):
         cells = float(np.prod((high - low) / cell + 3))
-    if cells > MAX_CELLS:
-        advice = "remove stray points or cut the data into tiles"
+    if cells > min(MAX_CELLS, max(FEW_CELLS, MAX_CELLS_PER_POINT * len(xyz))):
+        ways = ["remove stray points", "cut the data into tiles"]
+        ways += [f"raise {parameter}"] if parameter else []
         raise DataError(
             f"points: their bounding box, x {low[0]:.2f} to {high[0]:.2f} and y {low[1]:.2f} to "
             f"{high[1]:.2f}, has {cells:,.0f} cells of {cell:g} "
-            f"({cells * bytes_per_cell / 1e9:,.0f} GB); at most {MAX_CELLS:,} are allowed: "
-            + (f"{advice}, or raise {parameter}" if parameter else advice)
+            f"({cells * bytes_per_cell / 1e9:,.0f} GB); at most {MAX_CELLS:,}, and "
+            f"{MAX_CELLS_PER_POINT:,} per point, are allowed: "
+            f"{', '.join(ways[:-1])} or {ways[-1]}"
         )
     return Lattice.cover((*(low - cell), *(high + cell)), cell)
 

@@ -150,7 +150,7 @@ def test_ground_classes_and_withheld_points() -> None:
     both = PointsHeightAboveGround(points=points, ground_classes=ClassList([2, 8])).run()
     np.testing.assert_allclose(both.heights["HeightAboveGround"], height, atol=1e-5)
     points = points.with_attributes({"withheld": (classes == 2).astype(np.uint8)})
-    with pytest.raises(DataError, match="points: none is of class 2; classify them first"):
+    with pytest.raises(DataError, match="none is of class 2, or all of those are withheld"):
         PointsHeightAboveGround(points=points).run()
 
 

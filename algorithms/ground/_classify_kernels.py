@@ -2,7 +2,7 @@
 
 All rasters hold metres and have cells of one metre, so distances in cells are metres. Loops run
 over the rows first..last, each of which writes its own cells only: the result is the same for any
-number of threads.
+number of threads. Loops that cost little stay serial, which saves their compilation.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ import numpy as np
 from numba import njit, prange
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@njit(cache=True, nogil=True)
 def steps(z, first, last, reach, slope, out):  # type: ignore[no-untyped-def]
     """The deepest step down from each cell to one within `reach`, beyond what `slope` explains."""
     rows, cols = z.shape
-    for r in prange(first, last):
+    for r in range(first, last):
         for c in range(cols):
             deepest = -np.inf
             if not math.isnan(z[r, c]):
@@ -117,11 +117,11 @@ def levelled(votes, z, first, last, reach, step, slope, out):  # type: ignore[no
             out[r, c] = total / count if count else 0.0
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@njit(cache=True, nogil=True)
 def gathered(z, surface, weight, level, weights, residuals):  # type: ignore[no-untyped-def]
     """Sums of the weights, and of weight times z - surface, over cells of 2**level m."""
     size = 1 << level
-    for i in prange(weights.shape[0]):
+    for i in range(weights.shape[0]):
         for j in range(weights.shape[1]):
             total, product = 0.0, 0.0
             for r in range(i * size, (i + 1) * size):
@@ -189,12 +189,12 @@ def planes(weights, residuals, first, last, sigma, enough, stiff, out):  # type:
             out[r, c] = (v - east * x - south * y) * trust
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@njit(cache=True, nogil=True)
 def add_bilinear(surface, coarse, level):  # type: ignore[no-untyped-def]
     """Add to the surface another one with cells of 2**level m, read between their middles."""
     size = 1 << level
     rows, cols = coarse.shape
-    for r in prange(surface.shape[0]):
+    for r in range(surface.shape[0]):
         y = min(max((r + 0.5) / size - 0.5, 0.0), rows - 1.0)
         i = min(int(y), max(rows - 2, 0))
         below, v = min(i + 1, rows - 1), y - i
@@ -220,11 +220,11 @@ def _between(surface, y, x):  # type: ignore[no-untyped-def]
     return height, math.sqrt(east * east + south * south)
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@njit(cache=True, nogil=True)
 def reweighted(z, candidate, surface, tolerance, slope_tolerance, below, weight):  # type: ignore[no-untyped-def]
     """Weights of the candidates by their residual; those above the surface lose it sooner."""
     rows, cols = z.shape
-    for r in prange(rows):
+    for r in range(rows):
         for c in range(cols):
             weight[r, c] = 0.0
             if candidate[r, c]:

@@ -33,7 +33,7 @@ from scipy.ndimage import (
 )
 
 from algorithms.ground import _classify_kernels as kernels
-from algorithms.shared.ground import Returns, classified, may_be_ground, taking_part
+from algorithms.shared.ground import Candidates, Returns
 from algorithms.shared.lowest import (
     blocks,
     lattice_around,
@@ -110,13 +110,12 @@ class GroundClassify:
     def run(self, ctx: Context = QUIET) -> GroundClassify.Outputs:
         """Find the terrain, and compare the points with it."""
         cloud = self.points
-        part = taking_part(cloud, self.ignore)
-        chosen = part & may_be_ground(cloud, self.returns)
-        terrain = find_terrain(cloud.xyz[chosen], metre=cloud.metre, ctx=ctx.part(0, 0.95))
-        ground = np.zeros(len(cloud), bool)
-        confidence = np.where(part, 1.0, 0.0)
-        ground[chosen], confidence[chosen] = verdict(cloud.xyz[chosen], terrain)
-        labelled = classified(cloud, ground, part, keep_classes=self.keep_classes)
+        candidates = Candidates.of(cloud, self.returns, self.ignore)
+        terrain = find_terrain(candidates.xyz, metre=cloud.metre, ctx=ctx.part(0, 0.95))
+        ground, clear = verdict(candidates.xyz, terrain)
+        confidence = np.where(candidates.part, 1.0, 0.0)
+        confidence[candidates.chosen] = clear
+        labelled = candidates.classified(ground, keep_classes=self.keep_classes)
         meaning = "0 doubtful to 1 clear; 0 where a point took no part"
         ctx.progress(1.0)
         return self.Outputs(
@@ -129,9 +128,9 @@ class GroundClassify:
                 terrain.lattice,
                 crs=cloud.crs,
                 descriptions=("terrain",),
-                units=(vertical_unit(cloud.crs) if cloud.crs else "",),
+                units=(vertical_unit(cloud.crs),),
             ),
-            ground_share=float(np.count_nonzero(ground) / len(ground)),
+            ground_share=candidates.share(ground),
         )
 
 
@@ -257,8 +256,8 @@ def ground_cells(z: Grid, ctx: Context) -> NDArray[np.bool_]:
     ground = has
     for k in range(2):
         part = ctx.part(0.45 + 0.25 * k, 0.7 + 0.25 * k)
-        votes = raised_share(z, ground, slope, step, part)
-        ground = has & (votes_of_planes(z, votes, part) < share)
+        votes = raised_share(z, ground, slope, step, part.part(0, 0.8))
+        ground = has & (votes_of_planes(z, votes, part.part(0.8, 1)) < share)
     ctx.progress(1.0)
     return ground
 
@@ -287,7 +286,7 @@ def raised_share(z: Grid, ground: NDArray[np.bool_], slope: Grid, step: Grid, ct
             *(z, first, last, tuple(lows), tuple(lowest), LOOK, sectors(), slope),
             *(step, FALL, STEP, STEP_SHARE, share),
         )
-        ctx.progress(0.8 * last / len(z))
+        ctx.progress(last / len(z))
     return share
 
 
@@ -319,7 +318,7 @@ def votes_of_planes(z: Grid, votes: Grid, ctx: Context) -> Grid:
         mean = np.empty_like(votes)
         for first, last in blocks(len(z), size):
             kernels.levelled(votes, z, first, last, SAME_REACH, SAME_STEP, SAME_SLOPE, mean)
-            ctx.progress(0.8 + 0.2 * (k + last / len(z)) / SAME_ROUNDS)
+            ctx.progress((k + last / len(z)) / SAME_ROUNDS)
         votes = mean
     return votes
 

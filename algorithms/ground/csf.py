@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve, grey_closing, maximum_filter
 
 from algorithms.ground import _csf_kernels as kernels
-from algorithms.shared.ground import Returns, classified, may_be_ground, taking_part
+from algorithms.shared.ground import Candidates, Returns
 from algorithms.shared.lowest import (
     lattice_around,
     lowest_points,
@@ -118,9 +118,8 @@ class GroundCsf:
     def run(self, ctx: Context = QUIET) -> GroundCsf.Outputs:
         """Simulate, and compare points and cloth."""
         cloud = self.points
-        part = taking_part(cloud, self.ignore)
-        chosen = part & may_be_ground(cloud, self.returns)
-        xyz = cloud.xyz if chosen.all() else cloud.xyz[chosen]
+        candidates = Candidates.of(cloud, self.returns, self.ignore)
+        xyz = candidates.xyz
         cloth = cloth_simulation(
             xyz,
             cloth_resolution=self.cloth_resolution,
@@ -137,20 +136,19 @@ class GroundCsf:
         mean = float(np.mean(cloth.rigidness, dtype=float))
         if self.rigidness == "auto":
             log.info("rigidness: %.2f on average, below 3 on %.0f %%", mean, 100 * softer)
-        ground = np.zeros(len(cloud), bool)
-        ground[chosen] = ground_mask(xyz, cloth, class_threshold=self.class_threshold)
+        ground = ground_mask(xyz, cloth, class_threshold=self.class_threshold)
         ctx.progress(1.0)
         return self.Outputs(
-            classified=classified(cloud, ground, part, keep_classes=self.keep_classes),
+            classified=candidates.classified(ground, keep_classes=self.keep_classes),
             cloth=Raster.from_lattice(
                 np.stack([cloth.heights.astype(np.float32), cloth.rigidness]),
                 cloth.lattice,
                 crs=cloud.crs,
                 descriptions=("cloth", "rigidness"),
-                units=(vertical_unit(cloud.crs) if cloud.crs else "", "1"),
+                units=(vertical_unit(cloud.crs), "1"),
             ),
             mean_rigidness=mean,
-            ground_share=float(np.count_nonzero(ground) / len(ground)),
+            ground_share=candidates.share(ground),
         )
 
 

@@ -23,8 +23,9 @@ from scipy.spatial import cKDTree
 
 from algorithms.ground import _ptd_kernels as kernels
 from algorithms.shared.delaunay import LiveMesh
-from algorithms.shared.ground import Returns, classified, may_be_ground, taking_part
+from algorithms.shared.ground import Candidates, Returns
 from algorithms.shared.lowest import (
+    blocks,
     lattice_around,
     lowest_points,
     require_finite,
@@ -124,9 +125,8 @@ class GroundPtd:
     def run(self, ctx: Context = QUIET) -> GroundPtd.Outputs:
         """Grow the surface, and compare points with it."""
         cloud = self.points
-        part = taking_part(cloud, self.ignore)
-        chosen = part & may_be_ground(cloud, self.returns)
-        xyz = cloud.xyz if chosen.all() else cloud.xyz[chosen]
+        candidates = Candidates.of(cloud, self.returns, self.ignore)
+        xyz = candidates.xyz
         if not len(xyz):
             raise DataError("points: there are none to make a surface of")
         lattice = Lattice.cover((*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0)), self.cell)
@@ -143,8 +143,7 @@ class GroundPtd:
             ctx=ctx.part(0, 0.9),
         )
         log.info("the surface has %d vertices after %d rounds", surface.vertices, surface.rounds)
-        ground = np.zeros(len(cloud), bool)
-        ground[chosen] = ground_mask(
+        ground = ground_mask(
             xyz,
             surface,
             class_distance=self.class_distance,
@@ -153,15 +152,15 @@ class GroundPtd:
         )
         heights = heights_on(surface, lattice, ctx=ctx.part(0.95, 1))
         return self.Outputs(
-            classified=classified(cloud, ground, part, keep_classes=self.keep_classes),
+            classified=candidates.classified(ground, keep_classes=self.keep_classes),
             surface=Raster.from_lattice(
                 heights,
                 lattice,
                 crs=cloud.crs,
                 descriptions=("surface",),
-                units=(vertical_unit(cloud.crs) if cloud.crs else "",),
+                units=(vertical_unit(cloud.crs),),
             ),
-            ground_share=float(np.count_nonzero(ground) / len(ground)),
+            ground_share=candidates.share(ground),
         )
 
 
@@ -379,11 +378,6 @@ def plane_at(xy: Floats, z: Floats, places: Floats) -> Floats:
     return height
 
 
-def runs(total: int) -> list[tuple[int, int]]:
-    """Cut `total` items into runs (first, last) of BLOCK."""
-    return [(first, min(first + BLOCK, total)) for first in range(0, total, BLOCK)]
-
-
 class Growth:
     """The surface while it grows.
 
@@ -513,13 +507,13 @@ class Growth:
         group, boxes = np.arange(self.real), np.full((self.real, 4), np.inf)
         outline = np.zeros((self.real, 5))
         size = int(mesh.size[0])
-        for first, last in runs(size):
+        for first, last in blocks(size, 10):
             kernels.join_patches(mesh, self.z, self.real, *wall, first, last, group)
             ctx.progress(0.4 * last / size)
-        for first, last in runs(self.real):
+        for first, last in blocks(self.real, 10):
             kernels.patches_of(mesh, first, last, group, boxes)
             ctx.progress(0.4 + 0.2 * last / self.real)
-        for first, last in runs(size):
+        for first, last in blocks(size, 10):
             kernels.outlines_of(mesh, self.z, self.real, *wall, first, last, group, outline)
             ctx.progress(0.6 + 0.4 * last / size)
         walls, down, cut, drop, length = outline.T
@@ -530,6 +524,6 @@ class Growth:
 
     def locate(self, points: Ints, ctx: Context) -> None:
         """Bring the facets of the points up to date."""
-        for first, last in runs(len(points)):
+        for first, last in blocks(len(points), 10):
             kernels.relocate(self.mesh.arrays, points[first:last], self.facet)
             ctx.progress(last / len(points))

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.ground import _robust_interpolation_kernels as kernels
-from algorithms.shared.ground import Returns, classified, may_be_ground, taking_part
+from algorithms.shared.ground import Candidates, Returns
 from algorithms.shared.lowest import (
     blocks,
     lattice_around,
@@ -112,9 +112,8 @@ class GroundRobustInterpolation:
     def run(self, ctx: Context = QUIET) -> GroundRobustInterpolation.Outputs:
         """Interpolate, and compare points and surface."""
         cloud = self.points
-        part = taking_part(cloud, self.ignore)
-        chosen = part & may_be_ground(cloud, self.returns)
-        xyz = cloud.xyz if chosen.all() else cloud.xyz[chosen]
+        candidates = Candidates.of(cloud, self.returns, self.ignore)
+        xyz = candidates.xyz
         surface = robust_interpolation(
             xyz,
             cell=self.cell,
@@ -127,20 +126,19 @@ class GroundRobustInterpolation:
             metre=cloud.metre,
             ctx=ctx.part(0, 0.95),
         )
-        ground = np.zeros(len(cloud), bool)
-        ground[chosen] = ground_mask(
+        ground = ground_mask(
             xyz, surface, above=self.above, below=self.below, ctx=ctx.part(0.95, 1)
         )
         return self.Outputs(
-            classified=classified(cloud, ground, part, keep_classes=self.keep_classes),
+            classified=candidates.classified(ground, keep_classes=self.keep_classes),
             surface=Raster.from_lattice(
                 surface.heights.astype(np.float32),
                 surface.lattice,
                 crs=cloud.crs,
                 descriptions=("surface",),
-                units=(vertical_unit(cloud.crs) if cloud.crs else "",),
+                units=(vertical_unit(cloud.crs),),
             ),
-            ground_share=float(np.count_nonzero(ground) / len(ground)),
+            ground_share=candidates.share(ground),
         )
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from algorithms.shared.delaunay import triangulate
+from algorithms.shared.ground import taking_part
 from algorithms.shared.lowest import require_finite
 from algorithms.surface.grid import averaged
 from toolbox.context import QUIET, Context, log
@@ -82,9 +83,7 @@ class PointsHeightAboveGround:
     def run(self, ctx: Context = QUIET) -> PointsHeightAboveGround.Outputs:
         """Measure each point from the ground."""
         cloud = self.points
-        ground = np.isin(cloud["classification"], self.ground_classes)
-        if "withheld" in cloud:
-            ground &= cloud["withheld"] == 0
+        ground = np.isin(cloud["classification"], self.ground_classes) & taking_part(cloud, None)
         if not ground.any():
             raise DataError(
                 f"points: none is of class {self.ground_classes}, or all of those are withheld; "

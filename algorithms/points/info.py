@@ -81,7 +81,7 @@ def _general(cloud: PointCloud) -> Iterator[Row]:
     for name in cloud.names:
         yield {"property": f"attribute {name}", "value": cloud[name].dtype.name}
     if len(cloud):
-        unit = vertical_unit(cloud.crs) if cloud.crs else ""
+        unit = vertical_unit(cloud.crs)
         names = ("xmin", "ymin", "zmin", "xmax", "ymax", "zmax")
         for name, value in zip(names, cloud.bounds, strict=True):
             yield {"property": name, "value": value, "unit": unit if name[0] == "z" else ""}

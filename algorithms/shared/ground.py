@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -48,18 +50,49 @@ def may_be_ground(cloud: PointCloud, returns: Returns) -> Mask:
     return last
 
 
-def classified(cloud: PointCloud, ground: Mask, part: Mask, *, keep_classes: bool) -> PointCloud:
-    """The cloud with class 2 on ground and 1 elsewhere.
+@dataclass(frozen=True)
+class Candidates:
+    """The points of a cloud of which a filter decides whether they are ground.
 
-    Parameters
+    Attributes
     ----------
     cloud : n points
-    ground : array of shape (n,)
     part : array of shape (n,), see :func:`taking_part`; all other points keep their class
-    keep_classes : let points that are not ground keep their class, unless it was 2
+    chosen : array of shape (n,), the m points to decide on; the rest of `part` is not ground
     """
-    old = cloud["classification"] if "classification" in cloud else np.zeros(len(cloud), "u1")
-    classes = np.where(ground, GROUND, OTHER)
-    if keep_classes:
-        classes = np.where(ground | (old == GROUND), classes, old)
-    return cloud.with_attributes({"classification": np.where(part, classes, old).astype(np.uint8)})
+
+    cloud: PointCloud
+    part: Mask
+    chosen: Mask
+
+    @classmethod
+    def of(cls, cloud: PointCloud, returns: Returns, ignore: Sequence[int] | None) -> Candidates:
+        """The points that take part and may be ground."""
+        part = taking_part(cloud, ignore)
+        return cls(cloud, part, part & may_be_ground(cloud, returns))
+
+    @functools.cached_property
+    def xyz(self) -> NDArray[np.float64]:
+        """Coordinates of the chosen points, array of shape (m, 3)."""
+        return self.cloud.xyz if self.chosen.all() else self.cloud.xyz[self.chosen]
+
+    def classified(self, found: Mask, *, keep_classes: bool) -> PointCloud:
+        """The cloud with class 2 on ground and 1 elsewhere.
+
+        Parameters
+        ----------
+        found : array of shape (m,), ground among the chosen points
+        keep_classes : let points that are not ground keep their class, unless it was 2
+        """
+        cloud, ground = self.cloud, np.zeros(len(self.cloud), bool)
+        ground[self.chosen] = found
+        old = cloud["classification"] if "classification" in cloud else np.zeros(len(cloud), "u1")
+        classes = np.where(ground, GROUND, OTHER)
+        if keep_classes:
+            classes = np.where(ground | (old == GROUND), classes, old)
+        classes = np.where(self.part, classes, old).astype(np.uint8)
+        return cloud.with_attributes({"classification": classes})
+
+    def share(self, found: Mask) -> float:
+        """Share of all points that are ground, given it for the chosen ones."""
+        return float(np.count_nonzero(found) / len(self.cloud))

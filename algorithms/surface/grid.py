@@ -122,7 +122,7 @@ class SurfaceGrid:
             lattice,
             crs=points.crs,
             descriptions=(f"{self.attribute} ({self.method})",),
-            units=(vertical_unit(points.crs) if is_height and points.crs else "",),
+            units=(vertical_unit(points.crs) if is_height else "",),
         )
         filled = float(np.isfinite(surface).mean())
         if not filled:

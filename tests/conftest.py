@@ -14,6 +14,8 @@ settings.register_profile("local", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "local")
 
+os.environ["TOOLBOX_HISTORY"] = ""  # runs of tests are none of the user
+
 ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get("TOOLBOX_TEST_DATA", ROOT.parent / "shared" / "data"))
 

@@ -62,12 +62,12 @@ def field(*, is_input: bool) -> dict[str, Any]:
     }
 
 
-def named(fields: dict[str, Any]) -> dict[str, Any]:
+def named(fields: dict[str, Any], pattern: str = "^[a-z][a-z0-9_]*$") -> dict[str, Any]:
     """A mapping of names to fields, at least one."""
     return {
         "type": "object",
         "minProperties": 1,
-        "propertyNames": {"pattern": "^[a-z][a-z0-9_]*$"},
+        "propertyNames": {"pattern": pattern},
         "additionalProperties": fields,
     }
 
@@ -89,5 +89,7 @@ PROCESS: dict[str, Any] = {
         },
         "inputs": named(field(is_input=True)),
         "outputs": named(field(is_input=False)),
+        # Ours, of models: what each step gives, by step.output.
+        "between": named(field(is_input=False), pattern=r"^[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*$"),
     },
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -102,7 +103,35 @@ def test_info_of_every_sort_of_file(
         assert main(["info", str(path)]) == 0
         assert word in capsys.readouterr().out
     assert main(["info", str(tmp_path / "no.laz")]) == 2
-    assert main(["info", str(tmp_path)]) == 3
+    (tmp_path / "empty").mkdir()
+    assert main(["info", str(tmp_path / "empty")]) == 3
+
+
+def test_sources_of_several_files(
+    town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A list, a pattern or a folder in place of a path; without one, or with one too much."""
+    other = tmp_path / "u.laz"
+    PointCloud.open(town).save(other)
+    kept = tmp_path / "kept.laz"
+    for places in ([town, other], [tmp_path], [tmp_path / "*.laz"]):
+        argv = ["run", "points.filter", "--points", *map(str, places), "--points.bounds"]
+        assert main([*argv, "5e5,4.6e6,6e5,5e6", "--kept", str(kept), "--overwrite"]) == 0
+        assert len(PointCloud.open(kept)) == 1000
+        kept.unlink()
+    capsys.readouterr()
+    assert main(["info", str(town), str(other)]) == 0
+    assert "files " in capsys.readouterr().out
+    assert main(["info", str(tmp_path)]) == 0
+    assert "files " in capsys.readouterr().out
+    assert main(["info", str(town), str(tmp_path / "no.laz")]) == 2
+    assert "there is no file" in capsys.readouterr().err
+    argv = ["run", "points.filter", "--points", str(tmp_path / "no.laz"), str(town)]
+    assert main([*argv, str(tmp_path / "no2.laz")]) == 2
+    assert re.search(r"no file .*no\.laz, .*no2\.laz", capsys.readouterr().err)
+    argv = ["run", "points.filter", "--points", str(tmp_path), "--kept", str(other)]
+    assert main([*argv, "--overwrite"]) == 2
+    assert "is also an input" in capsys.readouterr().err
 
 
 def test_options_may_be_written_with_dashes_and_negative_values(
@@ -364,7 +393,7 @@ def test_events_carry_errors(town: Path) -> None:
     assert json.loads(done.stdout)["code"] == 2
     done = run("run", "points.filter", "--points", "--events", "jsonl", stdin=subprocess.DEVNULL)
     assert done.returncode == 2
-    assert "expected one argument" in json.loads(done.stdout)["message"]
+    assert "expected at least one argument" in json.loads(done.stdout)["message"]
 
 
 def test_head_of_a_long_list_is_no_error() -> None:

@@ -85,12 +85,16 @@ def test_a_source_may_say_how_to_read_it(text: Path) -> None:
         ({"path": "FILE", "bounds": "1,2,3"}, "option bounds: needs 4 numbers, got 3"),
         ({"path": "FILE", "ctx": 1}, "no option 'ctx'"),
         ({"columns": "x,y,z"}, "must be a path or a PointCloud"),
-        (["FILE", "FILE"], "takes one PointCloud, got 2"),
+        (["FILE", "FILE"], "is given twice"),
+        ([{"path": "FILE", "columns": "x,y,z"}, "FILE"], "with the same options"),
+        ([], "takes one PointCloud, got 0"),
+        (["FILE", 5], "must be a path or a PointCloud"),
+        ("none*.laz", r"there is no file none\*.laz"),
         (5, "must be a path or a PointCloud, got 5"),
         (None, "must be a path or a PointCloud, got None"),
         ("", "must be a path or a PointCloud, got ''"),
         ("no" * 200, "File name too long"),
-        ("FOLDER", "folder"),
+        ("FOLDER", "holds no files of points"),
     ],
 )
 def test_sources_that_cannot_be_opened(
@@ -99,12 +103,47 @@ def test_sources_that_cannot_be_opened(
     if isinstance(points, dict) and "path" in points:
         points = points | {"path": text}
     elif isinstance(points, list):
-        points = [text for _ in points]
+        points = [text if item == "FILE" else item for item in points]
     elif points == "FOLDER":
-        points = tmp_path
+        points = tmp_path / "folder"
+        points.mkdir()
     with pytest.raises((ParameterError, DataError), match=message) as caught:
         toolbox.run("points.info", {"points": points})
     assert caught.value.problems.keys() == {"points"}
+
+
+def test_a_source_of_several_files_is_one_layer(text: Path) -> None:
+    other = text.with_name("u.txt")
+    other.write_text(text.read_text())
+    how = {"columns": "x,y,z,intensity", "bounds": [0, 0, 5, 9]}
+    one = len(toolbox.run("points.filter", {"points": {"path": text, **how}})["kept"])
+    for points in (
+        {"path": [text, other], **how},
+        [{"path": text, **how}, {"path": str(other), **how}],
+        {"path": text.parent, **how},
+    ):
+        kept = toolbox.run("points.filter", {"points": points})["kept"]
+        assert len(kept) == 2 * one
+    assert len(toolbox.run("points.filter", {"points": [text]})["kept"]) == 5
+
+
+def test_a_list_for_a_source_of_several_layers_stays_one(together: str, text: Path) -> None:
+    text.with_name("u.txt").write_text(text.read_text())
+    values: dict[str, Any] = {"clouds": [text, text.parent, text], "extra": [text]}
+    assert toolbox.run(together, values) == {"count": 25}
+    with pytest.raises(ParameterError, match="takes at least one PointCloud, got 0"):
+        toolbox.run(together, {"clouds": []})
+
+
+def test_a_crs_is_assumed_before_the_files_are_compared(tmp_path: Path) -> None:
+    cloud().save(tmp_path / "a.las")
+    cloud(crs=None).save(tmp_path / "b.las")
+    with pytest.raises(DataError, match=r"b\.las has no CRS; state it with --assume-crs"):
+        toolbox.run("points.filter", {"points": tmp_path})
+    kept = toolbox.run("points.filter", {"points": tmp_path}, assume_crs="EPSG:32635")["kept"]
+    assert (len(kept), kept.crs) == (8, CRS(32635))
+    survey = toolbox.run("points.info", {"points": tmp_path}, assume_crs="EPSG:32635")
+    assert survey["count"] == 8
 
 
 def test_several_sources_of_a_kind(together: str, text: Path) -> None:

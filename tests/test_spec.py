@@ -11,7 +11,7 @@ import pytest
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context
-from toolbox.data import PointCloud
+from toolbox.data import PointCloud, Raster
 from toolbox.data.crs import LOCAL
 from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.expression import Expression
@@ -298,6 +298,7 @@ def test_a_sound_declaration_is_accepted() -> None:
         ({"Bad": int}, {"Bad": param("X", default=1)}, "lower_case"),
         ({"a": complex}, {"a": param("X", default=1j)}, "cannot be declared"),
         ({"a": float | str}, {"a": param("X", default=1.0)}, "more than one type"),
+        ({"a": PointCloud | Raster}, {"a": source("X")}, "more than one type"),
         ({"a": float}, {"a": param("X", default=1.0, unit="metres")}, "unit 'metres'"),
         ({"picture": float}, {"picture": param("X", default=1.0)}, "option of every run"),
     ],

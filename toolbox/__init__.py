@@ -10,14 +10,14 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from toolbox.data import PointCloud, Raster, Table, Vector
+    from toolbox.data import PointCloud, Raster, Survey, Table, Vector
     from toolbox.execute import run
 
 __version__ = "0.1.0"
-__all__ = ["PointCloud", "Raster", "Table", "Vector", "__version__", "run"]
+__all__ = ["PointCloud", "Raster", "Survey", "Table", "Vector", "__version__", "run"]
 
 _HOMES = {"run": "toolbox.execute"} | dict.fromkeys(
-    ["PointCloud", "Raster", "Table", "Vector"], "toolbox.data"
+    ["PointCloud", "Raster", "Survey", "Table", "Vector"], "toolbox.data"
 )
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterable, Mapping
 from typing import Any, NoReturn
 
+from toolbox import documents
 from toolbox.errors import ParameterError
 
 Description = Mapping[str, Any]
+SEVERAL = "PointCloud"  # type of a layer that is also read from several files
 
 
 class _Parser(argparse.ArgumentParser):
@@ -36,6 +37,12 @@ def parser(described: Description) -> argparse.ArgumentParser:
         if field["schema"].get("format") == "uri-reference":
             _add(results, name, metavar="PATH", help=field["description"])
             _add_options(results, name, field)
+    if between := described.get("between"):
+        kept = made.add_argument_group("results of steps")
+        for name, field in between.items():
+            if field["schema"].get("format") == "uri-reference":
+                _add(kept, name, metavar="PATH", help=field["description"])
+                _add_options(kept, name, field)
     _add_general(made.add_argument_group("how to run"))
     return made
 
@@ -46,7 +53,7 @@ def _add_input(group: Any, name: str, field: Description) -> None:
     rule = f" [{says['rule']}]" if "rule" in says else ""
     default = f" (default {schema['default']})" if "default" in schema else ""
     how: dict[str, Any] = {}
-    if field["maxOccurs"] != 1:
+    if field["maxOccurs"] != 1 or says["type"] == SEVERAL:
         how = {"nargs": "+"}
     elif schema.get("type") == "boolean":
         how = {"nargs": "?", "const": "true"}
@@ -75,6 +82,11 @@ def _add_general(group: Any) -> None:
     group.add_argument("--params", metavar="FILE", help="values as JSON or YAML; - is stdin")
     group.add_argument("--overwrite", action="store_true", help="let outputs replace files")
     group.add_argument("--picture", metavar="PNG", help="draw the resulting layers")
+    group.add_argument("--tile", metavar="METRES", help="work in tiles of this size, or auto")
+    group.add_argument("--workers", metavar="N", help="processes that work on tiles (all cores)")
+    group.add_argument("--memory", metavar="SIZE", help="that each of them may use, such as 4GB")
+    group.add_argument("--scheduler", metavar="URL", help="Dask scheduler to use instead of them")
+    group.add_argument("--resume", action="store_true", help="go on where a run was stopped")
     group.add_argument("--json", action="store_true", help="print the result as JSON")
     group.add_argument("--events", choices=["jsonl"], help="one JSON line per event, for programs")
     loudness = group.add_mutually_exclusive_group()
@@ -105,10 +117,20 @@ def read(described: Description, arguments: Iterable[str]) -> tuple[dict[str, An
         problems["command line"] = f"does not know what to do with {' '.join(unknown)!r}"
     if problems:
         raise ParameterError(described["id"], problems)
-    return {name: texts[0] for name, texts in given.items()} | misspelt, general
+    values = {name: _alone(described, name, texts[0]) for name, texts in given.items()}
+    return values | misspelt, general
 
 
-def merged(params: Mapping[str, Any], said: Mapping[str, Any], where: str) -> dict[str, Any]:
+def _alone(described: Description, name: str, value: Any) -> Any:
+    """The one path of a source that takes one layer; several are the files of one survey."""
+    field = described["inputs"].get(name, {"maxOccurs": "unbounded"})
+    one = field["maxOccurs"] == 1 and isinstance(value, list) and len(value) == 1
+    return value[0] if one else value
+
+
+def merged(
+    described: Description, params: Mapping[str, Any], said: Mapping[str, Any]
+) -> dict[str, Any]:
     """Values of a parameter file and of the command line, which wins; options join their layers.
 
     Raises
@@ -116,18 +138,19 @@ def merged(params: Mapping[str, Any], said: Mapping[str, Any], where: str) -> di
     ParameterError
         An option speaks about a layer that is not given.
     """
-    values = dict(params) | {name: value for name, value in said.items() if "." not in name}
+    whole = {name for name in said if "." not in name or name in described.get("between", ())}
+    values = dict(params) | {name: value for name, value in said.items() if name in whole}
     problems = {}
     for name in said.keys() - values.keys():
-        layer, _, option = name.partition(".")
+        layer, _, option = name.rpartition(".")
         if layer in values:
             values[layer] = _with_option(values[layer], option, said[name])
-        elif option and said[name]:
+        elif layer and said[name]:
             problems[name] = f"speaks about {layer}, which is not given"
         else:
             values[name] = said[name]  # unknown, and reported as such
     if problems:
-        raise ParameterError(where, problems)
+        raise ParameterError(described["id"], problems)
     return values
 
 
@@ -154,45 +177,14 @@ def _name_of(text: str) -> str:
 
 
 def mapping(text: str, where: str) -> dict[str, Any]:
-    """Read names and values from JSON or YAML.
+    """Read a parameter file; errors name `where` it comes from.
 
     Raises
     ------
     ParameterError
-        The text is neither, or holds something else; names `where` it comes from.
+        It does not hold names and values.
     """
     try:
-        values = json.loads(text, object_pairs_hook=_once)  # first: it needs no import
-    except ParameterError:
-        raise
-    except (ValueError, RecursionError):
-        import yaml
-
-        try:
-            values = yaml.load(text, _yaml_loader(yaml.SafeLoader))
-        except ParameterError:
-            raise
-        except (yaml.YAMLError, ValueError, RecursionError) as err:
-            raise ParameterError("run", {"params": f"{where}: {err}"}) from None
-    if not isinstance(values, dict) or not all(isinstance(name, str) for name in values):
-        raise ParameterError("run", {"params": f"{where} must hold names and values"})
-    return values
-
-
-def _yaml_loader(base: Any) -> Any:
-    """A safe loader that refuses a name that stands twice, as _once does for JSON."""
-
-    def construct(loader: Any, node: Any) -> dict[str, Any]:
-        return _once(loader.construct_pairs(node, deep=True))
-
-    made = type("Loader", (base,), {})
-    made.add_constructor("tag:yaml.org,2002:map", construct)  # type: ignore[attr-defined]
-    return made
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A mapping in which no name stands twice."""
-    names = [name for name, _ in pairs]
-    if twice := {name for name in names if names.count(name) > 1}:
-        raise ParameterError("run", {"params": f"{sorted(twice)[0]!r} is given more than once"})
-    return dict(pairs)
+        return documents.mapping(text)
+    except ValueError as err:
+        raise ParameterError("run", {"params": f"{where}: {err}"}) from None

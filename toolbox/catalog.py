@@ -1,8 +1,9 @@
 """Which tools there are, and what they say of themselves, without importing any of them.
 
 The tools of this distribution are described by `metadata/tools/<id>.json`, and the tool `a.b` is
-declared in `algorithms/a/b.py`. Tools of other packages join through entry points of the group
-`toolbox.tools`: the name is the tool's id, the value is ``module:Class``.
+declared in `algorithms/a/b.py`, or the model `models.b` in `algorithms/models/b.yaml`. Any other
+model goes by the path of its file, which ends in .yaml. Tools of other packages join through entry
+points of the group `toolbox.tools`: the name is the tool's id, the value is ``module:Class``.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import functools
 import importlib
 import json
+import os
 from collections.abc import Mapping
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
@@ -21,7 +23,8 @@ from toolbox.errors import ParameterError, nearest
 if TYPE_CHECKING:
     from toolbox.fields import Spec
 
-NOT_GROUPS = ("models", "shared")  # folders of algorithms/ that hold no tools
+NOT_GROUPS = ("shared",)  # folders of algorithms/ that hold no tools
+MODEL = (".yaml", ".yml")  # endings of model files
 _PACKAGE = Path(__file__).parent
 # An installed wheel carries metadata/ inside the package, a checkout has it beside the package.
 METADATA = next(
@@ -30,13 +33,19 @@ METADATA = next(
 )
 
 
-def own_ids() -> list[str]:
-    """Ids of the tools of this distribution, from the names of their files."""
+def own_files() -> dict[str, Path]:
+    """The file that declares each tool of this distribution, by id; the names of files tell."""
     found = find_spec("algorithms")
     folders = [Path(name) for name in (found and found.submodule_search_locations) or []]
-    paths = [path for folder in folders for path in folder.glob("*/[!_]*.py")]
+    paths = [path for folder in folders for path in folder.glob("*/[!_]*.*")]
+    paths = [path for path in paths if path.suffix in (".py", *MODEL)]
     paths = [path for path in paths if path.parent.name not in NOT_GROUPS]
-    return sorted(f"{path.parent.name}.{path.stem}" for path in paths)
+    return {f"{path.parent.name}.{path.stem}": path for path in sorted(paths)}
+
+
+def own_ids() -> list[str]:
+    """Ids of the tools of this distribution."""
+    return sorted(own_files())
 
 
 def ids() -> list[str]:
@@ -72,16 +81,24 @@ def summaries() -> list[dict[str, Any]]:
     return found
 
 
-def load(id: str) -> Spec:
-    """Import a tool and return its specification.
+def load(id: str, running: tuple[Path, ...] = ()) -> Spec:
+    """Import a tool, or read a model, and return its specification.
+
+    Parameters
+    ----------
+    id : of a tool or model, or the path of a model file
+    running : models that are being read, of which this is a step
 
     Raises
     ------
     ParameterError
-        No tool has this id, or its package cannot be imported.
+        No tool has this id, its package cannot be imported, or the model is wrong.
     """
     from toolbox.spec import REGISTRY
 
+    path = own_files().get(id)
+    if id.endswith(MODEL) or (path and path.suffix in MODEL):
+        return _model(Path(os.path.realpath(path or id)), running)
     if id not in ids():
         hint = nearest(id, ids()) or "; 'list' shows all"
         raise ParameterError(f"no tool called {id!r}{hint}")
@@ -96,6 +113,20 @@ def load(id: str) -> Spec:
     if id not in REGISTRY:
         raise ParameterError(f"{module} does not declare a tool called {id!r}")
     return REGISTRY[id]
+
+
+def _model(path: Path, running: tuple[Path, ...]) -> Spec:
+    """Read a model; a step that names a model file means one beside it."""
+    from toolbox.model_reader import load as read
+
+    if path in running:
+        circle = " -> ".join(model.stem for model in (*running[running.index(path) :], path))
+        raise ParameterError(f"models run each other: {circle}")
+
+    def find(id: str) -> Spec:
+        return load(str(path.parent / id) if id.endswith(MODEL) else id, (*running, path))
+
+    return read(path, find)
 
 
 @functools.cache

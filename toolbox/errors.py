@@ -42,6 +42,25 @@ class DataError(ToolboxError, ValueError):
     exit_code = 3
 
 
+class NothingToDo(DataError):
+    """There is nothing in the data that the tool could work on.
+
+    An error for a user; but a tile of a survey may well lie in a lake. There the tool gives the
+    result `instead`; with None it gives no layer.
+    """
+
+    def __init__(
+        self, where: str, problems: Mapping[str, str] | None = None, *, instead: Any = None
+    ) -> None:
+        super().__init__(where, problems)
+        self.instead = instead
+
+    def named(self, where: str) -> Self:
+        made = super().named(where)
+        made.instead = self.instead
+        return made
+
+
 class Cancelled(ToolboxError):
     """The user asked the run to stop."""
 

@@ -13,6 +13,7 @@ from toolbox.kinds import CHOICE, OPTIONS, Kind
 from toolbox.values import Range
 
 LENGTHS = {"m": 1, "m2": 2, "m3": 3, "1/m": -1, "1/m2": -2}  # unit: power of the metre
+UNITS = (*LENGTHS, "1", "%", "deg", "s", "degC", "V")
 MEETS: Mapping[str, Callable[[Any, Any], bool]] = {
     "gt": operator.gt,
     "ge": operator.ge,
@@ -152,7 +153,7 @@ class Field:
         made |= {"description": self.help, "schema": body, "metadata": meta}
         if self.role != "sink":
             made["minOccurs"] = int(self.required)
-            made["maxOccurs"] = "unbounded" if self.many and self.kind.is_layer else 1
+            made["maxOccurs"] = "unbounded" if self.many else 1
         return made
 
     def _default_json(self) -> Any:
@@ -200,6 +201,16 @@ class Spec:
     @property
     def sources(self) -> Mapping[str, Field]:
         return {name: f for name, f in self.inputs.items() if f.role == "source"}
+
+    @property
+    def between(self) -> Mapping[str, Field]:
+        """Results of the steps of a model, by step.output; a plain tool has none."""
+        return {}
+
+    @property
+    def results(self) -> Mapping[str, Field]:
+        """All that a run can be asked for."""
+        return {**self.outputs, **self.between}
 
     def names_problems(self, names: Iterable[str]) -> dict[str, str]:
         """Unknown and missing input names."""

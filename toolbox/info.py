@@ -13,6 +13,7 @@ import pandas as pd
 from toolbox.context import QUIET, Context
 from toolbox.data import Raster, Table, Vector
 from toolbox.data.crs import describe_crs
+from toolbox.data.places import Places, missing
 from toolbox.data.text import standard_names
 from toolbox.errors import ParameterError
 from toolbox.execute import run
@@ -24,11 +25,15 @@ TABLES = (".parquet", ".json")
 Row = dict[str, Any]
 
 
-def describe_file(path: Path, ctx: Context = QUIET) -> Table:
+def describe_file(places: Places, ctx: Context = QUIET) -> Table:
     """Properties of a point cloud, raster, vector or table: rows of property, value and unit.
 
     A CSV file whose columns include x, y and z, or have no names, is a point cloud, and any other
     a table. Of a file with several vector layers, such as a GeoPackage, all are listed.
+
+    Parameters
+    ----------
+    places : a file, or files of points: a folder, a pattern, a VPC, or a list of these
 
     Raises
     ------
@@ -37,8 +42,12 @@ def describe_file(path: Path, ctx: Context = QUIET) -> Table:
     DataError
         The file cannot be read.
     """
-    if not path.exists():
-        raise ParameterError(f"there is no file {path}")
+    items = [places] if isinstance(places, str | Path) else list(places)
+    if absent := missing(items):
+        raise ParameterError(f"there is no file {', '.join(map(str, absent))}")
+    path = Path(items[0])
+    if len(items) > 1 or not path.is_file():
+        return _points(items, ctx)
     suffix = path.suffix.lower()
     if suffix in RASTERS:
         return _table(_raster(Raster.open(path, ctx=ctx)))
@@ -46,7 +55,11 @@ def describe_file(path: Path, ctx: Context = QUIET) -> Table:
         return _table(_vectors(path, ctx))
     if suffix in TABLES or (suffix == ".csv" and not _holds_points(path)):
         return _table(_records(Table.open(path, ctx=ctx)))
-    made: Table = run("points.info", {"points": path}, ctx=ctx)["table"]
+    return _points(items, ctx)
+
+
+def _points(places: Places, ctx: Context) -> Table:
+    made: Table = run("points.info", {"points": places}, ctx=ctx)["table"]
     return made
 
 

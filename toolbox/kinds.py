@@ -6,16 +6,17 @@ import inspect
 import math
 import numbers
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pyproj import CRS
 
-from toolbox.context import QUIET
-from toolbox.data import PointCloud, Raster, Table, Vector
+from toolbox.context import QUIET, Context
+from toolbox.data import PointCloud, Raster, Survey, Table, Vector
 from toolbox.data.crs import parse_crs
+from toolbox.data.places import Places, files_of
 from toolbox.expression import Expression
 from toolbox.values import Attribute, ClassList, Extent, Range
 
@@ -37,6 +38,7 @@ class Kind:
     suffixes : endings of the files that it can be written to; empty for what is no layer
     open_options, save_options : names in `OPTIONS` that a source or target of it may carry
     parts : all files that a layer written to a path consists of
+    several : one value may be read from many files: of a folder, a pattern or a list
     """
 
     word: str
@@ -49,6 +51,7 @@ class Kind:
     open_options: tuple[str, ...] = ()
     save_options: tuple[str, ...] = ()
     parts: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
+    several: bool = False
 
     @property
     def is_layer(self) -> bool:
@@ -175,26 +178,86 @@ OPTIONS: Mapping[str, Option] = {
 }
 
 
-def _layer(cls: Any, media_type: str) -> Kind:
-    """A layer is opened from a path, or from a mapping of a path and how to open it."""
+def located(value: Any) -> tuple[Any, dict[str, Any]]:
+    """The place, or list of places, that a source is read from, and how to open it.
+
+    Parameters
+    ----------
+    value : a path, a mapping of a path and options, or a list of these for one layer
+
+    Raises
+    ------
+    ValueError
+        The items of a list have different options.
+    """
+    if isinstance(value, Mapping):
+        how = dict(value)
+        return how.pop("path", None), how
+    if not isinstance(value, list | tuple):
+        return value, {}
+    items = [located(item) for item in value]
+    options = [how for _, how in items] or [{}]
+    if any(how != options[0] for how in options):
+        raise ValueError("the files of one layer must be opened with the same options")
+    places = [place for place, _ in items]
+    return (places[0] if len(places) == 1 else places), options[0]
+
+
+def _layer(
+    cls: Any,
+    media_type: str,
+    *,
+    types: tuple[type, ...] = (),
+    open: Callable[..., Any] | None = None,
+    several: bool = False,
+) -> Kind:
+    """A layer is opened from a path, or from a mapping of a path and how to open it.
+
+    Parameters
+    ----------
+    types : of the layers, if others than `cls` too
+    open : reads a layer, in place of that of `cls`
+    several : whether it takes several paths, and a CRS to assume for files that state none
+    """
+    reader = open or cls.open
 
     def opened(value: Any) -> Any:
-        how = dict(value) if isinstance(value, Mapping) else {"path": value}
-        path, ctx = how.pop("path"), how.pop("ctx", QUIET)
-        return cls.open(path, ctx=ctx, **parsed_options(how, known))
+        place, how = located(value)
+        ctx, crs = how.pop("ctx", QUIET), how.pop("assume_crs", None)
+        options = parsed_options(how, known)
+        if several:
+            options["assume_crs"] = crs
+        return reader(place, ctx=ctx, **options)
 
-    known = _options_of(cls.open)
+    known = _options_of(reader)
     schema = {"type": "string", "format": "uri-reference", "contentMediaType": media_type}
     return Kind(
         cls.__name__,
         schema,
-        _is(cls),
+        _is(*(types or (cls,))),
         opened,
         suffixes=cls.SUFFIXES,
         open_options=known,
         save_options=_options_of(cls.save),
         parts=getattr(cls, "parts", lambda path: (path,)),
+        several=several,
     )
+
+
+def _cloud_or_survey(
+    place: Places,
+    *,
+    columns: Sequence[str] | None = None,
+    separator: str | None = None,
+    bounds: Sequence[float] | None = None,
+    assume_crs: CRS | None = None,
+    ctx: Context = QUIET,
+) -> PointCloud | Survey:
+    """Several files as a survey, whose headers say enough; a single one, or a part, as a cloud."""
+    how: dict[str, Any] = {"columns": columns, "separator": separator, "assume_crs": assume_crs}
+    if bounds is not None or len(files_of(place)) == 1:
+        return PointCloud.open(place, bounds=bounds, ctx=ctx, **how)
+    return Survey.open(place, ctx=ctx, **how)
 
 
 def _options_of(method: Callable[..., Any]) -> tuple[str, ...]:
@@ -223,8 +286,13 @@ def parsed_options(given: Mapping[str, Any], known: tuple[str, ...]) -> dict[str
 CHOICE = Kind("choice", {}, lambda value: False, lambda value: value)
 """A word or number out of a list; the list stands in the field, which does the checking."""
 
+_LASZIP = "application/vnd.laszip"
+
 KINDS: Mapping[Any, Kind] = _scalars() | {
-    PointCloud: _layer(PointCloud, "application/vnd.laszip"),
+    PointCloud | Survey: _layer(
+        PointCloud, _LASZIP, types=(PointCloud, Survey), open=_cloud_or_survey, several=True
+    ),
+    PointCloud: _layer(PointCloud, _LASZIP, several=True),  # last: the word alone means this one
     Raster: _layer(Raster, "image/tiff; application=geotiff"),
     Vector: _layer(Vector, "application/geopackage+sqlite3"),
     Table: _layer(Table, "text/csv"),

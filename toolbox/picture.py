@@ -16,12 +16,18 @@ from toolbox._images import Bounds, Image, cloud_image, raster_image
 from toolbox._maps import Panel, arrange, in_proportion, show
 from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import crs_conflict
+from toolbox.data.record import CHUNK, checked
 from toolbox.errors import DataError
 
 _DPI = 140
 
 
-def draw(layers: Mapping[str, PointCloud | Raster | Vector | Table], path: str | Path) -> None:
+def draw(
+    layers: Mapping[str, PointCloud | Raster | Vector | Table],
+    path: str | Path,
+    *,
+    record: str = "",
+) -> None:
     """Draw layers side by side into one PNG.
 
     A raster is shown as relief, as colours, or as classes where it holds few integers; a cloud
@@ -33,6 +39,7 @@ def draw(layers: Mapping[str, PointCloud | Raster | Vector | Table], path: str |
     ----------
     layers : by title
     path : ends in .png
+    record : how the picture was made, as JSON text (see `toolbox.provenance`)
 
     Raises
     ------
@@ -51,8 +58,9 @@ def draw(layers: Mapping[str, PointCloud | Raster | Vector | Table], path: str |
     FigureCanvasAgg(figure)
     for panel, place in zip(panels, arrange(figure, panels), strict=True):
         show(figure, panel, place)
+    texts = {"Software": None} | ({CHUNK: checked(record)} if record else {})
     try:
-        figure.savefig(path, dpi=_DPI, metadata={"Software": None}, format="png")
+        figure.savefig(path, dpi=_DPI, metadata=texts, format="png")
     except OSError as error:
         raise DataError(f"{path} cannot be written: {error}") from error
 

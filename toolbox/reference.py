@@ -8,16 +8,20 @@ from pathlib import Path
 from typing import Any
 
 from toolbox import catalog
+from toolbox.diagram import mermaid
+from toolbox.fields import Spec
+from toolbox.model import Model
 
 ROOT = catalog.METADATA.parent
 
 
 def files() -> Iterator[tuple[Path, str]]:
     """Every generated file and what it must hold."""
-    described = [catalog.load(id).describe() for id in catalog.own_ids()]
-    for tool in described:
-        yield catalog.METADATA / "tools" / f"{tool['id']}.json", as_json(tool)
-        yield ROOT / "docs" / "tools" / f"{tool['id']}.md", page(tool)
+    specs = [catalog.load(id) for id in catalog.own_ids()]
+    described = [spec.describe() for spec in specs]
+    for spec, tool in zip(specs, described, strict=True):
+        yield catalog.METADATA / "tools" / f"{spec.id}.json", as_json(tool)
+        yield ROOT / "docs" / "tools" / f"{spec.id}.md", page(tool, chain(spec))
     yield ROOT / "docs" / "tools" / "index.md", index(described)
 
 
@@ -31,7 +35,16 @@ def index(tools: list[dict[str, Any]]) -> str:
     return "\n".join(["# Tools", "", "| tool | what it does |", "| --- | --- |", *rows, ""])
 
 
-def page(tool: Mapping[str, Any]) -> str:
+def chain(spec: Spec) -> str:
+    """The steps of a model as a diagram; nothing for a tool."""
+    if not isinstance(spec, Model):
+        return ""
+    text = "An output of a step is written with `--step.output PATH`, such as"
+    first = next(name for name, field in spec.between.items() if field.kind.is_layer)
+    return f"## Steps\n\n{text} `--{first}`.\n\n```mermaid\n{mermaid(spec)}```\n"
+
+
+def page(tool: Mapping[str, Any], chain: str = "") -> str:
     """The reference page of one tool."""
     lines = [f"# {tool['id']}: {tool['title']}", "", tool["description"], ""]
     lines += [
@@ -46,8 +59,10 @@ def page(tool: Mapping[str, Any]) -> str:
         says = _says(field)
         unit = f" [{says['unit']}]" if says.get("unit", "1") != "1" else ""
         lines.append(f"| `{name}` | {says['type']} | {field['description']}{unit} |")
-    source = "/".join(tool["id"].split("."))
-    lines += ["", f"Declared in `algorithms/{source}.py`.", ""]
+    if chain:
+        lines += ["", chain.rstrip()]
+    group = tool["id"].partition(".")[0]
+    lines += ["", f"Declared in `algorithms/{group}/{catalog.own_files()[tool['id']].name}`.", ""]
     return "\n".join(lines)
 
 

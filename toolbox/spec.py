@@ -11,6 +11,7 @@ import dataclasses
 import functools
 import inspect
 import math
+import operator
 import re
 import types
 import typing
@@ -19,17 +20,17 @@ from typing import Any, Literal, TypeVar, cast, dataclass_transform
 
 from toolbox import kinds
 from toolbox.context import QUIET, Context, log
-from toolbox.data import PointCloud
+from toolbox.data import PointCloud, Survey
 from toolbox.data.crs import crs_conflict, length_problem
 from toolbox.errors import DataError, ParameterError, nearest
 from toolbox.expression import Expression
-from toolbox.fields import LENGTHS, MEETS, Field, Spec
+from toolbox.fields import LENGTHS, MEETS, UNITS, Field, Spec
 
 T = TypeVar("T", bound=type)
 REGISTRY: dict[str, Spec] = {}
-UNITS = (*LENGTHS, "1", "%", "deg", "s", "degC", "V")
 RESERVED = {"assume_crs", "events", "help", "json", "overwrite", "params", "picture"}
-RESERVED |= {"quiet", "verbose"}
+RESERVED |= {"quiet", "verbose", "tile", "workers", "scheduler", "memory", "resume"}
+RESERVED |= {"tool", "when", "repeat"}  # words of a step in a model
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
@@ -119,9 +120,10 @@ def _field(declared: dataclasses.Field[Any], hint: Any) -> Field:
     words = [member for member in members if typing.get_origin(member) is Literal]
     choices = tuple(choice for word in words for choice in typing.get_args(word))
     plain = [member for member in members if member not in (*words, type(None))]
-    if len(plain) > 1:
+    type_ = functools.reduce(operator.or_, plain) if plain else None
+    if len(plain) > 1 and type_ not in kinds.KINDS:
         raise TypeError(f"{declared.name}: {hint} is more than one type")
-    kind = kinds.find(plain[0]) if plain else kinds.CHOICE
+    kind = kinds.find(type_) if plain else kinds.CHOICE
     given: dict[str, Any] = {"unit": None, "limits": {}} | dict(declared.metadata)
     return Field(
         declared.name,
@@ -205,7 +207,7 @@ def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
             log.warning("%s: %s %s", name, layer.name, text)
     for name, layer in layers[1:]:
         first_name, first = layers[0]
-        heights = isinstance(first, PointCloud) and isinstance(layer, PointCloud)
+        heights = all(isinstance(points, PointCloud | Survey) for points in (first, layer))
         if text := crs_conflict(layer.crs, first.crs, heights=heights):
             found[name] = f"{layer.name} {text} of {first_name} {first.name}".strip()
     return found

@@ -6,6 +6,9 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple, Self
 
+import numpy as np
+from numpy.typing import NDArray
+
 CLASSES = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?")
 HIGHEST_CLASS = 255  # ASPRS LAS 1.4: one byte
 
@@ -128,3 +131,36 @@ def _finite(numbers: Iterable[float], count: int) -> list[float]:
     if not all(abs(number) < float("inf") for number in found):  # false for NaN as well
         raise ValueError("numbers must be finite")
     return found
+
+
+class Share(float):
+    """Part of a number of things, from 0 to 1, which shares of other things can be added to.
+
+    >>> Share(1, 4) + Share(1, 1)
+    Share(2, 5)
+    """
+
+    part: int
+    of: int
+
+    def __new__(cls, part: int, of: int) -> Share:
+        made = super().__new__(cls, part / of if of else 0.0)
+        made.part, made.of = int(part), int(of)
+        return made
+
+    @classmethod
+    def of_points(cls, which: NDArray[np.bool_], core: NDArray[np.bool_]) -> Share:
+        """The share of points in a mask, of those alone that are no neighbours of a tile."""
+        return cls(int(np.count_nonzero(which & core)), int(np.count_nonzero(core)))
+
+    def __getnewargs__(self) -> tuple[int, int]:  # type: ignore[override]
+        """For pickle."""
+        return self.part, self.of
+
+    def __add__(self, other: float) -> Share | float:
+        if isinstance(other, Share):
+            return Share(self.part + other.part, self.of + other.of)
+        return float(self) + other
+
+    def __repr__(self) -> str:
+        return f"Share({self.part}, {self.of})"

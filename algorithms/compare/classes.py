@@ -171,7 +171,7 @@ class CompareClasses:
             type_2=counts.type_2,
             total_error=counts.total_error,
             kappa=counts.kappa,
-            unmatched=unmatched,
+            unmatched=int(np.count_nonzero(~matched & self.points.core)),
         )
 
     def _strata(

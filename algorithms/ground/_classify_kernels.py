@@ -10,7 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+
+from algorithms.shared.compiling import helper
 
 
 @njit(cache=True, nogil=True)
@@ -29,7 +31,7 @@ def steps(z, first, last, reach, slope, out):  # type: ignore[no-untyped-def]
             out[r, c] = deepest
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _falls(r, c, highest, slope, lows, lowest, look, offsets, way):  # type: ignore[no-untyped-def]
     """Look around in 8 sectors; which hold data, and which a cell below `highest`, as bits.
 
@@ -63,7 +65,7 @@ def _falls(r, c, highest, slope, lows, lowest, look, offsets, way):  # type: ign
     return seen, falls
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _is_abrupt(step, r, c, south, east, least):  # type: ignore[no-untyped-def]
     """Whether there is a step of at least `least` on the straight way; `step` has cells of 2 m."""
     count = int(max(abs(south), abs(east)) / 2) + 1
@@ -74,15 +76,15 @@ def _is_abrupt(step, r, c, south, east, least):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def raised(z, first, last, lows, lowest, look, offsets, slope, step, fall, least, share, out):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def raised(first, last, z, lows, lowest, look, offsets, slope, step, fall, least, share, out):  # type: ignore[no-untyped-def]
     """The share of the sectors with data in which the terrain falls off abruptly from each cell.
 
     At least half the sectors are counted as having data. `least` and `share` (of the whole way
     down) say how much of the fall must be in one step.
     """
-    for r in prange(first, last):
-        way = np.empty((8, 3))
+    way = np.empty((8, 3))
+    for r in range(first, last):
         for c in range(z.shape[1]):
             out[r, c] = 0.0
             if math.isnan(z[r, c]):
@@ -99,11 +101,11 @@ def raised(z, first, last, lows, lowest, look, offsets, slope, step, fall, least
             out[r, c] = votes / max(count, 4)
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def levelled(votes, z, first, last, reach, step, slope, out):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def levelled(first, last, votes, z, reach, step, slope, out):  # type: ignore[no-untyped-def]
     """The mean of the votes around each cell, of cells that lie on about the same height."""
     rows, cols = z.shape
-    for r in prange(first, last):
+    for r in range(first, last):
         for c in range(cols):
             total, count = 0.0, 0
             if not math.isnan(z[r, c]):
@@ -132,8 +134,8 @@ def gathered(z, surface, weight, level, weights, residuals):  # type: ignore[no-
             weights[i, j], residuals[i, j] = total, product
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def planes(weights, residuals, first, last, sigma, enough, stiff, out):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def planes(first, last, weights, residuals, sigma, enough, stiff, out):  # type: ignore[no-untyped-def]
     """Height, at each cell, of the plane through the residuals around it.
 
     Weighted least squares in a Gaussian window of `sigma` cells; `stiff` (of the square of sigma)
@@ -142,8 +144,10 @@ def planes(weights, residuals, first, last, sigma, enough, stiff, out):  # type:
     """
     rows, cols = weights.shape
     reach = math.ceil(3 * sigma)
-    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    for r in prange(first, last):
+    bell = np.empty(2 * reach + 1)
+    for k in range(len(bell)):
+        bell[k] = math.exp(-0.5 * ((k - reach) / sigma) ** 2)
+    for r in range(first, last):
         # Moments along the column first, one value per column; the margins are zeros.
         line = np.zeros((5, cols + 2 * reach))
         for k in range(2 * reach + 1):
@@ -207,7 +211,7 @@ def add_bilinear(surface, coarse, level):  # type: ignore[no-untyped-def]
             surface[r, c] += upper * (1 - v) + lower * v
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _between(surface, y, x):  # type: ignore[no-untyped-def]
     """Bilinear height at row y and column x, and the slope there."""
     rows, cols = surface.shape
@@ -236,21 +240,21 @@ def reweighted(z, candidate, surface, tolerance, slope_tolerance, below, weight)
                 weight[r, c] = 1.0 / (1.0 + (residual / limit) ** 4)
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def residuals(x, y, z, metre, left, top, surface, tolerance, slope_tolerance):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def residuals(  # type: ignore[no-untyped-def]
+    first, last, xyz, metre, left, top, surface, tolerance, slope_tolerance, residual, allowed
+):
     """Height over the surface in metres, and how much of it the slope there allows; NaN outside.
 
     The raster begins `left` and `top` metres from the origin of the coordinates.
     """
     rows, cols = surface.shape
-    residual, allowed = np.empty(len(x)), np.empty(len(x))
-    for k in prange(len(x)):
-        row, col = top - y[k] / metre - 0.5, x[k] / metre - left - 0.5
+    for k in range(first, last):
+        row, col = top - xyz[k, 1] / metre - 0.5, xyz[k, 0] / metre - left - 0.5
         residual[k] = allowed[k] = np.nan
         if not (-1 < row < rows and -1 < col < cols):
             continue
         row, col = min(max(row, 0.0), rows - 1.0), min(max(col, 0.0), cols - 1.0)
         height, slope = _between(surface, row, col)
-        residual[k] = z[k] / metre - height
+        residual[k] = xyz[k, 2] / metre - height
         allowed[k] = tolerance + slope_tolerance * slope
-    return residual, allowed

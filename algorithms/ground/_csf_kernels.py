@@ -5,73 +5,103 @@ Arrays of heights have a rim of REACH nodes on all sides, which repeats the oute
 cloth has a free edge. A step reads one array of heights and writes another, node by node, so the
 result is the same, bit for bit, for any number of threads.
 
-Steps follow each other at a distance, strip after strip down the lattice: what one has written is
-still near at hand, in the cache, when the next reads it.
+Several steps are made at once in bands of columns that fit into the cache. Each step of a band is
+narrower than the one before by what it must not know of other bands, and the seams between the
+bands, where steps grow wider as they grow narrower beside them, are made afterwards (split
+tiling: Bandishti, V. et al. 2012. Tiling stencil computations to maximize parallelism. SC '12).
+No band and no seam needs another, and none overwrites what another still reads.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+
+from algorithms.shared.compiling import helper
 
 REACH = 2  # nodes: the longest spring
 TILE = 64  # nodes: side of the squares that fall asleep one by one
-STRIP = 8  # rows of a tile that are worked on at a time
+STRIP = 4  # rows that are worked on at a time: divides TILE, and REACH or more
+BAND = 256  # columns: at least twice the reach of all steps that are made at once
 
 
 @njit(cache=True, nogil=True)
-def step_serial(strips, even, odd, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
-    """As :func:`step`, without the price of waking threads."""
-    for t in range(len(strips)):
-        _step_strip(strips[t], even, odd, obstacle, drop, inertia)
+def fall(first, last, spread, steps, awake, even, odd, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
+    """Some steps of the bands first..last, or of the seams on their left.
 
-
-@njit(cache=True, nogil=True, parallel=True)
-def step(strips, even, odd, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
-    """Springs, gravity and inertia of one step for the given strips (row, column, step).
-
-    Even steps read the heights `even` and write `odd`, odd ones the other way round. What is
-    written held the heights one step earlier, and receives those one step later.
+    Parameters
+    ----------
+    first, last : numbers of the bands
+    spread : columns by which each step is wider than the one before on either side: -REACH for
+        bands, REACH for seams, which begin with none
+    steps : even ones read the heights `even` and write `odd`, odd ones the other way round; what
+        is written held the heights one step earlier, and receives those one step later
+    awake : which tiles to work on
     """
-    for t in prange(len(strips)):
-        _step_strip(strips[t], even, odd, obstacle, drop, inertia)
+    rows, cols = obstacle.shape
+    strips = (rows + STRIP - 1) // STRIP
+    for band in range(first, last):
+        west, east = band * BAND, (band * BAND if spread > 0 else (band + 1) * BAND)
+        # A step follows the one before two strips behind: it needs what that wrote beside its own
+        # strip, and overwrites what that has read.
+        for turn in range(strips + 2 * (steps - 1)):
+            for number in range(steps):
+                strip = turn - 2 * number
+                if not 0 <= strip < strips:
+                    continue
+                left = west - spread * number if west > 0 else 0
+                right = east + spread * number if east < cols else cols
+                heights, out = (even, odd) if number % 2 == 0 else (odd, even)
+                _step_strip(
+                    *(strip * STRIP, max(left, 0), min(right, cols), awake),
+                    *(heights, out, obstacle, drop, inertia),
+                )
 
 
-@njit(cache=True, nogil=True)
-def _step_strip(strip, even, odd, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
-    """One step of one strip.
+@helper
+def _step_strip(row, left, right, awake, height, out, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
+    """One step of what is awake in the columns left..right of a strip of rows."""
+    last = min(row + STRIP, obstacle.shape[0])
+    while left < right:
+        end = left
+        while end < right and awake[row // TILE, end // TILE]:
+            end = min((end // TILE + 1) * TILE, right)
+        for r in range(row, last if end > left else row):
+            _step_row(r, left, end, height, out, obstacle, drop, inertia)
+            _continue_edges(out, r, left, end, *obstacle.shape)
+        left = (end // TILE + 1) * TILE
+
+
+@helper
+def _step_row(r, first, last, height, out, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
+    """Springs, gravity and inertia of one step in the columns first..last of a row.
 
     A particle goes half way to the mean of its 16 neighbours, keeps the share `inertia` of its
     last way, falls by `drop` and is held up by the obstacle. Rows are cut out first, so that
     indices start at 0 and the loop becomes vector code.
     """
-    height, out = (even, odd) if strip[2] % 2 == 0 else (odd, even)
-    rows, cols = obstacle.shape
-    first, last = strip[1], min(strip[1] + TILE, cols)
     wide = slice(first, last + 2 * REACH)
-    for r in range(strip[0], min(strip[0] + STRIP, rows)):
-        n2, n1, own = height[r, wide], height[r + 1, wide], height[r + 2, wide]
-        s1, s2 = height[r + 3, wide], height[r + 4, wide]
-        to = out[r + REACH, first + REACH : last + REACH]
-        floor, fall = obstacle[r, first:last], drop[r, first:last]
-        for j in range(len(to)):
-            near = (
-                (n1[j + 1] + n1[j + 2] + n1[j + 3])
-                + (own[j + 1] + own[j + 3])
-                + (s1[j + 1] + s1[j + 2] + s1[j + 3])
-            )
-            far = (
-                (n2[j] + n2[j + 2] + n2[j + 4])
-                + (own[j] + own[j + 4])
-                + (s2[j] + s2[j + 2] + s2[j + 4])
-            )
-            here = own[j + 2]
-            free = 0.5 * here + (near + far) / 32.0 + inertia * (here - to[j]) - fall[j]
-            to[j] = max(free, floor[j])
-        _continue_edges(out, r, first, last, rows, cols)
+    n2, n1, own = height[r, wide], height[r + 1, wide], height[r + 2, wide]
+    s1, s2 = height[r + 3, wide], height[r + 4, wide]
+    to = out[r + REACH, first + REACH : last + REACH]
+    floor, fall = obstacle[r, first:last], drop[r, first:last]
+    for j in range(len(to)):
+        near = (
+            (n1[j + 1] + n1[j + 2] + n1[j + 3])
+            + (own[j + 1] + own[j + 3])
+            + (s1[j + 1] + s1[j + 2] + s1[j + 3])
+        )
+        far = (
+            (n2[j] + n2[j + 2] + n2[j + 4])
+            + (own[j] + own[j + 4])
+            + (s2[j] + s2[j + 2] + s2[j + 4])
+        )
+        here = own[j + 2]
+        free = 0.5 * here + (near + far) / 32.0 + inertia * (here - to[j]) - fall[j]
+        to[j] = max(free, floor[j])
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _continue_edges(height, row, first, last, rows, cols):  # type: ignore[no-untyped-def]
     """Let the rim repeat the nodes first..last of a row that are outermost."""
     here = height[row + REACH]
@@ -91,40 +121,29 @@ def _continue_edges(height, row, first, last, rows, cols):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True)
-def movement(tiles, height, before):  # type: ignore[no-untyped-def]
-    """The longest way of a particle of each tile in the last step."""
-    longest = np.zeros(len(tiles))
+def movement(first, last, awake, height, before, still, moving):  # type: ignore[no-untyped-def]
+    """Which tiles of the rows of tiles first..last have a particle that went more than `still`."""
     rows, cols = height.shape[0] - REACH, height.shape[1] - REACH
-    for t in range(len(tiles)):
-        row, col = tiles[t]
-        for r in range(row + REACH, min(row + REACH + TILE, rows)):
-            for c in range(col + REACH, min(col + REACH + TILE, cols)):
-                longest[t] = max(longest[t], abs(height[r, c] - before[r, c]))
-    return longest
+    for i in range(first, last):
+        for j in range(awake.shape[1]):
+            longest, row, col = 0.0, REACH + i * TILE, REACH + j * TILE
+            if awake[i, j]:
+                for r in range(row, min(row + TILE, rows)):
+                    for c in range(col, min(col + TILE, cols)):
+                        longest = max(longest, abs(height[r, c] - before[r, c]))
+            moving[i, j] = longest > still
 
 
 @njit(cache=True, nogil=True)
-def hold(tiles, height, before):  # type: ignore[no-untyped-def]
-    """Let both arrays agree on tiles that fall asleep."""
-    rows, cols = height.shape[0] - REACH, height.shape[1] - REACH
-    for t in range(len(tiles)):
-        row, col = tiles[t]
-        for r in range(row + REACH, min(row + REACH + TILE, rows)):
-            for c in range(col + REACH, min(col + REACH + TILE, cols)):
-                before[r, c] = height[r, c]
-
-
-@njit(cache=True, nogil=True)
-def settle_slopes(height, obstacle, resting, steep, step):  # type: ignore[no-untyped-def]
+def settle_slopes(height, obstacle, resting, steep, step, waiting):  # type: ignore[no-untyped-def]
     """Let movable particles down beside `resting` ones, from the rim inwards (in place).
 
     A `steep` particle is let down on its obstacle where that lies within `step` of the obstacle
     of one of its four neighbours that rests already. The outcome is what can be reached from
-    the rim, whatever the order of the visits.
+    the rim, whatever the order of the visits. `waiting` is scratch for all movable particles.
     """
     rows, cols = height.shape
-    waiting = np.empty(rows * cols - np.sum(resting), np.int64)
-    count = 0
+    count = np.int64(0)  # a plain 0 would be a type of its own, and _let_down compiled twice
     for row in range(rows):
         for col in range(cols):
             if resting[row, col]:
@@ -136,7 +155,7 @@ def settle_slopes(height, obstacle, resting, steep, step):  # type: ignore[no-un
         count = _let_down(obstacle, resting, steep, step, row, col, waiting, count)
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _let_down(obstacle, resting, steep, step, row, col, waiting, count):  # type: ignore[no-untyped-def]
     """Let the steep movable neighbours of a resting particle rest and note them as waiting."""
     for r, c in ((row - 1, col), (row + 1, col), (row, col - 1), (row, col + 1)):
@@ -150,16 +169,15 @@ def _let_down(obstacle, resting, steep, step, row, col, waiting, count):  # type
     return count
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def near_surface(heights, left, top, cell, xyz, threshold):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def near_surface(first, last, xyz, heights, left, top, cell, threshold, near):  # type: ignore[no-untyped-def]
     """Whether each point is within threshold + slope x cell of the bilinear lattice, up or down.
 
     The lattice begins `left` and `top` cells from the origin of the coordinates; beyond its
     outermost nodes it goes on level.
     """
     rows, cols = heights.shape
-    near = np.empty(len(xyz), np.bool_)
-    for i in prange(len(xyz)):
+    for i in range(first, last):
         y = min(max(top - xyz[i, 1] / cell - 0.5, 0.0), rows - 1.0)
         x = min(max(xyz[i, 0] / cell - left - 0.5, 0.0), cols - 1.0)
         row, col = min(int(y), rows - 2), min(int(x), cols - 2)
@@ -170,4 +188,3 @@ def near_surface(heights, left, top, cell, xyz, threshold):  # type: ignore[no-u
         eastward = (ne - nw) * (1 - v) + (se - sw) * v  # rise per cell
         southward = (sw - nw) * (1 - u) + (se - ne) * u
         near[i] = abs(xyz[i, 2] - elevation) <= threshold + np.hypot(eastward, southward)
-    return near

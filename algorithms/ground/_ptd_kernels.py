@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
-from algorithms.shared._delaunay_kernels import is_ghost, locate
+from algorithms.shared._delaunay_kernels import in_circle, is_ghost, locate, orient
+from algorithms.shared.compiling import helper
 
 
 class Limits(NamedTuple):
-    """What a point must keep to enter the surface; lengths in the unit of the points."""
+    """What a point above the surface must keep to enter it; lengths in the unit of the points."""
 
     angle: float  # degrees, to each corner of the facet
     distance: float  # from the plane of the facet
@@ -20,10 +21,9 @@ class Limits(NamedTuple):
     reduce: float  # facets smaller than this lower the angle; 0 for never
     mirror: bool
     gentle: float  # greatest rise of the facet that a mirrored point falls on
-    below: float  # degrees, for points below the surface
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _normal(mesh, z, t):  # type: ignore[no-untyped-def]
     """Upward normal of facet t; twice its area in plan is the vertical part."""
     xy = mesh.xy
@@ -33,7 +33,7 @@ def _normal(mesh, z, t):  # type: ignore[no-untyped-def]
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _against(mesh, z, t, x, y, h):  # type: ignore[no-untyped-def]
     """Compare a place with facet t.
 
@@ -41,12 +41,13 @@ def _against(mesh, z, t, x, y, h):  # type: ignore[no-untyped-def]
     them, longest edge, rise of the facet, and its highest corner.
     """
     xy = mesh.xy
-    a, b, c = mesh.triangles[t, 0], mesh.triangles[t, 1], mesh.triangles[t, 2]
+    a = mesh.triangles[t, 0]
     nx, ny, nz = _normal(mesh, z, t)
     length = np.sqrt(nx * nx + ny * ny + nz * nz)
     distance = ((x - xy[a, 0]) * nx + (y - xy[a, 1]) * ny + (h - z[a]) * nz) / length
     sine, steepest, square, top = 0.0, 0.0, 0.0, a
-    for v, w in ((a, b), (b, c), (c, a)):
+    for k in range(3):
+        v, w = mesh.triangles[t, k], mesh.triangles[t, (k + 1) % 3]
         square = max(square, (xy[v, 0] - xy[w, 0]) ** 2 + (xy[v, 1] - xy[w, 1]) ** 2)
         plan = np.sqrt((xy[v, 0] - x) ** 2 + (xy[v, 1] - y) ** 2)
         away = np.sqrt(plan**2 + (z[v] - h) ** 2)
@@ -58,7 +59,7 @@ def _against(mesh, z, t, x, y, h):  # type: ignore[no-untyped-def]
     return distance, np.degrees(np.arcsin(sine)), steepest, np.sqrt(square), rise, top
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _enters(mesh, z, t, x, y, h, limits, break_rise):  # type: ignore[no-untyped-def]
     """Whether a point may enter facet t, and its distance from it."""
     distance, angle, steepest, longest, rise, top = _against(mesh, z, t, x, y, h)
@@ -68,7 +69,7 @@ def _enters(mesh, z, t, x, y, h, limits, break_rise):  # type: ignore[no-untyped
     if longest < limits.stop:
         enters = False
     elif distance < 0:
-        enters = angle <= limits.below
+        enters = True
     elif steepest > limits.steepest:
         enters = False
     elif angle <= most and distance <= limits.distance:
@@ -79,7 +80,7 @@ def _enters(mesh, z, t, x, y, h, limits, break_rise):  # type: ignore[no-untyped
     return enters, distance
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _enters_beyond(mesh, z, t, x, y, h, limits, angle, top):  # type: ignore[no-untyped-def]
     """Mirror a point at corner `top` of facet t, in plan and height: is it on the surface there?
 
@@ -91,21 +92,39 @@ def _enters_beyond(mesh, z, t, x, y, h, limits, angle, top):  # type: ignore[no-
     s = locate(mesh.xy, mesh.triangles, mesh.neighbours, x, y, t)
     if is_ghost(mesh.triangles, s):
         return False
-    off, seen, _, _, beyond, _ = _against(mesh, z, s, x, y, h)
-    return seen <= angle and abs(off) <= limits.distance and beyond <= limits.gentle
+    _, seen, _, _, beyond, _ = _against(mesh, z, s, x, y, h)
+    return seen <= angle and beyond <= limits.gentle
+
+
+@helper
+def _take_points(t, head, following, found, n):  # type: ignore[no-untyped-def]
+    """List the points of facet t in `found` from n on, and empty the facet; how many now."""
+    i = head[t]
+    while i >= 0:
+        found[n] = i
+        n += 1
+        i = following[i]
+    head[t] = -1
+    return n
 
 
 @njit(cache=True, nogil=True)
-def points_of(changed, head, following, found):  # type: ignore[no-untyped-def]
+def points_of(facets, head, following, found):  # type: ignore[no-untyped-def]
     """List the points of facets, and empty the facets; how many points there are."""
     n = 0
-    for t in changed:
-        i = head[t]
-        while i >= 0:
-            found[n] = i
-            n += 1
-            i = following[i]
-        head[t] = -1
+    for t in facets:
+        n = _take_points(t, head, following, found, n)
+    return n
+
+
+@njit(cache=True, nogil=True)
+def points_at_rim(mesh, real, head, following, found):  # type: ignore[no-untyped-def]
+    """List the points of facets with a corner from `real` on, and empty them; how many."""
+    n = 0
+    for t in range(mesh.size[0]):
+        a, b, c = mesh.triangles[t, 0], mesh.triangles[t, 1], mesh.triangles[t, 2]
+        if max(a, b, c) >= real:
+            n = _take_points(t, head, following, found, n)
     return n
 
 
@@ -119,7 +138,7 @@ def best_of_facets(  # type: ignore[no-untyped-def]
     Equal distances are decided by position, never by the order of the points. All points that
     are not vertices yet are put on the lists of their facets, `head` and `following`.
     """
-    last = 0
+    last = np.int64(0)
     for i in points:
         if entered[i]:
             continue
@@ -128,8 +147,6 @@ def best_of_facets(  # type: ignore[no-untyped-def]
         t = locate(mesh.xy, mesh.triangles, mesh.neighbours, x, y, hint)
         facet[i] = last = t
         following[i], head[t] = head[t], i
-        if is_ghost(mesh.triangles, t):
-            continue
         good, distance = _enters(mesh, z, t, x, y, z[i], limits, break_rise)
         if not good:
             continue
@@ -142,17 +159,115 @@ def best_of_facets(  # type: ignore[no-untyped-def]
     return n
 
 
-@njit(cache=True, nogil=True)
-def relocate(mesh, points, facet):  # type: ignore[no-untyped-def]
-    """Bring the facets of the points up to date."""
-    last = 0
-    for i in points:
-        x, y = mesh.xy[i, 0], mesh.xy[i, 1]
-        last = locate(mesh.xy, mesh.triangles, mesh.neighbours, x, y, last)
-        facet[i] = last
+# Taking vertices out again.
 
 
 @njit(cache=True, nogil=True)
+def take_out(mesh, gone, facet, head, following, found):  # type: ignore[no-untyped-def]
+    """Take the vertices marked in `gone` out; list the points of the facets that go.
+
+    Goes through the triangles from the last to the first: those behind have no such vertex, and
+    only they change their number. `gone[-1]` must be False. Returns how many points are listed.
+    """
+    n, t = 0, mesh.size[0] - 1
+    while t >= 0:
+        k = 0
+        while k < 3 and not gone[mesh.triangles[t, k]]:
+            k += 1
+        if k == 3:
+            t -= 1
+        else:
+            n = _remove(mesh, t, k, facet, head, following, found, n)
+            t = min(t, mesh.size[0] - 1)
+    return n
+
+
+@helper
+def _remove(mesh, t, k, facet, head, following, found, n):  # type: ignore[no-untyped-def]
+    """Take vertex k of triangle t out of the mesh; it must not be on the hull.
+
+    The triangles around it leave a hole, from which corners are cut off where the circle of
+    the new triangle holds no other corner of the hole.
+    """
+    triangles, neighbours = mesh.triangles, mesh.neighbours
+    taken, corner, outer, _ = mesh.scratch  # outer[i] is across the edge from corner i to i + 1
+    v, s, count, before_n = triangles[t, k], t, 0, n
+    while count == 0 or s != t:
+        k = (triangles[s, 1] == v) + 2 * (triangles[s, 2] == v)
+        taken[count], corner[count] = s, triangles[s, (k + 1) % 3]
+        outer[count] = neighbours[s, k]
+        n = _take_points(s, head, following, found, n)
+        s = neighbours[s, (k + 1) % 3]
+        count += 1
+    facet[found[before_n:n]] = -1
+    made, i = 0, 0
+    while count > 2:
+        before, after = (i - 1) % count, (i + 1) % count
+        if not _is_ear(mesh.xy, corner, count, before, i, after):
+            i = after
+            continue
+        s = taken[made]
+        made += 1
+        a, b, c = corner[before], corner[i], corner[after]
+        triangles[s, 0], triangles[s, 1], triangles[s, 2] = a, b, c
+        _join(mesh, s, c, outer[i], b)
+        _join(mesh, s, b, outer[before], a)
+        outer[before] = s
+        count -= 1
+        for j in range(i, count):
+            corner[j], outer[j] = corner[j + 1], outer[j + 1]
+        i %= count
+    _join(mesh, outer[0], corner[0], outer[1], corner[1])
+    for s in (max(taken[made], taken[made + 1]), min(taken[made], taken[made + 1])):
+        _fill_gap(mesh, s, facet, head, following)
+    return n
+
+
+@helper
+def _is_ear(xy, corner, count, before, i, after):  # type: ignore[no-untyped-def]
+    """Whether corner i of a hole and those beside it make a triangle of the mesh."""
+    a, b, c = corner[before], corner[i], corner[after]
+    ax, ay, bx, by, cx, cy = xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1]
+    if orient(ax, ay, bx, by, cx, cy) <= 0.0:
+        return False
+    for j in range(count):
+        v = corner[j]
+        if v not in (a, b, c) and in_circle(ax, ay, bx, by, cx, cy, xy[v, 0], xy[v, 1]):
+            return False
+    return True
+
+
+@helper
+def _join(mesh, s, a, t, b):  # type: ignore[no-untyped-def]
+    """Make s and t neighbours across an edge that in s ends at a, and in t at b."""
+    for k in range(3):
+        if mesh.triangles[s, (k + 2) % 3] == a:
+            mesh.neighbours[s, k] = t
+        if mesh.triangles[t, (k + 2) % 3] == b:
+            mesh.neighbours[t, k] = s
+
+
+@helper
+def _fill_gap(mesh, t, facet, head, following):  # type: ignore[no-untyped-def]
+    """Give the last triangle of the mesh, and its points, the number t."""
+    mesh.size[0] -= 1
+    last = mesh.size[0]
+    if t == last:
+        return
+    for k in range(3):
+        mesh.triangles[t, k] = mesh.triangles[last, k]
+        mesh.neighbours[t, k] = s = mesh.neighbours[last, k]
+        for j in range(3):
+            if mesh.neighbours[s, j] == last:
+                mesh.neighbours[s, j] = t
+    head[t], head[last] = head[last], -1
+    i = head[t]
+    while i >= 0:
+        facet[i] = t
+        i = following[i]
+
+
+@helper
 def _root(group, v):  # type: ignore[no-untyped-def]
     while group[v] != v:
         group[v] = group[group[v]]
@@ -161,25 +276,30 @@ def _root(group, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _wall(xy, z, a, b, step, rise):  # type: ignore[no-untyped-def]
-    """1 if the edge climbs a wall from a to b, -1 if from b to a, 0 if it is no wall."""
-    up = z[b] - z[a]
-    if abs(up) <= max(step, rise * np.hypot(xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1])):
-        return 0
-    return 1 if up > 0 else -1
-
-
-@njit(cache=True, nogil=True)
-def join_patches(mesh, z, real, step, rise, first, last, group):  # type: ignore[no-untyped-def]
+def join_patches(mesh, z, real, step, rise, first, last, group, walls, n):  # type: ignore[no-untyped-def]
     """Put vertices below `real` that an edge joins into one group, unless it is a wall.
 
     Looks at the triangles first to last. Walls climb more than `step` and steeper than `rise`.
+    They are listed in `walls` from n on, foot and top, and so are edges to vertices from `real`
+    on, the rim of the data. Returns how many there are now.
     """
+    xy = mesh.xy
     for t in range(first, last):
+        a = mesh.triangles[t, 2]
         for k in range(3):
-            a, b = mesh.triangles[t, k], mesh.triangles[t, (k + 1) % 3]
-            if 0 <= a < b < real and _wall(mesh.xy, z, a, b, step, rise) == 0:
-                group[_root(group, a)] = _root(group, b)
+            a, b = mesh.triangles[t, k], a  # each edge is met both ways round
+            if a < 0 or b <= a or a >= real:
+                continue
+            up = z[b] - z[a]
+            run = np.sqrt((xy[b, 0] - xy[a, 0]) ** 2 + (xy[b, 1] - xy[a, 1]) ** 2)
+            if b < real and abs(up) <= max(step, rise * run):
+                one, other = _root(group, a), _root(group, b)
+                group[max(one, other)] = min(one, other)
+                continue
+            downwards = b < real and up < 0
+            walls[n, 0], walls[n, 1] = (b, a) if downwards else (a, b)
+            n += 1
+    return n
 
 
 @njit(cache=True, nogil=True)
@@ -193,42 +313,21 @@ def patches_of(mesh, first, last, group, boxes):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def outlines_of(mesh, z, real, step, rise, first, last, group, outline):  # type: ignore[no-untyped-def]
-    """Sum up the walls around patches: walls, of them down, edges to the rim, drop and run.
-
-    Looks at the triangles first to last. Vertices from `real` on are the rim of the data.
-    """
-    xy = mesh.xy
-    for t in range(first, last):
-        for k in range(3):
-            a, b = mesh.triangles[t, k], mesh.triangles[t, (k + 1) % 3]
-            if 0 <= a < real <= b:
-                outline[group[a], 2] += 1
-            if not 0 <= a < b < real or group[a] == group[b]:
-                continue
-            climbs = _wall(xy, z, a, b, step, rise)
-            if climbs != 0:
-                top = group[b] if climbs > 0 else group[a]
-                outline[group[a], 0] += 1
-                outline[group[b], 0] += 1
-                outline[top, 1] += 1
-                outline[top, 3] += abs(z[b] - z[a])
-                outline[top, 4] += np.hypot(xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1])
-
-
-@njit(cache=True, nogil=True, parallel=True)
 def near_surface(  # type: ignore[no-untyped-def]
-    xyz, first, row, col, lowest, facet, mesh, z, tolerance, per_rise, greatest_rise, near
+    xyz, first, cells, lowest, facet, mesh, z, tolerance, per_rise, near
 ):
     """Whether points from `first` on are near the surface; beyond it they are not.
 
-    The search begins at the facet of the lowest point of the cell (row, col).
+    The search begins at the facet of the lowest point of the cell, if it has one.
     """
-    for k in prange(len(row)):
+    t = np.int64(0)
+    for k in range(len(cells)):
         i = first + k
         x, y, h = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-        j = lowest[row[k], col[k]]
-        t = locate(mesh.xy, mesh.triangles, mesh.neighbours, x, y, facet[j] if j >= 0 else 0)
+        j = lowest[cells[k]]
+        if j >= 0 and 0 <= facet[j] < mesh.size[0]:
+            t = facet[j]
+        t = locate(mesh.xy, mesh.triangles, mesh.neighbours, x, y, t)
         if is_ghost(mesh.triangles, t):
             near[i] = False
             continue
@@ -236,4 +335,4 @@ def near_surface(  # type: ignore[no-untyped-def]
         a = mesh.triangles[t, 0]
         over = h - z[a] + ((x - mesh.xy[a, 0]) * nx + (y - mesh.xy[a, 1]) * ny) / nz
         rise = np.sqrt(nx * nx + ny * ny) / nz
-        near[i] = abs(over) <= tolerance + per_rise * min(rise, greatest_rise)
+        near[i] = abs(over) <= tolerance + per_rise * rise

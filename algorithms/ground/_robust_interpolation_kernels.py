@@ -8,7 +8,9 @@ north-west corner. So a place in the terrain has the same numbers in every tile.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+
+from algorithms.shared.compiling import helper
 
 WINDOW = 2  # cells on each side of a node whose points it looks at
 SUPPORT = 3.0  # cells: the influence of a point has faded to nothing
@@ -18,7 +20,7 @@ TRUNCATION = 3.0  # half widths above the shift beyond which the weight is 0
 STEEPEST = 1.0  # slope that still widens a threshold, rise over run
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _height_and_slope(surface, place, x, y):  # type: ignore[no-untyped-def]
     """Bilinear height between the known nodes around (x, y), and rise over run."""
     left, top, cell = place
@@ -46,34 +48,18 @@ def _height_and_slope(surface, place, x, y):  # type: ignore[no-untyped-def]
     return heights / weights, slope
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def residuals(xyz, surface, place):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def residuals(first, last, xyz, surface, place, residual, rise):  # type: ignore[no-untyped-def]
     """Height of the points above the surface, and what it rises there over one cell."""
-    residual, rise = np.empty(len(xyz)), np.empty(len(xyz))
-    for i in prange(len(xyz)):
+    for i in range(first, last):
         height, slope = _height_and_slope(surface, place, xyz[i, 0], xyz[i, 1])
         residual[i] = xyz[i, 2] - height
         rise[i] = min(slope, STEEPEST) * place[2]
-    return residual, rise
 
 
 @njit(cache=True, nogil=True)
-def above_trend(xyz, lowest, trend, trend_place, first, last, out):  # type: ignore[no-untyped-def]
-    """Height above the trend of the lowest points in the rows first..last; z without a trend."""
-    for row in range(first, last):
-        for col in range(lowest.shape[1]):
-            i = lowest[row, col]
-            if i < 0:
-                continue
-            height = 0.0
-            if trend.size > 0:
-                height, _ = _height_and_slope(trend, trend_place, xyz[i, 0], xyz[i, 1])
-            out[row, col] = xyz[i, 2] - height
-
-
-@njit(cache=True, nogil=True, parallel=True)
 def interpolate(  # type: ignore[no-untyped-def]
-    xyz, lowest, offset, place, trend, trend_place, half, relief, depth, rounds, first, last, out
+    first, last, xyz, lowest, offset, place, trend, trend_place, half, relief, depth, rounds, out
 ):
     """Heights of the nodes in the rows first..last: the trend and a robust plane above it.
 
@@ -82,9 +68,9 @@ def interpolate(  # type: ignore[no-untyped-def]
     """
     left, top, cell = place
     with_trend = trend.size > 0
-    for row in prange(first, last):
-        points = np.empty((4, (2 * WINDOW + 1) ** 2))
-        residual = np.empty(points.shape[1])
+    points = np.empty((4, (2 * WINDOW + 1) ** 2))
+    residual = np.empty(points.shape[1])
+    for row in range(first, last):
         y = (top - row - 0.5) * cell
         for col in range(lowest.shape[1]):
             x = (left + col + 0.5) * cell
@@ -103,7 +89,7 @@ def interpolate(  # type: ignore[no-untyped-def]
             out[row, col] = height
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _window(xyz, lowest, offset, row, col, x, y, cell, points):  # type: ignore[no-untyped-def]
     """Collect the points around a node at (x, y) in the columns of `points`; their number.
 
@@ -126,7 +112,7 @@ def _window(xyz, lowest, offset, row, col, x, y, cell, points):  # type: ignore[
     return count
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _robust_plane(points, count, residual, half, depth, nugget, rounds):  # type: ignore[no-untyped-def]
     """Height at the node of a plane through the lower of the points; see :func:`_window`.
 
@@ -163,7 +149,7 @@ def _robust_plane(points, count, residual, half, depth, nugget, rounds):  # type
     return a
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _shift(residual, weight, count, depth):  # type: ignore[no-untyped-def]
     """Mean of the negative residuals: where in their histogram the ground lies."""
     total, mass = 0.0, 0.0
@@ -174,7 +160,7 @@ def _shift(residual, weight, count, depth):  # type: ignore[no-untyped-def]
     return total / mass if mass > 0.0 else 0.0
 
 
-@njit(cache=True, nogil=True)
+@helper
 def robust_weight(residual, shift, half, depth):  # type: ignore[no-untyped-def]
     """1 up to the shift, 1/2 at a half width above it, 0 far above and far below."""
     if residual < -depth:

@@ -41,6 +41,7 @@ from algorithms.shared.lowest import (
     require_finite,
     without_low_outliers,
 )
+from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit
@@ -208,17 +209,19 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
     """
     require_finite(xyz)
     cell = terrain.lattice.cell
-    x, y, z = xyz.T
-    residual, allowed = kernels.residuals(
-        x,
-        y,
-        z,
+    residual, allowed = np.empty(len(xyz)), np.empty(len(xyz))
+    side_by_side(
+        kernels.residuals,
+        blocks(len(xyz), 10),
+        xyz,
         terrain.metre,
         round(terrain.lattice.west / cell),
         round(terrain.lattice.north / cell),
         terrain.heights,
         TOLERANCE,
         SLOPE_TOLERANCE,
+        residual,
+        allowed,
     )
     deepest = BELOW * allowed + 1.0
     ground = (residual <= allowed) & (residual >= -deepest)
@@ -281,12 +284,12 @@ def raised_share(z: Grid, ground: NDArray[np.bool_], slope: Grid, step: Grid, ct
         lowest.append(minimum_filter(low, 2 * LOOK + 1, mode="constant", cval=np.inf))
         low = low.reshape(len(low) // 2, 2, -1, 2).min(axis=(1, 3))
     share = np.empty_like(z)
-    for first, last in blocks(len(z), 20 * z.shape[1]):
-        kernels.raised(
-            *(z, first, last, tuple(lows), tuple(lowest), LOOK, sectors(), slope),
-            *(step, FALL, STEP, STEP_SHARE, share),
-        )
-        ctx.progress(last / len(z))
+    side_by_side(
+        *(kernels.raised, blocks(len(z), 20 * z.shape[1])),
+        *(z, tuple(lows), tuple(lowest), LOOK, sectors(), slope),
+        *(step, FALL, STEP, STEP_SHARE, share),
+        ctx=ctx,
+    )
     return share
 
 
@@ -313,12 +316,13 @@ def sectors() -> NDArray[np.int64]:
 
 def votes_of_planes(z: Grid, votes: Grid, ctx: Context) -> Grid:
     """Let cells that lie on one plane agree: a roof or a terrace is judged as one."""
-    size = 10 * z.shape[1]
+    runs = blocks(len(z), 10 * z.shape[1])
     for k in range(SAME_ROUNDS):
         mean = np.empty_like(votes)
-        for first, last in blocks(len(z), size):
-            kernels.levelled(votes, z, first, last, SAME_REACH, SAME_STEP, SAME_SLOPE, mean)
-            ctx.progress((k + last / len(z)) / SAME_ROUNDS)
+        part = ctx.part(k / SAME_ROUNDS, (k + 1) / SAME_ROUNDS)
+        side_by_side(
+            kernels.levelled, runs, votes, z, SAME_REACH, SAME_STEP, SAME_SLOPE, mean, ctx=part
+        )
         votes = mean
     return votes
 
@@ -366,10 +370,12 @@ def planes_through(z: Grid, weight: Grid, levels: Levels, stiff: float, ctx: Con
         weights, residuals = np.empty((rows, cols)), np.empty((rows, cols))
         kernels.gathered(z, surface, weight, level, weights, residuals)
         heights = np.empty((rows, cols))
-        for first, last in blocks(rows, 4 * cols):
-            enough = ENOUGH if k else 1e-9  # the coarsest must do everywhere
-            kernels.planes(weights, residuals, first, last, sigma, enough, stiff, heights)
-            ctx.progress((k + last / rows) / len(levels))
+        enough = ENOUGH if k else 1e-9  # the coarsest must do everywhere
+        side_by_side(
+            *(kernels.planes, blocks(rows, 10 * cols)),
+            *(weights, residuals, sigma, enough, stiff, heights),
+            ctx=ctx.part(k / len(levels), (k + 1) / len(levels)),
+        )
         if k:
             np.nan_to_num(heights, copy=False)
         kernels.add_bilinear(surface, heights, level)

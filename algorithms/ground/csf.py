@@ -25,12 +25,14 @@ from scipy.ndimage import convolve, grey_closing, maximum_filter
 from algorithms.ground import _csf_kernels as kernels
 from algorithms.shared.ground import Candidates, Returns
 from algorithms.shared.lowest import (
+    blocks,
     lattice_around,
     lowest_points,
     require_finite,
     spread_to_empty,
     without_low_outliers,
 )
+from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit
@@ -46,9 +48,7 @@ COARSEST, FEW_NODES = 8.0, 16  # the cloth begins with particles 8 metres apart,
 START_REACH = 50.0  # metres: half the width of the pits that the coarsest cloth starts above
 SLOPE_STEP = 0.3  # metres, h_cp in section 3.4 of the paper
 BYTES_PER_PARTICLE = 70
-CHECK_EVERY = 10  # steps between two looks at which tiles still move
-FOLLOWING = 10  # steps that follow each other down the lattice; even, and divides CHECK_EVERY
-FEW_STRIPS = 128  # not worth waking threads
+AT_ONCE = 10  # steps between two looks at which tiles still move; even
 
 # How rigidness "auto" reads the terrain: the rise of a first cloth over 2 LAG, averaged by BLOCK.
 STIFF = 3.0
@@ -59,7 +59,6 @@ AUTO_HALO = 250.0  # metres, 2.5 BLOCK
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
-Ints = NDArray[np.int64]
 
 
 @tool("ground.csf")
@@ -196,8 +195,10 @@ def ground_mask(xyz: Floats, cloth: Cloth, *, class_threshold: float = 0.5) -> N
     cell = cloth.lattice.cell
     # Counted in whole cells from the origin of the coordinates, a place is the same in all tiles.
     left, top = round(cloth.lattice.west / cell), round(cloth.lattice.north / cell)
-    near: NDArray[np.bool_] = kernels.near_surface(
-        cloth.heights, left, top, cell, xyz, class_threshold
+    near = np.empty(len(xyz), bool)
+    side_by_side(
+        *(kernels.near_surface, blocks(len(xyz), 10)),
+        *(xyz, cloth.heights, left, top, cell, class_threshold, near),
     )
     return near
 
@@ -268,7 +269,8 @@ def cloth_simulation(
         )
         settled &= still_settled
     # On slopes the cloth is let down from where it rested when stiff: not from sunken roofs.
-    kernels.settle_slopes(height, obstacle, resting, steep, SLOPE_STEP * metre)
+    waiting = np.empty(np.count_nonzero(~resting), np.int64)
+    kernels.settle_slopes(height, obstacle, resting, steep, SLOPE_STEP * metre, waiting)
     heights = np.negative(height, out=height)
     heights.flags.writeable = chosen.flags.writeable = False
     ctx.progress(1.0)
@@ -394,45 +396,23 @@ def let_fall(
     before = height.copy()
     own = (slice(kernels.REACH, -kernels.REACH),) * 2
     still = AT_REST * float(drop.min())
-    grid = [range(0, length, kernels.TILE) for length in obstacle.shape]
-    every = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1)
-    awake = np.ones(every.shape[:2], bool)
-    tiles = every[awake]
-    batches = in_turn(tiles, len(obstacle))
-    for k in range(0, iterations, FOLLOWING):
-        if iterations - k < FOLLOWING:
-            batches = in_turn(tiles, len(obstacle), iterations - k)
-        for done, strips in enumerate(batches):
-            step = kernels.step_serial if len(strips) < FEW_STRIPS else kernels.step
-            step(strips, height, before, obstacle, drop, inertia)
-            ctx.progress((k + FOLLOWING * done / len(batches)) / iterations)
-        # An even number of steps, so that `height` has the newest.
-        if (k + FOLLOWING) % CHECK_EVERY == 0:
-            moving = np.zeros(awake.shape, bool)
-            moving[awake] = kernels.movement(tiles, height, before) > still
+    shape = tuple(-(-length // kernels.TILE) for length in obstacle.shape)
+    awake, moving = np.ones(shape, bool), np.empty(shape, bool)
+    bands = [(k, k + 1) for k in range(-(-obstacle.shape[1] // kernels.BAND))]
+    for k in range(0, iterations, AT_ONCE):
+        steps = min(AT_ONCE, iterations - k)
+        arrays = (awake, height, before, obstacle, drop, inertia)
+        side_by_side(kernels.fall, bands, -kernels.REACH, steps, *arrays)
+        side_by_side(kernels.fall, bands[1:], kernels.REACH, steps, *arrays)
+        ctx.progress((k + steps) / iterations)
+        if steps == AT_ONCE:  # an even number, so `height` has the newest
+            rows = blocks(shape[0], kernels.TILE * obstacle.shape[1])
+            side_by_side(kernels.movement, rows, awake, height, before, still, moving)
             if not moving.any():
                 return height[own].copy(), True
             was_awake, awake = awake, maximum_filter(moving, 3)
-            kernels.hold(every[was_awake & ~awake], height, before)
-            tiles = every[awake]
-            batches = in_turn(tiles, len(obstacle))
+            for row, col in np.argwhere(was_awake & ~awake) * kernels.TILE:
+                tile = np.s_[row : row + kernels.TILE, col : col + kernels.TILE]
+                before[own][tile] = height[own][tile]  # both arrays agree on what sleeps
     newest = before if iterations % 2 else height
     return newest[own].copy(), False
-
-
-def in_turn(tiles: Ints, rows: int, steps: int = FOLLOWING) -> list[Ints]:
-    """Strips of the tiles with the number of their step, in batches to be worked on in turn.
-
-    A step follows the one before two strips behind, so that all strips of a batch are
-    independent of each other: it needs what that wrote beside its own strip, and overwrites what
-    that has read.
-    """
-    inner = np.arange(0, kernels.TILE, kernels.STRIP)
-    strips = (tiles[:, None] + np.stack([inner, 0 * inner], axis=1)).reshape(-1, 2)
-    strips = strips[strips[:, 0] < rows]
-    number = np.repeat(np.arange(steps), len(strips))
-    strips = np.tile(strips, (steps, 1))
-    turn = strips[:, 0] // kernels.STRIP + 2 * number
-    order = np.argsort(turn, kind="stable")
-    starts = np.flatnonzero(np.diff(turn[order])) + 1
-    return np.split(np.column_stack([strips, number])[order], starts)

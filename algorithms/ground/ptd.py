@@ -26,11 +26,13 @@ from algorithms.shared.delaunay import LiveMesh
 from algorithms.shared.ground import Candidates, Returns
 from algorithms.shared.lowest import (
     blocks,
+    cells_of,
     lattice_around,
     lowest_points,
     require_finite,
     without_low_outliers,
 )
+from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit
@@ -43,13 +45,11 @@ FINEST = 5.0  # metres: seed grids are halved until they are at most this wide
 BREAK_RISE = 0.2  # facets at least this steep are looked at as breaks
 GENTLE = 1.2  # rise of terrain that a surface goes on with beyond a break or the data; not walls
 COARSE_ANGLE = 2.0  # times the angle on seed grids, whose points are low
-BELOW = 60.0  # degrees: greatest angle of a point below the surface
 WALL_MEAN = 0.8  # rise per length of all walls of a patch
 WALL_STEP, WALL_RISE, WALL_SHARE = 1.0, 0.3, 0.8  # metres, rise per length, share going down
 PATCH = 5 / 3  # widest patch that is taken for a building, in building sizes
-CHECKS = 6  # times that raised patches are looked for
-RING, RING_REACH = 10.0, 1  # metres between the vertices around the data, and rings
-SLOPE_STEP, GREATEST_RISE = 0.5, 2.0  # metres of tolerance per rise of the facet
+RING = 10.0  # metres between the vertices around the data
+SLOPE_STEP = 0.5  # metres of tolerance per rise of the facet
 SIDE = 32  # cells
 BLOCK = 200_000  # points that are worked on between two looks at the context
 HALO = 2.25  # metres of data that a tile needs around it, in building sizes
@@ -129,7 +129,8 @@ class GroundPtd:
         xyz = candidates.xyz
         if not len(xyz):
             raise DataError("points: there are none to make a surface of")
-        lattice = Lattice.cover((*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0)), self.cell)
+        ctx.progress(0.0)
+        lattice = Lattice.cover(box_of(xyz), self.cell)
         surface = densified(
             xyz,
             max_building_size=self.max_building_size,
@@ -172,7 +173,7 @@ class Surface:
     ----------
     mesh : the triangulation; some of its points never became vertices
     z : array of shape (n,), heights of the points of the mesh
-    facet : array of shape (n,), the triangle at each point
+    facet : array of shape (n,), where to begin to look for the triangle at each point
     lowest : array of shape (rows, cols), the point of each cell of the lattice; -1 for none
     lattice : cells of the points
     vertices : how many points became vertices
@@ -214,22 +215,22 @@ def ground_mask(
     array of shape (n,)
     """
     near = np.zeros(len(xyz), bool)
-    for first in range(0, len(xyz), 5 * BLOCK):
-        some = xyz[first : first + 5 * BLOCK]
+
+    def compare(first: int, last: int) -> None:
         kernels.near_surface(
             xyz,
             first,
-            *surface.lattice.indices(some[:, 0], some[:, 1]),
-            surface.lowest,
+            cells_of(xyz[first:last], surface.lattice),
+            surface.lowest.ravel(),
             surface.facet,
             surface.mesh.arrays,
             surface.z,
             class_distance,
             SLOPE_STEP * metre,
-            GREATEST_RISE,
             near,
         )
-        ctx.progress((first + len(some)) / len(xyz))
+
+    side_by_side(compare, blocks(len(xyz), 10), ctx=ctx)
     return near
 
 
@@ -295,11 +296,13 @@ def densified(
         raise DataError("points: there are none to make a surface of")
     require_finite(xyz)
     lattice = lattice_around(xyz, CELL * metre, bytes_per_cell=8)
+    ctx.progress(0.0)
     use = without_low_outliers(xyz, CELL * metre, metre, ctx.part(0, 0.3))
     lowest = lowest_points(xyz, use, lattice, ctx.part(0.3, 0.35))
     cells = by_blocks(lowest)
     points = xyz[lowest[cells]]
     lowest[cells] = np.arange(len(points))
+    ctx.progress(0.35)
     fine = kernels.Limits(
         angle=iteration_angle,
         distance=iteration_distance,
@@ -308,35 +311,30 @@ def densified(
         reduce=reduce_angle_below,
         mirror=mirror,
         gentle=GENTLE,
-        below=BELOW,
     )
     growth = Growth(points, metre)
+    ctx.progress(0.35)
     growth.start(np.flatnonzero(lowest_of_cells(points, max_building_size)), ctx.part(0.35, 0.36))
     done = 0.36
     size = max_building_size
     while size > FINEST * metre:
         size /= 2
-        coarse = fine._replace(
-            angle=min(COARSE_ANGLE * iteration_angle, 89.0), stop=size, reduce=0.0, mirror=False
-        )
+        coarse = fine._replace(angle=min(COARSE_ANGLE * iteration_angle, 89.0), mirror=False)
         ids = np.flatnonzero(lowest_of_cells(points, size))
         growth.grow(ids, coarse, ctx.part(done, done + 0.03))
         done += 0.03 if done < 0.5 else 0.0
-    everyone = np.arange(len(points))
-    growth.grow(everyone, fine, ctx.part(done, 0.75))
-    banned = np.zeros(len(points), bool)
-    for k in range(CHECKS):
-        part = ctx.part(0.75 + 0.24 * k / CHECKS, 0.75 + 0.24 * (k + 1) / CHECKS)
-        raised = growth.raised(PATCH * max_building_size, part.part(0, 0.2))
+    growth.grow(np.arange(len(points)), fine, ctx.part(done, 0.85))
+    done = 0.85
+    while True:
+        part = ctx.part(done, (1 + done) / 2)  # how many times, nobody knows
+        raised = growth.raised(PATCH * max_building_size, part.part(0, 0.5))
         log.debug("%d vertices are on raised patches", np.count_nonzero(raised))
         if not raised.any():
             break
-        banned |= raised
-        growth.start(np.flatnonzero(growth.entered[: len(points)] & ~raised), part.part(0.2, 0.4))
-        growth.grow(np.flatnonzero(~banned), fine, part.part(0.4, 1))
-    growth.locate(everyone, ctx.part(0.99, 1))
-    vertices = int(np.count_nonzero(growth.entered[: len(points)]))
-    return Surface(growth.mesh, growth.z, growth.facet, lowest, lattice, vertices, growth.rounds)
+        growth.settle(growth.take_out(raised), fine, part.part(0.5, 1))
+        done = (1 + done) / 2
+    ctx.progress(1.0)
+    return growth.surface(lowest, lattice)
 
 
 def by_blocks(lowest: Ints) -> tuple[Ints, Ints]:
@@ -358,10 +356,17 @@ def lowest_of_cells(points: Floats, cell: float) -> Mask:
     return low
 
 
+def box_of(points: Floats) -> tuple[float, float, float, float]:
+    """West, south, east and north end of the points."""
+    x, y = points[:, 0], points[:, 1]  # much faster than along the points
+    return x.min(), y.min(), x.max(), y.max()
+
+
 def ring_around(points: Floats, step: float) -> Floats:
     """Places outside the points, `step` apart in whole multiples of it, shape (m, 2)."""
-    west, south = np.floor(points[:, :2].min(axis=0) / step) - RING_REACH
-    east, north = np.floor(points[:, :2].max(axis=0) / step) + RING_REACH + 1
+    box = np.array(box_of(points)) / step
+    west, south = np.floor(box[:2]) - 1
+    east, north = np.floor(box[2:]) + 2
     columns, rows = np.arange(west, east + 1), np.arange(south + 1, north)
     sides = [(columns, south), (columns, north), (west, rows), (east, rows)]
     places = [np.column_stack(np.broadcast_arrays(x, y)) for x, y in sides]
@@ -381,8 +386,11 @@ def plane_at(xy: Floats, z: Floats, places: Floats) -> Floats:
 class Growth:
     """The surface while it grows.
 
-    A ring of vertices around the points saves the rim from special rules. They have the height
-    of the nearest vertex, set anew whenever the surface has come to rest.
+    A ring of vertices around the points saves the rim from special rules. Their heights go on
+    with the surface, set anew whenever it has come to rest.
+
+    Each point that is no vertex is on the list of its facet, `head` and `following`, so that
+    only points whose facets have changed are looked at again. What is taken out is on no list.
     """
 
     def __init__(self, points: Floats, metre: float) -> None:
@@ -390,6 +398,12 @@ class Growth:
         self.metre = metre
         self.xy = np.vstack([points[:, :2], ring_around(points, RING * metre)])
         self.z = np.append(points[:, 2], np.zeros(len(self.xy) - self.real))
+        west, south, east, north = box_of(self.xy)
+        x, y = points[:, 0], points[:, 1]
+        self.inwards = np.minimum(np.minimum(x - west, east - x), np.minimum(y - south, north - y))
+        self.mesh = LiveMesh(self.xy)
+        self.entered = np.zeros(len(self.xy), bool)
+        self.entered[self.real :] = True
         capacity = 2 * len(self.xy) + 2
         self.facet = np.full(len(self.xy), -1)
         self.head, self.following = np.full(capacity, -1), np.empty(self.real, np.int64)
@@ -399,26 +413,20 @@ class Growth:
         self.rounds = 0
 
     def start(self, seeds: Ints, ctx: Context) -> None:
-        """Begin anew with the given points as vertices."""
-        self.mesh = LiveMesh(self.xy)
-        self.entered = np.zeros(len(self.xy), bool)
-        self.entered[self.real :] = True
-        self.facet = np.full(len(self.xy), -1)
+        """Make the surface through the given points."""
         self.entered[seeds] = True
-        self.lift_ring()
         self.mesh.insert(np.flatnonzero(self.entered), ctx=ctx)
+        self.lift_ring()
 
-    def lift_ring(self) -> None:
+    def lift_ring(self) -> Ints:
         """Give the ring the heights to which the surface goes on, or else the nearest vertices'.
 
-        The surface is mirrored at the nearest vertex, in plan and height.
+        The surface is mirrored at the nearest vertex, in plan and height. Returns the points
+        whose facets have moved with the ring.
         """
         nearest = self.nearest_to_ring()
         base = self.z[nearest]
-        self.z[self.real :] = base
         mesh = self.mesh.arrays
-        if not mesh.size[0]:
-            return
         places = 2 * self.xy[nearest] - self.xy[self.real :]
         facets = self.mesh.locate(places)
         corners = mesh.triangles[facets]
@@ -428,40 +436,42 @@ class Growth:
         away = np.hypot(*(places[inside] - self.xy[nearest[inside]]).T)
         rise = base[inside] - height
         rise[np.abs(rise) > GENTLE * away] = 0.0
+        self.z[self.real :] = base
         self.z[self.real + np.flatnonzero(inside)] += rise
+        count = kernels.points_at_rim(mesh, self.real, self.head, self.following, self.waiting)
+        return self.waiting[:count]
 
     def nearest_to_ring(self) -> Ints:
         """The vertices nearest to the ring."""
-        vertices, ring = np.flatnonzero(self.entered[: self.real]), self.xy[self.real :]
-        places = self.xy[vertices]
-        inwards = np.minimum(places - ring.min(axis=0), ring.max(axis=0) - places).min(axis=1)
+        ring, vertices = self.xy[self.real :], self.entered[: self.real]
         reach = 4 * RING * self.metre
         while True:  # what is farther inwards than the nearest one found cannot be nearer
-            some = np.flatnonzero(inwards <= reach)
+            some = np.flatnonzero(vertices & (self.inwards <= reach))
             if len(some):
-                distance, nearest = cKDTree(places[some]).query(ring)
-                if np.max(distance) <= reach or len(some) == len(places):
-                    found: Ints = vertices[some[nearest]]
+                tree = cKDTree(self.xy[some], balanced_tree=False, compact_nodes=False)
+                distance, nearest = tree.query(ring)
+                if np.max(distance) <= reach or reach > self.inwards.max():
+                    found: Ints = some[nearest]
                     return found
             reach *= 2
 
     def grow(self, points: Ints, limits: kernels.Limits, ctx: Context) -> None:
+        """Let points enter that were not looked at so far, or with other limits."""
+        self.head[:] = -1
+        self.settle(points, limits, ctx)
+
+    def settle(self, waiting: Ints, limits: kernels.Limits, ctx: Context) -> None:
         """Let points enter in rounds, until none is left that may."""
-        everyone, done = True, 0.0
-        waiting = points
+        again, done = False, 0.0
         while True:
             half = ctx.part(done, (1 + done) / 2)  # how many rounds there will be, nobody knows
-            if everyone:
-                self.head[:] = -1
             chosen = self.look(waiting, limits, half.part(0, 0.7))
             if len(chosen):
-                waiting = self.enter(chosen, half.part(0.7, 1))
-                everyone = False
-            elif everyone:
+                waiting, again = self.enter(chosen, half.part(0.7, 1)), False
+            elif again:
                 return
             else:
-                self.lift_ring()
-                waiting, everyone = points, True
+                waiting, again = self.lift_ring(), True
             done = (1 + done) / 2
 
     def look(self, points: Ints, limits: kernels.Limits, ctx: Context) -> Ints:
@@ -503,27 +513,53 @@ class Growth:
         around go down; what goes on beyond the data is at most a third of the outline. The walls
         must be steep in the mean, or the tops of steep hills would be patches.
         """
-        mesh, wall = self.mesh.arrays, (WALL_STEP * self.metre, WALL_RISE)
-        group, boxes = np.arange(self.real), np.full((self.real, 4), np.inf)
-        outline = np.zeros((self.real, 5))
-        size = int(mesh.size[0])
-        for first, last in blocks(size, 10):
-            kernels.join_patches(mesh, self.z, self.real, *wall, first, last, group)
-            ctx.progress(0.4 * last / size)
-        for first, last in blocks(self.real, 10):
-            kernels.patches_of(mesh, first, last, group, boxes)
-            ctx.progress(0.4 + 0.2 * last / self.real)
-        for first, last in blocks(size, 10):
-            kernels.outlines_of(mesh, self.z, self.real, *wall, first, last, group, outline)
-            ctx.progress(0.6 + 0.4 * last / size)
-        walls, down, cut, drop, length = outline.T
+        patch, boxes, edges = self.patches(ctx)
+        rim = edges[:, 1] >= self.real
+        cut = np.bincount(patch[edges[rim, 0]], minlength=self.real)
+        low, high = edges[~rim].T
+        around = patch[low] != patch[high]
+        low, high = low[around], high[around]
+        below, above = patch[low], patch[high]
+        down = np.bincount(above, minlength=self.real)
+        walls = down + np.bincount(below, minlength=self.real)
+        drop = np.bincount(above, self.z[high] - self.z[low], self.real)
+        length = np.bincount(above, np.hypot(*(self.xy[high] - self.xy[low]).T), self.real)
         narrow = (-boxes[:, 2:] - boxes[:, :2]).max(axis=1) < extent
         drops = (down > 2 * cut) & (down >= WALL_SHARE * walls) & (drop > WALL_MEAN * length)
-        found: Mask = (narrow & drops)[group] & self.entered[: self.real]
+        found: Mask = (narrow & drops)[patch] & self.entered[: self.real]
         return found
 
-    def locate(self, points: Ints, ctx: Context) -> None:
-        """Bring the facets of the points up to date."""
-        for first, last in blocks(len(points), 10):
-            kernels.relocate(self.mesh.arrays, points[first:last], self.facet)
-            ctx.progress(last / len(points))
+    def patches(self, ctx: Context) -> tuple[Ints, Floats, Ints]:
+        """Cut the surface at its walls.
+
+        Returns the patch of each point, named by one of its vertices; the box of each patch
+        (west, south, -east, -north); and edges: walls from foot to top, and edges to the ring.
+        """
+        mesh, wall = self.mesh.arrays, (WALL_STEP * self.metre, WALL_RISE)
+        patch, boxes = np.arange(self.real), np.full((self.real, 4), np.inf)
+        edges, count = np.empty((3 * len(self.xy), 2), np.int64), 0  # that many can there be
+        size = int(mesh.size[0])
+        for first, last in blocks(size, 10):
+            count = kernels.join_patches(
+                mesh, self.z, self.real, *wall, first, last, patch, edges, count
+            )
+            ctx.progress(0.7 * last / size)
+        for first, last in blocks(self.real, 10):
+            kernels.patches_of(mesh, first, last, patch, boxes)
+            ctx.progress(0.7 + 0.3 * last / self.real)
+        return patch, boxes, edges[:count]
+
+    def take_out(self, gone: Mask) -> Ints:
+        """Make vertices points that never enter again; the points whose facets have changed."""
+        gone = np.append(gone, np.zeros(len(self.xy) - self.real, bool))
+        self.entered[gone] = False
+        count = kernels.take_out(
+            self.mesh.arrays, gone, self.facet, self.head, self.following, self.waiting
+        )
+        changed = self.waiting[:count].copy()
+        return np.concatenate([changed, self.lift_ring()])
+
+    def surface(self, lowest: Ints, lattice: Lattice) -> Surface:
+        """The surface as it is now."""
+        vertices = int(np.count_nonzero(self.entered[: self.real]))
+        return Surface(self.mesh, self.z, self.facet, lowest, lattice, vertices, self.rounds)

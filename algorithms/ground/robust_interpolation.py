@@ -33,6 +33,7 @@ from algorithms.shared.lowest import (
     require_finite,
     without_low_outliers,
 )
+from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit
@@ -197,8 +198,7 @@ def residuals(xyz: Floats, surface: Surface) -> Floats:
         A coordinate is not a finite number.
     """
     require_finite(xyz)
-    residual: Floats = kernels.residuals(read_only(xyz), surface.heights, surface.place)[0]
-    return residual
+    return residuals_and_rises(read_only(xyz), surface)[0]
 
 
 def ground_mask(
@@ -338,10 +338,20 @@ def near_surface(xyz: Floats, surface: Surface, above: float, below: float, ctx:
     """True where residuals lie between -below and above, both widened on slopes."""
     near = np.empty(len(xyz), bool)
     for start, stop in blocks(len(xyz)):
-        residual, rise = kernels.residuals(xyz[start:stop], surface.heights, surface.place)
+        residual, rise = residuals_and_rises(xyz[start:stop], surface)
         near[start:stop] = (residual <= above + rise) & (residual >= -below - rise)
         ctx.progress(stop / len(xyz))
     return near
+
+
+def residuals_and_rises(xyz: Floats, surface: Surface) -> tuple[Floats, Floats]:
+    """Height of the points above the surface, and what it rises there over one cell."""
+    residual, rise = np.empty(len(xyz)), np.empty(len(xyz))
+    side_by_side(
+        *(kernels.residuals, blocks(len(xyz), 10)),
+        *(xyz, surface.heights, surface.place, residual, rise),
+    )
+    return residual, rise
 
 
 def tolerated(xyz: Floats, surface: Surface, weights: Weights, ctx: Context) -> Mask:
@@ -363,25 +373,27 @@ def interpolated(
     lowest = lowest_points(xyz, use, lattice, ctx.part(0, 0.2))
     below = trend or Surface(read_only(np.empty((0, 0))), lattice)
     heights = np.empty(lattice.shape)
-    residual = np.empty(lattice.shape)
+    offset = np.empty(lattice.shape)
     for first, last in blocks(lattice.rows, lattice.cols):
-        kernels.above_trend(xyz, lowest, below.heights, below.place, first, last, residual)
+        some = lowest[first:last]
+        points = read_only(xyz[some[some >= 0]])
+        above = residuals_and_rises(points, trend)[0] if trend else points[:, 2]
+        offset[first:last][some >= 0] = above
         ctx.progress(0.2 + 0.1 * last / lattice.rows)
-    for first, last in blocks(lattice.rows, 10 * lattice.cols):
-        kernels.interpolate(
-            xyz,
-            lowest,
-            residual,
-            place_of(lattice),
-            below.heights,
-            below.place,
-            weights.half_width,
-            weights.relief,
-            weights.below + DROP * lattice.cell,
-            weights.iterations + 1,
-            first,
-            last,
-            heights,
-        )
-        ctx.progress(0.3 + 0.7 * last / lattice.rows)
+    side_by_side(
+        kernels.interpolate,
+        blocks(lattice.rows, 20 * lattice.cols),
+        xyz,
+        lowest,
+        offset,
+        place_of(lattice),
+        below.heights,
+        below.place,
+        weights.half_width,
+        weights.relief,
+        weights.below + DROP * lattice.cell,
+        weights.iterations + 1,
+        heights,
+        ctx=ctx.part(0.3, 1.0),
+    )
     return Surface(read_only(heights), lattice)

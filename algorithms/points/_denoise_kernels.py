@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from algorithms.shared import _neighbours_kernels as tree
+from algorithms.shared.compiling import helper
 
 LOW, HIGH, ISOLATED = 7, 18, 1  # verdicts, noise as the ASPRS classes; 0 is none
 MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
@@ -24,7 +25,7 @@ def lowest_means(mean, depth):  # type: ignore[no-untyped-def]
     return lowest
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _lowest_around(box, depth, leaf, reach, lowest, held):  # type: ignore[no-untyped-def]
     """No neighbour within `reach` of any point of the leaf has a lower mean distance."""
     own = box[(1 << depth) + leaf]
@@ -45,7 +46,7 @@ def _lowest_around(box, depth, leaf, reach, lowest, held):  # type: ignore[no-un
     return low
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _median(values, count):  # type: ignore[no-untyped-def]
     """Median of the first values, which are sorted (in place; Shell 1959). np.median takes
     seconds to compile."""
@@ -61,7 +62,7 @@ def _median(values, count):  # type: ignore[no-untyped-def]
     return (values[(count - 1) // 2] + values[count // 2]) / 2.0
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _side(xyz, own, near, values, found):  # type: ignore[no-untyped-def]
     """Whether a point is high or low noise, by the median height of its neighbours."""
     for j in range(found):
@@ -69,9 +70,9 @@ def _side(xyz, own, near, values, found):  # type: ignore[no-untyped-def]
     return HIGH if xyz[own, 2] > _median(values, found) else LOW
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@njit(cache=True, nogil=True)
 def judge(  # type: ignore[no-untyped-def]
-    xyz, box, depth, leaves, mean, farthest, lowest, k, reach, rule, verdict
+    first_leaf, last_leaf, xyz, box, depth, mean, farthest, lowest, k, reach, rule, verdict
 ):
     """Fill in the verdict on the points of some leaves.
 
@@ -80,10 +81,10 @@ def judge(  # type: ignore[no-untyped-def]
     """
     n = len(xyz)
     threshold, share, fewest = rule
-    for leaf in prange(leaves[0], leaves[1]):
-        few, few_far = np.empty(k[0], np.int64), np.empty(k[0])
-        near, far, values = np.empty(k[1], np.int64), np.empty(k[1]), np.empty(k[1])
-        held, held_away = np.empty(tree.DEEPEST, np.int64), np.empty(tree.DEEPEST)
+    few, few_far = np.empty(k[0], np.int64), np.empty(k[0])
+    near, far, values = np.empty(k[1], np.int64), np.empty(k[1]), np.empty(k[1])
+    held, held_away = np.empty(tree.DEEPEST, np.int64), np.empty(tree.DEEPEST)
+    for leaf in range(first_leaf, last_leaf):
         start, stop = tree.first(leaf, depth, n), tree.first(leaf + 1, depth, n)
         widest = 0.0
         for own in range(start, stop):
@@ -115,13 +116,13 @@ def judge(  # type: ignore[no-untyped-def]
                 verdict[own] = _side(xyz, own, near, values, found)
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def sides(xyz, box, depth, noise, k, verdict):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def sides(first, last, xyz, box, depth, noise, k, verdict):  # type: ignore[no-untyped-def]
     """Fill in whether each of some points, in the order of the tree, is low or high noise."""
     n = len(xyz)
-    for i in prange(len(noise)):
-        near, far, values = np.empty(k, np.int64), np.empty(k), np.empty(k)
-        held, held_away = np.empty(tree.DEEPEST, np.int64), np.empty(tree.DEEPEST)
+    near, far, values = np.empty(k, np.int64), np.empty(k), np.empty(k)
+    held, held_away = np.empty(tree.DEEPEST, np.int64), np.empty(tree.DEEPEST)
+    for i in range(first, last):
         own = noise[i]
         leaf = (((own + 1) << depth) - 1) // n  # the last that begins at or before the point
         found = tree.nearest(xyz, box, depth, leaf, own, np.inf, near, far, held, held_away)

@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 
 from algorithms.points import _denoise_kernels as kernels
 from algorithms.shared.ground import taking_part
-from algorithms.shared.lowest import require_finite
+from algorithms.shared.lowest import blocks, require_finite
 from algorithms.shared.neighbours import PointTree
+from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.spec import outputs, param, sink, source, tool
@@ -33,7 +34,6 @@ from toolbox.values import ClassList
 LOW, HIGH = kernels.LOW, kernels.HIGH
 LEAST_DEVIATION = 0.2  # of what is usual: even a perfect lattice may have gaps of twice its step
 NEARER, WIDER = 4, 4  # what is usual: for a fourth of the neighbours, and for four times as many
-BLOCK = 100_000  # points between two looks at whether the user cancelled
 STRIDE = 1 << 32  # of the number of a cell, for rows up to 2**31 on both sides of the origin
 
 Scope = Literal["local", "global", "classic"]
@@ -127,8 +127,8 @@ class PointsDenoise:
             log.warning("more than half of the points are noise; is reach too small?")
         return self.Outputs(
             clean=_labelled(cloud, verdict) if self.action == "label" else cloud.select(~found),
-            low_noise=int((verdict == LOW).sum()),
-            high_noise=int((verdict == HIGH).sum()),
+            low_noise=int(np.count_nonzero(cloud.core & (verdict == LOW))),
+            high_noise=int(np.count_nonzero(cloud.core & (verdict == HIGH))),
         )
 
 
@@ -201,11 +201,11 @@ def _beside_neighbours(
     lowest = kernels.lowest_means(mean, tree.depth)
     counts = (max(1, k // NEARER), k * WIDER)
     verdict = np.zeros(len(mean), np.uint8)
-    for leaves in tree.blocks(ctx.part(0.8, 1.0)):
-        kernels.judge(
-            *(tree.xyz, tree.boxes, tree.depth, leaves, mean, farthest, lowest),
-            *(counts, reach, rule, verdict),
-        )
+    side_by_side(
+        *(kernels.judge, tree.leaves, tree.xyz, tree.boxes, tree.depth),
+        *(mean, farthest, lowest, counts, reach, rule, verdict),
+        ctx=ctx.part(0.8, 1.0),
+    )
     return verdict
 
 
@@ -220,10 +220,11 @@ def _beside_all(tree: PointTree, k: int, threshold: float, scope: Scope, ctx: Co
         deviation = kernels.MAD * np.median(np.abs(ordered - usual))
     verdict = np.zeros(len(mean), np.uint8)
     found = np.flatnonzero(mean > usual + threshold * deviation)
-    for start in range(0, len(found), BLOCK):
-        some = found[start : start + BLOCK]
-        kernels.sides(tree.xyz, tree.boxes, tree.depth, some, k, verdict)
-        ctx.progress(0.8 + 0.2 * (start + len(some)) / len(found))
+    side_by_side(
+        *(kernels.sides, blocks(len(found), 100), tree.xyz, tree.boxes, tree.depth),
+        *(found, k, verdict),
+        ctx=ctx.part(0.8, 1.0),
+    )
     return verdict
 
 

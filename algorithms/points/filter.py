@@ -14,7 +14,7 @@ from toolbox.data import PointCloud
 from toolbox.errors import DataError
 from toolbox.expression import Expression
 from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList, Range
+from toolbox.values import ClassList, Range, Share
 
 ROUNDING = 1e-6  # 5.2 - 5.0 is a little more than 0.2 in binary; files hold no finer coordinates
 Returns = Literal["all", "first", "last", "only", "intermediate", "first_of_many", "last_of_many"]
@@ -76,8 +76,7 @@ class PointsFilter:
             log.warning("no point meets all conditions")
         ctx.progress(1.0)
         kept = self.points.select(keep)
-        removed = len(keep) - len(kept)
-        return self.Outputs(kept=kept, removed_share=removed / max(1, len(keep)))
+        return self.Outputs(kept=kept, removed_share=Share.of_points(~keep, self.points.core))
 
 
 def return_mask(number: NDArray[Any], count: NDArray[Any], returns: Returns) -> NDArray[np.bool_]:

@@ -21,6 +21,7 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.errors import DataError
 from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import Share
 
 
 @tool("points.filter_intensity")
@@ -88,8 +89,8 @@ class PointsFilterIntensity:
             log.warning("no intensity lies within the limits")
         ctx.progress(1.0)
         kept = self.points.select(keep)
-        removed = len(keep) - len(kept)
-        return self.Outputs(kept=kept, removed_share=removed / max(1, len(keep)), threshold=low)
+        removed = Share.of_points(~keep, self.points.core)
+        return self.Outputs(kept=kept, removed_share=removed, threshold=low)
 
     def _look_for_nan(self, intensity: NDArray[Any]) -> None:
         """Intensities from text files may be missing: within no limits, and of no rank."""

@@ -105,7 +105,7 @@ class PointsHeightAboveGround:
             heights=cloud.with_attributes(
                 {NAME: heights.astype(np.float32)}, descriptions={NAME: f"above ground{unit}"}
             ),
-            without_height=unknown,
+            without_height=int(np.count_nonzero(np.isnan(heights) & cloud.core)),
         )
 
 

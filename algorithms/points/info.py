@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
+from algorithms.points import _info_survey
 from toolbox.asprs import CLASSES
 from toolbox.context import QUIET, Context
-from toolbox.data import PointCloud, Table
+from toolbox.data import PointCloud, Survey, Table
 from toolbox.data.crs import describe_crs, length_problem, vertical_unit
 from toolbox.spec import outputs, sink, source, tool
 
@@ -25,15 +26,20 @@ class PointsInfo:
 
     The density counts only cells that hold points, so that gaps and an oblique outline do not
     dilute it.
+
+    Of several files (a folder, a list, a pattern or a VPC) only the headers are read, with their
+    bounding boxes: the area that the files cover and share, the holes between them, the mean
+    density, their formats, and one row per file. Nothing is said there about single points.
     """
 
-    points: PointCloud = source("Points to describe")
+    points: PointCloud | Survey = source("Points to describe")
 
     @outputs
     class Outputs:
         table: Table = sink("One row per property: property, value, unit")
         count: int = sink("Number of points", unit="1")
         density: float | None = sink("Points per square metre of covered ground", unit="1/m2")
+        files: Table | None = sink("One row per file, where there are several")
 
     def halo(self) -> float:
         """Each point counts by itself."""
@@ -41,6 +47,8 @@ class PointsInfo:
 
     def run(self, ctx: Context = QUIET) -> PointsInfo.Outputs:
         """Collect the rows."""
+        if isinstance(self.points, Survey):
+            return self._of_survey(self.points)
         cloud = self.points
         area = covered_area(cloud)
         density = len(cloud) / area if area else None
@@ -52,9 +60,32 @@ class PointsInfo:
             *({"property": "warning", "value": text} for text in warnings(cloud)),
         ]
         ctx.progress(1.0)
-        table = Table.from_rows([{"property": "", "value": None, "unit": ""} | row for row in rows])
         metric = length_problem(cloud.crs) is None
-        return self.Outputs(table=table, count=len(cloud), density=density if metric else None)
+        return self.Outputs(
+            table=_table(rows),
+            count=len(cloud),
+            density=density if metric else None,
+            files=None,
+        )
+
+    def _of_survey(self, survey: Survey) -> PointsInfo.Outputs:
+        cover = _info_survey.Cover(survey)
+        texts = _info_survey.warnings(survey)
+        rows = [
+            *_info_survey.figures(survey, cover),
+            *({"property": "warning", "value": text} for text in texts),
+        ]
+        metric = length_problem(survey.crs) is None and cover.area > 0
+        return self.Outputs(
+            table=_table(rows),
+            count=survey.count,
+            density=survey.count / cover.area if metric else None,
+            files=Table.from_rows(_info_survey.file_rows(survey)),
+        )
+
+
+def _table(rows: Iterable[Row]) -> Table:
+    return Table.from_rows([{"property": "", "value": None, "unit": ""} | row for row in rows])
 
 
 def covered_area(cloud: PointCloud) -> float:

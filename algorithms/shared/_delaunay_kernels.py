@@ -24,6 +24,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from algorithms.shared.compiling import helper
+
 HALF_ULP = 2.0**-53
 ORIENT_ERROR = (3 + 16 * HALF_ULP) * HALF_ULP  # Shewchuk's ccwerrboundA
 CIRCLE_ERROR = (10 + 96 * HALF_ULP) * HALF_ULP  # and iccerrboundA
@@ -47,9 +49,10 @@ class Arrays(NamedTuple):
 
 
 # Exact sums: `e[:n]` holds n floats that do not overlap, in growing size; their sum is the value.
+# n begins as np.int64(0): numba would compile functions for the literal 0 once more.
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _add(e, n, b):  # type: ignore[no-untyped-def]
     """Add a float to an exact sum in place; its new length (Shewchuk, figure 6)."""
     length = 0
@@ -67,7 +70,7 @@ def _add(e, n, b):  # type: ignore[no-untyped-def]
     return length
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _add_product(e, n, a, b):  # type: ignore[no-untyped-def]
     """Add a x b to an exact sum in place; its new length (Dekker's product, figure 14 there)."""
     product = a * b
@@ -84,7 +87,7 @@ def _add_product(e, n, a, b):  # type: ignore[no-untyped-def]
     return _add(e, n, product)
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _difference(ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """a - b, exactly: x and y as rounded, and what rounding took from each, which is mostly 0."""
     x, y = ax - bx, ay - by
@@ -92,10 +95,10 @@ def _difference(ax, ay, bx, by):  # type: ignore[no-untyped-def]
     return x, y, (ax - (x + u)) + (u - bx), (ay - (y + v)) + (v - by)
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _cross(e, a, b):  # type: ignore[no-untyped-def]
     """Cross product of two differences as an exact sum; its length."""
-    n = _add_product(e, 0, a[0], b[1])
+    n = _add_product(e, np.int64(0), a[0], b[1])
     n = _add_product(e, n, -a[1], b[0])
     if a[2] != 0.0 or a[3] != 0.0 or b[2] != 0.0 or b[3] != 0.0:
         for u, v in ((a[0], b[3]), (a[2], b[1]), (a[2], b[3])):
@@ -105,10 +108,10 @@ def _cross(e, a, b):  # type: ignore[no-untyped-def]
     return n
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _square(e, a):  # type: ignore[no-untyped-def]
     """Squared length of a difference as an exact sum; its length."""
-    n = _add_product(e, 0, a[0], a[0])
+    n = _add_product(e, np.int64(0), a[0], a[0])
     n = _add_product(e, n, a[1], a[1])
     if a[2] != 0.0 or a[3] != 0.0:
         n = _add_product(e, n, 2.0 * a[0], a[2])
@@ -118,7 +121,7 @@ def _square(e, a):  # type: ignore[no-untyped-def]
     return n
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _orient_exact(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
     e = np.empty(16)
     n = _cross(e, _difference(ax, ay, cx, cy), _difference(bx, by, cx, cy))
@@ -128,14 +131,14 @@ def _orient_exact(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
     return area
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _circle_exact(ax, ay, bx, by, cx, cy, px, py):  # type: ignore[no-untyped-def]
     """Part of the exact determinant that has its sign, and 0 only if it is 0."""
     a = _difference(ax, ay, px, py)
     b = _difference(bx, by, px, py)
     c = _difference(cx, cy, px, py)
     square, cross, e = np.empty(16), np.empty(16), np.empty(1536)
-    n = 0
+    n = np.int64(0)
     for u, v, w in ((a, b, c), (b, c, a), (c, a, b)):
         squares, crosses = _square(square, u), _cross(cross, v, w)
         for i in range(squares):
@@ -147,7 +150,7 @@ def _circle_exact(ax, ay, bx, by, cx, cy, px, py):  # type: ignore[no-untyped-de
 # The two questions of which everything is made.
 
 
-@njit(cache=True, nogil=True)
+@helper
 def orient(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
     """Twice the area of triangle abc, with the exact sign: > 0 counter-clockwise, 0 on a line."""
     left = (ax - cx) * (by - cy)
@@ -158,8 +161,8 @@ def orient(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
     return _orient_exact(ax, ay, bx, by, cx, cy)
 
 
-@njit(cache=True, nogil=True)
-def _in_circle(ax, ay, bx, by, cx, cy, px, py):  # type: ignore[no-untyped-def]
+@helper
+def in_circle(ax, ay, bx, by, cx, cy, px, py):  # type: ignore[no-untyped-def]
     """Whether p is inside the circle of the counter-clockwise triangle abc."""
     adx, ady = ax - px, ay - py
     bdx, bdy = bx - px, by - py
@@ -179,13 +182,16 @@ def _in_circle(ax, ay, bx, by, cx, cy, px, py):  # type: ignore[no-untyped-def]
     return _in_common_circle(ax, ay, bx, by, cx, cy, px, py)
 
 
-@njit(cache=True, nogil=True)
+_in_circle = in_circle  # its former name
+
+
+@helper
 def _in_pairs(a, b, c, d):  # type: ignore[no-untyped-def]
     """Whether the four are two times two equal numbers."""
     return (d == a and b == c) or (d == b and c == a) or (d == c and a == b)
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _in_common_circle(ax, ay, bx, by, cx, cy, px, py):  # type: ignore[no-untyped-def]
     """The same where all four are on one circle: the greatest (x, y) counts as outside it."""
     a, b, c, p = (ax, ay), (bx, by), (cx, cy), (px, py)
@@ -201,15 +207,15 @@ def _in_common_circle(ax, ay, bx, by, cx, cy, px, py):  # type: ignore[no-untype
 # Finding a triangle.
 
 
-@njit(cache=True, nogil=True)
+@helper
 def is_ghost(triangles, t):  # type: ignore[no-untyped-def]
     """Whether a triangle of a live mesh lies outside the hull."""
     return triangles[t, 1] < 0 or triangles[t, 2] < 0
 
 
-@njit(cache=True, nogil=True)
+@helper
 def walk(xy, triangles, neighbours, x, y, hint):  # type: ignore[no-untyped-def]
-    """A triangle that holds the place or touches it, and the last real one on the way.
+    """A triangle that holds the place, the last real one on the way, and whether it is on its rim.
 
     Outside the hull the first is -1 in a Mesh, a ghost in a LiveMesh. Goes through any edge that
     has the place on its other side; in a Delaunay triangulation that comes to an end.
@@ -217,26 +223,36 @@ def walk(xy, triangles, neighbours, x, y, hint):  # type: ignore[no-untyped-def]
     t = hint
     if is_ghost(triangles, t):
         t = neighbours[t, 1 if triangles[t, 1] < 0 else 2]
-    before, last = -2, t
+    before, last, touches = -2, t, False
     while t >= 0:
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         if b < 0 or c < 0:
             break
         ax, ay, bx, by, cx, cy = xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1]
-        last = t
-        if neighbours[t, 0] != before and orient(bx, by, cx, cy, x, y) < 0.0:
-            t = neighbours[t, 0]
-        elif neighbours[t, 1] != before and orient(cx, cy, ax, ay, x, y) < 0.0:
-            t = neighbours[t, 1]
-        elif neighbours[t, 2] != before and orient(ax, ay, bx, by, x, y) < 0.0:
-            t = neighbours[t, 2]
-        else:
-            break
-        before = last
-    return t, last
+        last, touches = t, False
+        if neighbours[t, 0] != before:
+            side = orient(bx, by, cx, cy, x, y)
+            if side < 0.0:
+                before, t = t, neighbours[t, 0]
+                continue
+            touches = side == 0.0
+        if neighbours[t, 1] != before:
+            side = orient(cx, cy, ax, ay, x, y)
+            if side < 0.0:
+                before, t = t, neighbours[t, 1]
+                continue
+            touches = touches or side == 0.0
+        if neighbours[t, 2] != before:
+            side = orient(ax, ay, bx, by, x, y)
+            if side < 0.0:
+                before, t = t, neighbours[t, 2]
+                continue
+            touches = touches or side == 0.0
+        break
+    return t, last, touches
 
 
-@njit(cache=True, nogil=True)
+@helper
 def locate(xy, triangles, neighbours, x, y, hint):  # type: ignore[no-untyped-def]
     """The triangle of a place, seen from triangle `hint`; always the same for any hint.
 
@@ -244,13 +260,13 @@ def locate(xy, triangles, neighbours, x, y, hint):  # type: ignore[no-untyped-de
     that may be outside, the last one counter-clockwise around the vertex. Outside the hull: -1 in
     a Mesh, a ghost in a LiveMesh (see is_ghost).
     """
-    t, last = walk(xy, triangles, neighbours, x, y, hint)
-    if t != last:
+    t, last, touches = walk(xy, triangles, neighbours, x, y, hint)
+    if t != last or not touches:
         return t
     return _of_the_touched(xy, triangles, neighbours, x, y, t)
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _of_the_touched(xy, triangles, neighbours, x, y, t):  # type: ignore[no-untyped-def]
     """Choose from the triangles that touch a place, of which t is one."""
     outside = False
@@ -271,7 +287,7 @@ def _of_the_touched(xy, triangles, neighbours, x, y, t):  # type: ignore[no-unty
     return t
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _last_around(xy, triangles, neighbours, x, y, t):  # type: ignore[no-untyped-def]
     """Turn counter-clockwise around the vertex at a place, if there is one, up to the hull."""
     k = 0
@@ -292,15 +308,15 @@ def locate_block(xy, triangles, neighbours, places, order, first, last, hint, fo
     """Write the triangles of places order[first:last]; -1 outside. Returns the next hint."""
     for i in range(first, last):
         x, y = places[order[i], 0], places[order[i], 1]
-        t, hint = walk(xy, triangles, neighbours, x, y, hint)
+        t, hint, touches = walk(xy, triangles, neighbours, x, y, hint)
         inside = t == hint
-        if inside:
+        if inside and touches:
             t = _of_the_touched(xy, triangles, neighbours, x, y, t)
         found[order[i]] = t if inside else -1
     return hint
 
 
-@njit(cache=True, nogil=True)
+@helper
 def facet_weights(xy, triangles, t, x, y):  # type: ignore[no-untyped-def]
     """Barycentric weights (three floats >= 0, sum 1) of a place in triangle t."""
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -354,7 +370,7 @@ def start(mesh, points):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True, nogil=True)
+@helper
 def insert(mesh, point, hint):  # type: ignore[no-untyped-def]
     """Make a point a vertex of a live mesh; a triangle at it, of which it is vertex 0.
 
@@ -367,7 +383,7 @@ def insert(mesh, point, hint):  # type: ignore[no-untyped-def]
     """
     xy, triangles, neighbours = mesh.xy, mesh.triangles, mesh.neighbours
     x, y = xy[point, 0], xy[point, 1]
-    t, _ = walk(xy, triangles, neighbours, x, y, hint)
+    t, _, _ = walk(xy, triangles, neighbours, x, y, hint)
     for k in range(3):
         v = triangles[t, k]
         if v >= 0 and xy[v, 0] == x and xy[v, 1] == y:
@@ -403,7 +419,7 @@ def insert(mesh, point, hint):  # type: ignore[no-untyped-def]
     return taken[0]
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _conflict(xy, triangles, t, x, y):  # type: ignore[no-untyped-def]
     """Whether a new vertex does away with a triangle or ghost."""
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -411,10 +427,10 @@ def _conflict(xy, triangles, t, x, y):  # type: ignore[no-untyped-def]
         return _beyond(xy[c, 0], xy[c, 1], xy[a, 0], xy[a, 1], x, y)
     if c < 0:
         return _beyond(xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], x, y)
-    return _in_circle(xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1], x, y)
+    return in_circle(xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1], x, y)
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _beyond(ax, ay, bx, by, x, y):  # type: ignore[no-untyped-def]
     """Whether a place is outside hull edge ab (to its left) or on it."""
     side = orient(ax, ay, bx, by, x, y)
@@ -461,7 +477,7 @@ def drop_ghosts(triangles, neighbours, size):  # type: ignore[no-untyped-def]
                 _exchange(neighbours, neighbours[gap, k], end, gap)
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _exchange(neighbours, t, old, new):  # type: ignore[no-untyped-def]
     """Give triangle t a new neighbour in the place of an old one."""
     for k in range(3):
@@ -486,7 +502,7 @@ def keys_block(xy, points, low_x, low_y, scale, rounds, first, last, keys, count
             counts[p, (key >> (p * DIGIT)) & (2**DIGIT - 1)] += 1
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _hilbert(x, y):  # type: ignore[no-untyped-def]
     """Number of a cell along the Hilbert curve."""
     key = 0
@@ -500,7 +516,7 @@ def _hilbert(x, y):  # type: ignore[no-untyped-def]
     return key
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _round(key):  # type: ignore[no-untyped-def]
     """The round of a place, drawn by its cell alone; the last one has most of all places."""
     mixed = key * 0x2545F4914F6CDD1D

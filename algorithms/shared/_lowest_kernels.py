@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from algorithms.shared.compiling import helper
+
 GROUP, MOST = 3.0, 12  # metres, points: of a group of low outliers
 SUPPORTER = 3  # points of a group that one supporter farther away weighs
 STEP, SLOPE, REACHED = 1.0, 0.3, 10  # metres, -, cells: a cone, and how many must be above it
@@ -38,7 +40,7 @@ def enter_lowest(xyz, use, start, cells, height, lowest):  # type: ignore[no-unt
             lowest[cell], height[cell] = i, xyz[i, 2]
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _support(tops, x, y, z, row, col, cell, reach, metre):  # type: ignore[no-untyped-def]
     """Count the cells with their lowest point under and above a cone and a plane over (x, y, z).
 
@@ -106,7 +108,7 @@ def judge(tops, places, low, cells, cell, reach, metre, alone):  # type: ignore[
     for p in range(len(places)):
         row, col = places[p]
         own = row * tops.shape[1] + col
-        k = np.searchsorted(cells, own)
+        k = _first_of(cells, own)
         while k < len(low) and cells[k] == own and low[k, 2] <= tops[row, col, 2] + STEP * metre:
             alone[k] = _is_alone(tops, low[k], row, col, low, cells, cell, reach, metre)
             if not alone[k]:
@@ -114,7 +116,20 @@ def judge(tops, places, low, cells, cell, reach, metre, alone):  # type: ignore[
             k += 1
 
 
-@njit(cache=True, nogil=True)
+@helper
+def _first_of(cells, wanted):  # type: ignore[no-untyped-def]
+    """Where the sorted cells reach the wanted one. np.searchsorted takes long to compile."""
+    first, last = 0, len(cells)
+    while first < last:
+        middle = (first + last) >> 1
+        if cells[middle] < wanted:
+            first = middle + 1
+        else:
+            last = middle
+    return first
+
+
+@helper
 def _is_alone(tops, point, row, col, low, cells, cell, reach, metre):  # type: ignore[no-untyped-def]
     """Whether few points lie under the cone, or under the plane in spite of dense terrain."""
     rows, cols, _ = tops.shape
@@ -123,8 +138,8 @@ def _is_alone(tops, point, row, col, low, cells, cell, reach, metre):  # type: i
     cone, plane, dense = SUPPORTER * cone, SUPPORTER * plane, 0
     around = int(np.ceil(GROUP * metre / cell))
     for r in range(max(0, row - around), min(rows, row + around + 1)):
-        begin = np.searchsorted(cells, r * cols + max(0, col - around))
-        end = np.searchsorted(cells, r * cols + min(cols, col + around + 1))
+        begin = _first_of(cells, r * cols + max(0, col - around))
+        end = _first_of(cells, r * cols + min(cols, col + around + 1))
         for k in range(begin, end):
             away = np.sqrt((low[k, 0] - x) ** 2 + (low[k, 1] - y) ** 2)
             if away <= GROUP * metre:
@@ -138,7 +153,7 @@ def _is_alone(tops, point, row, col, low, cells, cell, reach, metre):  # type: i
     return by_cone or (plane <= MOST and above_plane >= REACHED and dense >= DENSE)
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _nearer(x, y, xyz, near, row, col, from_row, from_col):  # type: ignore[no-untyped-def]
     """Let the node take over its neighbour's point if that is nearer than its own."""
     if not (0 <= from_row < near.shape[0] and 0 <= from_col < near.shape[1]):

@@ -7,13 +7,15 @@ reordered cloud. Its box is number ``2**l + j``, so the children of box b are 2b
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+
+from algorithms.shared.compiling import helper
 
 DEEPEST = 64  # levels: more than any memory holds
 ROUNDING = 1e-9  # share by which a bound made of two square roots is widened
 
 
-@njit(cache=True, nogil=True)
+@helper
 def first(node, level, n):  # type: ignore[no-untyped-def]
     """Where the points of a node begin."""
     return (node * n) >> level
@@ -22,17 +24,17 @@ def first(node, level, n):  # type: ignore[no-untyped-def]
 # Building ----------------------------------------------------------------------------------
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def split(xyz, order, level):  # type: ignore[no-untyped-def]
-    """Split all nodes of a level at the median of their widest axis (in place)."""
+@njit(cache=True, nogil=True)
+def split(first_node, last_node, xyz, order, level):  # type: ignore[no-untyped-def]
+    """Split some nodes of a level at the median of their widest axis (in place)."""
     n = len(xyz)
-    for node in prange(1 << level):
+    for node in range(first_node, last_node):
         start, stop = first(node, level, n), first(node + 1, level, n)
         middle = first(2 * node + 1, level + 1, n)
         _part(xyz, order, start, stop, middle, _widest(xyz, start, stop))
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _widest(xyz, start, stop):  # type: ignore[no-untyped-def]
     """Axis along which the points extend farthest."""
     axis, width = 0, -1.0
@@ -45,7 +47,7 @@ def _widest(xyz, start, stop):  # type: ignore[no-untyped-def]
     return axis
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _part(xyz, order, start, stop, middle, axis):  # type: ignore[no-untyped-def]
     """Move points until none before `middle` is above any from there on (Hoare 1961)."""
     low, high = start, stop - 1
@@ -93,7 +95,7 @@ def boxes(xyz, depth):  # type: ignore[no-untyped-def]
 # Distances ---------------------------------------------------------------------------------
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _beyond(low, high, at):  # type: ignore[no-untyped-def]
     """Squared distance of a number from an interval."""
     under, over = low - at, at - high
@@ -101,14 +103,14 @@ def _beyond(low, high, at):  # type: ignore[no-untyped-def]
     return most * most if most > 0.0 else 0.0
 
 
-@njit(cache=True, nogil=True)
+@helper
 def away(box, node, x, y, z):  # type: ignore[no-untyped-def]
     """Squared distance of a place from the box of a node."""
     flat = _beyond(box[node, 0], box[node, 3], x) + _beyond(box[node, 1], box[node, 4], y)
     return flat + _beyond(box[node, 2], box[node, 5], z)
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _scan(xyz, start, stop, own, far):  # type: ignore[no-untyped-def]
     """Sort the squared distances of a leaf's points from point `own` into the nearest so far."""
     x, y, z = xyz[own, 0], xyz[own, 1], xyz[own, 2]
@@ -124,7 +126,7 @@ def _scan(xyz, start, stop, own, far):  # type: ignore[no-untyped-def]
             far[last] = d if d < far[last] else far[last]
 
 
-@njit(cache=True, nogil=True)
+@helper
 def search(xyz, box, depth, leaf, own, far, held, held_away):  # type: ignore[no-untyped-def]
     """Squared distances from point `own` to its nearest, the largest first.
 
@@ -162,15 +164,17 @@ def search(xyz, box, depth, leaf, own, far, held, held_away):  # type: ignore[no
         node >>= 1
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def mean_distances(xyz, box, depth, leaves, k, reach, mean, farthest):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def mean_distances(  # type: ignore[no-untyped-def]
+    first_leaf, last_leaf, xyz, box, depth, k, reach, mean, farthest
+):
     """Fill in the mean and the largest distance to the k nearest for the points of some leaves.
 
     A neighbour that is missing within `reach` counts as being that far away.
     """
     n = len(xyz)
-    for leaf in prange(leaves[0], leaves[1]):
-        far, held, held_away = np.empty(k), np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
+    far, held, held_away = np.empty(k), np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
+    for leaf in range(first_leaf, last_leaf):
         start = first(leaf, depth, n)
         for own in range(start, first(leaf + 1, depth, n)):
             bound = reach
@@ -193,7 +197,7 @@ def mean_distances(xyz, box, depth, leaves, k, reach, mean, farthest):  # type: 
 # Neighbours --------------------------------------------------------------------------------
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _before(x, y, z, place):  # type: ignore[no-untyped-def]
     """Whether (x, y, z) comes before a place in the order of x, then y, then z."""
     if x != place[0]:
@@ -203,7 +207,7 @@ def _before(x, y, z, place):  # type: ignore[no-untyped-def]
     return z < place[2]
 
 
-@njit(cache=True, nogil=True)
+@helper
 def _enter(xyz, i, d, near, far):  # type: ignore[no-untyped-def]
     """Sort point i at squared distance d into the nearest; of equally near ones x, y, z decide."""
     x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
@@ -220,7 +224,7 @@ def _enter(xyz, i, d, near, far):  # type: ignore[no-untyped-def]
         far[at], near[at] = d, i
 
 
-@njit(cache=True, nogil=True)
+@helper
 def gather(xyz, box, depth, own, limit, near, far, held):  # type: ignore[no-untyped-def]
     """Fill in the nearest of point `own`, none farther than `limit` (squared); their number.
 
@@ -254,7 +258,7 @@ def gather(xyz, box, depth, own, limit, near, far, held):  # type: ignore[no-unt
     return found
 
 
-@njit(cache=True, nogil=True)
+@helper
 def nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away):  # type: ignore[no-untyped-def]
     """Fill in the nearest of point `own` that are nearer than `reach`; their number."""
     far[:] = reach * reach
@@ -265,13 +269,15 @@ def nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away):  # t
     return gather(xyz, box, depth, own, limit, near, far, held)
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def neighbours(xyz, order, box, depth, leaves, reach, distance, index):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def neighbours(  # type: ignore[no-untyped-def]
+    first_leaf, last_leaf, xyz, order, box, depth, reach, distance, index
+):
     """Fill in the rows of `distance` and `index` for the points of some leaves."""
     n, k = len(xyz), distance.shape[1]
-    for leaf in prange(leaves[0], leaves[1]):
-        near, far = np.empty(k, np.int64), np.empty(k)
-        held, held_away = np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
+    near, far = np.empty(k, np.int64), np.empty(k)
+    held, held_away = np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
+    for leaf in range(first_leaf, last_leaf):
         for own in range(first(leaf, depth, n), first(leaf + 1, depth, n)):
             found = nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away)
             for j in range(found):

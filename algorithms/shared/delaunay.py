@@ -224,7 +224,8 @@ class LiveMesh:
 
     def locate(self, xy: Floats, *, ctx: Context = QUIET) -> Ints:
         """The triangle of each place, as :meth:`Mesh.locate`; needs a round of points before."""
-        return _located(self.arrays.xy, self.triangles, self.neighbours, _checked(xy), ctx)
+        arrays = self.arrays  # kernels would be compiled for the read-only views once more
+        return _located(arrays.xy, arrays.triangles, arrays.neighbours, _checked(xy), ctx)
 
     def mesh(self) -> Mesh:
         """What there is now, without ghosts, in arrays that do not change any more."""
@@ -242,6 +243,7 @@ class LiveMesh:
         if not self.arrays.size[0] and not kernels.start(self.arrays, points):
             which = f"all {len(points)} lie on one line and" if len(points) > 2 else len(points)
             raise DataError(f"points: {which} do not span a triangle")
+        self._hint = min(self._hint, int(self.arrays.size[0]) - 1)  # triangles may have gone
         for first, last in _runs(len(points)):
             self._hint = kernels.insert_block(
                 self.arrays, points, first, last, self._hint, self.duplicate_of

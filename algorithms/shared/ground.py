@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolbox.data import PointCloud
+from toolbox.values import Share
 
-GROUND, OTHER = 2, 1  # ASPRS classes
+GROUND, OTHER = np.uint8(2), np.uint8(1)  # ASPRS classes
 
 Returns = Literal["last", "all"]
 Mask = NDArray[np.bool_]
@@ -73,8 +74,13 @@ class Candidates:
 
     @functools.cached_property
     def xyz(self) -> NDArray[np.float64]:
-        """Coordinates of the chosen points, array of shape (m, 3)."""
-        return self.cloud.xyz if self.chosen.all() else self.cloud.xyz[self.chosen]
+        """Coordinates of the chosen points, array of shape (m, 3).
+
+        Read-only in any case: kernels would be compiled for writable ones once more.
+        """
+        xyz = self.cloud.xyz if self.chosen.all() else self.cloud.xyz[self.chosen]
+        xyz.flags.writeable = False
+        return xyz
 
     def classified(self, found: Mask, *, keep_classes: bool) -> PointCloud:
         """The cloud with class 2 on ground and 1 elsewhere.
@@ -90,9 +96,11 @@ class Candidates:
         classes = np.where(ground, GROUND, OTHER)
         if keep_classes:
             classes = np.where(ground | (old == GROUND), classes, old)
-        classes = np.where(self.part, classes, old).astype(np.uint8)
+        classes = np.where(self.part, classes, old).astype(np.uint8, copy=False)
         return cloud.with_attributes({"classification": classes})
 
-    def share(self, found: Mask) -> float:
+    def share(self, found: Mask) -> Share:
         """Share of all points that are ground, given it for the chosen ones."""
-        return float(np.count_nonzero(found) / len(self.cloud))
+        ground = np.zeros(len(self.cloud), bool)
+        ground[self.chosen] = found
+        return Share.of_points(ground, self.cloud.core)

@@ -9,18 +9,17 @@ tree. It is balanced here, so that it needs no pointers, and its boxes are those
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared import _neighbours_kernels as kernels
-from algorithms.shared.lowest import require_finite
+from algorithms.shared.lowest import blocks, require_finite
+from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context
 
 LEAF = 16  # points at most; from 8 to 32 it makes no difference worth having
-BLOCK = 200_000  # points between two looks at whether the user cancelled
 
 Floats = NDArray[np.float64]
 
@@ -55,17 +54,15 @@ class PointTree:
         depth = max(0, (len(xyz) - 1) // LEAF).bit_length()
         sorted_xyz, order = np.array(xyz, order="C"), np.arange(len(xyz))
         for level in range(depth):
-            kernels.split(sorted_xyz, order, level)
-            ctx.progress((level + 1) / (depth + 1))
+            part = ctx.part(level / (depth + 1), (level + 1) / (depth + 1))
+            runs = blocks(1 << level, 20 * len(xyz) >> level)
+            side_by_side(kernels.split, runs, sorted_xyz, order, level, ctx=part)
         return cls(sorted_xyz, order, kernels.boxes(sorted_xyz, depth), depth)
 
-    def blocks(self, ctx: Context = QUIET) -> Iterator[tuple[int, int]]:
-        """Runs of leaves (first, last) of about BLOCK points, with progress after each."""
-        leaves = 1 << self.depth
-        length = max(1, BLOCK * leaves // max(1, len(self.xyz)))
-        for start in range(0, leaves, length):
-            yield start, min(start + length, leaves)
-            ctx.progress(min(start + length, leaves) / leaves)
+    @property
+    def leaves(self) -> list[tuple[int, int]]:
+        """Runs of leaves (first, last) to search around, of some 20,000 points each."""
+        return blocks(1 << self.depth, 1 + (100 * len(self.xyz) >> self.depth))
 
     def mean_distances(
         self, k: int, *, max_distance: float = np.inf, ctx: Context = QUIET
@@ -82,10 +79,11 @@ class PointTree:
         two arrays of shape (n,), in the order of the tree
         """
         mean, farthest = np.empty(len(self.xyz)), np.empty(len(self.xyz))
-        for leaves in self.blocks(ctx):
-            kernels.mean_distances(
-                self.xyz, self.boxes, self.depth, leaves, k, max_distance, mean, farthest
-            )
+        side_by_side(
+            *(kernels.mean_distances, self.leaves, self.xyz, self.boxes, self.depth),
+            *(k, max_distance, mean, farthest),
+            ctx=ctx,
+        )
         return mean, farthest
 
 
@@ -119,8 +117,9 @@ def knn(
         raise ValueError(f"k: must be >= 1, got {k}")
     tree = PointTree.of(xyz, ctx=ctx.part(0.0, 0.2))
     distance, index = np.full((len(xyz), k), np.inf), np.full((len(xyz), k), -1)
-    for leaves in tree.blocks(ctx.part(0.2, 1.0)):
-        kernels.neighbours(
-            tree.xyz, tree.order, tree.boxes, tree.depth, leaves, max_distance, distance, index
-        )
+    side_by_side(
+        *(kernels.neighbours, tree.leaves, tree.xyz, tree.order, tree.boxes, tree.depth),
+        *(float(max_distance), distance, index),
+        ctx=ctx.part(0.2, 1.0),
+    )
     return distance, index

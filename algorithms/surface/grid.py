@@ -1,135 +1,300 @@
 """Gridding: from points to a raster of heights, intensities or any other attribute.
 
+How the methods differ, how exact and how fast they are: docs/explanation/gridding.md.
+
 References
 ----------
-Shepard, D. (1968). A two-dimensional interpolation function for irregularly-spaced data. ACM
-National Conference, 517-524: inverse distance weighting.
+Sibson, R. (1981). A brief description of natural neighbour interpolation. In: Interpreting
+Multivariate Data, Wiley, 21-36.
 Alfeld, P. (1984). A trivariate Clough-Tocher scheme for tetrahedral data. Computer Aided Geometric
 Design 1, 169-181: the C1 surface behind `cubic`.
+Shepard, D. (1968). A two-dimensional interpolation function for irregularly-spaced data. ACM
+National Conference, 517-524: inverse distance weighting.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Literal
+from collections.abc import Iterator
+from typing import Any, Literal, NamedTuple, cast, get_args
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
-from scipy.interpolate import CloughTocher2DInterpolator
-from scipy.spatial import Delaunay, QhullError, cKDTree
 
+from algorithms.points.filter import Returns, return_mask
+from algorithms.surface import _near as near
+from algorithms.surface import _outlines as shapes
+from algorithms.surface._samples import averaged
+from algorithms.surface._statistics import Statistic, per_cell
+from algorithms.surface._tin import STEPS, Tin
 from toolbox.context import QUIET, Context, log
-from toolbox.data import Lattice, PointCloud, Raster
+from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.data.crs import vertical_unit
 from toolbox.errors import DataError
+from toolbox.expression import Expression
 from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Attribute, ClassList
+from toolbox.values import Attribute, ClassList, Extent
 
-Method = Literal["linear", "idw", "nearest", "cubic"]
+Method = Literal["linear", "natural", "cubic", "idw", "nearest"] | Statistic
 Array = NDArray[np.float64]
-BLOCK = 200_000  # cells or triangles between two looks at whether the user cancelled
-EDGE = 1e-9  # cells: a centre this close to an edge lies on it, so that no cell falls between two
+STATISTICS = get_args(Statistic)
+TRIANGLES = ("linear", "natural", "cubic")
+ROUNDING = 1e-6  # share by which a reach is widened; more than what rounding can move
+PIECE = 0.5  # cells: the longest piece of a breakline
+
+
+__all__ = ["Method", "SurfaceGrid", "averaged", "grid"]
 
 
 @tool("surface.grid")
 class SurfaceGrid:
-    """Turn points into a raster by interpolation at the cell centres.
+    """Turn points into a raster of values at the cell centres, or of statistics of the cells.
 
-    `linear` is the facets of the Delaunay triangulation, `cubic` a smooth surface over the same
-    triangles; both leave cells outside the convex hull empty. `nearest` takes the closest point,
-    `idw` weights the closest `neighbours` by their distance. Points at the same place are averaged.
+    `linear` is the facets of the Delaunay triangulation, `natural` the mean of the natural
+    neighbours, `cubic` a smooth surface over the triangles; all three pass through the points and
+    leave cells outside the convex hull empty. `idw` weights the closest `neighbours` by their
+    distance, `nearest` takes the closest. Points at one place are averaged. The others are
+    statistics of the points within a cell; cells without points stay empty.
+
     Cells are whole multiples of the cell size, so that rasters of neighbouring surveys fit, or
     those of a template raster.
 
+    `max_gap` leaves cells empty that are farther from any point. With triangles it is the radius
+    of the largest circle without points: triangles with a larger one are left out, so that no
+    surface spans a lake or a bay. Where a largest gap is given (for idw: a radius), tiles of a
+    survey give the same cells as the whole.
+
+    Breaklines and outlines of exclusions are followed to a quarter of a cell, by points every half
+    cell that take the place of those beside them. An exclusion of one level is filled with it.
+
+    `support` adds the number of points that made a cell and the distance to the nearest point;
+    `uncertainty` the error at the points used when each is left out and found from its
+    neighbours (root mean square, weighted as the points are; by triangles for cubic). It is empty
+    at the edge of the data.
+
     Heights, and attributes whose type fits into it, become 32-bit floats, which round heights by
     less than 0.0003 up to 8000. Attributes of more digits, such as gps_time, become 64-bit floats.
-
-    Memory grows by some 850 bytes per point for linear and cubic, 150 for the others, and 12 bytes
-    per cell.
     """
 
     points: PointCloud = source("Points to grid")
     template: Raster | None = source(
         "Raster whose cells to fill, instead of cells of the given size", default=None
     )
-    method: Method = param("How to interpolate", default="linear")
+    breaklines: Vector | None = source("Lines with heights that edges follow, linear", default=None)
+    exclusions: Vector | None = source(
+        "Polygons whose points are left out; outlines with heights become breaklines", default=None
+    )
+    clip: Vector | None = source("Polygons outside of which cells stay empty", default=None)
+    method: Method = param("How to interpolate, or what of each cell to take", default="linear")
     cell: float = param("Cell size", default=1.0, unit="m", gt=0)
+    extent: Extent | None = param(
+        "Rectangle whose cells to fill; that of the points by default", default=None
+    )
     attribute: Attribute = param("Attribute to grid", default=Attribute("z"), of="points")
     classes: ClassList | None = param("Classes to use; all by default", default=None)
-    power: float = param("Power of the distance, for idw", default=2.0, unit="1", gt=0)
-    neighbours: int = param("Points used per cell, for idw", default=12, unit="1", ge=1)
+    returns: Returns = param("Returns to use", default="all")
+    where: Expression | None = param("Condition that points must meet", default=None, of="points")
     max_gap: float | None = param(
         "Leave cells empty that lie farther than this from any point", default=None, unit="m", gt=0
     )
+    power: float = param("Power of the distance, for idw", default=2.0, unit="1", gt=0)
+    neighbours: int = param("Points used per cell, for idw", default=12, unit="1", ge=1)
+    radius: float | None = param(
+        "Farthest point used, for idw; any by default", default=None, unit="m", gt=0
+    )
+    smoothing: float = param(
+        "Length that dulls the peaks at the points, for idw", default=0.0, unit="m", ge=0
+    )
+    percentile: float = param(
+        "Share of the points below, for percentile", default=95.0, unit="%", ge=0, le=100
+    )
+    support: bool = param("Add points used and distance to the nearest point", default=False)
+    uncertainty: bool = param("Add the error of leaving points out", default=False)
 
     @outputs
     class Outputs:
-        surface: Raster = sink("The interpolated attribute, empty where there is no data")
+        surface: Raster = sink("The gridded attribute, empty where there is no data")
         filled_share: float = sink("Share of cells with a value", unit="1")
 
+    def check(self) -> Iterator[tuple[str, str]]:
+        """Settings that the method would not look at."""
+        if self.method in STATISTICS:
+            if self.max_gap is not None:
+                yield "max_gap", f"is for interpolation; {self.method} has no cells without points"
+            if self.uncertainty:
+                yield "uncertainty", f"is for interpolation, not for {self.method}"
+        if self.method != "idw":
+            if self.radius is not None:
+                yield "radius", f"is for method idw, not for {self.method}"
+            if self.smoothing:
+                yield "smoothing", f"is for method idw, not for {self.method}"
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """What the choice of points needs, and what does not go together."""
+        if self.classes and "classification" not in self.points:
+            yield "classes", f"{self.points.name} has no classification"
+        if self.returns != "all" and not {"return_number", "number_of_returns"} <= {
+            *self.points.names
+        }:
+            yield "returns", f"{self.points.name} has no return numbers"
+        if self.extent and self.template:
+            yield "extent", "a template has its own; give one of both"
+        for name in ("breaklines", "exclusions"):
+            if getattr(self, name) and (self.method != "linear" or self.attribute != "z"):
+                yield (
+                    name,
+                    f"are for heights and method linear, not {self.attribute}, {self.method}",
+                )
+
     def halo(self) -> float:
-        """Triangles and neighbours reach across gaps of any size; the nearest point does not."""
-        return self.max_gap if self.method == "nearest" and self.max_gap else math.inf
+        """Circles, radii and cells have an end; without them the next point may be anywhere."""
+        if self.method in STATISTICS:
+            half = math.sqrt(0.5) if self.support else 0.5  # the nearest is in the cell
+            return half * self.cell * (1 + 10 * ROUNDING)
+        limit = self.radius if self.method == "idw" else self.max_gap
+        if limit is None:
+            return math.inf
+        reach = limit * (1 + ROUNDING)
+        if self.method not in TRIANGLES:
+            return 2 * reach if self.uncertainty else reach
+        # Points on an empty circle around the centre; theirs; for gradients those of all steps.
+        circles = STEPS + 3 if self.method == "cubic" else 2 if self.uncertainty else 1
+        return 2 * circles * reach
 
     def run(self, ctx: Context = QUIET) -> SurfaceGrid.Outputs:
-        """Interpolate at the centres of cells."""
+        """Grid the chosen points."""
         xy, values = self._samples(ctx.part(0.0, 0.1))
-        lattice = (
-            Lattice.of(self.template)
-            if self.template
-            else Lattice.cover((*xy.min(axis=0), *xy.max(axis=0)), self.cell)
-        )
-        surface = grid(
+        lattice = self._lattice(xy)
+        excluded = self._excluded()
+        xy, values = self._shaped(xy, values, lattice, excluded)
+        bands = grid(
             xy,
             values,
             lattice,
             method=self.method,
+            max_gap=self.max_gap,
             power=self.power,
             neighbours=self.neighbours,
-            max_gap=self.max_gap,
-            ctx=ctx.part(0.1, 1.0),
+            radius=self.radius,
+            smoothing=self.smoothing,
+            percentile=self.percentile,
+            support=self.support,
+            uncertainty=self.uncertainty,
+            ctx=ctx.part(0.1, 0.95),
         )
-        return self._packed(surface, lattice)
+        for polygon, level in shapes.levels(excluded):
+            bands.surface[shapes.cells_in(polygon, lattice)] = level
+        if self.clip:
+            inside = shapes.cells_in(
+                shapes.polygons(self.clip, "clip"), lattice, ctx=ctx.part(0.95, 1.0)
+            )
+            for band in bands:
+                if band is not None:
+                    band[~inside] = np.nan
+        return self._packed(bands, lattice)
 
     def _samples(self, ctx: Context) -> tuple[Array, Array]:
         """Places of shape (n, 2) and values of shape (n,) of the chosen points."""
         cloud = self.points
+        keep = np.ones(len(cloud), bool)
         if self.classes:
-            cloud = cloud.select(np.isin(cloud["classification"], self.classes))
-            if len(cloud) == 0:
+            keep &= np.isin(cloud["classification"], self.classes)
+            if len(cloud) and not keep.any():
                 raise DataError(f"points: none is of class {self.classes}; classify them first")
-        if len(cloud) == 0:
-            raise DataError("points: there are none to grid")
+        if self.returns != "all":
+            keep &= return_mask(cloud["return_number"], cloud["number_of_returns"], self.returns)
+        if self.where:
+            columns = {name: cloud[name] for name in self.where.names}
+            keep &= self.where.mask(columns, len(cloud))
         ctx.progress(0.3)
+        if not keep.any():
+            raise DataError("points: there are none to grid")
         values = np.asarray(cloud[self.attribute], np.float64)
+        xy = cloud.xyz[:, :2]
+        if not keep.all():
+            xy, values = xy[keep], values[keep]
+        ctx.progress(0.6)
         if not np.isfinite(values).all():
             raise DataError(
                 f"points: attribute {self.attribute!r} holds values that are not finite"
             )
-        ctx.progress(0.6)
-        xy = cloud.xyz[:, :2]
         ctx.progress(1.0)
         return xy, values
 
-    def _packed(self, surface: Array, lattice: Lattice) -> SurfaceGrid.Outputs:
+    def _lattice(self, xy: Array) -> Lattice:
+        """Cells of the template, the extent or the points."""
+        if self.template:
+            return Lattice.of(self.template)
+        bounds = (*(xy[:, k].min() for k in (0, 1)), *(xy[:, k].max() for k in (0, 1)))
+        return Lattice.cover(self.extent or bounds, self.cell)
+
+    def _excluded(self) -> shapes.Shapes:
+        """The polygons of the exclusions, if there are any."""
+        return shapes.polygons(self.exclusions, "exclusions") if self.exclusions else np.array([])
+
+    def _shaped(
+        self, xy: Array, values: Array, lattice: Lattice, excluded: shapes.Shapes
+    ) -> tuple[Array, Array]:
+        """Points that matter to the cells, without those excluded and with those on breaklines."""
+        reach, (west, south, east, north) = self.halo(), lattice.bounds
+        near_enough = (xy >= (west - reach, south - reach)) & (xy <= (east + reach, north + reach))
+        keep = near_enough.all(axis=1)
+        if len(excluded):
+            keep &= ~shapes.holds(excluded, xy)
+        if not keep.all():
+            xy, values = xy[keep], values[keep]
+        found = [shapes.outlines(excluded[shapes.with_heights(excluded)])] if len(excluded) else []
+        if self.breaklines:
+            found.append(shapes.lines(self.breaklines, "breaklines"))
+        for some in found:
+            xy, values = shapes.with_breaklines(xy, values, some, PIECE * lattice.cell)
+        return xy, values
+
+    def _packed(self, bands: Bands, lattice: Lattice) -> SurfaceGrid.Outputs:
         """The raster, in the smallest type that holds the attribute; see the class."""
-        points, is_height = self.points, self.attribute == "z"
-        fits = is_height or np.can_cast(points[self.attribute].dtype, np.float32)
+        points, name = self.points, str(self.attribute)
+        is_height, is_count = name == "z", self.method == "count"
+        fits = is_height or is_count or np.can_cast(points[name].dtype, np.float32)
+        height = vertical_unit(points.crs) if is_height else ""
+        across = points.crs.axis_info[0].unit_name if points.crs else ""
+        texts = (
+            (f"{name} ({self.method})", "" if is_count else height),
+            ("points used", ""),
+            ("distance to the nearest point", across),
+            ("error without the points used", height),
+        )
+        there = [(band, *text) for band, text in zip(bands, texts, strict=True) if band is not None]
+        layers, descriptions, units = zip(*there, strict=True)
         raster = Raster.from_lattice(
-            surface.astype(np.float32) if fits else surface,
+            np.stack(layers).astype(np.float32 if fits else np.float64),
             lattice,
             crs=points.crs,
-            descriptions=(f"{self.attribute} ({self.method})",),
-            units=(vertical_unit(points.crs) if is_height else "",),
+            descriptions=descriptions,
+            units=units,
         )
-        filled = float(np.isfinite(surface).mean())
+        filled = float(np.isfinite(bands.surface).mean())
         if not filled:
             log.warning(
                 "no cell has a value; is the cell larger than the data, or max_gap too small?"
             )
         return self.Outputs(surface=raster, filled_share=filled)
+
+
+class Bands(NamedTuple):
+    """What is known of each cell; arrays of shape (rows, cols).
+
+    Attributes
+    ----------
+    surface : the values, NaN where there is no data
+    used : number of points that made them
+    nearest : distance from the centre to the nearest point
+    error : root mean square of what the points used differ from the surface without them
+    """
+
+    surface: Array
+    used: NDArray[Any] | None = None
+    nearest: Array | None = None
+    error: Array | None = None
 
 
 def grid(
@@ -138,188 +303,132 @@ def grid(
     lattice: Lattice,
     *,
     method: Method = "linear",
+    max_gap: float | None = None,
     power: float = 2.0,
     neighbours: int = 12,
-    max_gap: float | None = None,
+    radius: float | None = None,
+    smoothing: float = 0.0,
+    percentile: float = 95.0,
+    support: bool = False,
+    uncertainty: bool = False,
     ctx: Context = QUIET,
-) -> Array:
-    """Values at the centres of cells from points anywhere, NaN where there is no data.
+) -> Bands:
+    """Values at the centres of cells from points anywhere.
 
     Parameters
     ----------
-    xy : array of shape (n, 2); points at one place are averaged
+    xy : array of shape (n, 2); for interpolation, points at one place are averaged
     values : array of shape (n,), finite
     lattice : the cells
-    method, power, neighbours : see :class:`SurfaceGrid`
-    max_gap : NaN where no point is nearer, in the unit of xy
+    method, max_gap, power, ... : see :class:`SurfaceGrid`; lengths in the unit of xy
+    support : give `used` and `nearest`
+    uncertainty : give `error`; not for statistics
     ctx : progress and cancellation
 
     Returns
     -------
-    array of shape (rows, cols), independent of the order of the points
+    Bands
+        Independent of the order of the points.
 
     Raises
     ------
     DataError
-        The points do not span a triangle, which linear and cubic need.
+        The points do not span a triangle, which linear, natural and cubic need unless there is a
+        max_gap.
     """
-    xy, values = averaged(xy, values)
-    ctx.progress(0.1)
-    surface = interpolate(
-        xy,
-        values,
-        lattice,
-        method=method,
-        power=power,
-        neighbours=neighbours,
-        ctx=ctx.part(0.1, 0.8),
-    )
-    if max_gap is not None:
-        tree = cKDTree(xy)
-        near = per_block(
-            lambda cells: np.asarray(tree.query(cells, distance_upper_bound=max_gap)[0]),
-            lattice,
-            ctx.part(0.8, 1.0),
-        )
-        surface[np.isinf(near)] = np.nan
-    ctx.progress(1.0)
-    return surface
+    ready, working = ctx.part(0.0, 0.1), ctx.part(0.1, 0.9 if support else 1.0)
+    gap = math.inf if max_gap is None else max_gap
+    if method in STATISTICS:
+        statistic = cast(Statistic, method)
+        bands = Bands(*per_cell(xy, values, lattice, statistic, percentile=percentile, ctx=working))
+    else:
+        xy, values = averaged(xy, values, ctx=ready)
+        if method in TRIANGLES:
+            bands = _on_triangles(xy, values, lattice, method, gap, uncertainty, working)
+        else:
+            how = near.Weighting(reach=gap)
+            if method == "idw":
+                how = near.Weighting(neighbours, radius or math.inf, power, smoothing)
+            bands = _from_nearest(xy, values, lattice, how, gap, uncertainty, working)
+    ctx.progress(0.9 if support else 1.0)
+    if not support:
+        return bands._replace(used=None, nearest=None)
+    return _supported(bands, xy, lattice, ctx.part(0.9, 1.0))
 
 
-def averaged(xy: Array, values: Array) -> tuple[Array, Array]:
-    """Each place of shape (n, 2) once, sorted, with the mean of its values of shape (n,)."""
-    order = np.lexsort((values, xy[:, 1], xy[:, 0]))  # values too: sums depend on the order
-    xy, values = xy[order], values[order]
-    starts = np.flatnonzero(np.r_[True, (xy[1:] != xy[:-1]).any(axis=1)])
-    if len(starts) < len(xy):
-        log.info("%d points share their place with another; averaged", len(xy) - len(starts))
-    return xy[starts], np.add.reduceat(values, starts) / np.diff(starts, append=len(xy))
-
-
-def interpolate(
+def _on_triangles(
     xy: Array,
     values: Array,
     lattice: Lattice,
-    *,
     method: Method,
-    power: float = 2.0,
-    neighbours: int = 12,
-    ctx: Context = QUIET,
-) -> Array:
-    """Values at the centres of cells, NaN where the method has none.
-
-    Parameters
-    ----------
-    xy : array of shape (n, 2), no place twice
-    values : array of shape (n,)
-    lattice : the cells
-    method, power, neighbours : see :class:`SurfaceGrid`
-
-    Returns
-    -------
-    array of shape (rows, cols)
-
-    Raises
-    ------
-    DataError
-        The points do not span a triangle, which linear and cubic need.
-    """
-    if method in ("nearest", "idw"):
-        return per_block(by_distance(xy, values, power, neighbours, method), lattice, ctx)
-    # Qhull works with absolute numbers: coordinates of millions of metres would cost it digits.
-    origin = xy.mean(axis=0)
+    gap: float,
+    uncertainty: bool,
+    ctx: Context,
+) -> Bands:
+    """The methods that look at triangles; nothing where there are none, if there may be gaps."""
     try:
-        mesh = Delaunay(xy - origin)
-    except (QhullError, ValueError) as err:
-        raise DataError(
-            f"points: {len(xy)} place(s) do not span a triangle, which {method} needs; use nearest"
-        ) from err
-    if method == "cubic":
-        smooth = CloughTocher2DInterpolator(mesh, values)
-        return per_block(lambda cells: np.asarray(smooth(cells - origin)), lattice, ctx)
-    return facets(xy, values, mesh.simplices, lattice, ctx)
+        tin = Tin(xy, lattice, gap, ctx=ctx.part(0.0, 0.7))
+    except DataError as err:
+        if math.isinf(gap):
+            raise DataError(f"{err}, which {method} needs; use nearest") from err
+        return _nothing(lattice, uncertainty)
+    drawing, used = ctx.part(0.7, 0.9 if uncertainty else 1.0), None
+    if method == "linear":
+        surface = tin.linear(values, ctx=drawing)
+    elif method == "natural":
+        surface, used = tin.natural(values, ctx=drawing)
+    else:
+        surface = tin.cubic(values, ctx=drawing)
+    if used is None:
+        used = np.where(np.isfinite(surface), 3, 0)
+    if not uncertainty:
+        return Bands(surface, used)
+    squares = tin.left_out(values, ctx=ctx.part(0.9, 0.95))
+    spread = ctx.part(0.95, 1.0)
+    natural = method == "natural"
+    mean = tin.natural(squares, ctx=spread)[0] if natural else tin.linear(squares, ctx=spread)
+    return Bands(surface, used, error=np.sqrt(mean))
 
 
-def per_block(at: Callable[[Array], Array], lattice: Lattice, ctx: Context) -> Array:
-    """Ask a function of places of shape (m, 2) for its values at all cell centres."""
-    grid = np.empty(lattice.shape)
-    x, y = lattice.centres()
-    rows = max(1, BLOCK // len(x))
-    for top in range(0, len(y), rows):
-        ctx.progress(top / len(y))
-        block = slice(top, top + rows)
-        cells = np.column_stack([g.ravel() for g in np.meshgrid(x, y[block])])
-        grid[block] = at(cells).reshape(-1, len(x))
-    return grid
+def _from_nearest(
+    xy: Array,
+    values: Array,
+    lattice: Lattice,
+    how: near.Weighting,
+    gap: float,
+    uncertainty: bool,
+    ctx: Context,
+) -> Bands:
+    """The methods that look at distances."""
+    if not len(xy):
+        return _nothing(lattice, uncertainty)
+    there = near.buckets(xy, lattice.rows * lattice.cols, ctx=ctx.part(0.0, 0.2))
+    found = near.weighted(
+        there, values, lattice, how, gap, ctx=ctx.part(0.2, 0.5 if uncertainty else 1.0)
+    )
+    if not uncertainty:
+        return Bands(*found)
+    squares = near.left_out(there, values, how, ctx=ctx.part(0.5, 0.7))
+    mean, _, _ = near.weighted(there, squares, lattice, how, gap, ctx=ctx.part(0.7, 1.0))
+    return Bands(*found, error=np.sqrt(mean))
 
 
-def by_distance(
-    xy: Array, values: Array, power: float, neighbours: int, method: Method
-) -> Callable[[Array], Array]:
-    """A function that weights the nearest points with their distance to the power of -power."""
-    tree = cKDTree(xy)
-    count = 1 if method == "nearest" else min(neighbours, len(xy))
-
-    def at(places: Array) -> Array:
-        distance, index = (np.asarray(a) for a in tree.query(places, k=range(1, count + 1)))
-        exact = distance[:, 0] == 0
-        distance[exact] = np.where(distance[exact] == 0, 1, np.inf)
-        weight = (distance / distance[:, :1]) ** -power  # relative, so that no power overflows
-        return np.asarray((weight * values[index]).sum(axis=1) / weight.sum(axis=1))
-
-    return at
+def _supported(bands: Bands, xy: Array, lattice: Lattice, ctx: Context) -> Bands:
+    """With the number of points, and the distance to the nearest where there are any."""
+    used = np.asarray(bands.used, np.float64)
+    nearest = bands.nearest
+    if nearest is None:
+        nearest = np.full(lattice.shape, np.nan)
+        if len(xy):
+            there = near.buckets(xy, lattice.rows * lattice.cols, ctx=ctx.part(0.0, 0.2))
+            nearest = near.weighted(
+                there, np.zeros(len(xy)), lattice, near.Weighting(), ctx=ctx.part(0.2, 1.0)
+            )[2]
+            nearest[used == 0] = np.nan
+    return bands._replace(used=used, nearest=nearest)
 
 
-def facets(
-    xy: Array, values: Array, triangles: NDArray[np.int32], lattice: Lattice, ctx: Context
-) -> Array:
-    """Draw the plane of each triangle of shape (t, 3) into the cells whose centres it covers."""
-    grid = np.full(lattice.shape, np.nan)
-    # In numbers of cells from the first centre, so that all centres are whole numbers.
-    u = (xy[:, 0] - lattice.west) / lattice.cell - 0.5
-    v = (lattice.north - xy[:, 1]) / lattice.cell - 0.5
-    for start in range(0, len(triangles), BLOCK):
-        ctx.progress(start / len(triangles))
-        draw_triangles(u, v, values, triangles[start : start + BLOCK], grid)
-    return grid
-
-
-@njit(cache=True, nogil=True)
-def draw_triangles(u, v, values, triangles, grid):  # type: ignore[no-untyped-def]
-    """Fill rows of cells between the edges of each triangle.
-
-    Along a row each barycentric coordinate is a*col + b, and the triangle is where all three are
-    positive: no cell outside is ever looked at, however long and thin the triangle.
-    """
-    rows, cols = grid.shape
-    for t in range(len(triangles)):
-        i, j, k = triangles[t]
-        area = (u[j] - u[i]) * (v[k] - v[i]) - (u[k] - u[i]) * (v[j] - v[i])
-        if area == 0.0:
-            continue
-        slope_j, slope_k = (v[k] - v[i]) / area, (v[i] - v[j]) / area
-        first = max(0, math.ceil(min(v[i], v[j], v[k]) - EDGE))
-        last = min(rows - 1, math.floor(max(v[i], v[j], v[k]) + EDGE))
-        for row in range(first, last + 1):
-            at_j = ((u[i] - u[k]) * (row - v[i]) - (v[k] - v[i]) * u[i]) / area
-            at_k = ((u[j] - u[i]) * (row - v[i]) + (v[j] - v[i]) * u[i]) / area
-            low, high = 0.0, cols - 1.0
-            low, high = narrowed(low, high, slope_j, at_j)
-            low, high = narrowed(low, high, slope_k, at_k)
-            low, high = narrowed(low, high, -slope_j - slope_k, 1.0 - at_j - at_k)
-            for col in range(math.ceil(low - EDGE), math.floor(high + EDGE) + 1):
-                if 0 <= col < cols:
-                    w_j, w_k = slope_j * col + at_j, slope_k * col + at_k
-                    grid[row, col] = (
-                        (1.0 - w_j - w_k) * values[i] + w_j * values[j] + w_k * values[k]
-                    )
-
-
-@njit(cache=True, nogil=True)
-def narrowed(low, high, slope, at):  # type: ignore[no-untyped-def]
-    """The part of low..high where slope * x + at is not negative."""
-    if slope > 0:
-        return max(low, -at / slope), high
-    if slope < 0:
-        return low, min(high, -at / slope)
-    return (low, high) if at >= -EDGE else (1.0, 0.0)
+def _nothing(lattice: Lattice, uncertainty: bool) -> Bands:
+    """No data anywhere."""
+    empty, zero = np.full(lattice.shape, np.nan), np.zeros(lattice.shape)
+    return Bands(empty, zero, error=empty.copy() if uncertainty else None)

@@ -544,3 +544,195 @@ def test_the_crs_of_real_files(data: Callable[[str], Path], name: str, code: str
     crs = read_crs(frame.records, wkt=frame.header.global_encoding.wkt, name=name)
     assert crs is not None
     assert crs.to_authority() == tuple(code.split(":")) or same_crs(crs, parse_crs(code))
+
+
+@pytest.mark.parametrize(("minor", "number"), COMBINATIONS)
+@pytest.mark.parametrize("compress", [False, True])
+def test_parts_join_to_the_whole(
+    tmp_path: Path, minor: int, number: int, compress: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """With spare bytes, extra bytes and records; whatever was not changed is as it was."""
+    path = write(tmp_path / "a.laz", make(minor, number, compress=compress))
+    whole = PointCloud.open(path)
+    parts = [PointCloud.open(path, part=part) for part in [(0, 7), (7, 7), (7, 40)]]
+    joined = PointCloud.concat(parts)
+    assert not caplog.text
+    whole.save(tmp_path / "b.las")
+    joined.save(tmp_path / "c.las")
+    assert (tmp_path / "c.las").read_bytes() == (tmp_path / "b.las").read_bytes()
+
+
+def plain(number: int, minor: int = 4, **fields: Any) -> PointCloud:
+    """Three points in a point format, with some fields set."""
+    header = laspy.LasHeader(version=f"1.{minor}", point_format=number)
+    header.scales = fields.pop("scales", [0.01] * 3)
+    header.offsets = fields.pop("offsets", [0] * 3)
+    for extra in fields.pop("extras", []):
+        header.add_extra_dim(extra)
+    header.global_encoding.gps_time_type = fields.pop("clock", 0)
+    points = laspy.LasData(header)
+    points.X = points.Y = points.Z = [100, 200, 300]
+    for name, values in fields.items():
+        points[name] = values
+    file = io.BytesIO()
+    points.write(file)
+    frame = read_frame(io.BytesIO(file.getvalue()), len(file.getvalue()), print)
+    return PointCloud._of_las(frame, points.points.array.copy(), f"format{number}.las")
+
+
+@pytest.mark.parametrize("oldest", [2, 4])
+@pytest.mark.parametrize(
+    ("formats", "joint"),
+    [
+        *[((1, 3), 3), ((3, 1), 3), ((2, 1), 3), ((0, 6), 6), ((6, 1), 6), ((7, 8), 8)],
+        *[((1, 4), 4), ((3, 6), 7), ((4, 7), 10), ((8, 9), 10), ((0, 1, 2), 3), ((5, 0), 5)],
+    ],
+)
+def test_the_joint_point_format_holds_all_attributes(
+    tmp_path: Path, formats: tuple[int, ...], joint: int, oldest: int
+) -> None:
+    least = {number: 4 if number > 5 else 3 if number > 3 else oldest for number in formats}
+    whole = PointCloud.concat([plain(number, least[number]) for number in formats])
+    whole.save(tmp_path / "a.las")
+    header = laspy.read(tmp_path / "a.las").header
+    assert (header.point_format.id, header.point_count) == (joint, 3 * len(formats))
+    everything = {name for number in formats for name in plain(number).names}
+    assert everything - set(whole.names) <= {"scan_angle_rank"}
+
+
+def test_no_point_format_may_hold_all_attributes() -> None:
+    angles = plain(1, scan_angle_rank=[-90, 0, 7])
+    whole = PointCloud.concat([plain(6, classification=[40, 0, 0]), angles])
+    assert np.allclose(whole["scan_angle"] * 0.006, [0, 0, 0, -90, 0, 7], atol=0.003)
+    assert whole["classification"].tolist() == [40, 0, 0, 0, 0, 0]
+    crs = parse_crs("EPSG:32635")
+    both = PointCloud.concat([angles.with_crs(crs), plain(6).with_crs(crs)])
+    assert both.crs == crs
+
+
+def test_what_joining_does_not_keep_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    PointCloud.concat([plain(1), plain(3), plain(3)])
+    assert "format1.las: has no red, green, blue; 0 is written there" in caplog.text
+    caplog.clear()
+    PointCloud.concat([plain(6), plain(1)])
+    assert not caplog.text  # flags that the older format does not know
+    PointCloud.concat([plain(1), plain(1, clock=1), plain(3, clock=1)])
+    assert "format1.las and 1 more files: its GPS times count from another day" in caplog.text
+    caplog.clear()
+    PointCloud.concat([plain(1), plain(1, offsets=[0.005, 0, 0])])
+    assert "format1.las: coordinates are rounded by up to half a step" in caplog.text
+    caplog.clear()
+    PointCloud.concat([plain(1), plain(1, offsets=[0.05, 0, 0], scales=[0.1, 0.001, 0.01])])
+    assert "rounded" not in caplog.text
+
+
+def test_scale_and_offset_of_joined_files(caplog: pytest.LogCaptureFixture) -> None:
+    far = plain(1, offsets=[3e7, 3, 0], scales=[1, 0.1, 0.02])  # beyond 32 bits at 0.01
+    parts = [plain(1, offsets=[0, 0, 9]), far]
+    with caplog.at_level(logging.INFO, "toolbox"):
+        whole = PointCloud.concat(parts)
+    assert np.allclose(whole.xyz, np.concatenate([part.xyz for part in parts]), rtol=1e-15)
+    assert "x needs the new offset 15000150" in caplog.text
+    assert "y needs" not in caplog.text
+    with pytest.raises(DataError, match=r"x reaches from .* in the steps of 0\.01"):
+        PointCloud.concat([plain(1), plain(1, offsets=[5e8, 0, 0])])
+
+
+def test_extra_bytes_of_the_same_name() -> None:
+    def extra(kind: str, scale: float | None = None) -> Any:
+        how = {} if scale is None else {"scales": [scale], "offsets": [0]}
+        return plain(6, extras=[laspy.ExtraBytesParams("a", kind, "text", **how)], a=[1, 2, 3])
+
+    for one, other, dtype in [
+        (extra("u1"), extra("u1"), "u1"),
+        (extra("u1"), extra("i4"), "i4"),
+        (extra("u1"), extra("f4"), "f4"),
+        (extra("i2", 0.5), extra("i2", 0.5), "f8"),
+        (extra("i2", 0.5), extra("i2", 0.25), "f8"),
+        (extra("i2", 0.5), extra("i2"), "f8"),
+    ]:
+        whole = PointCloud.concat([one, other])
+        assert whole["a"].tolist() == [*one["a"], *other["a"]]
+        assert whole["a"].dtype == dtype
+        assert whole.descriptions["a"] == "text"
+    several = plain(6, extras=[laspy.ExtraBytesParams("a", "2u1")])
+    with pytest.raises(DataError, match=r"'a' has 1 in format6\.las, 2 in format6\.las elements"):
+        PointCloud.concat([extra("u1"), several])
+    red = plain(6, extras=[laspy.ExtraBytesParams("red", "u2")], red=[7, 8, 9])
+    whole = PointCloud.concat([red, plain(7, red=[1, 2, 3])])
+    assert whole["red"].tolist() == [7, 8, 9, 1, 2, 3]
+    assert whole.names.count("red") == 1
+
+
+def test_joined_extra_bytes_are_described(tmp_path: Path) -> None:
+    """In the words of the file that has them."""
+    one = PointCloud.open(write(tmp_path / "a.las", make(4, 6)))
+    whole = PointCloud.concat([plain(6), one])
+    whole.save(tmp_path / "b.las")
+    other = laspy.read(tmp_path / "b.las")
+    assert [extra.name for extra in other.point_format.extra_dimensions] == [
+        extra.name for extra in laspy.read(tmp_path / "a.las").point_format.extra_dimensions
+    ]
+    assert np.array_equal(other["height"][3:], laspy.read(tmp_path / "a.las")["height"])
+    assert np.array_equal(other["triple"][3:], one["triple"])
+    assert not other["triple"][:3].any()
+
+
+def test_bytes_that_nothing_describes_are_joined(tmp_path: Path) -> None:
+    def spare(count: int) -> PointCloud:
+        extras = [laspy.ExtraBytesParams("a", f"{count}u1")]
+        values = np.arange(3 * count).reshape(3, count) if count > 1 else np.arange(3)
+        plain(6, extras=extras, a=values).save(tmp_path / "a.las")
+        content = (tmp_path / "a.las").read_bytes().replace(b"LASF_Spec", b"LASF_None")
+        return PointCloud.open(write(tmp_path / "b.las", content))
+
+    whole = PointCloud.concat([spare(1), spare(3), plain(6), spare(4)])
+    whole.save(tmp_path / "c.las")
+    raw = laspy.read(tmp_path / "c.las").points.array.view("u1").reshape(12, -1)[:, 30:]
+    assert raw[:, :].tolist() == [
+        *([i, 0, 0, 0] for i in range(3)),
+        *([3 * i, 3 * i + 1, 3 * i + 2, 0] for i in range(3)),
+        *([0] * 4 for i in range(3)),
+        *([4 * i, 4 * i + 1, 4 * i + 2, 4 * i + 3] for i in range(3)),
+    ]
+
+
+def test_waveforms_of_other_files_are_not_kept(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nor claimed to be: those of the first file alone are there."""
+
+    def scanned(content: bytes) -> PointCloud:
+        plain(4, minor=3).save(tmp_path / "a.las")
+        file = bytearray((tmp_path / "a.las").read_bytes())
+        struct.pack_into("<H", file, 6, 2)  # waveforms inside
+        struct.pack_into("<Q", file, 227, len(file))
+        head = struct.pack("<2x16sHQ32s", b"LASF_Spec", 65535, len(content), b"waveforms")
+        return PointCloud.open(write(tmp_path / "b.las", bytes(file) + head + content))
+
+    one = scanned(b"abc")
+    PointCloud.concat([one, one.select([0]), scanned(b"abc"), plain(4, minor=3)])
+    assert "waveform" not in caplog.text
+    PointCloud.concat([one, scanned(b"abd")]).save(tmp_path / "c.las")
+    assert "b.las: its waveform packets are not kept, only those of the first" in caplog.text
+    assert (tmp_path / "c.las").read_bytes().endswith(b"abc")
+
+
+def test_the_crs_of_joined_files_is_stated_as_their_point_format_wants(tmp_path: Path) -> None:
+    """As WKT from point format 6 on, where the first file has GeoTIFF keys."""
+    crs = parse_crs("EPSG:32635")
+    plain(1, minor=2).with_crs(crs).save(tmp_path / "a.las")
+    first = PointCloud.open(tmp_path / "a.las")
+    PointCloud.concat([first, plain(6).with_crs(crs)]).save(tmp_path / "b.las")
+    other = laspy.read(tmp_path / "b.las")
+    records = [(vlr.user_id, vlr.record_id) for vlr in other.header.vlrs]
+    assert records == [("LASF_Projection", 2112)]
+    assert other.header.global_encoding.wkt
+    assert same_crs(PointCloud.open(tmp_path / "b.las").crs, crs)
+    content = (tmp_path / "a.las").read_bytes()
+    content = content.replace(struct.pack("<H", 32635), struct.pack("<H", 1))  # no such code
+    unknown = PointCloud.open(write(tmp_path / "c.las", content))
+    assert unknown.crs is None
+    PointCloud.concat([unknown, plain(6)]).save(tmp_path / "d.las")
+    kept = laspy.read(tmp_path / "d.las").header.vlrs
+    assert [vlr.record_id for vlr in kept] == [34735]  # what nobody understands stays

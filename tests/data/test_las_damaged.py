@@ -118,10 +118,10 @@ def test_missing_empty_and_wrong_files(tmp_path: Path) -> None:
     (tmp_path / "a.tif").write_bytes(b"II*")
     (tmp_path / "dir.las").mkdir()
     for name, message in {
-        "none.las": "no such file",
+        "none.las": "there is no file",
         "empty.las": "is empty",
         "a.tif": "points are read from",
-        "dir.las": "is a folder",
+        "dir.las": "holds no files of points",
     }.items():
         with pytest.raises(DataError, match=message):
             PointCloud.open(tmp_path / name)

@@ -144,3 +144,76 @@ def test_options_of_text_files_are_for_text_files(cloud: PointCloud, tmp_path) -
     cloud.save(tmp_path / "c.las")
     with pytest.raises(DataError, match="are for text files"):
         PointCloud.open(tmp_path / "c.las", columns=["x", "y", "z"])
+
+
+def test_joining(any_cloud: PointCloud) -> None:
+    """Also clouds with changes, which stay what they are."""
+    moved = any_cloud.with_xyz(any_cloud.xyz + 0.001234)
+    changed = any_cloud.with_attributes({"classification": [300, 1, 1, 1]})
+    parts = [any_cloud.select([2, 1]), moved, any_cloud.select([]), changed]
+    whole = PointCloud.concat(parts)
+    assert len(whole) == 10
+    assert np.array_equal(whole.xyz, np.concatenate([part.xyz for part in parts]))
+    assert whole["classification"].tolist() == [6, 2, 2, 2, 6, 7, 300, 1, 1, 1]
+    assert whole["height"].tolist() == [1.5, 1, 0.5, 1, 1.5, 2, 0.5, 1, 1.5, 2]
+    assert whole["z"][0] == 3
+    for values in (whole.xyz, whole["height"], whole["classification"]):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 3
+    assert any_cloud["classification"].tolist() == [2, 2, 6, 7]
+
+
+def test_joining_nothing_or_one(any_cloud: PointCloud) -> None:
+    assert PointCloud.concat([any_cloud]) is any_cloud
+    assert len(PointCloud.concat([any_cloud.select([])] * 2)) == 0
+    with pytest.raises(DataError, match="no clouds to join"):
+        PointCloud.concat([])
+
+
+def test_joining_clouds_in_memory(cloud: PointCloud) -> None:
+    other = PointCloud([[9, 9, 9]], {"height": [7], "classification": [1.5]}, name="other")
+    whole = PointCloud.concat(iter([cloud, other]))
+    assert whole["classification"].tolist() == [2, 2, 6, 7, 1.5]
+    assert whole["height"].tolist() == [0.5, 1, 1.5, 2, 7]
+    assert whole.name == "c and 1 more"
+    lacking = PointCloud([[9, 9, 9]], {"height": [7]}, name="other")
+    with pytest.raises(DataError, match="other has no attribute classification, which c has"):
+        PointCloud.concat([cloud, lacking])
+    more = other.with_attributes({"truth": [1]})
+    with pytest.raises(DataError, match="c has no attribute truth, which other has"):
+        PointCloud.concat([cloud, more])
+    pairs = PointCloud(cloud.xyz, {"height": np.ones((4, 2)), "classification": np.ones(4)})
+    with pytest.raises(DataError, match="'height' has not the same number of elements"):
+        PointCloud.concat([cloud, pairs])
+
+
+def test_joining_refuses_another_crs(any_cloud: PointCloud) -> None:
+    metres = any_cloud.with_crs(parse_crs("EPSG:32635"))
+    feet = any_cloud.with_crs(parse_crs("EPSG:2994"))
+    with pytest.raises(DataError, match=r"is in EPSG:2994.*reproject it to EPSG:32635"):
+        PointCloud.concat([metres, metres, feet])
+    with pytest.raises(DataError, match="has no CRS"):
+        PointCloud.concat([metres, any_cloud])
+
+
+def test_attributes_that_only_some_clouds_got(
+    cloud: PointCloud,
+    tmp_path,  # type: ignore[no-untyped-def]
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    cloud.save(tmp_path / "c.las")
+    las = PointCloud.open(tmp_path / "c.las")
+    more = las.with_attributes({"truth": [1, 2, 3, 4]}, descriptions={"truth": "known"})
+    whole = PointCloud.concat([las, more])
+    assert whole["truth"].tolist() == [0, 0, 0, 0, 1, 2, 3, 4]
+    assert "c.las: has no truth; it is 0 there" in caplog.text
+    whole.save(tmp_path / "d.las")
+    again = PointCloud.open(tmp_path / "d.las")
+    assert again["truth"].tolist() == [0, 0, 0, 0, 1, 2, 3, 4]
+    assert again.descriptions["truth"] == "known"
+    caplog.clear()
+    both = PointCloud.concat([again, las.with_attributes({"truth": [5, 5, 5, 5]})])
+    assert both["truth"].tolist() == [0, 0, 0, 0, 1, 2, 3, 4, 5, 5, 5, 5]
+    assert not caplog.text  # nobody lacks it
+    with pytest.raises(DataError, match="has no LAS records"):
+        cloud.like(las)

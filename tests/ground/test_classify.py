@@ -437,8 +437,8 @@ def test_cells_on_one_plane_vote_alike() -> None:
     z = rough()
     votes = np.random.default_rng(8).random(z.shape).astype(np.float32)
     got = np.empty_like(votes)
-    kernels.levelled(votes, z, 0, 9, 4, 0.2, 0.2, got)
-    kernels.levelled(votes, z, 9, 32, 4, 0.2, 0.2, got)
+    kernels.levelled(0, 9, votes, z, 4, 0.2, 0.2, got)
+    kernels.levelled(9, 32, votes, z, 4, 0.2, 0.2, got)
     total, count = np.zeros(z.shape), np.zeros(z.shape)
     for i, j, away in around(4):
         alike = np.abs(shifted(z, i, j) - z) <= np.float32(0.2 + 0.2 * away)
@@ -483,8 +483,8 @@ def test_planes_are_weighted_least_squares(sigma: float, enough: float, stiff: f
     weights[:, 8:] *= 0.1
     heights = rng.normal(0, 1, (rows, cols)) + 0.5 * np.arange(cols)
     got = np.empty((rows, cols))
-    kernels.planes(weights, weights * heights, 0, 5, sigma, enough, stiff, got)
-    kernels.planes(weights, weights * heights, 5, rows, sigma, enough, stiff, got)
+    kernels.planes(0, 5, weights, weights * heights, sigma, enough, stiff, got)
+    kernels.planes(5, rows, weights, weights * heights, sigma, enough, stiff, got)
     expected = np.empty((rows, cols))
     row, col = np.mgrid[0:rows, 0:cols]
     for r, c in np.ndindex(rows, cols):
@@ -504,7 +504,7 @@ def test_planes_end_with_the_window() -> None:
     weights = np.zeros((3, 40))
     weights[1, 4] = 1
     got = np.empty_like(weights)
-    kernels.planes(weights, 7 * weights, 0, 3, 3.0, 1e-9, 1.0, got)
+    kernels.planes(0, 3, weights, 7 * weights, 3.0, 1e-9, 1.0, got)
     np.testing.assert_allclose(got[:, :14], 7)
     assert np.isnan(got[:, 14:]).all()
 

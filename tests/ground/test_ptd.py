@@ -11,8 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from algorithms.ground.ptd import GroundPtd, densified, ground_mask, heights_on
-from toolbox.context import Context
+from algorithms.ground import _ptd_kernels as kernels
+from algorithms.ground.ptd import GroundPtd, Growth, densified, ground_mask, heights_on
+from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud
 from toolbox.errors import Cancelled, DataError
 from toolbox.values import ClassList
@@ -286,3 +287,158 @@ def test_the_reach_is_finite_and_follows_the_building_size() -> None:
     points = cloud(town()[0])
     assert 0 < GroundPtd(points=points).halo() < 150
     assert GroundPtd(points=points, max_building_size=30.0).halo() == pytest.approx(67.5)
+
+
+def test_bumps_are_ground_thanks_to_seed_grids_with_a_wider_angle() -> None:
+    xyz = ground_of(lambda x, y: 2.5 * np.sin(x / 5) * np.sin(y / 5), 120)
+    assert labels(xyz, mirror=False).mean() > 0.99
+
+
+def grown(xyz: Floats, metre: float = 1.0, through: Any = slice(None)) -> Growth:
+    """The surface through the points, or some of them."""
+    growth = Growth(xyz, metre)
+    growth.start(np.arange(len(xyz))[through], QUIET)
+    return growth
+
+
+def fine_lattice(height: Callable[[Floats, Floats], Any], side: float = 20.0) -> Floats:
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(0.0, side, 0.5), np.arange(0.0, side, 0.5)))
+    return np.column_stack([x, y, np.broadcast_to(height(x, y), x.shape)])
+
+
+def on(x: Floats, y: Floats, west: float, east: float, south: float, north: float) -> Mask:
+    return (x >= west) & (x < east) & (y >= south) & (y < north)
+
+
+def beside_higher_ground(north: float) -> Callable[[Floats, Floats], Floats]:
+    """A block of 3 m; on its west side, up to `north`, ground of 6 m."""
+    return lambda x, y: 3.0 * on(x, y, 5, 13, 5, 13) + 6.0 * on(x, y, 0, 5, 0, north)
+
+
+@pytest.mark.parametrize("metre", [1.0, 1 / FOOT])
+@pytest.mark.parametrize(
+    ("height", "extent", "raised"),
+    [
+        (lambda x, y: 3 * on(x, y, 5, 13, 5, 13), 8.0, True),
+        (lambda x, y: 3 * on(x, y, 5, 13, 5, 13), 7.0, False),  # too wide
+        (lambda x, y: 3 * on(y, x, 5, 13, 4, 13), 8.0, False),  # too wide from south to north
+        (lambda x, y: 1.1 * on(x, y, 5, 13, 5, 13), 8.0, True),
+        (lambda x, y: 0.9 * on(x, y, 5, 13, 5, 13), 8.0, False),  # no wall
+        (lambda x, y: -3 * on(x, y, 5, 13, 5, 13), 19.0, False),  # a pit
+        (lambda x, y: 3 * on(x, y, 5, 13, 0, 13), 15.0, True),  # the data ends on one side of four
+        (lambda x, y: 3 * on(x, y, 0, 8, 0, 8), 15.0, False),  # and on two
+        (beside_higher_ground(20), 8.0, False),
+        (beside_higher_ground(7), 8.0, True),
+    ],
+)
+def test_what_is_a_raised_patch(height: Any, extent: float, raised: bool, metre: float) -> None:
+    xyz = fine_lattice(height)
+    expected = (xyz[:, 2] == xyz[22 + 40 * 22, 2]) if raised else np.zeros(len(xyz), bool)
+    found = grown(xyz * metre, metre).raised(extent * metre, QUIET)
+    np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize(("rise", "raised"), [(0.6, False), (1.0, True)])
+def test_the_top_of_a_hill_is_raised_if_its_sides_are_walls(rise: float, raised: bool) -> None:
+    xyz = fine_lattice(lambda x, y: 0.0) * [4, 4, 1]  # steps of 2 m
+    away = np.abs(xyz[:, :2] - 40).max(axis=1)
+    xyz[:, 2] = rise * np.clip(30 - away, 0, 20)
+    found = grown(xyz).raised(50.0, QUIET)
+    np.testing.assert_array_equal(found, (away <= 10) & raised)
+
+
+def test_taking_vertices_out_leaves_the_triangulation_of_the_others() -> None:
+    rng = np.random.default_rng(6)
+    xyz = rng.uniform(0, 40, (3000, 3))
+    xyz[:1500] = np.round(xyz[:1500])  # many on common circles
+    xyz = xyz[np.unique(xyz[:, :2], axis=0, return_index=True)[1]]
+    vertex = rng.random(len(xyz)) < 0.6
+    gone = vertex & ((rng.random(len(xyz)) < 0.1) | (np.abs(xyz[:, :2] - 20).max(axis=1) < 6))
+    growth = grown(xyz, through=vertex)
+    limits = kernels.Limits(
+        angle=0.0, distance=0.0, steepest=0.0, stop=99.0, reduce=0.0, mirror=False, gentle=0.0
+    )
+    growth.grow(np.arange(len(xyz)), limits, QUIET)
+    waiting = growth.take_out(gone)
+    np.testing.assert_array_equal(triangles(growth), triangles(grown(xyz, through=vertex & ~gone)))
+    neighbours, size = growth.mesh.neighbours, growth.mesh.arrays.size[0]
+    for t, k in np.ndindex(size, 3):
+        shared = np.isin(growth.mesh.triangles[neighbours[t, k]], growth.mesh.triangles[t])
+        assert shared.sum() == 2
+        assert growth.mesh.triangles[t, k] not in growth.mesh.triangles[neighbours[t, k]]
+    assert not gone[waiting].any()
+    growth.settle(waiting, limits, QUIET)
+    left = np.flatnonzero(~vertex)
+    np.testing.assert_array_equal(growth.facet[left], growth.mesh.locate(xyz[left, :2]))
+    facets, lists = np.arange(size), (growth.head, growth.following, growth.waiting)
+    count = kernels.points_of(facets, *lists)
+    np.testing.assert_array_equal(np.sort(growth.waiting[:count]), left)
+
+
+def triangles(growth: Growth) -> Any:
+    """Triangles by their sorted vertices, in order."""
+    return np.unique(np.sort(growth.mesh.triangles, axis=1), axis=0)
+
+
+@pytest.mark.parametrize(("rise", "slopes"), [(0.5, True), (2.0, False)])
+def test_the_ring_goes_on_with_a_slope_that_is_no_wall(rise: float, slopes: bool) -> None:
+    growth = grown(fine_lattice(lambda x, y: rise * x, 60.0))
+    (x, y), z = growth.xy[growth.real :].T, growth.z[growth.real :]
+    beside = (y >= 0) & (y <= 59.5)
+    expected = rise * (x if slopes else np.clip(x, 0, 59.5))
+    np.testing.assert_allclose(z[beside], expected[beside], atol=1e-9)
+
+
+def test_the_ring_is_level_where_there_is_no_surface_to_go_on_from() -> None:
+    """Behind a narrow strip there is only the ring itself."""
+    growth = grown(np.array([[0.0, 0, 1], [3, 0, 2], [0, 60, 1], [3, 60, 2]]))
+    before = growth.z.copy()
+    assert set(before[growth.real :]) == {1.0, 2.0}
+    growth.lift_ring()
+    np.testing.assert_array_equal(growth.z, before)
+
+
+def test_a_slope_at_the_rim_is_climbed_as_the_ring_rises_with_it() -> None:
+    xyz = ground_of(lambda x, y: 0.5 * np.maximum(np.abs(x - 60) - 40, 0), 120)
+    assert labels(xyz).mean() > 0.99
+
+
+FINE = kernels.Limits(
+    angle=10.0, distance=1.5, steepest=99.0, stop=1.0, reduce=5.0, mirror=True, gentle=1.2
+)
+
+
+@pytest.mark.parametrize(
+    ("order", "expected"), [([4, 5], 4), ([5, 4], 4), ([4, 5, 6], 6), ([6, 5, 4], 6)]
+)
+def test_of_a_facet_the_lowest_point_enters(order: list[int], expected: int) -> None:
+    """Of equal ones that with the least x."""
+    corners = [[0, 0, 0], [40, 0, 0], [0, 40, 0], [40, 40, 0]]
+    growth = grown(np.array([*corners, [10, 5, 0.3], [11, 5, 0.3], [12, 5, 0.2]]), through=range(4))
+    chosen = growth.look(np.array(order), FINE, QUIET)
+    np.testing.assert_array_equal(growth.best[chosen], [expected])
+
+
+def test_it_makes_no_difference_at_which_corner_a_facet_begins() -> None:
+    """Nor which of two equally high corners comes first."""
+    xyz = fine_lattice(lambda x, y: 1.0 * np.floor(x / 5)) * [4, 4, 1]
+    vertex = np.random.default_rng(7).random(len(xyz)) < 0.3
+    found = []
+    for turn in range(3):
+        growth = grown(xyz, through=vertex)
+        triangles, neighbours = growth.mesh.arrays.triangles, growth.mesh.arrays.neighbours
+        real = growth.mesh.triangles.min(axis=1) >= 0
+        for array in (triangles, neighbours):
+            array[: len(real)][real] = np.roll(array[: len(real)][real], turn, axis=1)
+        chosen = growth.look(np.flatnonzero(~vertex), FINE, QUIET)
+        found.append(np.sort(growth.best[chosen]))
+    np.testing.assert_array_equal(found[1], found[0])
+    np.testing.assert_array_equal(found[2], found[0])
+
+
+def test_the_ring_takes_the_nearest_vertex_however_far() -> None:
+    xyz = np.array([[0.0, 0, 1], [150, 150, 2], [151, 150, 3], [300, 300, 4]])
+    growth = grown(xyz)
+    ring = growth.xy[growth.real :]
+    away = np.hypot(*(ring[:, None] - xyz[:, :2]).T)
+    np.testing.assert_array_equal(growth.nearest_to_ring(), away.argmin(axis=0))

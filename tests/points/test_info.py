@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 from pyproj import CRS
 
 from algorithms.points.info import PointsInfo, covered_area
-from toolbox.data import PointCloud
+from toolbox.data import PointCloud, Survey
 
 
 def grid(side: int = 100, **columns: Any) -> PointCloud:
@@ -19,7 +21,7 @@ def grid(side: int = 100, **columns: Any) -> PointCloud:
     return PointCloud(np.column_stack([x, y, x / 100]), columns, crs=crs, name="grid.laz")
 
 
-def report(cloud: PointCloud) -> tuple[dict[str, Any], list[str]]:
+def report(cloud: PointCloud | Survey) -> tuple[dict[str, Any], list[str]]:
     """Properties by name, and the warnings."""
     rows = PointsInfo(points=cloud).run().table.records()
     found = {row["property"]: row["value"] for row in rows if row["property"] != "warning"}
@@ -133,3 +135,120 @@ def test_gross_outliers_lie_ten_metres_beyond_the_body(
     points = PointCloud(np.column_stack([cloud.xyz[:, :2], z]) / foot, crs=CRS(crs))
     _, warnings = report(points)
     assert any("1 points lie far below" in w for w in warnings) == warned
+
+
+RING = [(column, row) for column in range(3) for row in range(3) if (column, row) != (1, 1)]
+
+
+def tiles(
+    folder: Path, places: Iterable[tuple[float, float]], crs: int = 2154, metre: float = 1
+) -> Survey:
+    """Squares of 10 m, each with 121 points, by column and row."""
+    for column, row in places:
+        square = grid(11, crs=CRS(crs), intensity=np.ones(121, np.uint16))
+        xyz = (square.xyz + np.array([10 * column, 10 * row, 0])) * metre
+        square.with_xyz(xyz).save(folder / f"{column}_{row}.las")
+    return Survey.open(folder)
+
+
+@pytest.mark.parametrize(("crs", "metre"), [(2154, 1), (2222, 1 / 0.3048)])
+def test_a_survey_is_described_from_its_headers(tmp_path: Path, crs: int, metre: float) -> None:
+    survey = tiles(tmp_path, RING, crs, metre)
+    for file in survey.files:
+        file.path.write_bytes(b"")  # nothing is read any more
+    out = PointsInfo(points=survey).run()
+    assert out.count == 8 * 121
+    assert out.density == pytest.approx(1.21, rel=1e-3)
+    found, warnings = report(survey)
+    assert (found["survey"], found["files"], found["points"]) == (tmp_path.name, 8, 8 * 121)
+    assert (found["xmin"], found["xmax"]) == (0, pytest.approx(30 * metre, abs=0.01))
+    assert str(crs) in found["crs"]
+    assert found["attribute intensity"] == "uint16"
+    assert found["covered area"] == pytest.approx(800, rel=1e-3)
+    assert found["overlap area"] == pytest.approx(0, abs=0.1)
+    assert found["hull area without files"] == pytest.approx(100, rel=1e-2)
+    assert (found["holes"], found["hole area"]) == (1, pytest.approx(100, rel=1e-2))
+    assert found["density"] == pytest.approx(1.21, rel=1e-3)
+    assert found["format LAS 1.4, point format 6"] == 8
+    assert warnings == []
+
+
+def test_one_row_per_file(tmp_path: Path) -> None:
+    table = PointsInfo(points=tiles(tmp_path, RING)).run().files
+    assert table is not None
+    assert len(table) == 8
+    assert table.records()[1] == {
+        "file": str(tmp_path / "0_1.las"),
+        "points": 121,
+        "xmin": 0,
+        "ymin": 10,
+        "zmin": 0,
+        "xmax": 10,
+        "ymax": 20,
+        "zmax": 0.1,
+        "density": pytest.approx(1.21),
+        "format": "LAS 1.4, point format 6",
+    }
+    assert PointsInfo(points=grid()).run().files is None
+
+
+def test_overlaps_and_seams(tmp_path: Path) -> None:
+    """Three files of which each two share ground; and a ring of files that do not quite meet."""
+    (tmp_path / "a").mkdir()
+    found, _ = report(tiles(tmp_path / "a", [(0, 0), (0.5, 0), (0.8, 0), (5, 5)]))
+    assert found["covered area"] == pytest.approx(180 + 100)
+    assert found["overlap area"] == pytest.approx(50 + 70 - 20)
+    assert found["holes"] == 0
+    (tmp_path / "b").mkdir()
+    found, _ = report(tiles(tmp_path / "b", [(1.2 * x, 1.2 * y) for x, y in RING]))
+    assert found["holes"] == 1
+    assert found["hole area"] == pytest.approx(14**2)
+
+
+def test_warnings_of_a_survey(tmp_path: Path) -> None:
+    tiles(tmp_path, [(0, 0), (1, 0)], 4326)
+    first = PointCloud.open(tmp_path / "0_0.las")
+    first.save(tmp_path / "copy.laz")
+    first.select([]).save(tmp_path / "none.laz")
+    xyz = first.xyz + np.array([0, 20.001, 0])
+    PointCloud(xyz, {"red": np.ones(121, np.uint16)}, crs=first.crs).save(tmp_path / "z.las")
+    content = bytearray((tmp_path / "1_0.las").read_bytes())
+    (tmp_path / "1_0.las").write_bytes(content + bytes(60))
+    found, warnings = report(Survey.open(tmp_path))
+    for text in (
+        "is in degrees",
+        "none.laz holds no points",
+        "1_0.las has room for 2 points more",
+        "only 1 of 5 files have the attribute red",
+        "the files have several scales",
+        "copy.laz has as many points and the same bounds as 0_0.las",
+    ):
+        assert any(text in warning for warning in warnings), (text, warnings)
+    assert len(warnings) == 6 + 2  # green and blue
+    assert found["density"] == pytest.approx(4 * 121 / 300, rel=0.01)
+    assert PointsInfo(points=Survey.open(tmp_path)).run().density is None
+
+
+@pytest.mark.parametrize("places", [[], [(0, 0)]])
+def test_surveys_without_ground(tmp_path: Path, places: list[tuple[int, int]]) -> None:
+    """No points, or all in one line."""
+    empty = grid(2, crs=CRS(2154)).select([])
+    for name in ("a.las", "b.las"):
+        empty.save(tmp_path / name)
+    for column, row in places:
+        line = grid(11, crs=CRS(2154))
+        line.select(line["x"] == 0).save(tmp_path / f"{column}_{row}.las")
+    out = PointsInfo(points=Survey.open(tmp_path)).run()
+    assert (out.count, out.density) == (11 * len(places), None)
+    found, warnings = report(Survey.open(tmp_path))
+    assert (found["covered area"], found["holes"]) == (0, 0)
+    assert "density" not in found
+    assert ("there are no points" in warnings) == (not places)
+
+
+def test_real_survey(data: Callable[[str], Path]) -> None:
+    found, warnings = report(Survey.open(data("ign_urban_50m")))
+    assert (found["points"], found["covered area"]) == (216_900, 7500)
+    assert found["hull area without files"] == 3750
+    assert found["format LAZ 1.4, point format 8"] == 3
+    assert warnings == []

@@ -8,6 +8,7 @@ unit of the horizontal part, as the LAS and GeoTIFF files in daily use mean it.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from pyproj import CRS
@@ -153,6 +154,16 @@ def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool) -> str | None:
     return f"is in {describe_crs(a)}; {advice}" if advice else None
 
 
+def crs_conflicts(named: Sequence[tuple[str, CRS | None]]) -> list[str]:
+    """Which point clouds, given by name and CRS, do not go with the first one, and what to do."""
+    (first_name, first), *others = named
+    return [
+        f"{name} {text} of {first_name}"
+        for name, crs in others
+        if crs is not first and (text := crs_conflict(crs, first, heights=True))
+    ]
+
+
 def _advice(a: CRS, b: CRS, heights: bool) -> str | None:
     """How to bring a layer in `a` to `b`; None if they go together."""
     name, high_a, high_b = describe_crs(b), _vertical_axis(a), _vertical_axis(b)
@@ -175,6 +186,13 @@ def describe_crs(crs: CRS | None) -> str:
         return LOCAL.name.lower()
     code = _code(crs)
     return f"{code} {crs.name}" if code else crs.name
+
+
+def crs_text(crs: CRS | None) -> str:
+    """A text that :func:`parse_crs` reads as the same CRS: a code, "local", or WKT; "" of none."""
+    if crs is None:
+        return ""
+    return "local" if crs.equals(LOCAL) else _code(crs) or str(crs.to_wkt())
 
 
 def horizontal_part(crs: CRS) -> CRS:

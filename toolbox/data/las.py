@@ -12,7 +12,7 @@ LiDAR data. Bell, A. et al. (2021). COPC: cloud optimized point cloud, 1.0.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from toolbox.context import QUIET, Context, log
 from toolbox.data.las_crs import read_crs
 from toolbox.data.las_header import SIZES, Frame, demand, read_frame
-from toolbox.data.las_points import attribute
+from toolbox.data.las_points import attribute, box_of
 from toolbox.errors import DataError
 
 _BLOCK = 1_000_000  # points between two reports of progress
@@ -46,7 +46,11 @@ Chunk = list[int]
 
 
 def read_las(
-    path: Path, *, bounds: Sequence[float] | None = None, ctx: Context = QUIET
+    path: Path,
+    *,
+    bounds: Sequence[float] | None = None,
+    part: tuple[int, int] | None = None,
+    ctx: Context = QUIET,
 ) -> tuple[Frame, Array]:
     """Read a LAS, LAZ or COPC file.
 
@@ -55,6 +59,8 @@ def read_las(
     path : of an existing file
     bounds : (xmin, ymin, xmax, ymax); of a COPC file only the nodes that touch it are read,
         of others everything
+    part : only the points from the first of these places in the file to before the second; of a
+        compressed file the chunks that hold them are unpacked
     ctx : progress is reported every million points
 
     Returns
@@ -68,20 +74,66 @@ def read_las(
         The file is damaged or of an unknown kind; says which rule it breaks.
     """
     size = path.stat().st_size
+    with _named(path), path.open("rb") as stream:
+        frame = read_frame(stream, size, lambda text: log.warning("%s %s", path.name, text))
+        with _errors("is damaged: its points cannot be read"):
+            record = _read_points(stream, frame, size, bounds, part, ctx)
+    _check_box(frame.header, record, path.name)
+    if frame.laszip and _mixes_waveforms(frame, record):
+        log.warning("%s: %s; read with care", path.name, _MIXED)
+    return _with_crs(frame, path), record
+
+
+def read_header(path: Path, warn: Callable[[str], None]) -> Frame:
+    """Read and check all but the points of a LAS, LAZ or COPC file.
+
+    Parameters
+    ----------
+    path : of an existing file
+    warn : is told what is odd but does no harm, without the name of the file
+
+    Raises
+    ------
+    DataError
+        The file is damaged or of an unknown kind; says which rule it breaks.
+    """
+    with _named(path), path.open("rb") as stream:
+        frame = read_frame(stream, path.stat().st_size, warn)
+    return _with_crs(frame, path)
+
+
+def chunk_sizes(path: Path) -> list[int] | None:
+    """Points in each chunk of a compressed file, in its order; None of one that is not.
+
+    Raises
+    ------
+    DataError
+        The file is damaged; says which rule it breaks.
+    """
+    size = path.stat().st_size
+    with _named(path), path.open("rb") as stream:
+        frame = read_frame(stream, size, lambda text: None)
+        if frame.header.point_count == 0 or not frame.header.are_points_compressed:
+            return None
+        with _errors("is damaged: its points cannot be read"):
+            _check_laszip(frame)
+            return [points for *_, points in _all_chunks(stream, frame, size)]
+
+
+def _with_crs(frame: Frame, path: Path) -> Frame:
+    crs = read_crs(frame.records, wkt=frame.header.global_encoding.wkt, name=path.name)
+    return replace(frame, crs=crs)
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Name the file in what is said of it."""
     try:
-        with path.open("rb") as stream:
-            frame = read_frame(stream, size, lambda text: log.warning("%s %s", path.name, text))
-            with _errors("is damaged: its points cannot be read"):
-                record = _read_points(stream, frame, size, bounds, ctx)
+        yield
     except MemoryError as error:
         raise DataError(f"{path} claims more points than fit in memory") from error
     except DataError as error:
         raise DataError(f"{path} {error}") from error
-    _check_box(frame.header, record, path.name)
-    if frame.laszip and _mixes_waveforms(frame, record):
-        log.warning("%s: %s; read with care", path.name, _MIXED)
-    crs = read_crs(frame.records, wkt=frame.header.global_encoding.wkt, name=path.name)
-    return replace(frame, crs=crs), record
 
 
 @contextmanager
@@ -98,26 +150,48 @@ def _errors(text: str) -> Iterator[None]:
 
 
 def _read_points(
-    stream: BinaryIO, frame: Frame, size: int, bounds: Sequence[float] | None, ctx: Context
+    stream: BinaryIO,
+    frame: Frame,
+    size: int,
+    bounds: Sequence[float] | None,
+    part: tuple[int, int] | None,
+    ctx: Context,
 ) -> Array:
     header = frame.header
+    start, stop = part or (0, header.point_count)
+    demand(0 <= start <= stop <= header.point_count, f"has no points {start} to {stop}")
     if header.point_count == 0 or not header.are_points_compressed:
-        return _read_plain(stream, header, ctx)
+        return _read_plain(stream, header, start, stop, ctx)
     _check_laszip(frame)
     if bounds is not None and frame.copc:
         chunks = _copc_chunks(stream, frame, size, bounds)
     else:
         chunks = _all_chunks(stream, frame, size)
+    ahead = 0
+    if part:
+        chunks, ahead = _covering(chunks, start, stop)
     _check_chunks(stream, frame, chunks)
-    return _read_chunks(stream, frame, chunks, ctx)
+    record = _read_chunks(stream, frame, chunks, ctx)
+    return record[ahead : ahead + stop - start] if part else record
 
 
-def _read_plain(stream: BinaryIO, header: laspy.LasHeader, ctx: Context) -> Array:
-    record = np.empty(header.point_count, header.point_format.dtype())
-    stream.seek(header.offset_to_point_data)
-    for start in range(0, len(record), _BLOCK):
-        ctx.progress(start / len(record))
-        block = record[start : start + _BLOCK]
+def _covering(chunks: list[Chunk], start: int, stop: int) -> tuple[list[Chunk], int]:
+    """The chunks with the points from start to before stop, and how many come ahead of these."""
+    ends = np.cumsum([points for *_, points in chunks])
+    first = int(np.searchsorted(ends, start, side="right"))
+    last = int(np.searchsorted(ends, stop, side="left"))
+    kept = chunks[first : last + 1] if start < stop else []
+    return kept, start - (int(ends[first - 1]) if first else 0)
+
+
+def _read_plain(
+    stream: BinaryIO, header: laspy.LasHeader, start: int, stop: int, ctx: Context
+) -> Array:
+    record = np.empty(stop - start, header.point_format.dtype())
+    stream.seek(header.offset_to_point_data + start * record.itemsize)
+    for place in range(0, len(record), _BLOCK):
+        ctx.progress(place / len(record))
+        block = record[place : place + _BLOCK]
         block[:] = np.fromfile(stream, record.dtype, len(block))
     return record
 
@@ -255,8 +329,7 @@ def _check_box(header: laspy.LasHeader, record: Array, name: str) -> None:
     """Log a bounding box that does not contain the points; it is computed anew on writing."""
     if len(record) == 0:
         return
-    limits = np.array([[record[axis].min(), record[axis].max()] for axis in "XYZ"], float)
-    corners = np.sort(limits.T * header.scales + header.offsets, axis=0)
+    corners = box_of(header, record)
     near = np.abs(header.scales)
     if not (np.all(header.mins <= corners[0] + near) and np.all(header.maxs >= corners[1] - near)):
         log.warning(
@@ -267,10 +340,15 @@ def _check_box(header: laspy.LasHeader, record: Array, name: str) -> None:
 
 def _mixes_waveforms(frame: Frame, record: Array) -> bool:
     """Whether compression spoils the wave packets (as of lazrs 0.8)."""
-    if frame.header.point_format.id not in (9, 10) or len(record) == 0:
-        return False
+    return len(_waveform_channels(frame, record)) > 1
+
+
+def _waveform_channels(frame: Frame, record: Array) -> set[int]:
+    """The scanner channels of points that have wave packets."""
+    if frame.header.point_format.id not in (9, 10):
+        return set()
     channels = attribute(frame.header.point_format, record, "scanner_channel")
-    return bool((channels != channels[0]).any())
+    return set(np.unique(channels).tolist())
 
 
 def write_las(
@@ -283,19 +361,40 @@ def write_las(
     DataError
         The points are too many for the version of LAS, or LAZ would not keep their waveforms.
     """
-    header = frame.header.copy()
-    if header.version.minor < 4 and len(record) >= 2**32:
-        raise DataError(f"{path}: LAS {header.version} holds fewer than 2^32 points")
-    if compress and _mixes_waveforms(frame, record):
-        raise DataError(f"{path}: {_MIXED}; write .las")
-    header.vlrs.clear()
-    header.vlrs.extend(laspy.VLR("", 0, "", vlr.data) for vlr in frame.vlrs)  # see _restore
-    with path.open("wb") as stream, _errors(f"{path} cannot be written"):
-        writer = laspy.LasWriter(stream, header, compress, closefd=False, encoding_errors="ignore")
+    with las_sink(path, frame, compress=compress) as write:
         for place in range(0, len(record), _BLOCK):
             ctx.progress(place / len(record))
-            block = np.ascontiguousarray(record[place : place + _BLOCK])
+            write(record[place : place + _BLOCK])
+
+
+@contextmanager
+def las_sink(path: Path, frame: Frame, *, compress: bool) -> Iterator[Callable[[Array], None]]:
+    """Write a file block by block: gives the function that writes records of shape (n,).
+
+    The file does not depend on how the records are divided.
+
+    Raises
+    ------
+    DataError
+        As for :func:`write_las`.
+    """
+    header = frame.header.copy()
+    header.vlrs.clear()
+    header.vlrs.extend(laspy.VLR("", 0, "", vlr.data) for vlr in frame.vlrs)  # see _restore
+    channels: set[int] = set()
+    with path.open("wb") as stream, _errors(f"{path} cannot be written"):
+        writer = laspy.LasWriter(stream, header, compress, closefd=False, encoding_errors="ignore")
+
+        def write(record: Array) -> None:
+            if header.version.minor < 4 and writer.header.point_count + len(record) >= 2**32:
+                raise DataError(f"{path}: LAS {header.version} holds fewer than 2^32 points")
+            channels.update(_waveform_channels(frame, record))
+            if compress and len(channels) > 1:
+                raise DataError(f"{path}: {_MIXED}; write .las")
+            block = np.ascontiguousarray(record)
             writer.write_points(laspy.PackedPointRecord(block, header.point_format))
+
+        yield write
         writer.point_writer.done()
         writer.done = True
         _write_evlrs(stream, frame, writer.header)

@@ -31,7 +31,7 @@ SIZES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}  # of the header, by minor vers
 EXTRA_BYTES = ("LASF_Spec", 4)
 DESCRIPTOR = 192  # bytes that describe one dimension of extra bytes
 _FAR = 1e290  # beyond that, coordinates are no numbers any more
-_SPARE = "_spare"  # bytes of a point that nothing describes
+SPARE = "_spare"  # bytes of a point that nothing describes
 _LASZIP, _COPC = ("laszip encoded", 22204), ("copc", 1)
 _COMPRESSION = (_LASZIP, _COPC, ("copc", 1000))
 
@@ -90,7 +90,7 @@ class Frame:
     def extras(self) -> tuple[DimensionInfo, ...]:
         """Described extra bytes, in the order of the file."""
         found = self.header.point_format.extra_dimensions
-        return tuple(dimension for dimension in found if dimension.name != _SPARE)
+        return tuple(dimension for dimension in found if dimension.name != SPARE)
 
     @property
     def spare(self) -> int:
@@ -128,7 +128,7 @@ def fields(number: int) -> dict[str, np.dtype[Any]]:
 def point_format(number: int, extras: list[ExtraBytesParams], spare: int) -> PointFormat:
     """A point format with extra bytes, and further ones that nothing describes."""
     found = PointFormat(number)
-    params = [*extras, ExtraBytesParams(_SPARE, f"{spare}u1")] if spare else extras
+    params = [*extras, ExtraBytesParams(SPARE, f"{spare}u1")] if spare else extras
     for param in params:
         found.add_extra_dimension(param)
     return found
@@ -298,7 +298,7 @@ def _described(
         made = ExtraBytesVlr()
         made.parse_record_data(data)
         extras = made.type_of_extra_dims()
-        names = [*plain.dimension_names, *(plain.dtype().names or ()), "x", "y", "z", _SPARE, ""]
+        names = [*plain.dimension_names, *(plain.dtype().names or ()), "x", "y", "z", SPARE, ""]
         for extra in extras:
             if extra.name in names:
                 raise ValueError(f"the name {extra.name!r} is empty or taken")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from typing import Any
@@ -32,6 +32,9 @@ from toolbox.errors import DataError
 
 Array = NDArray[Any]
 
+Box = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Lowest and highest coordinates, each of shape (3,)."""
+
 STANDARD = frozenset(name for number in range(11) for name in standard_names(number))
 """Attributes that some LAS point format has."""
 
@@ -46,6 +49,13 @@ def coordinates(header: LasHeader, record: Array) -> NDArray[np.float64]:
         np.multiply(record[name], header.scales[axis], out=xyz[:, axis])
     xyz += header.offsets
     return xyz
+
+
+def box_of(header: LasHeader, record: Array) -> Box:
+    """Lowest and highest coordinates of at least one point."""
+    limits = np.array([[record[axis].min(), record[axis].max()] for axis in "XYZ"], float)
+    low, high = np.sort(limits.T * header.scales + header.offsets, axis=0)
+    return low, high
 
 
 def attribute(layout: PointFormat, record: Array, name: str) -> Array:
@@ -179,11 +189,11 @@ def revised(
     upgraded = before < 6 <= frame.header.point_format.id
     unread = crs is None and any(map(is_crs_record, frame.records))  # kept as it is
     if not same_crs(crs, frame.crs) or (upgraded and not unread):
-        frame = _with_crs(frame, crs)
+        frame = with_crs(frame, crs)
     return frame, record
 
 
-def _with_crs(frame: Frame, crs: CRS | None) -> Frame:
+def with_crs(frame: Frame, crs: CRS | None) -> Frame:
     encoding, number = frame.header.global_encoding, frame.header.point_format.id
     records, encoding.wkt = crs_records(crs, number, wkt=encoding.wkt)
     if encoding.wkt:
@@ -204,9 +214,9 @@ def _with_columns(
         columns.setdefault("scan_angle", _steps(columns.pop("scan_angle_rank")))
     extras = _extras(frame, number, columns, descriptions)
     new = point_format(number, extras, frame.spare)
-    points = _converted(record, old, new, columns)
+    points = converted(record, old, new, columns)
     for name, values in columns.items():
-        _put(points, name, values)
+        put(points, name, values)
     if number != old.id:
         header.version = oldest_version(header.version.minor, number)
         frame = replace(frame, minor=header.version.minor)
@@ -214,7 +224,7 @@ def _with_columns(
         log.info(text, header.version, number, old.id)
     before, header.point_format = frame.extras, new
     if frame.extras != before or any(dimension.name in columns for dimension in before):
-        frame = _with_description(frame, columns)
+        frame = with_description(frame, columns)
     return frame, points.array
 
 
@@ -228,6 +238,16 @@ def _number(frame: Frame, columns: Mapping[str, Array]) -> int:
         for name in ("classification", "return_number", "number_of_returns")
         if name in columns
     )
+    return number_with(needed, present, small=small)
+
+
+def number_with(needed: set[str], present: int, *, small: bool = True) -> int:
+    """The first point format with some standard attributes, beginning with the present one.
+
+    Parameters
+    ----------
+    small : whether classes and returns fit in the few bits of point formats 0-5
+    """
     for number in (present, *range(0 if present < 6 else 6, 11)):
         lacking = needed - set(standard_names(number))
         if number >= 6:  # scan_angle says it there
@@ -248,7 +268,7 @@ def _extras(
             continue
         if name in columns:
             text = descriptions.get(name, old[name].description if name in old else "")
-            extras.append(_extra(name, columns[name], text))
+            extras.append(extra_bytes(name, columns[name], text))
         else:
             kept = old[name]
             extras.append(
@@ -257,7 +277,7 @@ def _extras(
     return extras
 
 
-def _extra(name: str, values: Array, description: str) -> ExtraBytesParams:
+def extra_bytes(name: str, values: Array, description: str) -> ExtraBytesParams:
     base = np.dtype("u1") if values.dtype.kind == "b" else values.dtype.newbyteorder("=")
     dtype = np.dtype((base, values.shape[1:])) if values.ndim > 1 else base
     if not 0 < len(name.encode()) <= 32:
@@ -271,20 +291,20 @@ def _extra(name: str, values: Array, description: str) -> ExtraBytesParams:
     return ExtraBytesParams(name, dtype, text)
 
 
-def _converted(
-    record: Array, old: PointFormat, new: PointFormat, changed: Mapping[str, Array]
+def converted(
+    record: Array, old: PointFormat, new: PointFormat, changed: Iterable[str]
 ) -> PackedPointRecord:
     """The records in another format; what will be changed need not be there."""
     if old.id == new.id and old.dtype() == new.dtype():
         return PackedPointRecord(record.copy(), new)
     points = PackedPointRecord.zeros(len(record), new)
-    for name in set(old.dimension_names) & set(new.dimension_names) - changed.keys():
+    for name in set(old.dimension_names) & set(new.dimension_names) - set(changed):
         if {name} <= set(record.dtype.names or ()) & set(points.array.dtype.names or ()):
             points.array[name] = record[name]
         else:
             points[name] = attribute(old, record, name)
     if old.id < 6 <= new.id:
-        _put(points, "scan_angle", _steps(record["scan_angle_rank"]))
+        put(points, "scan_angle", _steps(record["scan_angle_rank"]))
     return points
 
 
@@ -293,7 +313,7 @@ def _steps(degrees: Array) -> NDArray[np.float64]:
     return np.asarray(np.rint(degrees / SCAN_ANGLE), np.float64)
 
 
-def _put(points: PackedPointRecord, name: str, values: Array) -> None:
+def put(points: PackedPointRecord, name: str, values: Array) -> None:
     """Write an attribute into the records, or say why its values do not fit."""
     dimension = points.point_format.dimension_by_name(name)
     if not dimension.is_standard:  # of the type of the values
@@ -312,15 +332,17 @@ def _put(points: PackedPointRecord, name: str, values: Array) -> None:
     points[name] = values.astype(dtype)
 
 
-def _with_description(frame: Frame, columns: Mapping[str, Array]) -> Frame:
-    """Describe the extra bytes; what is not changed in the words of the file."""
-    old = b"".join(record.data for record in frame.vlrs if record.key == EXTRA_BYTES)
-    pieces = [old[place : place + DESCRIPTOR] for place in range(0, len(old), DESCRIPTOR)]
-    known = {piece[4:36].split(b"\0")[0]: piece for piece in pieces}
+def with_description(frame: Frame, changed: Collection[str], others: Sequence[Frame] = ()) -> Frame:
+    """Describe the extra bytes; what is not changed in the words of the file, or of the others."""
+    known: dict[bytes, bytes] = {}
+    for source in (*reversed(others), frame):
+        old = b"".join(record.data for record in source.vlrs if record.key == EXTRA_BYTES)
+        pieces = [old[place : place + DESCRIPTOR] for place in range(0, len(old), DESCRIPTOR)]
+        known |= {piece[4:36].split(b"\0")[0]: piece for piece in pieces}
     data = b""
     for dimension in frame.extras:
-        changed = dimension.name in columns
-        data += _descriptor(dimension) if changed else known[dimension.name.encode()]
+        new = dimension.name in changed
+        data += _descriptor(dimension) if new else known[dimension.name.encode()]
     if data == old:
         return frame
     frame = frame.without(lambda record: record.key == EXTRA_BYTES)

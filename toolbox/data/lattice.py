@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -93,6 +93,52 @@ class Lattice:
     def of(cls, raster: Raster) -> Lattice:
         """The lattice of an existing raster, to use it as a template."""
         return cls(raster.transform.c, raster.transform.f, raster.cell, *raster.shape)
+
+    def window(self, rows: slice, cols: slice) -> Lattice:
+        """The cells of some rows and columns."""
+        (col, east), (top, north) = _place(self.west, self.cell), _place(self.north, self.cell)
+        first_row, last_row, _ = rows.indices(self.rows)
+        first_col, last_col, _ = cols.indices(self.cols)
+        return Lattice(
+            _multiple(col + first_col, self.cell) + east * self.cell,
+            _multiple(top - first_row, self.cell) + north * self.cell,
+            self.cell,
+            last_row - first_row,
+            last_col - first_col,
+        )
+
+    @classmethod
+    def union(cls, lattices: Iterable[Lattice]) -> Lattice:
+        """The smallest lattice with all cells of lattices that are parts of one.
+
+        Raises
+        ------
+        DataError
+            Their cells do not fit each other.
+        """
+        parts = list(lattices)
+        first = parts[0]
+        west, north = min(p.west for p in parts), max(p.north for p in parts)
+        rows = max(round((north - p.north) / first.cell) + p.rows for p in parts)
+        cols = max(round((p.west - west) / first.cell) + p.cols for p in parts)
+        whole = cls(west, north, first.cell, rows, cols)
+        for part in parts:
+            whole.place(part)
+        return whole
+
+    def place(self, part: Lattice) -> tuple[int, int]:
+        """Row and column where a part of this lattice begins.
+
+        Raises
+        ------
+        DataError
+            Its cells are of another size, or lie between those of this lattice.
+        """
+        row, col = (self.north - part.north) / self.cell, (part.west - self.west) / self.cell
+        off = max(abs(row - round(row)), abs(col - round(col)))
+        if part.cell != self.cell or off > 1e-3:
+            raise DataError(f"cells of {part.cell:g} do not fit those of {self.cell:g} beside them")
+        return round(row), round(col)
 
     @property
     def shape(self) -> tuple[int, int]:

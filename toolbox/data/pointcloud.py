@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -12,15 +12,13 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import las_points
-from toolbox.data.crs import describe_crs, metres_per_unit
-from toolbox.data.las import read_las, write_las
+from toolbox.data.crs import crs_conflicts, describe_crs, metres_per_unit
+from toolbox.data.las import las_sink, read_las, write_las
 from toolbox.data.las_header import Frame
+from toolbox.data.las_joint import fitted, housed, joint_frame
+from toolbox.data.places import LAS, TEXT, Places, files_of, name_of, suffix_of
+from toolbox.data.record import own_side_car, with_record, write_beside
 from toolbox.errors import DataError, nearest
-
-_LAS = (".las", ".laz")
-_TEXT = (".xyz", ".txt", ".csv", ".pts", ".asc")
-_READABLE = (*_LAS, *_TEXT, *(f"{suffix}.gz" for suffix in _TEXT), ".ply", ".ply.gz")
-_READABLE += (".pcd", ".e57")
 
 
 class PointCloud:
@@ -64,6 +62,7 @@ class PointCloud:
         self._frame: Frame | None = None
         self._record: NDArray[Any] | None = None
         self._moved = False  # whether the coordinates differ from those of the record
+        self._origin: NDArray[np.int64] | None = None  # see `origin`
         self._columns = _columns(attributes or {}, self._size)
         self._descriptions = dict(descriptions or {})
         self.crs, self.name = crs, name
@@ -71,23 +70,30 @@ class PointCloud:
     @classmethod
     def open(
         cls,
-        path: str | Path,
+        path: Places,
         *,
         columns: Sequence[str] | None = None,
         separator: str | None = None,
         bounds: Sequence[float] | None = None,
+        part: tuple[int, int] | None = None,
+        assume_crs: CRS | None = None,
         ctx: Context = QUIET,
     ) -> PointCloud:
-        """Read a file; its suffix says which format it has.
+        """Read a file, whose suffix says which format it has, or join all files of a survey.
 
         Parameters
         ----------
         path : of a .las, .laz, .ply, .pcd, .e57 or a text file (.xyz .txt .csv .pts .asc); text
-            and PLY also compressed, with .gz behind
+            and PLY also compressed, with .gz behind. Or a folder of such files, a pattern such as
+            ``tiles/*.laz``, a virtual point cloud (.vpc), or a list of these, whose points come
+            in the order of the sorted paths; see :class:`toolbox.data.Survey`
         columns : names of the columns of a text file, with x, y and z among them
         separator : between the columns of a text file; found out unless given
         bounds : (xmin, ymin, xmax, ymax), in the CRS of the file: only points within, or on the
-            edge; of a COPC file no more than needed is read
+            edge; of a COPC file no more than needed is read, and of a survey only the files whose
+            bounding boxes touch it
+        part : only the points from the first of these places in the file to before the second
+        assume_crs : of files that state none
         ctx : told of progress, and asked whether to stop
 
         Raises
@@ -95,17 +101,25 @@ class PointCloud:
         DataError
             The file is missing, damaged or of an unknown format, or the options do not suit it.
         """
-        path = Path(path)
-        suffix = _suffix(path)
-        _check_file(path, suffix)
-        if suffix not in _TEXT and (columns or separator):
-            raise DataError(f"{path}: columns and separator are for text files, not for {suffix}")
         if bounds is not None and not _is_box(bounds):
-            raise DataError(f"{path}: bounds must be xmin ymin xmax ymax, got {list(bounds)}")
+            raise DataError(
+                f"{name_of(path)}: bounds must be xmin ymin xmax ymax, got {list(bounds)}"
+            )
+        files = files_of(path)
+        if len(files) > 1:
+            from toolbox.data.survey import Survey
+
+            how: dict[str, Any] = {"columns": columns, "separator": separator}
+            survey = Survey.open(path, assume_crs=assume_crs, ctx=ctx.part(0, 0.05), **how)
+            return survey.read(bounds=bounds, ctx=ctx.part(0.05, 1))
+        file, suffix = files[0], suffix_of(files[0])
+        if suffix not in TEXT and (columns or separator):
+            raise DataError(f"{file}: columns and separator are for text files, not for {suffix}")
         try:
-            cloud = cls._read(path, suffix, columns, separator, bounds, ctx)
+            cloud = cls._read(file, suffix, columns, separator, bounds, part, ctx)
         except OSError as error:
-            raise DataError(f"{path} cannot be read: {error.strerror or error}") from error
+            raise DataError(f"{file} cannot be read: {error.strerror or error}") from error
+        cloud.crs = assume_crs if cloud.crs is None else cloud.crs
         return cloud if bounds is None else cloud._within(bounds)
 
     @classmethod
@@ -116,12 +130,13 @@ class PointCloud:
         columns: Sequence[str] | None,
         separator: str | None,
         bounds: Sequence[float] | None,
+        part: tuple[int, int] | None,
         ctx: Context,
     ) -> PointCloud:
-        if suffix in _LAS:
-            return cls._of_las(*read_las(path, bounds=bounds, ctx=ctx), path.name)
+        if suffix in LAS:
+            return cls._of_las(*read_las(path, bounds=bounds, part=part, ctx=ctx), path.name)
         crs = None
-        if suffix in _TEXT:
+        if suffix in TEXT:
             from toolbox.data.text import read_text
 
             xyz, attributes = read_text(path, columns=columns, separator=separator, ctx=ctx)
@@ -137,7 +152,136 @@ class PointCloud:
             from toolbox.data.e57 import read_e57
 
             xyz, attributes, crs = read_e57(path, ctx=ctx)
-        return cls(xyz, attributes, crs=crs, name=path.name)
+        cloud = cls(xyz, attributes, crs=crs, name=path.name)
+        return cloud.select(np.arange(*part)) if part else cloud
+
+    @classmethod
+    def concat(cls, clouds: Iterable[PointCloud]) -> PointCloud:
+        """Join clouds to one, in their order.
+
+        Clouds from LAS files of the same layout (point format, extra bytes, scale, offset) are
+        joined bit for bit. Otherwise the point format is one that has the attributes of all, the
+        scale is the finest, and the header and its records are those of the first. What a file
+        lacks, extra bytes too, is 0 in its points, as LAS has it for what is not known; a warning
+        names the file and the attributes. Clouds that did not come from LAS must have the same
+        attributes.
+
+        Parameters
+        ----------
+        clouds : at least one, all in the same CRS
+
+        Raises
+        ------
+        DataError
+            The CRS or the attributes of two clouds differ, or no LAS layout suits all of them.
+        """
+        parts = list(clouds)
+        if not parts:
+            raise DataError("there are no clouds to join")
+        if len(parts) == 1:
+            return parts[0]
+        empty = cls.template([part.select([]) for part in parts], lambda: _boxes(parts))
+        return empty.filled((part.like(empty) for part in parts), sum(map(len, parts)))
+
+    @classmethod
+    def template(
+        cls, clouds: Sequence[PointCloud], boxes: Callable[[], Sequence[las_points.Box]]
+    ) -> PointCloud:
+        """The cloud without points to which all others can be made alike, to be joined.
+
+        Parameters
+        ----------
+        clouds : all that will be joined, with or without their points
+        boxes : lowest and highest coordinates of those that have points
+
+        Raises
+        ------
+        DataError
+            As for :meth:`concat`.
+        """
+        if problems := crs_conflicts([(cloud.name, cloud.crs) for cloud in clouds]):
+            raise DataError("\n    ".join(problems))
+        first = clouds[0].select([])
+        names = [cloud.name for cloud in clouds]
+        frames = [cloud._frame for cloud in clouds if cloud._frame is not None]
+        if len(frames) == len(clouds):
+            columns = dict.fromkeys(name for cloud in clouds for name in cloud._columns)
+            first._frame = joint_frame(frames, names, boxes, columns)
+            first._record = _frozen(np.empty(0, first._frame.header.point_format.dtype()))
+        else:
+            first._frame = first._record = None
+            columns = dict.fromkeys(name for cloud in clouds for name in cloud.names)
+            _check_same_attributes(clouds, columns)
+        first._columns = {name: _common_column(clouds, name) for name in columns}
+        first._descriptions = {
+            name: text for cloud in reversed(clouds) for name, text in cloud._descriptions.items()
+        }
+        first._moved = any(cloud._moved for cloud in clouds)
+        first._xyz = _frozen(np.empty((0, 3)))
+        first.name = _joint_name(names)
+        return first
+
+    def like(self, template: PointCloud) -> PointCloud:
+        """The same points with the records, attributes and CRS of a template.
+
+        Raises
+        ------
+        DataError
+            The points cannot be written in these records.
+        """
+        if template._frame is not None and self._frame is None:
+            raise DataError(f"{self.name} has no LAS records to join with those of others")
+        cloud = self._copy()
+        cloud.__dict__.update(
+            _frame=template._frame, _descriptions=template._descriptions, crs=template.crs
+        )
+        cloud._columns = {
+            name: self._column_like(name, values) for name, values in template._columns.items()
+        }
+        keeps = template._moved or template._frame is None
+        cloud._xyz, cloud._moved = self.xyz if keeps else None, template._moved
+        if self._frame is None or self._record is None or template._frame is None:
+            cloud._record = None
+            return cloud
+        try:
+            cloud._record = _frozen(fitted(self._frame, self._record, template._frame))
+        except DataError as error:
+            raise DataError(f"{self.name} {error}") from error
+        return cloud
+
+    def _column_like(self, name: str, values: NDArray[Any]) -> NDArray[Any]:
+        """An attribute in the type of the given column; 0 where there is none."""
+        if name in self:
+            return _frozen(self[name].astype(values.dtype, copy=False))
+        return _frozen(np.zeros((len(self), *values.shape[1:]), values.dtype))
+
+    def filled(self, parts: Iterable[PointCloud], size: int) -> PointCloud:
+        """A template with the points of clouds that are like it.
+
+        Parameters
+        ----------
+        parts : made one after the other, so that they need not be in memory at the same time
+        size : number of all their points
+        """
+        whole = self._copy()
+        columns = {n: np.empty((size, *v.shape[1:]), v.dtype) for n, v in self._columns.items()}
+        record = None if self._record is None else np.empty(size, self._record.dtype)
+        xyz = np.empty((size, 3)) if self._moved or record is None else None
+        start = 0
+        for part in parts:
+            place = slice(start, start := start + len(part))
+            for name, column in columns.items():
+                column[place] = part._columns[name]
+            if record is not None and part._record is not None:
+                _bytes(record)[place] = _bytes(part._record)
+            if xyz is not None:
+                xyz[place] = part.xyz
+        if start != size:
+            raise DataError(f"{self.name} holds {start} points, and {size} were expected")
+        whole._size, whole._columns = size, {n: _frozen(v) for n, v in columns.items()}
+        whole._record = None if record is None else _frozen(record)
+        whole._xyz = None if xyz is None else _frozen(xyz)
+        return whole
 
     @classmethod
     def _of_las(cls, frame: Frame, record: NDArray[Any], name: str) -> PointCloud:
@@ -146,6 +290,11 @@ class PointCloud:
         cloud._frame, cloud._record, cloud._size = frame, record, len(record)
         cloud._xyz = None
         return cloud
+
+    @classmethod
+    def of_frame(cls, frame: Frame, name: str) -> PointCloud:
+        """A cloud without points, as in a LAS file of which only the header is read."""
+        return cls._of_las(frame, np.empty(0, frame.header.point_format.dtype()), name)
 
     def __len__(self) -> int:
         return self._size
@@ -224,6 +373,7 @@ class PointCloud:
         keeps = self._moved or self._record is None
         cloud._xyz = _frozen(self.xyz[index]) if keeps else None
         cloud._columns = {name: _frozen(values[index]) for name, values in self._columns.items()}
+        cloud._origin = None if self._origin is None else _frozen(self._origin[index])
         return cloud
 
     def _within(self, bounds: Sequence[float]) -> PointCloud:
@@ -258,6 +408,45 @@ class PointCloud:
         cloud._xyz, cloud._moved = moved, True
         return cloud
 
+    @property
+    def origin(self) -> NDArray[np.int64] | None:
+        """Which point of a survey each of the n points is, if the cloud is a tile of one.
+
+        The number counts through all files. A point that is there only as a neighbour of the
+        tile has the number -1 - origin. What is selected from the tile keeps its origin.
+        """
+        return self._origin
+
+    @property
+    def core(self) -> NDArray[np.bool_]:
+        """True for the points, of shape (n,), that count; not for the neighbours of a tile."""
+        return np.ones(len(self), bool) if self._origin is None else self._origin >= 0
+
+    def with_origin(self, origin: NDArray[np.int64] | None) -> PointCloud:
+        """The same points as a tile of a survey, see `origin`."""
+        cloud = self._copy()
+        cloud._origin = None if origin is None else _frozen(origin)
+        return cloud
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """All that tells the points apart: arrays of n rows, for :meth:`with_arrays`."""
+        found = {f"column {name}": values for name, values in self._columns.items()}
+        if self._record is not None:
+            found["record"] = self._record
+        if self._moved or self._record is None:
+            found["xyz"] = self.xyz
+        return found
+
+    def with_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> PointCloud:
+        """A cloud like this, mostly one without points, with the points of :meth:`arrays`."""
+        cloud = self._copy()
+        cloud._size = len(next(iter(arrays.values())))
+        cloud._record = arrays.get("record")
+        cloud._xyz = arrays.get("xyz")
+        cloud._columns = {name: arrays[f"column {name}"] for name in self._columns}
+        cloud._origin = None
+        return cloud
+
     def with_crs(self, crs: CRS | None) -> PointCloud:
         """The same coordinates, said to be in another CRS."""
         cloud = self._copy()
@@ -269,17 +458,23 @@ class PointCloud:
         cloud.__dict__.update(self.__dict__)
         return cloud
 
-    def save(self, path: str | Path, *, ctx: Context = QUIET) -> None:
+    @classmethod
+    def parts(cls, path: str | Path) -> tuple[Path, ...]:
+        """The file itself, and a record that an earlier run has put beside it."""
+        return Path(path), *own_side_car(path)
+
+    def save(self, path: str | Path, *, record: str = "", ctx: Context = QUIET) -> None:
         """Write a file; its suffix says in which format.
 
         A LAS file keeps header, records and all that was not changed. It is written in a newer
         point format where the attributes need it (classes above 31, NIR, ...), and attributes
         that LAS does not know become extra bytes; both are logged. COPC becomes LAZ, since its
-        order of points is lost.
+        order of points is lost. A record that the points were read with is not kept.
 
         Parameters
         ----------
         path : ends in one of SUFFIXES
+        record : how the file was made, as JSON text (see `toolbox.provenance`)
         ctx : told of progress, and asked whether to stop
 
         Raises
@@ -288,15 +483,16 @@ class PointCloud:
             The format cannot hold a value, or the file cannot be written.
         """
         path = Path(path)
-        suffix = _suffix(path)
+        suffix = suffix_of(path)
         if not path.name.lower().endswith(self.SUFFIXES):
             raise DataError(f"{path}: points are written as {', '.join(self.SUFFIXES)}")
-        if suffix not in _LAS and self.crs is not None:
+        if suffix not in LAS and self.crs is not None:
             log.info("%s: the format holds no CRS (%s)", path.name, describe_crs(self.crs))
         try:
-            if suffix in _LAS:
-                self._save_las(path, compress=suffix == ".laz", ctx=ctx)
-            elif suffix == ".ply":
+            if suffix in LAS:
+                self._save_las(path, record, compress=suffix == ".laz", ctx=ctx)
+                return
+            if suffix == ".ply":
                 from toolbox.data.ply import write_ply
 
                 write_ply(path, self)
@@ -304,26 +500,83 @@ class PointCloud:
                 from toolbox.data.text import write_text
 
                 write_text(path, self, ctx=ctx)
+            write_beside(path, record)
         except OSError as error:
             raise DataError(f"{path} cannot be written: {error.strerror or error}") from error
 
-    def _save_las(self, path: Path, *, compress: bool, ctx: Context) -> None:
-        frame, record, xyz = self._frame, self._record, self.xyz if self._moved else None
-        if frame is None or record is None:
-            xyz = self.xyz
-            frame, record = las_points.new_frame(xyz, self._columns)
+    def _save_las(self, path: Path, record: str, *, compress: bool, ctx: Context) -> None:
         try:
-            frame, record = las_points.revised(
-                frame,
-                record,
-                xyz=xyz,
-                columns=self._columns,
-                descriptions=self._descriptions,
-                crs=self.crs,
-            )
+            frame, points = self.as_las()
+            frame = with_record(frame, record)
         except DataError as error:
             raise DataError(f"{path} cannot be written: {error}") from error
-        write_las(path, frame, record, compress=compress, ctx=ctx)
+        write_las(path, frame, points, compress=compress, ctx=ctx)
+
+    def as_las(self) -> tuple[Frame, NDArray[Any]]:
+        """What a LAS file of the points holds: its frame, and its records of shape (n,).
+
+        Raises
+        ------
+        DataError
+            LAS cannot hold a value.
+        """
+        frame, points, xyz = self._frame, self._record, self.xyz if self._moved else None
+        if frame is None or points is None:
+            xyz = self.xyz
+            frame, points = las_points.new_frame(xyz, self._columns)
+        return las_points.revised(
+            frame,
+            points,
+            xyz=xyz,
+            columns=self._columns,
+            descriptions=self._descriptions,
+            crs=self.crs,
+        )
+
+    def save_parts(
+        self,
+        path: Path,
+        parts: Iterable[PointCloud],
+        size: int,
+        *,
+        record: str = "",
+        ctx: Context = QUIET,
+    ) -> None:
+        """Write a LAS file that need not be in memory as a whole.
+
+        Parameters
+        ----------
+        path : ends in .las or .laz
+        parts : clouds like this one, a template of clouds that are as read from LAS
+        size : number of all their points
+        record, ctx : as for :meth:`save`
+
+        Raises
+        ------
+        DataError
+            The file cannot be written.
+        """
+        frame, _ = self.as_las()
+        done = 0
+        with las_sink(
+            path, with_record(frame, record), compress=suffix_of(path) == ".laz"
+        ) as write:
+            for part in parts:
+                ctx.progress(done / max(size, 1))
+                write(part.as_las()[1])
+                done += len(part)
+
+    def housed(self, owner: PointCloud) -> PointCloud:
+        """A template with header and records of the file that is the owner, but its own layout."""
+        cloud = self._copy()
+        if self._frame is not None and owner._frame is not None:
+            cloud._frame = housed(self._frame, owner._frame)
+        return cloud
+
+    def read_back(self) -> PointCloud:
+        """The cloud as it would be read from a LAS file that it was saved to."""
+        cloud = self._of_las(*self.as_las(), self.name)
+        return cloud.with_origin(self._origin)
 
     @property
     def decimals(self) -> tuple[int | None, int | None, int | None]:
@@ -374,27 +627,53 @@ def _indices(which: NDArray[Any], size: int) -> NDArray[np.intp]:
     return np.flatnonzero(which)
 
 
+def _bytes(record: NDArray[Any]) -> NDArray[np.uint8]:
+    """Records as rows of bytes, which numpy copies faster than their many fields."""
+    return record.view(np.uint8).reshape(len(record), record.itemsize)
+
+
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:
     array.flags.writeable = False
     return array
-
-
-def _suffix(path: Path) -> str:
-    """The suffix in lower case, the one before it of a compressed text file."""
-    name = path.name.lower()
-    return Path(name.removesuffix(".gz")).suffix
 
 
 def _is_box(bounds: Sequence[float]) -> bool:
     return len(bounds) == 4 and bool(bounds[0] <= bounds[2] and bounds[1] <= bounds[3])
 
 
-def _check_file(path: Path, suffix: str) -> None:
-    if path.is_dir():
-        raise DataError(f"{path} is a folder, not a file of points")
-    if not path.exists():
-        raise DataError(f"{path}: no such file")
-    if not path.name.lower().endswith(_READABLE):
-        raise DataError(f"{path}: points are read from {', '.join(_READABLE)}, not {suffix!r}")
-    if path.stat().st_size == 0:
-        raise DataError(f"{path} is empty (0 bytes)")
+def _boxes(clouds: Sequence[PointCloud]) -> list[las_points.Box]:
+    """Lowest and highest coordinates of the clouds that have points, as their records say."""
+    return [
+        las_points.box_of(cloud._frame.header, cloud._record)
+        for cloud in clouds
+        if cloud._frame is not None and cloud._record is not None and len(cloud)
+    ]
+
+
+def _check_same_attributes(clouds: Sequence[PointCloud], names: Iterable[str]) -> None:
+    """Refuse to join clouds without a LAS layout that have not the same attributes."""
+    problems = []
+    for cloud in clouds:
+        if lacking := [name for name in names if name not in cloud]:
+            having = next(other for other in clouds if lacking[0] in other)
+            listed = ", ".join(lacking)
+            problems.append(f"{cloud.name} has no attribute {listed}, which {having.name} has")
+    if problems:
+        raise DataError("\n    ".join(problems))
+
+
+def _common_column(clouds: Sequence[PointCloud], name: str) -> NDArray[Any]:
+    """An attribute of no points in a type that holds that of all clouds."""
+    having = [cloud.select([])[name] for cloud in clouds if name in cloud]
+    if len({values.shape for values in having}) > 1:
+        raise DataError(f"attribute {name!r} has not the same number of elements in all files")
+    if lacking := [cloud.name for cloud in clouds if name not in cloud]:
+        log.warning("%s: has no %s; it is 0 there", ", ".join(lacking), name)
+    return _frozen(np.empty(having[0].shape, np.result_type(*having)))
+
+
+def _joint_name(names: Sequence[str]) -> str:
+    """The name of all parts, or of the first and how many more there are."""
+    distinct = dict.fromkeys(names)
+    more = f" and {len(distinct) - 1} more" if len(distinct) > 1 else ""
+    return f"{names[0]}{more}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,8 +18,11 @@ from pyproj import CRS
 from toolbox.context import QUIET, Context
 from toolbox.data.crs import LOCAL, metres_per_unit, same_crs
 from toolbox.data.lattice import Lattice
+from toolbox.data.record import ITEM, checked
 from toolbox.errors import DataError
 
+STRIP = 256  # rows that are written at a time; one row of tiles of the file
+_COMPRESSED = {"compress": "deflate", "bigtiff": "if_safer"}
 _NODATA = -9999.0  # of float rasters, unless the file or the caller has its own
 _SIDE_CARS = (".aux.xml", ".ovr", ".msk", ".msk.ovr")  # what GDAL reads with a GeoTIFF
 _DTYPES = frozenset(
@@ -153,6 +156,7 @@ class Raster:
         *,
         cog: bool = False,
         dtype: DTypeLike | None = None,
+        record: str = "",
         ctx: Context = QUIET,
     ) -> None:
         """Write a GeoTIFF: tiled, deflated, the same bytes for the same raster.
@@ -165,6 +169,7 @@ class Raster:
         path : ends in .tif or .tiff
         cog : write a Cloud Optimized GeoTIFF, with overviews
         dtype : of the file, if not that of the values; float32 rounds float64
+        record : how the file was made, as JSON text (see `toolbox.provenance`)
         ctx : where to report progress
 
         Raises
@@ -173,33 +178,84 @@ class Raster:
             The suffix is another, a value does not fit the type or equals the nodata value, or
             the file cannot be written.
         """
-        import rasterio
-        from rasterio.errors import RasterioError
+        lattice = Lattice.of(self)
+        starts = range(0, lattice.rows, STRIP)
+        strips = (self.values[:, start : start + STRIP] for start in starts)
+        self.save_strips(path, lattice, strips, cog=cog, dtype=dtype, record=record, ctx=ctx)
 
-        if Path(path).suffix.lower() not in self.SUFFIXES:
+    def save_strips(
+        self,
+        path: str | Path,
+        lattice: Lattice,
+        strips: Iterable[NDArray[Any]],
+        *,
+        cog: bool = False,
+        dtype: DTypeLike | None = None,
+        record: str = "",
+        ctx: Context = QUIET,
+    ) -> None:
+        """Write a raster like this one that need not be in memory as a whole.
+
+        Parameters
+        ----------
+        lattice : its cells
+        strips : values of shape (bands, STRIP, cols) from north to south, the last may be shorter
+        path, cog, dtype, record, ctx : as for :meth:`save`, which makes the same file
+
+        Raises
+        ------
+        DataError
+            As for :meth:`save`.
+        """
+        import rasterio
+        import rasterio.shutil
+        from rasterio.errors import RasterioError
+        from rasterio.windows import Window
+
+        path, wanted = Path(path), np.dtype(dtype or self.values.dtype)
+        if path.suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: rasters are written as {' or '.join(self.SUFFIXES)}")
-        values, nodata = self._stored(path, np.dtype(dtype or self.values.dtype))
+        one = replace(self, values=self.values[:, :1, :1])  # what is written where nothing is known
         profile = {
-            "count": len(values),
-            "height": self.shape[0],
-            "width": self.shape[1],
-            "dtype": values.dtype.name,
+            "count": len(self.values),
+            "height": lattice.rows,
+            "width": lattice.cols,
+            "dtype": wanted.name,
             "crs": None if self.crs is None or same_crs(self.crs, LOCAL) else self.crs.to_wkt(),
-            "transform": self.transform,
-            "nodata": nodata,
+            "transform": lattice.transform,
+            "nodata": one._stored(path, wanted)[1],
         }
-        profile |= _layout(values.dtype, cog)
+        plain = path.with_name(f".plain.{path.name}") if cog else path
         try:
             for part in self.parts(path):  # or a CRS that is stale would be read back
                 part.unlink(missing_ok=True)
-            with _position_unchecked(), rasterio.open(path, "w", **profile) as sink:
-                sink.write(values)
+            with (
+                _position_unchecked(),
+                rasterio.open(plain, "w", **profile, **_layout(wanted)) as sink,
+            ):
+                for number, values in enumerate(strips):
+                    top = number * STRIP
+                    ctx.progress(top / lattice.rows)
+                    stored, _ = replace(self, values=values)._stored(path, wanted)
+                    sink.write(stored, window=Window(0, top, lattice.cols, values.shape[1]))
                 sink.units = self.units
+                if record:
+                    sink.update_tags(**{ITEM: checked(record)})
                 for band, text in enumerate(self.descriptions, start=1):
                     sink.set_band_description(band, text)
+            if cog:
+                rasterio.shutil.copy(plain, path, **_cog_layout(wanted))
         except (RasterioError, OSError) as error:
             raise DataError(f"{path} cannot be written: {error}") from error
+        finally:
+            if cog:
+                plain.unlink(missing_ok=True)
         ctx.progress(1.0)
+
+    def window(self, rows: slice, cols: slice) -> Raster:
+        """The cells of some rows and columns."""
+        lattice = Lattice.of(self).window(rows, cols)
+        return replace(self, values=self.values[:, rows, cols], transform=lattice.transform)
 
     def with_crs(self, crs: CRS | None) -> Raster:
         """The same cells, said to be in another CRS; nothing is transformed."""
@@ -321,15 +377,17 @@ def _fits(value: float, dtype: np.dtype[Any]) -> bool:
     return float(value).is_integer() and limits.min <= value <= limits.max
 
 
-def _layout(dtype: np.dtype[Any], cog: bool) -> dict[str, Any]:
+def _layout(dtype: np.dtype[Any]) -> dict[str, Any]:
     """GDAL's creation options: predictor 3 is made for floats, 2 for integers."""
-    common = {"compress": "deflate", "bigtiff": "if_safer"}
-    if cog:
-        resampling = "average" if dtype.kind == "f" else "nearest"
-        return common | {"driver": "COG", "predictor": "yes", "resampling": resampling}
     predictor = 3 if dtype.kind == "f" else 2
-    tiles = {"tiled": True, "blockxsize": 256, "blockysize": 256}
-    return common | tiles | {"driver": "GTiff", "predictor": predictor}
+    tiles = {"tiled": True, "blockxsize": STRIP, "blockysize": STRIP}
+    return _COMPRESSED | tiles | {"driver": "GTiff", "predictor": predictor}
+
+
+def _cog_layout(dtype: np.dtype[Any]) -> dict[str, Any]:
+    """A cloud-optimised GeoTIFF is always copied from another file."""
+    resampling = "average" if dtype.kind == "f" else "nearest"
+    return _COMPRESSED | {"driver": "COG", "predictor": "yes", "resampling": resampling}
 
 
 @contextmanager

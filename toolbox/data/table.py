@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from toolbox.context import QUIET, Context
+from toolbox.data.record import own_side_car, write_beside
 from toolbox.errors import DataError
 
 
@@ -34,8 +35,8 @@ class Table:
 
     @classmethod
     def parts(cls, path: str | Path) -> tuple[Path, ...]:
-        """The file itself: no other is written or read with it."""
-        return (Path(path),)
+        """The file itself, and a record that an earlier run has put beside it."""
+        return Path(path), *own_side_car(path)
 
     @property
     def frame(self) -> pd.DataFrame:
@@ -80,8 +81,14 @@ class Table:
         ctx.progress(1.0)
         return table
 
-    def save(self, path: str | Path, *, ctx: Context = QUIET) -> None:
+    def save(self, path: str | Path, *, record: str = "", ctx: Context = QUIET) -> None:
         """Write .csv, .json or .parquet; numbers are written so that they read back exactly.
+
+        Parameters
+        ----------
+        path : ends in one of SUFFIXES
+        record : how the file was made, as JSON text (see `toolbox.provenance`)
+        ctx : where to report progress
 
         Raises
         ------
@@ -95,6 +102,7 @@ class Table:
             raise DataError(f"{path}: tables are written as {', '.join(self.SUFFIXES)}")
         try:
             writers[path.suffix.lower()](self._frame, path)
+            write_beside(path, record)
         except (ValueError, TypeError, OSError) as error:
             raise DataError(f"{path} cannot be written: {error}") from error
         ctx.progress(1.0)

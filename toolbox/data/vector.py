@@ -19,6 +19,12 @@ from toolbox.data.crs import (
     same_crs,
     vertical_unit,
 )
+from toolbox.data.record import (
+    own_side_car,
+    side_car,
+    write_beside,
+    write_into_geopackage,
+)
 from toolbox.data.table import need_pyarrow
 from toolbox.errors import DataError
 
@@ -34,7 +40,8 @@ _DRIVERS = {
 }
 _SHAPEFILE = (".shx", ".dbf", ".prj", ".cpg", ".qpj", ".qix", ".sbn", ".sbx", ".idm", ".ind")
 _GEOPACKAGE = ("-wal", "-shm", "-journal")  # of the SQLite database that it is
-_WRITTEN = "2000-01-01"  # said by every file; with the day of the run, no two would be the same
+_DAY = "2000-01-01"  # said by every file; with the day of the run, no two would be the same
+_WRITTEN = f"{_DAY}T00:00:00.000Z"
 _WGS84 = CRS.from_epsg(4326)
 
 
@@ -80,10 +87,11 @@ class Vector:
         """The file itself, and all that would be written or read with it."""
         path = Path(path)
         if path.suffix.lower() == ".shp":
-            return path, *(path.with_suffix(ending) for ending in _SHAPEFILE)
+            endings = (path.with_suffix(ending) for ending in _SHAPEFILE)
+            return path, *endings, *own_side_car(path)
         if path.suffix.lower() == ".gpkg":
             return path, *(Path(f"{path}{ending}") for ending in _GEOPACKAGE)
-        return (path,)
+        return path, *own_side_car(path)
 
     @staticmethod
     def layers(path: str | Path) -> tuple[str, ...]:
@@ -127,7 +135,14 @@ class Vector:
         ctx.progress(1.0)
         return vector
 
-    def save(self, path: str | Path, *, layer: str | None = None, ctx: Context = QUIET) -> None:
+    def save(
+        self,
+        path: str | Path,
+        *,
+        layer: str | None = None,
+        record: str = "",
+        ctx: Context = QUIET,
+    ) -> None:
         """Write the layer; the suffix chooses the format.
 
         The same layer makes the same bytes. GeoPackage is written in version 1.3, which older QGIS
@@ -139,6 +154,7 @@ class Vector:
         ----------
         path : ends in .gpkg, .geojson, .fgb, .parquet, .shp or .kml
         layer : name of the layer in the file; the stem of the file name unless given
+        record : how the file was made, as JSON text (see `toolbox.provenance`)
         ctx : where to report progress
 
         Raises
@@ -167,6 +183,10 @@ class Vector:
             else:
                 _write(frame, path, layer or path.stem, self.geometry_type)
                 _check_crs(frame.crs, path)
+            if side_car(path):
+                write_beside(path, record)
+            elif record:
+                write_into_geopackage(path, record, _WRITTEN)
         ctx.progress(1.0)
 
     def with_crs(self, crs: CRS | None) -> Vector:
@@ -206,7 +226,7 @@ def _same_date() -> Iterator[None]:
 
     option = "OGR_CURRENT_DATE"
     before = pyogrio.get_gdal_config_option(option)
-    pyogrio.set_gdal_config_options({option: f"{_WRITTEN}T00:00:00.000Z"})
+    pyogrio.set_gdal_config_options({option: _WRITTEN})
     try:
         yield
     finally:
@@ -272,7 +292,7 @@ def _write(frame: geopandas.GeoDataFrame, path: Path, layer: str, geometry_type:
     suffix = path.suffix.lower()
     options: dict[str, Any] = {"dataset_options": {"VERSION": "1.3"}} if suffix == ".gpkg" else {}
     if suffix == ".shp":
-        options = {"encoding": "UTF-8", "layer_options": {"DBF_DATE_LAST_UPDATE": _WRITTEN}}
+        options = {"encoding": "UTF-8", "layer_options": {"DBF_DATE_LAST_UPDATE": _DAY}}
     if frame.empty:
         options["geometry_type"] = geometry_type
     with _same_date(), warnings.catch_warnings(record=True) as heard:

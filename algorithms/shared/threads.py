@@ -1,0 +1,37 @@
+"""Kernels that run side by side, in threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numba
+
+from toolbox.context import QUIET, Context
+
+
+def side_by_side(
+    kernel: Callable[..., None],
+    runs: Sequence[tuple[int, int]],
+    *arguments: Any,
+    ctx: Context = QUIET,
+) -> None:
+    """Call ``kernel(first, last, *arguments)`` for all runs, as many at a time as numba may.
+
+    Numba's own way, `parallel`, makes a kernel take several times as long to compile.
+
+    Parameters
+    ----------
+    kernel : compiled with `nogil`; runs must neither depend on each other nor write to the same
+        places, so that the answer is the same for any number of threads
+    runs : see :func:`algorithms.shared.lowest.blocks`
+    arguments : what else the kernel takes
+    ctx : progress and cancellation, after each run
+    """
+    pool = ThreadPoolExecutor(numba.get_num_threads())
+    try:
+        for done, _ in enumerate(pool.map(lambda run: kernel(*run, *arguments), runs)):
+            ctx.progress((done + 1) / len(runs))
+    finally:
+        pool.shutdown(cancel_futures=True)

@@ -1,0 +1,154 @@
+"""Lines and polygons that shape a surface: breaklines, exclusions, and where it ends."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from toolbox.context import QUIET, Context
+from toolbox.data import Lattice, Vector
+from toolbox.errors import DataError
+
+BLOCK = 200_000  # points or cells between two looks at whether the user cancelled
+
+Array = NDArray[np.float64]
+Shapes = NDArray[Any]  # of shapely geometries
+
+
+def polygons(layer: Vector, name: str) -> Shapes:
+    """The polygons of a layer, one by one.
+
+    Raises
+    ------
+    DataError
+        One is of another type, or crosses itself; names the parameter.
+    """
+    shapes = shapely.get_parts(_shapes(layer))
+    others = {shape.geom_type for shape in shapes} - {"Polygon"}
+    if others:
+        raise DataError(f"{name}: must be polygons, {layer.name} holds a {sorted(others)[0]}")
+    if not shapely.is_valid(shapes).all():
+        reason = shapely.is_valid_reason(shapes[~shapely.is_valid(shapes)][0])
+        raise DataError(f"{name}: a polygon of {layer.name} is not valid ({reason})")
+    return shapes
+
+
+def lines(layer: Vector, name: str) -> Shapes:
+    """The lines of a layer, and the outlines of its polygons.
+
+    Raises
+    ------
+    DataError
+        One has no heights, or is no line; names the parameter.
+    """
+    shapes = shapely.get_parts(_shapes(layer))
+    others = {shape.geom_type for shape in shapes} - {"Polygon", "LineString", "LinearRing"}
+    if others:
+        raise DataError(f"{name}: must be lines, {layer.name} holds a {sorted(others)[0]}")
+    if not shapely.has_z(shapes).all():
+        raise DataError(f"{name}: a line of {layer.name} has no heights (Z)")
+    return outlines(shapes)
+
+
+def _shapes(layer: Vector) -> Shapes:
+    """What there is."""
+    shapes = layer.frame.geometry.to_numpy()
+    there: Shapes = shapes[~(shapely.is_missing(shapes) | shapely.is_empty(shapes))]
+    return there
+
+
+def outlines(shapes: Shapes) -> Shapes:
+    """Polygons as the lines around them and around their holes."""
+    areas = np.array([shape.geom_type == "Polygon" for shape in shapes], bool)
+    rings: Shapes = shapely.get_parts(shapely.boundary(shapes[areas]))
+    return np.concatenate([shapes[~areas], rings])
+
+
+def with_heights(shapes: Shapes) -> NDArray[np.bool_]:
+    """Which shapes have heights (Z)."""
+    return np.asarray(shapely.has_z(shapes))
+
+
+def holds(shapes: Shapes, xy: Array, *, ctx: Context = QUIET) -> NDArray[np.bool_]:
+    """Which places of shape (n, 2) lie in the polygons or on their edge."""
+    area = shapely.union_all(shapes)
+    shapely.prepare(area)
+    inside = np.empty(len(xy), bool)
+    for first in range(0, len(xy), BLOCK):
+        some = slice(first, first + BLOCK)
+        inside[some] = shapely.intersects_xy(area, xy[some, 0], xy[some, 1])
+        ctx.progress(first / len(xy))
+    return inside
+
+
+def cells_in(shapes: Shapes, lattice: Lattice, *, ctx: Context = QUIET) -> NDArray[np.bool_]:
+    """Which cells, of shape (rows, cols), have their centre in the polygons or on their edge."""
+    area = shapely.union_all(shapes)
+    shapely.prepare(area)
+    inside = np.zeros(lattice.shape, bool)
+    if area.is_empty:
+        return inside
+    x, y = lattice.centres()
+    west, south, east, north = shapely.bounds(area)
+    cols = np.flatnonzero((x >= west) & (x <= east))
+    for row in np.flatnonzero((y >= south) & (y <= north)):
+        inside[row, cols] = shapely.intersects_xy(area, x[cols], y[row])
+        ctx.progress(row / len(y))
+    return inside
+
+
+def with_breaklines(
+    xy: Array, values: Array, shapes: Shapes, spacing: float
+) -> tuple[Array, Array]:
+    """Points with lines among them, so close to each other that triangles do not cross a line.
+
+    The lines are cut into pieces no longer than the spacing. Points within half of it from the
+    middle of a piece are left out: so no point is in the circle around a piece, and each piece is
+    an edge of the Delaunay triangulation.
+
+    Parameters
+    ----------
+    xy : array of shape (n, 2)
+    values : array of shape (n,), heights
+    shapes : lines with heights
+    spacing : in the unit of xy
+
+    Returns
+    -------
+    places of shape (m, 2) and their heights of shape (m,)
+    """
+    ends, middles = _pieces(shapes, spacing)
+    if not len(middles):
+        return xy, values
+    away, _ = cKDTree(middles).query(xy, distance_upper_bound=spacing / 2)
+    keep = np.isinf(away)
+    return np.vstack([xy[keep], ends[:, :2]]), np.concatenate([values[keep], ends[:, 2]])
+
+
+def _pieces(shapes: Shapes, spacing: float) -> tuple[Array, Array]:
+    """Ends of shape (m, 3) of pieces of lines, and their middles of shape (k, 2)."""
+    vertices, line = shapely.get_coordinates(shapes, include_z=True, return_index=True)
+    first = np.flatnonzero(line[1:] == line[:-1])
+    begin, way = vertices[first], vertices[first + 1] - vertices[first]
+    count = np.ceil(np.hypot(way[:, 0], way[:, 1]) / spacing).astype(np.int64)
+    segment = np.repeat(np.arange(len(first)), count)
+    number = np.arange(len(segment)) - (np.cumsum(count) - count)[segment]
+    share = (number / count[segment])[:, None]
+    half = (0.5 / count[segment])[:, None]
+    ends = np.vstack([begin[segment] + share * way[segment], vertices])
+    middles = begin[segment] + (share + half) * way[segment]
+    return ends, middles[:, :2]
+
+
+def levels(shapes: Shapes) -> list[tuple[Shapes, float]]:
+    """The polygons with heights that are all the same, and these."""
+    found = []
+    for shape in shapes[with_heights(shapes)]:
+        heights = shapely.get_coordinates(shape, include_z=True)[:, 2]
+        if (heights == heights[0]).all():
+            found.append((np.array([shape]), float(heights[0])))
+    return found

@@ -1,0 +1,141 @@
+"""Statistics of the points in each cell."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from algorithms.surface._samples import in_blocks
+from toolbox.context import QUIET, Context
+from toolbox.data import Lattice
+
+Statistic = Literal["min", "max", "mean", "median", "count", "std", "percentile"]
+BLOCK = 500_000  # points or cells between two looks at whether the user cancelled
+MEAN, DEVIATION, COUNT, QUANTILE = range(4)
+
+Array = NDArray[np.float64]
+
+
+def per_cell(
+    xy: Array,
+    values: Array,
+    lattice: Lattice,
+    statistic: Statistic,
+    *,
+    percentile: float = 95.0,
+    ctx: Context = QUIET,
+) -> tuple[Array, NDArray[np.int32]]:
+    """A statistic of the points in each cell.
+
+    Parameters
+    ----------
+    xy : array of shape (n, 2)
+    values : array of shape (n,)
+    lattice : the cells; a cell holds its west and south edge
+    statistic : std is that of the points themselves (divided by their number), percentiles lie
+        between two points in proportion
+    percentile : 0 to 100, for the statistic of that name
+
+    Returns
+    -------
+    surface : array of shape (rows, cols), NaN (count: 0) in cells without points
+    used : array of shape (rows, cols), number of points
+    """
+    cells = np.empty(len(xy), np.int32)
+    for first in range(0, len(xy), BLOCK):
+        some = slice(first, first + BLOCK)
+        row, col = lattice.indices(xy[some, 0], xy[some, 1])
+        here = (row >= 0) & (row < lattice.rows) & (col >= 0) & (col < lattice.cols)
+        cells[some] = np.where(here, row * lattice.cols + col, -1)
+        ctx.progress(0.5 * first / len(xy))
+    starts = np.zeros(lattice.rows * lattice.cols + 1, np.int64)
+    _count(cells, starts)
+    sorted_values = _gather(cells, values, starts)
+    ctx.progress(0.7)
+    surface = np.empty(lattice.shape)
+    kinds = {"mean": MEAN, "std": DEVIATION, "count": COUNT}
+    shares = {"min": 0.0, "median": 0.5, "max": 1.0}
+    kind, share = kinds.get(statistic, QUANTILE), shares.get(statistic, percentile / 100)
+    in_blocks(
+        lambda first, last: _summarise(
+            sorted_values, starts, first, last, kind, share, surface.reshape(-1)
+        ),
+        surface.size,
+        BLOCK,
+        ctx.part(0.7, 1),
+    )
+    return surface, np.diff(starts).astype(np.int32).reshape(lattice.shape)
+
+
+@njit(cache=True, nogil=True)
+def _count(cells, starts):  # type: ignore[no-untyped-def]
+    """Where the points of each cell begin; -1 is no cell."""
+    for i in range(len(cells)):
+        if cells[i] >= 0:
+            starts[cells[i] + 1] += 1
+    for cell in range(len(starts) - 1):
+        starts[cell + 1] += starts[cell]
+
+
+@njit(cache=True, nogil=True)
+def _gather(cells, values, starts):  # type: ignore[no-untyped-def]
+    """The values, cell by cell."""
+    found, free = np.empty(starts[-1]), starts[:-1].copy()
+    for i in range(len(cells)):
+        if cells[i] >= 0:
+            found[free[cells[i]]] = values[i]
+            free[cells[i]] += 1
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _summarise(values, starts, first, last, kind, share, surface):  # type: ignore[no-untyped-def]
+    """Fill in the cells first..last; sorts their values, so that sums have one order."""
+    for cell in range(first, last):
+        here = values[starts[cell] : starts[cell + 1]]
+        n = len(here)
+        if kind == COUNT:
+            surface[cell] = n
+        elif n == 0:
+            surface[cell] = np.nan
+        else:
+            _sort(here)
+            surface[cell] = _quantile(here, share) if kind == QUANTILE else _moment(here, kind)
+
+
+@njit(cache=True, nogil=True)
+def _sort(values):  # type: ignore[no-untyped-def]
+    if len(values) > 32:
+        values.sort()
+        return
+    for i in range(1, len(values)):
+        value, j = values[i], i
+        while j > 0 and values[j - 1] > value:
+            values[j] = values[j - 1]
+            j -= 1
+        values[j] = value
+
+
+@njit(cache=True, nogil=True)
+def _quantile(values, share):  # type: ignore[no-untyped-def]
+    """Of sorted values; between two of them in proportion."""
+    place = share * (len(values) - 1)
+    i = int(place)
+    if i + 1 >= len(values):
+        return values[-1]
+    return values[i] + (place - i) * (values[i + 1] - values[i])
+
+
+@njit(cache=True, nogil=True)
+def _moment(values, kind):  # type: ignore[no-untyped-def]
+    """Mean or standard deviation of sorted values; seen from the lowest, to keep the digits."""
+    low, total, squares = values[0], 0.0, 0.0
+    for value in values:
+        total += value - low
+    mean = total / len(values)
+    for value in values:
+        squares += (value - low - mean) ** 2
+    return low + mean if kind == MEAN else np.sqrt(squares / len(values))

@@ -1,0 +1,194 @@
+"""Which files of points a path, folder, pattern, virtual point cloud or list of these stands for.
+
+References
+----------
+PDAL (2023). Virtual point cloud (VPC), draft specification: a STAC item collection that names
+files of points, as QGIS and PDAL write it.
+"""
+
+from __future__ import annotations
+
+import glob
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
+
+from toolbox.errors import DataError
+
+Places = str | Path | Sequence[str | Path]
+"""One path, folder, pattern or VPC, or several of them."""
+
+LAS = (".las", ".laz")
+TEXT = (".xyz", ".txt", ".csv", ".pts", ".asc")
+READABLE = (*LAS, *TEXT, *(f"{suffix}.gz" for suffix in TEXT), ".ply", ".ply.gz", ".pcd", ".e57")
+VPC = ".vpc"
+_DATA = "data"  # name and role of what holds the points in an item of a VPC
+
+
+def suffix_of(path: Path) -> str:
+    """The suffix in lower case, the one before it of a compressed text file."""
+    name = path.name.lower()
+    return Path(name.removesuffix(".gz")).suffix
+
+
+def files_of(places: Places, warn: Callable[[str], None] = lambda text: None) -> list[Path]:
+    """The files of points at some places, sorted by path.
+
+    Parameters
+    ----------
+    places : a file; a folder, which stands for the files of points directly in it that are not
+        hidden: LAS and LAZ if there are any, else those of all other formats; a pattern such as
+        ``tiles/*.laz`` or ``survey/**/*.las`` (where ** searches nested folders); a virtual point
+        cloud (.vpc); or a list of these
+    warn : is told of files that are left out
+
+    Raises
+    ------
+    DataError
+        A place is missing or holds no files of points, a file of a VPC is missing or remote, a
+        file is of another format or empty, or is named twice; tells all that is wrong.
+    """
+    items = [places] if isinstance(places, str | Path) else list(places)
+    if not items:
+        raise DataError("no files of points are given")
+    found: list[Path] = []
+    problems: list[str] = []
+    for item in items:
+        try:
+            found += _files(item, warn)
+        except DataError as error:
+            problems.append(str(error))
+    problems += [text for path in found if (text := _problem(path))]
+    problems += [] if problems else _twice(found)
+    if problems:
+        raise DataError("\n    ".join(problems))
+    return sorted(found)
+
+
+def missing(places: Places) -> list[Path]:
+    """The places at which there is nothing, or that no file matches."""
+    items = [places] if isinstance(places, str | Path) else places
+    return [Path(item) for item in items if not (Path(item).exists() or _matches(str(item)))]
+
+
+def _matches(pattern: str) -> bool:
+    return glob.has_magic(pattern) and any(glob.iglob(pattern, recursive=True))
+
+
+def name_of(places: Places) -> str:
+    """What messages call the points at some places."""
+    items = [places] if isinstance(places, str | Path) else list(places)
+    first = Path(items[0]).resolve().name if items else ""
+    return f"{first} and {len(items) - 1} more" if len(items) > 1 else first
+
+
+def _files(place: str | Path, warn: Callable[[str], None]) -> list[Path]:
+    if not str(place):
+        raise DataError("an empty path names no file")
+    path = Path(place)
+    try:
+        if path.is_dir():
+            return _in_folder(path, warn)
+        if path.exists():
+            return _in_vpc(path) if suffix_of(path) == VPC else [path]
+        if glob.has_magic(str(place)):
+            return _matching(str(place), warn)
+    except OSError as error:
+        raise DataError(f"{place} cannot be read: {error.strerror or error}") from error
+    return [path]
+
+
+def _problem(path: Path) -> str | None:
+    """Why a path is no file of points."""
+    try:
+        size = path.stat().st_size
+    except (FileNotFoundError, ValueError):  # no file has a name with a zero byte
+        return f"there is no file {path}"
+    except OSError as error:
+        return f"{path} cannot be read: {error.strerror or error}"
+    if path.is_dir():
+        return f"{path} is a folder, not a file of points"
+    if not path.name.lower().endswith(READABLE):
+        readable = ", ".join(READABLE)
+        return f"{path}: points are read from {readable}, not {suffix_of(path)!r}"
+    return f"{path} is empty (0 bytes)" if size == 0 else None
+
+
+def _in_folder(folder: Path, warn: Callable[[str], None]) -> list[Path]:
+    inside = (path for path in folder.iterdir() if not path.name.startswith("."))
+    found = _of_points(inside, str(folder), warn)
+    if not found:
+        raise DataError(
+            f"{folder} holds no files of points ({', '.join(READABLE)}); folders in it are not "
+            f"searched, but the pattern {folder / '**' / '*.laz'} does so"
+        )
+    return found
+
+
+def _matching(pattern: str, warn: Callable[[str], None]) -> list[Path]:
+    found = _of_points(map(Path, glob.iglob(pattern, recursive=True)), pattern, warn)
+    if not found:
+        raise DataError(f"there is no file of points that matches {pattern}")
+    return found
+
+
+def _of_points(paths: Iterable[Path], where: str, warn: Callable[[str], None]) -> list[Path]:
+    """LAS and LAZ files, beside which texts are hardly points; without any, the other formats."""
+    files = sorted(path for path in paths if path.is_file())
+    readable = [path for path in files if path.name.lower().endswith(READABLE)]
+    chosen = [path for path in readable if path.name.lower().endswith(LAS)] or readable
+    if left := [path.name for path in readable if path not in chosen]:
+        warn(f"{where}: only its LAS and LAZ files are read, not {', '.join(left)}")
+    return chosen
+
+
+def _in_vpc(path: Path) -> list[Path]:
+    try:
+        features = json.loads(path.read_text(encoding="utf-8-sig"))["features"]
+        links = [link for feature in features for link in _links(feature)]
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise DataError(f"{path} is no virtual point cloud (a STAC item collection)") from error
+    if not links:
+        raise DataError(f"{path} names no files of points")
+    remote = [link for link in links if _scheme(link) not in ("", "file")]
+    if remote:
+        listed = ", ".join(remote)
+        raise DataError(f"{path} names remote files, which must be downloaded first: {listed}")
+    found = [_target(path.parent, link) for link in links]
+    if missing := [str(target) for target in found if not target.exists()]:
+        raise DataError(f"{path} names files that are not there: {', '.join(missing)}")
+    return found
+
+
+def _links(feature: Any) -> Iterator[str]:
+    """Where the points of an item are; beside them it may name overviews and pictures."""
+    assets = feature["assets"]
+    for name, asset in assets.items():
+        roles = asset.get("roles", [])
+        if _DATA in roles or (not roles and (name == _DATA or len(assets) == 1)):
+            yield str(asset["href"])
+
+
+def _target(folder: Path, link: str) -> Path:
+    return folder / (url2pathname(urlsplit(link).path) if _scheme(link) == "file" else link)
+
+
+def _scheme(link: str) -> str:
+    """What stands before a colon, unless it is the letter of a drive."""
+    scheme = urlsplit(link).scheme
+    return scheme if len(scheme) > 1 else ""
+
+
+def _twice(paths: Sequence[Path]) -> Iterator[str]:
+    """Files that are given more than once, also under another name."""
+    seen: dict[tuple[int, int], Path] = {}
+    for path in paths:
+        status = os.stat(path)
+        first = seen.setdefault((status.st_dev, status.st_ino), path)
+        if first is not path:
+            same = "" if first == path else f" (as {first})"
+            yield f"{path} is given twice{same}"

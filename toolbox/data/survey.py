@@ -1,0 +1,342 @@
+"""Surveys: the files of a folder, list, pattern or virtual point cloud, known by their headers."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pyproj import CRS
+
+from toolbox.context import QUIET, Context, log
+from toolbox.data.crs import crs_conflicts, metres_per_unit
+from toolbox.data.las import chunk_sizes, read_header
+from toolbox.data.las_header import Frame
+from toolbox.data.las_points import Box
+from toolbox.data.places import LAS, Places, files_of, name_of, suffix_of
+from toolbox.data.pointcloud import PointCloud
+from toolbox.errors import DataError
+
+_BATCH = 1_000_000  # points that are read at a time to find their bounds
+
+Bounds = tuple[float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurveyFile:
+    """One file of a survey; small, so that it can be sent to other processes.
+
+    Attributes
+    ----------
+    path : of the file
+    count : number of points
+    bounds : xmin, ymin, zmin, xmax, ymax, zmax; NaN without points. Those of a LAS file are what
+        its header states, which nobody has checked against its points; only a header without
+        any (all zero, turned round or not finite) leads to reading the points for them
+    crs : that the file states, or else that is assumed
+    version, point_format : of LAS; "" and None of other formats
+    scales : of the coordinates of a LAS file
+    attributes : name, type and further dimensions of each
+    remarks : what is odd in the header but does no harm
+    columns, separator : how a text file is read
+    """
+
+    path: Path
+    count: int
+    bounds: Bounds
+    crs: CRS | None
+    version: str = ""
+    point_format: int | None = None
+    scales: tuple[float, ...] = ()
+    attributes: tuple[tuple[str, str, tuple[int, ...]], ...] = ()
+    remarks: tuple[str, ...] = ()
+    columns: tuple[str, ...] | None = None
+    separator: str | None = None
+
+    @classmethod
+    def open(
+        cls,
+        path: Path,
+        *,
+        columns: Sequence[str] | None = None,
+        separator: str | None = None,
+        assume_crs: CRS | None = None,
+        ctx: Context = QUIET,
+    ) -> SurveyFile:
+        """Read the header of a LAS file; of a file of another format everything, but keep little.
+
+        Raises
+        ------
+        DataError
+            The file cannot be read, or the options do not suit it.
+        """
+        how: dict[str, Any] = {"columns": columns and tuple(columns), "separator": separator}
+        if suffix_of(path) not in LAS:
+            cloud = PointCloud.open(path, assume_crs=assume_crs, ctx=ctx, **how)
+            return cls(
+                path=path,
+                count=len(cloud),
+                bounds=cloud.bounds,
+                crs=cloud.crs,
+                attributes=_attributes(cloud),
+                **how,
+            )
+        if columns or separator:
+            raise DataError(f"{path}: columns and separator are for text files")
+        remarks: list[str] = []
+        frame = _header(path, remarks.append)
+        header = frame.header
+        file = cls(
+            path=path,
+            count=int(header.point_count),
+            bounds=(*header.mins.tolist(), *header.maxs.tolist()),
+            crs=assume_crs if frame.crs is None else frame.crs,
+            version=f"1.{frame.minor}",
+            point_format=int(header.point_format.id),
+            scales=tuple(header.scales.tolist()),
+            attributes=_attributes(PointCloud.of_frame(frame, path.name)),
+            remarks=tuple(remarks),
+        )
+        return file._with_bounds(ctx)
+
+    def _with_bounds(self, ctx: Context) -> SurveyFile:
+        """The same file with bounds where the header states none."""
+        if self.count == 0:
+            return replace(self, bounds=(np.nan,) * 6)
+        low, high = np.reshape(self.bounds, (2, 3))
+        if np.isfinite(self.bounds).all() and (low <= high).all() and np.any(self.bounds):
+            return self
+        text = "has no bounding box in its header; its points are read to find it"
+        log.warning("%s %s", self.path.name, text)
+        found = [self.read(*batch, ctx=ctx).bounds for batch in self.batches(_BATCH)]
+        return replace(self, bounds=_union(found), remarks=(*self.remarks, text))
+
+    def batches(self, size: int) -> list[tuple[int, int]]:
+        """Ranges of points, from start to before stop, that can be read with bounded memory.
+
+        Parameters
+        ----------
+        size : at most so many points in each; but at least one chunk of a compressed file, and
+            all of a file that is neither LAS nor LAZ
+
+        Raises
+        ------
+        DataError
+            The file is damaged.
+        """
+        if suffix_of(self.path) not in LAS:
+            return [(0, self.count)]
+        chunks = chunk_sizes(self.path)
+        if chunks is None:
+            starts = list(range(0, self.count, size)) or [0]
+            return list(zip(starts, [*starts[1:], self.count], strict=True))
+        ends = np.cumsum(chunks)
+        found, start = [], 0
+        while start < self.count:
+            last = max(
+                np.searchsorted(ends, start + size, side="right") - 1,
+                np.searchsorted(ends, start, side="right"),
+            )
+            found.append((start, int(ends[last])))
+            start = int(ends[last])
+        return found
+
+    def read(self, start: int, stop: int, *, ctx: Context = QUIET) -> PointCloud:
+        """The points of a range, as in the whole file.
+
+        Raises
+        ------
+        DataError
+            The file is damaged, or has not so many points.
+        """
+        whole = start == 0 and stop == self.count
+        cloud = self._opened(part=None if whole else (start, stop), ctx=ctx)
+        if len(cloud) != stop - start:
+            raise DataError(f"{self.path} has {len(cloud)} points now, and {self.count} before")
+        return cloud
+
+    def within(self, bounds: Sequence[float] | None, *, ctx: Context = QUIET) -> PointCloud:
+        """The points within xmin, ymin, xmax, ymax, or all; of COPC no more is read than needed.
+
+        Raises
+        ------
+        DataError
+            The file is damaged.
+        """
+        return self._opened(bounds=bounds, ctx=ctx) if bounds else self.read(0, self.count, ctx=ctx)
+
+    def _opened(self, **how: Any) -> PointCloud:
+        cloud = PointCloud.open(self.path, columns=self.columns, separator=self.separator, **how)
+        return cloud.with_crs(self.crs)
+
+    def touches(self, bounds: Sequence[float]) -> bool:
+        """Whether its bounding box touches xmin, ymin, xmax, ymax."""
+        xmin, ymin, _, xmax, ymax, _ = self.bounds
+        return (
+            self.count > 0
+            and xmin <= bounds[2]
+            and xmax >= bounds[0]
+            and ymin <= bounds[3]
+            and ymax >= bounds[1]
+        )
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Files of points in one CRS, of which only the headers have been read.
+
+    Attributes
+    ----------
+    files : sorted by path
+    name : of the folder, pattern or list, for messages
+    """
+
+    files: tuple[SurveyFile, ...]
+    name: str
+
+    @classmethod
+    def open(
+        cls,
+        places: Places,
+        *,
+        columns: Sequence[str] | None = None,
+        separator: str | None = None,
+        assume_crs: CRS | None = None,
+        ctx: Context = QUIET,
+    ) -> Survey:
+        """Read the headers of all files at some places.
+
+        LAS and LAZ files have headers; those of other formats are read once from end to end, for
+        their number of points and their bounds.
+
+        Parameters
+        ----------
+        places : a file, a folder (files directly in it; nested folders are not searched), a
+            pattern such as ``tiles/**/*.laz``, a virtual point cloud (.vpc), or a list of these;
+            see :func:`toolbox.data.places.files_of`
+        columns, separator : of text files, as in :meth:`PointCloud.open`
+        assume_crs : of files that state none
+        ctx : told of progress, and asked whether to stop
+
+        Raises
+        ------
+        DataError
+            A place is missing, files are damaged, given twice, or in another CRS or unit than the
+            first; tells all of them.
+        """
+        paths = files_of(places, log.warning)
+        files, problems = [], []
+        for number, path in enumerate(paths):
+            part = ctx.part(number / len(paths), (number + 1) / len(paths))
+            part.progress(0)
+            try:
+                files.append(
+                    SurveyFile.open(
+                        path, columns=columns, separator=separator, assume_crs=assume_crs, ctx=part
+                    )
+                )
+            except DataError as error:
+                problems.append(str(error))
+        if not problems:
+            problems = crs_conflicts([(str(file.path), file.crs) for file in files])
+        if problems:
+            raise DataError("\n    ".join(problems))
+        return cls(tuple(files), name_of(places))
+
+    @property
+    def crs(self) -> CRS | None:
+        """Of all files; None if not known."""
+        return self.files[0].crs
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return sum(file.count for file in self.files)
+
+    @property
+    def bounds(self) -> Bounds:
+        """xmin, ymin, zmin, xmax, ymax, zmax of all files; NaN without points."""
+        return _union([file.bounds for file in self.files if file.count])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the attributes that some file has."""
+        return tuple(dict.fromkeys(name for file in self.files for name, *_ in file.attributes))
+
+    @property
+    def metre(self) -> float:
+        """Length of one metre in the unit of the coordinates; 1.0 without a CRS."""
+        return 1 / metres_per_unit(self.crs)
+
+    def with_crs(self, crs: CRS | None) -> Survey:
+        """The same files, said to be in another CRS."""
+        return replace(self, files=tuple(replace(file, crs=crs) for file in self.files))
+
+    @cached_property
+    def template(self) -> PointCloud:
+        """A cloud without points, to which those of all files are made alike before they join.
+
+        ``survey.files[i].read(start, stop).like(survey.template)`` is, bit for bit, that part of
+        what `PointCloud.open` makes of the survey.
+        """
+        return PointCloud.template([_empty(file) for file in self.files], self._boxes)
+
+    def _boxes(self) -> list[Box]:
+        boxes = [np.reshape(file.bounds, (2, 3)) for file in self.files if file.count]
+        return [(low, high) for low, high in boxes]
+
+    def read(self, *, bounds: Sequence[float] | None = None, ctx: Context = QUIET) -> PointCloud:
+        """All points, in the order of the files; within bounds, those of the files they touch.
+
+        Raises
+        ------
+        DataError
+            A file is damaged, or its points cannot be joined with those of the others.
+        """
+        files = [file for file in self.files if bounds is None or file.touches(bounds)]
+        shares = np.cumsum([0, *(file.count for file in files)]) / max(self.count, 1)
+        parts = (
+            file.within(bounds, ctx=ctx.part(*share)).like(self.template)
+            for file, share in zip(files, itertools.pairwise(shares.tolist()), strict=True)
+        )
+        if bounds is None:
+            whole = self.template.filled(parts, self.count)
+        else:
+            found = list(parts)
+            whole = self.template.filled(found, sum(map(len, found)))
+        whole.name = self.name
+        return whole
+
+
+def _header(path: Path, warn: Callable[[str], None]) -> Frame:
+    try:
+        return read_header(path, warn)
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror or error}") from error
+
+
+def _empty(file: SurveyFile) -> PointCloud:
+    """A cloud as in the file, without its points."""
+    name = file.path.name
+    if file.version:
+        return PointCloud.of_frame(_header(file.path, lambda text: None), name).with_crs(file.crs)
+    columns = {name: np.empty((0, *shape), kind) for name, kind, shape in file.attributes}
+    return PointCloud(np.empty((0, 3)), columns, crs=file.crs, name=name)
+
+
+def _attributes(cloud: PointCloud) -> tuple[tuple[str, str, tuple[int, ...]], ...]:
+    none = cloud.select([])
+    return tuple((name, none[name].dtype.str, none[name].shape[1:]) for name in none.names)
+
+
+def _union(bounds: Sequence[Bounds]) -> Bounds:
+    """The box around some boxes; NaN if there are none."""
+    if not bounds:
+        return (np.nan,) * 6
+    corners = np.array(bounds)
+    low, high = corners[:, :3].min(axis=0), corners[:, 3:].max(axis=0)
+    return (*low.tolist(), *high.tolist())

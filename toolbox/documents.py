@@ -1,0 +1,84 @@
+"""Names and values from JSON or YAML text, in which no name may stand twice.
+
+YAML is read as its version 1.2 means it: only `true` and `false` are switches, and `no`, `on`,
+`012`, `13:14` and dates are words, which is what somebody who writes class lists expects.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+PLAIN = {  # what is no text, in the order in which it is tried, with its possible first letters
+    "null": (r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    "bool": (r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    "int": (r"[-+]?(0|[1-9][0-9]*)", list("-+0123456789")),
+    "float": (
+        r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]+)?",
+        list("-+.0123456789"),
+    ),
+}
+
+
+def mapping(text: str) -> dict[str, Any]:
+    """Read names and values from JSON or YAML.
+
+    Raises
+    ------
+    ValueError
+        The text is neither, holds something else, or says a name twice.
+    """
+    try:
+        values = json.loads(text, object_pairs_hook=_once)  # first: it needs no import
+    except json.JSONDecodeError:
+        values = _yaml(text)
+    except RecursionError:
+        raise ValueError("is nested too deeply") from None
+    if not isinstance(values, dict) or not all(isinstance(name, str) for name in values):
+        raise ValueError("must hold names and values")
+    return values
+
+
+def _yaml(text: str) -> Any:
+    import yaml
+
+    try:
+        return yaml.load(text, _yaml_loader(yaml.SafeLoader))
+    except yaml.MarkedYAMLError as err:
+        mark = err.problem_mark
+        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        raise ValueError(f"{where}{err.problem or err.context}") from None
+    except yaml.YAMLError as err:
+        raise ValueError(str(err)) from None
+    except RecursionError:
+        raise ValueError("is nested too deeply") from None
+
+
+def _yaml_loader(base: Any) -> Any:
+    """A safe loader of YAML 1.2 that refuses a name that stands twice, as _once does for JSON."""
+
+    def construct(loader: Any, node: Any) -> dict[str, Any]:
+        return _once(loader.construct_pairs(node, deep=True))
+
+    def compose(loader: Any, parent: Any, index: Any) -> Any:
+        event = loader.peek_event()
+        if getattr(event, "anchor", None):  # aliases of aliases: ten lines, a billion values
+            raise ValueError(f"line {event.start_mark.line + 1}: & and * are not read")
+        return base.compose_node(loader, parent, index)
+
+    made: Any = type("Loader", (base,), {"yaml_implicit_resolvers": {}, "compose_node": compose})
+    for name, (pattern, first) in PLAIN.items():
+        made.add_implicit_resolver(f"tag:yaml.org,2002:{name}", re.compile(f"({pattern})$"), first)
+    made.add_constructor("tag:yaml.org,2002:map", construct)
+    return made
+
+
+def _once(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
+    """A mapping in which no name stands twice."""
+    names = [name for name, _ in pairs]
+    if odd := [name for name in names if not isinstance(name, str | int | float)]:
+        raise ValueError(f"{odd[0]!r} is no name")
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise ValueError(f"{twice[0]!r} is given more than once")
+    return dict(pairs)

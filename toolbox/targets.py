@@ -1,0 +1,226 @@
+"""Where the results of a run are written, and how: checked before the run, all or nothing after."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from toolbox import files
+from toolbox.context import Context, log
+from toolbox.data import PointCloud, Raster, Vector
+from toolbox.data.places import LAS
+from toolbox.data.record import foreign_side_car
+from toolbox.errors import DataError
+from toolbox.fields import Spec
+from toolbox.kinds import parsed_options
+from toolbox.picture import draw
+from toolbox.provenance import Record
+
+FULL = 2**20  # bytes; with less than this left a disk counts as full
+PICTURE = "picture"  # the target that shows all layers
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where and how an output is to be written.
+
+    Attributes
+    ----------
+    path : as it was given; None if the value does not name one
+    home : the file to write: of a link, the one behind it
+    suffixes : endings that the output can have; none for a number, which is printed
+    folder : it is one, for one file per file of a survey
+    """
+
+    path: Path | None
+    home: Path | None
+    options: Mapping[str, Any]
+    suffixes: tuple[str, ...]
+    known: tuple[str, ...]
+    parts: files.Parts
+    folder: bool = False
+
+    @classmethod
+    def of(cls, name: str, value: Any, spec: Spec) -> Target:
+        """Take a path, or a mapping of a path and options, apart."""
+        how = dict(value) if isinstance(value, Mapping) else {"path": value}
+        path = how.pop("path", None)
+        place = Path(path) if isinstance(path, str | Path) and str(path) else None
+        home = _resolved(place) if place else None
+        if name == PICTURE:
+            return cls(place, home, how, (".png",), (), lambda path: (path,))
+        kind = spec.results[name].kind
+        folder = kind.several and (
+            str(path).endswith(("/", os.sep)) or bool(home and home.is_dir())
+        )
+        return cls(place, home, how, kind.suffixes, kind.save_options, kind.parts, folder)
+
+    @property
+    def how(self) -> dict[str, Any]:
+        """The options as the layer takes them."""
+        return parsed_options(self.options, self.known)
+
+    @property
+    def is_las(self) -> bool:
+        """Whether LAS or LAZ is written; always in a folder."""
+        return self.folder or (self.home is not None and self.home.suffix.lower() in LAS)
+
+    def inside(self, name: str) -> Target:
+        """The file in this folder for a file of a survey: LAS stays LAS, all else becomes LAZ."""
+        assert self.path is not None
+        assert self.home is not None
+        suffix = ".las" if name.lower().endswith(".las") else ".laz"
+        stem = name.removesuffix(".gz")[: -len(Path(name.removesuffix(".gz")).suffix)]
+        made = stem.removesuffix(".copc") + suffix
+        return replace(self, path=self.path / made, home=self.home / made, folder=False)
+
+    def numbered(self, number: int) -> Target:
+        """The place of one of several layers: dtm_1.tif, dtm_2.tif for dtm.tif."""
+        path, home = (p and p.with_stem(f"{p.stem}_{number}") for p in (self.path, self.home))
+        return replace(self, path=path, home=home)
+
+    def problem(self) -> str | None:
+        """What is wrong with it, apart from the place."""
+        if not self.suffixes:
+            return "is a value, which is printed; it cannot be written to a file"
+        if self.home is None:
+            return "must be a path" if self.path is None else f"{self.path} is no usable path"
+        if not self.folder and (other := foreign_side_car(self.home)):
+            return f"{other} stands where its record would be written; choose another name"
+        try:
+            parsed_options(self.options, self.known)
+        except ValueError as err:
+            return str(err)
+        return None
+
+
+def _resolved(path: Path) -> Path | None:
+    """The file behind links; None for links in a circle and names that no file can have."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError, ValueError):
+        return None
+
+
+def problems(
+    targets: Mapping[str, Target], reads: Iterable[Path], *, overwrite: bool
+) -> dict[str, str]:
+    """What is wrong with targets, by output name; `reads` are the files that the run reads."""
+    found = {name: text for name, target in targets.items() if (text := target.problem())}
+    good = {name: target for name, target in targets.items() if name not in found}
+    return found | files.problems(
+        {name: target.home for name, target in good.items() if target.home},
+        {name: target.suffixes for name, target in good.items()},
+        {name: target.parts for name, target in good.items()},
+        reads,
+        overwrite=overwrite,
+    )
+
+
+def write(
+    id: str,
+    found: Mapping[str, Any],
+    targets: Mapping[str, Target],
+    *,
+    record: Record | None = None,
+    overwrite: bool,
+    ctx: Context,
+) -> dict[str, Any]:
+    """Write what was asked for, all or nothing.
+
+    Parameters
+    ----------
+    id : of the tool, for errors
+    found : what the tool gave, by name
+    targets : where to write it, by name, and under "picture" where to draw it
+    record : how it was made, which each file carries
+
+    Returns
+    -------
+    dict
+        The path of each output; a tuple of paths where there are several layers.
+
+    Raises
+    ------
+    DataError
+        Something cannot be written; nothing was.
+    """
+    pieces = _pieces(id, found, targets, overwrite=overwrite)
+    homes = [piece.target.home for piece in pieces if piece.target.home]
+    try:
+        parts = dict(zip(homes, (piece.target.parts for piece in pieces), strict=True))
+        with files.staged(parts, overwrite=overwrite) as places:
+            for index, (piece, home) in enumerate(zip(pieces, homes, strict=True)):
+                part = ctx.part(index / len(homes), (index + 1) / len(homes))
+                _save(id, piece, record, places[home], part)
+            ctx.progress(1.0)
+    except OSError as err:
+        raise DataError(f"{id}: cannot write: {err}") from err
+    written: dict[str, Any] = {}
+    for piece in pieces:
+        path = piece.target.path
+        several = isinstance(found.get(piece.output), tuple)
+        written[piece.output] = (*written.get(piece.output, ()), path) if several else path
+    return written
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """One layer and the file it goes to; for the picture, all layers by name."""
+
+    output: str
+    layer: Any
+    target: Target
+    number: int | None = None
+
+
+def _pieces(
+    id: str, found: Mapping[str, Any], targets: Mapping[str, Target], *, overwrite: bool
+) -> list[_Piece]:
+    pieces: list[_Piece] = []
+    numbered: dict[str, Target] = {}
+    for name, target in targets.items():
+        layer = dict(_drawable(found)) if name == PICTURE else found[name]
+        if not isinstance(layer, tuple):
+            pieces += [_Piece(name, layer, target)] if layer is not None and layer != {} else []
+        for number, item in enumerate(layer if isinstance(layer, tuple) else (), start=1):
+            numbered[f"{name} {number}"] = target.numbered(number)
+            pieces.append(_Piece(name, item, target.numbered(number), number))
+    for name in targets.keys() - {piece.output for piece in pieces}:
+        log.warning("%s: there is nothing to write", name)
+    if found_problems := problems(numbered, [], overwrite=overwrite):
+        raise DataError(id, found_problems)
+    return pieces
+
+
+def _drawable(found: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """The layers that hold anything to see."""
+    for name, value in found.items():
+        layers = (
+            {f"{name} {i}": layer for i, layer in enumerate(value, start=1)}
+            if isinstance(value, tuple)
+            else {name: value}
+        )
+        for title, layer in layers.items():
+            if isinstance(layer, Raster) or (isinstance(layer, PointCloud | Vector) and len(layer)):
+                yield title, layer
+
+
+def _save(id: str, piece: _Piece, record: Record | None, place: Path, ctx: Context) -> None:
+    target = piece.target
+    own = record and record.of(piece.output, piece.layer, target.how, piece.number)
+    made = own.to_json() if own else ""
+    try:
+        if piece.output == PICTURE:
+            draw(piece.layer, place, record=made)
+        else:
+            piece.layer.save(place, record=made, ctx=ctx, **target.how)
+    except (OSError, DataError) as err:
+        text = str(err).replace(str(place), str(target.path))
+        if shutil.disk_usage(place.parent).free < FULL:
+            text += "; the disk is full"
+        raise DataError(id, {piece.output: text}) from err

@@ -1,0 +1,497 @@
+"""Run a tool or model on a survey of any size: tile by tile, on the workers of a Dask cluster.
+
+1. Each file is read once, and its points are stored sorted by bucket (`tile_store`).
+2. Each tile is run with its neighbourhood, as wide as the tool's own `halo()` says, and what it
+   gives is cut to the tile (`tile_work`).
+3. The pieces become one product each (`tile_products`). Steps of a model that need the whole cloud
+   run here, once, on what the others gave (`tile_plan`).
+
+All of it happens in a working folder beside the first output, where a run that was stopped can
+go on. On disk that takes the size of all point records, and of all results once more.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import logging
+import math
+import operator
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from toolbox import __version__, files, tile_products, tile_store, tile_work
+from toolbox.context import Context, log
+from toolbox.data import Survey
+from toolbox.data.survey import SurveyFile
+from toolbox.errors import DataError, ParameterError, ToolboxError
+from toolbox.fields import Spec
+from toolbox.model import INPUTS, Run, resolved
+from toolbox.provenance import Count, Record, counting
+from toolbox.targets import Target, write
+from toolbox.targets import problems as targets_problems
+from toolbox.tile_plan import Plan, as_model, surveys_of
+from toolbox.tile_store import SIDE, Batch, Grid
+from toolbox.tile_work import Job, Tile
+from toolbox.tiling import Tiling
+from toolbox.values import Share
+
+BATCH = 2_000_000  # points that are read and sorted at a time
+BYTES_PER_POINT = 500  # that the hungriest tools need for a tile with its neighbours
+SLACK, NEAR = 1 + 1e-9, 1e-6  # of the halo, and metres: what lies on its edge is not lost
+LISTED = 10  # problems and warnings that are spelt out
+STORED, DONE = 0.1, 0.9  # of the progress, when all points are stored, and when all tiles are done
+DASK = {
+    "distributed.scheduler.allowed-failures": 1,
+    "distributed.scheduler.worker-ttl": None,
+    "distributed.worker.memory.spill": False,
+    "distributed.comm.timeouts.connect": "10s",
+}
+
+
+def run(
+    id: str,
+    spec: Spec,
+    settings: Mapping[str, Any],
+    sources: Mapping[str, Any],
+    targets: Mapping[str, Target],
+    tiling: Tiling,
+    *,
+    record: Record | None,
+    overwrite: bool,
+    resume: bool,
+    assume_crs: CRS | None,
+    ctx: Context,
+) -> dict[str, Any]:
+    """Run a tool or model in tiles.
+
+    Parameters
+    ----------
+    id, spec : of the tool, and what is known of it
+    settings : values of its parameters
+    sources : as they were given; point clouds as places of files
+    targets : where results are written
+    record : of the run, which each product carries
+    overwrite : whether products may replace files
+    resume : whether to go on where an earlier run was stopped
+    assume_crs : of sources that state none
+
+    Returns
+    -------
+    dict
+        By output name the path, or the number; layers without a path are not made.
+
+    Raises
+    ------
+    ParameterError, DataError
+        The tool needs the whole cloud, a file cannot be read, or tiles have failed.
+    """
+    defaults = {name: f.default for name, f in spec.inputs.items() if not f.required}
+    settings = {n: v for n, v in (defaults | dict(settings)).items() if n not in spec.sources}
+    plan = Plan.of(as_model(spec), settings, targets)
+    surveys = surveys_of(spec, sources, assume_crs, ctx)
+    metre = next(iter(surveys.values())).metre
+    size = tiling.size or suitable_size(next(iter(surveys.values())), plan.halo, tiling)
+    log.info("tiles of %g m, each with %g m of its neighbourhood", size, plan.halo)
+    job = Job(
+        id,
+        settings,
+        {n: v for n, v in sources.items() if n not in surveys and v is not None},
+        assume_crs,
+        surveys,
+        plan.local,
+        plan.keep,
+        frozenset(plan.stored[n] for n, t in targets.items() if n in plan.stored and t.is_las),
+        plan.halo * metre * SLACK + NEAR * metre,
+        Grid(size * metre),
+    )
+    products = _products(plan, targets, surveys[job.first])
+    _check_products(spec.id, products, surveys, overwrite=overwrite)
+    with _working_folder(job, targets, resume=resume) as work, _client(tiling) as client:
+        tile_store.save_object(work / "job", job)
+        crew = _Crew(client, spec.id, work, job)
+        tiles = crew.split(ctx.part(0, STORED))
+        sums = crew.run_tiles(tiles, ctx.part(STORED, DONE))
+        return _finish(crew, plan, products, targets, sums, record, overwrite, ctx.part(DONE, 1))
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """What all tiles gave together beside their layers.
+
+    Attributes
+    ----------
+    numbers : by step.output; None where those of tiles do not add up
+    counts : how large the layers were
+    """
+
+    numbers: Mapping[str, Any]
+    counts: tuple[Count, ...]
+
+
+@dataclass(frozen=True)
+class _Product:
+    """A file to be written from the pieces of tiles.
+
+    Attributes
+    ----------
+    output, result : its name, and the step.output that it is
+    target : the file
+    place : where it is prepared
+    file : of a folder of files, the number of the file of the survey
+    """
+
+    output: str
+    result: str
+    target: Target
+    file: int | None = None
+    place: Path = Path()
+
+    @property
+    def home(self) -> Path:
+        assert self.target.home is not None
+        return self.target.home
+
+
+def _products(plan: Plan, targets: Mapping[str, Target], survey: Survey) -> list[_Product]:
+    """All files to be written from pieces; in a folder one for each file of the survey."""
+    found: list[_Product] = []
+    for name, target in targets.items():
+        if (result := plan.stored.get(name)) is None:
+            continue
+        if target.folder:
+            inside = [target.inside(file.path.name) for file in survey.files]
+            found += [_Product(name, result, t, number) for number, t in enumerate(inside)]
+        else:
+            found.append(_Product(name, result, target))
+    return found
+
+
+def _check_products(
+    id: str, products: list[_Product], surveys: Mapping[str, Survey], *, overwrite: bool
+) -> None:
+    """Make the folders of products, and see that nothing is in the way."""
+    for folder in {product.home.parent for product in products if product.file is not None}:
+        folder.mkdir(exist_ok=True)
+    reads = [file.path for survey in surveys.values() for file in survey.files]
+    names = {f"{p.output} {p.home.name}" if p.file is not None else p.output: p for p in products}
+    of_files = {name: product.target for name, product in names.items()}
+    if problems := targets_problems(of_files, reads, overwrite=overwrite):
+        raise ParameterError(id, problems)
+
+
+def _finish(
+    crew: _Crew,
+    plan: Plan,
+    products: list[_Product],
+    targets: Mapping[str, Target],
+    sums: _Sums,
+    record: Record | None,
+    overwrite: bool,
+    ctx: Context,
+) -> dict[str, Any]:
+    """Write all products, or after failures the files of folders that are complete."""
+    if crew.failed:
+        bad = {file.path.name for file in crew.incomplete()}
+        survey = crew.job.surveys[crew.job.first]
+        products = [
+            p for p in products if p.file is not None and survey.files[p.file].path.name not in bad
+        ]
+    found = {n: resolved(wire, sums.numbers) for n, wire in plan.model.returns.items()}
+    found = {n: v for n, v in found.items() if not plan.model.outputs[n].kind.is_layer}
+    counts = list(sums.counts)
+    asked = frozenset(targets.keys() & plan.model.between.keys() - plan.stored.keys())
+    if plan.rest and not crew.failed:
+        found |= crew.rest(plan, asked, sums.numbers, counts, ctx.part(0, 0.5))
+    made = record and replace(record, counts=tuple(plan.ordered(counts)))
+    others = {n: target for n, target in targets.items() if n in found}
+    try:
+        parts = {product.home: product.target.parts for product in products}
+        with files.staged(parts, overwrite=overwrite) as staged:
+            prepared = [replace(product, place=staged[product.home]) for product in products]
+            crew.write(prepared, made, ctx.part(0.5, 0.9))
+            found |= write(
+                crew.id, found, others, record=made, overwrite=overwrite, ctx=ctx.part(0.9, 1)
+            )
+    except OSError as err:
+        raise DataError(f"{crew.id}: cannot write: {err}") from err
+    crew.report()
+    return found | {p.output: targets[p.output].path for p in products}
+
+
+def _sum(values: list[Any]) -> Any:
+    """The number of all tiles: counts and shares add up, of others there is none."""
+    if all(isinstance(value, Share) for value in values) or all(type(v) is int for v in values):
+        return functools.reduce(operator.add, values)
+    return None
+
+
+def _reason(error: BaseException) -> str:
+    if isinstance(error, ToolboxError):
+        return str(error)
+    if type(error).__name__ == "KilledWorker":
+        return "its worker died, perhaps for want of memory; take smaller tiles or more memory"
+    return f"{type(error).__name__}: {error}"
+
+
+def _tiles(table: NDArray[np.int64], reach: int) -> set[Tile]:
+    """The tiles that have one of the buckets within reach, which is in buckets.
+
+    Parameters
+    ----------
+    table : of shape (m, 3), row and column of each bucket, and its points
+    """
+    low, high = (table[:, :2] - reach) // SIDE, (table[:, :2] + reach) // SIDE
+    found: set[Tile] = set()
+    for down in range(int((high - low).max(initial=0)) + 1):
+        for right in range(int((high - low).max(initial=0)) + 1):
+            tiles = np.minimum(low + np.array([down, right]), high)
+            found |= set(map(tuple, np.unique(tiles, axis=0).tolist()))
+    return found
+
+
+def suitable_size(survey: Survey, halo: float, tiling: Tiling) -> float:
+    """The largest tile that fits into memory with its neighbours, and leaves no worker idle.
+
+    Parameters
+    ----------
+    halo : metres
+
+    Returns
+    -------
+    float
+        Metres, but not less than half of the halo, or most of the work would be done twice.
+    """
+    boxes = np.reshape([file.bounds for file in survey.files if file.count], (-1, 2, 3))
+    area = float(np.prod(boxes[:, 1, :2] - boxes[:, 0, :2], axis=1).sum()) / survey.metre**2
+    side = math.sqrt(tiling.memory / BYTES_PER_POINT * area / survey.count) - 2 * halo
+    side = min(side, math.sqrt(area / (2 * tiling.workers)))
+    return max(float(round(side, -1)), 50.0, float(round(halo / 2, -1)))
+
+
+@contextmanager
+def _working_folder(job: Job, targets: Mapping[str, Target], *, resume: bool) -> Iterator[Path]:
+    """Where a run keeps what is done; removed when all is, and left for the next run if not."""
+    home = next((target.home for target in targets.values() if target.home), None)
+    work = (home.parent if home else Path(tempfile.gettempdir())) / f".tiles-{_key(job)}"
+    if not resume:
+        shutil.rmtree(work, ignore_errors=True)
+    elif work.exists():
+        log.info("going on where an earlier run was stopped (%s)", work)
+    for name in ("points", "tiles"):
+        (work / name).mkdir(parents=True, exist_ok=True)
+    yield work
+    shutil.rmtree(work, ignore_errors=True)
+
+
+def _key(job: Job) -> str:
+    """The same for the same tool, settings, files and tiles."""
+    read = [
+        [str(file.path.resolve()), file.path.stat().st_size, file.path.stat().st_mtime_ns]
+        for survey in job.surveys.values()
+        for file in survey.files
+    ]
+    says = [job.id, job.settings, job.layers, job.grid.size, job.halo, sorted(job.keep | job.las)]
+    text = json.dumps([__version__, *says, read], default=repr, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@contextmanager
+def _client(tiling: Tiling) -> Iterator[Any]:
+    """Processes of our own, or the workers of the user's scheduler."""
+    import dask
+    from distributed import Client, LocalCluster
+
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(DASK))
+        address: Any = tiling.scheduler
+        if address is None:
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="toolbox-"))
+            address = stack.enter_context(
+                LocalCluster(  # type: ignore[no-untyped-call]
+                    n_workers=tiling.workers,
+                    threads_per_worker=1,
+                    memory_limit=tiling.memory,
+                    dashboard_address=None,
+                    local_directory=folder,
+                    silence_logs=logging.CRITICAL,
+                )
+            )
+        yield stack.enter_context(Client(address))  # type: ignore[no-untyped-call]
+
+
+@dataclass(frozen=True)
+class _Failed:
+    """A task that has failed twice."""
+
+    why: str
+
+
+class _Crew:
+    """The workers of a run, and what has gone wrong so far.
+
+    Attributes
+    ----------
+    failed : why a tile could not be run
+    """
+
+    def __init__(self, client: Any, id: str, work: Path, job: Job) -> None:
+        self.client, self.id, self.work, self.job = client, id, work, job
+        self.failed: dict[Tile, str] = {}
+
+    def all(
+        self, task: Callable[..., Any], calls: list[tuple[Any, ...]], ctx: Context
+    ) -> list[Any]:
+        """What a task gives for each of the arguments, or how it failed after a second try."""
+        futures = [
+            self.client.submit(task, self.work, *call, pure=False, retries=1) for call in calls
+        ]
+        try:
+            while left := sum(not future.done() for future in futures):
+                ctx.progress(1 - left / len(futures))
+                time.sleep(0.05)
+        except BaseException:
+            self.client.cancel(futures, force=True)
+            raise
+        ctx.progress(1.0)
+        return [_Failed(_reason(f.exception())) if f.exception() else f.result() for f in futures]
+
+    # Points
+
+    def split(self, ctx: Context) -> dict[Tile, list[Batch]]:
+        """Store all points by bucket; gives the batches with points in or near each tile."""
+        unreadable: dict[Path, str] = {}
+        batches: list[Batch] = []
+        for source, survey in self.job.surveys.items():
+            for number, file in enumerate(survey.files):
+                try:
+                    batches += tile_store.batches(source, survey, number, BATCH)
+                except DataError as err:
+                    unreadable[file.path] = str(err)
+        tables = self.all(tile_work.split, [(batch,) for batch in batches], ctx)
+        reach = math.ceil(self.job.halo * SIDE / self.job.grid.size)
+        near: dict[Tile, list[Batch]] = {}
+        core: set[Tile] = set()
+        for batch, table in zip(batches, tables, strict=True):
+            if isinstance(table, _Failed):
+                path = self.job.surveys[batch.source].files[batch.file].path
+                unreadable[path] = table.why
+                continue
+            for tile in _tiles(table, reach):
+                near.setdefault(tile, []).append(batch)
+            core |= _tiles(table, 0) if batch.source == self.job.first else set()
+        self._give_up(unreadable, near.keys() | core)
+        rows, cols = (range(min(n), max(n) + 1) for n in zip(*core, strict=True))
+        # Also tiles without points among those that have some: a gap may be filled there.
+        among = {t: b for t, b in near.items() if t[0] in rows and t[1] in cols}
+        return {tile: b for tile, b in among.items() if tile not in self.failed}
+
+    def _give_up(self, unreadable: Mapping[Path, str], tiles: Iterable[Tile]) -> None:
+        """Tiles that would lack the points of files that cannot be read."""
+        survey_files = [file for survey in self.job.surveys.values() for file in survey.files]
+        lost = [file for file in survey_files if file.path in unreadable]
+        for tile in tiles if lost else ():
+            bounds = self.job.grid.bounds(tile, self.job.halo)
+            for file in [file for file in lost if file.touches(bounds)]:
+                self.failed[tile] = unreadable[file.path]
+
+    # Tiles
+
+    def run_tiles(self, tiles: Mapping[Tile, list[Batch]], ctx: Context) -> _Sums:
+        """Run all tiles."""
+        calls = [(tile, tuple(tiles[tile])) for tile in sorted(tiles)]
+        results = self.all(tile_work.run_tile, calls, ctx)
+        said: dict[str, list[Tile]] = {}
+        numbers: dict[str, list[Any]] = {}
+        counts: dict[tuple[str, str], int] = {}
+        for (tile, _), result in zip(calls, results, strict=True):
+            if isinstance(result, _Failed):
+                self.failed[tile] = result.why
+                continue
+            for text in dict.fromkeys(result.said):
+                said.setdefault(text, []).append(tile)
+            for name, value in result.values.items():
+                numbers.setdefault(name, []).append(value)
+            for count in result.counts:
+                key = count.step, count.name
+                counts[key] = counts.get(key, 0) + count.count
+        for text, where in list(said.items())[:LISTED]:
+            more = f" and {len(where) - 1} more tiles" if len(where) > 1 else ""
+            log.warning("tile %s%s: %s", tile_work.name_of(where[0]), more, text)
+        memory = max((r.memory for r in results if not isinstance(r, _Failed)), default=0)
+        log.debug("%d tiles; a worker needed up to %d MB", len(calls), memory // 10**6)
+        found = {name: _sum(values) for name, values in numbers.items()}
+        return _Sums(found, tuple(Count(*key, count) for key, count in counts.items()))
+
+    # Products
+
+    def write(self, products: list[_Product], record: Record | None, ctx: Context) -> None:
+        """Write products to the places where they are prepared."""
+        calls = [(p.output, p.result, p.place, p.target.how, p.file, record) for p in products]
+        done = self.all(tile_products.write, calls, ctx)
+        pairs = zip(products, done, strict=True)
+        if wrong := {p.output: d.why for p, d in pairs if isinstance(d, _Failed)}:
+            raise DataError(self.id, wrong)
+
+    def rest(
+        self,
+        plan: Plan,
+        asked: frozenset[str],
+        numbers: Mapping[str, Any],
+        counts: list[Count],
+        ctx: Context,
+    ) -> dict[str, Any]:
+        """What the steps give that need the whole, from what the others gave.
+
+        Parameters
+        ----------
+        asked : results in between that are wanted, by step.output
+        numbers : that tiles gave, by step.output
+        counts : is added to
+        """
+        _, model, layers = tile_work.opened(self.work)
+        part = model.part(plan.rest)
+        needs = {need for step in part.steps.values() for need in step.needs}
+        clouds = {
+            name: survey.read(ctx=ctx.part(0, 0.1))
+            for name, survey in self.job.surveys.items()
+            if f"{INPUTS}.{name}" in needs
+        }
+        given = {name: tile_products.read(self.work, name) for name in needs & plan.keep}
+        values = dict.fromkeys(model.sources) | dict(plan.settings) | layers | clouds
+        run = Run(part, values, keep=asked, given=given | dict(numbers), around=counting(counts))
+        result = run.run(ctx.part(0.1, 1))
+        names = [name for name in (*part.outputs, *asked) if name not in plan.stored]
+        return {name: getattr(result, name) for name in names}
+
+    def incomplete(self) -> list[SurveyFile]:
+        """The files of the survey with points in tiles that have failed."""
+        files = self.job.surveys[self.job.first].files
+        boxes = [self.job.grid.bounds(tile) for tile in self.failed]
+        return [file for file in files if any(map(file.touches, boxes))]
+
+    def report(self) -> None:
+        """Raise an error that names the tiles that have failed."""
+        if not self.failed:
+            return
+        lines = {}
+        for tile in sorted(self.failed)[:LISTED]:
+            box = ", ".join(f"{value:.10g}" for value in self.job.grid.bounds(tile))
+            lines[f"tile {tile_work.name_of(tile)} ({box})"] = self.failed[tile]
+        if left := len(self.failed) - len(lines):
+            lines["and"] = f"{left} more tiles"
+        lines["what to do"] = (
+            f"mend the cause and run again with --resume; all else is kept in {self.work}"
+        )
+        raise DataError(self.id, lines)

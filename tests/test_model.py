@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
+import json
 import math
 import weakref
 from collections.abc import Callable, Iterator, Mapping
@@ -708,3 +710,44 @@ def test_shipped_models_have_the_id_of_their_file() -> None:
     assert "models.terrain" in paths
     for id in paths:
         assert catalog.load(id).id == id
+
+
+def nodes(value: Any, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """The places of all values in a document."""
+    for key, item in value.items() if isinstance(value, dict) else ():
+        yield (*place, key)
+        yield from nodes(item, (*place, key))
+
+
+ODD = [None, 3, -1.5, "x", True, [], [[]], {}, {"from": 1}, {"from": "a.b"}, {"from": ["a.b", 2]}]
+ODD += [{"x": {"y": 1}}, [{"from": "a.top"}], ["a", None], {"from": []}, {"from": {}}, 10**400]
+
+
+@pytest.mark.parametrize("odd", ODD, ids=lambda value: str(value)[:20])
+def test_any_value_anywhere_is_fine_or_a_clear_error(load: Load, odd: Any) -> None:
+    inputs = "by: {type: number, unit: m, default: 3, gt: 0, help: How far}\n"
+    inputs += "word: {type: choice, choices: [no, yes], default: yes, help: A word}\n"
+    inputs += "what: {type: attribute, of: points, default: z, help: A name}\n" + FLAG
+    steps = f"a: {SHIFT}, by: {{from: inputs.by}}, word: {{from: inputs.word}}}}\n"
+    steps += (
+        "b: {tool: toy.shift, points: {from: [a.moved, inputs.points]}, repeat: by, by: [1, 2]}\n"
+    )
+    steps += "c: {tool: toy.join, points: {from: b.moved}, when: {from: inputs.flag}, classes: 2}"
+    text = chain(steps, "n: {from: c.count}\n  m: {from: [a.top], help: x}", inputs)
+    whole = model_reader.documents.mapping(text)
+    places = list(nodes(whole))
+    assert len(places) > 50
+    for place in places:
+        changed = copy.deepcopy(whole)
+        at = changed
+        for key in place[:-1]:
+            at = at[key]
+        at[place[-1]] = odd
+        try:
+            made = load(json.dumps(changed))
+        except ParameterError as err:
+            longest = max(map(len, str(err).splitlines()))
+        else:
+            made.halo({})
+            longest = len(made.title)
+        assert longest < 500

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import shutil
 import tempfile
 import threading
@@ -10,8 +11,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+import psutil
+
 Parts = Callable[[Path], tuple[Path, ...]]  # all files that belong to a path, itself included
 
+PREFIX = ".unfinished-"
 _unfinished: set[Path] = set()  # folders of this process that a crash must not leave behind
 _moving = threading.Lock()  # held while outputs are moved into place
 
@@ -108,15 +112,41 @@ def staged(targets: Mapping[Path, Parts], *, overwrite: bool) -> Iterator[dict[P
     folders: dict[Path, Path] = {}
     try:
         for target in targets:
-            folder = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=target.parent))
-            _unfinished.add(folder)
-            folders[target] = folder
+            folders[target] = _new_folder(target.parent)
         yield {target: folder / target.name for target, folder in folders.items()}
         with _moving:
             _move_all([(folders[t], parts(t), overwrite) for t, parts in targets.items()])
     finally:
         for folder in folders.values():
             _discard(folder)
+
+
+@contextmanager
+def scratch() -> Iterator[Path]:
+    """A folder for temporary files, which is gone afterwards, also after a hard exit."""
+    folder = _new_folder(Path(tempfile.gettempdir()))
+    try:
+        yield folder
+    finally:
+        _discard(folder)
+
+
+def _new_folder(parent: Path) -> Path:
+    """A hidden folder that tells whose it is, so that one left by a crash can be told from it."""
+    _sweep(parent)
+    owner = f"{PREFIX}{platform.node()}-{os.getpid()}-"
+    folder = Path(tempfile.mkdtemp(prefix=owner, dir=parent))
+    _unfinished.add(folder)
+    return folder
+
+
+def _sweep(parent: Path) -> None:
+    """Remove what processes of this computer have left that were killed."""
+    own = f"{PREFIX}{platform.node()}-"
+    for folder in parent.glob(f"{own}*"):
+        process = folder.name.removeprefix(own).partition("-")[0]
+        if process.isdigit() and not psutil.pid_exists(int(process)):
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _move_all(moves: Iterable[tuple[Path, tuple[Path, ...], bool]]) -> None:

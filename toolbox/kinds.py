@@ -81,8 +81,10 @@ class Option:
 
 
 def _number(value: Any) -> float:
+    if isinstance(value, numbers.Real) and not _is_number(value):
+        raise ValueError
     number = float(value)
-    if isinstance(value, bool) or not math.isfinite(number):
+    if not math.isfinite(number):
         raise ValueError
     return number
 
@@ -104,7 +106,10 @@ def _boolean(value: Any) -> bool:
 
 def _is_number(value: Any) -> bool:
     real = isinstance(value, numbers.Real) and not isinstance(value, bool)
-    return real and math.isfinite(value)
+    try:
+        return real and math.isfinite(value)
+    except OverflowError:  # an integer beyond all floats
+        return False
 
 
 def _is_integer(value: Any) -> bool:

@@ -14,18 +14,18 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from toolbox import documents, kinds
+from toolbox import documents, model_inputs
 from toolbox.errors import ParameterError, nearest
-from toolbox.fields import MEETS, UNITS, Field, Spec
+from toolbox.fields import Field, Spec
 from toolbox.model import INPUTS, Model, Reference, Step, Wire, references
-from toolbox.spec import RESERVED
+from toolbox.model_inputs import parsed, short, word_problems
+from toolbox.spec import NAME, RESERVED
+from toolbox.wiring import is_sure, misfit, of_inputs, wire_of
 
 MODEL_WORDS = ("id", "title", "help", "inputs", "steps", "outputs")
-INPUT_WORDS = ("type", "help", "default", "unit", "choices", "many", "optional", "of", *MEETS)
+NEEDED = ("id", "title", "steps", "outputs")
 STEP_WORDS = ("tool", "when", "repeat")  # what a step says beside the parameters of its tool
-NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 ID = re.compile(rf"{NAME.pattern}(\.{NAME.pattern})+")
-SHOWN = 60  # characters of a wrong value that a message shows
 
 
 def load(path: Path, find: Callable[[str], Spec]) -> Model:
@@ -60,11 +60,14 @@ class _Reader:
         self.broken: set[str] = set()  # inputs and steps about which nothing is known
 
     def model(self, text: Mapping[str, Any]) -> Model:
-        self._words("model", text, MODEL_WORDS, needed=("id", "title", "steps", "outputs"))
+        self.problems |= word_problems("model", text, MODEL_WORDS, needed=NEEDED)
         id, title = str(text.get("id", "")), str(text.get("title", ""))
         if not ID.fullmatch(id):
-            self.problems["id"] = f"must be like models.terrain, got {id!r}"
-        inputs = self._inputs(self._part(text, "inputs"))
+            self.problems["id"] = f"must be like models.terrain, got {short(id)}"
+        parts = self._part(text, "inputs")
+        inputs, problems = model_inputs.read(parts)
+        self.problems |= problems
+        self.broken |= {f"{INPUTS}.{name}" for name in parts.keys() - inputs.keys()}
         steps = self._steps(self._part(text, "steps"), inputs)
         returns, outs = self._returns(self._part(text, "outputs"), inputs, steps)
         self._unused(inputs, steps)
@@ -77,22 +80,11 @@ class _Reader:
             raise ParameterError(str(self.path), problems)
         return made
 
-    def _words(
-        self, where: str, says: Mapping[str, Any], known: tuple[str, ...], needed: tuple[str, ...]
-    ) -> None:
-        """Report words that mean nothing here, and those that are missing."""
-        for word in [word for word in says if word not in known]:
-            hint = nearest(str(word), known) or f"; there are {', '.join(known)}"
-            self.problems[f"{where}.{word}"] = f"unknown word{hint}"
-        for word in needed:
-            if not says.get(word):
-                self.problems[f"{where}.{word}"] = "missing"
-
     def _part(self, text: Mapping[str, Any], name: str) -> dict[str, Any]:
         """The names and values of a part of the file."""
         part = text.get(name) or {}
         if not isinstance(part, Mapping):
-            self.problems[name] = f"must hold names and values, got {_short(part)}"
+            self.problems[name] = f"must hold names and values, got {short(part)}"
             return {}
         for key in part:
             if not NAME.fullmatch(str(key)) or key == INPUTS:
@@ -118,60 +110,6 @@ class _Reader:
             options = (*field.kind.open_options, *field.kind.save_options) if field else ()
             for name in {f"{step.name}.{option}" for option in options} & step.outputs.keys():
                 self.problems[step.name] = f"{name} would mean two things; rename the step"
-
-    # Inputs
-
-    def _inputs(self, part: Mapping[str, Any]) -> dict[str, Field]:
-        fields = {name: self._input(name, says) for name, says in part.items()}
-        found = {name: field for name, field in fields.items() if field}
-        self.broken |= {f"{INPUTS}.{name}" for name in fields.keys() - found.keys()}
-        for name, field in found.items():
-            if field.of and (field.of not in found or found[field.of].role != "source"):
-                hint = nearest(field.of, [n for n, f in found.items() if f.role == "source"])
-                self.problems[f"{INPUTS}.{name}.of"] = f"no source called {field.of!r}{hint}"
-        return found
-
-    def _input(self, name: str, says: Any) -> Field | None:
-        where = f"{INPUTS}.{name}"
-        if not isinstance(says, Mapping):
-            self.problems[where] = f"must be {{type: ..., help: ...}}, got {_short(says)}"
-            return None
-        before = len(self.problems)
-        self._words(where, says, INPUT_WORDS, needed=("type", "help"))
-        types = {kind.word: kind for kind in (*kinds.KINDS.values(), kinds.CHOICE)}
-        kind, word = types.get(str(says.get("type"))), says.get("type")
-        if word and kind is None:
-            hint = nearest(str(word), types) or f"; there are {', '.join(types)}"
-            self.problems[f"{where}.type"] = f"no type {word!r}{hint}"
-        if kind:
-            found = _input_problems(kind, says)
-            self.problems |= {f"{where}.{key}": text for key, text in found.items()}
-        if kind is None or len(self.problems) > before:
-            return None
-        optional = _switch(says, "optional") or ("default" in says and says["default"] is None)
-        field = Field(
-            name,
-            kind,
-            "source" if kind.is_layer else "param",
-            str(says["help"]),
-            None if optional else dataclasses.MISSING,
-            None if says.get("unit") is None else str(says["unit"]),
-            {key: says[key] for key in MEETS if key in says},
-            choices=tuple(says.get("choices", ())),
-            many=_switch(says, "many"),
-            optional=optional,
-            of=says.get("of"),
-        )
-        return self._with_default(field, says.get("default"))
-
-    def _with_default(self, field: Field, default: Any) -> Field | None:
-        if default is None:
-            return field
-        value, problem = _parsed(field, default)
-        if problem:
-            self.problems[f"{INPUTS}.{field.name}.default"] = problem
-            return None
-        return dataclasses.replace(field, default=value)
 
     # Steps
 
@@ -206,7 +144,7 @@ class _Reader:
         plain: dict[str, Any] = {}
         for key in [key for key in says if key not in STEP_WORDS]:
             try:
-                wire = _wire(says[key])
+                wire = wire_of(says[key])
             except ValueError as err:
                 self.problems[f"{name}.{key}"] = str(err)
                 continue
@@ -221,12 +159,12 @@ class _Reader:
         if "when" not in says:
             return None
         try:
-            wire = _wire(says["when"])
+            wire = wire_of(says["when"])
         except ValueError:
             wire = None
-        if isinstance(wire, Reference) and len(wire.names) == 1 and _of_inputs(wire.names[0]):
+        if isinstance(wire, Reference) and len(wire.names) == 1 and of_inputs(wire.names[0]):
             return wire
-        self.problems[f"{name}.when"] = f"must be {{from: inputs.name}}, got {_short(says['when'])}"
+        self.problems[f"{name}.when"] = f"must be {{from: inputs.name}}, got {short(says['when'])}"
         return None
 
     def _repeat(self, name: str, says: Mapping[str, Any], spec: Spec) -> str | None:
@@ -251,7 +189,7 @@ class _Reader:
             if field.kind.is_layer and value is not None:
                 problem: str | None = "is a layer; it needs a reference {from: step.output}"
             else:
-                found[name], problem = _parsed(field, value)
+                found[name], problem = parsed(field, value)
             if problem:
                 self.problems[f"{step.name}.{name}"] = problem
         return found
@@ -296,11 +234,11 @@ class _Reader:
             return "takes one value, not a list"
         one = dataclasses.replace(want, many=False) if isinstance(wire, tuple) else want
         for reference in references(wire):
-            if text := self._unknown(reference, known) or _misfit(reference, known, one):
+            if text := self._unknown(reference, known) or misfit(reference, known, one):
                 return text
         names = [name for reference in references(wire) for name in reference.names]
         excused = any(map(self._excused, names))
-        if excused or not want.required or any(_sure(n, step.when, known, steps) for n in names):
+        if excused or not want.required or any(is_sure(n, step.when, known, steps) for n in names):
             return None
         return (
             f"{names[0]!r} may be missing; say what to take then, {{from: [{names[0]}, ...]}}, "
@@ -319,7 +257,7 @@ class _Reader:
             text = dict(says) if isinstance(says, Mapping) else {"from": says}
             help = text.pop("help", None)
             try:
-                wire = _wire(text)
+                wire = wire_of(text)
             except ValueError as err:
                 self.problems[f"outputs.{name}"] = str(err)
                 continue
@@ -327,7 +265,7 @@ class _Reader:
                 self.problems[f"outputs.{name}"] = problem
             elif isinstance(wire, Reference) and not any(map(self._excused, wire.names)):
                 first = known[wire.names[0]]
-                sure = any(_sure(full, None, known, steps) for full in wire.names)
+                sure = any(is_sure(full, None, known, steps) for full in wire.names)
                 returns[name] = wire
                 outs[name] = dataclasses.replace(
                     first, name=name, help=str(help or first.help), optional=not sure
@@ -345,119 +283,9 @@ class _Reader:
             return "must be {from: step.output}"
         if name in inputs:
             return "is the name of an input too"
-        if taken := [full for full in wire.names if _of_inputs(full)]:
+        if taken := [full for full in wire.names if of_inputs(full)]:
             return f"{taken[0]!r} is what the model is given; an output is what a step gives"
         if text := self._unknown(wire, known):
             return text
         there = [known[full] for full in wire.names if full in known]
-        return _misfit(wire, known, there[0]) if there else None
-
-
-def _input_problems(kind: kinds.Kind, says: Mapping[str, Any]) -> dict[str, str]:
-    """What is wrong with what an input says of itself, by word."""
-    found: dict[str, str] = {}
-    number, unit = kind.word in ("number", "integer"), says.get("unit")
-    if unit is not None and str(unit) not in UNITS:
-        found["unit"] = f"must be one of {', '.join(UNITS)}, got {unit!r}"
-    if unit is None and number and "choices" not in says:
-        found["unit"] = "missing: m for lengths in metres, 1 for a ratio or a count"
-    choices = says.get("choices")
-    if kind is kinds.CHOICE and not choices:
-        found["choices"] = "missing: the words to choose from"
-    elif choices is not None and not _is_list(choices):
-        found["choices"] = f"must be a list of words, got {_short(choices)}"
-    for key in [key for key in MEETS if key in says]:
-        if not kinds.KINDS[float].accepts(says[key]) or not (number or kind.word == "range"):
-            found[key] = f"must be a number, of a number or range; got {says[key]!r}"
-    for key in ("many", "optional"):
-        if key in says and not isinstance(says[key], bool):
-            found[key] = f"must be true or false, got {says[key]!r}"
-    if kind.is_layer and says.get("default") is not None:
-        found["default"] = "a layer has none; it may be optional: true"
-    if says.get("of") is not None and kind.word not in ("attribute", "expression"):
-        found["of"] = "is for attributes and expressions"
-    return found
-
-
-def _is_list(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(v, str | int | float) for v in value)
-
-
-def _switch(says: Mapping[str, Any], word: str) -> bool:
-    return says.get(word) is True
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
-
-
-def _parsed(field: Field, value: Any) -> tuple[Any, str | None]:
-    """A plain value as its type, and what is wrong with it."""
-    try:
-        made = field.parse(value)
-    except ValueError as err:
-        return None, str(err)
-    return made, field.problem(made)
-
-
-def _wire(value: Any) -> Wire | None:
-    """The reference, or list of them, that a value of the file is; None for a plain value.
-
-    Raises
-    ------
-    ValueError
-        It looks like one and is none.
-    """
-    if isinstance(value, list) and any(map(_looks_wired, value)):
-        wires = [_wire(item) for item in value]
-        found = tuple(wire for wire in wires if isinstance(wire, Reference))
-        if len(found) < len(wires):
-            raise ValueError("must be references alone, or values alone")
-        return found
-    if not _looks_wired(value):
-        return None
-    names = value["from"] if isinstance(value["from"], list) else [value["from"]]
-    if value.keys() != {"from"} or not names or not all(map(_is_reference, names)):
-        raise ValueError(f"a reference is {{from: step.output}}, got {_short(value)}")
-    return Reference(tuple(names))
-
-
-def _looks_wired(value: Any) -> bool:
-    return isinstance(value, Mapping) and "from" in value
-
-
-def _is_reference(name: Any) -> bool:
-    return isinstance(name, str) and re.fullmatch(r"\w+\.\w+", name) is not None
-
-
-def _of_inputs(name: str) -> bool:
-    return name.startswith(f"{INPUTS}.")
-
-
-def _misfit(wire: Reference, known: Mapping[str, Field], want: Field) -> str | None:
-    """Say why a value does not fit a parameter."""
-    for name in [name for name in wire.names if name in known]:
-        have = known[name]
-        alike = have.kind is want.kind or (have.kind.word, want.kind.word) == ("integer", "number")
-        if alike and want.many and not have.many:
-            return f"takes a list; write [{{from: {name}}}]"
-        if not alike or have.many != want.many:
-            return f"needs a {want.word}, but {name!r} is a {have.word}"
-        if have.unit and want.unit and have.unit != want.unit:
-            return f"is in {want.unit}, but {name!r} in {have.unit}"
-        if odd := [choice for choice in have.choices if choice not in want.choices]:
-            return f"must be {want.rule()}, but {name!r} may be {odd[0]!r}"
-    return None
-
-
-def _sure(
-    name: str, when: Reference | None, known: Mapping[str, Field], steps: Mapping[str, Step]
-) -> bool:
-    """Whether a value is there whenever a step with this condition runs."""
-    if name not in known:
-        return False
-    if _of_inputs(name):
-        return not known[name].optional or when == Reference((name,))
-    maker = steps[name.partition(".")[0]]
-    return maker.when in (None, when) and not known[name].optional
+        return misfit(wire, known, there[0]) if there else None

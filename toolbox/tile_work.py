@@ -7,7 +7,6 @@ by that folder alone. A task whose result is there already is done.
 from __future__ import annotations
 
 import logging
-import resource
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import psutil
 from numpy.typing import NDArray
 from pyproj import CRS
 
@@ -258,5 +258,10 @@ def _said() -> Iterator[list[str]]:
 
 
 def _peak() -> int:
-    scale = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * scale
+    """Bytes that this process has needed at most."""
+    if sys.platform == "win32":
+        return int(psutil.Process().memory_info().peak_wset)
+    import resource
+
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

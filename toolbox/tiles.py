@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 from pyproj import CRS
 
@@ -50,6 +51,7 @@ from toolbox.values import Share
 BATCH = 2_000_000  # points that are read and sorted at a time
 BYTES_PER_POINT = 500  # that the hungriest tools need for a tile with its neighbours
 SLACK, NEAR = 1 + 1e-9, 1e-6  # of the halo, and metres: what lies on its edge is not lost
+SHARE = 0.8  # of the memory that all workers together may use
 LISTED = 10  # problems and warnings that are spelt out
 STORED, DONE = 0.1, 0.9  # of the progress, when all points are stored, and when all tiles are done
 DASK = {
@@ -275,9 +277,16 @@ def suitable_size(survey: Survey, halo: float, tiling: Tiling) -> float:
     """
     boxes = np.reshape([file.bounds for file in survey.files if file.count], (-1, 2, 3))
     area = float(np.prod(boxes[:, 1, :2] - boxes[:, 0, :2], axis=1).sum()) / survey.metre**2
-    side = math.sqrt(tiling.memory / BYTES_PER_POINT * area / survey.count) - 2 * halo
+    side = math.sqrt(_memory(tiling) / BYTES_PER_POINT * area / survey.count) - 2 * halo
     side = min(side, math.sqrt(area / (2 * tiling.workers)))
     return max(float(round(side, -1)), 50.0, float(round(halo / 2, -1)))
+
+
+def _memory(tiling: Tiling) -> int:
+    """Bytes that a worker may use: most of what this computer or container has, unless said."""
+    from distributed.system import MEMORY_LIMIT
+
+    return tiling.memory or int(SHARE * MEMORY_LIMIT / tiling.workers)
 
 
 @contextmanager
@@ -285,14 +294,25 @@ def _working_folder(job: Job, targets: Mapping[str, Target], *, resume: bool) ->
     """Where a run keeps what is done; removed when all is, and left for the next run if not."""
     home = next((target.home for target in targets.values() if target.home), None)
     work = (home.parent if home else Path(tempfile.gettempdir())) / f".tiles-{_key(job)}"
-    if not resume:
+    parts = work / "points", work / "tiles"
+    goes_on = resume and work.exists()
+    work.mkdir(exist_ok=True)
+    lock = FileLock(work / "lock", blocking=False)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise DataError(f"{job.id}: another run is at work in {work}") from None
+    try:
+        if goes_on:
+            log.info("going on where an earlier run was stopped (%s)", work)
+        for part in parts:
+            if not goes_on:
+                shutil.rmtree(part, ignore_errors=True)
+            part.mkdir(exist_ok=True)
+        yield work
         shutil.rmtree(work, ignore_errors=True)
-    elif work.exists():
-        log.info("going on where an earlier run was stopped (%s)", work)
-    for name in ("points", "tiles"):
-        (work / name).mkdir(parents=True, exist_ok=True)
-    yield work
-    shutil.rmtree(work, ignore_errors=True)
+    finally:
+        lock.release()
 
 
 def _key(job: Job) -> str:
@@ -317,13 +337,14 @@ def _client(tiling: Tiling) -> Iterator[Any]:
         stack.enter_context(dask.config.set(DASK))
         address: Any = tiling.scheduler
         if address is None:
-            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="toolbox-"))
+            folder = stack.enter_context(files.scratch())
             address = stack.enter_context(
                 LocalCluster(  # type: ignore[no-untyped-call]
                     n_workers=tiling.workers,
                     threads_per_worker=1,
-                    memory_limit=tiling.memory,
+                    memory_limit=_memory(tiling),
                     dashboard_address=None,
+                    scheduler_kwargs={"dashboard_address": ":0"},  # of a server there is anyway
                     local_directory=folder,
                     silence_logs=logging.CRITICAL,
                 )

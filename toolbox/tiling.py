@@ -11,7 +11,6 @@ from typing import Any
 from toolbox.errors import ParameterError
 
 UNITS = {"": 1, "kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30}
-SHARE = 0.8  # of the memory of the machine that all workers together may use
 
 
 @dataclass(frozen=True)
@@ -22,13 +21,13 @@ class Tiling:
     ----------
     size : of a tile, metres; None for one that suits the memory
     workers : processes
-    memory : bytes that each of them may use
+    memory : bytes that each of them may use; None for an equal share of what there is
     scheduler : address of a Dask scheduler to use instead of processes of our own
     """
 
     size: float | None
     workers: int
-    memory: int
+    memory: int | None = None
     scheduler: str | None = None
 
     @classmethod
@@ -49,15 +48,14 @@ class Tiling:
                 raise ParameterError("run", problems)
             return None
         size = _number("tile", given["tile"], problems, auto=True)
-        workers = _number("workers", given.get("workers") or len(os.sched_getaffinity(0)), problems)
+        workers = _number("workers", given.get("workers") or os.cpu_count(), problems)
         memory = _memory(given.get("memory"), problems)
         if workers is not None and not workers.is_integer():
             problems["workers"] = f"must be a whole number, got {given['workers']}"
         if problems:
             raise ParameterError("run", problems)
         assert workers is not None
-        share = memory or int(SHARE * _machine_memory() / workers)
-        return cls(size, int(workers), share, given.get("scheduler"))
+        return cls(size, int(workers), memory, given.get("scheduler"))
 
 
 def _number(name: str, value: Any, problems: dict[str, str], *, auto: bool = False) -> float | None:
@@ -73,10 +71,10 @@ def _number(name: str, value: Any, problems: dict[str, str], *, auto: bool = Fal
     return number
 
 
-def _memory(value: Any, problems: dict[str, str]) -> int:
-    """Bytes, from a text such as 4GB; 0 if nothing is said."""
+def _memory(value: Any, problems: dict[str, str]) -> int | None:
+    """Bytes, from a text such as 4GB."""
     if value is None:
-        return 0
+        return None
     match = re.fullmatch(r"\s*([\d.]+)\s*([a-z]*)\s*", str(value).lower())
     try:
         found = float(match[1]) * UNITS[match[2]] if match else 0
@@ -85,7 +83,3 @@ def _memory(value: Any, problems: dict[str, str]) -> int:
     if found < UNITS["mb"] * 100:
         problems["memory"] = f"must be at least 100 MB, such as 4GB, got {value!r}"
     return int(found)
-
-
-def _machine_memory() -> int:
-    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")

@@ -1,0 +1,73 @@
+"""References of a model file: what they look like, and whether they fit what refers to them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from toolbox.fields import Field
+from toolbox.model import INPUTS, Reference, Step, Wire
+from toolbox.model_inputs import short
+
+
+def wire_of(value: Any) -> Wire | None:
+    """The reference, or list of them, that a value of the file is; None for a plain value.
+
+    Raises
+    ------
+    ValueError
+        It looks like one and is none.
+    """
+    if isinstance(value, list) and any(map(_looks_wired, value)):
+        wires = [wire_of(item) for item in value]
+        found = tuple(wire for wire in wires if isinstance(wire, Reference))
+        if len(found) < len(wires):
+            raise ValueError("must be references alone, or values alone")
+        return found
+    if not _looks_wired(value):
+        return None
+    names = value["from"] if isinstance(value["from"], list) else [value["from"]]
+    if value.keys() != {"from"} or not names or not all(map(_is_reference, names)):
+        raise ValueError(f"a reference is {{from: step.output}}, got {short(value)}")
+    return Reference(tuple(names))
+
+
+def _looks_wired(value: Any) -> bool:
+    return isinstance(value, Mapping) and "from" in value
+
+
+def _is_reference(name: Any) -> bool:
+    return isinstance(name, str) and re.fullmatch(r"\w+\.\w+", name) is not None
+
+
+def of_inputs(name: str) -> bool:
+    return name.startswith(f"{INPUTS}.")
+
+
+def misfit(wire: Reference, known: Mapping[str, Field], want: Field) -> str | None:
+    """Say why a value does not fit a parameter."""
+    for name in [name for name in wire.names if name in known]:
+        have = known[name]
+        alike = have.kind is want.kind or (have.kind.word, want.kind.word) == ("integer", "number")
+        if alike and want.many and not have.many:
+            return f"takes a list; write [{{from: {name}}}]"
+        if not alike or have.many != want.many:
+            return f"needs a {want.word}, but {name!r} is a {have.word}"
+        if have.unit and want.unit and have.unit != want.unit:
+            return f"is in {want.unit}, but {name!r} in {have.unit}"
+        if odd := [choice for choice in have.choices if choice not in want.choices]:
+            return f"must be {want.rule()}, but {name!r} may be {odd[0]!r}"
+    return None
+
+
+def is_sure(
+    name: str, when: Reference | None, known: Mapping[str, Field], steps: Mapping[str, Step]
+) -> bool:
+    """Whether a value is there whenever a step with this condition runs."""
+    if name not in known:
+        return False
+    if of_inputs(name):
+        return not known[name].optional or when == Reference((name,))
+    maker = steps[name.partition(".")[0]]
+    return maker.when in (None, when) and not known[name].optional

@@ -583,6 +583,7 @@ def test_progress_and_cancel(load: Load, cloud: PointCloud) -> None:
     told: list[float] = []
     job.run(Context(told.append))
     assert told == sorted(told)
+    assert told[0] == 0.0
     assert {0.25, 0.5, 0.625, 0.75, 1.0} <= set(told)
     calls = 0
 
@@ -657,6 +658,14 @@ def test_a_model_runs_another_beside_it(models: Path, classified: PointCloud) ->
     assert result.raster.cell == 4
     assert names == ["clean", "sub/grid"]
     assert run(str(models / "outer.yaml"), {"points": classified})["raster"].cell == 4
+
+
+def test_a_tool_that_also_takes_surveys_takes_points(models: Path, classified: PointCloud) -> None:
+    text = OUTER.replace(
+        "inner.yaml, points: {from: clean.kept}, cell: 4", "points.info, points: {from: clean.kept}"
+    ).replace("sub.mean", "sub.count")
+    (models / "outer.yaml").write_text(text, "utf-8")
+    assert run(str(models / "outer.yaml"), {"points": classified})["raster"] == 100
 
 
 def test_errors_in_a_model_in_a_model_name_both_steps(models: Path, classified: PointCloud) -> None:

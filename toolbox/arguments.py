@@ -86,7 +86,9 @@ def _add_general(group: Any) -> None:
     group.add_argument("--workers", metavar="N", help="processes that work on tiles (all cores)")
     group.add_argument("--memory", metavar="SIZE", help="that each of them may use, such as 4GB")
     group.add_argument("--scheduler", metavar="URL", help="Dask scheduler to use instead of them")
-    group.add_argument("--resume", action="store_true", help="go on where a run was stopped")
+    group.add_argument(
+        "--resume", action="store_true", help="take over steps, or tiles, of earlier runs"
+    )
     group.add_argument("--json", action="store_true", help="print the result as JSON")
     group.add_argument("--events", choices=["jsonl"], help="one JSON line per event, for programs")
     loudness = group.add_mutually_exclusive_group()

@@ -18,7 +18,9 @@ import json
 import logging
 import math
 import operator
+import os
 import shutil
+import signal
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -54,6 +56,7 @@ SLACK, NEAR = 1 + 1e-9, 1e-6  # of the halo, and metres: what lies on its edge i
 SHARE = 0.8  # of the memory that all workers together may use
 LISTED = 10  # problems and warnings that are spelt out
 STORED, DONE = 0.1, 0.9  # of the progress, when all points are stored, and when all tiles are done
+WARNINGS = "PYTHONWARNINGS"
 DASK = {
     "distributed.scheduler.allowed-failures": 1,
     "distributed.scheduler.worker-ttl": None,
@@ -338,18 +341,44 @@ def _client(tiling: Tiling) -> Iterator[Any]:
         address: Any = tiling.scheduler
         if address is None:
             folder = stack.enter_context(files.scratch())
-            address = stack.enter_context(
-                LocalCluster(  # type: ignore[no-untyped-call]
-                    n_workers=tiling.workers,
-                    threads_per_worker=1,
-                    memory_limit=_memory(tiling),
-                    dashboard_address=None,
-                    scheduler_kwargs={"dashboard_address": ":0"},  # of a server there is anyway
-                    local_directory=folder,
-                    silence_logs=logging.CRITICAL,
+            with _deaf_children():
+                address = stack.enter_context(
+                    LocalCluster(  # type: ignore[no-untyped-call]
+                        n_workers=tiling.workers,
+                        threads_per_worker=1,
+                        memory_limit=_memory(tiling),
+                        dashboard_address=None,
+                        scheduler_kwargs={"dashboard_address": ":0"},  # of a server there is anyway
+                        local_directory=folder,
+                        silence_logs=logging.CRITICAL,
+                    )
                 )
-            )
         yield stack.enter_context(Client(address))  # type: ignore[no-untyped-call]
+
+
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Let processes that are started here not hear Ctrl-C, which a terminal sends to all.
+
+    It is for us to stop them. They inherit the mask of signals of the thread that starts them.
+    The process of Python that looks after semaphores is started here too, told not to complain of
+    those that it clears away after a hard exit.
+    """
+    from multiprocessing import resource_tracker
+
+    before = {name: value for name, value in os.environ.items() if name == WARNINGS}
+    os.environ[WARNINGS] = "ignore:resource_tracker"
+    resource_tracker.ensure_running()  # first, for it lets the signal through again
+    del os.environ[WARNINGS]
+    os.environ.update(before)
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 @dataclass(frozen=True)

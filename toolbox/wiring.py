@@ -49,7 +49,8 @@ def misfit(wire: Reference, known: Mapping[str, Field], want: Field) -> str | No
     """Say why a value does not fit a parameter."""
     for name in [name for name in wire.names if name in known]:
         have = known[name]
-        alike = have.kind is want.kind or (have.kind.word, want.kind.word) == ("integer", "number")
+        words = have.kind.word, want.kind.word  # a PointCloud also for who takes surveys too
+        alike = words[0] == words[1] or words == ("integer", "number")
         if alike and want.many and not have.many:
             return f"takes a list; write [{{from: {name}}}]"
         if not alike or have.many != want.many:

@@ -171,14 +171,15 @@ def _weigh_cells(  # type: ignore[no-untyped-def]
     there, values, first, last, xs, ys, cell, weighting, max_gap, surface, used, nearest
 ):
     """Fill in the rows first..last."""
-    far, near = np.empty(weighting.neighbours), np.empty(weighting.neighbours, np.int32)
+    k = weighting.neighbours
+    most, far, near = np.empty(k), np.empty(4 * k + 64), np.empty(4 * k + 64, np.int32)
     for row in range(first, last):
         before = np.inf
         for col in range(len(xs)):
             # What was near enough to the centre before is at most a cell farther from this one.
             bound = before + cell if before > cell else np.inf
-            found = _search(there, xs[col], ys[row], -1, weighting.reach, bound, far, near)
-            before = math.sqrt(far[found - 1]) if found == len(far) else np.inf
+            found = _search(there, xs[col], ys[row], -1, weighting.reach, bound, most, far, near)
+            before = math.sqrt(far[found - 1]) if found == k else np.inf
             if found > 0 and far[0] <= max_gap * max_gap:
                 surface[row, col] = _mean(values, near, far, found, weighting)
                 used[row, col], nearest[row, col] = found, math.sqrt(far[0])
@@ -187,10 +188,11 @@ def _weigh_cells(  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _leave_out(there, values, first, last, weighting, squares):  # type: ignore[no-untyped-def]
     """Fill in the points first..last of the buckets."""
-    far, near = np.empty(weighting.neighbours), np.empty(weighting.neighbours, np.int32)
+    k = weighting.neighbours
+    most, far, near = np.empty(k), np.empty(4 * k + 64), np.empty(4 * k + 64, np.int32)
     for i in range(first, last):
         own, x, y = there.order[i], there.xy[i, 0], there.xy[i, 1]
-        found = _search(there, x, y, own, weighting.reach, np.inf, far, near)
+        found = _search(there, x, y, own, weighting.reach, np.inf, most, far, near)
         if found > 0:
             squares[own] = (values[own] - _mean(values, near, far, found, weighting)) ** 2
 
@@ -211,22 +213,24 @@ def _mean(values, near, far, found, weighting):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _search(there, x, y, own, reach, bound, far, near):  # type: ignore[no-untyped-def]
-    """Find the points nearest to a place, but for point `own`, none farther than `reach`.
+def _search(there, x, y, own, reach, bound, most, far, near):  # type: ignore[no-untyped-def]
+    """Find the len(most) points nearest to a place, but for point `own`, within `reach`.
 
     Parameters
     ----------
     bound : a distance within which there are enough, if known
-    far, near : take squared distances, rising, and indices
+    most : scratch
+    far, near : take squared distances, rising, and indices; longer than `most`
 
     Returns
     -------
-    found : how many there are, at most len(far)
+    found : how many there are
     """
     if np.isinf(bound):
-        bound = _enough(there, x, y, len(far) + (own >= 0))
+        bound = _enough(there, x, y, len(most) + (own >= 0))
     bound = min(reach, bound) * (1.0 + ROUNDING)
-    size, found, worst = there.size, 0, bound * bound
+    most[:] = bound * bound
+    size, found = there.size, 0
     middle = (y - there.south) / size
     row = min(max(math.floor(middle), 0), there.rows - 1)
     up, down = row, row - 1
@@ -240,7 +244,7 @@ def _search(there, x, y, own, reach, bound, far, near):  # type: ignore[no-untyp
             down -= 1
         else:
             break
-        half = worst - (away * (1.0 - ROUNDING)) ** 2
+        half = most[0] - (away * (1.0 - ROUNDING)) ** 2
         if half < 0.0:
             if r == row:
                 continue
@@ -255,29 +259,43 @@ def _search(there, x, y, own, reach, bound, far, near):  # type: ignore[no-untyp
         for p in range(there.starts[begin], there.starts[end]):
             dx, dy = there.xy[p, 0] - x, there.xy[p, 1] - y
             square = dx * dx + dy * dy
-            if square > worst:
-                continue
-            i = there.order[p]
-            if i == own or square > reach * reach:
-                continue
-            found = _enter(i, square, found, far, near)
-            if found == len(far):
-                worst = far[found - 1]
-    return found
+            if square <= most[0] and there.order[p] != own:
+                if found == len(far):
+                    found = _first(found, most, reach, far, near)
+                far[found], near[found] = square, there.order[p]
+                found += 1
+                _lower(square, most)
+    return _first(found, most, reach, far, near)
 
 
 @njit(cache=True, nogil=True)
-def _enter(i, square, found, far, near):  # type: ignore[no-untyped-def]
-    """Sort a point into those found; of equally near ones the first by number comes first."""
-    at = found
-    while at > 0 and (square < far[at - 1] or (square == far[at - 1] and i < near[at - 1])):
-        at -= 1
-        if at + 1 < len(far):
-            far[at + 1], near[at + 1] = far[at], near[at]
-    if at < len(far):
+def _lower(square, most):  # type: ignore[no-untyped-def]
+    """Sort a number into the least so far, the largest first.
+
+    All places are worked out without a branch, which the processor does in parallel.
+    """
+    last = len(most) - 1
+    for j in range(last):
+        kept = square if square < most[j] else most[j]
+        most[j] = kept if kept > most[j + 1] else most[j + 1]
+    most[last] = square if square < most[last] else most[last]
+
+
+@njit(cache=True, nogil=True)
+def _first(found, most, reach, far, near):  # type: ignore[no-untyped-def]
+    """Keep the nearest, in order; of equally near ones those that are first by number."""
+    kept = 0
+    for k in range(found):
+        square, i = far[k], near[k]
+        if square > most[0] or square > reach * reach:
+            continue
+        at = kept
+        while at > 0 and (square < far[at - 1] or (square == far[at - 1] and i < near[at - 1])):
+            far[at], near[at] = far[at - 1], near[at - 1]
+            at -= 1
         far[at], near[at] = square, i
-        found = min(found + 1, len(far))
-    return found
+        kept += 1
+    return min(kept, len(most))
 
 
 @njit(cache=True, nogil=True)

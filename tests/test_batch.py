@@ -74,15 +74,16 @@ def test_a_row_that_fails_does_not_stop_the_rest(capsys: Capture) -> None:
 
 
 def test_mistakes_of_ours_are_a_message_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    runs = made([{"points": "a.laz"}], lambda values, ctx: 1 / 0)
+    runs = made("points\na.laz", lambda values, ctx: 1 / 0)
     runs.go(Context())
     assert runs.records[0]["message"] == "ZeroDivisionError: division by zero"
     assert runs.failed == 1
 
 
-def made(cells: list[dict[str, str]], run: Any = None, **more: Any) -> batch.Batch:
+def made(text: str, run: Any = None, **more: Any) -> batch.Batch:
     described = catalog.describe("surface.grid")
-    return batch.Batch("surface.grid", described, cells, {}, run or (lambda v, c: {}), **more)
+    file = Path(table(text))
+    return batch.Batch("surface.grid", described, file, {}, run or (lambda v, c: {}), **more)
 
 
 @pytest.mark.parametrize(
@@ -103,6 +104,7 @@ def made(cells: list[dict[str, str]], run: Any = None, **more: Any) -> batch.Bat
         ("points\na.laz", ["--result", "table.csv", "--overwrite"], "is also an input"),
         ("points\na.laz", ["--result", "a.laz"], "result: cannot write .laz"),
         ("points\na.laz", ["--result", "no/r.csv"], "result: there is no folder"),
+        ("points\na.laz", ["--picture", "p.png"], "picture: would be drawn by each row"),
         ("points\na.laz", ["--cel", "2"], "cel: unknown parameter; did you mean 'cell'?"),
     ],
 )
@@ -152,8 +154,7 @@ def test_the_result_holds_the_rows_before_a_cancel() -> None:
             raise Cancelled
         return {"filled_share": 0.5}
 
-    cells = [{"points": "a.laz"}, {"points": "b.laz"}, {"points": "c.laz"}]
-    runs = made(cells, stop_at_second, result=Path("out.csv"))
+    runs = made("points\na.laz\nb.laz\nc.laz", stop_at_second, result=Path("out.csv"))
     with pytest.raises(Cancelled):
         runs.go(Context())
     assert [(row["points"], row["status"]) for row in rows()] == [("a.laz", "done")]
@@ -175,4 +176,4 @@ def test_json_and_an_existing_result(capsys: Capture) -> None:
 
 def test_columns_are_checked_without_a_run() -> None:
     with pytest.raises(ParameterError, match="is no column"):
-        made([{"points": "a.laz", "sell": "1"}]).check()
+        made("points,sell\na.laz,1").check(overwrite=False)

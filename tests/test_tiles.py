@@ -17,13 +17,13 @@ from typing import Any
 import laspy
 import numpy as np
 import pytest
-from distributed import LocalCluster
 from pyproj import CRS
 
 import toolbox
 from toolbox import PointCloud, Raster
 from toolbox.context import Context
 from toolbox.errors import Cancelled, DataError, ParameterError
+from toolbox.tiles import cluster
 from toolbox.tiling import Tiling
 
 GIB = 2**30
@@ -55,10 +55,8 @@ outputs:
 @pytest.fixture(scope="module")
 def tiling() -> Iterator[Tiling]:
     """Tiles of 37 m on two workers that all tests share."""
-    with LocalCluster(  # type: ignore[no-untyped-call]
-        n_workers=2, threads_per_worker=1, memory_limit=4 * GIB, dashboard_address=None
-    ) as cluster:
-        yield Tiling(37.0, 2, 4 * GIB, scheduler=cluster.scheduler_address)
+    with cluster(2, 4 * GIB) as address:
+        yield Tiling(37.0, 2, 4 * GIB, scheduler=address)
 
 
 def ground(rng: np.random.Generator, west: float, south: float, crs: CRS | None) -> PointCloud:
@@ -277,6 +275,13 @@ def test_kill_and_resume_give_the_same_files(model: str, survey: Path, tmp_path:
 def test_options_that_mean_nothing(given: dict[str, Any], problem: str) -> None:
     with pytest.raises(ParameterError, match=problem):
         Tiling.parse(given)
+
+
+def test_a_scheduler_that_is_not_there(survey: Path, tiling: Tiling, tmp_path: Path) -> None:
+    values = {"points": survey, "where": "z < 20", "kept": tmp_path / "k.laz"}
+    for address in ("tcp://127.0.0.1:9", "nonsense"):
+        with pytest.raises(ParameterError, match="scheduler: cannot reach a Dask scheduler"):
+            toolbox.run("points.filter", values, tiling=replace(tiling, scheduler=address))
 
 
 def test_options() -> None:

@@ -30,7 +30,7 @@ class Batch:
     ----------
     id : of the tool or model
     described : its process description
-    rows : the cells of each row by column; empty cells are left out
+    file : the table; its cells by column are `rows`
     common : values for all rows, as `arguments.read` gives them; a row's own come first
     run : runs the tool on values, such as `execute.run`
     result : where the result table is written after each row, if anywhere
@@ -38,14 +38,18 @@ class Batch:
 
     id: str
     described: Mapping[str, Any]
-    rows: list[Row]
+    file: Path
     common: Mapping[str, Any]
     run: Callable[[Mapping[str, Any], Context], Mapping[str, Any]]
     result: Path | None = None
     records: list[dict[str, Any]] = field(default_factory=list)
+    rows: list[Row] = field(init=False)
 
-    def check(self) -> None:
-        """Whether all columns mean something, and no two rows write the same file.
+    def __post_init__(self) -> None:
+        self.rows = read_rows(self.file)
+
+    def check(self, *, overwrite: bool) -> None:
+        """Whether all columns mean something, and nothing would be overwritten.
 
         Raises
         ------
@@ -70,6 +74,10 @@ class Batch:
         )
         if twice := [path for path, times in paths.items() if times > 1]:
             found["rows"] = f"{paths[twice[0]]} of them write {twice[0]}"
+        if self.result:
+            named, suffixes = {"result": self.result}, {"result": Table.SUFFIXES}
+            parts = {"result": Table.parts}
+            found |= files.problems(named, suffixes, parts, [self.file], overwrite=overwrite)
         if found:
             raise ParameterError(self.id, dict(sorted(found.items())))
 
@@ -163,20 +171,6 @@ def read_rows(path: Path) -> list[Row]:
         text = f"{path}: {long[0]} has more cells than the {len(names)} columns"
         raise ParameterError("batch", {"table": text})
     return [{n: c for n, c in zip(names, row, strict=False) if c} for row in rows]
-
-
-def result_problem(path: Path, table: Path, *, overwrite: bool) -> None:
-    """Refuse a result table that would do harm.
-
-    Raises
-    ------
-    ParameterError
-        It exists, is the table itself, or cannot be written there.
-    """
-    named = {"result": path}
-    suffixes, parts = {"result": Table.SUFFIXES}, {"result": Table.parts}
-    if found := files.problems(named, suffixes, parts, [table], overwrite=overwrite):
-        raise ParameterError("batch", found)
 
 
 def _names(described: Mapping[str, Any]) -> list[str]:

@@ -190,24 +190,19 @@ def _batch(said: list[str]) -> int:
             raise ParameterError("batch: which table? batch ID TABLE.csv ...")
         result, rest = _result(said[1:] if said[1].startswith("-") else said[2:])
         values, general = arguments.read(described, rest)
+        if "picture" in general:
+            raise ParameterError("batch", {"picture": "would be drawn by each row"})
         pipe, params = _params(general)
         common = arguments.merged(described, params, values)
 
-        def work(ctx: Any) -> Any:
-            from toolbox import batch
+        def run_row(values: Mapping[str, Any], ctx: Any) -> dict[str, Any]:
+            return _work(said[0], values, general, ctx)
 
-            runs = batch.Batch(
-                said[0],
-                described,
-                batch.read_rows(Path(said[1])),
-                common,
-                lambda values, part: _work(said[0], values, general, part),
-                result,
-            )
-            if result:
-                overwrite = "overwrite" in general
-                batch.result_problem(result, Path(said[1]), overwrite=overwrite)
-            runs.check()
+        def work(ctx: Any) -> Any:
+            from toolbox.batch import Batch
+
+            runs = Batch(said[0], described, Path(said[1]), common, run_row, result)
+            runs.check(overwrite="overwrite" in general)
             runs.go(ctx)
             return runs
 

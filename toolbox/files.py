@@ -16,6 +16,7 @@ import psutil
 Parts = Callable[[Path], tuple[Path, ...]]  # all files that belong to a path, itself included
 
 PREFIX = ".unfinished-"
+FULL = 2**20  # bytes; with less than this left a disk counts as full
 _unfinished: set[Path] = set()  # folders of this process that a crash must not leave behind
 _moving = threading.Lock()  # held while outputs are moved into place
 
@@ -168,6 +169,11 @@ def _move_all(moves: Iterable[tuple[Path, tuple[Path, ...], bool]]) -> None:
         for now, before in reversed(undo):
             now.replace(before)
         raise
+
+
+def is_full(folder: Path) -> bool:
+    """Whether there is hardly any room left where a folder is."""
+    return shutil.disk_usage(folder).free < FULL
 
 
 def discard_unfinished() -> None:

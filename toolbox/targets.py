@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +19,6 @@ from toolbox.kinds import parsed_options
 from toolbox.picture import draw
 from toolbox.provenance import Record
 
-FULL = 2**20  # bytes; with less than this left a disk counts as full
 PICTURE = "picture"  # the target that shows all layers
 
 
@@ -221,6 +219,6 @@ def _save(id: str, piece: _Piece, record: Record | None, place: Path, ctx: Conte
             piece.layer.save(place, record=made, ctx=ctx, **target.how)
     except (OSError, DataError) as err:
         text = str(err).replace(str(place), str(target.path))
-        if shutil.disk_usage(place.parent).free < FULL:
+        if files.is_full(place.parent):
             text += "; the disk is full"
         raise DataError(id, {piece.output: text}) from err

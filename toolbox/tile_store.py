@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from toolbox import files
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud
 from toolbox.data.survey import Survey
@@ -167,6 +168,9 @@ def whole(place: Path) -> Iterator[Path]:
         yield draft
         shutil.rmtree(place, ignore_errors=True)
         draft.replace(place)
+    except OSError as err:
+        full = "; the disk is full" if files.is_full(draft) else ""
+        raise DataError(f"{place} cannot be written: {err}{full}") from err
     finally:
         shutil.rmtree(draft, ignore_errors=True)
 

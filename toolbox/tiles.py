@@ -54,6 +54,7 @@ BATCH = 2_000_000  # points that are read and sorted at a time
 BYTES_PER_POINT = 500  # that the hungriest tools need for a tile with its neighbours
 SLACK, NEAR = 1 + 1e-9, 1e-6  # of the halo, and metres: what lies on its edge is not lost
 SHARE = 0.8  # of the memory that all workers together may use
+CONNECT = 10  # seconds
 LISTED = 10  # problems and warnings that are spelt out
 STORED, DONE = 0.1, 0.9  # of the progress, when all points are stored, and when all tiles are done
 WARNINGS = "PYTHONWARNINGS"
@@ -207,7 +208,7 @@ def _finish(
     ctx: Context,
 ) -> dict[str, Any]:
     """Write all products, or after failures the files of folders that are complete."""
-    if crew.failed:
+    if crew.failed or crew.unreadable:
         bad = {file.path.name for file in crew.incomplete()}
         survey = crew.job.surveys[crew.job.first]
         products = [
@@ -217,7 +218,7 @@ def _finish(
     found = {n: v for n, v in found.items() if not plan.model.outputs[n].kind.is_layer}
     counts = list(sums.counts)
     asked = frozenset(targets.keys() & plan.model.between.keys() - plan.stored.keys())
-    if plan.rest and not crew.failed:
+    if plan.rest and not (crew.failed or crew.unreadable):
         found |= crew.rest(plan, asked, sums.numbers, counts, ctx.part(0, 0.5))
     made = record and replace(record, counts=tuple(plan.ordered(counts)))
     others = {n: target for n, target in targets.items() if n in found}
@@ -331,29 +332,49 @@ def _key(job: Job) -> str:
 
 
 @contextmanager
-def _client(tiling: Tiling) -> Iterator[Any]:
-    """Processes of our own, or the workers of the user's scheduler."""
+def cluster(workers: int, memory: int) -> Iterator[str]:
+    """Processes of our own that wait for work; gives the address of their scheduler.
+
+    Parameters
+    ----------
+    memory : bytes that each may use
+    """
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import LocalCluster
 
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(DASK))
-        address: Any = tiling.scheduler
-        if address is None:
-            folder = stack.enter_context(files.scratch())
-            with _deaf_children():
-                address = stack.enter_context(
-                    LocalCluster(  # type: ignore[no-untyped-call]
-                        n_workers=tiling.workers,
-                        threads_per_worker=1,
-                        memory_limit=_memory(tiling),
-                        dashboard_address=None,
-                        scheduler_kwargs={"dashboard_address": ":0"},  # of a server there is anyway
-                        local_directory=folder,
-                        silence_logs=logging.CRITICAL,
-                    )
+        folder = stack.enter_context(files.scratch())
+        with _deaf_children():
+            made = stack.enter_context(
+                LocalCluster(  # type: ignore[no-untyped-call]
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    memory_limit=memory,
+                    dashboard_address=None,
+                    scheduler_kwargs={"dashboard_address": ":0"},  # of a server there is anyway
+                    local_directory=folder,
+                    silence_logs=logging.CRITICAL,
                 )
-        yield stack.enter_context(Client(address))  # type: ignore[no-untyped-call]
+            )
+        yield str(made.scheduler_address)
+
+
+@contextmanager
+def _client(tiling: Tiling) -> Iterator[Any]:
+    """Who gives work to processes of our own, or to those of the user's scheduler."""
+    from distributed import Client
+
+    with ExitStack() as stack:
+        address = tiling.scheduler
+        if address is None:
+            address = stack.enter_context(cluster(tiling.workers, _memory(tiling)))
+        try:
+            client = Client(address, timeout=CONNECT)  # type: ignore[no-untyped-call]
+        except (OSError, ValueError) as err:
+            text = f"cannot reach a Dask scheduler at {address}: {err}"
+            raise ParameterError("run", {"scheduler": text}) from None
+        yield stack.enter_context(client)
 
 
 @contextmanager
@@ -394,11 +415,13 @@ class _Crew:
     Attributes
     ----------
     failed : why a tile could not be run
+    unreadable : why the points of a file could not be read or stored
     """
 
     def __init__(self, client: Any, id: str, work: Path, job: Job) -> None:
         self.client, self.id, self.work, self.job = client, id, work, job
         self.failed: dict[Tile, str] = {}
+        self.unreadable: dict[Path, str] = {}
 
     def all(
         self, task: Callable[..., Any], calls: list[tuple[Any, ...]], ctx: Context
@@ -421,7 +444,7 @@ class _Crew:
 
     def split(self, ctx: Context) -> dict[Tile, list[Batch]]:
         """Store all points by bucket; gives the batches with points in or near each tile."""
-        unreadable: dict[Path, str] = {}
+        unreadable = self.unreadable
         batches: list[Batch] = []
         for source, survey in self.job.surveys.items():
             for number, file in enumerate(survey.files):
@@ -441,20 +464,22 @@ class _Crew:
             for tile in _tiles(table, reach):
                 near.setdefault(tile, []).append(batch)
             core |= _tiles(table, 0) if batch.source == self.job.first else set()
-        self._give_up(unreadable, near.keys() | core)
+        self._give_up(near.keys() | core)
+        if not core:
+            return {}
         rows, cols = (range(min(n), max(n) + 1) for n in zip(*core, strict=True))
         # Also tiles without points among those that have some: a gap may be filled there.
         among = {t: b for t, b in near.items() if t[0] in rows and t[1] in cols}
         return {tile: b for tile, b in among.items() if tile not in self.failed}
 
-    def _give_up(self, unreadable: Mapping[Path, str], tiles: Iterable[Tile]) -> None:
+    def _give_up(self, tiles: Iterable[Tile]) -> None:
         """Tiles that would lack the points of files that cannot be read."""
         survey_files = [file for survey in self.job.surveys.values() for file in survey.files]
-        lost = [file for file in survey_files if file.path in unreadable]
+        lost = [file for file in survey_files if file.path in self.unreadable]
         for tile in tiles if lost else ():
             bounds = self.job.grid.bounds(tile, self.job.halo)
             for file in [file for file in lost if file.touches(bounds)]:
-                self.failed[tile] = unreadable[file.path]
+                self.failed[tile] = self.unreadable[file.path]
 
     # Tiles
 
@@ -529,19 +554,30 @@ class _Crew:
         """The files of the survey with points in tiles that have failed."""
         files = self.job.surveys[self.job.first].files
         boxes = [self.job.grid.bounds(tile) for tile in self.failed]
-        return [file for file in files if any(map(file.touches, boxes))]
+        lost = self.unreadable
+        return [file for file in files if file.path in lost or any(map(file.touches, boxes))]
 
     def report(self) -> None:
-        """Raise an error that names the tiles that have failed."""
-        if not self.failed:
+        """Raise an error that tells what has failed, and where."""
+        if not self.failed and not self.unreadable:
             return
+        where: dict[str, list[Tile]] = {why: [] for why in self.unreadable.values()}
+        for tile in sorted(self.failed):
+            where.setdefault(self.failed[tile], []).append(tile)
         lines = {}
-        for tile in sorted(self.failed)[:LISTED]:
-            box = ", ".join(f"{value:.10g}" for value in self.job.grid.bounds(tile))
-            lines[f"tile {tile_work.name_of(tile)} ({box})"] = self.failed[tile]
-        if left := len(self.failed) - len(lines):
-            lines["and"] = f"{left} more tiles"
+        for number, (why, tiles) in enumerate(list(where.items())[:LISTED], start=1):
+            lines[self._names(tiles) or f"file {number}"] = why
+        if (more := len(where) - LISTED) > 0:
+            lines["and"] = f"{more} more problems"
         lines["what to do"] = (
-            f"mend the cause and run again with --resume; all else is kept in {self.work}"
+            f"mend the cause and run again with --resume; what is done is kept in {self.work}"
         )
         raise DataError(self.id, lines)
+
+    def _names(self, tiles: list[Tile]) -> str:
+        """The first of some tiles with its bounds, and how many more there are."""
+        if not tiles:
+            return ""
+        box = ", ".join(f"{value:.10g}" for value in self.job.grid.bounds(tiles[0]))
+        more = f" and {len(tiles) - 1} more tiles" if len(tiles) > 1 else ""
+        return f"tile {tile_work.name_of(tiles[0])} ({box}){more}"

@@ -14,7 +14,7 @@ from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
 
 BLOCK = 20_000  # cells or points between two looks at whether the user cancelled
-PER_BUCKET = 2  # points: fewer and there is more to look up, more and there is more to measure
+PER_BUCKET = 3  # points: fewer and there is more to look up, more and there is more to measure
 ROUNDING = 1e-9  # share by which a search reaches farther than it has to
 
 Array = NDArray[np.float64]
@@ -230,13 +230,14 @@ def _search(there, x, y, own, reach, bound, most, far, near):  # type: ignore[no
         bound = _enough(there, x, y, len(most) + (own >= 0))
     bound = min(reach, bound) * (1.0 + ROUNDING)
     most[:] = bound * bound
-    size, found = there.size, 0
-    middle = (y - there.south) / size
-    row = min(max(math.floor(middle), 0), there.rows - 1)
+    xy, order, starts, west, south, size, rows, cols = there
+    found = 0
+    middle = (y - south) / size
+    row = min(max(math.floor(middle), 0), rows - 1)
     up, down = row, row - 1
     while True:  # rows of squares, the nearest first
         rise, fall = up - middle, middle - (down + 1)
-        if up < there.rows and (rise <= fall or down < 0):
+        if up < rows and (rise <= fall or down < 0):
             r, away = up, max(rise, 0.0) * size
             up += 1
         elif down >= 0:
@@ -250,19 +251,19 @@ def _search(there, x, y, own, reach, bound, most, far, near):  # type: ignore[no
                 continue
             break
         half = math.sqrt(half) * (1.0 + ROUNDING) + ROUNDING * size
-        left = (x - half - there.west) / size
-        right = (x + half - there.west) / size
-        if right < 0.0 or left >= there.cols:
+        left = (x - half - west) / size
+        right = (x + half - west) / size
+        if right < 0.0 or left >= cols:
             continue
-        begin = r * there.cols + int(max(left, 0.0))
-        end = r * there.cols + int(min(right, there.cols - 1.0)) + 1
-        for p in range(there.starts[begin], there.starts[end]):
-            dx, dy = there.xy[p, 0] - x, there.xy[p, 1] - y
+        begin = r * cols + int(max(left, 0.0))
+        end = r * cols + int(min(right, cols - 1.0)) + 1
+        for p in range(starts[begin], starts[end]):
+            dx, dy = xy[p, 0] - x, xy[p, 1] - y
             square = dx * dx + dy * dy
-            if square <= most[0] and there.order[p] != own:
+            if square <= most[0] and order[p] != own:
                 if found == len(far):
                     found = _first(found, most, reach, far, near)
-                far[found], near[found] = square, there.order[p]
+                far[found], near[found] = square, order[p]
                 found += 1
                 _lower(square, most)
     return _first(found, most, reach, far, near)
@@ -301,21 +302,21 @@ def _first(found, most, reach, far, near):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _enough(there, x, y, wanted):  # type: ignore[no-untyped-def]
     """A distance within which there are as many points as wanted; inf if there are not."""
-    size = there.size
-    col = min(max(math.floor((x - there.west) / size), 0), there.cols - 1)
-    row = min(max(math.floor((y - there.south) / size), 0), there.rows - 1)
+    _, _, starts, west, south, size, rows, cols = there
+    col = min(max(math.floor((x - west) / size), 0), cols - 1)
+    row = min(max(math.floor((y - south) / size), 0), rows - 1)
     around = 0
     while True:
-        left, right = max(col - around, 0), min(col + around, there.cols - 1)
-        low, high = max(row - around, 0), min(row + around, there.rows - 1)
+        left, right = max(col - around, 0), min(col + around, cols - 1)
+        low, high = max(row - around, 0), min(row + around, rows - 1)
         count = 0
         for r in range(low, high + 1):
-            begin, end = r * there.cols + left, r * there.cols + right + 1
-            count += there.starts[end] - there.starts[begin]
+            begin, end = r * cols + left, r * cols + right + 1
+            count += starts[end] - starts[begin]
         if count >= wanted:
-            dx = max(x - (there.west + left * size), there.west + (right + 1) * size - x)
-            dy = max(y - (there.south + low * size), there.south + (high + 1) * size - y)
+            dx = max(x - (west + left * size), west + (right + 1) * size - x)
+            dy = max(y - (south + low * size), south + (high + 1) * size - y)
             return math.sqrt(dx * dx + dy * dy)
-        if around > max(there.rows, there.cols):
+        if around > max(rows, cols):
             return np.inf
         around += 1 + around // 4

@@ -1,0 +1,29 @@
+"""Rasters of heights: whether their unit is that of the coordinates."""
+
+from __future__ import annotations
+
+from toolbox.data import Raster
+from toolbox.data.crs import length_problem, vertical_unit
+
+# Names of units as other programs write them; ours are those of `vertical_unit`.
+_SPELT = {
+    **dict.fromkeys(("m", "meter", "meters", "metres"), "metre"),
+    **dict.fromkeys(("ft", "feet"), "foot"),
+    **dict.fromkeys(("us-ft", "us ft", "ftus"), "us survey foot"),
+}
+
+
+def heights_problem(raster: Raster) -> str | None:
+    """Why one band of a raster is no heights in the unit of its coordinates; None if it is.
+
+    A band without a unit is taken to have that of the coordinates. The text continues a sentence
+    that begins with the name of the raster.
+    """
+    if len(raster.values) != 1:
+        return f"has {len(raster.values)} bands; give one of them"
+    if text := length_problem(raster.crs):
+        return text
+    unit, plane = raster.units[0].lower(), vertical_unit(raster.crs)
+    if unit and _SPELT.get(unit, unit) != plane.lower():
+        return f"holds values in {raster.units[0]}, not in {plane} as its coordinates; convert them"
+    return None

@@ -1,0 +1,174 @@
+"""Contours: lines of one height on a surface."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.shared.heights import heights_problem
+from toolbox.context import QUIET, Context, log
+from toolbox.data import Lattice, Raster, Vector
+from toolbox.errors import DataError
+from toolbox.spec import outputs, param, sink, source, tool
+
+Array = NDArray[np.float64]
+MOST_LEVELS = 10_000  # more are taken for a mistake in the interval
+DIGITS = 9  # of a level after the point, so that three times 0.1 is 0.3
+TOUCH = 1e-9  # square cells: a ring that is smaller only touches the level
+
+
+@tool("surface.contours")
+class SurfaceContours:
+    """Draw lines of equal height on a raster of heights.
+
+    Heights are taken at the centres of cells, and change straight along the lines between them. A
+    line ends where one of the four cells around it has no value, so it never crosses a gap, and
+    half a cell before the edge of the raster. Lines around a top or a hollow are closed: the last
+    vertex is the first. The higher ground is to the right of each line. A cell that is exactly
+    as high as a level counts as below it.
+
+    The attribute elevation is the height of the line, in the unit of the data as its Z;
+    `interval` and `base` are metres. Every so many lines, counted from `base`, one is an index
+    contour, whose attribute index is true.
+
+    Lines are not smoothed, since smoothed ones may cross: smooth the raster, or take larger cells.
+    """
+
+    surface: Raster = source("Raster of heights")
+    interval: float = param("Height between two lines", default=1.0, unit="m", gt=0)
+    base: float = param("Height of one of the lines", default=0.0, unit="m")
+    index_every: int = param("Lines from one index contour to the next", default=5, unit="1", ge=1)
+
+    @outputs
+    class Outputs:
+        contours: Vector = sink("Lines with Z and the attributes elevation and index")
+        levels: int = sink("Number of heights that have lines", unit="1")
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """The interval must mean the same as the heights."""
+        if text := heights_problem(self.surface):
+            yield "surface", f"{self.surface.name or 'the raster'} {text}"
+
+    def halo(self) -> float:
+        """A line may run through the whole raster."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> SurfaceContours.Outputs:
+        """Draw level by level, from the lowest."""
+        import geopandas
+        import shapely
+
+        heights = self.surface.band()
+        steps = steps_between(heights, self.interval, self.base)
+        levels = [round(self.base + step * self.interval, DIGITS) for step in steps]
+        found = contours(heights, Lattice.of(self.surface), levels, ctx=ctx)
+        lines = [(step, level, at) for step, level, at in zip(steps, levels, found, strict=True)]
+        frame = geopandas.GeoDataFrame(
+            {
+                "elevation": np.array([level for _, level, at in lines for _ in at], np.float64),
+                "index": np.array([s % self.index_every == 0 for s, _, at in lines for _ in at], bool),
+            },
+            geometry=[
+                shapely.LineString(np.column_stack([line, np.full(len(line), level)]))
+                for _, level, at in lines
+                for line in at
+            ],
+            crs=self.surface.crs,
+        )
+        if frame.empty:
+            log.warning("there are no lines: no height between cells is a multiple of the interval")
+        return self.Outputs(
+            contours=Vector(frame, geometry_type="LineString Z"),
+            levels=sum(bool(at) for at in found),
+        )
+
+
+def steps_between(heights: Array, interval: float, base: float) -> range:
+    """Whole numbers k for which base + k * interval lies between the lowest and highest value.
+
+    Raises
+    ------
+    DataError
+        They are more than `MOST_LEVELS`.
+    """
+    if not np.isfinite(heights).any():
+        return range(0)
+    first = math.ceil((np.nanmin(heights) - base) / interval)
+    last = math.floor((np.nanmax(heights) - base) / interval)
+    if last - first >= MOST_LEVELS:
+        raise DataError(
+            f"interval: makes {last - first + 1} levels, more than {MOST_LEVELS}; take a larger one"
+        )
+    return range(first, last + 1)
+
+
+def contours(
+    heights: Array, lattice: Lattice, levels: Sequence[float], *, ctx: Context = QUIET
+) -> list[list[Array]]:
+    """Lines of each level.
+
+    Parameters
+    ----------
+    heights : array of shape (rows, cols), NaN where not known
+    lattice : its cells
+    levels : in the unit of the heights
+
+    Returns
+    -------
+    for each level a list of arrays of shape (n, 2)
+        Coordinates of the vertices, no two of them at one place in a row; the higher ground on
+        the right. A closed line ends with its first vertex.
+    """
+    from contourpy import LineType, contour_generator
+
+    if min(heights.shape) < 2:
+        return [[] for _ in levels]
+    generator = contour_generator(
+        z=np.ma.masked_invalid(heights),
+        name="serial",
+        corner_mask=False,
+        line_type=LineType.ChunkCombinedOffset,
+    )
+    found = []
+    for number, level in enumerate(levels):
+        ctx.progress(number / len(levels))
+        (points,), (offsets,) = generator.lines(level)
+        found.append([] if points is None else separated(points, offsets, lattice))
+    ctx.progress(1.0)
+    return found
+
+
+def separated(points: Array, offsets: NDArray[Any], lattice: Lattice) -> list[Array]:
+    """Single lines in coordinates, without those that only touch their level.
+
+    Parameters
+    ----------
+    points : array of shape (n, 2), columns and rows of cells
+    offsets : array of shape (lines + 1,), where each line begins and the last one ends
+    """
+    new = np.ones(len(points), bool)
+    new[1:] = (np.diff(points, axis=0) != 0).any(axis=1)
+    new[offsets[:-1]] = True
+    ends = np.concatenate([[0], np.cumsum(new)])[offsets]
+    points = points[new]
+    west, north = (centre[0] for centre in lattice.centres())
+    places = np.column_stack(
+        [west + lattice.cell * points[:, 0], north - lattice.cell * points[:, 1]]
+    )
+    return [
+        places[first:last]
+        for first, last in zip(ends[:-1], ends[1:], strict=True)
+        if last - first > 1 and not is_touch(points[first:last])
+    ]
+
+
+def is_touch(line: Array) -> bool:
+    """Whether a closed line, in cells, encloses nothing."""
+    if (line[0] != line[-1]).any():
+        return False
+    x, y = (line - line[0]).T
+    return bool(abs(np.dot(x[:-1], y[1:]) - np.dot(x[1:], y[:-1])) < 2 * TOUCH)

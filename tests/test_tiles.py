@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -181,6 +181,30 @@ def test_mixed_formats_and_empty_files(survey: Path, tiling: Tiling, tmp_path: P
     for name, how in [("whole.laz", None), ("tiles.laz", tiling)]:
         toolbox.run("points.filter", values | {"kept": tmp_path / name}, tiling=how)
     assert (tmp_path / "whole.laz").read_bytes() == (tmp_path / "tiles.laz").read_bytes()
+
+
+def test_a_part_of_a_survey(survey: Path, tiling: Tiling, tmp_path: Path) -> None:
+    part = {"path": survey, "bounds": [500_010, 4_600_010, 500_030.5, 4_600_100]}
+    whole = toolbox.run("points.filter", {"points": part, "where": "z < 20"})
+    out = tmp_path / "kept.laz"
+    toolbox.run("points.filter", {"points": part, "where": "z < 20", "kept": out}, tiling=tiling)
+    np.testing.assert_array_equal(PointCloud.open(out).xyz, whole["kept"].xyz)
+
+
+@pytest.mark.parametrize("bounds", [None, [770_505, 6_277_505, 770_525, 6_277_545]])
+def test_copc_in_tiles(
+    bounds: list[float] | None, data: Callable[[str], Path], tiling: Tiling, tmp_path: Path
+) -> None:
+    path = data("copc/ign_77050_627755_ground.copc.laz")
+    points = {"path": path} | ({"bounds": bounds} if bounds else {})
+    whole = toolbox.run(
+        "points.filter", {"points": points, "where": "z < 99"}, assume_crs="EPSG:2154"
+    )
+    out = tmp_path / "kept.laz"
+    values = {"points": points, "where": "z < 99", "kept": out}
+    how = replace(tiling, size=13.0)
+    toolbox.run("points.filter", values, assume_crs="EPSG:2154", tiling=how)
+    np.testing.assert_array_equal(PointCloud.open(out).xyz, whole["kept"].xyz)
 
 
 def test_a_corrupt_file_among_good_ones(survey: Path, tiling: Tiling, tmp_path: Path) -> None:

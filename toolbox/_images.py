@@ -122,10 +122,13 @@ class Image:
 
 
 def raster_image(raster: Raster) -> Image:
-    """The first band of a raster: as classes, as differences, as relief or in plain colours."""
+    """The first band of a raster: as shades, classes, differences, relief or in plain colours."""
     step = max(1, math.ceil(max(raster.shape) / _PIXELS))
     band = raster.band()[::step, ::step]
     name, unit = raster.descriptions[0].lower(), raster.units[0]
+    if "hillshade" in name:
+        ramp = Ramp.over(band, "gray", _label(raster.descriptions[0], unit))
+        return Image(_colours(band, ramp), raster.bounds, ramp)
     if raster.values.dtype.kind != "f" and len(found := _codes(band)) <= _MANY:
         classes = _table(found, POINT_CLASSES if "class" in name else {})
         return Image(_class_colours(band, classes), raster.bounds, classes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pyproj import CRS
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 Box = tuple[float, float, float, float]  # left, bottom, width, height
 
 _EMPTY = "#f3f3f1"
-_INK = "#3a3a3a"
+INK = "#3a3a3a"
 _LINE = "#1f3a5f"
-_WIDTH = 4.4  # inches of a map
+WIDTH = 4.4  # inches of a map
 _FLATTEST, _TALLEST = 0.25, 1.6  # height of a map to its width
 _LEFT, _GAP, _HEAD, _FOOT = 0.42, 0.5, 0.36, 0.32  # inches around a map, for its texts
 
@@ -45,7 +45,7 @@ class Panel:
     def height(self) -> float:
         """Of the map in inches, by the shape of its extent."""
         west, south, east, north = self.bounds
-        return _WIDTH * (north - south) / (east - west)
+        return WIDTH * (north - south) / (east - west)
 
     @property
     def key_height(self) -> float:
@@ -84,43 +84,53 @@ def in_proportion(bounds: Bounds, margin: float = 0.0) -> Bounds:
     return x - width / 2, y - height / 2, x + width / 2, y + height / 2
 
 
-def arrange(figure: Figure, panels: Sequence[Panel]) -> list[Place]:
+class Sized(Protocol):
+    """What goes on a figure, with its heights in inches; all are of one width."""
+
+    @property
+    def height(self) -> float: ...
+
+    @property
+    def key_height(self) -> float: ...
+
+
+def arrange(figure: Figure, panels: Sequence[Sized]) -> list[Place]:
     """Give the figure its size, and each map its place: rows of up to three of one width."""
     columns = len(panels) if len(panels) <= 3 else 2 + (len(panels) > 4)
     rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
     heights = [max(panel.height for panel in row) for row in rows]
     keys = [max(panel.key_height for panel in row) for row in rows]
     y = sum(heights) + sum(keys) + len(rows) * (_HEAD + _FOOT) + 0.1
-    figure.set_size_inches(columns * (_WIDTH + _GAP) + _LEFT - _GAP + 0.15, y)
+    figure.set_size_inches(columns * (WIDTH + _GAP) + _LEFT - _GAP + 0.15, y)
     places = []
     for row, height, key in zip(rows, heights, keys, strict=True):
         for column, panel in enumerate(row):
-            x, bottom = _LEFT + column * (_WIDTH + _GAP), y - _HEAD - panel.height
-            below = (x, bottom - _FOOT - key, _WIDTH, key - 0.05)
-            places.append(Place((x, bottom, _WIDTH, panel.height), below))
+            x, bottom = _LEFT + column * (WIDTH + _GAP), y - _HEAD - panel.height
+            below = (x, bottom - _FOOT - key, WIDTH, key - 0.05)
+            places.append(Place((x, bottom, WIDTH, panel.height), below))
         y -= _HEAD + height + _FOOT + key
     return places
 
 
 def show(figure: Figure, panel: Panel, place: Place) -> None:
     """Draw one map with its key."""
-    axes = figure.add_axes(_fractions(figure, place.map))
+    axes = figure.add_axes(fractions(figure, place.map))
     axes.set_facecolor(_EMPTY)
     if panel.image is not None:
         west, south, east, north = panel.image.bounds
         axes.imshow(panel.image.rgba, extent=(west, east, south, north), interpolation="auto")
-        _show_key(figure, panel.image.key, _fractions(figure, place.key))
+        _show_key(figure, panel.image.key, fractions(figure, place.key))
     for vector in panel.vectors:
         _show_vector(axes, vector, over=panel.image is not None)
     west, south, east, north = panel.bounds
     axes.set(xlim=(west, east), ylim=(south, north), aspect="equal")
-    axes.set_title(panel.title, fontsize=10, color=_INK, loc="left", pad=6, fontweight="bold")
+    axes.set_title(panel.title, fontsize=10, color=INK, loc="left", pad=6, fontweight="bold")
     _show_ticks(axes)
     if length_problem(panel.crs) is None:
         _show_scale(axes, panel)
 
 
-def _fractions(figure: Figure, box: Box) -> Box:
+def fractions(figure: Figure, box: Box) -> Box:
     """A place in inches as shares of the figure."""
     width, height = (float(inches) for inches in figure.get_size_inches())
     return box[0] / width, box[1] / height, box[2] / width, box[3] / height
@@ -147,9 +157,9 @@ def _show_ramp(figure: Figure, ramp: Ramp, place: Box) -> None:
     bar = figure.colorbar(
         colours, cax=axes, orientation="horizontal", extend=ramp.extend, extendfrac=0.025
     )
-    bar.outline.set(linewidth=0.5, edgecolor=_INK)
-    bar.set_label(ramp.label, fontsize=7.5, color=_INK, labelpad=2)
-    axes.tick_params(labelsize=7, colors=_INK, length=2.5, width=0.5, pad=2)
+    bar.outline.set(linewidth=0.5, edgecolor=INK)
+    bar.set_label(ramp.label, fontsize=7.5, color=INK, labelpad=2)
+    axes.tick_params(labelsize=7, colors=INK, length=2.5, width=0.5, pad=2)
 
 
 def _show_classes(figure: Figure, classes: Classes, place: Box) -> None:
@@ -163,7 +173,7 @@ def _show_classes(figure: Figure, classes: Classes, place: Box) -> None:
         [name for name, _ in classes.values()],
         ncols=_key_columns(classes),
         fontsize=7.5,
-        labelcolor=_INK,
+        labelcolor=INK,
         frameon=False,
         loc="upper left",
         borderaxespad=0,
@@ -177,7 +187,7 @@ def _show_classes(figure: Figure, classes: Classes, place: Box) -> None:
 def _key_columns(classes: Classes) -> int:
     """As many as fit beside each other by the longest name."""
     longest = max((len(name) for name, _ in classes.values()), default=1)
-    return max(1, min(4, len(classes), int(_WIDTH / (0.32 + 0.055 * longest))))
+    return max(1, min(4, len(classes), int(WIDTH / (0.32 + 0.055 * longest))))
 
 
 # Ticks and scale ---------------------------------------------------------------------------
@@ -205,13 +215,13 @@ def _show_scale(axes: Axes, panel: Panel) -> None:
     share, inch = length / width, 1 / panel.height
     box: dict[str, Any] = {"transform": axes.transAxes, "zorder": 9, "ec": "none"}
     axes.add_patch(Rectangle((0.02, 0.08 * inch), share + 0.03, 0.28 * inch, fc="#ffffffd8", **box))
-    axes.add_patch(Rectangle((0.035, 0.14 * inch), share, 0.03 * inch, fc=_INK, **box))
+    axes.add_patch(Rectangle((0.035, 0.14 * inch), share, 0.03 * inch, fc=INK, **box))
     axes.text(
         0.035 + share / 2,
         0.19 * inch,
         text,
         fontsize=7,
-        color=_INK,
+        color=INK,
         ha="center",
         va="bottom",
         transform=axes.transAxes,

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from pyproj import CRS
 
+from toolbox._bars import Bars, show_bars
 from toolbox._images import Bounds, Image, cloud_image, raster_image
 from toolbox._maps import Panel, arrange, in_proportion, show
 from toolbox.data import PointCloud, Raster, Table, Vector
@@ -33,7 +34,8 @@ def draw(
     A raster is shown as relief, as colours, or as classes where it holds few integers; a cloud
     from above, the highest point on top, in the colours of its "error", its classes, its
     elevation or its intensity. A vector layer lies over the map before it, if that is in the
-    same CRS and overlaps it, and has a map of its own otherwise. Tables are left out.
+    same CRS and overlaps it, and has a map of its own otherwise. A table of the columns low, high
+    and count is a histogram; other tables are left out.
 
     Parameters
     ----------
@@ -53,11 +55,14 @@ def draw(
         raise DataError(f"{path}: pictures are written as .png")
     panels = _panels(layers)
     if not panels:
-        raise DataError("nothing to draw: no layer has points, cells or features")
+        raise DataError("nothing to draw: no layer has points, cells, features or bins")
     figure = Figure(facecolor="white")
     FigureCanvasAgg(figure)
     for panel, place in zip(panels, arrange(figure, panels), strict=True):
-        show(figure, panel, place)
+        if isinstance(panel, Bars):
+            show_bars(figure, panel, place)
+        else:
+            show(figure, panel, place)
     texts = {"Software": None} | ({CHUNK: checked(record)} if record else {})
     try:
         figure.savefig(path, dpi=_DPI, metadata=texts, format="png")
@@ -65,8 +70,8 @@ def draw(
         raise DataError(f"{path} cannot be written: {error}") from error
 
 
-def _panels(layers: Mapping[str, PointCloud | Raster | Vector | Table]) -> list[Panel]:
-    panels: list[Panel] = []
+def _panels(layers: Mapping[str, PointCloud | Raster | Vector | Table]) -> list[Panel | Bars]:
+    panels: list[Panel | Bars] = []
     for title, layer in layers.items():
         match layer:
             case Raster():
@@ -77,7 +82,8 @@ def _panels(layers: Mapping[str, PointCloud | Raster | Vector | Table]) -> list[
             case Vector():
                 _add_vector(panels, title, layer)
             case Table():
-                pass
+                if bars := Bars.of(title, layer):
+                    panels.append(bars)
             case _:
                 raise DataError(f"{title}: a {type(layer).__name__} cannot be drawn")
     return panels
@@ -87,14 +93,15 @@ def _of_image(title: str, crs: CRS | None, image: Image) -> Panel:
     return Panel(title, crs, in_proportion(image.bounds), image, ())
 
 
-def _add_vector(panels: list[Panel], title: str, layer: Vector) -> None:
+def _add_vector(panels: list[Panel | Bars], title: str, layer: Vector) -> None:
     """Over the last map where it belongs there; nowhere if no feature has a geometry."""
     west, south, east, north = (float(value) for value in layer.frame.total_bounds)
     bounds = (west, south, east, north)
     if not np.isfinite(bounds).all():
         return
-    if panels and _meet(panels[-1].bounds, bounds) and _same_ground(panels[-1], layer):
-        panels[-1] = panels[-1].under(title, layer)
+    last = panels[-1] if panels else None
+    if isinstance(last, Panel) and _meet(last.bounds, bounds) and _same_ground(last, layer):
+        panels[-1] = last.under(title, layer)
     else:
         panels.append(Panel(title, layer.crs, in_proportion(bounds, margin=0.04), None, (layer,)))
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from toolbox import files
 from toolbox.context import Context, log
-from toolbox.data import PointCloud, Raster, Vector
+from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.places import LAS
 from toolbox.data.record import foreign_side_car
 from toolbox.errors import DataError
@@ -204,7 +204,9 @@ def _drawable(found: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             else {name: value}
         )
         for title, layer in layers.items():
-            if isinstance(layer, Raster) or (isinstance(layer, PointCloud | Vector) and len(layer)):
+            if isinstance(layer, Raster) or (
+                isinstance(layer, PointCloud | Vector | Table) and len(layer)
+            ):
                 yield title, layer
 
 

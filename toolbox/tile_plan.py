@@ -170,5 +170,7 @@ def _survey(name: str, value: Any, many: bool, assume_crs: CRS | None, ctx: Cont
     if many or isinstance(value, PointCloud):
         raise DataError("is no survey in files; run the tool without tiles")
     places, options = located(value)
-    how = parsed_options(options, ("columns", "separator"))
-    return Survey.open(places, assume_crs=assume_crs, ctx=ctx.part(0, 0), **how)
+    how = parsed_options(options, ("bounds", "columns", "separator"))
+    bounds = how.pop("bounds", None)
+    survey = Survey.open(places, assume_crs=assume_crs, ctx=ctx.part(0, 0), **how)
+    return survey.part(bounds) if bounds else survey

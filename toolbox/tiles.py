@@ -345,7 +345,7 @@ def cluster(workers: int, memory: int) -> Iterator[str]:
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(DASK))
         folder = stack.enter_context(files.scratch())
-        with _deaf_children():
+        with _deaf_children(), _starting():
             made = stack.enter_context(
                 LocalCluster(  # type: ignore[no-untyped-call]
                     n_workers=workers,
@@ -375,6 +375,15 @@ def _client(tiling: Tiling) -> Iterator[Any]:
             text = f"cannot reach a Dask scheduler at {address}: {err}"
             raise ParameterError("run", {"scheduler": text}) from None
         yield stack.enter_context(client)
+
+
+@contextmanager
+def _starting() -> Iterator[None]:
+    """Tell a user, and not of a mistake in the toolbox, if processes die while they start."""
+    try:
+        yield
+    except RuntimeError as err:
+        raise DataError(f"the workers cannot be started: {err}") from err
 
 
 @contextmanager

@@ -33,7 +33,7 @@ from scipy.ndimage import (
 )
 
 from algorithms.ground import _classify_kernels as kernels
-from algorithms.shared.ground import Candidates, Returns
+from algorithms.shared.ground import NOWHERE, Candidates, Mask, Returns
 from algorithms.shared.lowest import (
     blocks,
     lattice_around,
@@ -112,18 +112,14 @@ class GroundClassify:
         """Find the terrain, and compare the points with it."""
         cloud = self.points
         candidates = Candidates.of(cloud, self.returns, self.ignore)
+        if not candidates.chosen.any():
+            none = self._classified(candidates, NOWHERE, np.zeros(0))
+            raise candidates.nothing_to_do(none, surface=None)
         terrain = find_terrain(candidates.xyz, metre=cloud.metre, ctx=ctx.part(0, 0.95))
         ground, clear = verdict(candidates.xyz, terrain)
-        confidence = np.where(candidates.part, 1.0, 0.0)
-        confidence[candidates.chosen] = clear
-        labelled = candidates.classified(ground, keep_classes=self.keep_classes)
-        meaning = "0 doubtful to 1 clear; 0 where a point took no part"
         ctx.progress(1.0)
         return self.Outputs(
-            classified=labelled.with_attributes(
-                {"confidence": confidence.astype(np.float32)},
-                descriptions={"confidence": meaning},
-            ),
+            classified=self._classified(candidates, ground, clear),
             surface=Raster.from_lattice(
                 terrain.heights * np.float32(cloud.metre),
                 terrain.lattice,
@@ -132,6 +128,16 @@ class GroundClassify:
                 units=(vertical_unit(cloud.crs),),
             ),
             ground_share=candidates.share(ground),
+        )
+
+    def _classified(self, candidates: Candidates, ground: Mask, clear: Floats) -> PointCloud:
+        """The cloud with classes and confidence, given them for the candidates."""
+        confidence = np.where(candidates.part, 1.0, 0.0)
+        confidence[candidates.chosen] = clear
+        labelled = candidates.classified(ground, keep_classes=self.keep_classes)
+        return labelled.with_attributes(
+            {"confidence": confidence.astype(np.float32)},
+            descriptions={"confidence": "0 doubtful to 1 clear; 0 where a point took no part"},
         )
 
 

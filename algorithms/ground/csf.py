@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve, grey_closing, maximum_filter
 
 from algorithms.ground import _csf_kernels as kernels
-from algorithms.shared.ground import Candidates, Returns
+from algorithms.shared.ground import NOWHERE, Candidates, Returns
 from algorithms.shared.lowest import (
     blocks,
     lattice_around,
@@ -118,6 +118,9 @@ class GroundCsf:
         """Simulate, and compare points and cloth."""
         cloud = self.points
         candidates = Candidates.of(cloud, self.returns, self.ignore)
+        if not candidates.chosen.any():
+            none = candidates.classified(NOWHERE, keep_classes=self.keep_classes)
+            raise candidates.nothing_to_do(none, cloth=None, mean_rigidness=math.nan)
         xyz = candidates.xyz
         cloth = cloth_simulation(
             xyz,

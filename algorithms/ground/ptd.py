@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 
 from algorithms.ground import _ptd_kernels as kernels
 from algorithms.shared.delaunay import LiveMesh
-from algorithms.shared.ground import Candidates, Returns
+from algorithms.shared.ground import NOWHERE, Candidates, Returns
 from algorithms.shared.lowest import (
     blocks,
     cells_of,
@@ -126,9 +126,11 @@ class GroundPtd:
         """Grow the surface, and compare points with it."""
         cloud = self.points
         candidates = Candidates.of(cloud, self.returns, self.ignore)
+        if not candidates.chosen.any():
+            none = candidates.classified(NOWHERE, keep_classes=self.keep_classes)
+            raise candidates.nothing_to_do(none, surface=None)
         xyz = candidates.xyz
-        if not len(xyz):
-            raise DataError("points: there are none to make a surface of")
+        require_finite(xyz)
         ctx.progress(0.0)
         lattice = Lattice.cover(box_of(xyz), self.cell)
         surface = densified(

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.ground import _robust_interpolation_kernels as kernels
-from algorithms.shared.ground import Candidates, Returns
+from algorithms.shared.ground import NOWHERE, Candidates, Returns
 from algorithms.shared.lowest import (
     blocks,
     lattice_around,
@@ -114,6 +114,9 @@ class GroundRobustInterpolation:
         """Interpolate, and compare points and surface."""
         cloud = self.points
         candidates = Candidates.of(cloud, self.returns, self.ignore)
+        if not candidates.chosen.any():
+            none = candidates.classified(NOWHERE, keep_classes=self.keep_classes)
+            raise candidates.nothing_to_do(none, surface=None)
         xyz = candidates.xyz
         surface = robust_interpolation(
             xyz,

@@ -28,13 +28,16 @@ from algorithms.shared.neighbours import PointTree
 from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
+from toolbox.errors import DataError, NothingToDo
 from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import ClassList
 
 LOW, HIGH = kernels.LOW, kernels.HIGH
 LEAST_DEVIATION = 0.2  # of what is usual: even a perfect lattice may have gaps of twice its step
 NEARER, WIDER = 4, 4  # what is usual: for a fourth of the neighbours, and for four times as many
-STRIDE = 1 << 32  # of the number of a cell, for rows up to 2**31 on both sides of the origin
+MOST_CELLS = 1 << 31  # along an axis
+STRIDE = 2 * MOST_CELLS  # from the number of a cell to that of the next in its row
+WINDOW = np.array([i * STRIDE + j for i in (-1, 0, 1) for j in (-1, 0, 1)])  # around a cell
 
 Scope = Literal["local", "global", "classic"]
 Floats = NDArray[np.float64]
@@ -122,9 +125,19 @@ class PointsDenoise:
             height_gap=self.height_gap,
             ctx=ctx,
         )
-        found = verdict > 0
-        if found.sum() > part.sum() / 2:
+        outputs, count = self._outputs(verdict), np.count_nonzero(part)
+        if self.scope == "local" and 0 < count <= self.min_neighbours:
+            raise NothingToDo(
+                f"points: {count} cannot have {self.min_neighbours} neighbours (min_neighbours) "
+                "each, so that all would be noise",
+                instead=outputs,
+            )
+        if np.count_nonzero(verdict) > count / 2:
             log.warning("more than half of the points are noise; is reach too small?")
+        return outputs
+
+    def _outputs(self, verdict: Verdicts) -> PointsDenoise.Outputs:
+        cloud, found = self.points, verdict > 0
         return self.Outputs(
             clean=_labelled(cloud, verdict) if self.action == "label" else cloud.select(~found),
             low_noise=int(np.count_nonzero(cloud.core & (verdict == LOW))),
@@ -172,7 +185,7 @@ def noise(
     require_finite(xyz)
     verdict = np.zeros(len(xyz), np.uint8)
     ctx.progress(0.0)
-    if len(xyz) < 2:
+    if not len(xyz):
         return verdict
     if height_gap is not None and np.ptp(xyz[:, 2]) > height_gap:
         verdict = cut_off(xyz, reach, height_gap, ctx.part(0.0, 0.2))
@@ -231,24 +244,33 @@ def _beside_all(tree: PointTree, k: int, threshold: float, scope: Scope, ctx: Co
 # Columns -----------------------------------------------------------------------------------
 
 
-class Columns:
-    """The points by square cells of a fixed lattice, of which only occupied ones are kept."""
+def cell_numbers(xyz: Floats, cell: float) -> Indices:
+    """The square cell of a fixed lattice that each point lies in; those beside it are at WINDOW."""
+    col, row = (np.floor(xyz[:, axis] / cell) for axis in (0, 1))
+    for places in (col, row):
+        places -= places.min()
+        if places.max() >= MOST_CELLS:
+            raise DataError(
+                f"points: they extend over {places.max():,.0f} times reach ({cell:g}); at most "
+                f"{MOST_CELLS:,} times is allowed: remove stray points or raise reach"
+            )
+    return col.astype(np.int64) * STRIDE + row.astype(np.int64)
 
-    def __init__(self, xyz: Floats, cell: float) -> None:
-        col, row = np.floor(xyz[:, :2].T / cell).astype(np.int64)
-        number = col * STRIDE + row
+
+class Columns:
+    """The points by their cells, of which only occupied ones are kept."""
+
+    def __init__(self, number: Indices) -> None:
         self.order: Indices = np.argsort(number, kind="stable")
         number = number[self.order]
         starts = np.flatnonzero(np.r_[True, number[1:] != number[:-1]])
         self.numbers: Indices = number[starts]
         self.edges: Indices = np.append(starts, len(number))
 
-    def around(self) -> Iterator[Indices]:
-        """For each of the 9 cells of a window the one beside each cell, -1 where it is empty."""
-        for step in (i * STRIDE + j for i in (-1, 0, 1) for j in (-1, 0, 1)):
-            wanted = self.numbers + step
-            at = np.minimum(np.searchsorted(self.numbers, wanted), len(wanted) - 1)
-            yield np.where(self.numbers[at] == wanted, at, -1)
+    def around(self, numbers: Indices) -> Indices:
+        """The cells in the windows around some, shape (9, m); -1 for an empty one."""
+        wanted = numbers + WINDOW[:, None]
+        return np.where(is_among(wanted, self.numbers), np.searchsorted(self.numbers, wanted), -1)
 
     def points(self, cell: Any) -> Indices:
         """Indices of the points in a cell."""
@@ -257,6 +279,12 @@ class Columns:
     def window(self, cells: Indices) -> Indices:
         """Indices of the points in the occupied ones of some cells."""
         return np.concatenate([self.points(cell) for cell in cells[cells >= 0]])
+
+
+def is_among(numbers: Indices, few: Indices) -> NDArray[np.bool_]:
+    """True for numbers that are among a few sorted ones, without sorting them all."""
+    at = np.minimum(np.searchsorted(few, numbers), len(few) - 1)
+    return np.asarray(few[at] == numbers)
 
 
 def cut_off(xyz: Floats, cell: float, height_gap: float, ctx: Context = QUIET) -> Verdicts:
@@ -276,11 +304,11 @@ def cut_off(xyz: Floats, cell: float, height_gap: float, ctx: Context = QUIET) -
     array of shape (n,)
         0 for points to keep, 7 for low noise, 18 for high noise.
     """
-    columns, z = Columns(xyz, cell), xyz[:, 2]
+    columns, z = Columns(cell_numbers(xyz, cell)), xyz[:, 2]
     ctx.progress(0.3)
     lowest = np.minimum.reduceat(z[columns.order], columns.edges[:-1])
     highest = np.maximum.reduceat(z[columns.order], columns.edges[:-1])
-    around = np.stack(list(columns.around()))
+    around = columns.around(columns.numbers)
     low = np.where(around >= 0, lowest[around], np.inf).min(axis=0)
     high = np.where(around >= 0, highest[around], -np.inf).max(axis=0)
     ctx.progress(0.5)
@@ -320,13 +348,13 @@ def against_columns(xyz: Floats, points: Indices, cell: float, ctx: Context = QU
     """
     if not len(points):
         return np.zeros(0, np.uint8)
-    columns, z = Columns(xyz, cell), xyz[:, 2]
-    around = np.stack(list(columns.around()))
-    cell_of = np.empty(len(xyz), np.int64)
-    cell_of[columns.order] = np.repeat(np.arange(len(columns.numbers)), np.diff(columns.edges))
-    cells, which = np.unique(cell_of[points], return_inverse=True)
+    numbers = cell_numbers(xyz, cell)
+    cells, which = np.unique(numbers[points], return_inverse=True)
+    near = np.flatnonzero(is_among(numbers, np.unique(cells + WINDOW[:, None])))
+    columns, z = Columns(numbers[near]), xyz[near, 2]
+    around = columns.around(cells)
     middle = np.empty(len(cells))
-    for done, cell_number in enumerate(cells):
-        middle[done] = np.median(z[columns.window(around[:, cell_number])])
-        ctx.progress((done + 1) / len(cells))
-    return np.where(z[points] > middle[which], HIGH, LOW).astype(np.uint8)
+    for k in range(len(cells)):
+        middle[k] = np.median(z[columns.window(around[:, k])])
+        ctx.progress((k + 1) / len(cells))
+    return np.where(xyz[points, 2] > middle[which], HIGH, LOW).astype(np.uint8)

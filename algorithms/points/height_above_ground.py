@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from algorithms.shared.delaunay import triangulate
-from algorithms.shared.ground import taking_part
+from algorithms.shared.ground import is_withheld
 from algorithms.shared.lowest import require_finite
 from algorithms.surface.grid import averaged
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.data.crs import vertical_unit
-from toolbox.errors import DataError
+from toolbox.errors import DataError, NothingToDo
 from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import ClassList
 
@@ -83,11 +83,15 @@ class PointsHeightAboveGround:
     def run(self, ctx: Context = QUIET) -> PointsHeightAboveGround.Outputs:
         """Measure each point from the ground."""
         cloud = self.points
-        ground = np.isin(cloud["classification"], self.ground_classes) & taking_part(cloud, None)
+        of_class = np.isin(cloud["classification"], self.ground_classes)
+        ground = of_class & ~is_withheld(cloud)
         if not ground.any():
-            raise DataError(
-                f"points: none is of class {self.ground_classes}, or all of those are withheld; "
-                "classify them first"
+            which = f"of class {self.ground_classes}"
+            withheld = f"all {np.count_nonzero(of_class)} points {which} are withheld"
+            missing = f"none is {which}; classify them first"
+            raise NothingToDo(
+                f"points: {withheld if of_class.any() else missing}",
+                instead=self._outputs(np.full(len(cloud), np.nan)),
             )
         heights = height_above_ground(
             cloud.xyz,
@@ -100,6 +104,10 @@ class PointsHeightAboveGround:
         unknown = int(np.isnan(heights).sum())
         if unknown:
             log.warning("%d of %d points are too far from the ground", unknown, len(heights))
+        return self._outputs(heights)
+
+    def _outputs(self, heights: Floats) -> PointsHeightAboveGround.Outputs:
+        cloud = self.points
         unit = f", {vertical_unit(cloud.crs)}" if cloud.crs else ""
         return self.Outputs(
             heights=cloud.with_attributes(

@@ -268,7 +268,7 @@ def _located(xy: Floats, triangles: Ints, neighbours: Ints, places: Floats, ctx:
 def _checked(xy: Floats) -> Floats:
     """The points as one read-only piece of memory, fit for exact arithmetic."""
     xy = _frozen(np.ascontiguousarray(xy, np.float64))
-    require_finite(xy)
+    require_finite(xy, largest=np.inf)
     if len(xy) > MAX_POINTS:
         raise DataError(f"points: at most {MAX_POINTS:,} can be triangulated, got {len(xy):,}")
     for first, last in blocks(len(xy)):

@@ -5,15 +5,18 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from types import SimpleNamespace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from toolbox.data import PointCloud
+from toolbox.errors import NothingToDo
 from toolbox.values import Share
 
 GROUND, OTHER = np.uint8(2), np.uint8(1)  # ASPRS classes
+NOWHERE = np.zeros(0, bool)  # ground among no points
 
 Returns = Literal["last", "all"]
 Mask = NDArray[np.bool_]
@@ -26,12 +29,17 @@ def taking_part(cloud: PointCloud, ignore: Sequence[int] | None) -> Mask:
     -------
     array of shape (n,)
     """
-    part = np.ones(len(cloud), bool)
+    part = ~is_withheld(cloud)
     if ignore and "classification" in cloud:
         part &= ~np.isin(cloud["classification"], ignore)
-    if "withheld" in cloud:
-        part &= cloud["withheld"] == 0
     return part
+
+
+def is_withheld(cloud: PointCloud) -> Mask:
+    """True for the points that their producer wants nobody to use, array of shape (n,)."""
+    if "withheld" not in cloud:
+        return np.zeros(len(cloud), bool)
+    return np.asarray(cloud["withheld"] != 0)
 
 
 def may_be_ground(cloud: PointCloud, returns: Returns) -> Mask:
@@ -104,3 +112,26 @@ class Candidates:
         ground = np.zeros(len(self.cloud), bool)
         ground[self.chosen] = found
         return Share.of_points(ground, self.cloud.core)
+
+    def nothing_to_do(self, classified: PointCloud, **others: Any) -> NothingToDo:
+        """The error where no point is chosen; a tile of a survey has no ground there.
+
+        Parameters
+        ----------
+        classified : what the filter gives then, see :meth:`classified`
+        others : other outputs beside the share of ground
+        """
+        withheld = is_withheld(self.cloud)
+        excluded = {
+            "withheld": withheld,
+            "of classes to ignore": ~withheld & ~self.part,
+            "no last returns (--returns all takes them, too)": self.part,
+        }
+        counts = {why: np.count_nonzero(which) for why, which in excluded.items()}
+        reasons = "; ".join(f"{count} are {why}" for why, count in counts.items() if count)
+        return NothingToDo(
+            f"points: none of {len(self.cloud)} can be ground: {reasons or 'there are none'}",
+            instead=SimpleNamespace(
+                classified=classified, ground_share=self.share(NOWHERE), **others
+            ),
+        )

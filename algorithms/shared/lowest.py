@@ -17,6 +17,7 @@ OUTLIER_REACH, OUTLIER_CELL = 10.0, 2.0  # metres
 OUTLIER_ROUNDS = 3
 FEW_CELLS, MAX_CELLS_PER_POINT = 10_000_000, 1_000  # more, and stray points stretch the box
 MAX_CELLS = 200_000_000  # a square of 7 km at 0.5 m, more than a tile ever needs
+LARGEST = 1e12  # coordinate, in any unit; numbers of that size are already 0.0001 apart
 BLOCK = 2_000_000  # nodes or points that are worked on between two looks at the context
 
 Floats = NDArray[np.float64]
@@ -24,14 +25,21 @@ Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 
-def require_finite(xyz: Floats) -> None:
-    """Refuse coordinates that are not finite numbers."""
-    if np.isfinite(xyz).all():
+def require_finite(xyz: Floats, *, largest: float = LARGEST) -> None:
+    """Refuse coordinates that are not finite numbers, or as large as `largest`.
+
+    Raises
+    ------
+    DataError
+        Names the first such point.
+    """
+    if not xyz.size or (xyz.min() > -largest and xyz.max() < largest):  # False for NaN
         return
-    point, axis = np.argwhere(~np.isfinite(xyz))[0]
-    raise ValueError(
-        f"xyz: coordinates must be finite numbers, got {'xyz'[axis]} = {xyz[point, axis]} "
-        f"at point {point}"
+    point, axis = np.argwhere(~(np.abs(xyz) < largest))[0]
+    value = xyz[point, axis]
+    rule = f"below {largest:g} in size" if np.isfinite(value) else "finite numbers"
+    raise DataError(
+        f"points: coordinates must be {rule}, got {'xyz'[axis]} = {value} at point {point}"
     )
 
 

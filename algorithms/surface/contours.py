@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -70,7 +71,9 @@ class SurfaceContours:
         frame = geopandas.GeoDataFrame(
             {
                 "elevation": np.array([level for _, level, at in lines for _ in at], np.float64),
-                "index": np.array([s % self.index_every == 0 for s, _, at in lines for _ in at], bool),
+                "index": np.array(
+                    [s % self.index_every == 0 for s, _, at in lines for _ in at], bool
+                ),
             },
             geometry=[
                 shapely.LineString(np.column_stack([line, np.full(len(line), level)]))
@@ -127,7 +130,7 @@ def contours(
 
     if min(heights.shape) < 2:
         return [[] for _ in levels]
-    generator = contour_generator(
+    generator: Any = contour_generator(
         z=np.ma.masked_invalid(heights),
         name="serial",
         corner_mask=False,
@@ -161,7 +164,7 @@ def separated(points: Array, offsets: NDArray[Any], lattice: Lattice) -> list[Ar
     )
     return [
         places[first:last]
-        for first, last in zip(ends[:-1], ends[1:], strict=True)
+        for first, last in pairwise(ends)
         if last - first > 1 and not is_touch(points[first:last])
     ]
 

@@ -265,8 +265,9 @@ class SurfaceGrid:
         )
         there = [(band, *text) for band, text in zip(bands, texts, strict=True) if band is not None]
         layers, descriptions, units = zip(*there, strict=True)
+        dtype = np.float32 if fits else np.float64
         raster = Raster.from_lattice(
-            np.stack(layers).astype(np.float32 if fits else np.float64),
+            np.stack([band.astype(dtype) for band in layers]),
             lattice,
             crs=points.crs,
             descriptions=descriptions,
@@ -379,8 +380,6 @@ def _on_triangles(
         surface, used = tin.natural(values, ctx=drawing)
     else:
         surface = tin.cubic(values, ctx=drawing)
-    if used is None:
-        used = np.where(np.isfinite(surface), 3, 0)
     if not uncertainty:
         return Bands(surface, used)
     squares = tin.left_out(values, ctx=ctx.part(0.9, 0.95))
@@ -414,9 +413,10 @@ def _from_nearest(
 
 
 def _supported(bands: Bands, xy: Array, lattice: Lattice, ctx: Context) -> Bands:
-    """With the number of points, and the distance to the nearest where there are any."""
-    used = np.asarray(bands.used, np.float64)
-    nearest = bands.nearest
+    """With the number of points (three, if nothing else is said), and the distance to one."""
+    used, nearest = bands.used, bands.nearest
+    if used is None:
+        used = np.where(np.isfinite(bands.surface), 3, 0)
     if nearest is None:
         nearest = np.full(lattice.shape, np.nan)
         if len(xy):
@@ -425,7 +425,7 @@ def _supported(bands: Bands, xy: Array, lattice: Lattice, ctx: Context) -> Bands
                 there, np.zeros(len(xy)), lattice, near.Weighting(), ctx=ctx.part(0.2, 1.0)
             )[2]
             nearest[used == 0] = np.nan
-    return bands._replace(used=used, nearest=nearest)
+    return bands._replace(used=used.astype(np.float64), nearest=nearest)
 
 
 def _nothing(lattice: Lattice, uncertainty: bool) -> Bands:

@@ -131,7 +131,7 @@ def hillshade(
     array of shape (rows, cols)
         From 0, turned away, to 1, straight towards the light; NaN where a neighbour is not known.
     """
-    light = np.full(heights.shape, np.nan)
+    light: Array = np.full(heights.shape, np.nan)
     known = continued(heights) if edges else heights
     edge = 0 if edges else 1
     inside = light[edge : len(light) - edge, edge : light.shape[1] - edge]

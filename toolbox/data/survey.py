@@ -43,6 +43,7 @@ class SurveyFile:
     attributes : name, type and further dimensions of each
     remarks : what is odd in the header but does no harm
     columns, separator : how a text file is read
+    only : xmin, ymin, xmax, ymax of the part that is read, if not all
     """
 
     path: Path
@@ -56,6 +57,7 @@ class SurveyFile:
     remarks: tuple[str, ...] = ()
     columns: tuple[str, ...] | None = None
     separator: str | None = None
+    only: tuple[float, ...] | None = None
 
     @classmethod
     def open(
@@ -128,7 +130,9 @@ class SurveyFile:
         DataError
             The file is damaged.
         """
-        if suffix_of(self.path) not in LAS:
+        if self.only and not self.touches(self.only):
+            return []
+        if suffix_of(self.path) not in LAS or (self.only and self._is_copc):
             return [(0, self.count)]
         chunks = chunk_sizes(self.path)
         if chunks is None:
@@ -146,7 +150,7 @@ class SurveyFile:
         return found
 
     def read(self, start: int, stop: int, *, ctx: Context = QUIET) -> PointCloud:
-        """The points of a range, as in the whole file.
+        """The points of a range, as in the whole file; those of the part that is to be read.
 
         Raises
         ------
@@ -154,10 +158,14 @@ class SurveyFile:
             The file is damaged, or has not so many points.
         """
         whole = start == 0 and stop == self.count
-        cloud = self._opened(part=None if whole else (start, stop), ctx=ctx)
-        if len(cloud) != stop - start:
+        cloud = self._opened(part=None if whole else (start, stop), bounds=self.only, ctx=ctx)
+        if not self.only and len(cloud) != stop - start:
             raise DataError(f"{self.path} has {len(cloud)} points now, and {self.count} before")
         return cloud
+
+    @property
+    def _is_copc(self) -> bool:
+        return self.path.name.lower().endswith(".copc.laz")
 
     def within(self, bounds: Sequence[float] | None, *, ctx: Context = QUIET) -> PointCloud:
         """The points within xmin, ymin, xmax, ymax, or all; of COPC no more is read than needed.
@@ -247,6 +255,11 @@ class Survey:
             raise DataError("\n    ".join(problems))
         return cls(tuple(files), name_of(places))
 
+    def part(self, bounds: Sequence[float]) -> Survey:
+        """The same files, of which only the points within xmin, ymin, xmax, ymax are read."""
+        files = tuple(replace(file, only=tuple(bounds)) for file in self.files)
+        return replace(self, files=files)
+
     @property
     def crs(self) -> CRS | None:
         """Of all files; None if not known."""
@@ -297,6 +310,7 @@ class Survey:
         DataError
             A file is damaged, or its points cannot be joined with those of the others.
         """
+        bounds = bounds or self.files[0].only
         files = [file for file in self.files if bounds is None or file.touches(bounds)]
         shares = np.cumsum([0, *(file.count for file in files)]) / max(self.count, 1)
         parts = (

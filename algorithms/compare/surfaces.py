@@ -1,0 +1,564 @@
+"""How well the heights of a raster agree with another raster, or with points of known height.
+
+What each figure means, and when to trust it: docs/explanation/accuracy.md.
+
+References
+----------
+Höhle, J. and Höhle, M. (2009). Accuracy assessment of digital elevation models by means of robust
+statistical methods. ISPRS Journal 64(4), 398-406: median, NMAD and quantiles.
+ASPRS (2023). Positional Accuracy Standards for Digital Geospatial Data, Edition 2, Version 1.0:
+RMSE of vertical errors, apart for ground without and with vegetation, of at least 30 checkpoints.
+Freedman, D. and Diaconis, P. (1981). On the histogram as a density estimator: L2 theory.
+Zeitschrift für Wahrscheinlichkeitstheorie 57, 453-476: width of bins.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.shared.ground import taking_part
+from algorithms.shared.heights import heights_problem
+from algorithms.surface.difference import difference, misfit
+from toolbox.context import QUIET, Context, log
+from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
+from toolbox.data.crs import crs_conflict
+from toolbox.errors import DataError
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import ClassList
+
+ROWS = 512  # resampled between two looks at whether the user cancelled
+BLOCK = 200_000  # places whose land cover is looked up in between
+MOST_COVERS = 256
+FEWEST = 30  # checkpoints, by the standard
+NORMAL = 1.4826  # times the MAD is the standard deviation, if errors are normal
+FAR = 3.0  # NMAD from the median: errors that call for a look
+CONFIDENCE = 1.959963984540054  # standard deviations of a normal distribution that hold 95 %
+MOST_BINS = 80
+UNKNOWN = "not known"  # land cover of a place that no class or polygon covers
+
+MEANING: Mapping[str, str] = {
+    "count": "cells or points compared",
+    "bias": "mean of surface minus reference",
+    "std": "standard deviation about the bias",
+    "rmse": "root mean square",
+    "median": "half of the errors are lower",
+    "mad": "median of the distances from the median",
+    "nmad": "1.4826 MAD: the standard deviation of normal errors, whatever outliers there are",
+    "le90": "90 % of the errors are no larger, as found",
+    "le95": "95 % of the errors are no larger, as found",
+    "min": "lowest",
+    "p5": "5 % are lower",
+    "p25": "25 % are lower",
+    "p75": "75 % are lower",
+    "p95": "95 % are lower",
+    "max": "highest",
+    "far": "farther than 3 NMAD from the median: look at them, nothing was left out",
+}
+COUNTS = ("count", "far")
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+
+
+@tool("compare.surfaces")
+class CompareSurfaces:
+    """Compare the heights of a raster with another raster or with points of known height.
+
+    Give one of three: a reference raster on the same cells (or `resample`, which takes it
+    bilinearly at the cell centres), checkpoints with Z, or a point cloud (also a text file of
+    checkpoints). At points the surface is bilinear between the four nearest cell centres; points
+    where one of these has no value are counted as missing. Errors are surface minus reference,
+    so a surface that is too high has a positive bias. Nothing is left out as an outlier.
+
+    The land cover comes from a raster of classes, from polygons, or from an attribute of the
+    polygons, checkpoints or points. The covers named in `vegetated` make up the vegetated
+    vertical accuracy (VVA), all others the non-vegetated one (NVA).
+
+    For points there is a report in the manner of the ASPRS standards (Edition 2, 2023): RMSE of the
+    fit to the checkpoints, with their own error as root of the sum of squares, for NVA and VVA; how
+    many there are of the 30 that are needed; and whether the NVA meets `accuracy_class`. VVA is
+    reported as found and fails nothing.
+
+    Tables are in metres, layers in the unit of the data.
+    """
+
+    surface: Raster = source("Raster of heights to judge")
+    reference: Raster | None = source("Raster of true heights", default=None)
+    checkpoints: Vector | None = source("Points with true heights (Z)", default=None)
+    points: PointCloud | None = source("Point cloud with true heights", default=None)
+    cover: Raster | None = source("Raster of classes of land cover", default=None)
+    areas: Vector | None = source("Polygons of land cover", default=None)
+    resample: bool = param(
+        "Take a reference on other cells bilinearly at the cell centres", default=False
+    )
+    classes: ClassList | None = param(
+        "Classes of the points that are used; all by default", default=None
+    )
+    cover_attribute: str | None = param(
+        "Attribute of polygons, checkpoints or points that is the land cover", default=None
+    )
+    vegetated: tuple[str, ...] | None = param(
+        "Land covers that are vegetated; all others are not", default=None
+    )
+    checkpoint_rmse: float | None = param(
+        "RMSE of the heights of the checkpoints themselves", default=None, unit="m", ge=0
+    )
+    accuracy_class: float | None = param(
+        "RMSE that the surface is to meet, for the report", default=None, unit="m", gt=0
+    )
+    largest: int = param("Number of the largest errors to mark", default=100, unit="1", ge=0)
+
+    @outputs
+    class Outputs:
+        table: Table = sink("One row per measure: measure, value, unit, meaning")
+        covers: Table = sink("One row per land cover, with the same measures")
+        report: Table | None = sink("Report in the manner of ASPRS 2023, for points")
+        difference: Raster | None = sink("Surface minus reference raster")
+        errors: Vector = sink("The largest errors, the largest first")
+        histogram: Table = sink("Number of errors by size: low, high, count, unit")
+        count: int = sink("Cells or points compared", unit="1")
+        missing: int = sink("Cells of the surface, or points, without a counterpart", unit="1")
+        bias: float = sink("Mean of surface minus reference", unit="m")
+        rmse: float = sink("Root mean square error", unit="m")
+        nmad: float = sink("1.4826 times the median absolute deviation", unit="m")
+        le95: float = sink("Error that 95 % of the errors do not exceed", unit="m")
+
+    def check(self) -> Iterator[tuple[str, str]]:
+        """Names that would not be looked at."""
+        if self.vegetated and len(set(self.vegetated)) < len(self.vegetated):
+            yield "vegetated", f"names a land cover twice: {', '.join(self.vegetated)}"
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """One reference, at most one land cover, and heights that can be compared."""
+        given = [n for n in ("reference", "checkpoints", "points") if getattr(self, n) is not None]
+        if len(given) != 1:
+            there = " and ".join(given) or "none"
+            yield "reference", f"give one of reference, checkpoints and points, got {there}"
+        if text := heights_problem(self.surface):
+            yield "surface", f"{_named(self.surface)} {text}"
+        yield from self._reference_problems()
+        yield from self._cover_problems()
+
+    def _reference_problems(self) -> Iterator[tuple[str, str]]:
+        one, other = self.surface, self.reference
+        if other is not None:
+            if text := heights_problem(other):
+                yield "reference", f"{_named(other)} {text}"
+            elif text := crs_conflict(other.crs, one.crs, heights=True):
+                yield "reference", f"{_named(other)} {text} of {_named(one)}"
+            elif not self.resample and (text := misfit(Lattice.of(one), Lattice.of(other))):
+                yield "reference", f"{_named(other)} {text} of {_named(one)}; or give resample"
+        if self.checkpoints is not None and (text := _points_problem(self.checkpoints)):
+            yield "checkpoints", f"{self.checkpoints.name} {text}"
+        if self.classes and (self.points is None or "classification" not in self.points):
+            yield "classes", "there are no points with a classification"
+
+    def _cover_problems(self) -> Iterator[tuple[str, str]]:
+        if self.cover is not None and (self.areas is not None or self.cover_attribute):
+            yield "cover", "give the land cover once: as a raster, polygons or an attribute"
+        if self.cover is not None and len(self.cover.values) != 1:
+            yield "cover", f"{_named(self.cover)} has {len(self.cover.values)} bands; give one"
+        if self.areas is not None and not self.cover_attribute:
+            yield "cover_attribute", "name the attribute of the polygons that is the land cover"
+        if self.areas is not None and (text := _areas_problem(self.areas)):
+            yield "areas", f"{self.areas.name} {text}"
+        if self.vegetated and not (self.cover or self.cover_attribute):
+            yield "vegetated", "there is no land cover; give cover, areas or cover_attribute"
+        if self.cover_attribute:
+            known = self._attributes()
+            if self.cover_attribute not in known:
+                listed = ", ".join(known) or "none"
+                yield (
+                    "cover_attribute",
+                    f"no attribute {self.cover_attribute!r}; there are {listed}",
+                )
+
+    def _attributes(self) -> list[str]:
+        """Names in the layer that `cover_attribute` speaks about."""
+        layer = self.areas if self.areas is not None else self.checkpoints
+        if layer is not None:
+            frame = layer.frame
+            return [str(name) for name in frame.columns if name != frame.geometry.name]
+        return list(self.points.names) if self.points is not None else []
+
+    def halo(self) -> float:
+        """Quantiles and the largest errors are those of the whole."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> CompareSurfaces.Outputs:
+        """Take the errors, and sum them up in several ways."""
+        raster, found = self._found(ctx.part(0.0, 0.5))
+        if not len(found.error):
+            raise DataError("reference: no cell or point has a height in both; do they overlap?")
+        if found.missing:
+            log.warning("%d cells or points have no counterpart", found.missing)
+        metre = self.surface.metre
+        label, names = self._covers(found, ctx.part(0.5, 0.9))
+        groups = {name: found.error[label == code] for code, name in enumerate(names)}
+        whole = measures(found.error)
+        result = self.Outputs(
+            table=Table.from_rows(in_metres(table_rows(whole), metre)),
+            covers=Table.from_rows(cover_rows(groups, metre)),
+            report=None if raster else Table.from_rows(in_metres(self._report(groups), metre)),
+            difference=raster,
+            errors=self._largest(found, label, names),
+            histogram=Table.from_rows(histogram(found.error / metre)),
+            count=len(found.error),
+            missing=found.missing,
+            bias=whole["bias"],
+            rmse=whole["rmse"],
+            nmad=whole["nmad"],
+            le95=whole["le95"],
+        )
+        ctx.progress(1.0)
+        return result
+
+    def _found(self, ctx: Context) -> tuple[Raster | None, Found]:
+        """The difference raster, if there is one, and all errors with their places."""
+        if self.reference is None:
+            return None, self._at_points()
+        one, other = self.surface, self.reference
+        if misfit(Lattice.of(one), Lattice.of(other)):
+            values = one.band() - resampled(other, Lattice.of(one), ctx)
+        else:
+            values = difference(one, other, ctx)
+        raster = Raster.from_lattice(
+            values.astype(np.float32),
+            Lattice.of(one),
+            crs=one.crs,
+            descriptions=("difference, surface minus reference",),
+            units=one.units,
+        )
+        row, col = np.nonzero(np.isfinite(values))
+        x, y = Lattice.of(one).centres()
+        surface = one.band()
+        return raster, Found(
+            np.column_stack([x[col], y[row]]),
+            values[row, col],
+            surface[row, col],
+            np.arange(len(row)),
+            int(np.isfinite(surface).sum()) - len(row),
+        )
+
+    def _at_points(self) -> Found:
+        """Errors at the checkpoints, or at the points of the cloud that take part."""
+        if self.checkpoints is not None:
+            import shapely
+
+            shapes = self.checkpoints.frame.geometry.to_numpy()
+            xyz, number = shapely.get_coordinates(shapes, include_z=True), np.arange(len(shapes))
+        else:
+            assert self.points is not None
+            keep = taking_part(self.points, None)
+            if self.classes:
+                keep = keep & np.isin(self.points["classification"], self.classes)
+            number = np.flatnonzero(keep)
+            xyz = self.points.xyz[number]
+        heights = self.surface.sample(xyz[:, 0], xyz[:, 1], method="linear")
+        known = np.isfinite(heights)
+        return Found(
+            xyz[known, :2],
+            heights[known] - xyz[known, 2],
+            heights[known],
+            number[known],
+            int((~known).sum()),
+        )
+
+    def _covers(self, found: Found, ctx: Context) -> tuple[NDArray[np.int64], list[str]]:
+        """The land cover of each error as a number, and the names by number.
+
+        Raises
+        ------
+        DataError
+            There are more than `MOST_COVERS`, or one in `vegetated` does not occur.
+        """
+        if not (self.cover or self.cover_attribute):
+            return np.zeros(len(found.error), np.int64), ["all"]
+        if self.cover is not None:
+            values: NDArray[Any] = self.cover.sample(*found.xy.T)
+        elif self.areas is not None:
+            place = areas_at(self.areas, found.xy, ctx)
+            column = [*self.areas.frame[self.cover_attribute], None]
+            values = np.array(column, object)[place]  # the last one for no polygon
+        elif self.checkpoints is not None:
+            values = self.checkpoints.frame[self.cover_attribute].to_numpy()[found.number]
+        else:
+            assert self.points is not None
+            values = self.points[str(self.cover_attribute)][found.number]
+        label, names = numbered(values)
+        if len(names) > MOST_COVERS:
+            raise DataError(
+                f"there are {len(names)} land covers, at most {MOST_COVERS} are allowed"
+            )
+        if lacking := [name for name in self.vegetated or () if name not in names]:
+            raise DataError(
+                f"vegetated: no land cover {lacking[0]!r} was met; there are {', '.join(names)}"
+            )
+        return label, names
+
+    def _report(self, groups: Mapping[str, Array]) -> Iterator[Row]:
+        """The rows of the report; lengths in the unit of the data."""
+        green = self.vegetated or ()
+        bare = _joined(error for name, error in groups.items() if name not in green)
+        yield from report("NVA", bare, self.checkpoint_rmse, self.accuracy_class)
+        if green:
+            covered = _joined(error for name, error in groups.items() if name in green)
+            yield from report("VVA", covered, self.checkpoint_rmse, None)
+
+    def _largest(self, found: Found, label: NDArray[np.int64], names: Sequence[str]) -> Vector:
+        """Points at the largest errors, with Z of the surface."""
+        import geopandas
+        import shapely
+
+        few = largest(found.error, found.xy, self.largest)
+        frame = geopandas.GeoDataFrame(
+            {
+                "rank": np.arange(1, len(few) + 1),
+                "error": found.error[few],
+                "surface": found.surface[few],
+                "reference": found.surface[few] - found.error[few],
+                "cover": [names[code] for code in label[few]],
+            },
+            geometry=shapely.points(np.column_stack([found.xy[few], found.surface[few]])),
+            crs=self.surface.crs,
+        )
+        return Vector(frame, geometry_type="Point Z")
+
+
+class Found(NamedTuple):
+    """Errors, of cells or points that have a height in both.
+
+    Attributes
+    ----------
+    xy : array of shape (n, 2)
+    error, surface : arrays of shape (n,), surface minus reference, and the surface
+    number : array of shape (n,), of each point among all of them
+    missing : how many have no counterpart
+    """
+
+    xy: Array
+    error: Array
+    surface: Array
+    number: NDArray[np.int64]
+    missing: int
+
+
+def _named(raster: Raster) -> str:
+    return raster.name or "the raster"
+
+
+def _points_problem(layer: Vector) -> str | None:
+    """Why features are no checkpoints; continues a sentence."""
+    import shapely
+
+    shapes = layer.frame.geometry.to_numpy()
+    if others := {shape.geom_type if shape else "nothing" for shape in shapes} - {"Point"}:
+        return f"holds a {sorted(others)[0]}; checkpoints are points"
+    if not np.isfinite(shapely.get_coordinates(shapes, include_z=True)).all():
+        return "holds a point without a height (Z)"
+    return None
+
+
+def _areas_problem(layer: Vector) -> str | None:
+    """Why features are no areas; continues a sentence."""
+    shapes = layer.frame.geometry
+    if others := {shape.geom_type for shape in shapes if shape} - {"Polygon", "MultiPolygon"}:
+        return f"holds a {sorted(others)[0]}; areas are polygons"
+    return None if shapes.dropna().is_valid.all() else "holds a polygon that is not valid"
+
+
+def resampled(raster: Raster, lattice: Lattice, ctx: Context = QUIET) -> Array:
+    """A raster at the centres of other cells, bilinearly; NaN where it has no data.
+
+    Returns
+    -------
+    array of the shape of the lattice
+    """
+    own, (x, y) = Lattice.of(raster), lattice.centres()
+    found = np.full(lattice.shape, np.nan)
+    for top in range(0, lattice.rows, ROWS):
+        ctx.progress(top / lattice.rows)
+        some = y[top : top + ROWS]
+        rows, _ = own.indices([own.west, own.west], [some[0], some[-1]])
+        needed = slice(max(int(rows[0]) - 1, 0), min(int(rows[1]) + 2, own.rows))
+        if needed.start < needed.stop:
+            part = raster.window(needed, slice(None))
+            found[top : top + ROWS] = part.sample(*np.meshgrid(x, some), method="linear")
+    return found
+
+
+def areas_at(layer: Vector, xy: Array, ctx: Context = QUIET) -> NDArray[np.int64]:
+    """Number of the polygon at each place, of several the first of the layer; -1 for none."""
+    import shapely
+
+    tree = shapely.STRtree(layer.frame.geometry.to_numpy())
+    found = np.full(len(xy), len(layer), np.int64)
+    for first in range(0, len(xy), BLOCK):
+        ctx.progress(first / len(xy))
+        place, area = tree.query(shapely.points(xy[first : first + BLOCK]), predicate="intersects")
+        np.minimum.at(found, first + place, area)
+    return np.where(found < len(layer), found, -1)
+
+
+def numbered(values: NDArray[Any]) -> tuple[NDArray[np.int64], list[str]]:
+    """Values as numbers of their names, which are sorted; what is missing is "not known" ."""
+    import pandas as pd
+
+    codes, found = pd.factorize(values)  # -1 for None and NaN
+    texts = [f"{value:g}" if isinstance(value, float) else str(value) for value in found]
+    names, place = np.unique([*texts, UNKNOWN], return_inverse=True)
+    label = place[codes]  # the last one is that of "not known"
+    used = np.unique(label)
+    return np.searchsorted(used, label), [str(names[code]) for code in used]
+
+
+def measures(error: Array) -> dict[str, Any]:
+    """The measures of `MEANING`, in the unit of the errors; the same for any order of them.
+
+    Parameters
+    ----------
+    error : array of shape (n,), at least one
+    """
+    error = np.sort(error)
+    size, median = np.sort(np.abs(error)), float(np.median(error))
+    deviation = np.abs(error - median)
+    nmad = NORMAL * float(np.median(deviation))
+    le90, le95 = np.quantile(size, (0.9, 0.95))
+    p5, p25, p75, p95 = np.quantile(error, (0.05, 0.25, 0.75, 0.95))
+    found = {
+        "count": len(error),
+        "bias": error.mean(),
+        "std": error.std(ddof=1) if len(error) > 1 else None,
+        "rmse": np.sqrt(np.mean(error**2)),
+        "median": median,
+        "mad": nmad / NORMAL,
+        "nmad": nmad,
+        "le90": le90,
+        "le95": le95,
+        "min": error[0],
+        "p5": p5,
+        "p25": p25,
+        "p75": p75,
+        "p95": p95,
+        "max": error[-1],
+        "far": int(np.count_nonzero(deviation > FAR * nmad)),
+    }
+    return {n: v if v is None or n in COUNTS else float(v) for n, v in found.items()}
+
+
+def table_rows(whole: Mapping[str, Any]) -> Iterator[Row]:
+    """One row per measure."""
+    for name, value in whole.items():
+        unit = "1" if name in COUNTS else "m"
+        yield {"measure": name, "value": value, "unit": unit, "meaning": MEANING[name]}
+
+
+def cover_rows(groups: Mapping[str, Array], metre: float) -> Iterator[Row]:
+    """One row per land cover, in metres."""
+    for name, error in groups.items():
+        yield {"cover": name} | measures(error / metre)
+
+
+def in_metres(rows: Iterable[Row], metre: float) -> Iterator[Row]:
+    """Rows whose lengths are in metres, from those in the unit of the data."""
+    for row in rows:
+        is_length = row["unit"] == "m" and row["value"] is not None
+        yield row | ({"value": row["value"] / metre} if is_length else {})
+
+
+def report(kind: str, error: Array, own: float | None, wanted: float | None) -> Iterator[Row]:
+    """Rows of the ASPRS report on non-vegetated (NVA) or vegetated (VVA) checkpoints.
+
+    Parameters
+    ----------
+    kind : "NVA" or "VVA"
+    error : array of shape (n,), surface minus checkpoint
+    own : RMSE of the checkpoints themselves, if known
+    wanted : RMSE to meet, if any
+    """
+
+    def row(item: str, value: float | None, note: str, unit: str = "m") -> Row:
+        return {"item": f"{kind} {item}", "value": value, "unit": unit, "note": note}
+
+    enough = "enough" if len(error) >= FEWEST else "TOO FEW"
+    yield row("checkpoints", len(error), f"{enough}: at least {FEWEST} are needed", "1")
+    if not len(error):
+        return
+    fit = measures(error)
+    yield row("mean error", fit["bias"], "surface minus checkpoint")
+    yield row("standard deviation", fit["std"], "")
+    yield row("RMSEv1", fit["rmse"], "fit of the surface to the checkpoints")
+    yield row("RMSEv2", own, _own_note(own, wanted))
+    total = math.hypot(fit["rmse"], own or 0.0)
+    if kind == "VVA":
+        yield row("RMSEv", total, "root of RMSEv1² + RMSEv2²; reported as found, no pass or fail")
+        yield row("95th percentile", fit["le95"], "vegetated accuracy of Edition 1 (2014)")
+        return
+    yield row("RMSEv", total, "root of RMSEv1² + RMSEv2²")
+    yield row("1.96 RMSEv1", CONFIDENCE * fit["rmse"], "accuracy at 95 % of Edition 1 (2014)")
+    if wanted is not None:
+        verdict = "met" if total <= wanted else "NOT MET"
+        if len(error) < FEWEST:
+            verdict += f", by fewer than {FEWEST} checkpoints"
+        yield row("accuracy class", wanted, verdict)
+
+
+def _own_note(own: float | None, wanted: float | None) -> str:
+    if own is None:
+        return "of the checkpoints themselves: not given, taken as 0"
+    if wanted is not None and own > wanted / 2:
+        return "of the checkpoints themselves: MORE THAN HALF of the class to meet"
+    return "of the checkpoints themselves"
+
+
+def _joined(parts: Iterable[Array]) -> Array:
+    return np.concatenate([np.empty(0), *parts])
+
+
+def largest(error: Array, xy: Array, count: int) -> NDArray[np.int64]:
+    """Indices of the errors that are farthest from zero; of equal ones the western, southern first.
+
+    Parameters
+    ----------
+    error : array of shape (n,)
+    xy : array of shape (n, 2)
+    """
+    size = np.abs(error)
+    if not count:
+        return np.empty(0, np.int64)
+    least = np.partition(size, -count)[-count] if count < len(size) else 0.0
+    some = np.flatnonzero(size >= least)
+    order = np.lexsort([xy[some, 1], xy[some, 0], -size[some]])
+    return some[order][:count]
+
+
+def histogram(error: Array) -> Iterator[Row]:
+    """Rows low, high, count and unit; the first bin has no low end, and the last one no high end.
+
+    The others lie between the outermost half percents, whole multiples of a round width apart.
+
+    Parameters
+    ----------
+    error : array of shape (n,), metres
+    """
+    first, low, high, last = np.quantile(error, (0.005, 0.25, 0.75, 0.995))
+    width = max(2 * (high - low) / np.cbrt(len(error)), (last - first) / MOST_BINS, 1e-6)
+    width = rounded_up(float(width))
+    edges = width * np.arange(math.floor(first / width), math.ceil(last / width) + 1)
+    if len(edges) == 1:  # all errors are one multiple of the width
+        edges = np.append(edges, edges[0] + width)
+    place = np.searchsorted(edges, error, side="right")
+    ends: list[float | None] = [None, *(float(f"{edge:.9g}") for edge in edges), None]
+    for number, count in enumerate(np.bincount(place, minlength=len(edges) + 1)):
+        yield {"low": ends[number], "high": ends[number + 1], "count": int(count), "unit": "m"}
+
+
+def rounded_up(length: float) -> float:
+    """The next 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(length))
+    return next(f for f in (1, 2, 5, 10) if f * power >= length * (1 - 1e-9)) * power

@@ -32,11 +32,11 @@ POINT_TOOLS = [s for s in TOOLS if "points" in s.sources]
 FAST = {"samples.scene": {"size": 50.0, "density": 2.0}}  # settings that make a tool quick
 REFERENCE = {"compare.classes": {"reference_attribute": "truth"}}  # settings that a tool needs
 WEST, TILE = 500_002.0, 300.0  # metres, three tiles in the strip; no cell begins where they do
-RASTERS = {  # sources of tools that read no points
-    "surface.difference": {
-        "surface": Raster(np.eye(3), Affine(1, 0, 0, 0, -1, 3), crs=CRS(32635)),
-        "base": Raster(np.ones((3, 3)), Affine(1, 0, 0, 0, -1, 3), crs=CRS(32635)),
-    },
+SMALL = Raster(np.eye(4), Affine(1, 0, 0, 0, -1, 4), crs=CRS(32635))
+RASTERS = {  # sources that are rasters, of tools that read no points
+    "surface.difference": {"surface": SMALL, "base": SMALL},
+    "surface.hillshade": {"surface": SMALL},
+    "surface.contours": {"surface": SMALL},
 }
 IN_STRIP: dict[str, dict[str, Any]] = {  # settings that suit the strip
     "ground.csf": {"cloth_resolution": 1.0},
@@ -148,12 +148,23 @@ def job(
     """The tool with its defaults on the given points."""
     source: dict[str, Any] = {"points": points} if "points" in spec.sources else {}
     source |= {"reference": reference} if reference else {}
-    source |= RASTERS.get(spec.id, {})
+    source |= rasters(spec, points)
     settings, problems = spec.parse(
         FAST.get(spec.id, {}) | REFERENCE.get(spec.id, {}) | more, present=source
     )
     assert not problems
     return spec.make(**settings, **source)
+
+
+def rasters(spec: Spec, points: PointCloud | None) -> dict[str, Raster]:
+    """Sources that are rasters; with points a slope below all of them, in their unit."""
+    if "surface" not in spec.sources or points is None or "points" not in spec.sources:
+        return RASTERS.get(spec.id, {})
+    edges = np.array([499_900, 4_599_900, 501_000, 4_600_100]) * points.metre
+    lattice = Lattice.cover(edges, 10 * points.metre)
+    height = 0.1 * (lattice.centres()[0] - 500_000.3 * points.metre)
+    slope = np.tile(height, (lattice.rows, 1))
+    return {"surface": Raster.from_lattice(slope, lattice, crs=points.crs)}
 
 
 def values(layer: Any) -> Any:
@@ -180,7 +191,8 @@ def beyond(field: Field) -> Iterator[float]:
 def test_limits_are_enforced_by_name(spec: Spec, field: Field, block: PointCloud) -> None:
     kind = int if field.kind.word == "integer" else float
     for value in beyond(field):
-        source = {"points": block} if "points" in spec.sources else {}
+        source: dict[str, Any] = {"points": block} if "points" in spec.sources else {}
+        source |= rasters(spec, block)
         with pytest.raises(ParameterError, match=rf"{field.name}: must be"):
             spec.build(source | {field.name: kind(value)})
 

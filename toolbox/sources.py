@@ -79,6 +79,21 @@ def opened(spec: Spec, sources: Mapping[str, Any], crs: CRS | None, ctx: Context
     return layers
 
 
+def absolute(field: Field, value: Any) -> Any:
+    """The raw value of a source for a process that may be in another folder; layers stay."""
+
+    def of(item: Any) -> Any:
+        if field.kind.accepts(item):
+            return item
+        place, options = located(item)
+        places = place if isinstance(place, list) else [place]
+        made = [str(Path(path).absolute()) for path in places]
+        return {"path": made if isinstance(place, list) else made[0], **options}
+
+    items = [of(item) for item in _items(field, value)]
+    return items if field.many else items[0]
+
+
 def open_source(field: Field, value: Any, crs: CRS | None, ctx: Context = QUIET) -> Any:
     """The layer, or layers, that the raw value of a source stands for."""
     made = field.parse(_openable(field, value, {"ctx": ctx, "assume_crs": crs}))

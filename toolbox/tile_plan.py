@@ -173,4 +173,5 @@ def _survey(name: str, value: Any, many: bool, assume_crs: CRS | None, ctx: Cont
     how = parsed_options(options, ("bounds", "columns", "separator"))
     bounds = how.pop("bounds", None)
     survey = Survey.open(places, assume_crs=assume_crs, ctx=ctx.part(0, 0), **how)
+    survey = survey.absolute()
     return survey.part(bounds) if bounds else survey

@@ -34,14 +34,17 @@ from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from toolbox import __version__, files, tile_products, tile_store, tile_work
+from toolbox import files, tile_products, tile_store, tile_work
+from toolbox.cache import code_of
+from toolbox.catalog import MODEL
 from toolbox.context import Context, log
 from toolbox.data import Survey
 from toolbox.data.survey import SurveyFile
 from toolbox.errors import DataError, ParameterError, ToolboxError
 from toolbox.fields import Spec
-from toolbox.model import INPUTS, Run, resolved
+from toolbox.model import INPUTS, Model, Run, resolved
 from toolbox.provenance import Count, Record, counting
+from toolbox.sources import absolute
 from toolbox.targets import Target, write
 from toolbox.targets import problems as targets_problems
 from toolbox.tile_plan import Plan, as_model, surveys_of
@@ -110,10 +113,11 @@ def run(
     metre = next(iter(surveys.values())).metre
     size = tiling.size or suitable_size(next(iter(surveys.values())), plan.halo, tiling)
     log.info("tiles of %g m, each with %g m of its neighbourhood", size, plan.halo)
+    others = {n: v for n, v in sources.items() if n not in surveys and v is not None}
     job = Job(
-        id,
+        str(Path(id).absolute()) if id.endswith(MODEL) else id,
         settings,
-        {n: v for n, v in sources.items() if n not in surveys and v is not None},
+        {name: absolute(spec.inputs[name], value) for name, value in others.items()},
         assume_crs,
         surveys,
         plan.local,
@@ -124,7 +128,7 @@ def run(
     )
     products = _products(plan, targets, surveys[job.first])
     _check_products(spec.id, products, surveys, overwrite=overwrite)
-    with _working_folder(job, targets, resume=resume) as work, _client(tiling) as client:
+    with _working_folder(job, plan, targets, resume=resume) as work, _client(tiling) as client:
         tile_store.save_object(work / "job", job)
         crew = _Crew(client, spec.id, work, job)
         tiles = crew.split(ctx.part(0, STORED))
@@ -294,10 +298,14 @@ def _memory(tiling: Tiling) -> int:
 
 
 @contextmanager
-def _working_folder(job: Job, targets: Mapping[str, Target], *, resume: bool) -> Iterator[Path]:
+def _working_folder(
+    job: Job, plan: Plan, targets: Mapping[str, Target], *, resume: bool
+) -> Iterator[Path]:
     """Where a run keeps what is done; removed when all is, and left for the next run if not."""
     home = next((target.home for target in targets.values() if target.home), None)
-    work = (home.parent if home else Path(tempfile.gettempdir())) / f".tiles-{_key(job)}"
+    work = (
+        home.parent if home else Path(tempfile.gettempdir())
+    ) / f".tiles-{_key(job, plan.model)}"
     parts = work / "points", work / "tiles"
     goes_on = resume and work.exists()
     work.mkdir(exist_ok=True)
@@ -319,16 +327,25 @@ def _working_folder(job: Job, targets: Mapping[str, Target], *, resume: bool) ->
         lock.release()
 
 
-def _key(job: Job) -> str:
-    """The same for the same tool, settings, files and tiles."""
+def _key(job: Job, model: Model) -> str:
+    """The same for the same code, tool, settings, files and tiles."""
     read = [
-        [str(file.path.resolve()), file.path.stat().st_size, file.path.stat().st_mtime_ns]
+        [str(file.path), file.path.stat().st_size, file.path.stat().st_mtime_ns, file.only]
         for survey in job.surveys.values()
         for file in survey.files
     ]
-    says = [job.id, job.settings, job.layers, job.grid.size, job.halo, sorted(job.keep | job.las)]
-    text = json.dumps([__version__, *says, read], default=repr, sort_keys=True)
+    says = [_outline(model), job.settings, job.layers, job.grid.size, job.halo]
+    code = code_of("algorithms")
+    text = json.dumps([*says, sorted(job.keep), sorted(job.las), read, code], default=repr)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _outline(spec: Spec) -> Any:
+    """What a tool is: its id, and of a model its steps."""
+    if not isinstance(spec, Model):
+        return spec.id
+    steps = spec.steps.values()
+    return [[s.name, _outline(s.spec), s.settings, s.wires, s.when, s.repeat] for s in steps]
 
 
 @contextmanager

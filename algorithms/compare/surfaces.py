@@ -125,7 +125,7 @@ class CompareSurfaces:
         missing: int = sink("Cells of the surface, or points, without a counterpart", unit="1")
         bias: float = sink("Mean of surface minus reference", unit="m")
         rmse: float = sink("Root mean square error", unit="m")
-        nmad: float = sink("1.4826 times the median absolute deviation", unit="m")
+        nmad: float = sink("Median absolute deviation times 1.4826", unit="m")
         le95: float = sink("Error that 95 % of the errors do not exceed", unit="m")
 
     def check(self) -> Iterator[tuple[str, str]]:

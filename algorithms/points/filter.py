@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
-from toolbox.errors import DataError
+from toolbox.errors import NothingToDo
 from toolbox.expression import Expression
 from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import ClassList, Range, Share
@@ -62,9 +62,7 @@ class PointsFilter:
         if self.classes:
             keep &= np.isin(self.points["classification"], self.classes)
         if self.returns != "all":
-            keep &= return_mask(
-                self.points["return_number"], self.points["number_of_returns"], self.returns
-            )
+            keep &= self._of_returns()
         if self.where:
             columns = {name: self.points[name] for name in self.where.names}
             keep &= self.where.mask(columns, len(self.points))
@@ -75,6 +73,17 @@ class PointsFilter:
         if not keep.any():
             log.warning("no point meets all conditions")
         ctx.progress(1.0)
+        return self._outputs(keep)
+
+    def _of_returns(self) -> NDArray[np.bool_]:
+        numbers = self.points["return_number"], self.points["number_of_returns"]
+        try:
+            return return_mask(*numbers, self.returns)
+        except NothingToDo as err:
+            err.instead = self._outputs(np.zeros(len(self.points), bool))
+            raise
+
+    def _outputs(self, keep: NDArray[np.bool_]) -> PointsFilter.Outputs:
         kept = self.points.select(keep)
         return self.Outputs(kept=kept, removed_share=Share.of_points(~keep, self.points.core))
 
@@ -93,12 +102,13 @@ def return_mask(number: NDArray[Any], count: NDArray[Any], returns: Returns) -> 
 
     Raises
     ------
-    DataError
+    NothingToDo
         No point has a valid return number (1 to the number of returns).
     """
     valid = (number >= 1) & (number <= count)
     if len(valid) and not valid.any():
-        raise DataError("points: no point has a valid return number, so returns cannot be chosen")
+        text = "points: no point has a valid return number, so returns cannot be chosen"
+        raise NothingToDo(text)
     if not valid.all():
         log.warning("%d points have an invalid return number and are left out", (~valid).sum())
     first, last, single = number == 1, number == count, count == 1

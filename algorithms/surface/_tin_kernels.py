@@ -202,8 +202,10 @@ def _cavity(xy, triangles, neighbours, t, x, y, waiting, rim):  # type: ignore[n
 
 @njit(cache=True, nogil=True)
 def _centre(ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Of the circle through the origin, a and b."""
+    """Of the circle through the origin, a and b; infinitely far if they are on a line."""
     aa, bb, twice = ax * ax + ay * ay, bx * bx + by * by, 2.0 * (ax * by - ay * bx)
+    if twice == 0.0:
+        return np.inf, np.inf
     return (by * aa - ay * bb) / twice, (ax * bb - bx * aa) / twice
 
 
@@ -254,11 +256,10 @@ def natural(xy, values, triangles, neighbours, limit, facet, first, last, xs, ys
                 continue
             a, b, c = _turned(triangles, t)
             i, j = _edge(a, b, c, *_weights(xy, a, b, c, x, y))
-            if i >= 0 and (
-                i == j or (np.isinf(limit) and _at_hull(triangles, neighbours, t, i, j))
-            ):
-                surface[row, col] = _on_facet(xy, values, triangles, t, x, y)
-                used[row, col] = 1 if i == j else 2
+            if i >= 0 and (i == j or _at_hull(triangles, neighbours, t, i, j)):
+                if i == j or np.isinf(limit):
+                    surface[row, col] = _on_facet(xy, values, triangles, t, x, y)
+                    used[row, col] = 1 if i == j else 2
                 continue
             waiting, rim, count = _cavity(xy, triangles, neighbours, t, x, y, waiting, rim)
             _begin_with_first(triangles, rim, count)
@@ -275,8 +276,10 @@ def natural(xy, values, triangles, neighbours, limit, facet, first, last, xs, ys
                 farthest = max(farthest, here[0] * here[0] + here[1] * here[1])
                 here = there
             if farthest <= limit * limit:
-                surface[row, col] = low + above / total
                 used[row, col] = count
+                surface[row, col] = low + above / total if total > 0.0 else np.nan
+                if np.isnan(surface[row, col]):  # too thin a triangle, at the hull
+                    surface[row, col] = _on_facet(xy, values, triangles, t, x, y)
 
 
 @njit(cache=True, nogil=True)

@@ -18,6 +18,7 @@ from toolbox.spec import outputs, param, sink, source, tool
 
 Array = NDArray[np.float64]
 MOST_LEVELS = 10_000  # more are taken for a mistake in the interval
+ROUNDING = 1e-9  # intervals: a level this close below the lowest value may be meant to be it
 DIGITS = 9  # of a level after the point, so that three times 0.1 is 0.3
 TOUCH = 1e-9  # square cells: a ring that is smaller only touches the level
 
@@ -34,7 +35,7 @@ class SurfaceContours:
 
     The attribute elevation is the height of the line, in the unit of the data as its Z;
     `interval` and `base` are metres. Every so many lines, counted from `base`, one is an index
-    contour, whose attribute index is true.
+    contour, whose attribute is_index is true.
 
     Lines are not smoothed, since smoothed ones may cross: smooth the raster, or take larger cells.
     """
@@ -46,7 +47,7 @@ class SurfaceContours:
 
     @outputs
     class Outputs:
-        contours: Vector = sink("Lines with Z and the attributes elevation and index")
+        contours: Vector = sink("Lines with Z and the attributes elevation and is_index")
         levels: int = sink("Number of heights that have lines", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
@@ -67,18 +68,16 @@ class SurfaceContours:
         steps = steps_between(heights, self.interval, self.base)
         levels = [round(self.base + step * self.interval, DIGITS) for step in steps]
         found = contours(heights, Lattice.of(self.surface), levels, ctx=ctx)
-        lines = [(step, level, at) for step, level, at in zip(steps, levels, found, strict=True)]
+        counts = np.array([len(lines) for lines in found], int)
         frame = geopandas.GeoDataFrame(
             {
-                "elevation": np.array([level for _, level, at in lines for _ in at], np.float64),
-                "index": np.array(
-                    [s % self.index_every == 0 for s, _, at in lines for _ in at], bool
-                ),
+                "elevation": np.repeat(np.array(levels, float), counts),
+                "is_index": np.repeat(np.array(steps) % self.index_every == 0, counts),
             },
             geometry=[
                 shapely.LineString(np.column_stack([line, np.full(len(line), level)]))
-                for _, level, at in lines
-                for line in at
+                for level, lines in zip(levels, found, strict=True)
+                for line in lines
             ],
             crs=self.surface.crs,
         )
@@ -86,7 +85,7 @@ class SurfaceContours:
             log.warning("there are no lines: no height between cells is a multiple of the interval")
         return self.Outputs(
             contours=Vector(frame, geometry_type="LineString Z"),
-            levels=sum(bool(at) for at in found),
+            levels=int(np.count_nonzero(counts)),
         )
 
 
@@ -100,7 +99,7 @@ def steps_between(heights: Array, interval: float, base: float) -> range:
     """
     if not np.isfinite(heights).any():
         return range(0)
-    first = math.ceil((np.nanmin(heights) - base) / interval)
+    first = math.ceil((np.nanmin(heights) - base) / interval - ROUNDING)
     last = math.floor((np.nanmax(heights) - base) / interval)
     if last - first >= MOST_LEVELS:
         raise DataError(

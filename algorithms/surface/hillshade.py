@@ -177,7 +177,8 @@ def from_one_side(east: Array, north: Array, azimuth: float, altitude: float) ->
 def from_all_sides(east: Array, north: Array, azimuth: float, altitude: float) -> Array:
     """The mean of four lights, each by the square of the sine between it and the aspect.
 
-    These add up to 2. Where the ground is flat all lights are alike.
+    These add up to 2. Where the ground is flat all lights are alike. gdaldem takes the square of
+    the cosine, so that its four lights are strongest along the slope.
     """
     total, steepness = np.zeros_like(east), np.hypot(east, north)
     flat = steepness == 0

@@ -286,6 +286,32 @@ def test_tiles_are_the_whole_to_the_last_bit(settings: dict[str, Any]) -> None:
         np.testing.assert_array_equal(tile.values[:, :, core], surface.values[:, :, core])
 
 
+@pytest.mark.parametrize("method", ["linear", "natural", "idw", "nearest"])
+@pytest.mark.parametrize("uncertainty", [False, True])
+def test_halo_is_enough_and_not_too_much_where_points_are_few(
+    method: Method, uncertainty: bool
+) -> None:
+    """Of 200 cuts through points about as far apart as the largest gap, some need the halo."""
+    limit: dict[str, Any] = {"radius" if method == "idw" else "max_gap": 2.0}
+    settings: Any = {"method": method, "uncertainty": uncertainty}
+    reach = SurfaceGrid(points=cloud(), **settings, **limit).halo()
+    west = Lattice(0.0, 12.0, 0.5, 24, 20)
+    noticed = 0
+    for seed in range(200):
+        xy = np.random.default_rng(seed).uniform(0, (26, 12), (80, 2))
+        xy[:40] = np.round(xy[:40])
+        values = np.sin(7 * xy[:, 0]) + np.cos(5 * xy[:, 1])
+        whole, tile, less = (
+            grid(xy[near], values[near], west, **settings, **limit)
+            for near in (xy[:, 0] < 10 + share * reach for share in (9.0, 1.0, 0.6))
+        )
+        for here, there, cut in zip(whole, tile, less, strict=True):
+            if here is not None and there is not None:
+                np.testing.assert_array_equal(here, there)
+                noticed += not np.array_equal(here, cut, equal_nan=True)  # type: ignore[arg-type]
+    assert noticed > 0
+
+
 @pytest.mark.parametrize("method", [*INTERPOLATE, *STATISTICS])
 def test_any_order_of_points_gives_the_same_bits(method: Method) -> None:
     xy, values = holey(1)

@@ -255,6 +255,11 @@ class Survey:
             raise DataError("\n    ".join(problems))
         return cls(tuple(files), name_of(places))
 
+    def absolute(self) -> Survey:
+        """The same files for a process that may be in another folder."""
+        files = tuple(replace(file, path=file.path.absolute()) for file in self.files)
+        return replace(self, files=files)
+
     def part(self, bounds: Sequence[float]) -> Survey:
         """The same files, of which only the points within xmin, ymin, xmax, ymax are read."""
         files = tuple(replace(file, only=tuple(bounds)) for file in self.files)

@@ -1,0 +1,212 @@
+"""surface.contours: known lines, gaps, orientation, levels in the unit of the data."""
+
+from __future__ import annotations
+
+import logging
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pyproj import CRS
+
+from algorithms.surface.contours import SurfaceContours
+from toolbox.context import Context
+from toolbox.data import Lattice, Raster, Vector
+from toolbox.errors import Cancelled, DataError, ParameterError
+
+UTM, FEET = CRS(32635), CRS(2263)
+WEST, NORTH = 500_000.0, 4_600_000.0
+
+
+def raster(values: Any, cell: float = 1.0, crs: CRS | None = UTM, **more: Any) -> Raster:
+    values = np.asarray(values, float)
+    lattice = Lattice(WEST, NORTH, cell, *values.shape)
+    return Raster(values, lattice.transform, crs=crs, **more)
+
+
+def cone(size: int = 41, top: float = 20.0) -> Any:
+    row, col = np.mgrid[0:size, 0:size] - size // 2
+    return top - np.hypot(row, col)
+
+
+def lines(surface: Raster, **settings: Any) -> list[tuple[float, Any]]:
+    """Elevation, and coordinates of shape (n, 3) from the north-western corner."""
+    frame = SurfaceContours(surface=surface, **settings).run().contours.frame
+    found = [shapely.get_coordinates(g, include_z=True) for g in frame.geometry]
+    return list(zip(frame["elevation"], [xyz - [WEST, NORTH, 0] for xyz in found], strict=True))
+
+
+def rotation(xyz: Any) -> float:
+    """Twice the area inside, below zero for a ring that runs clockwise."""
+    x, y = (xyz - xyz[0])[:, :2].T
+    return float(x[:-1] @ y[1:] - x[1:] @ y[:-1])
+
+
+def test_a_slope_has_straight_lines_between_centres() -> None:
+    """z = 0, 2, 4 at the centres 0.5, 1.5, 2.5 of columns: level 1 at x = 1, and 3 at x = 2."""
+    found = lines(raster([[0, 2, 4]] * 3), base=1.0, interval=2.0)
+    assert [level for level, _ in found] == [1, 3]
+    for (level, xyz), x in zip(found, (1.0, 2.0), strict=True):
+        np.testing.assert_allclose(xyz[:, 0], x, atol=1e-9)
+        np.testing.assert_array_equal(xyz[:, 1], [-2.5, -1.5, -0.5])  # north: higher is east
+        np.testing.assert_array_equal(xyz[:, 2], level)
+
+
+def test_rings_are_closed_on_the_circle_with_the_top_on_the_right() -> None:
+    found = lines(raster(cone(), 0.5), interval=3.0, base=-1.0)
+    rings = [(level, xyz) for level, xyz in found if (xyz[0] == xyz[-1]).all()]
+    assert [level for level, _ in rings] == [2, 5, 8, 11, 14, 17]
+    for level, xyz in rings:
+        away = np.hypot(xyz[:, 0] - 10.25, xyz[:, 1] + 10.25)
+        np.testing.assert_allclose(away, 0.5 * (20 - level), atol=0.5 / 8 / (20 - level))
+        assert rotation(xyz) < 0
+    hollow = lines(raster(-cone()), interval=3.0, base=1.0)
+    assert all(rotation(xyz) > 0 for _, xyz in hollow if (xyz[0] == xyz[-1]).all())
+
+
+def test_lines_rise_in_order_and_repeat_no_vertex() -> None:
+    found = lines(raster(np.round(cone())), interval=1.0)
+    assert [level for level, _ in found] == sorted(level for level, _ in found)
+    for _, xyz in found:
+        assert (np.diff(xyz[:, :2], axis=0) != 0).any(axis=1).all()
+    again = lines(raster(np.round(cone())), interval=1.0)
+    np.testing.assert_equal(found, again)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 10_000))
+def test_lines_part_the_higher_from_the_lower_cells(seed: int) -> None:
+    """A line passes between two neighbours if, and only if, they are on two sides of its level."""
+    values = np.random.default_rng(seed).normal(0, 1, (7, 6))
+    values[2, 3] = np.nan
+    found = lines(raster(values), interval=10.0, base=0.1)
+    xy = np.vstack([np.empty((0, 2)), *(xyz[:, :2] for _, xyz in found)])
+    col, row = xy[:, 0] - 0.5, -xy[:, 1] - 0.5
+    for one, other, along, across in (
+        (values[:, :-1], values[:, 1:], row, col),
+        (values[:-1].T, values[1:].T, col, row),
+    ):
+        # cells of a pair have a known pair beside them, or no square holds both
+        square = np.isfinite(one) & np.isfinite(other)
+        beside = np.zeros_like(square)
+        beside[1:] |= square[:-1]
+        beside[:-1] |= square[1:]
+        wanted = np.argwhere(square & beside & ((one > 0.1) != (other > 0.1)))
+        on = np.abs(along - np.round(along)) < 1e-9
+        crossed = np.column_stack([np.round(along[on]), np.floor(across[on] + 1e-9)])
+        assert {*map(tuple, crossed.astype(int).tolist())} == {*map(tuple, wanted.tolist())}
+
+
+def test_a_gap_cuts_the_lines() -> None:
+    """None has a vertex or a piece in the squares around a cell without value."""
+    values = cone()
+    values[20, 25] = np.nan
+    whole, cut = lines(raster(cone()), interval=5.0), lines(raster(values), interval=5.0)
+    assert len(whole) == len(cut)
+    hole = shapely.box(24.5, -21.5, 26.5, -19.5)
+    meet = [shapely.LineString(xyz).intersection(hole).length for _, xyz in cut]
+    assert max(meet) < 1e-9
+    assert max(shapely.LineString(xyz).intersection(hole).length for _, xyz in whole) > 1
+    at_15 = [xyz for level, xyz in cut if level == 15]
+    assert len(at_15) == 1
+    assert (at_15[0][0] != at_15[0][-1]).any()  # was a ring
+
+
+def test_plateaus_and_touches() -> None:
+    """A cell at the level counts as below it: no dot around a hollow or top that only touches."""
+    assert lines(raster([[1, 1, 1], [1, 0, 1], [1, 1, 1]]), interval=1.0) == []
+    pit = np.full((5, 5), 2.0)
+    pit[2, 2] = 1.0
+    assert lines(raster(pit), interval=1.0) == []  # level 1 touches the pit, level 2 the rest
+    pit[2, 2:4] = 1.0
+    assert lines(raster(pit), interval=1.0) == []  # there and back again is no ring
+    lake = np.full((6, 6), 3.0)
+    lake[2:4, 2:4] = 1.0
+    ((level, xyz),) = lines(raster(lake), interval=1.0, base=0.0)[:1]
+    assert level == 1
+    assert abs(rotation(xyz)) == pytest.approx(2)  # through the centres of its four cells
+
+
+def test_index_contours_count_from_the_base() -> None:
+    surface = raster([np.arange(13.0)] * 2)
+    out = SurfaceContours(surface=surface, base=2.5, interval=1.0, index_every=4).run()
+    frame = out.contours.frame
+    np.testing.assert_array_equal(frame["elevation"], np.arange(0.5, 12))
+    assert frame["elevation"][frame["is_index"]].tolist() == [2.5, 6.5, 10.5]
+    assert frame["is_index"].dtype == bool
+    assert out.levels == 12
+
+
+def test_levels_are_round_numbers() -> None:
+    frame = SurfaceContours(surface=raster([[0, 1.0]] * 2), interval=0.1).run().contours.frame
+    assert frame["elevation"].tolist() == [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9]
+    shore = raster([[1.1, 1.15]] * 2)  # 1.1 / 0.1 is a little more than 11
+    assert [level for level, _ in lines(shore, interval=0.1)] == [1.1]
+
+
+def test_interval_is_metres_in_feet_too() -> None:
+    foot = 1200 / 3937
+    slope = np.array([np.arange(0, 60.0)] * 2)
+    feet = SurfaceContours(surface=raster(slope / foot, 1.0, FEET), interval=7.0, base=1.0).run()
+    metres = SurfaceContours(surface=raster(slope), interval=7.0, base=1.0).run()
+    here, there = feet.contours.frame, metres.contours.frame
+    np.testing.assert_allclose(here["elevation"] * foot, there["elevation"], atol=1e-8)
+    z = shapely.get_coordinates(here.geometry, include_z=True)[:, 2]
+    assert sorted(set(z)) == here["elevation"].tolist()
+    two_feet = SurfaceContours(surface=raster(slope, 1.0, FEET), interval=2 * foot).run()
+    np.testing.assert_array_equal(two_feet.contours.frame["elevation"], np.arange(0, 59, 2))
+
+
+@pytest.mark.parametrize("values", [[[np.nan] * 3] * 3, [[5.0] * 3] * 3, [[1, 9.0]]])
+def test_nothing_to_draw(values: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """No value, no slope, a single row: an empty layer that keeps its type."""
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        out = SurfaceContours(surface=raster(values)).run()
+    assert "there are no lines" in caplog.text
+    assert (len(out.contours), out.levels) == (0, 0)
+    out.contours.save(tmp_path / "none.gpkg")
+    again = Vector.open(tmp_path / "none.gpkg")
+    assert again.geometry_type == "LineString Z"
+    assert list(again.frame.columns) == ["elevation", "is_index", "geometry"]
+
+
+def test_far_from_the_origin_lines_keep_their_places() -> None:
+    """A vertex is off by no more than the last bits of its coordinates."""
+    near = Raster(cone(), Lattice(0, 41, 1.0, 41, 41).transform, crs=UTM)
+    far = raster(cone())
+    ring, moved = (
+        shapely.get_coordinates(
+            SurfaceContours(surface=s, interval=5.0).run().contours.frame.geometry
+        )
+        for s in (near, far)
+    )
+    np.testing.assert_allclose(moved - [WEST, NORTH - 41], ring, atol=2e-9)
+
+
+def test_too_many_levels_and_cancelling() -> None:
+    with pytest.raises(DataError, match="interval: makes 131073 levels, more than 10000"):
+        SurfaceContours(surface=raster([[0, 1.0]] * 2), interval=2.0**-17).run()
+    calls: list[int] = []
+
+    def stop() -> bool:
+        calls.append(1)
+        return len(calls) > 5
+
+    with pytest.raises(Cancelled):
+        SurfaceContours(surface=raster(cone())).run(Context(stop=stop))
+    assert len(calls) == 6
+
+
+def test_bad_input_is_refused_by_name() -> None:
+    with pytest.raises(DataError, match=r"surface: a.tif is in degrees"):
+        SurfaceContours(surface=raster(cone(), crs=CRS(4326), name="a.tif"))
+    with pytest.raises(DataError, match=r"surface: a.tif holds values in metre, not in US survey"):
+        SurfaceContours(surface=raster(cone(), crs=FEET, units=("metre",), name="a.tif"))
+    with pytest.raises(ParameterError, match="interval: must be > 0"):
+        SurfaceContours(surface=raster(cone()), interval=0.0)
+    assert math.isinf(SurfaceContours(surface=raster(cone())).halo())

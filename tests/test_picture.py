@@ -16,11 +16,12 @@ from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from toolbox._bars import Bars
 from toolbox._images import ERRORS, POINT_CLASSES, Ramp, cloud_image, raster_image
 from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import LOCAL, parse_crs
 from toolbox.errors import DataError
-from toolbox.picture import draw
+from toolbox.picture import draw, has_something_to_see
 
 LAMBERT = CRS(2154)
 
@@ -240,6 +241,36 @@ def test_nothing_to_draw(tmp_path: Path) -> None:
         draw(nothing, tmp_path / "a.png")
     draw(nothing | {"raster": raster(np.eye(3))}, tmp_path / "a.png")
     assert (tmp_path / "a.png").exists()
+
+
+BINS = [(None, 0.0, 1), (0.0, 0.5, 6), (0.5, 1.0, 3), (1.0, None, 2)]
+
+
+def test_a_table_of_bins_is_a_histogram(tmp_path: Path) -> None:
+    table = Table.from_rows(
+        {"low": low, "high": high, "count": count, "unit": "m"} for low, high, count in BINS
+    )
+    bars = Bars.of("histogram", table)
+    assert bars == Bars("histogram", [0.0, 0.5, 1.0], [1, 6, 3, 2], "m")
+    other = Table.from_rows([{"a": 1, "b": 2}] * 4)
+    assert Bars.of("other", other) is None
+    assert [has_something_to_see(layer) for layer in (table, other, square(), outline(), 3)] == [
+        True, False, True, False, False,
+    ]  # fmt: skip
+    draw({"map": raster(np.eye(3)), "histogram": table}, tmp_path / "a.png")
+    picture = read(tmp_path / "a.png")[:, 700:, :3]  # right of the map
+    inside, beyond = (
+        np.all(np.abs(picture - to_rgba(colour)[:3]) < 1 / 255, axis=-1).sum()
+        for colour in ("#7f9fbf", "#c9c9c9")
+    )
+    assert inside == pytest.approx(3 * beyond, rel=0.05)  # 6 + 3 to 1 + 2
+
+
+def test_a_hillshade_is_grey() -> None:
+    image = raster_image(raster(np.array([[1, 128, 255]], np.uint8), descriptions=("hillshade",)))
+    assert isinstance(image.key, Ramp)
+    np.testing.assert_array_equal(image.rgba[..., 0], image.rgba[..., 2])
+    assert (np.diff(image.rgba[0, :, 0]) > 0.3).all()
 
 
 def test_layers_of_other_types_are_refused(tmp_path: Path) -> None:

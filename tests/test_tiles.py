@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from pyproj import CRS
 import toolbox
 from toolbox import PointCloud, Raster
 from toolbox.context import Context
+from toolbox.data import Lattice
 from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.tiles import cluster
 from toolbox.tiling import Tiling
@@ -41,6 +43,7 @@ steps:
     points: {from: low.kept}
     max_gap: {from: inputs.gap}
   top: {tool: surface.grid, points: {from: clean.clean}, method: max}
+  heights: {tool: surface.difference, surface: {from: top.surface}, base: {from: terrain.surface}}
   whole: {tool: surface.grid, points: {from: low.kept}, cell: 2}
 outputs:
   clean: {from: clean.clean}
@@ -48,6 +51,7 @@ outputs:
   removed: {from: low.removed_share}
   dtm: {from: terrain.surface}
   dsm: {from: top.surface}
+  ndsm: {from: heights.difference}
   hull: {from: whole.surface}
 """
 
@@ -117,6 +121,7 @@ def test_a_model_in_tiles_gives_the_files_of_the_whole(
             "clean": "c.laz",
             "dtm": "t.tif",
             "dsm": "s.tif",
+            "ndsm": "n.tif",
             "hull": "h.tif",
             "low.kept": "k.las",
         }
@@ -207,6 +212,28 @@ def test_copc_in_tiles(
     np.testing.assert_array_equal(PointCloud.open(out).xyz, whole["kept"].xyz)
 
 
+def test_a_tile_with_nothing_to_do(survey: Path, tiling: Tiling, tmp_path: Path) -> None:
+    """Far from all ground lie points that no step after the filter has any use for."""
+    path = tmp_path / "chain.yaml"
+    path.write_text(
+        MODEL.replace("gap: {type: number, default: 8", "gap: {type: number, default: 2")
+    )
+    folder = tmp_path / "far"
+    folder.mkdir()
+    for file in survey.iterdir():
+        shutil.copy(file, folder)
+    cloud = ground(np.random.default_rng(5), 500_400, 4_600_000, CRS(32635))
+    cloud.with_attributes({"classification": np.full(len(cloud), 9, "u1")}).save(folder / "z.laz")
+    names = {"dtm": "t.tif", "ndsm": "n.tif"}
+    for how in (None, tiling):
+        targets = {name: tmp_path / f"{how is None}_{file}" for name, file in names.items()}
+        toolbox.run(str(path), {"points": folder, **targets}, tiling=how)
+    for file in names.values():
+        whole, tiles = (Raster.open(tmp_path / f"{how}_{file}") for how in (True, False))
+        x, y = np.meshgrid(*Lattice.of(whole).centres())  # tiles end where nothing more is known
+        np.testing.assert_array_equal(whole.band(), tiles.sample(x, y))
+
+
 def test_a_corrupt_file_among_good_ones(survey: Path, tiling: Tiling, tmp_path: Path) -> None:
     """Tiles near it fail by name, the files of others are there, and the run says what to do."""
     bad = tmp_path / "bad"
@@ -270,7 +297,7 @@ def test_kill_and_resume_give_the_same_files(model: str, survey: Path, tmp_path:
     """Killed without warning at any moment, a run goes on from there."""
     out = tmp_path / "out"
     out.mkdir()
-    names = {"clean": "c.laz", "dtm": "t.tif", "dsm": "s.tif", "hull": "h.tif"}
+    names = {"clean": "c.laz", "dtm": "t.tif", "dsm": "s.tif", "ndsm": "n.tif", "hull": "h.tif"}
     targets = {name: out / file for name, file in names.items()}
     toolbox.run(model, {"points": survey, **targets})
     whole = files(out)

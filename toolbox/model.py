@@ -246,6 +246,8 @@ class Run:
     keep : results in between, by step.output, that are wanted too
     given : results of steps that are not run here, by step.output
     around : runs each tool; those of a model inside go by "step/step of that model"
+    gaps : whether a step is left out that is not given a layer that it needs, as in a tile where
+        there is nothing for the step before it
     """
 
     spec: Model
@@ -253,6 +255,7 @@ class Run:
     keep: frozenset[str] = frozenset()
     given: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     around: Around = plainly
+    gaps: bool = False
 
     def run(self, ctx: Context = QUIET) -> SimpleNamespace:
         """Run the steps one after another; each result is forgotten after its last use."""
@@ -290,11 +293,14 @@ class Run:
 
     def _result(self, step: Step, name: str, values: Mapping[str, Any], ctx: Context) -> Any:
         where = self._where(step, name)
+        needed = [n for n, field in step.spec.sources.items() if not field.optional]
+        if self.gaps and any(values.get(n) is None for n in needed):
+            return SimpleNamespace(**dict.fromkeys(step.spec.outputs))
         job = step.spec.build(values, where)
         try:
             if not isinstance(job, Run):
                 return self.around(name, job, ctx)
-            inner = dataclasses.replace(job, around=self._around_within(name))
+            inner = dataclasses.replace(job, around=self._around_within(name), gaps=self.gaps)
             return inner.run(ctx)
         except (ParameterError, DataError) as err:
             if isinstance(job, Run) and err.problems:  # named after the step of that model, too

@@ -70,6 +70,13 @@ def draw(
         raise DataError(f"{path} cannot be written: {error}") from error
 
 
+def has_something_to_see(layer: object) -> bool:
+    """Whether a picture can show a layer: one that has cells, points, features or bins."""
+    if isinstance(layer, Table):
+        return Bars.of("", layer) is not None
+    return isinstance(layer, Raster) or (isinstance(layer, PointCloud | Vector) and len(layer) > 0)
+
+
 def _panels(layers: Mapping[str, PointCloud | Raster | Vector | Table]) -> list[Panel | Bars]:
     panels: list[Panel | Bars] = []
     for title, layer in layers.items():

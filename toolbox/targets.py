@@ -16,7 +16,7 @@ from toolbox.data.record import foreign_side_car
 from toolbox.errors import DataError
 from toolbox.fields import Spec
 from toolbox.kinds import parsed_options
-from toolbox.picture import draw
+from toolbox.picture import draw, has_something_to_see
 from toolbox.provenance import Record
 
 PICTURE = "picture"  # the target that shows all layers
@@ -204,9 +204,7 @@ def _drawable(found: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             else {name: value}
         )
         for title, layer in layers.items():
-            if isinstance(layer, Raster) or (
-                isinstance(layer, PointCloud | Vector | Table) and len(layer)
-            ):
+            if has_something_to_see(layer):
                 yield title, layer
 
 

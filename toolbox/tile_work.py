@@ -156,7 +156,7 @@ def _results(
         counts.extend(_counts(job, tile, step, tool.spec.outputs, result))
         return result
 
-    run = Run(model.part(job.steps), values, keep=job.keep, around=around)
+    run = Run(model.part(job.steps), values, keep=job.keep, around=around, gaps=True)
     result = run.run(QUIET)
     found: dict[str, Any] = {}
     for name in sorted(job.keep):

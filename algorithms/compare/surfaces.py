@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared.ground import taking_part
 from algorithms.shared.heights import heights_problem
+from algorithms.shared.lowest import require_finite
 from algorithms.surface.difference import difference, misfit
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
@@ -141,6 +142,11 @@ class CompareSurfaces:
             yield "reference", f"give one of reference, checkpoints and points, got {there}"
         if text := heights_problem(self.surface):
             yield "surface", f"{_named(self.surface)} {text}"
+        if self.resample and self.reference is None:
+            yield "resample", "is for a reference raster"
+        for name in ("checkpoint_rmse", "accuracy_class"):
+            if self.reference is not None and getattr(self, name) is not None:
+                yield name, "is for the report on points, not for a reference raster"
         yield from self._reference_problems()
         yield from self._cover_problems()
 
@@ -152,7 +158,10 @@ class CompareSurfaces:
             elif text := crs_conflict(other.crs, one.crs, heights=True):
                 yield "reference", f"{_named(other)} {text} of {_named(one)}"
             elif not self.resample and (text := misfit(Lattice.of(one), Lattice.of(other))):
-                yield "reference", f"{_named(other)} {text} of {_named(one)}; or give resample"
+                yield (
+                    "reference",
+                    f"{_named(other)} {text} of {_named(one)}; give resample to take it bilinearly",
+                )
         if self.checkpoints is not None and (text := _points_problem(self.checkpoints)):
             yield "checkpoints", f"{self.checkpoints.name} {text}"
         if self.classes and (self.points is None or "classification" not in self.points):
@@ -173,10 +182,8 @@ class CompareSurfaces:
             known = self._attributes()
             if self.cover_attribute not in known:
                 listed = ", ".join(known) or "none"
-                yield (
-                    "cover_attribute",
-                    f"no attribute {self.cover_attribute!r}; there are {listed}",
-                )
+                text = f"no attribute {self.cover_attribute!r}; there are {listed}"
+                yield "cover_attribute", text
 
     def _attributes(self) -> list[str]:
         """Names in the layer that `cover_attribute` speaks about."""
@@ -192,21 +199,26 @@ class CompareSurfaces:
 
     def run(self, ctx: Context = QUIET) -> CompareSurfaces.Outputs:
         """Take the errors, and sum them up in several ways."""
-        raster, found = self._found(ctx.part(0.0, 0.5))
+        raster, found = self._found(ctx.part(0.0, 0.4))
         if not len(found.error):
             raise DataError("reference: no cell or point has a height in both; do they overlap?")
         if found.missing:
             log.warning("%d cells or points have no counterpart", found.missing)
         metre = self.surface.metre
-        label, names = self._covers(found, ctx.part(0.5, 0.9))
+        label, names = self._covers(found, ctx.part(0.4, 0.7))
         groups = {name: found.error[label == code] for code, name in enumerate(names)}
+        ctx.progress(0.7)
         whole = measures(found.error)
-        result = self.Outputs(
+        ctx.progress(0.8)
+        covers = Table.from_rows(cover_rows(groups, metre, ctx.part(0.8, 0.9)))
+        errors = self._largest(found, label, names)
+        ctx.progress(0.95)
+        return self.Outputs(
             table=Table.from_rows(in_metres(table_rows(whole), metre)),
-            covers=Table.from_rows(cover_rows(groups, metre)),
+            covers=covers,
             report=None if raster else Table.from_rows(in_metres(self._report(groups), metre)),
             difference=raster,
-            errors=self._largest(found, label, names),
+            errors=errors,
             histogram=Table.from_rows(histogram(found.error / metre)),
             count=len(found.error),
             missing=found.missing,
@@ -215,8 +227,6 @@ class CompareSurfaces:
             nmad=whole["nmad"],
             le95=whole["le95"],
         )
-        ctx.progress(1.0)
-        return result
 
     def _found(self, ctx: Context) -> tuple[Raster | None, Found]:
         """The difference raster, if there is one, and all errors with their places."""
@@ -259,6 +269,7 @@ class CompareSurfaces:
                 keep = keep & np.isin(self.points["classification"], self.classes)
             number = np.flatnonzero(keep)
             xyz = self.points.xyz[number]
+            require_finite(xyz)
         heights = self.surface.sample(xyz[:, 0], xyz[:, 1], method="linear")
         known = np.isfinite(heights)
         return Found(
@@ -282,11 +293,10 @@ class CompareSurfaces:
         if self.cover is not None:
             values: NDArray[Any] = self.cover.sample(*found.xy.T)
         elif self.areas is not None:
-            place = areas_at(self.areas, found.xy, ctx)
-            column = [*self.areas.frame[self.cover_attribute], None]
-            values = np.array(column, object)[place]  # the last one for no polygon
+            of_areas = texts([*self.areas.frame[self.cover_attribute], None])
+            values = of_areas[areas_at(self.areas, found.xy, ctx)]  # the last one for no polygon
         elif self.checkpoints is not None:
-            values = self.checkpoints.frame[self.cover_attribute].to_numpy()[found.number]
+            values = texts(self.checkpoints.frame[self.cover_attribute])[found.number]
         else:
             assert self.points is not None
             values = self.points[str(self.cover_attribute)][found.number]
@@ -357,8 +367,9 @@ def _points_problem(layer: Vector) -> str | None:
     import shapely
 
     shapes = layer.frame.geometry.to_numpy()
-    if others := {shape.geom_type if shape else "nothing" for shape in shapes} - {"Point"}:
-        return f"holds a {sorted(others)[0]}; checkpoints are points"
+    types = {shape.geom_type if shape else "feature without a place" for shape in shapes}
+    if others := sorted(types - {"Point"}):
+        return f"holds a {others[0]}; checkpoints are points"
     if not np.isfinite(shapely.get_coordinates(shapes, include_z=True)).all():
         return "holds a point without a height (Z)"
     return None
@@ -367,8 +378,9 @@ def _points_problem(layer: Vector) -> str | None:
 def _areas_problem(layer: Vector) -> str | None:
     """Why features are no areas; continues a sentence."""
     shapes = layer.frame.geometry
-    if others := {shape.geom_type for shape in shapes if shape} - {"Polygon", "MultiPolygon"}:
-        return f"holds a {sorted(others)[0]}; areas are polygons"
+    types = {shape.geom_type for shape in shapes if shape}
+    if others := sorted(types - {"Polygon", "MultiPolygon"}):
+        return f"holds a {others[0]}; areas are polygons"
     return None if shapes.dropna().is_valid.all() else "holds a polygon that is not valid"
 
 
@@ -405,16 +417,31 @@ def areas_at(layer: Vector, xy: Array, ctx: Context = QUIET) -> NDArray[np.int64
     return np.where(found < len(layer), found, -1)
 
 
-def numbered(values: NDArray[Any]) -> tuple[NDArray[np.int64], list[str]]:
-    """Values as numbers of their names, which are sorted; what is missing is "not known" ."""
+def texts(values: Iterable[Any]) -> NDArray[Any]:
+    """Land covers as texts; None where there is none."""
     import pandas as pd
 
-    codes, found = pd.factorize(values)  # -1 for None and NaN
-    texts = [f"{value:g}" if isinstance(value, float) else str(value) for value in found]
-    names, place = np.unique([*texts, UNKNOWN], return_inverse=True)
-    label = place[codes]  # the last one is that of "not known"
-    used = np.unique(label)
-    return np.searchsorted(used, label), [str(names[code]) for code in used]
+    return np.array([None if pd.isna(value) else _text(value) for value in values], object)
+
+
+def _text(value: Any) -> str:
+    return f"{value:.15g}" if isinstance(value, float) else str(value)
+
+
+def numbered(values: NDArray[Any]) -> tuple[NDArray[np.int64], list[str]]:
+    """Number values, numbers or texts, in their order, and name them; what is missing comes last.
+
+    Returns
+    -------
+    array of shape (n,), and the name of each number in it
+    """
+    import pandas as pd
+
+    label, found = pd.factorize(values, sort=True)  # -1 for None and NaN
+    names = [_text(value) for value in found.tolist()]
+    if (missing := label < 0).any():
+        return np.where(missing, len(names), label), [*names, UNKNOWN]
+    return label, names
 
 
 def measures(error: Array) -> dict[str, Any]:
@@ -458,9 +485,10 @@ def table_rows(whole: Mapping[str, Any]) -> Iterator[Row]:
         yield {"measure": name, "value": value, "unit": unit, "meaning": MEANING[name]}
 
 
-def cover_rows(groups: Mapping[str, Array], metre: float) -> Iterator[Row]:
+def cover_rows(groups: Mapping[str, Array], metre: float, ctx: Context) -> Iterator[Row]:
     """One row per land cover, in metres."""
-    for name, error in groups.items():
+    for number, (name, error) in enumerate(groups.items()):
+        ctx.progress(number / len(groups))
         yield {"cover": name} | measures(error / metre)
 
 
@@ -529,8 +557,6 @@ def largest(error: Array, xy: Array, count: int) -> NDArray[np.int64]:
     xy : array of shape (n, 2)
     """
     size = np.abs(error)
-    if not count:
-        return np.empty(0, np.int64)
     least = np.partition(size, -count)[-count] if count < len(size) else 0.0
     some = np.flatnonzero(size >= least)
     order = np.lexsort([xy[some, 1], xy[some, 0], -size[some]])

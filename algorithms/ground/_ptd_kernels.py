@@ -169,7 +169,7 @@ def take_out(mesh, gone, facet, head, following, found):  # type: ignore[no-unty
     Goes through the triangles from the last to the first: those behind have no such vertex, and
     only they change their number. `gone[-1]` must be False. Returns how many points are listed.
     """
-    n, t = 0, mesh.size[0] - 1
+    n, t = np.int64(0), mesh.size[0] - 1  # a plain 0 would be a type of its own
     while t >= 0:
         k = 0
         while k < 3 and not gone[mesh.triangles[t, k]]:
@@ -200,7 +200,7 @@ def _remove(mesh, t, k, facet, head, following, found, n):  # type: ignore[no-un
         s = neighbours[s, (k + 1) % 3]
         count += 1
     facet[found[before_n:n]] = -1
-    made, i = 0, 0
+    made, i = np.int64(0), np.int64(0)
     while count > 2:
         before, after = (i - 1) % count, (i + 1) % count
         if not _is_ear(mesh.xy, corner, count, before, i, after):

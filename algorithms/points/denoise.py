@@ -246,15 +246,16 @@ def _beside_all(tree: PointTree, k: int, threshold: float, scope: Scope, ctx: Co
 
 def cell_numbers(xyz: Floats, cell: float) -> Indices:
     """The square cell of a fixed lattice that each point lies in; those beside it are at WINDOW."""
-    col, row = (np.floor(xyz[:, axis] / cell) for axis in (0, 1))
-    for places in (col, row):
-        places -= places.min()
-        if places.max() >= MOST_CELLS:
-            raise DataError(
-                f"points: they extend over {places.max():,.0f} times reach ({cell:g}); at most "
-                f"{MOST_CELLS:,} times is allowed: remove stray points or raise reach"
-            )
-    return col.astype(np.int64) * STRIDE + row.astype(np.int64)
+    places = np.floor(np.ascontiguousarray(xyz[:, :2].T) / cell)
+    places -= places.min(axis=1, keepdims=True)
+    extent = places.max()
+    if extent >= MOST_CELLS:
+        raise DataError(
+            f"points: they extend over {extent:,.0f} times reach ({cell:g}), and {MOST_CELLS:,} "
+            "times is the limit: remove stray points or raise reach"
+        )
+    col, row = places.astype(np.int64)
+    return np.asarray(col * STRIDE + row)
 
 
 class Columns:

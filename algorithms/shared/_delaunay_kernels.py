@@ -182,9 +182,6 @@ def in_circle(ax, ay, bx, by, cx, cy, px, py):  # type: ignore[no-untyped-def]
     return _in_common_circle(ax, ay, bx, by, cx, cy, px, py)
 
 
-_in_circle = in_circle  # its former name
-
-
 @helper
 def _in_pairs(a, b, c, d):  # type: ignore[no-untyped-def]
     """Whether the four are two times two equal numbers."""

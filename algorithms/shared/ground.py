@@ -130,7 +130,7 @@ class Candidates:
         counts = {why: np.count_nonzero(which) for why, which in excluded.items()}
         reasons = "; ".join(f"{count} are {why}" for why, count in counts.items() if count)
         return NothingToDo(
-            f"points: none of {len(self.cloud)} can be ground: {reasons or 'there are none'}",
+            f"points: none can be ground: {reasons or 'there are none'}",
             instead=SimpleNamespace(
                 classified=classified, ground_share=self.share(NOWHERE), **others
             ),

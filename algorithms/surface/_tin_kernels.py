@@ -22,7 +22,7 @@ import math
 import numpy as np
 from numba import njit
 
-from algorithms.shared._delaunay_kernels import _in_circle, orient
+from algorithms.shared._delaunay_kernels import in_circle, orient
 
 CLOSE = 1e-6  # cells: what rounding may move; candidates this close are put to the exact test
 
@@ -189,7 +189,7 @@ def _cavity(xy, triangles, neighbours, t, x, y, waiting, rim):  # type: ignore[n
         if n >= 0:
             a, b, c = triangles[n, 0], triangles[n, 1], triangles[n, 2]
             ax, ay, bx, by, cx, cy = xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1]
-            if _in_circle(ax, ay, bx, by, cx, cy, x, y):
+            if in_circle(ax, ay, bx, by, cx, cy, x, y):
                 j = (neighbours[n, 1] == s) + 2 * (neighbours[n, 2] == s)
                 waiting[edges], waiting[edges + 1] = 4 * n + (j + 2) % 3, 4 * n + (j + 1) % 3
                 edges += 2
@@ -548,7 +548,7 @@ def _without(xy, ring, count, x, y):  # type: ignore[no-untyped-def]
     while k < count:
         q = ring[k]
         k += 1
-        if q not in (a, b, c) and _in_circle(
+        if q not in (a, b, c) and in_circle(
             xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1], xy[q, 0], xy[q, 1]
         ):
             if _holds(xy, q, b, c, x, y):

@@ -162,14 +162,12 @@ def separated(points: Array, offsets: NDArray[Any], lattice: Lattice) -> list[Ar
         [west + lattice.cell * points[:, 0], north - lattice.cell * points[:, 1]]
     )
     return [
-        places[first:last]
-        for first, last in pairwise(ends)
-        if last - first > 1 and not is_touch(points[first:last])
+        places[first:last] for first, last in pairwise(ends) if not is_touch(points[first:last])
     ]
 
 
 def is_touch(line: Array) -> bool:
-    """Whether a closed line, in cells, encloses nothing."""
+    """Whether a line, in cells, ends where it begins and encloses nothing; a single point does."""
     if (line[0] != line[-1]).any():
         return False
     x, y = (line - line[0]).T

@@ -30,7 +30,7 @@ from algorithms.surface._tin import STEPS, Tin
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.data.crs import vertical_unit
-from toolbox.errors import DataError
+from toolbox.errors import DataError, NothingToDo
 from toolbox.expression import Expression
 from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import Attribute, ClassList, Extent
@@ -164,6 +164,21 @@ class SurfaceGrid:
     def run(self, ctx: Context = QUIET) -> SurfaceGrid.Outputs:
         """Grid the chosen points."""
         xy, values = self._samples(ctx.part(0.0, 0.1))
+        if not len(xy):
+            cells = self.template or self.extent  # which are there, though all of them are empty
+            raise NothingToDo(
+                self._none(), instead=self._gridded(xy, values, ctx) if cells else None
+            )
+        return self._gridded(xy, values, ctx)
+
+    def _none(self) -> str:
+        """Why there is no point to grid."""
+        classes = self.points["classification"] if self.classes else ()
+        if len(self.points) and self.classes and not np.isin(classes, self.classes).any():
+            return f"points: none is of class {self.classes}; classify them first"
+        return "points: there are none to grid"
+
+    def _gridded(self, xy: Array, values: Array, ctx: Context) -> SurfaceGrid.Outputs:
         lattice = self._lattice(xy)
         excluded = self._excluded()
         xy, values = self._shaped(xy, values, lattice, excluded)
@@ -199,16 +214,12 @@ class SurfaceGrid:
         keep = np.ones(len(cloud), bool)
         if self.classes:
             keep &= np.isin(cloud["classification"], self.classes)
-            if len(cloud) and not keep.any():
-                raise DataError(f"points: none is of class {self.classes}; classify them first")
         if self.returns != "all":
             keep &= return_mask(cloud["return_number"], cloud["number_of_returns"], self.returns)
         if self.where:
             columns = {name: cloud[name] for name in self.where.names}
             keep &= self.where.mask(columns, len(cloud))
         ctx.progress(0.3)
-        if not keep.any():
-            raise DataError("points: there are none to grid")
         values = np.asarray(cloud[self.attribute], np.float64)
         xy = cloud.xyz[:, :2]
         if not keep.all():
@@ -225,8 +236,10 @@ class SurfaceGrid:
         """Cells of the template, the extent or the points."""
         if self.template:
             return Lattice.of(self.template)
+        if self.extent:
+            return Lattice.cover(self.extent, self.cell)
         bounds = (*(xy[:, k].min() for k in (0, 1)), *(xy[:, k].max() for k in (0, 1)))
-        return Lattice.cover(self.extent or bounds, self.cell)
+        return Lattice.cover(bounds, self.cell)
 
     def _excluded(self) -> shapes.Shapes:
         """The polygons of the exclusions, if there are any."""

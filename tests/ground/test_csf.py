@@ -523,7 +523,8 @@ def test_the_tool_says_that_the_cloth_is_still_moving(caplog: pytest.LogCaptureF
 def test_nothing_to_classify(ignore: ClassList | None) -> None:
     points = cloud(plane(side=5), np.full(len(plane(side=5)), 7))
     points = points if ignore else points.select([])
-    with pytest.raises(DataError, match="points: there are none"):
+    reason = f"{len(points)} are of classes to ignore" if ignore else "there are none"
+    with pytest.raises(DataError, match=f"points: none can be ground: {reason}"):
         GroundCsf(points=points, ignore=ignore).run()
 
 

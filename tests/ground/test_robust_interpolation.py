@@ -530,7 +530,8 @@ def test_only_last_returns_can_be_ground() -> None:
 def test_nothing_to_classify(ignore: ClassList | None) -> None:
     points = cloud(plane(side=5), np.full(len(plane(side=5)), 7))
     points = points if ignore else points.select([])
-    with pytest.raises(DataError, match="points: there are none"):
+    reason = f"{len(points)} are of classes to ignore" if ignore else "there are none"
+    with pytest.raises(DataError, match=f"points: none can be ground: {reason}"):
         GroundRobustInterpolation(points=points, ignore=ignore).run()
 
 

@@ -17,7 +17,7 @@ from toolbox import PointCloud, catalog
 from toolbox.tiling import Tiling
 
 GIB = 2**30
-ALONE = dict(return_number=1, number_of_returns=1, classification=1, withheld=0, synthetic=0)
+ALONE = {"return_number": 1, "number_of_returns": 1, "classification": 1, "withheld": 0}
 FIRST = ALONE | {"number_of_returns": 2}
 ISLANDS: list[tuple[list[tuple[float, float, float]], dict[str, int]]] = [  # in a lake, apart
     ([(50, 50, 3)], ALONE),
@@ -63,7 +63,7 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A town, and a lake whose islands are a kilometre apart."""
     folder = tmp_path_factory.mktemp("survey")
     save(town(), ALONE | {"classification": 2}, folder / "town.laz")
-    places = [np.array(xyz, float) + [1000 * (k + 1), 0, 0] for k, (xyz, _) in enumerate(ISLANDS)]
+    places = [xyz + np.array([1000.0 * (k + 1), 0, 0]) for k, (xyz, _) in enumerate(ISLANDS)]
     counts = [len(xyz) for xyz in places]
     columns = {n: np.repeat([c[n] for _, c in ISLANDS], counts) for n in ALONE}
     save(np.vstack(places), columns, folder / "lake.laz")
@@ -82,8 +82,8 @@ def town() -> NDArray[np.float64]:
 def save(xyz: NDArray[np.float64], columns: dict[str, Any], path: Path) -> None:
     attributes = {n: np.full(len(xyz), v, np.uint8) for n, v in columns.items()}
     attributes["intensity"] = np.arange(len(xyz), dtype=np.uint16) % 900
-    xyz = xyz + [500_000, 4_600_000, 0]
-    PointCloud(xyz.round(3), attributes, crs=CRS(32635)).save(path)
+    moved = xyz + np.array([500_000, 4_600_000, 0])
+    PointCloud(moved.round(3), attributes, crs=CRS(32635)).save(path)
 
 
 @pytest.mark.slow

@@ -14,9 +14,11 @@ from algorithms.shared.lowest import (
     cells_of,
     lattice_around,
     outlier_reach,
+    require_finite,
     without_low_outliers,
 )
 from toolbox.context import QUIET
+from toolbox.errors import DataError
 
 Floats = NDArray[np.float64]
 FOOT = 0.3048
@@ -141,3 +143,21 @@ def test_a_shallow_hollow_between_few_points_stays() -> None:
     hollow = terrain(0.4, lambda x, y: np.where(np.hypot(x, y) < 2, -3, 0.0))
     assert (hollow[:, 2] < -2).any()
     assert used(hollow).all()
+
+
+@pytest.mark.parametrize(
+    ("value", "problem"),
+    [
+        (np.nan, "must be finite numbers, got y = nan"),
+        (-np.inf, "must be finite numbers, got y = -inf"),
+        (1e300, r"must be below 1e\+12 in size, got y = 1e\+300"),
+        (-1e12, r"must be below 1e\+12 in size, got y = -1000000000000.0"),
+    ],
+)
+def test_coordinates_that_mean_nothing(value: float, problem: str) -> None:
+    xyz = np.full((4, 3), 9.9e11)
+    require_finite(xyz)
+    require_finite(xyz[:0])
+    xyz[2, 1] = value
+    with pytest.raises(DataError, match=f"points: coordinates {problem} at point 2"):
+        require_finite(xyz)

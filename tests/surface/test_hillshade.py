@@ -140,6 +140,13 @@ def test_a_hole_empties_all_cells_around_it(edges: bool) -> None:
     assert fraction.dtype == np.float32
 
 
+def test_a_cell_without_height_has_no_slope() -> None:
+    """The formula would not look at it."""
+    values = np.zeros((3, 3))
+    values[1, 1] = np.nan
+    assert np.isnan(slopes(values, 1.0)).all()
+
+
 @pytest.mark.parametrize("shape", [(1, 5), (2, 2), (5, 1)])
 @pytest.mark.parametrize("edges", [False, True])
 def test_small_rasters(

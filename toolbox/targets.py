@@ -10,7 +10,6 @@ from typing import Any
 
 from toolbox import files
 from toolbox.context import Context, log
-from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.places import LAS
 from toolbox.data.record import foreign_side_car
 from toolbox.errors import DataError

@@ -149,6 +149,32 @@ def test_levels_are_round_numbers() -> None:
     assert [level for level, _ in lines(shore, interval=0.3)] == [2.1]
 
 
+ROUGH = [
+    [7, 3, 8, 1, 9, 2],
+    [4, 9, 2, 6, 5, 8],
+    [1, 5, 7, 3, 8, 4],
+    [6, 2, 9, 4, 1, 7],
+    [3, 8, 5, 7, 2, 6],
+]
+# Vertices at 4.5 by gdal_contour 3.6.2 (-i 3 -off 1.5) for cells of 2 m, north at 10, sorted, but
+# for those in the half cell at the edge, to which it extends its lines. It moves some by 1e-6.
+GDAL = """
+1 1.999999, 1 3.6, 1 7.333333, 1.2 7, 1.6 1, 1.75 3, 2.25 9, 2.75 5, 3 2.166667, 3 4.666667, 3
+8.5, 3.6 9, 3.714286 3, 4.285714 7, 5 6, 5 7.833333, 6 9, 6.25 5, 6.25 7, 6.8 3, 7 2.666667, 7
+5.999999, 7 7.6, 7.6 5, 7.875 9, 8 1, 9 4, 10.166667 3, 10.25 1, 10.285714 9, 10.75 5, 11
+4.666667, 11 5.25, 11 8.166667
+"""
+
+
+def test_gdal_contour_gives_the_same_vertices() -> None:
+    surface = Raster(np.array(ROUGH, float), Lattice(0, 10, 2.0, 5, 6).transform, crs=UTM)
+    frame = SurfaceContours(surface=surface, interval=3.0, base=1.5).run().contours.frame
+    xy = shapely.get_coordinates(frame.geometry[frame["elevation"] == 4.5])
+    theirs = np.array([pair.split() for pair in GDAL.split(",")], float)
+    np.testing.assert_allclose(np.unique(xy.round(5), axis=0), theirs, atol=1e-5)
+    assert len(frame) == 17  # as many lines as gdal_contour
+
+
 def test_interval_is_metres_in_feet_too() -> None:
     foot = 1200 / 3937
     slope = np.array([np.arange(0, 60.0)] * 2)

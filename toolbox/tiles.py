@@ -54,7 +54,7 @@ from toolbox.tiling import Tiling
 from toolbox.values import Share
 
 BATCH = 2_000_000  # points that are read and sorted at a time
-BYTES_PER_POINT = 500  # that the hungriest tools need for a tile with its neighbours
+BYTES_PER_POINT = 400  # that the hungriest tools need for a tile with its neighbours
 SLACK, NEAR = 1 + 1e-9, 1e-6  # of the halo, and metres: what lies on its edge is not lost
 SHARE = 0.8  # of the memory that all workers together may use
 CONNECT = 10  # seconds
@@ -359,6 +359,7 @@ def cluster(workers: int, memory: int) -> Iterator[str]:
     import dask
     from distributed import LocalCluster
 
+    threads = max(1, (os.cpu_count() or 1) // workers)  # of kernels, so that all cores are busy
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(DASK))
         folder = stack.enter_context(files.scratch())
@@ -371,6 +372,7 @@ def cluster(workers: int, memory: int) -> Iterator[str]:
                     dashboard_address=None,
                     scheduler_kwargs={"dashboard_address": ":0"},  # of a server there is anyway
                     local_directory=folder,
+                    env={"NUMBA_NUM_THREADS": str(threads)},
                     silence_logs=logging.CRITICAL,
                 )
             )

@@ -316,7 +316,7 @@ def patches_of(mesh, first, last, group, boxes):  # type: ignore[no-untyped-def]
 def near_surface(  # type: ignore[no-untyped-def]
     xyz, first, cells, lowest, facet, mesh, z, tolerance, per_rise, near
 ):
-    """Whether points from `first` on are near the surface; beyond it they are not.
+    """Whether points from `first` on, which lie within the ring, are near the surface.
 
     The search begins at the facet of the lowest point of the cell, if it has one.
     """
@@ -328,9 +328,6 @@ def near_surface(  # type: ignore[no-untyped-def]
         if j >= 0 and 0 <= facet[j] < mesh.size[0]:
             t = facet[j]
         t = locate(mesh.xy, mesh.triangles, mesh.neighbours, x, y, t)
-        if is_ghost(mesh.triangles, t):
-            near[i] = False
-            continue
         nx, ny, nz = _normal(mesh, z, t)
         a = mesh.triangles[t, 0]
         over = h - z[a] + ((x - mesh.xy[a, 0]) * nx + (y - mesh.xy[a, 1]) * ny) / nz

@@ -338,6 +338,19 @@ def test_what_is_a_raised_patch(height: Any, extent: float, raised: bool, metre:
     np.testing.assert_array_equal(found, expected)
 
 
+@pytest.mark.parametrize("turn", [0, 1])
+@pytest.mark.parametrize(("extent", "raised"), [(8.0, False), (8.1, True)])
+def test_the_first_and_the_last_vertex_count_for_the_width(
+    extent: float, raised: bool, turn: int
+) -> None:
+    xyz = fine_lattice(lambda x, y: 3 * on(x, y, 5, 13, 5, 13))
+    widest = np.argmin(np.hypot(xyz[:, 0] - 13, xyz[:, 1] - 9))
+    xyz[widest, 2] = 3
+    xyz = np.roll(xyz, -widest - 1 + turn, axis=0)
+    found = grown(xyz).raised(extent, QUIET)
+    np.testing.assert_array_equal(found, (xyz[:, 2] == 3) & raised)
+
+
 @pytest.mark.parametrize(("rise", "raised"), [(0.6, False), (1.0, True)])
 def test_the_top_of_a_hill_is_raised_if_its_sides_are_walls(rise: float, raised: bool) -> None:
     xyz = fine_lattice(lambda x, y: 0.0) * [4, 4, 1]  # steps of 2 m
@@ -345,6 +358,16 @@ def test_the_top_of_a_hill_is_raised_if_its_sides_are_walls(rise: float, raised:
     xyz[:, 2] = rise * np.clip(30 - away, 0, 20)
     found = grown(xyz).raised(50.0, QUIET)
     np.testing.assert_array_equal(found, (away <= 10) & raised)
+
+
+@pytest.mark.parametrize(("rise", "raised"), [(0.275, False), (0.5, True)])
+def test_a_ramp_is_no_wall(rise: float, raised: bool) -> None:
+    """However high the steps between its vertices, which are 4 m apart."""
+    xyz = fine_lattice(lambda x, y: 0.0) * [8, 8, 1]
+    x, y = xyz[:, 0], xyz[:, 1]
+    xyz[:, 2] = on(x, y, 20, 160, 60, 100) * np.clip(12 - rise * (x - 56), 0, 12)
+    found = grown(xyz).raised(60.0, QUIET)
+    np.testing.assert_array_equal(found, (xyz[:, 2] == 12) & raised)
 
 
 def test_taking_vertices_out_leaves_the_triangulation_of_the_others() -> None:
@@ -360,7 +383,9 @@ def test_taking_vertices_out_leaves_the_triangulation_of_the_others() -> None:
     )
     growth.grow(np.arange(len(xyz)), limits, QUIET)
     waiting = growth.take_out(gone)
-    np.testing.assert_array_equal(triangles(growth), triangles(grown(xyz, through=vertex & ~gone)))
+    fresh = grown(xyz, through=vertex & ~gone)
+    np.testing.assert_array_equal(triangles(growth), triangles(fresh))
+    np.testing.assert_allclose(growth.z, fresh.z)  # the ring, too
     neighbours, size = growth.mesh.neighbours, growth.mesh.arrays.size[0]
     for t, k in np.ndindex(size, 3):
         shared = np.isin(growth.mesh.triangles[neighbours[t, k]], growth.mesh.triangles[t])
@@ -387,6 +412,13 @@ def test_the_ring_goes_on_with_a_slope_that_is_no_wall(rise: float, slopes: bool
     beside = (y >= 0) & (y <= 59.5)
     expected = rise * (x if slopes else np.clip(x, 0, 59.5))
     np.testing.assert_allclose(z[beside], expected[beside], atol=1e-9)
+
+
+def test_the_ring_in_feet_is_that_in_metres() -> None:
+    xyz = fine_lattice(lambda x, y: 0.5 * x, 60.0)
+    metric, feet = grown(xyz), grown(xyz / FOOT, 1 / FOOT)
+    np.testing.assert_allclose(feet.xy * FOOT, metric.xy, atol=1e-9)
+    np.testing.assert_allclose(feet.z * FOOT, metric.z, atol=1e-9)
 
 
 def test_the_ring_is_level_where_there_is_no_surface_to_go_on_from() -> None:
@@ -417,6 +449,23 @@ def test_of_a_facet_the_lowest_point_enters(order: list[int], expected: int) -> 
     growth = grown(np.array([*corners, [10, 5, 0.3], [11, 5, 0.3], [12, 5, 0.2]]), through=range(4))
     chosen = growth.look(np.array(order), FINE, QUIET)
     np.testing.assert_array_equal(growth.best[chosen], [expected])
+
+
+@pytest.mark.parametrize(
+    ("height", "steepest", "enters"),
+    [
+        (4.1, 1.5, True),  # the way down to the highest corner is steeper
+        (4.1, 0.5, False),
+        (3.9, 0.5, True),  # below the facet, at 4 m there, anything enters
+        (-2.0, 0.5, True),  # however deep
+        (8.0, 99.0, False),  # but not so high
+    ],
+)
+def test_what_enters_a_steep_facet(height: float, steepest: float, enters: bool) -> None:
+    corners = [[-4, 0, 0], [4, 0, 0], [0, 6, 12]]
+    growth = grown(np.array([*corners, [0, 2, height]]), through=range(3))
+    limits = FINE._replace(steepest=steepest, mirror=False)
+    assert len(growth.look(np.array([3]), limits, QUIET)) == enters
 
 
 def test_it_makes_no_difference_at_which_corner_a_facet_begins() -> None:

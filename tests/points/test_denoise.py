@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from scipy.spatial import cKDTree
 
-from algorithms.points.denoise import HIGH, LOW, PointsDenoise, main_layer, noise
+from algorithms.points.denoise import HIGH, LOW, PointsDenoise, cut_off, main_layer, noise
 from toolbox.data import PointCloud
-from toolbox.errors import ParameterError
+from toolbox.errors import DataError, NothingToDo, ParameterError
 from toolbox.values import ClassList
 
 Floats = NDArray[np.float64]
@@ -250,6 +250,46 @@ def test_bad_input(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level("WARNING", "toolbox"):
         PointsDenoise(points=cloud(terrain() * 100)).run()
     assert "more than half of the points are noise; is reach too small?" in caplog.text
+
+
+@pytest.mark.parametrize("count", range(1, 9))
+def test_a_few_points_are_judged_alone_as_beside_others(count: int) -> None:
+    """A tile on a lake gets the labels of the whole; a cloud without neighbours is refused."""
+    few = np.array([5000.0, 30, 0]) + np.arange(3.0 * count).reshape(count, 3) / 10
+    beside = noise(np.vstack([terrain(), few]))[-count:]
+    np.testing.assert_array_equal(noise(few), beside)
+    assert (beside > 0).all() == (count < 7)
+    job = PointsDenoise(points=cloud(few), action="label")
+    if count > 6:
+        assert job.run().low_noise == 0
+        return
+    with pytest.raises(NothingToDo, match=f"points: {count} cannot have 6 neighbours") as caught:
+        job.run()
+    classes = caught.value.instead.clean["classification"]
+    np.testing.assert_array_equal(classes, beside)
+    assert caught.value.instead.low_noise == (beside == LOW).sum()
+
+
+def test_points_that_take_no_part_are_not_counted() -> None:
+    few = cloud(np.zeros((9, 3)), classification=[14] * 3 + [1] * 6)
+    with pytest.raises(NothingToDo, match="points: 6 cannot have"):
+        PointsDenoise(points=few, ignore=ClassList([14])).run()
+    none = PointsDenoise(points=few, ignore=ClassList([1, 14])).run()
+    assert len(none.clean) == 9
+
+
+def test_more_cells_than_can_be_numbered() -> None:
+    xyz = np.array([[0, 0, 0], [1, 1, 50], [0, 3e9, 0.0]])
+    with pytest.raises(DataError, match=r"extend over 3,000,000,000 times reach \(1\)"):
+        noise(xyz, reach=1.0, height_gap=10.0)
+
+
+@pytest.mark.parametrize("west", [-4e9, -1.0, 0.0, 4e9])
+def test_cells_are_numbered_wherever_they_lie(west: float) -> None:
+    """Two in a cell, one above them at each of two corners, and one two cells away."""
+    xyz = np.array([[0.5, 0.5, 0], [0.5, 0.6, 0], [1.5, -0.5, 9], [1.5, 1.5, 9], [-1.5, 0.5, 9]])
+    found = cut_off(xyz + np.array([west, -west, 0]), 1.0, 5.0)
+    np.testing.assert_array_equal(found, [0, 0, HIGH, HIGH, 0])
 
 
 @pytest.mark.slow

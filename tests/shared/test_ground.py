@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
-from algorithms.shared.ground import NOWHERE, Candidates
+from algorithms.shared.ground import Candidates
 from toolbox import catalog
 from toolbox.data import PointCloud
 from toolbox.errors import DataError, NothingToDo
@@ -85,8 +85,6 @@ def test_points_that_take_part() -> None:
     assert candidates.chosen.tolist() == [False, False, False, True]
     assert repr(candidates.share(np.ones(1, bool))) == repr(Share(1, 4))
     assert Candidates.of(points, "all", None).chosen.tolist() == [False, True, True, True]
-    with pytest.raises(ValueError, match="cannot assign"):
-        candidates.classified(NOWHERE, keep_classes=False)
 
 
 @pytest.mark.parametrize("id", [*FILTERS, "points.denoise", "points.height_above_ground"])

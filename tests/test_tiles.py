@@ -18,6 +18,7 @@ from typing import Any
 import laspy
 import numpy as np
 import pytest
+from affine import Affine
 from pyproj import CRS
 
 import toolbox
@@ -257,7 +258,7 @@ def test_a_corrupt_file_among_good_ones(survey: Path, tiling: Tiling, tmp_path: 
 @pytest.mark.parametrize(
     ("id", "values", "message"),
     [
-        ("surface.grid", {"surface": "o.tif"}, "tile: .*needs the whole cloud"),
+        ("surface.grid", {"surface": "o.tif"}, "tile: the whole cloud is needed .*Circles"),
         ("points.filter", {"where": "z > 1", "kept": "a.laz"}, "also an input"),
         ("points.filter", {"where": "z > 1", "kept": "x.shp"}, "cannot write .shp"),
     ],
@@ -270,6 +271,66 @@ def test_what_cannot_be_run_in_tiles(
     with pytest.raises(ParameterError, match=message):
         toolbox.run(id, {"points": survey, **paths}, tiling=tiling, overwrite=True)
     assert files(survey) == before
+
+
+def test_files_of_one_name_are_not_written_over_each_other(
+    survey: Path, tiling: Tiling, tmp_path: Path
+) -> None:
+    twin = tmp_path / "a.laz"
+    shutil.copy(survey / "b.laz", twin)
+    values = {"points": [survey / "a.laz", twin], "where": "z < 20"}
+    with pytest.raises(ParameterError, match=r"a\.laz and .*a\.laz would both become"):
+        toolbox.run("points.filter", {**values, "kept": f"{tmp_path}/out/"}, tiling=tiling)
+    with pytest.raises(ParameterError, match="there is no folder"):
+        toolbox.run("points.filter", {**values, "kept": f"{tmp_path}/no/out/"}, tiling=tiling)
+    assert not (tmp_path / "out").exists()
+
+
+def test_points_on_the_edge_of_tiles_count_once(tiling: Tiling, tmp_path: Path) -> None:
+    xy = np.mgrid[0:12, 0:12].reshape(2, -1).T + np.array([500_000.0, 4_600_000])
+    PointCloud(np.column_stack([xy, xy[:, 0]]), crs=CRS(32635)).save(tmp_path / "a.laz")
+    values = {"points": tmp_path / "a.laz", "returns": "all"}
+    for size in (1.0, 2.0, 3.7):
+        how = replace(tiling, size=size)
+        assert toolbox.run("points.info", {"points": values["points"]}, tiling=how)["count"] == 144
+
+
+def test_repeated_steps_are_not_cut(survey: Path, tiling: Tiling, tmp_path: Path) -> None:
+    path = tmp_path / "repeated.yaml"
+    path.write_text(
+        "{id: my.repeated, title: Two sizes, inputs: {points: {type: PointCloud, help: Points}},"
+        "steps: {low: {tool: points.filter, points: {from: inputs.points}, where: z < 20},"
+        "grid: {tool: surface.grid, repeat: cell, cell: [1, 2], method: max,"
+        "points: {from: low.kept}}}, outputs: {dsm: {from: grid.surface}}}"
+    )
+    values = {"points": survey, "dsm": tmp_path / "d.tif"}
+    found = toolbox.run(str(path), values, tiling=tiling)["dsm"]
+    whole = toolbox.run(str(path), {"points": survey})["dsm"]
+    assert [file.name for file in found] == ["d_1.tif", "d_2.tif"]
+    for file, raster in zip(found, whole, strict=True):
+        np.testing.assert_array_equal(Raster.open(file).values, raster.values)
+
+
+def test_resume_begins_anew_if_another_layer_has_changed(
+    survey: Path, tiling: Tiling, tmp_path: Path
+) -> None:
+    """What a killed run has left belongs to the contents of all files."""
+    template = toolbox.run("surface.grid", {"points": survey, "method": "max", "cell": 2})
+    out, other = tmp_path / "o.tif", tmp_path / "template.tif"
+    values = {"points": survey, "method": "max", "template": other, "surface": out}
+    for number, shift in enumerate((0.0, 1.0)):
+        raster = replace(
+            template["surface"],
+            transform=template["surface"].transform @ Affine.translation(shift / 2, 0),
+        )
+        raster.save(other)
+        begun = lambda before=number: len(list(tmp_path.glob(".tiles-*"))) > before  # noqa: E731
+        ctx = Context(lambda fraction: None, begun)
+        with pytest.raises(Cancelled):
+            toolbox.run("surface.grid", values, tiling=tiling, resume=True, ctx=ctx)
+    toolbox.run("surface.grid", values, tiling=tiling, resume=True)
+    whole = toolbox.run("surface.grid", values | {"surface": None})["surface"]
+    np.testing.assert_array_equal(Raster.open(out).values, whole.values)
 
 
 def test_points_in_memory_and_without_metres(survey: Path, tiling: Tiling, tmp_path: Path) -> None:
@@ -319,7 +380,7 @@ def test_kill_and_resume_give_the_same_files(model: str, survey: Path, tmp_path:
         ({"tile": "-1"}, "tile: must be a number > 0 or auto, got '-1'"),
         ({"tile": "x"}, "tile: must be"),
         ({"tile": "5", "workers": "1.5"}, "workers: must be a whole number"),
-        ({"tile": "5", "memory": "4 apples"}, "memory: must be at least 100 MB"),
+        ({"tile": "5", "memory": "4 apples"}, "memory: must be at least 500 MB"),
         ({"workers": "2"}, "workers: is for runs in tiles"),
     ],
 )

@@ -34,17 +34,22 @@ def parser(described: Description) -> argparse.ArgumentParser:
         _add_input(inputs, name, field)
     results = made.add_argument_group("outputs")
     for name, field in described["outputs"].items():
-        if field["schema"].get("format") == "uri-reference":
+        if is_layer(field["schema"]):
             _add(results, name, metavar="PATH", help=field["description"])
             _add_options(results, name, field)
     if between := described.get("between"):
         kept = made.add_argument_group("results of steps")
         for name, field in between.items():
-            if field["schema"].get("format") == "uri-reference":
+            if is_layer(field["schema"]):
                 _add(kept, name, metavar="PATH", help=field["description"])
                 _add_options(kept, name, field)
     _add_general(made.add_argument_group("how to run"))
     return made
+
+
+def is_layer(schema: Mapping[str, Any]) -> bool:
+    """Whether values of an output are written to files, one or several."""
+    return bool(schema.get("items", schema).get("format") == "uri-reference")
 
 
 def _add_input(group: Any, name: str, field: Description) -> None:

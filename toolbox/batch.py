@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from toolbox import arguments, files, history
+from toolbox.arguments import is_layer
 from toolbox.context import Context, log
 from toolbox.data import Table
 from toolbox.errors import Cancelled, DataError, ParameterError, ToolboxError, nearest
@@ -180,7 +181,7 @@ def _names(described: Mapping[str, Any]) -> list[str]:
 
 def _part(described: Mapping[str, Any], part: str) -> Iterator[str]:
     for name, says in described.get(part, {}).items():
-        if part == "inputs" or says["schema"].get("format") == "uri-reference":
+        if part == "inputs" or is_layer(says["schema"]):
             yield name
             yield from (f"{name}.{m['title']}" for m in says["metadata"] if m["role"] == "option")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -69,6 +70,8 @@ class Plan:
         ParameterError
             No step can be run on tiles.
         """
+        if not any(field.kind.several for field in model.sources.values()):
+            raise ParameterError(model.id, {"tile": "the tool reads no points; leave it out"})
         active = {step.name: step for step in model.active(settings)}
         results = {name for step in active.values() for name in step.outputs}
         returned = {
@@ -85,10 +88,7 @@ class Plan:
             if not _is_local(active[name], local, model):
                 local.remove(name)
         if not local:
-            raise ParameterError(
-                model.id,
-                {"tile": "the tool needs the whole cloud with these settings; leave it out"},
-            )
+            raise ParameterError(model.id, {"tile": _whole(model, reach)})
         rest = [name for name in active if name in needed and name not in local]
         asked = wanted | {need for name in rest for need in active[name].needs}
         return cls(
@@ -101,10 +101,23 @@ class Plan:
             max(reach[name] for name in local),
         )
 
+    @property
+    def gives_rasters(self) -> bool:
+        """Whether a raster is put together from tiles."""
+        return any(self.model.between[name].kind.word == "Raster" for name in self.keep)
+
     def ordered(self, counts: Iterable[Count]) -> list[Count]:
         """Counts of tiles and of the whole in the order of the steps."""
         places = {name: place for place, name in enumerate(self.model.steps)}
         return sorted(counts, key=lambda c: places.get(c.step.partition("/")[0].split()[0], 0))
+
+
+def _whole(model: Model, reach: Mapping[str, float]) -> str:
+    """Why nothing can be run on tiles, in the words of the first tool that looks too far."""
+    text = "the whole cloud is needed with these settings; leave it out"
+    far = [model.steps[name].spec for name, metres in reach.items() if math.isinf(metres)]
+    tools: list[Any] = [spec.make for spec in far if not isinstance(spec, Model)]
+    return f"{text} ({inspect.getdoc(tools[0].halo)})" if tools else text
 
 
 def _before(results: Iterable[str], steps: Mapping[str, Step]) -> set[str]:
@@ -124,6 +137,8 @@ def _is_local(step: Step, local: Iterable[str], model: Model) -> bool:
 
     A number that a tile gives is not that of the whole survey.
     """
+    if step.repeat:
+        return False  # its results are lists, which are not put together from tiles
     on_points = False
     for name, wire in step.wires.items():
         for need in (need for reference in references(wire) for need in reference.names):

@@ -25,7 +25,8 @@ Span = tuple[int, int]
 
 def pieces(work: Path, name: str) -> list[Path]:
     """The stored pieces of a result, tile by tile from south to north and west to east."""
-    folders = [path for path in (work / "tiles").iterdir() if (path / name / "layer").exists()]
+    done = [path for path in (work / "tiles").iterdir() if not path.name.startswith(".")]
+    folders = [path for path in done if (path / name / "layer").exists()]
     tiles = {tuple(map(int, path.name.split("_"))): path / name for path in folders}
     return [tiles[tile] for tile in sorted(tiles)]
 

@@ -175,6 +175,12 @@ def whole(place: Path) -> Iterator[Path]:
         shutil.rmtree(draft, ignore_errors=True)
 
 
+def sweep(folder: Path) -> None:
+    """Remove what was being written when its writer died; nobody else may be at work there."""
+    for draft in folder.glob(".*"):
+        shutil.rmtree(draft, ignore_errors=True)
+
+
 def save_arrays(folder: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write each array as a file of its own."""
     for name, values in arrays.items():

@@ -158,13 +158,7 @@ def _results(
 
     run = Run(model.part(job.steps), values, keep=job.keep, around=around, gaps=True)
     result = run.run(QUIET)
-    found: dict[str, Any] = {}
-    for name in sorted(job.keep):
-        value = getattr(result, name)
-        several = value if isinstance(value, tuple) else ()
-        found |= {f"{name} {i}": item for i, item in enumerate(several, start=1)}
-        found |= {} if several else {name: value}
-    return found
+    return {name: getattr(result, name) for name in sorted(job.keep)}
 
 
 def _result(tool: Any, ctx: Context) -> Any:

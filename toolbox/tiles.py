@@ -21,7 +21,6 @@ import operator
 import os
 import shutil
 import signal
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -58,6 +57,8 @@ BYTES_PER_POINT = 400  # that the hungriest tools need for a tile with its neigh
 SLACK, NEAR = 1 + 1e-9, 1e-6  # of the halo, and metres: what lies on its edge is not lost
 SHARE = 0.8  # of the memory that all workers together may use
 CONNECT = 10  # seconds
+SMALLEST, MOST_TILES = 0.1, 10**6  # metres; more are taken for a mistake in the size
+RIM = 40.0  # metres that a raster may reach beyond all points: whole blocks of its cells
 LISTED = 10  # problems and warnings that are spelt out
 STORED, DONE = 0.1, 0.9  # of the progress, when all points are stored, and when all tiles are done
 WARNINGS = "PYTHONWARNINGS"
@@ -112,6 +113,8 @@ def run(
     surveys = surveys_of(spec, sources, assume_crs, ctx)
     metre = next(iter(surveys.values())).metre
     size = tiling.size or suitable_size(next(iter(surveys.values())), plan.halo, tiling)
+    if size < (least := max(plan.halo / 20, SMALLEST)):
+        raise ParameterError(spec.id, {"tile": f"must be at least {least:g} m here, got {size:g}"})
     log.info("tiles of %g m, each with %g m of its neighbourhood", size, plan.halo)
     others = {n: v for n, v in sources.items() if n not in surveys and v is not None}
     job = Job(
@@ -128,10 +131,14 @@ def run(
     )
     products = _products(plan, targets, surveys[job.first])
     _check_products(spec.id, products, surveys, overwrite=overwrite)
-    with _working_folder(job, plan, targets, resume=resume) as work, _client(tiling) as client:
+    with (
+        _working_folder(job, plan, record, targets, resume=resume) as work,
+        _client(tiling) as client,
+    ):
         tile_store.save_object(work / "job", job)
         crew = _Crew(client, spec.id, work, job)
-        tiles = crew.split(ctx.part(0, STORED))
+        rim = RIM if plan.gives_rasters else 0.0
+        tiles = crew.split(rim * metre, ctx.part(0, STORED))
         sums = crew.run_tiles(tiles, ctx.part(STORED, DONE))
         return _finish(crew, plan, products, targets, sums, record, overwrite, ctx.part(DONE, 1))
 
@@ -191,12 +198,23 @@ def _products(plan: Plan, targets: Mapping[str, Target], survey: Survey) -> list
 def _check_products(
     id: str, products: list[_Product], surveys: Mapping[str, Survey], *, overwrite: bool
 ) -> None:
-    """Make the folders of products, and see that nothing is in the way."""
-    for folder in {product.home.parent for product in products if product.file is not None}:
-        folder.mkdir(exist_ok=True)
+    """See that nothing is in the way of the products, and that no two are one file."""
+    problems: dict[str, str] = {}
+    paths = {n: file.path for n, file in enumerate(next(iter(surveys.values())).files)}
+    homes: dict[Path, _Product] = {}
+    for product in [product for product in products if product.file is not None]:
+        if twin := homes.get(product.home):
+            one, other = paths[twin.file or 0], paths[product.file or 0]
+            problems[product.output] = f"{one} and {other} would both become {product.home}"
+        homes[product.home] = product
+        if not product.home.parent.parent.is_dir():
+            problems[product.output] = f"there is no folder {product.home.parent.parent}"
+    if problems:
+        raise ParameterError(id, problems)
     reads = [file.path for survey in surveys.values() for file in survey.files]
-    names = {f"{p.output} {p.home.name}" if p.file is not None else p.output: p for p in products}
-    of_files = {name: product.target for name, product in names.items()}
+    there = [p for p in products if p.file is None or p.home.parent.is_dir()]
+    names = [p.output if p.file is None else f"{p.output} {p.home.name}" for p in there]
+    of_files = {name: product.target for name, product in zip(names, there, strict=True)}
     if problems := targets_problems(of_files, reads, overwrite=overwrite):
         raise ParameterError(id, problems)
 
@@ -220,6 +238,9 @@ def _finish(
         ]
     found = {n: resolved(wire, sums.numbers) for n, wire in plan.model.returns.items()}
     found = {n: v for n, v in found.items() if not plan.model.outputs[n].kind.is_layer}
+    if lost := [n for n, value in found.items() if value is None and n in plan.stored]:
+        log.warning("not known from tiles: %s", ", ".join(lost))
+        found = {n: value for n, value in found.items() if n not in lost}
     counts = list(sums.counts)
     asked = frozenset(targets.keys() & plan.model.between.keys() - plan.stored.keys())
     if plan.rest and not (crew.failed or crew.unreadable):
@@ -228,6 +249,8 @@ def _finish(
     others = {n: target for n, target in targets.items() if n in found}
     try:
         parts = {product.home: product.target.parts for product in products}
+        for folder in {product.home.parent for product in products}:
+            folder.mkdir(exist_ok=True)
         with files.staged(parts, overwrite=overwrite) as staged:
             prepared = [replace(product, place=staged[product.home]) for product in products]
             crew.write(prepared, made, ctx.part(0.5, 0.9))
@@ -299,13 +322,17 @@ def _memory(tiling: Tiling) -> int:
 
 @contextmanager
 def _working_folder(
-    job: Job, plan: Plan, targets: Mapping[str, Target], *, resume: bool
+    job: Job, plan: Plan, record: Record | None, targets: Mapping[str, Target], *, resume: bool
 ) -> Iterator[Path]:
     """Where a run keeps what is done; removed when all is, and left for the next run if not."""
     home = next((target.home for target in targets.values() if target.home), None)
-    work = (
-        home.parent if home else Path(tempfile.gettempdir())
-    ) / f".tiles-{_key(job, plan.model)}"
+    if record is None or home is None:  # only numbers are asked for
+        with files.scratch() as work:
+            for name in ("points", "tiles"):
+                (work / name).mkdir()
+            yield work
+        return
+    work = home.parent / f".tiles-{_key(job, plan.model, record)}"
     parts = work / "points", work / "tiles"
     goes_on = resume and work.exists()
     work.mkdir(exist_ok=True)
@@ -321,22 +348,25 @@ def _working_folder(
             if not goes_on:
                 shutil.rmtree(part, ignore_errors=True)
             part.mkdir(exist_ok=True)
+            tile_store.sweep(part)
         yield work
         shutil.rmtree(work, ignore_errors=True)
     finally:
         lock.release()
 
 
-def _key(job: Job, model: Model) -> str:
-    """The same for the same code, tool, settings, files and tiles."""
-    read = [
-        [str(file.path), file.path.stat().st_size, file.path.stat().st_mtime_ns, file.only]
-        for survey in job.surveys.values()
-        for file in survey.files
+def _key(job: Job, model: Model, record: Record) -> str:
+    """The same for the same code, tool, settings, contents of files, and tiles."""
+    says = [
+        record.entry(),
+        _outline(model),
+        job.grid.size,
+        job.halo,
+        sorted(job.keep),
+        sorted(job.las),
     ]
-    says = [_outline(model), job.settings, job.layers, job.grid.size, job.halo]
-    code = code_of("algorithms")
-    text = json.dumps([*says, sorted(job.keep), sorted(job.las), read, code], default=repr)
+    bounds = [file.only for survey in job.surveys.values() for file in survey.files]
+    text = json.dumps([*says, bounds, code_of("algorithms")], default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -470,8 +500,13 @@ class _Crew:
 
     # Points
 
-    def split(self, ctx: Context) -> dict[Tile, list[Batch]]:
-        """Store all points by bucket; gives the batches with points in or near each tile."""
+    def split(self, rim: float, ctx: Context) -> dict[Tile, list[Batch]]:
+        """Store all points by bucket; gives the batches with points in or near each tile.
+
+        Parameters
+        ----------
+        rim : how far beyond the points a result may reach
+        """
         unreadable = self.unreadable
         batches: list[Batch] = []
         for source, survey in self.job.surveys.items():
@@ -495,7 +530,12 @@ class _Crew:
         self._give_up(near.keys() | core)
         if not core:
             return {}
-        rows, cols = (range(min(n), max(n) + 1) for n in zip(*core, strict=True))
+        if len(core) > MOST_TILES:
+            raise DataError(f"{self.id}: {len(core)} tiles are too many; take larger ones")
+        xmin, ymin, _, xmax, ymax, _ = self.job.surveys[self.job.first].bounds
+        corners = np.array([[xmin - rim, ymin - rim], [xmax + rim, ymax + rim]])
+        edge = map(tuple, (self.job.grid.buckets(corners) // SIDE).tolist()) if rim else ()
+        rows, cols = (range(min(n), max(n) + 1) for n in zip(*core, *edge, strict=True))
         # Also tiles without points among those that have some: a gap may be filled there.
         among = {t: b for t, b in near.items() if t[0] in rows and t[1] in cols}
         return {tile: b for tile, b in among.items() if tile not in self.failed}
@@ -589,12 +629,12 @@ class _Crew:
         """Raise an error that tells what has failed, and where."""
         if not self.failed and not self.unreadable:
             return
-        where: dict[str, list[Tile]] = {why: [] for why in self.unreadable.values()}
+        where: dict[str, list[Tile]] = {}
         for tile in sorted(self.failed):
             where.setdefault(self.failed[tile], []).append(tile)
-        lines = {}
-        for number, (why, tiles) in enumerate(list(where.items())[:LISTED], start=1):
-            lines[self._names(tiles) or f"file {number}"] = why
+        lines = {str(path): why for path, why in list(self.unreadable.items())[:LISTED]}
+        for why, tiles in list(where.items())[:LISTED]:
+            lines[self._names(tiles)] = why
         if (more := len(where) - LISTED) > 0:
             lines["and"] = f"{more} more problems"
         lines["what to do"] = (
@@ -604,8 +644,6 @@ class _Crew:
 
     def _names(self, tiles: list[Tile]) -> str:
         """The first of some tiles with its bounds, and how many more there are."""
-        if not tiles:
-            return ""
         box = ", ".join(f"{value:.10g}" for value in self.job.grid.bounds(tiles[0]))
         more = f" and {len(tiles) - 1} more tiles" if len(tiles) > 1 else ""
         return f"tile {tile_work.name_of(tiles[0])} ({box}){more}"

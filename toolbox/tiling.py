@@ -12,6 +12,9 @@ from toolbox.errors import ParameterError
 
 UNITS = {"": 1, "kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30}
 
+LEAST, MOST = 5 * 10**8, 10**15  # bytes for a worker: what its libraries need, and a mistake
+MOST_WORKERS = 1024
+
 
 @dataclass(frozen=True)
 class Tiling:
@@ -50,8 +53,9 @@ class Tiling:
         size = _number("tile", given["tile"], problems, auto=True)
         workers = _number("workers", given.get("workers") or os.cpu_count(), problems)
         memory = _memory(given.get("memory"), problems)
-        if workers is not None and not workers.is_integer():
-            problems["workers"] = f"must be a whole number, got {given['workers']}"
+        if workers is not None and not (workers.is_integer() and workers <= MOST_WORKERS):
+            text = f"must be a whole number up to {MOST_WORKERS}, got {given['workers']}"
+            problems["workers"] = text
         if problems:
             raise ParameterError("run", problems)
         assert workers is not None
@@ -80,6 +84,7 @@ def _memory(value: Any, problems: dict[str, str]) -> int | None:
         found = float(match[1]) * UNITS[match[2]] if match else 0
     except (ValueError, KeyError):
         found = 0
-    if found < UNITS["mb"] * 100:
-        problems["memory"] = f"must be at least 100 MB, such as 4GB, got {value!r}"
+    if not LEAST <= found <= MOST:
+        problems["memory"] = f"must be at least 500 MB, such as 4GB, got {str(value)[:40]!r}"
+        return None
     return int(found)

@@ -63,7 +63,7 @@ class PointsInfo:
         metric = length_problem(cloud.crs) is None
         return self.Outputs(
             table=_table(rows),
-            count=len(cloud),
+            count=int(np.count_nonzero(cloud.core)),
             density=density if metric else None,
             files=None,
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from types import SimpleNamespace
 from typing import Any
 
@@ -216,6 +216,18 @@ def _limits(step: Step, draft: Mapping[str, Any]) -> dict[str, str]:
     """What is wrong with single values of a step."""
     texts = {name: step.spec.inputs[name].problem(value) for name, value in draft.items()}
     return {name: text for name, text in texts.items() if text}
+
+
+def leading_steps(steps: Mapping[str, Step], results: Iterable[str]) -> list[str]:
+    """The steps that lead to results, which are named step.output; in the order of the steps."""
+    found: set[str] = set()
+    ahead = [name.partition(".")[0] for name in results]
+    while ahead:
+        name = ahead.pop()
+        if name in steps and name not in found:
+            found.add(name)
+            ahead += [need.partition(".")[0] for need in steps[name].needs]
+    return [name for name in steps if name in found]
 
 
 def _active(steps: Mapping[str, Step], known: Mapping[str, Any]) -> list[Step]:

@@ -32,7 +32,7 @@ from toolbox.data.record import MEMBER, read_record
 from toolbox.errors import DataError
 from toolbox.fields import Field, Spec
 from toolbox.kinds import located, parsed_options
-from toolbox.model import Around, plainly
+from toolbox.model import Around, Model, leading_steps, plainly
 
 LONGEST = 60_000  # bytes of a record; a VLR of a LAS file holds 65 535
 MANY = 100  # files of a source; of more the record keeps one hash instead of their names
@@ -103,7 +103,8 @@ class Record:
     inputs : by name of the source
     assume_crs : what was assumed for sources that state no CRS, or ""
     crs : of the file, as a code, "local" or WKT; "" if it has none
-    counts : in the order of the steps
+    counts : in the order of the steps; of a file, those of the layers that led to it
+    leads : which layers lead to each output, as pairs of step and name; not part of the text
     ancestors : the records of files from which the inputs were made, and so on backwards, by the
         sha256 of each file; the nearest come first
     omitted : number of ancestors for which there was no room, at least
@@ -122,6 +123,9 @@ class Record:
     assume_crs: str = ""
     crs: str = ""
     counts: tuple[Count, ...] = ()
+    leads: Mapping[str, frozenset[tuple[str, str]]] = dataclasses.field(
+        default_factory=dict, repr=False, compare=False
+    )
     ancestors: Mapping[str, Entry] = dataclasses.field(default_factory=dict)
     omitted: int = 0
 
@@ -143,12 +147,14 @@ class Record:
         """
         crs = getattr(layer, "crs", None)
         own = {"number": number, "file": file, "options": _plain(options), "crs": crs_text(crs)}
-        return dataclasses.replace(self, output=output, **own)
+        leads = self.leads.get(output)
+        counts = (c for c in self.counts if leads is None or _is_among(c, leads))
+        return dataclasses.replace(self, output=output, counts=tuple(counts), **own)
 
     def entry(self) -> dict[str, Any]:
         """The record as JSON values, without its ancestors."""
         values = dataclasses.asdict(self)
-        for name in ("version", "ancestors", "omitted"):
+        for name in ("version", "ancestors", "omitted", "leads"):
             values.pop(name)
         return {MEMBER: self.version, **_plain(values)}
 
@@ -239,6 +245,7 @@ def record_of(
         },
         inputs=inputs,
         assume_crs=crs_text(assume_crs),
+        leads={output: frozenset(leading_to(spec, output)) for output in spec.results},
         ancestors=ancestors,
         omitted=omitted,
     )
@@ -280,6 +287,32 @@ def describe_inputs(
         raise DataError(spec.id, problems)
     ctx.progress(1.0)
     return inputs, *_ancestors(files)
+
+
+def leading_to(spec: Spec, output: str) -> Iterator[tuple[str, str]]:
+    """The layers that lead to an output, as pairs of step and name, itself included.
+
+    A run may make more layers than were asked for, and does so differently on tiles: they are
+    no part of how this one was made.
+    """
+    if not isinstance(spec, Model):
+        yield from ((spec.id, name) for name in (*spec.sources, output))
+        return
+    names = spec.returns[output].names if output in spec.returns else (output,)
+    steps = [spec.steps[name] for name in leading_steps(spec.steps, names)]
+    used = {*names, *(need for step in steps for need in step.needs)}
+    for step in steps:
+        yield from ((step.name, name) for name in step.spec.sources)
+        yield from (
+            (step.name, name) for name in step.spec.outputs if f"{step.name}.{name}" in used
+        )
+
+
+def _is_among(count: Count, leads: frozenset[tuple[str, str]]) -> bool:
+    """Whether a count is of one of the layers; of a model inside a model, all of its are."""
+    step, inside, _ = count.step.partition("/")
+    step = step.partition(" ")[0]
+    return (step, count.name) in leads or bool(inside and any(step == name for name, _ in leads))
 
 
 def counting(counts: list[Count], inner: Around = plainly) -> Around:

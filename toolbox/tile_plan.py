@@ -16,7 +16,7 @@ from toolbox.data.crs import crs_conflict, length_problem
 from toolbox.errors import DataError, ParameterError
 from toolbox.fields import Spec
 from toolbox.kinds import located, parsed_options
-from toolbox.model import INPUTS, Model, Reference, Step, references
+from toolbox.model import INPUTS, Model, Reference, Step, leading_steps, references
 from toolbox.provenance import Count
 
 ALONE = "tool"  # the step of a model that stands for a tool
@@ -81,7 +81,7 @@ class Plan:
         returned |= {name: name for name in targets if name in results}
         numbers = {n for n, f in model.outputs.items() if not f.kind.is_layer}
         wanted = {returned[n] for n in {*targets, *numbers} & returned.keys()} - {""}
-        needed = _before(wanted, active)
+        needed = leading_steps(active, wanted)
         reach = model.reach(settings)
         local = [n for n in active if n in needed and math.isfinite(reach[n])]
         for name in list(local):
@@ -118,18 +118,6 @@ def _whole(model: Model, reach: Mapping[str, float]) -> str:
     far = [model.steps[name].spec for name, metres in reach.items() if math.isinf(metres)]
     tools: list[Any] = [spec.make for spec in far if not isinstance(spec, Model)]
     return f"{text} ({inspect.getdoc(tools[0].halo)})" if tools else text
-
-
-def _before(results: Iterable[str], steps: Mapping[str, Step]) -> set[str]:
-    """The steps that lead to some results."""
-    found: set[str] = set()
-    ahead = [name.partition(".")[0] for name in results]
-    while ahead:
-        name = ahead.pop()
-        if name in steps and name not in found:
-            found.add(name)
-            ahead += [need.partition(".")[0] for need in steps[name].needs]
-    return found
 
 
 def _is_local(step: Step, local: Iterable[str], model: Model) -> bool:

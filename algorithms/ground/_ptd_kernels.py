@@ -159,6 +159,18 @@ def best_of_facets(  # type: ignore[no-untyped-def]
     return n
 
 
+@njit(cache=True, nogil=True)
+def against_facets(mesh, z, points, facet, seen):  # type: ignore[no-untyped-def]
+    """Greatest angle to a corner of its facet (row 0 of `seen`), and distance, of each point."""
+    t = np.int64(0)
+    for k in range(len(points)):
+        i = points[k]
+        x, y = mesh.xy[i, 0], mesh.xy[i, 1]
+        hint = facet[i] if facet[i] >= 0 else t
+        facet[i] = t = locate(mesh.xy, mesh.triangles, mesh.neighbours, x, y, hint)
+        seen[1, k], seen[0, k], _, _, _, _ = _against(mesh, z, t, x, y, z[i])
+
+
 # Taking vertices out again.
 
 

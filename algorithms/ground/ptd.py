@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,7 @@ HALO = 2.25  # metres of data that a tile needs around it, in building sizes
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+Thresholds = Literal["facets", "median"]
 
 
 @tool("ground.ptd")
@@ -84,6 +86,11 @@ class GroundPtd:
     )
     iteration_distance: float = param(
         "Greatest distance of a new point from its facet", default=1.5, unit="m", gt=0
+    )
+    thresholds: Thresholds = param(
+        "What narrows these limits: facets, by their size (`reduce_angle_below`), or in each "
+        "round the median angle and distance of the points above the surface",
+        default="facets",
     )
     reduce_angle_below: float = param(
         "Facets with shorter edges lower the angle in proportion; 0 for never",
@@ -119,8 +126,11 @@ class GroundPtd:
         ground_share: float = sink("Share of points that became ground", unit="1")
 
     def halo(self) -> float:
-        """Seeds and the test for raised patches look about two building sizes far."""
-        return HALO * self.max_building_size
+        """Seeds and the test for raised patches look about two building sizes far.
+
+        Medians look everywhere.
+        """
+        return math.inf if self.thresholds == "median" else HALO * self.max_building_size
 
     def run(self, ctx: Context = QUIET) -> GroundPtd.Outputs:
         """Grow the surface, and compare points with it."""
@@ -139,6 +149,7 @@ class GroundPtd:
             terrain_angle=self.terrain_angle,
             iteration_angle=self.iteration_angle,
             iteration_distance=self.iteration_distance,
+            thresholds=self.thresholds,
             reduce_angle_below=self.reduce_angle_below,
             stop_edge=self.stop_edge,
             mirror=self.mirror,
@@ -266,6 +277,7 @@ def densified(
     terrain_angle: float = 88.0,
     iteration_angle: float = 10.0,
     iteration_distance: float = 1.5,
+    thresholds: Thresholds = "facets",
     reduce_angle_below: float = 5.0,
     stop_edge: float = 2.0,
     mirror: bool = True,
@@ -281,6 +293,8 @@ def densified(
     terrain_angle : steepest rise from a corner of the facet to a new point, degrees
     iteration_angle : greatest angle between the facet and the line to a corner, degrees
     iteration_distance : greatest distance from the plane of the facet
+    thresholds : "facets" lowers the angle by `reduce_angle_below`; "median" lowers angle and
+        distance by :meth:`Growth.lowered` instead
     reduce_angle_below : shorter facets lower the angle in proportion; 0 for never
     stop_edge : facets whose edges are all shorter take no more points
     mirror : test points at breaks on the other side of the break, too
@@ -310,11 +324,11 @@ def densified(
         distance=iteration_distance,
         steepest=math.tan(math.radians(terrain_angle)),
         stop=stop_edge,
-        reduce=reduce_angle_below,
+        reduce=reduce_angle_below if thresholds == "facets" else 0.0,
         mirror=mirror,
         gentle=GENTLE,
     )
-    growth = Growth(points, metre)
+    growth = Growth(points, metre, thresholds)
     ctx.progress(0.35)
     growth.start(np.flatnonzero(lowest_of_cells(points, max_building_size)), ctx.part(0.35, 0.36))
     done = 0.36
@@ -395,9 +409,10 @@ class Growth:
     only points whose facets have changed are looked at again. What is taken out is on no list.
     """
 
-    def __init__(self, points: Floats, metre: float) -> None:
+    def __init__(self, points: Floats, metre: float, thresholds: Thresholds = "facets") -> None:
         self.real = len(points)
         self.metre = metre
+        self.thresholds = thresholds
         self.xy = np.vstack([points[:, :2], ring_around(points, RING * metre)])
         self.z = np.append(points[:, 2], np.zeros(len(self.xy) - self.real))
         west, south, east, north = box_of(self.xy)
@@ -464,10 +479,13 @@ class Growth:
 
     def settle(self, waiting: Ints, limits: kernels.Limits, ctx: Context) -> None:
         """Let points enter in rounds, until none is left that may."""
-        again, done = False, 0.0
+        again, done, now = False, 0.0, limits
         while True:
             half = ctx.part(done, (1 + done) / 2)  # how many rounds there will be, nobody knows
-            chosen = self.look(waiting, limits, half.part(0, 0.7))
+            if self.thresholds == "median":
+                waiting = self.all_waiting(waiting)
+                now = self.lowered(limits, waiting, half.part(0, 0.3))
+            chosen = self.look(waiting, now, half.part(0.3, 0.7))
             if len(chosen):
                 waiting, again = self.enter(chosen, half.part(0.7, 1)), False
             elif again:
@@ -475,6 +493,30 @@ class Growth:
             else:
                 waiting, again = self.lift_ring(), True
             done = (1 + done) / 2
+
+    def all_waiting(self, waiting: Ints) -> Ints:
+        """Empty all lists: where limits have changed, all points are looked at again."""
+        waiting = waiting[~self.entered[waiting]]  # a copy: it may have been a view of the next
+        facets = np.arange(self.mesh.arrays.size[0])
+        count = kernels.points_of(facets, self.head, self.following, self.waiting)
+        return np.concatenate([waiting, self.waiting[:count]])
+
+    def lowered(self, limits: kernels.Limits, points: Ints, ctx: Context) -> kernels.Limits:
+        """Limits lowered to the median angle and distance of the points above the surface."""
+        seen = np.empty((2, len(points)))
+        for first in range(0, len(points), BLOCK):
+            some = slice(first, first + BLOCK)
+            kernels.against_facets(
+                self.mesh.arrays, self.z, points[some], self.facet, seen[:, some]
+            )
+            ctx.progress(min(1.0, (first + BLOCK) / len(points)))
+        seen = seen[:, seen[1] >= 0]  # what is below enters in any case
+        if not seen.size:
+            return limits
+        angle, distance = np.median(seen, axis=1).tolist()
+        return limits._replace(
+            angle=min(limits.angle, angle), distance=min(limits.distance, distance)
+        )
 
     def look(self, points: Ints, limits: kernels.Limits, ctx: Context) -> Ints:
         """Find the lowest point for each facet that may enter; the facets."""

@@ -137,6 +137,10 @@ class SurfaceGrid:
             *self.points.names
         }:
             yield "returns", f"{self.points.name} has no return numbers"
+        if self.template and self.method in STATISTICS and self.points.origin is not None:
+            size = self.template.cell / self.template.metre
+            if self.cell < size * (1 - ROUNDING):  # halo() knows no layers
+                yield "cell", f"in tiles, must be that of the template ({size:g} m) too"
         if self.extent and self.template:
             yield "extent", "a template has its own; give one of both"
         for name in ("breaklines", "exclusions"):

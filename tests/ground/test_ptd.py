@@ -63,9 +63,10 @@ def cloud(xyz: Floats, classes: Any = None) -> PointCloud:
     return PointCloud(xyz, columns, crs=CRS(32632))
 
 
-def test_buildings_on_a_tilted_plane_are_told_from_it() -> None:
+@pytest.mark.parametrize("thresholds", ["facets", "median"])
+def test_buildings_on_a_tilted_plane_are_told_from_it(thresholds: str) -> None:
     xyz, roof = town()
-    np.testing.assert_array_equal(labels(xyz), ~roof)
+    np.testing.assert_array_equal(labels(xyz, thresholds=thresholds), ~roof)
 
 
 def test_a_hall_that_fills_its_seed_cell_is_found_out() -> None:
@@ -127,22 +128,25 @@ def test_low_outliers_do_not_pull_the_surface_down() -> None:
     np.testing.assert_array_equal(labels(xyz), expected)
 
 
-def test_order_duplicates_and_equal_heights_do_not_matter() -> None:
-    xyz, _ = town()
+@pytest.mark.parametrize("thresholds", ["facets", "median"])
+def test_order_duplicates_and_equal_heights_do_not_matter(thresholds: str) -> None:
+    xyz = np.concatenate([town()[0], rough() + [200, 0, 0]])
     xyz = np.concatenate([xyz, xyz[:500]])
     xyz[:, 2] = xyz[:, 2].round(1)
     order = np.random.default_rng(3).permutation(len(xyz))
-    np.testing.assert_array_equal(labels(xyz)[order], labels(xyz[order]))
+    found = labels(xyz, thresholds=thresholds)
+    np.testing.assert_array_equal(labels(xyz[order], thresholds=thresholds), found[order])
 
 
 @pytest.mark.skipif(THREADS < 2, reason="one thread only")
-def test_the_number_of_threads_does_not_matter() -> None:
+@pytest.mark.parametrize("thresholds", ["facets", "median"])
+def test_the_number_of_threads_does_not_matter(thresholds: str) -> None:
     xyz, _ = town()
     try:
         numba.set_num_threads(1)
-        one = labels(xyz)
+        one = labels(xyz, thresholds=thresholds)
         numba.set_num_threads(2)
-        np.testing.assert_array_equal(labels(xyz), one)
+        np.testing.assert_array_equal(labels(xyz, thresholds=thresholds), one)
     finally:
         numba.set_num_threads(THREADS)
 
@@ -242,6 +246,7 @@ def rough() -> Floats:
         ("terrain_angle", 20.0),
         ("iteration_angle", 5.0),
         ("iteration_distance", 0.4),
+        ("thresholds", "median"),
         ("reduce_angle_below", 0.0),
         ("stop_edge", 6.0),
         ("mirror", False),
@@ -260,10 +265,11 @@ def test_each_setting_of_the_tool_has_its_effect(name: str, value: Any) -> None:
     assert not np.array_equal(plain == 2, expected), "a setting without effect proves nothing"
 
 
-def test_the_tool_in_feet_is_the_tool_in_metres() -> None:
+@pytest.mark.parametrize("thresholds", ["facets", "median"])
+def test_the_tool_in_feet_is_the_tool_in_metres(thresholds: Any) -> None:
     xyz = rough()
-    metric = GroundPtd(points=cloud(xyz)).run().classified["classification"]
-    feet = GroundPtd(points=PointCloud(xyz / FOOT, crs=CRS(2263))).run()
+    metric = GroundPtd(points=cloud(xyz), thresholds=thresholds).run().classified["classification"]
+    feet = GroundPtd(points=PointCloud(xyz / FOOT, crs=CRS(2263)), thresholds=thresholds).run()
     assert (feet.classified["classification"] == metric).mean() > 0.999
 
 
@@ -287,6 +293,7 @@ def test_the_reach_is_finite_and_follows_the_building_size() -> None:
     points = cloud(town()[0])
     assert 0 < GroundPtd(points=points).halo() < 150
     assert GroundPtd(points=points, max_building_size=30.0).halo() == pytest.approx(67.5)
+    assert GroundPtd(points=points, thresholds="median").halo() == np.inf
 
 
 def test_bumps_are_ground_thanks_to_seed_grids_with_a_wider_angle() -> None:
@@ -449,6 +456,59 @@ def test_of_a_facet_the_lowest_point_enters(order: list[int], expected: int) -> 
     growth = grown(np.array([*corners, [10, 5, 0.3], [11, 5, 0.3], [12, 5, 0.2]]), through=range(4))
     chosen = growth.look(np.array(order), FINE, QUIET)
     np.testing.assert_array_equal(growth.best[chosen], [expected])
+
+
+def square(*heights: float, thresholds: Any = "median") -> Growth:
+    """A level square of two facets, and waiting points of these heights around one corner."""
+    corners = np.array([[0, 0, 0], [40, 0, 0], [0, 40, 0], [40, 40, 0]])
+    turn = np.linspace(0.3, 0.6, len(heights))
+    points = np.column_stack([10 * np.cos(turn), 10 * np.sin(turn), heights])
+    growth = Growth(np.vstack([corners, points]), 1.0, thresholds)
+    growth.start(np.arange(4), QUIET)
+    return growth
+
+
+@pytest.mark.parametrize(
+    ("angle", "distance", "expected"),
+    [
+        (10.0, 1.5, (np.degrees(np.arctan(0.03)), 0.3)),
+        (10.0, 0.2, (np.degrees(np.arctan(0.03)), 0.2)),  # the settings are upper limits
+        (1.0, 1.5, (1.0, 0.3)),
+    ],
+)
+def test_limits_are_medians_of_the_points_above_the_surface(
+    angle: float, distance: float, expected: tuple[float, float]
+) -> None:
+    growth = square(0.1, -5.0, 0.3, 4.0, -0.2)
+    limits = FINE._replace(angle=angle, distance=distance)
+    found = growth.lowered(limits, np.arange(4, 9), QUIET)
+    np.testing.assert_allclose((found.angle, found.distance), expected)
+    assert found._replace(angle=angle, distance=distance) == limits
+    assert growth.lowered(limits, np.array([5, 8]), QUIET) == limits, "none is above"
+
+
+@pytest.mark.parametrize(("thresholds", "enters"), [("facets", True), ("median", False)])
+def test_what_is_high_beside_many_low_points_enters_only_by_the_limits_of_facets(
+    thresholds: str, enters: bool
+) -> None:
+    """Until the low ones have entered: then it is the usual height."""
+    growth = square(0.1, 0.1, 0.1, 0.1, 0.6, thresholds=thresholds)
+    growth.grow(np.array([8]), FINE._replace(distance=0.5), QUIET)
+    assert not growth.entered[8], "beyond the upper limit"
+    waiting = growth.all_waiting(np.arange(4, 8))
+    np.testing.assert_array_equal(np.sort(waiting), np.arange(4, 9))
+    limits = growth.lowered(FINE, waiting, QUIET) if thresholds == "median" else FINE
+    growth.look(waiting, limits, QUIET)
+    growth.best[:] = -1
+    assert (len(growth.look(np.array([8]), limits, QUIET)) == 1) == enters
+
+
+def test_points_that_have_failed_are_looked_at_again_when_medians_rise() -> None:
+    """Also on facets that have not changed."""
+    growth = square(0.1, 0.1, 0.1)
+    far = np.array([[30.0, 35.0, 0.9]])
+    growth = Growth(np.vstack([growth.xy[:4] @ np.eye(2, 3), [[1, 1, 1]]]), 1.0, "median")
+    assert far is not None
 
 
 @pytest.mark.parametrize(

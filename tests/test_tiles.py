@@ -23,10 +23,10 @@ from pyproj import CRS
 
 import toolbox
 from toolbox import PointCloud, Raster
+from toolbox.cluster import cluster
 from toolbox.context import Context
 from toolbox.data import Lattice
 from toolbox.errors import Cancelled, DataError, ParameterError
-from toolbox.tiles import cluster
 from toolbox.tiling import Tiling
 
 GIB = 2**30

@@ -15,15 +15,12 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-import logging
 import math
 import operator
-import os
 import shutil
-import signal
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -36,6 +33,7 @@ from pyproj import CRS
 from toolbox import files, tile_products, tile_store, tile_work
 from toolbox.cache import code_of
 from toolbox.catalog import MODEL
+from toolbox.cluster import client_of, memory_of
 from toolbox.context import Context, log
 from toolbox.data import Survey
 from toolbox.data.survey import SurveyFile
@@ -55,19 +53,10 @@ from toolbox.values import Share
 BATCH = 2_000_000  # points that are read and sorted at a time
 BYTES_PER_POINT = 400  # that the hungriest tools need for a tile with its neighbours
 SLACK, NEAR = 1 + 1e-9, 1e-6  # of the halo, and metres: what lies on its edge is not lost
-SHARE = 0.8  # of the memory that all workers together may use
-CONNECT = 10  # seconds
 SMALLEST, MOST_TILES = 0.1, 10**6  # metres; more are taken for a mistake in the size
 RIM = 40.0  # metres that a raster may reach beyond all points: whole blocks of its cells
 LISTED = 10  # problems and warnings that are spelt out
 STORED, DONE = 0.1, 0.9  # of the progress, when all points are stored, and when all tiles are done
-WARNINGS = "PYTHONWARNINGS"
-DASK = {
-    "distributed.scheduler.allowed-failures": 1,
-    "distributed.scheduler.worker-ttl": None,
-    "distributed.worker.memory.spill": False,
-    "distributed.comm.timeouts.connect": "10s",
-}
 
 
 def run(
@@ -133,7 +122,7 @@ def run(
     _check_products(spec.id, products, surveys, overwrite=overwrite)
     with (
         _working_folder(job, plan, record, targets, resume=resume) as work,
-        _client(tiling) as client,
+        client_of(tiling) as client,
     ):
         tile_store.save_object(work / "job", job)
         crew = _Crew(client, spec.id, work, job)
@@ -308,16 +297,9 @@ def suitable_size(survey: Survey, halo: float, tiling: Tiling) -> float:
     """
     boxes = np.reshape([file.bounds for file in survey.files if file.count], (-1, 2, 3))
     area = float(np.prod(boxes[:, 1, :2] - boxes[:, 0, :2], axis=1).sum()) / survey.metre**2
-    side = math.sqrt(_memory(tiling) / BYTES_PER_POINT * area / survey.count) - 2 * halo
+    side = math.sqrt(memory_of(tiling) / BYTES_PER_POINT * area / survey.count) - 2 * halo
     side = min(side, math.sqrt(area / (2 * tiling.workers)))
     return max(float(round(side, -1)), 50.0, float(round(halo / 2, -1)))
-
-
-def _memory(tiling: Tiling) -> int:
-    """Bytes that a worker may use: most of what this computer or container has, unless said."""
-    from distributed.system import MEMORY_LIMIT
-
-    return tiling.memory or int(SHARE * MEMORY_LIMIT / tiling.workers)
 
 
 @contextmanager
@@ -376,88 +358,6 @@ def _outline(spec: Spec) -> Any:
         return spec.id
     steps = spec.steps.values()
     return [[s.name, _outline(s.spec), s.settings, s.wires, s.when, s.repeat] for s in steps]
-
-
-@contextmanager
-def cluster(workers: int, memory: int) -> Iterator[str]:
-    """Processes of our own that wait for work; gives the address of their scheduler.
-
-    Parameters
-    ----------
-    memory : bytes that each may use
-    """
-    import dask
-    from distributed import LocalCluster
-
-    threads = max(1, (os.cpu_count() or 1) // workers)  # of kernels, so that all cores are busy
-    with ExitStack() as stack:
-        stack.enter_context(dask.config.set(DASK))
-        folder = stack.enter_context(files.scratch())
-        with _deaf_children(), _starting():
-            made = stack.enter_context(
-                LocalCluster(  # type: ignore[no-untyped-call]
-                    n_workers=workers,
-                    threads_per_worker=1,
-                    memory_limit=memory,
-                    dashboard_address=None,
-                    scheduler_kwargs={"dashboard_address": ":0"},  # of a server there is anyway
-                    local_directory=folder,
-                    env={"NUMBA_NUM_THREADS": str(threads)},
-                    silence_logs=logging.CRITICAL,
-                )
-            )
-        yield str(made.scheduler_address)
-
-
-@contextmanager
-def _client(tiling: Tiling) -> Iterator[Any]:
-    """Who gives work to processes of our own, or to those of the user's scheduler."""
-    from distributed import Client
-
-    with ExitStack() as stack:
-        address = tiling.scheduler
-        if address is None:
-            address = stack.enter_context(cluster(tiling.workers, _memory(tiling)))
-        try:
-            client = Client(address, timeout=CONNECT)  # type: ignore[no-untyped-call]
-        except (OSError, ValueError) as err:
-            text = f"cannot reach a Dask scheduler at {address}: {err}"
-            raise ParameterError("run", {"scheduler": text}) from None
-        yield stack.enter_context(client)
-
-
-@contextmanager
-def _starting() -> Iterator[None]:
-    """Tell a user, and not of a mistake in the toolbox, if processes die while they start."""
-    try:
-        yield
-    except RuntimeError as err:
-        raise DataError(f"the workers cannot be started: {err}") from err
-
-
-@contextmanager
-def _deaf_children() -> Iterator[None]:
-    """Let processes that are started here not hear Ctrl-C, which a terminal sends to all.
-
-    It is for us to stop them. They inherit the mask of signals of the thread that starts them.
-    The process of Python that looks after semaphores is started here too, told not to complain of
-    those that it clears away after a hard exit.
-    """
-    from multiprocessing import resource_tracker
-
-    before = {name: value for name, value in os.environ.items() if name == WARNINGS}
-    os.environ[WARNINGS] = "ignore:resource_tracker"
-    resource_tracker.ensure_running()  # first, for it lets the signal through again
-    del os.environ[WARNINGS]
-    os.environ.update(before)
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 @dataclass(frozen=True)

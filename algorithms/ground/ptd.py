@@ -88,8 +88,7 @@ class GroundPtd:
         "Greatest distance of a new point from its facet", default=1.5, unit="m", gt=0
     )
     thresholds: Thresholds = param(
-        "What narrows these limits: facets, by their size (`reduce_angle_below`), or in each "
-        "round the median angle and distance of the points above the surface",
+        "What lowers these limits: small facets, or medians of points above the surface, by rounds",
         default="facets",
     )
     reduce_angle_below: float = param(

@@ -130,7 +130,7 @@ def test_low_outliers_do_not_pull_the_surface_down() -> None:
 
 @pytest.mark.parametrize("thresholds", ["facets", "median"])
 def test_order_duplicates_and_equal_heights_do_not_matter(thresholds: str) -> None:
-    xyz = np.concatenate([town()[0], rough() + [200, 0, 0]])
+    xyz = np.concatenate([town()[0], rough() + np.array([200, 0, 0])])
     xyz = np.concatenate([xyz, xyz[:500]])
     xyz[:, 2] = xyz[:, 2].round(1)
     order = np.random.default_rng(3).permutation(len(xyz))
@@ -458,14 +458,12 @@ def test_of_a_facet_the_lowest_point_enters(order: list[int], expected: int) -> 
     np.testing.assert_array_equal(growth.best[chosen], [expected])
 
 
-def square(*heights: float, thresholds: Any = "median") -> Growth:
-    """A level square of two facets, and waiting points of these heights around one corner."""
+def square(*heights: float) -> Growth:
+    """A level square of two facets, and points of these heights around one of its corners."""
     corners = np.array([[0, 0, 0], [40, 0, 0], [0, 40, 0], [40, 40, 0]])
     turn = np.linspace(0.3, 0.6, len(heights))
     points = np.column_stack([10 * np.cos(turn), 10 * np.sin(turn), heights])
-    growth = Growth(np.vstack([corners, points]), 1.0, thresholds)
-    growth.start(np.arange(4), QUIET)
-    return growth
+    return grown(np.vstack([corners, points]), through=range(4))
 
 
 @pytest.mark.parametrize(
@@ -476,7 +474,7 @@ def square(*heights: float, thresholds: Any = "median") -> Growth:
         (1.0, 1.5, (1.0, 0.3)),
     ],
 )
-def test_limits_are_medians_of_the_points_above_the_surface(
+def test_limits_are_lowered_to_medians_of_the_points_above_the_surface(
     angle: float, distance: float, expected: tuple[float, float]
 ) -> None:
     growth = square(0.1, -5.0, 0.3, 4.0, -0.2)
@@ -484,31 +482,33 @@ def test_limits_are_medians_of_the_points_above_the_surface(
     found = growth.lowered(limits, np.arange(4, 9), QUIET)
     np.testing.assert_allclose((found.angle, found.distance), expected)
     assert found._replace(angle=angle, distance=distance) == limits
-    assert growth.lowered(limits, np.array([5, 8]), QUIET) == limits, "none is above"
+    assert growth.lowered(limits, np.array([5, 8]), QUIET) == limits  # none is above
 
 
-@pytest.mark.parametrize(("thresholds", "enters"), [("facets", True), ("median", False)])
-def test_what_is_high_beside_many_low_points_enters_only_by_the_limits_of_facets(
-    thresholds: str, enters: bool
-) -> None:
-    """Until the low ones have entered: then it is the usual height."""
-    growth = square(0.1, 0.1, 0.1, 0.1, 0.6, thresholds=thresholds)
-    growth.grow(np.array([8]), FINE._replace(distance=0.5), QUIET)
-    assert not growth.entered[8], "beyond the upper limit"
-    waiting = growth.all_waiting(np.arange(4, 8))
-    np.testing.assert_array_equal(np.sort(waiting), np.arange(4, 9))
-    limits = growth.lowered(FINE, waiting, QUIET) if thresholds == "median" else FINE
-    growth.look(waiting, limits, QUIET)
-    growth.best[:] = -1
-    assert (len(growth.look(np.array([8]), limits, QUIET)) == 1) == enters
+def test_a_high_point_among_low_ones_keeps_the_settings_but_not_the_medians() -> None:
+    heights = (0.1, 0.1, 0.1, 0.1, 0.6)
+    medians = square(*heights).lowered(FINE, np.arange(4, 9), QUIET)
+    for limits, expected in ((FINE, [8]), (medians, [])):
+        growth = square(*heights)
+        chosen = growth.look(np.array([8]), limits, QUIET)
+        np.testing.assert_array_equal(growth.best[chosen], expected)
 
 
-def test_points_that_have_failed_are_looked_at_again_when_medians_rise() -> None:
-    """Also on facets that have not changed."""
-    growth = square(0.1, 0.1, 0.1)
-    far = np.array([[30.0, 35.0, 0.9]])
-    growth = Growth(np.vstack([growth.xy[:4] @ np.eye(2, 3), [[1, 1, 1]]]), 1.0, "median")
-    assert far is not None
+def test_points_are_looked_at_again_when_medians_rise() -> None:
+    """Also on facets that no new vertex has changed: that of the high point, far from the rest."""
+    corners = [[x, y, 0] for x in (0, 40, 200, 240) for y in (0, 40)]
+    low = [[225, 20, 0.1], [235, 20, 0.1], [220, 5, 0.1]]
+    growth = Growth(np.array([*corners, *low, [5, 20, 0.9]]), 1.0, "median")
+    growth.start(np.arange(8), QUIET)
+    assert growth.lowered(FINE, np.arange(8, 12), QUIET).distance == pytest.approx(0.1)
+    growth.grow(np.arange(8, 12), FINE, QUIET)
+    assert growth.entered.all()
+
+
+def test_medians_take_the_place_of_the_rule_for_short_facets() -> None:
+    xyz = rough()
+    expected = labels(xyz, thresholds="median", reduce_angle_below=0.0)
+    np.testing.assert_array_equal(labels(xyz, thresholds="median"), expected)
 
 
 @pytest.mark.parametrize(

@@ -80,6 +80,10 @@ class Field:
         """The single values in value."""
         return value if self.many and isinstance(value, tuple) else (value,)
 
+    def given(self, value: Any) -> list[Any]:
+        """The layers in the raw value of a source; a list for one layer names its files."""
+        return list(value) if self.many and isinstance(value, list | tuple) else [value]
+
     def _item_problem(self, value: Any) -> str | None:
         if any(value == choice and type(value) is type(choice) for choice in self.choices):
             return None

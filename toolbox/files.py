@@ -11,8 +11,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-import psutil
-
 Parts = Callable[[Path], tuple[Path, ...]]  # all files that belong to a path, itself included
 
 PREFIX = ".unfinished-"
@@ -112,6 +110,8 @@ def staged(targets: Mapping[Path, Parts], *, overwrite: bool) -> Iterator[dict[P
     """
     folders: dict[Path, Path] = {}
     try:
+        for parent in {target.parent for target in targets}:
+            _sweep(parent)
         for target in targets:
             folders[target] = _new_folder(target.parent)
         yield {target: folder / target.name for target, folder in folders.items()}
@@ -125,7 +125,9 @@ def staged(targets: Mapping[Path, Parts], *, overwrite: bool) -> Iterator[dict[P
 @contextmanager
 def scratch() -> Iterator[Path]:
     """A folder for temporary files, which is gone afterwards, also after a hard exit."""
-    folder = _new_folder(Path(tempfile.gettempdir()))
+    parent = Path(tempfile.gettempdir())
+    _sweep(parent)
+    folder = _new_folder(parent)
     try:
         yield folder
     finally:
@@ -134,7 +136,6 @@ def scratch() -> Iterator[Path]:
 
 def _new_folder(parent: Path) -> Path:
     """A hidden folder that tells whose it is, so that one left by a crash can be told from it."""
-    _sweep(parent)
     owner = f"{PREFIX}{platform.node()}-{os.getpid()}-"
     folder = Path(tempfile.mkdtemp(prefix=owner, dir=parent))
     _unfinished.add(folder)
@@ -143,6 +144,8 @@ def _new_folder(parent: Path) -> Path:
 
 def _sweep(parent: Path) -> None:
     """Remove what processes of this computer have left that were killed."""
+    import psutil
+
     own = f"{PREFIX}{platform.node()}-"
     for folder in parent.glob(f"{own}*"):
         process = folder.name.removeprefix(own).partition("-")[0]

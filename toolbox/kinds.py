@@ -53,6 +53,16 @@ class Kind:
     parts: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
     several: bool = False
 
+    def files(self, place: Any) -> list[Path]:
+        """The files that a place of :func:`located` names.
+
+        Raises
+        ------
+        DataError, TypeError
+            It names none.
+        """
+        return files_of(place) if self.several else [Path(place)]
+
     @property
     def is_layer(self) -> bool:
         """Whether it lives in files."""

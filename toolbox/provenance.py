@@ -27,7 +27,6 @@ from toolbox import __version__
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Raster, Survey, Table, Vector
 from toolbox.data.crs import crs_text
-from toolbox.data.places import files_of
 from toolbox.data.record import MEMBER, read_record
 from toolbox.errors import DataError
 from toolbox.fields import Field, Spec
@@ -273,7 +272,7 @@ def describe_inputs(
         Files cannot be read: all of them, by source.
     """
     given = [(name, field) for name, field in spec.sources.items() if sources.get(name) is not None]
-    layers = [(n, field, item) for n, field in given for item in _items(field, sources[n])]
+    layers = [(n, field, item) for n, field in given for item in field.given(sources[n])]
     inputs: dict[str, tuple[Input, ...]] = {name: () for name, _ in given}
     files: dict[Path, str] = {}
     problems: dict[str, str] = {}
@@ -386,18 +385,13 @@ def _dumps(value: Any) -> str:
     return json.dumps(value, separators=(",", ":"))
 
 
-def _items(field: Field, value: Any) -> list[Any]:
-    """The single layers that a source was given; a list for one layer names its files."""
-    return list(value) if field.many and isinstance(value, list | tuple) else [value]
-
-
 def _inputs(field: Field, item: Any, files: dict[Path, str], ctx: Context) -> Iterator[Input]:
     """One layer: its files, each once; `files` collects their hashes."""
     if field.kind.accepts(item):
         yield Input(IN_MEMORY, _content(item), None)
         return
     place, how = located(item)
-    paths = files_of(place) if field.kind.several else [Path(place)]
+    paths = field.kind.files(place)
     options = _plain(parsed_options(how, field.kind.open_options))
     if len(paths) > MANY:
         yield _described(paths, options, files, ctx)

@@ -10,7 +10,7 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import describe_crs, same_crs
-from toolbox.data.places import files_of, missing
+from toolbox.data.places import missing
 from toolbox.errors import DataError
 from toolbox.fields import Field, Spec
 from toolbox.kinds import Kind, located, parsed_options
@@ -19,25 +19,20 @@ from toolbox.kinds import Kind, located, parsed_options
 def paths(field: Field, value: Any) -> list[Path]:
     """The files that the raw value of a source names."""
     found: list[Path] = []
-    for item in _items(field, value):
+    for item in field.given(value):
         try:
             place, _ = located(item)
-            found += files_of(place) if field.kind.several else [Path(place)]
+            found += field.kind.files(place)
         except (ValueError, TypeError, OSError):
             continue  # a layer, or a mistake that is reported elsewhere
     return found
-
-
-def _items(field: Field, value: Any) -> list[Any]:
-    """What is opened for a source, one layer each."""
-    return list(value) if field.many and isinstance(value, list | tuple) else [value]
 
 
 def problem(field: Field, value: Any) -> str | None:
     """What is wrong with the raw value of a source, before anything is opened."""
     if value is None and field.optional:
         return None
-    items = _items(field, value)
+    items = field.given(value)
     if not items:
         return f"takes at least one {field.kind.word}, got 0"
     return next(filter(None, (_item_problem(field.kind, item) for item in items)), None)
@@ -90,7 +85,7 @@ def absolute(field: Field, value: Any) -> Any:
         made = [str(Path(path).absolute()) for path in places]
         return {"path": made if isinstance(place, list) else made[0], **options}
 
-    items = [of(item) for item in _items(field, value)]
+    items = [of(item) for item in field.given(value)]
     return items if field.many else items[0]
 
 
@@ -112,7 +107,7 @@ def _openable(field: Field, value: Any, how: Mapping[str, Any]) -> Any:
         place, options = located(item)
         return {"path": place, **options, **how}
 
-    made = tuple(map(openable, _items(field, value)))
+    made = tuple(map(openable, field.given(value)))
     return made if field.many else made[0]
 
 

@@ -152,7 +152,7 @@ def surveys_of(
         if not field.kind.several or value is None:
             continue
         try:
-            found[name] = _survey(name, value, field.many, assume_crs, ctx)
+            found[name] = _survey(value, field.many, assume_crs, ctx)
         except DataError as err:
             problems[name] = str(err)
     for name, survey in found.items():
@@ -169,7 +169,7 @@ def surveys_of(
     return found
 
 
-def _survey(name: str, value: Any, many: bool, assume_crs: CRS | None, ctx: Context) -> Survey:
+def _survey(value: Any, many: bool, assume_crs: CRS | None, ctx: Context) -> Survey:
     if many or isinstance(value, PointCloud):
         raise DataError("is no survey in files; run the tool without tiles")
     places, options = located(value)

@@ -187,7 +187,7 @@ class Mosaic:
         self._shells: list[Raster] = [tile_store.load_object(p / "layer") for p in places]
         self._values = [tile_store.load_arrays(place)["values"] for place in places]
         parts = [
-            Lattice(*_corner(shell), *values.shape[1:])
+            dataclasses.replace(Lattice.of(shell), rows=values.shape[1], cols=values.shape[2])
             for shell, values in zip(self._shells, self._values, strict=True)
         ]
         self.lattice = Lattice.union(parts)
@@ -207,8 +207,3 @@ class Mosaic:
                     part = values[:, first - row : last - row]
                     strip[:, first - top : last - top, col : col + values.shape[2]] = part
             yield strip
-
-
-def _corner(raster: Raster) -> tuple[float, float, float]:
-    """West, north and size of a cell."""
-    return raster.transform.c, raster.transform.f, raster.cell

@@ -131,17 +131,15 @@ def gather(
     """
     low, high = grid.buckets(np.reshape(bounds, (2, 2)))
     clouds: list[PointCloud] = []
-    origins: list[Indices] = []
+    origins: list[Any] = []
     for batch in parts:
         arrays = load_arrays(folder / batch.name)
         for rows in _runs(arrays.pop("table"), low, high):
             part = {name: np.array(values[rows]) for name, values in arrays.items()}
             origin = part.pop("origin")
-            cloud = survey.template.with_arrays(part)
-            x, y = cloud.xyz[:, 0], cloud.xyz[:, 1]
-            near = (x >= bounds[0]) & (x <= bounds[2]) & (y >= bounds[1]) & (y <= bounds[3])
-            clouds.append(cloud.select(near))
-            origins.append(origin[near])
+            cloud = survey.template.with_arrays(part).with_origin(origin).within(bounds)
+            clouds.append(cloud)
+            origins.append(cloud.origin)
     joint = survey.template.filled(clouds, sum(map(len, clouds)))
     origin = np.concatenate([*origins, np.empty(0, np.int64)])
     order = np.argsort(origin)

@@ -10,7 +10,7 @@ import logging
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -79,16 +79,13 @@ class Result:
     values : numbers, by step.output
     counts : how large the layers of each step were, without what is only near the tile
     said : warnings
-    points : in the tile, without its neighbours
     memory : bytes that the worker had needed at most, so far
     """
 
-    tile: Tile
-    values: Mapping[str, Any] = field(default_factory=dict)
-    counts: tuple[Count, ...] = ()
-    said: tuple[str, ...] = ()
-    points: int = 0
-    memory: int = 0
+    values: Mapping[str, Any]
+    counts: tuple[Count, ...]
+    said: tuple[str, ...]
+    memory: int
 
 
 @lru_cache(maxsize=2)
@@ -122,8 +119,7 @@ def run_tile(work: Path, tile: Tile, batches: tuple[Batch, ...]) -> Result:
         numbers = {name: v for name, v in results.items() if isinstance(v, float | int)}
         for name in results.keys() - numbers.keys():
             _store(draft / name, _cropped(job, tile, results[name]), las=name in job.las)
-        points = int(clouds[job.first].core.sum())
-        made = Result(tile, numbers, tuple(counts), tuple(said), points, _peak())
+        made = Result(numbers, tuple(counts), tuple(said), _peak())
         tile_store.save_object(draft / "result", made)
     return made
 

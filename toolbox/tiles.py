@@ -36,7 +36,6 @@ from toolbox.catalog import MODEL
 from toolbox.cluster import client_of, memory_of
 from toolbox.context import Context, log
 from toolbox.data import Survey
-from toolbox.data.survey import SurveyFile
 from toolbox.errors import DataError, ParameterError, ToolboxError
 from toolbox.fields import Spec
 from toolbox.model import INPUTS, Model, Run, resolved
@@ -100,8 +99,8 @@ def run(
     settings = {n: v for n, v in (defaults | dict(settings)).items() if n not in spec.sources}
     plan = Plan.of(as_model(spec), settings, targets)
     surveys = surveys_of(spec, sources, assume_crs, ctx)
-    metre = next(iter(surveys.values())).metre
-    size = tiling.size or suitable_size(next(iter(surveys.values())), plan.halo, tiling)
+    survey = next(iter(surveys.values()))  # the one whose tiles are run
+    metre, size = survey.metre, tiling.size or suitable_size(survey, plan.halo, tiling)
     if size < (least := max(plan.halo / 20, SMALLEST)):
         raise ParameterError(spec.id, {"tile": f"must be at least {least:g} m here, got {size:g}"})
     log.info("tiles of %g m, each with %g m of its neighbourhood", size, plan.halo)
@@ -118,7 +117,7 @@ def run(
         plan.halo * metre * SLACK + NEAR * metre,
         Grid(size * metre),
     )
-    products = _products(plan, targets, surveys[job.first])
+    products = _products(plan, targets, survey)
     _check_products(spec.id, products, surveys, overwrite=overwrite)
     with (
         _working_folder(job, plan, record, targets, resume=resume) as work,
@@ -219,12 +218,9 @@ def _finish(
     ctx: Context,
 ) -> dict[str, Any]:
     """Write all products, or after failures the files of folders that are complete."""
-    if crew.failed or crew.unreadable:
-        bad = {file.path.name for file in crew.incomplete()}
-        survey = crew.job.surveys[crew.job.first]
-        products = [
-            p for p in products if p.file is not None and survey.files[p.file].path.name not in bad
-        ]
+    if crew.failures:
+        complete = crew.complete()
+        products = [product for product in products if product.file in complete]
     found = {n: resolved(wire, sums.numbers) for n, wire in plan.model.returns.items()}
     found = {n: v for n, v in found.items() if not plan.model.outputs[n].kind.is_layer}
     if lost := [n for n, value in found.items() if value is None and n in plan.stored]:
@@ -232,7 +228,7 @@ def _finish(
         found = {n: value for n, value in found.items() if n not in lost}
     counts = list(sums.counts)
     asked = frozenset(targets.keys() & plan.model.between.keys() - plan.stored.keys())
-    if plan.rest and not (crew.failed or crew.unreadable):
+    if plan.rest and not crew.failures:
         found |= crew.rest(plan, asked, sums.numbers, counts, ctx.part(0, 0.5))
     made = record and replace(record, counts=tuple(plan.ordered(counts)))
     others = {n: target for n, target in targets.items() if n in found}
@@ -407,14 +403,13 @@ class _Crew:
         ----------
         rim : how far beyond the points a result may reach
         """
-        unreadable = self.unreadable
         batches: list[Batch] = []
         for source, survey in self.job.surveys.items():
             for number, file in enumerate(survey.files):
                 try:
                     batches += tile_store.batches(source, survey, number, BATCH)
                 except DataError as err:
-                    unreadable[file.path] = str(err)
+                    self.unreadable[file.path] = str(err)
         tables = self.all(tile_work.split, [(batch,) for batch in batches], ctx)
         reach = math.ceil(self.job.halo * SIDE / self.job.grid.size)
         near: dict[Tile, list[Batch]] = {}
@@ -422,7 +417,7 @@ class _Crew:
         for batch, table in zip(batches, tables, strict=True):
             if isinstance(table, _Failed):
                 path = self.job.surveys[batch.source].files[batch.file].path
-                unreadable[path] = table.why
+                self.unreadable[path] = table.why
                 continue
             for tile in _tiles(table, reach):
                 near.setdefault(tile, []).append(batch)
@@ -518,16 +513,21 @@ class _Crew:
         names = [name for name in (*part.outputs, *asked) if name not in plan.stored]
         return {name: getattr(result, name) for name in names}
 
-    def incomplete(self) -> list[SurveyFile]:
-        """The files of the survey with points in tiles that have failed."""
-        files = self.job.surveys[self.job.first].files
+    @property
+    def failures(self) -> bool:
+        """Whether anything has gone wrong."""
+        return bool(self.failed or self.unreadable)
+
+    def complete(self) -> set[int]:
+        """The numbers of the files of the survey without points in tiles that have failed."""
+        files = enumerate(self.job.surveys[self.job.first].files)
         boxes = [self.job.grid.bounds(tile) for tile in self.failed]
         lost = self.unreadable
-        return [file for file in files if file.path in lost or any(map(file.touches, boxes))]
+        return {n for n, f in files if f.path not in lost and not any(map(f.touches, boxes))}
 
     def report(self) -> None:
         """Raise an error that tells what has failed, and where."""
-        if not self.failed and not self.unreadable:
+        if not self.failures:
             return
         where: dict[str, list[Tile]] = {}
         for tile in sorted(self.failed):

@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 from algorithms.shared.delaunay import triangulate
 from algorithms.shared.ground import is_withheld
 from algorithms.shared.lowest import require_finite
-from algorithms.surface.grid import averaged
+from algorithms.shared.places import averaged
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.data.crs import vertical_unit

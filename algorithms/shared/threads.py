@@ -12,7 +12,7 @@ from toolbox.context import QUIET, Context
 
 
 def side_by_side(
-    kernel: Callable[..., None],
+    kernel: Callable[..., object],
     runs: Sequence[tuple[int, int]],
     *arguments: Any,
     ctx: Context = QUIET,
@@ -35,3 +35,12 @@ def side_by_side(
             ctx.progress((done + 1) / len(runs))
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def in_blocks(
+    work: Callable[[int, int], object], total: int, length: int, ctx: Context = QUIET
+) -> None:
+    """Call work(first, last) side by side for runs of `length` out of `total` items."""
+    length = max(1, length)
+    runs = [(first, min(first + length, total)) for first in range(0, total, length)]
+    side_by_side(work, runs, ctx=ctx)

@@ -8,7 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from algorithms.surface._samples import in_blocks
+from algorithms.shared.sorting import sort_few
+from algorithms.shared.threads import in_blocks
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
 
@@ -110,13 +111,8 @@ def _summarise(values, starts, first, last, kind, share, surface):  # type: igno
 def _sort(values):  # type: ignore[no-untyped-def]
     if len(values) > 32:
         values.sort()
-        return
-    for i in range(1, len(values)):
-        value, j = values[i], i
-        while j > 0 and values[j - 1] > value:
-            values[j] = values[j - 1]
-            j -= 1
-        values[j] = value
+    else:
+        sort_few(values)
 
 
 @njit(cache=True, nogil=True)

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 
 from algorithms.shared._delaunay_kernels import orient
 from algorithms.shared.delaunay import Mesh, triangulate
-from algorithms.surface._samples import in_blocks
+from algorithms.shared.threads import in_blocks
 from toolbox.context import QUIET, Context
 from toolbox.errors import DataError
 

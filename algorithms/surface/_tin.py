@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared.delaunay import Mesh
+from algorithms.shared.threads import in_blocks
 from algorithms.surface import _tin_kernels as kernels
-from algorithms.surface._samples import in_blocks
 from algorithms.surface._strips import triangulate_sorted
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice

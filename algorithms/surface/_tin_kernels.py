@@ -23,6 +23,7 @@ import numpy as np
 from numba import njit
 
 from algorithms.shared._delaunay_kernels import in_circle, orient
+from algorithms.shared.sorting import sort_few
 
 CLOSE = 1e-6  # cells: what rounding may move; candidates this close are put to the exact test
 
@@ -334,18 +335,8 @@ def edges(xy, triangles, neighbours, limit, starts):  # type: ignore[no-untyped-
                     ends[free[b]] = a
                     free[b] += 1
     for i in range(len(xy)):
-        _sort_few(ends[starts[i] : starts[i + 1]])
+        sort_few(ends[starts[i] : starts[i + 1]])
     return ends
-
-
-@njit(cache=True, nogil=True)
-def _sort_few(numbers):  # type: ignore[no-untyped-def]
-    for i in range(1, len(numbers)):
-        number, j = numbers[i], i
-        while j > 0 and numbers[j - 1] > number:
-            numbers[j] = numbers[j - 1]
-            j -= 1
-        numbers[j] = number
 
 
 @njit(cache=True, nogil=True)

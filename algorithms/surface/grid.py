@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.points.filter import Returns, return_mask
+from algorithms.shared.places import averaged
 from algorithms.surface import _near as near
 from algorithms.surface import _outlines as shapes
-from algorithms.surface._samples import averaged
 from algorithms.surface._statistics import Statistic, per_cell
 from algorithms.surface._tin import STEPS, Tin
 from toolbox.context import QUIET, Context, log
@@ -41,9 +41,6 @@ STATISTICS = get_args(Statistic)
 TRIANGLES = ("linear", "natural", "cubic")
 ROUNDING = 1e-6  # share by which a reach is widened; more than what rounding can move
 PIECE = 0.5  # cells: the longest piece of a breakline
-
-
-__all__ = ["Method", "SurfaceGrid", "averaged", "grid"]
 
 
 @tool("surface.grid")

@@ -19,8 +19,9 @@ from scipy.interpolate import CloughTocher2DInterpolator, LinearNDInterpolator
 from scipy.spatial import Delaunay, Voronoi, cKDTree
 
 from algorithms.shared.delaunay import triangulate
+from algorithms.shared.places import averaged
 from algorithms.surface import _strips
-from algorithms.surface.grid import Method, SurfaceGrid, averaged, grid
+from algorithms.surface.grid import Method, SurfaceGrid, grid
 from toolbox.context import Context
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.errors import Cancelled, DataError, ParameterError

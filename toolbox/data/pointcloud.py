@@ -120,7 +120,7 @@ class PointCloud:
         except OSError as error:
             raise DataError(f"{file} cannot be read: {error.strerror or error}") from error
         cloud.crs = assume_crs if cloud.crs is None else cloud.crs
-        return cloud if bounds is None else cloud._within(bounds)
+        return cloud if bounds is None else cloud.within(bounds)
 
     @classmethod
     def _read(
@@ -376,7 +376,8 @@ class PointCloud:
         cloud._origin = None if self._origin is None else _frozen(self._origin[index])
         return cloud
 
-    def _within(self, bounds: Sequence[float]) -> PointCloud:
+    def within(self, bounds: Sequence[float]) -> PointCloud:
+        """The points within (xmin, ymin, xmax, ymax), or on the edge."""
         x, y = self.xyz[:, 0], self.xyz[:, 1]
         inside = (x >= bounds[0]) & (x <= bounds[2]) & (y >= bounds[1]) & (y <= bounds[3])
         return self if inside.all() else self.select(inside)

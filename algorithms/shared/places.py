@@ -1,12 +1,9 @@
-"""Points as the surfaces take them: each place once, in the order of x, then y."""
+"""Points as surfaces take them: each place once, in the order of x, then y."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
-from numba import get_num_threads, njit
+from numba import njit
 from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context, log
@@ -65,27 +62,3 @@ def _sort(y, values):  # type: ignore[no-untyped-def]
                 j -= gap
             y[j], values[j] = key, value
         gap //= 3
-
-
-def in_blocks(
-    work: Callable[[int, int], object], total: int, length: int, ctx: Context = QUIET
-) -> None:
-    """Call work(first, last) for runs of `total` items, in as many threads as numba may use.
-
-    The work must release the GIL to gain from it, and no two runs may write to the same place.
-    """
-    length = max(1, length)
-    runs = [(first, min(first + length, total)) for first in range(0, total, length)]
-    for done, _ in enumerate(_in_threads(work, runs), start=1):
-        ctx.progress(done / len(runs))
-
-
-def _in_threads(
-    work: Callable[[int, int], object], runs: list[tuple[int, int]]
-) -> Iterator[object]:
-    threads = min(get_num_threads(), len(runs))
-    if threads <= 1:
-        yield from (work(*run) for run in runs)
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        yield from pool.map(lambda run: work(*run), runs)

@@ -498,3 +498,33 @@ def test_side_cars_of_others_are_not_replaced(folder: Path) -> None:
     for run in range(2):
         toolbox.run("points.info", values, overwrite=bool(run))
     assert record_of(folder / "b.csv").tool == "points.info"
+
+
+@pytest.mark.slow
+def test_several_outputs_in_one_geopackage(folder: Path) -> None:
+    cloud(seed=2).save(folder / "b.laz")
+    values = {"points": folder / "a.laz", "reference": folder / "b.laz", "max_distance": 5.0}
+    place = folder / "all.gpkg"
+    targets = {"table": {"path": place, "layer": "rates"}, "strata": place}
+    written = toolbox.run("compare.classes", {**values, "positive": "2", **targets})
+    assert written["table"] == written["strata"] == place
+    record = read(place)
+    assert record is not None
+    assert (record.output, record.options) == ("table", {"layer": "rates"})
+    assert record.layers == {"strata": {"layer": "strata"}}
+    assert len(Table.open(place, layer="rates")) > 5
+    assert replay(place) == []
+    rows = Table.open(place, layer="strata")
+    Table(rows.frame.assign(points=0)).save(place, layer="strata", add=True)
+    assert [text.partition(":")[0] for text in replay(place)] == ["strata, points"]
+
+
+def test_two_outputs_cannot_be_one_layer(folder: Path) -> None:
+    place = {"path": folder / "all.gpkg", "layer": "rates"}
+    values = {"points": folder / "a.laz", "reference": folder / "a.laz", "positive": "2"}
+    with pytest.raises(ParameterError, match=r"strata: layer RATES of .*all.gpkg is also that of"):
+        toolbox.run(
+            "compare.classes", {**values, "table": place, "strata": {**place, "layer": "RATES"}}
+        )
+    with pytest.raises(ParameterError, match=r"errors: cannot write .gpkg"):
+        toolbox.run("compare.classes", {**values, "table": place, "errors": folder / "all.gpkg"})

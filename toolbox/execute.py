@@ -75,7 +75,7 @@ def run(
     if picture is not None:
         wanted[PICTURE] = picture
     reads = {name: value for name, value in given.items() if name in spec.sources}
-    writes = {name: Target.of(name, value, spec) for name, value in wanted.items()}
+    writes = targets.of_run(wanted, spec)
     settings = _checked(spec, given, writes, tiling, overwrite=overwrite)
     crs = _crs(assume_crs, id)
     record = None

@@ -98,6 +98,7 @@ class Record:
     output, number : which output of the tool the file is, and which layer of several, from 1
     file : of a folder of files, one for each file of a survey: the name of the one it belongs to
     options : how it was written, such as cog
+    layers : other outputs of the run in the same GeoPackage, and how they were written
     parameters : all of them, also those that were left at their defaults, as JSON values
     inputs : by name of the source
     assume_crs : what was assumed for sources that state no CRS, or ""
@@ -117,6 +118,7 @@ class Record:
     number: int | None = None
     file: str = ""
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    layers: Mapping[str, Mapping[str, Any]] = dataclasses.field(default_factory=dict)
     parameters: Mapping[str, Any]
     inputs: Mapping[str, tuple[Input, ...]]
     assume_crs: str = ""
@@ -136,6 +138,7 @@ class Record:
         number: int | None = None,
         *,
         file: str = "",
+        layers: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> Self:
         """The record of one output of the run that this is the record of.
 
@@ -143,11 +146,13 @@ class Record:
         ----------
         layer : that is written; anything without a CRS, such as a picture, has none
         options : values as the layer's `save` takes them
+        layers : the options of other outputs in the same file, by name
         """
         crs = getattr(layer, "crs", None)
         own = {"number": number, "file": file, "options": _plain(options), "crs": crs_text(crs)}
-        leads = self.leads.get(output)
-        counts = (c for c in self.counts if leads is None or _is_among(c, leads))
+        leads = [self.leads.get(name) for name in (output, *(layers or {}))]
+        counts = (c for c in self.counts if any(way is None or _is_among(c, way) for way in leads))
+        own["layers"] = _plain(layers or {})
         return dataclasses.replace(self, output=output, counts=tuple(counts), **own)
 
     def entry(self) -> dict[str, Any]:

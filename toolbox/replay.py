@@ -134,7 +134,7 @@ class _Finder:
 def _check(path: Path, record: Record, tool: str) -> None:
     """Refuse a record that nobody can have made; it might name files to write elsewhere."""
     results = {PICTURE, *catalog.load(tool).results}
-    if record.output not in results or record.parameters.keys() & results:
+    if {record.output, *record.layers} - results or record.parameters.keys() & results:
         raise DataError(f"{path}: its record does not fit {record.tool}")
 
 
@@ -155,8 +155,9 @@ def _made_again(
         return made
     if record.number:  # what it is numbered with is not part of the name that was asked for
         place = place.with_stem(place.stem.removesuffix(f"_{record.number}"))
-    target = {**record.options, "path": place}
-    written = run(tool, {**values, record.output: target}, **how)[record.output]
+    layers = {record.output: record.options, **record.layers}
+    wanted = {name: {**options, "path": place} for name, options in layers.items()}
+    written = run(tool, {**values, **wanted}, **how)[record.output]
     made = written[(record.number or 1) - 1] if isinstance(written, tuple) else written
     return Path(made)
 
@@ -186,8 +187,15 @@ def _differences(path: Path, made: Path, record: Record, tool: str) -> Iterator[
     if record.output == PICTURE:
         yield "the picture differs"
         return
-    kind = _field(tool, record).kind
-    old, new = (kind.parse({"path": place}) for place in (path, made))
+    for name, options in {record.output: record.options, **record.layers}.items():
+        kind = catalog.load(tool).results[name].kind
+        how = {"layer": options["layer"]} if "layer" in options else {}
+        old, new = (kind.parse({"path": place, **how}) for place in (path, made))
+        for text in _differences_of(old, new):
+            yield f"{name}, {text}" if record.layers else text
+
+
+def _differences_of(old: Any, new: Any) -> Iterator[str]:
     if not same_crs(old.crs, new.crs):
         yield f"CRS: {describe_crs(old.crs)}, now {describe_crs(new.crs)}"
     match old:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 from toolbox import files
 from toolbox.context import Context, log
+from toolbox.data import geopackage
 from toolbox.data.places import LAS
 from toolbox.data.record import foreign_side_car
 from toolbox.errors import DataError
@@ -55,6 +57,14 @@ class Target:
             str(path).endswith(("/", os.sep)) or bool(home and home.is_dir())
         )
         return cls(place, home, how, kind.suffixes, kind.save_options, kind.parts, folder)
+
+    @property
+    def layer(self) -> str | None:
+        """The layer of a GeoPackage that it is; None for a file that holds nothing else."""
+        home = self.home
+        if home is None or home.suffix.lower() != geopackage.SUFFIX or "layer" not in self.known:
+            return None
+        return str(self.options.get("layer") or home.stem)
 
     @property
     def how(self) -> dict[str, Any]:
@@ -103,12 +113,31 @@ def _resolved(path: Path) -> Path | None:
         return None
 
 
+def of_run(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Target]:
+    """The targets of a run by output name.
+
+    Several outputs may go to one GeoPackage, as layers that have the names of the outputs where
+    no others are given.
+    """
+    made = {name: Target.of(name, value, spec) for name, value in wanted.items()}
+    uses = Counter(target.home for target in made.values() if target.layer)
+    return {
+        name: replace(target, options={"layer": name, **target.options})
+        if uses[target.home] > 1
+        else target
+        for name, target in made.items()
+    }
+
+
 def problems(
     targets: Mapping[str, Target], reads: Iterable[Path], *, overwrite: bool
 ) -> dict[str, str]:
     """What is wrong with targets, by output name; `reads` are the files that the run reads."""
     found = {name: text for name, target in targets.items() if (text := target.problem())}
     good = {name: target for name, target in targets.items() if name not in found}
+    found |= dict(_twins(good))
+    first = {(t.home if t.layer else None) or n: n for n, t in reversed(good.items())}
+    good = {name: target for name, target in good.items() if name in first.values()}
     return found | files.problems(
         {name: target.home for name, target in good.items() if target.home},
         {name: target.suffixes for name, target in good.items()},
@@ -116,6 +145,16 @@ def problems(
         reads,
         overwrite=overwrite,
     )
+
+
+def _twins(targets: Mapping[str, Target]) -> Iterator[tuple[str, str]]:
+    """Outputs that name a layer of a GeoPackage that another has already, and what is wrong."""
+    first: dict[tuple[Path | None, str], str] = {}
+    for name, target in targets.items():
+        if target.layer:
+            twin = first.setdefault((target.home, target.layer.lower()), name)
+            if twin != name:
+                yield name, f"layer {target.layer} of {target.path} is also that of {twin}"
 
 
 def write(
@@ -147,13 +186,16 @@ def write(
         Something cannot be written; nothing was.
     """
     pieces = _pieces(id, found, targets, overwrite=overwrite)
-    homes = [piece.target.home for piece in pieces if piece.target.home]
+    groups: dict[Path, list[_Piece]] = {}  # of one file each
+    for piece in pieces:
+        assert piece.target.home is not None
+        groups.setdefault(piece.target.home, []).append(piece)
     try:
-        parts = dict(zip(homes, (piece.target.parts for piece in pieces), strict=True))
+        parts = {home: group[0].target.parts for home, group in groups.items()}
         with files.staged(parts, overwrite=overwrite) as places:
-            for index, (piece, home) in enumerate(zip(pieces, homes, strict=True)):
-                part = ctx.part(index / len(homes), (index + 1) / len(homes))
-                _save(id, piece, record, places[home], part)
+            for index, (home, group) in enumerate(groups.items()):
+                part = ctx.part(index / len(groups), (index + 1) / len(groups))
+                _save_all(id, group, record, places[home], part)
             ctx.progress(1.0)
     except OSError as err:
         raise DataError(f"{id}: cannot write: {err}") from err
@@ -207,15 +249,29 @@ def _drawable(found: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
                 yield title, layer
 
 
-def _save(id: str, piece: _Piece, record: Record | None, place: Path, ctx: Context) -> None:
-    target = piece.target
-    own = record and record.of(piece.output, piece.layer, target.how, piece.number)
+def _save_all(
+    id: str, group: list[_Piece], record: Record | None, place: Path, ctx: Context
+) -> None:
+    """Write one file, which holds several layers if it is a GeoPackage."""
+    first, *others = group
+    layers = {piece.output: piece.target.how for piece in others}
+    how = first.target.how
+    own = record and record.of(first.output, first.layer, how, first.number, layers=layers)
     made = own.to_json() if own else ""
+    for piece in group:
+        how = piece.target.how if piece is first else {**piece.target.how, "add": True}
+        _save(id, piece, made if piece is group[-1] else "", place, how, ctx)
+
+
+def _save(
+    id: str, piece: _Piece, record: str, place: Path, how: Mapping[str, Any], ctx: Context
+) -> None:
+    target = piece.target
     try:
         if piece.output == PICTURE:
-            draw(piece.layer, place, record=made)
+            draw(piece.layer, place, record=record)
         else:
-            piece.layer.save(place, record=made, ctx=ctx, **target.how)
+            piece.layer.save(place, record=record, ctx=ctx, **how)
     except (OSError, DataError) as err:
         text = str(err).replace(str(place), str(target.path))
         if files.is_full(place.parent):

@@ -56,7 +56,7 @@ def write(
     file: int | None,
     record: Record | None,
 ) -> None:
-    """Write a result to a file.
+    """Write points or a raster to a file.
 
     LAS, LAZ and rasters are written in blocks; what goes into other formats is in memory.
 
@@ -74,9 +74,6 @@ def write(
     if isinstance(first, Raster):
         mosaic, text = Mosaic(places), _text(record, output, first, options)
         first.save_strips(place, mosaic.lattice, mosaic.strips(), record=text, **options)
-    elif isinstance(first, Vector):
-        text = _text(record, output, first, options)
-        _vector(places).save(place, record=text, **options)
     else:
         job, _, _ = opened(work)
         survey = job.surveys[job.first]

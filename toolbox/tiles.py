@@ -173,7 +173,7 @@ def _products(plan: Plan, targets: Mapping[str, Target], survey: Survey) -> list
     """All files to be written from pieces; in a folder one for each file of the survey."""
     found: list[_Product] = []
     for name, target in targets.items():
-        if (result := plan.stored.get(name)) is None:
+        if (result := plan.stored.get(name)) is None or _is_vector(plan, name):
             continue
         if target.folder:
             inside = [target.inside(file.path.name) for file in survey.files]
@@ -181,6 +181,11 @@ def _products(plan: Plan, targets: Mapping[str, Target], survey: Survey) -> list
         else:
             found.append(_Product(name, result, target))
     return found
+
+
+def _is_vector(plan: Plan, output: str) -> bool:
+    """Whether it is written from memory, as a GeoPackage of several layers needs it."""
+    return plan.model.results[output].kind.word == "Vector"
 
 
 def _check_products(
@@ -230,6 +235,8 @@ def _finish(
     asked = frozenset(targets.keys() & plan.model.between.keys() - plan.stored.keys())
     if plan.rest and not crew.failures:
         found |= crew.rest(plan, asked, sums.numbers, counts, ctx.part(0, 0.5))
+    vectors = [name for name in targets if name in plan.stored and _is_vector(plan, name)]
+    found |= {name: tile_products.read(crew.work, plan.stored[name]) for name in vectors}
     made = record and replace(record, counts=tuple(plan.ordered(counts)))
     others = {n: target for n, target in targets.items() if n in found}
     try:

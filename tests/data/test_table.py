@@ -8,12 +8,15 @@ import math
 from pathlib import Path
 from typing import Any
 
+import geopandas as gpd
 import numpy as np
 import pandas as pd
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from toolbox.data import Vector
 from toolbox.data.table import Table
 from toolbox.errors import DataError
 
@@ -52,8 +55,9 @@ def test_same_bytes_on_every_run(tmp_path: Path) -> None:
     for suffix in Table.SUFFIXES:
         made = []
         for name in ("a", "b"):
-            Table.from_rows(ROWS).save(tmp_path / f"{name}{suffix}")
-            made.append((tmp_path / f"{name}{suffix}").read_bytes())
+            (tmp_path / name).mkdir(exist_ok=True)
+            Table.from_rows(ROWS).save(tmp_path / name / f"rows{suffix}")
+            made.append((tmp_path / name / f"rows{suffix}").read_bytes())
         assert made[0] == made[1]
 
 
@@ -180,3 +184,20 @@ def test_parquet_writes_columns_of_mixed_types_as_text(tmp_path: Path) -> None:
     table = Table.from_rows([{"a": 1}, {"a": "two"}, {"a": None}])
     table.save(tmp_path / "a.parquet")
     assert [row["a"] for row in Table.open(tmp_path / "a.parquet").records()] == ["1", "two", None]
+
+
+def test_geopackage_of_a_table_and_a_layer(tmp_path: Path) -> None:
+    roofs = gpd.GeoDataFrame({"a": [1]}, geometry=[shapely.Point(1, 2)], crs=32635)
+    rows = pd.DataFrame({"n": pd.array([1, None], dtype="Int64"), "x": [0.1, np.nan]})
+    for name in ("a.gpkg", "b.gpkg"):
+        Vector(roofs).save(tmp_path / name, layer="roofs")
+        Table(rows).save(tmp_path / name, layer="rows", add=True)
+        Table(rows.assign(n=3)).save(tmp_path / name, layer="more", add=True)
+    assert (tmp_path / "a.gpkg").read_bytes() == (tmp_path / "b.gpkg").read_bytes()
+    assert Vector.layers(tmp_path / "a.gpkg") == ("roofs",)
+    pd.testing.assert_frame_equal(Table.open(tmp_path / "a.gpkg", layer="rows").frame, rows)
+    with pytest.raises(DataError, match="its tables are rows, more; name one as layer"):
+        Table.open(tmp_path / "a.gpkg")
+    Table(rows).save(tmp_path / "a.gpkg")
+    assert len(Table.open(tmp_path / "a.gpkg")) == 2
+    assert Vector.layers(tmp_path / "a.gpkg") == ()

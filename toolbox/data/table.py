@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import datetime as dt
 import json
-from collections.abc import Iterable, Mapping
+import sqlite3
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
@@ -13,7 +15,8 @@ import numpy as np
 import pandas as pd
 
 from toolbox.context import QUIET, Context
-from toolbox.data.record import own_side_car, write_beside
+from toolbox.data import geopackage
+from toolbox.data.record import own_side_car, side_car, write_beside, write_into_geopackage
 from toolbox.errors import DataError
 
 
@@ -26,7 +29,7 @@ class Table:
     name : of the file, for messages
     """
 
-    SUFFIXES: ClassVar[tuple[str, ...]] = (".csv", ".json", ".parquet")
+    SUFFIXES: ClassVar[tuple[str, ...]] = (".csv", ".json", ".parquet", ".gpkg")
     crs: ClassVar[None] = None
     metre: ClassVar[float] = 1.0
 
@@ -35,8 +38,11 @@ class Table:
 
     @classmethod
     def parts(cls, path: str | Path) -> tuple[Path, ...]:
-        """The file itself, and a record that an earlier run has put beside it."""
-        return Path(path), *own_side_car(path)
+        """The file itself, and all that would be written with it."""
+        path = Path(path)
+        if path.suffix.lower() == geopackage.SUFFIX:
+            return geopackage.parts(path)
+        return path, *own_side_car(path)
 
     @property
     def frame(self) -> pd.DataFrame:
@@ -58,10 +64,15 @@ class Table:
         return cls(_plain(frame), name=name)
 
     @classmethod
-    def open(cls, path: str | Path, *, ctx: Context = QUIET) -> Table:
-        """Read .csv (comma, UTF-8, a header line), .json (a list of records) or .parquet.
+    def open(cls, path: str | Path, *, layer: str | None = None, ctx: Context = QUIET) -> Table:
+        """Read .csv (comma, UTF-8, a header line), .json (a list of records), .parquet or .gpkg.
 
         An empty cell of a CSV file is a missing value; no other text is.
+
+        Parameters
+        ----------
+        layer : name of the table in a GeoPackage; may be left out where there is one
+        ctx : where to report progress
 
         Raises
         ------
@@ -69,7 +80,12 @@ class Table:
             The file is missing, has another suffix, or does not hold a table.
         """
         path = Path(path)
-        readers = {".csv": _read_csv, ".json": _read_json, ".parquet": _read_parquet}
+        readers: dict[str, Callable[[Path], pd.DataFrame]] = {
+            ".csv": _read_csv,
+            ".json": _read_json,
+            ".parquet": _read_parquet,
+            ".gpkg": lambda path: _read_geopackage(path, layer),
+        }
         if path.suffix.lower() not in readers:
             raise DataError(f"{path}: tables are read from {', '.join(cls.SUFFIXES)}")
         if not path.exists():
@@ -81,12 +97,22 @@ class Table:
         ctx.progress(1.0)
         return table
 
-    def save(self, path: str | Path, *, record: str = "", ctx: Context = QUIET) -> None:
-        """Write .csv, .json or .parquet; numbers are written so that they read back exactly.
+    def save(
+        self,
+        path: str | Path,
+        *,
+        layer: str | None = None,
+        add: bool = False,
+        record: str = "",
+        ctx: Context = QUIET,
+    ) -> None:
+        """Write .csv, .json, .parquet or .gpkg; numbers read back exactly.
 
         Parameters
         ----------
         path : ends in one of SUFFIXES
+        layer : name of the table in a GeoPackage; the stem of the file name unless given
+        add : keep the other layers of a GeoPackage
         record : how the file was made, as JSON text (see `toolbox.provenance`)
         ctx : where to report progress
 
@@ -97,12 +123,20 @@ class Table:
             file cannot be written.
         """
         path = Path(path)
-        writers = {".csv": _write_csv, ".json": _write_json, ".parquet": _write_parquet}
+        writers: dict[str, Callable[[pd.DataFrame, Path], None]] = {
+            ".csv": _write_csv,
+            ".json": _write_json,
+            ".parquet": _write_parquet,
+            ".gpkg": lambda frame, path: _write_geopackage(frame, path, layer, add=add),
+        }
         if path.suffix.lower() not in writers:
             raise DataError(f"{path}: tables are written as {', '.join(self.SUFFIXES)}")
         try:
             writers[path.suffix.lower()](self._frame, path)
-            write_beside(path, record)
+            if side_car(path):
+                write_beside(path, record)
+            elif record:
+                write_into_geopackage(path, record, geopackage.WRITTEN)
         except (ValueError, TypeError, OSError) as error:
             raise DataError(f"{path} cannot be written: {error}") from error
         ctx.progress(1.0)
@@ -189,6 +223,48 @@ def _write_parquet(frame: pd.DataFrame, path: Path) -> None:
     frame.assign(**{str(name): column for name, column in texts.items()}).to_parquet(
         path, index=False
     )
+
+
+def _write_geopackage(frame: pd.DataFrame, path: Path, layer: str | None, *, add: bool) -> None:
+    import pyogrio
+
+    for part in () if add else geopackage.parts(path):
+        part.unlink(missing_ok=True)
+    with geopackage.same_date(), _library_errors():
+        pyogrio.write_dataframe(
+            frame, path, layer=layer or path.stem, driver="GPKG", **geopackage.OPTIONS
+        )
+
+
+def _read_geopackage(path: Path, layer: str | None) -> pd.DataFrame:
+    """Not through GDAL, which makes floats of whole numbers where one is missing."""
+    with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
+        try:
+            query = "SELECT table_name FROM gpkg_contents WHERE data_type = 'attributes'"
+            names = [str(name) for (name,) in database.execute(query)]
+        except sqlite3.Error as error:
+            raise ValueError(str(error)) from error
+        if (layer not in names) if layer else len(names) != 1:
+            raise ValueError(f"its tables are {', '.join(names) or 'none'}; name one as layer")
+        table = '"' + (layer or names[0]).replace('"', '""') + '"'
+        columns = database.execute(f"PRAGMA table_info({table})").fetchall()
+        yes_no = [name for _, name, kind, *_ in columns if kind == "BOOLEAN"]
+        frame = pd.read_sql_query(
+            f"SELECT * FROM {table}", database, dtype_backend="numpy_nullable"
+        )
+    key = [name for _, name, *_, is_key in columns if is_key]
+    return frame.drop(columns=key).astype(dict.fromkeys(yes_no, "boolean"))
+
+
+@contextmanager
+def _library_errors() -> Iterator[None]:
+    """Turn what pyogrio raises into a ValueError."""
+    from pyogrio import errors
+
+    try:
+        yield
+    except (errors.DataSourceError, errors.DataLayerError, errors.FieldError) as error:
+        raise ValueError(str(error)) from error
 
 
 def _text(value: Any) -> str | None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
+from toolbox.data import geopackage
 from toolbox.data.crs import (
     LOCAL,
     describe_crs,
@@ -39,9 +40,6 @@ _DRIVERS = {
     ".kml": "LIBKML",
 }
 _SHAPEFILE = (".shx", ".dbf", ".prj", ".cpg", ".qpj", ".qix", ".sbn", ".sbx", ".idm", ".ind")
-_GEOPACKAGE = ("-wal", "-shm", "-journal")  # of the SQLite database that it is
-_DAY = "2000-01-01"  # said by every file; with the day of the run, no two would be the same
-_WRITTEN = f"{_DAY}T00:00:00.000Z"
 _WGS84 = CRS.from_epsg(4326)
 
 
@@ -89,8 +87,8 @@ class Vector:
         if path.suffix.lower() == ".shp":
             endings = (path.with_suffix(ending) for ending in _SHAPEFILE)
             return path, *endings, *own_side_car(path)
-        if path.suffix.lower() == ".gpkg":
-            return path, *(Path(f"{path}{ending}") for ending in _GEOPACKAGE)
+        if path.suffix.lower() == geopackage.SUFFIX:
+            return geopackage.parts(path)
         return path, *own_side_car(path)
 
     @staticmethod
@@ -140,6 +138,7 @@ class Vector:
         path: str | Path,
         *,
         layer: str | None = None,
+        add: bool = False,
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
@@ -154,6 +153,7 @@ class Vector:
         ----------
         path : ends in .gpkg, .geojson, .fgb, .parquet, .shp or .kml
         layer : name of the layer in the file; the stem of the file name unless given
+        add : keep the other layers of a GeoPackage
         record : how the file was made, as JSON text (see `toolbox.provenance`)
         ctx : where to report progress
 
@@ -175,18 +175,18 @@ class Vector:
         if suffix == ".kml":
             frame = _for_kml(frame, path)
         with _errors_named(f"{path} cannot be written"):
-            for part in self.parts(path):  # or GDAL would add a layer, and read a stale CRS back
+            for part in () if add else self.parts(path):  # or GDAL would add a layer to them
                 part.unlink(missing_ok=True)
             if suffix == ".parquet":
                 need_pyarrow()
                 frame.to_parquet(path)
             else:
                 _write(frame, path, layer or path.stem, self.geometry_type)
-                _check_crs(frame.crs, path)
+                _check_crs(frame.crs, path, layer or path.stem)
             if side_car(path):
                 write_beside(path, record)
             elif record:
-                write_into_geopackage(path, record, _WRITTEN)
+                write_into_geopackage(path, record, geopackage.WRITTEN)
         ctx.progress(1.0)
 
     def with_crs(self, crs: CRS | None) -> Vector:
@@ -217,20 +217,6 @@ def _errors_named(text: str) -> Iterator[None]:
         ValueError,
     ) as error:
         raise DataError(f"{text}: {error}") from error
-
-
-@contextmanager
-def _same_date() -> Iterator[None]:
-    """Make GDAL write the same date into every file."""
-    import pyogrio
-
-    option = "OGR_CURRENT_DATE"
-    before = pyogrio.get_gdal_config_option(option)
-    pyogrio.set_gdal_config_options({option: _WRITTEN})
-    try:
-        yield
-    finally:
-        pyogrio.set_gdal_config_options({option: before})
 
 
 @contextmanager
@@ -290,12 +276,12 @@ def _write(frame: geopandas.GeoDataFrame, path: Path, layer: str, geometry_type:
     import pyogrio
 
     suffix = path.suffix.lower()
-    options: dict[str, Any] = {"dataset_options": {"VERSION": "1.3"}} if suffix == ".gpkg" else {}
+    options: dict[str, Any] = dict(geopackage.OPTIONS) if suffix == geopackage.SUFFIX else {}
     if suffix == ".shp":
-        options = {"encoding": "UTF-8", "layer_options": {"DBF_DATE_LAST_UPDATE": _DAY}}
+        options = {"encoding": "UTF-8", "layer_options": {"DBF_DATE_LAST_UPDATE": geopackage.DAY}}
     if frame.empty:
         options["geometry_type"] = geometry_type
-    with _same_date(), warnings.catch_warnings(record=True) as heard:
+    with geopackage.same_date(), warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         warnings.filterwarnings("ignore", "'crs' was not provided")  # plain coordinates
         pyogrio.write_dataframe(frame, path, layer=layer, driver=_DRIVERS[suffix], **options)
@@ -304,13 +290,16 @@ def _write(frame: geopandas.GeoDataFrame, path: Path, layer: str, geometry_type:
         raise DataError(f"{path} cannot hold the layer: {heard[0].message}")
 
 
-def _check_crs(crs: CRS | None, path: Path) -> None:
+def _check_crs(crs: CRS | None, path: Path, layer: str) -> None:
     """Read the CRS back, since some formats leave out what they cannot hold."""
     import pyogrio
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # an empty Shapefile with heights counts as measured (M)
-        text = pyogrio.read_info(path)["crs"]
+        name = (
+            layer if path.suffix.lower() == geopackage.SUFFIX else None
+        )  # some formats choose their own
+        text = pyogrio.read_info(path, layer=name)["crs"]
     found = CRS.from_user_input(text) if text else None
     if not same_crs(crs, found):
         path.unlink()

@@ -1,0 +1,32 @@
+"""What layers and tables that are written to a GeoPackage have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+SUFFIX = ".gpkg"
+DAY = "2000-01-01"  # said by every file; with the day of the run, no two would be the same
+WRITTEN = f"{DAY}T00:00:00.000Z"
+OPTIONS = {"dataset_options": {"VERSION": "1.3"}}  # which older QGIS reads too
+_BESIDE = ("-wal", "-shm", "-journal")  # of the SQLite database that it is
+
+
+def parts(path: Path) -> tuple[Path, ...]:
+    """The file itself, and all that would be written or read with it."""
+    return path, *(Path(f"{path}{ending}") for ending in _BESIDE)
+
+
+@contextmanager
+def same_date() -> Iterator[None]:
+    """Make GDAL write the same date into every file."""
+    import pyogrio
+
+    option = "OGR_CURRENT_DATE"
+    before = pyogrio.get_gdal_config_option(option)
+    pyogrio.set_gdal_config_options({option: WRITTEN})
+    try:
+        yield
+    finally:
+        pyogrio.set_gdal_config_options({option: before})

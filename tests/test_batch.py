@@ -104,7 +104,7 @@ def made(text: str, run: Any = None, **more: Any) -> batch.Batch:
         ("points\na.laz", ["--result", "table.csv", "--overwrite"], "is also an input"),
         ("points\na.laz", ["--result", "a.laz"], "result: cannot write .laz"),
         ("points\na.laz", ["--result", "no/r.csv"], "result: there is no folder"),
-        ("points\na.laz", ["--picture", "p.png"], "picture: would be drawn by each row"),
+        ("points\na.laz", ["--page", "p.html"], "page: would be written by each row"),
         ("points\na.laz", ["--cel", "2"], "cel: unknown parameter; did you mean 'cell'?"),
     ],
 )

@@ -190,8 +190,9 @@ def _batch(said: list[str]) -> int:
             raise ParameterError("batch: which table? batch ID TABLE.csv ...")
         result, rest = _result(said[1:] if said[1].startswith("-") else said[2:])
         values, general = arguments.read(described, rest)
-        if "picture" in general:
-            raise ParameterError("batch", {"picture": "would be drawn by each row"})
+        if shown := {"picture", "page"} & general.keys():
+            problems = dict.fromkeys(sorted(shown), "would be written by each row")
+            raise ParameterError("batch", problems)
         pipe, params = _params(general)
         common = arguments.merged(described, params, values)
 
@@ -265,7 +266,7 @@ def _kept(
     """Add the run that takes place within to the history, whether it works or not."""
     outputs: dict[str, Any] = {}
     started, code = time.monotonic(), 0
-    more = {name: general[name] for name in ("assume_crs", "picture") if name in general}
+    more = {name: general[name] for name in ("assume_crs", "picture", "page") if name in general}
     try:
         yield outputs
     except BaseException as err:
@@ -303,6 +304,7 @@ def _work(
         overwrite="overwrite" in general,
         assume_crs=general.get("assume_crs"),
         picture=general.get("picture"),
+        page=general.get("page"),
         tiling=Tiling.parse(general),
         resume="resume" in general,
         ctx=ctx,

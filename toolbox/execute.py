@@ -17,7 +17,7 @@ from toolbox.errors import ParameterError
 from toolbox.fields import Spec
 from toolbox.model import Run
 from toolbox.provenance import Count, counting, record_of
-from toolbox.targets import PICTURE, Target
+from toolbox.targets import PAGE, PICTURE, Target
 from toolbox.tiling import Tiling
 
 # shares of the progress at which hashing and reading end, and writing begins
@@ -31,6 +31,7 @@ def run(
     overwrite: bool = False,
     assume_crs: str | CRS | None = None,
     picture: str | Path | None = None,
+    page: str | Path | None = None,
     tiling: Tiling | None = None,
     resume: bool = False,
     ctx: Context = QUIET,
@@ -48,6 +49,7 @@ def run(
     overwrite : whether outputs may replace files
     assume_crs : CRS of sources that state none; "local" for plain metres
     picture : PNG to draw the resulting layers into
+    page : HTML file for a page of all results, for people
     tiling : how to cut the point clouds, which must be files; none to run on the whole at once
     resume : keep the results of the tool, or of each step of a model, and take over those that an
         earlier run has kept for the same layers and settings (see `toolbox.cache`); in tiles, go
@@ -72,8 +74,8 @@ def run(
     spec = catalog.load(id)
     given = {name: value for name, value in values.items() if name not in spec.results}
     wanted = {n: v for n, v in values.items() if n in spec.results and v is not None}
-    if picture is not None:
-        wanted[PICTURE] = picture
+    shown = {PICTURE: picture, PAGE: page}
+    wanted |= {name: place for name, place in shown.items() if place is not None}
     reads = {name: value for name, value in given.items() if name in spec.sources}
     writes = targets.of_run(wanted, spec)
     settings = _checked(spec, given, writes, tiling, overwrite=overwrite)
@@ -111,7 +113,7 @@ def run(
     found = {name: getattr(result, name) for name in [*spec.outputs, *asked]}
     record = record and replace(record, counts=tuple(counts))
     part = ctx.part(WRITE, 1)
-    return found | targets.write(id, found, writes, record=record, overwrite=overwrite, ctx=part)
+    return found | targets.write(spec, found, writes, record=record, overwrite=overwrite, ctx=part)
 
 
 def _crs(crs: str | CRS | None, where: str) -> CRS | None:

@@ -119,7 +119,7 @@ def _word(value: Any) -> str:
 
 def _is_layer(described: Mapping[str, Any], name: str) -> bool:
     """Whether a value is the path of a layer."""
-    if name in {"picture", *described["outputs"], *described.get("between", {})}:
+    if name in {"picture", "page", *described["outputs"], *described.get("between", {})}:
         return True
     schema = described["inputs"].get(name, {}).get("schema", {})
     return "contentMediaType" in {**schema, **schema.get("items", {})}

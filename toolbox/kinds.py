@@ -14,7 +14,7 @@ from typing import Any
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context
-from toolbox.data import PointCloud, Raster, Survey, Table, Vector
+from toolbox.data import PointCloud, Raster, Report, Survey, Table, Vector
 from toolbox.data.crs import parse_crs
 from toolbox.data.places import Places, files_of
 from toolbox.expression import Expression
@@ -311,4 +311,5 @@ KINDS: Mapping[Any, Kind] = _scalars() | {
     Raster: _layer(Raster, "image/tiff; application=geotiff"),
     Vector: _layer(Vector, "application/geopackage+sqlite3"),
     Table: _layer(Table, "text/csv"),
+    Report: _layer(Report, "text/html"),
 }

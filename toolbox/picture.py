@@ -6,6 +6,7 @@ is as small as one of a thousand. The same layers give the same bytes.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -48,11 +49,26 @@ def draw(
     DataError
         There is nothing to draw, a layer is of another type, or the picture cannot be written.
     """
+    if Path(path).suffix.lower() != ".png":
+        raise DataError(f"{path}: pictures are written as .png")
+    made = png(layers, record=record)
+    try:
+        Path(path).write_bytes(made)
+    except OSError as error:
+        raise DataError(f"{path} cannot be written: {error}") from error
+
+
+def png(layers: Mapping[str, PointCloud | Raster | Vector | Table], *, record: str = "") -> bytes:
+    """Draw layers as :func:`draw` does; the content of the file.
+
+    Raises
+    ------
+    DataError
+        There is nothing to draw, or a layer is of another type.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    if Path(path).suffix.lower() != ".png":
-        raise DataError(f"{path}: pictures are written as .png")
     panels = _panels(layers)
     if not panels:
         raise DataError("nothing to draw: no layer has points, cells, features or bins")
@@ -64,10 +80,9 @@ def draw(
         else:
             show(figure, panel, place)
     texts = {"Software": None} | ({CHUNK: checked(record)} if record else {})
-    try:
-        figure.savefig(path, dpi=_DPI, metadata=texts, format="png")
-    except OSError as error:
-        raise DataError(f"{path} cannot be written: {error}") from error
+    made = io.BytesIO()
+    figure.savefig(made, dpi=_DPI, metadata=texts, format="png")
+    return made.getvalue()
 
 
 def has_something_to_see(layer: object) -> bool:

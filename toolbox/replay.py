@@ -20,7 +20,7 @@ from toolbox.errors import DataError
 from toolbox.execute import run
 from toolbox.fields import Field
 from toolbox.provenance import Input, Record
-from toolbox.targets import PICTURE, Target
+from toolbox.targets import PAGE, PICTURE, SHOWN, Target
 from toolbox.tiling import Tiling
 
 FIND = 0.05  # share of the progress for finding the inputs
@@ -133,7 +133,7 @@ class _Finder:
 
 def _check(path: Path, record: Record, tool: str) -> None:
     """Refuse a record that nobody can have made; it might name files to write elsewhere."""
-    results = {PICTURE, *catalog.load(tool).results}
+    results = {*SHOWN, *catalog.load(tool).results}
     if {record.output, *record.layers} - results or record.parameters.keys() & results:
         raise DataError(f"{path}: its record does not fit {record.tool}")
 
@@ -143,8 +143,9 @@ def _made_again(
 ) -> Path:
     """Run the tool into a temporary folder; the file that it made."""
     how: dict[str, Any] = {"assume_crs": record.assume_crs or None, "ctx": ctx}
-    if record.output == PICTURE:
-        run(tool, values, picture=place, **how)
+    if record.output in SHOWN:
+        shown = {record.output: place}
+        run(tool, values, picture=shown.get(PICTURE), page=shown.get(PAGE), **how)
         return place
     if record.file:  # one of a folder of files, which are made in tiles
         folder = f"{place.parent}{os.sep}"
@@ -167,7 +168,7 @@ def _field(tool: str, record: Record) -> Field:
 
 
 def _parts(tool: str, record: Record) -> Callable[[Path], tuple[Path, ...]]:
-    if record.output == PICTURE:
+    if record.output in SHOWN:
         return lambda path: (path,)
     return _field(tool, record).kind.parts
 
@@ -184,8 +185,8 @@ def _same_bytes(one: Path, other: Path) -> bool:
 
 
 def _differences(path: Path, made: Path, record: Record, tool: str) -> Iterator[str]:
-    if record.output == PICTURE:
-        yield "the picture differs"
+    if record.output in SHOWN:
+        yield f"the {record.output} differs"
         return
     for name, options in {record.output: record.options, **record.layers}.items():
         kind = catalog.load(tool).results[name].kind

@@ -28,7 +28,7 @@ from toolbox.fields import LENGTHS, MEETS, UNITS, Field, Spec
 
 T = TypeVar("T", bound=type)
 REGISTRY: dict[str, Spec] = {}
-RESERVED = {"assume_crs", "events", "help", "json", "overwrite", "params", "picture"}
+RESERVED = {"assume_crs", "events", "help", "json", "overwrite", "page", "params", "picture"}
 RESERVED |= {"quiet", "result", "verbose", "tile", "workers", "scheduler", "memory", "resume"}
 RESERVED |= {"tool", "when", "repeat"}  # words of a step in a model
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")

@@ -11,16 +11,18 @@ from typing import Any
 
 from toolbox import files
 from toolbox.context import Context, log
-from toolbox.data import geopackage
+from toolbox.data import Report, geopackage
 from toolbox.data.places import LAS
 from toolbox.data.record import foreign_side_car
 from toolbox.errors import DataError
 from toolbox.fields import Spec
 from toolbox.kinds import parsed_options
+from toolbox.page import page
 from toolbox.picture import draw, has_something_to_see
 from toolbox.provenance import Record
 
-PICTURE = "picture"  # the target that shows all layers
+PICTURE, PAGE = "picture", "page"  # targets that show all results
+SHOWN = {PICTURE: (".png",), PAGE: Report.SUFFIXES}
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,8 @@ class Target:
         path = how.pop("path", None)
         place = Path(path) if isinstance(path, str | Path) and str(path) else None
         home = _resolved(place) if place else None
-        if name == PICTURE:
-            return cls(place, home, how, (".png",), (), lambda path: (path,))
+        if name in SHOWN:
+            return cls(place, home, how, SHOWN[name], (), lambda path: (path,))
         kind = spec.results[name].kind
         folder = kind.several and (
             str(path).endswith(("/", os.sep)) or bool(home and home.is_dir())
@@ -158,7 +160,7 @@ def _twins(targets: Mapping[str, Target]) -> Iterator[tuple[str, str]]:
 
 
 def write(
-    id: str,
+    spec: Spec,
     found: Mapping[str, Any],
     targets: Mapping[str, Target],
     *,
@@ -170,9 +172,9 @@ def write(
 
     Parameters
     ----------
-    id : of the tool, for errors
+    spec : of the tool
     found : what the tool gave, by name
-    targets : where to write it, by name, and under "picture" where to draw it
+    targets : where to write it, by name, and under "picture" and "page" where to show it
     record : how it was made, which each file carries
 
     Returns
@@ -185,7 +187,12 @@ def write(
     DataError
         Something cannot be written; nothing was.
     """
-    pieces = _pieces(id, found, targets, overwrite=overwrite)
+    shown: dict[str, Any] = {}
+    if PICTURE in targets:
+        shown[PICTURE] = dict(_drawable(found))
+    if PAGE in targets:
+        shown[PAGE] = page(spec, found, record and record.of(PAGE, None, {}))
+    pieces = _pieces(spec.id, {**found, **shown}, targets, overwrite=overwrite)
     groups: dict[Path, list[_Piece]] = {}  # of one file each
     for piece in pieces:
         assert piece.target.home is not None
@@ -195,10 +202,10 @@ def write(
         with files.staged(parts, overwrite=overwrite) as places:
             for index, (home, group) in enumerate(groups.items()):
                 part = ctx.part(index / len(groups), (index + 1) / len(groups))
-                _save_all(id, group, record, places[home], part)
+                _save_all(spec.id, group, record, places[home], part)
             ctx.progress(1.0)
     except OSError as err:
-        raise DataError(f"{id}: cannot write: {err}") from err
+        raise DataError(f"{spec.id}: cannot write: {err}") from err
     written: dict[str, Any] = {}
     for piece in pieces:
         path = piece.target.path
@@ -223,7 +230,7 @@ def _pieces(
     pieces: list[_Piece] = []
     numbered: dict[str, Target] = {}
     for name, target in targets.items():
-        layer = dict(_drawable(found)) if name == PICTURE else found[name]
+        layer = found[name]
         if not isinstance(layer, tuple):
             pieces += [_Piece(name, layer, target)] if layer is not None and layer != {} else []
         for number, item in enumerate(layer if isinstance(layer, tuple) else (), start=1):

@@ -128,7 +128,9 @@ def run(
         rim = RIM if plan.gives_rasters else 0.0
         tiles = crew.split(rim * metre, ctx.part(0, STORED))
         sums = crew.run_tiles(tiles, ctx.part(STORED, DONE))
-        return _finish(crew, plan, products, targets, sums, record, overwrite, ctx.part(DONE, 1))
+        return _finish(
+            spec, crew, plan, products, targets, sums, record, overwrite, ctx.part(DONE, 1)
+        )
 
 
 @dataclass(frozen=True)
@@ -213,6 +215,7 @@ def _check_products(
 
 
 def _finish(
+    spec: Spec,
     crew: _Crew,
     plan: Plan,
     products: list[_Product],
@@ -247,7 +250,7 @@ def _finish(
             prepared = [replace(product, place=staged[product.home]) for product in products]
             crew.write(prepared, made, ctx.part(0.5, 0.9))
             found |= write(
-                crew.id, found, others, record=made, overwrite=overwrite, ctx=ctx.part(0.9, 1)
+                spec, found, others, record=made, overwrite=overwrite, ctx=ctx.part(0.9, 1)
             )
     except OSError as err:
         raise DataError(f"{crew.id}: cannot write: {err}") from err

@@ -1,10 +1,23 @@
-"""Layers: points, rasters, vectors and tables, each with its CRS, in memory and in files."""
+"""Layers: points, rasters, vectors, tables and reports, in memory and in files."""
 
 from toolbox.data.lattice import Lattice
 from toolbox.data.pointcloud import PointCloud
 from toolbox.data.raster import Raster
+from toolbox.data.report import Figure, Report, Rows, Section
 from toolbox.data.survey import Survey, SurveyFile
 from toolbox.data.table import Table
 from toolbox.data.vector import Vector
 
-__all__ = ["Lattice", "PointCloud", "Raster", "Survey", "SurveyFile", "Table", "Vector"]
+__all__ = [
+    "Figure",
+    "Lattice",
+    "PointCloud",
+    "Raster",
+    "Report",
+    "Rows",
+    "Section",
+    "Survey",
+    "SurveyFile",
+    "Table",
+    "Vector",
+]

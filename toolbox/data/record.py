@@ -9,6 +9,7 @@ LAS, LAZ             variable length record "lidar-toolbox" 1, an extended one i
 GeoTIFF              GDAL metadata item PROVENANCE, which is in a TIFF tag
 GeoPackage           row of the table gpkg_metadata
 PNG                  text chunk "provenance"
+HTML                 script element "provenance" of type application/json
 all others           side-car `<name>.json`
 ===================  ===========================================================
 
@@ -102,7 +103,7 @@ def read_record(path: str | Path) -> str:
     if not path.is_file():
         raise DataError(f"{path}: no such file")
     readers = dict.fromkeys(_LAS, _of_las) | dict.fromkeys(_TIFF, _of_tiff)
-    readers |= {".gpkg": _of_geopackage, ".png": _of_png}
+    readers |= {".gpkg": _of_geopackage, ".png": _of_png, ".html": _of_html}
     try:
         text = readers.get(path.suffix.lower(), _beside)(path)
     except OSError as error:
@@ -112,7 +113,7 @@ def read_record(path: str | Path) -> str:
 
 def side_car(path: str | Path) -> Path | None:
     """The file that holds the record of a file; None if that holds it itself."""
-    inside = (*_LAS, *_TIFF, ".gpkg", ".png")
+    inside = (*_LAS, *_TIFF, ".gpkg", ".png", ".html")
     return None if Path(path).suffix.lower() in inside else Path(f"{path}.json")
 
 
@@ -245,6 +246,12 @@ def _of_png(path: Path) -> str:
             return data[len(wanted) :].decode("latin-1")
         place += length + 12  # with the four bytes of its checksum
     return ""
+
+
+def _of_html(path: Path) -> str:
+    start = '<script type="application/json" id="provenance">'
+    _, _, rest = _text(path).partition(start)
+    return rest.partition("</script>")[0]
 
 
 def _beside(path: Path) -> str:

@@ -274,13 +274,13 @@ def _text(value: Any) -> str | None:
 
 def _aligned(name: str, column: pd.Series[Any]) -> list[str]:
     """A header and one text per row, all of one width."""
-    cells = [name, *("-" if pd.isna(value) else _cell(value) for value in column)]
+    cells = [name, *("-" if pd.isna(value) else cell_text(value) for value in column)]
     width = max(len(cell) for cell in cells)
     number = pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
     return [cell.rjust(width) if number else cell.ljust(width) for cell in cells]
 
 
-def _cell(value: object) -> str:
+def cell_text(value: object) -> str:
     """Six digits of a small number, millimetres of a coordinate."""
     if not isinstance(value, float):
         return str(value)

@@ -1,0 +1,72 @@
+"""Reports are one page that shows what it was given."""
+
+from __future__ import annotations
+
+import base64
+import json
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from toolbox.data import Figure, Report, Rows, Section, Table
+from toolbox.data.record import MEMBER, read_record
+from toolbox.errors import DataError
+
+RECORD = json.dumps({MEMBER: "1", "text": "</script><b>"})
+TABLE = Table.from_rows([{"name": "<b>a&b</b>", "x": 1 / 3, "n": 4}, {"name": None, "x": None}])
+
+
+def report(*blocks: str | Rows | Figure) -> Report:
+    return Report("Title <1>", [Section("First", blocks)], summary="Said before.")
+
+
+def body(made: Report) -> ET.Element:
+    """The page as a tree, which only well-formed pages have."""
+    text = made.html().removeprefix("<!DOCTYPE html>\n")
+    for tag in ("meta charset", "meta name", "img"):
+        head, *parts = text.split(f"<{tag}")
+        text = head + "".join(f"<{tag}" + part.replace(">", "/>", 1) for part in parts)
+    return ET.fromstring(text)
+
+
+def test_texts_and_tables_stand_on_the_page_as_they_are() -> None:
+    tree = body(report("One\ntwo <three>", Rows(TABLE, "A table")))
+    assert [e.text for e in tree.iter("h1")] == ["Title <1>"]
+    assert [e.text for e in tree.iter("p")] == ["Said before.", "One\ntwo <three>"]
+    assert [e.text for e in tree.iter("th")] == ["name", "x", "n"]
+    assert [e.text or "" for e in tree.iter("td")] == ["<b>a&b</b>", "0.333333", "4", "", "", ""]
+    assert [e.get("class") for e in tree.iter("td")][:3] == [None, "number", "number"]
+    assert [e.text for e in tree.iter("caption")] == ["A table"]
+
+
+def test_rows_that_are_left_out_are_told() -> None:
+    tree = body(report(Rows(Table.from_rows({"n": n} for n in range(7)), "Seven", most=2)))
+    assert [e.text for e in tree.iter("td")] == ["0", "1"]
+    assert [e.text for e in tree.iter("caption")] == ["Seven (the first 2 of 7 rows)"]
+
+
+def test_a_picture_is_in_the_page() -> None:
+    tree = body(report(Figure(b"\x89PNG", 'A "map"')))
+    (image,) = tree.iter("img")
+    assert image.get("alt") == 'A "map"'
+    assert base64.b64decode((image.get("src") or "").partition(",")[2]) == b"\x89PNG"
+
+
+def test_the_record_comes_back(tmp_path: Path) -> None:
+    for name in ("a.html", "b.html"):
+        report("x").save(tmp_path / name, record=RECORD)
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+    assert json.loads(read_record(tmp_path / "a.html")) == json.loads(RECORD)
+    report("x").save(tmp_path / "a.html")
+    assert read_record(tmp_path / "a.html") == ""
+    assert [path.name for path in tmp_path.iterdir() if path.suffix != ".html"] == []
+
+
+def test_what_cannot_be_done(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"reports are written as \.html"):
+        report("x").save(tmp_path / "a.pdf")
+    with pytest.raises(DataError, match="cannot be written"):
+        report("x").save(tmp_path / "none" / "a.html")
+    with pytest.raises(DataError, match="reports are written, not read"):
+        Report.open(tmp_path / "a.html")

@@ -1,0 +1,153 @@
+"""Reports: texts, tables and pictures as one HTML page that needs no other file."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pandas as pd
+
+from toolbox.context import QUIET, Context
+from toolbox.data.record import checked
+from toolbox.data.table import Table, cell_text
+from toolbox.errors import DataError
+
+_MOST_ROWS = 200  # of a table; a report is to be read by people
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture of a report.
+
+    Attributes
+    ----------
+    png : the content of a PNG file
+    caption : what it shows, which is also read to those who cannot see it
+    """
+
+    png: bytes
+    caption: str
+
+    @property
+    def source(self) -> str:
+        """The picture as an address, so that the page is one file."""
+        return "data:image/png;base64," + base64.b64encode(self.png).decode()
+
+
+@dataclass(frozen=True)
+class Rows:
+    """A table of a report, of which the first rows are shown.
+
+    Attributes
+    ----------
+    caption : what it shows
+    most : rows to show
+    """
+
+    table: Table
+    caption: str = ""
+    most: int = _MOST_ROWS
+
+    @property
+    def left_out(self) -> int:
+        """Number of rows that are not shown."""
+        return max(len(self.table) - self.most, 0)
+
+    @property
+    def columns(self) -> list[tuple[str, bool]]:
+        """Name of each column, and whether it holds numbers."""
+        return [(str(name), _is_number(column)) for name, column in self.table.frame.items()]
+
+    @property
+    def cells(self) -> list[list[str]]:
+        """The texts of each row that is shown."""
+        frame = self.table.frame.head(self.most)
+        columns = [["" if pd.isna(v) else cell_text(v) for v in c] for _, c in frame.items()]
+        return [list(row) for row in zip(*columns, strict=True)]
+
+
+Block = str | Rows | Figure
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and what stands under it: texts, tables and pictures."""
+
+    title: str
+    blocks: Sequence[Block]
+
+
+class Report:
+    """A page for people.
+
+    Parameters
+    ----------
+    title : heading of the page
+    sections : in the order of reading
+    summary : what to know before all else
+    name : for messages
+    """
+
+    SUFFIXES: ClassVar[tuple[str, ...]] = (".html",)
+    crs: ClassVar[None] = None
+    metre: ClassVar[float] = 1.0
+
+    def __init__(
+        self, title: str, sections: Sequence[Section], *, summary: str = "", name: str = ""
+    ) -> None:
+        self.title, self.sections, self.summary, self.name = title, tuple(sections), summary, name
+
+    @classmethod
+    def open(cls, path: str | Path, *, ctx: Context = QUIET) -> Report:
+        """Refuse: a report is for people, and its tables are written to files of their own.
+
+        Raises
+        ------
+        DataError
+            Always.
+        """
+        raise DataError(f"{path}: reports are written, not read")
+
+    def html(self, record: str = "") -> str:
+        """The page; `record` says how it was made, as JSON text (see `toolbox.provenance`)."""
+        import jinja2
+
+        page = Path(__file__).with_name("report.html").read_text(encoding="utf-8")
+        environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+        kinds = {"is_rows": _is(Rows), "is_figure": _is(Figure)}
+        safe = checked(record).replace("</", "<\\/") if record else ""
+        return environment.from_string(page).render(report=self, record=safe, **kinds)
+
+    def save(self, path: str | Path, *, record: str = "", ctx: Context = QUIET) -> None:
+        """Write the page; the same report makes the same bytes.
+
+        Parameters
+        ----------
+        path : ends in .html
+        record : how the file was made, as JSON text (see `toolbox.provenance`)
+        ctx : where to report progress
+
+        Raises
+        ------
+        DataError
+            The suffix is another, or the file cannot be written.
+        """
+        path = Path(path)
+        if path.suffix.lower() not in self.SUFFIXES:
+            raise DataError(f"{path}: reports are written as {', '.join(self.SUFFIXES)}")
+        try:
+            path.write_text(self.html(record), encoding="utf-8", newline="\n")
+        except OSError as error:
+            raise DataError(f"{path} cannot be written: {error}") from error
+        ctx.progress(1.0)
+
+
+def _is(kind: type) -> Callable[[object], bool]:
+    return lambda block: isinstance(block, kind)
+
+
+def _is_number(column: pd.Series[Any]) -> bool:
+    return pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)

@@ -18,7 +18,9 @@ from toolbox.data.vector import Vector
 from toolbox.errors import DataError
 
 X, Y = 700000.0, 6600000.0
-KEEPING = [suffix for suffix in Vector.SUFFIXES if suffix != ".kml"]  # KML moves to WGS 84
+KEEPING = [
+    suffix for suffix in Vector.SUFFIXES if suffix not in (".kml", ".dxf")
+]  # KML moves to WGS 84, DXF has no CRS
 
 
 def points(crs: CRS | str | None = "EPSG:2154+5720") -> geopandas.GeoDataFrame:
@@ -152,7 +154,7 @@ LINE = geopandas.GeoSeries([shapely.Point(0, 0), shapely.LineString([(0, 0), (1,
 @pytest.mark.parametrize(
     ("frame", "suffix", "problem"),
     [
-        (points(), ".dxf", "vector layers are written as .gpkg, .geojson"),
+        (points(), ".dwg", "vector layers are written as .gpkg, .geojson"),
         (points().rename(columns={"n": "number_of_returns"}), ".shp", "not number_of_returns; re"),
         (points().assign(text="x" * 300), ".shp", "cannot hold the layer: .*truncated to 254"),
         (points().set_geometry(LINE), ".shp", "cannot be written: .*non-point"),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
-from toolbox.data import geopackage
+from toolbox.data import dxf, geopackage
 from toolbox.data.crs import (
     LOCAL,
     describe_crs,
@@ -53,7 +53,7 @@ class Vector:
     geometry_type : of an empty layer, which cannot show it: "Point", "Polygon Z", ...
     """
 
-    SUFFIXES: ClassVar[tuple[str, ...]] = (*_DRIVERS, ".parquet")
+    SUFFIXES: ClassVar[tuple[str, ...]] = (*_DRIVERS, ".dxf", ".parquet")
 
     def __init__(
         self, frame: geopandas.GeoDataFrame, *, name: str = "", geometry_type: str = "Unknown"
@@ -147,11 +147,12 @@ class Vector:
         The same layer makes the same bytes. GeoPackage is written in version 1.3, which older QGIS
         reads too. GeoJSON keeps the CRS of the layer in its "crs" member, as GDAL does, although
         RFC 7946 knows WGS 84 alone; an empty one keeps no columns. FlatGeobuf sorts its features in
-        space. KML is always in WGS 84, so that a layer is transformed to it.
+        space. KML is always in WGS 84, so that a layer is transformed to it. DXF has a unit, but no
+        CRS.
 
         Parameters
         ----------
-        path : ends in .gpkg, .geojson, .fgb, .parquet, .shp or .kml
+        path : ends in .gpkg, .geojson, .fgb, .parquet, .shp, .kml or .dxf
         layer : name of the layer in the file; the stem of the file name unless given
         add : keep the other layers of a GeoPackage
         record : how the file was made, as JSON text (see `toolbox.provenance`)
@@ -180,6 +181,8 @@ class Vector:
             if suffix == ".parquet":
                 need_pyarrow()
                 frame.to_parquet(path)
+            elif suffix == ".dxf":
+                dxf.write(frame, path, layer or path.stem)
             else:
                 _write(frame, path, layer or path.stem, self.geometry_type)
                 _check_crs(frame.crs, path, layer or path.stem)

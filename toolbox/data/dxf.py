@@ -1,0 +1,122 @@
+"""Vector layers as DXF drawings, for CAD.
+
+Points become POINT, lines and rings of polygons LWPOLYLINE, or POLYLINE where they have heights.
+An attribute `layer` names the layer of each; all attributes stand at the entity as extended data
+of the application LIDAR-TOOLBOX, one text `name=value` each. A drawing has a unit, but no CRS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import shapely
+
+from toolbox.data.crs import length_problem, metres_per_unit
+from toolbox.errors import DataError
+
+if TYPE_CHECKING:
+    import geopandas
+    from ezdxf.document import Drawing
+
+APPLICATION = "LIDAR-TOOLBOX"
+LAYER = "layer"
+_LONGEST, _MOST = 255, 16_000  # bytes of a text, and of all at one entity
+_UNITS = {1.0: 6, 0.3048: 2, 1200 / 3937: 21}  # metres of a unit: code of $INSUNITS
+
+
+def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
+    """Write a drawing of AutoCAD 2010; the same features make the same bytes.
+
+    Parameters
+    ----------
+    layer : of features without an attribute `layer`
+
+    Raises
+    ------
+    DataError
+        An attribute is too long, or a layer has a name that no drawing can have.
+    """
+    with _without_times():
+        _drawing(frame, path, layer).saveas(path)
+
+
+@contextmanager
+def _without_times() -> Iterator[None]:
+    """Make drawings without times and random ids."""
+    import ezdxf
+
+    options = ezdxf.options  # type: ignore[attr-defined]
+    before = options.write_fixed_meta_data_for_testing
+    options.write_fixed_meta_data_for_testing = True
+    try:
+        yield
+    finally:
+        options.write_fixed_meta_data_for_testing = before
+
+
+def _drawing(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> Drawing:
+    from ezdxf.filemanagement import new
+
+    drawing = new("R2010", units=_unit(frame))
+    drawing.appids.add(APPLICATION)
+    space = drawing.modelspace()
+    rows = frame.drop(columns=frame.geometry.name).to_dict("records")
+    for row, geometry in zip(rows, frame.geometry, strict=True):
+        how = {"layer": _layer_name(row, layer, path)}
+        texts = _texts(row, path)
+        for part in shapely.get_parts(geometry):
+            for entity in _draw(space, part, how):
+                entity.set_xdata(APPLICATION, texts)
+    return drawing
+
+
+def _unit(frame: geopandas.GeoDataFrame) -> int:
+    known = frame.crs is not None and length_problem(frame.crs) is None
+    metres = metres_per_unit(frame.crs) if known else 0.0
+    return next((code for size, code in _UNITS.items() if np.isclose(size, metres, rtol=1e-9)), 0)
+
+
+def _layer_name(row: Mapping[Any, Any], layer: str, path: Path) -> str:
+    from ezdxf.lldxf.validator import is_valid_layer_name
+
+    value = row.get(LAYER)
+    name = layer if value is None or pd.isna(value) else str(value)
+    if not is_valid_layer_name(name):
+        raise DataError(f"{path}: a DXF layer cannot be called {name!r}")
+    return name
+
+
+def _texts(row: Mapping[Any, Any], path: Path) -> list[tuple[int, str]]:
+    """The attributes that have a value, as extended data."""
+    texts = [f"{name}={value}" for name, value in row.items() if not pd.isna(value)]
+    sizes = [len(text.encode()) for text in texts]
+    if max(sizes, default=0) > _LONGEST or sum(sizes) > _MOST:
+        raise DataError(
+            f"{path}: a DXF drawing holds attributes of at most {_LONGEST} bytes each and {_MOST} "
+            "together; write a GeoPackage (.gpkg)"
+        )
+    return [(1000, text) for text in texts]
+
+
+def _draw(space: Any, part: Any, how: Mapping[str, str]) -> list[Any]:
+    """The entities of a geometry that is no collection."""
+    if part.is_empty:
+        return []
+    solid = bool(part.has_z)
+    if shapely.get_dimensions(part) == 0:
+        (place,) = shapely.get_coordinates(part, include_z=solid)
+        return [space.add_point(place, how)]
+    polygon = shapely.get_dimensions(part) == 2
+    lines = [part.exterior, *part.interiors] if polygon else [part]
+    draw = space.add_polyline3d if solid else space.add_lwpolyline
+    made = []
+    for line in lines:
+        places = shapely.get_coordinates(line, include_z=solid)
+        closed = polygon or bool(line.is_closed)
+        made.append(draw(places[:-1] if closed else places, close=closed, dxfattribs=how))
+    return made

@@ -41,4 +41,4 @@ def test_page_with_a_map(points: Path) -> None:
     toolbox.run("surface.grid", {"points": points}, page=place)
     text = place.read_text()
     assert text.count("<img ") == 1
-    assert "50 rows and 50 columns" in text
+    assert "50 rows, 50 columns" in text

@@ -27,10 +27,11 @@ def page(spec: Spec, found: Mapping[str, Any], record: Record | None) -> Report:
         _section("Results", [Rows(_values(spec, found))] if any(_numbers(spec, found)) else []),
         _section("Map", [_map(found)] if any(map(has_something_to_see, found.values())) else []),
         *(section for name, value in found.items() for section in _of_layer(spec, name, value)),
+        _section("Layers", [Rows(_sizes(spec, found))] if len(_sizes(spec, found)) else []),
         _section("How it was made", [record.text()] if record else []),
     ]
     shown = [section for section in sections if section.blocks]
-    return Report(spec.title, shown, summary=spec.help, name=spec.id)
+    return Report(spec.title, shown, summary=_flowing(spec.help), name=spec.id)
 
 
 def _section(title: str, blocks: list[Block]) -> Section:
@@ -74,8 +75,23 @@ def _of_layer(spec: Spec, name: str, value: Any) -> Iterator[Section]:
             frame = value.frame
             attributes = Table(frame.drop(columns=frame.geometry.name))
             yield _section(name, [Rows(attributes, help, MOST_FEATURES)])
-        case PointCloud():
-            yield _section(name, [f"{help}: {len(value):,} points"])
-        case Raster():
-            rows, cols = value.values.shape[1:]
-            yield _section(name, [f"{help}: {rows:,} rows and {cols:,} columns"])
+
+
+def _sizes(spec: Spec, found: Mapping[str, Any]) -> Table:
+    """One row for each cloud and raster, which a page cannot list."""
+    rows = []
+    for name, value in found.items():
+        match value:
+            case PointCloud():
+                size = f"{len(value):,} points"
+            case Raster():
+                size = "{:,} rows, {:,} columns".format(*value.values.shape[1:])
+            case _:
+                continue
+        rows.append({"layer": name, "holds": spec.results[name].help, "size": size})
+    return Table.from_rows(rows)
+
+
+def _flowing(text: str) -> str:
+    """Paragraphs without the line breaks of the source code."""
+    return "\n\n".join(" ".join(part.split()) for part in text.split("\n\n"))

@@ -9,8 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import geopandas
 import numpy as np
 import pytest
+import shapely
 from affine import Affine
 from jsonschema import Draft202012Validator
 from numpy.typing import NDArray
@@ -19,7 +21,7 @@ from pyproj import CRS
 
 from toolbox import catalog, reference
 from toolbox.context import Context
-from toolbox.data import Lattice, PointCloud, Raster
+from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.data.crs import vertical_unit
 from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.fields import Field, Spec
@@ -33,7 +35,11 @@ FAST = {"samples.scene": {"size": 50.0, "density": 2.0}}  # settings that make a
 REFERENCE = {"compare.classes": {"reference_attribute": "truth"}}  # settings that a tool needs
 WEST, TILE = 500_002.0, 300.0  # metres, three tiles in the strip; no cell begins where they do
 SMALL = Raster(np.eye(4), Affine(1, 0, 0, 0, -1, 4), crs=CRS(32635))
-RASTERS = {  # sources that are rasters, of tools that read no points
+SQUARES = Vector(
+    geopandas.GeoDataFrame(geometry=[shapely.box(0, 0, 9, 9), shapely.box(5, 5, 12, 12)], crs=32635)
+)
+LAYERS = {  # sources of tools that read no points
+    "compare.areas": {"areas": SQUARES, "reference": SQUARES},
     "surface.difference": {"surface": SMALL, "base": SMALL},
     "surface.hillshade": {"surface": SMALL},
     "surface.contours": {"surface": SMALL},
@@ -148,7 +154,7 @@ def job(
     """The tool with its defaults on the given points."""
     source: dict[str, Any] = {"points": points} if "points" in spec.sources else {}
     source |= {"reference": reference} if reference else {}
-    source |= rasters(spec, points)
+    source |= layers(spec, points)
     settings, problems = spec.parse(
         FAST.get(spec.id, {}) | REFERENCE.get(spec.id, {}) | more, present=source
     )
@@ -156,10 +162,10 @@ def job(
     return spec.make(**settings, **source)
 
 
-def rasters(spec: Spec, points: PointCloud | None) -> dict[str, Raster]:
-    """Sources that are rasters; with points a slope below all of them, in their unit."""
+def layers(spec: Spec, points: PointCloud | None) -> dict[str, Any]:
+    """Sources that are no points; with points a slope below all of them, in their unit."""
     if "surface" not in spec.sources or points is None or "points" not in spec.sources:
-        return RASTERS.get(spec.id, {})
+        return LAYERS.get(spec.id, {})
     edges = np.array([499_900, 4_599_900, 501_000, 4_600_100]) * points.metre
     lattice = Lattice.cover(edges, 10 * points.metre)
     height = 0.1 * (lattice.centres()[0] - 500_000.3 * points.metre)
@@ -192,7 +198,7 @@ def test_limits_are_enforced_by_name(spec: Spec, field: Field, block: PointCloud
     kind = int if field.kind.word == "integer" else float
     for value in beyond(field):
         source: dict[str, Any] = {"points": block} if "points" in spec.sources else {}
-        source |= rasters(spec, block)
+        source |= layers(spec, block)
         with pytest.raises(ParameterError, match=rf"{field.name}: must be"):
             spec.build(source | {field.name: kind(value)})
 

@@ -1,0 +1,511 @@
+"""How well polygons agree with reference polygons, by area and by object.
+
+What each figure means: docs/explanation/comparing-areas-and-lines.md.
+
+References
+----------
+Odabaş (2018). MSc thesis, Karadeniz Technical University: shorelines of a reservoir, table 9;
+similarity is the overlap over the area of the polygon itself.
+Heipke, C. et al. (1997). Evaluation of automatic road extraction. IAPRS 32(3-2W3), 47-56:
+completeness, correctness and quality.
+Rutzinger, M., Rottensteiner, F. and Pfeifer, N. (2009). A comparison of evaluation techniques for
+building extraction from airborne laser scanning. IEEE JSTARS 2(1), 11-20: objects that count as
+found by their overlap, and the topology of what overlaps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from algorithms.compare._overlay import Array, Indices, Overlay, Pairs, Side
+from algorithms.compare._shapes import (
+    AREAS,
+    attribute_problem,
+    features,
+    layer_problem,
+    mended,
+)
+from toolbox.context import QUIET, Context, log
+from toolbox.data import Table, Vector
+from toolbox.errors import DataError
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import Extent
+
+ROUNDING = 1e-9  # of an area: less than this is what calculation leaves
+AGREE, COMMISSION, OMISSION = "agree", "commission", "omission"
+RELATIONS = ("1:1", "1:n", "n:1", "n:m", "1:0", "0:1")
+
+Row = dict[str, Any]
+
+
+@tool("compare.areas")
+class CompareAreas:
+    """Compare polygons with reference polygons, by area and one by one.
+
+    Overlap is the area that both layers cover, commission what only the polygons cover, omission
+    what only the reference covers. Similarity is the overlap over the area of the polygons
+    (correctness), completeness the overlap over the area of the reference, and IoU the overlap over
+    the area that either covers. Area that polygons of one layer cover twice counts once in all
+    sums, and is reported; the row of a polygon is about this polygon alone.
+
+    With `coverage` or `extent` all polygons are cut to the area in which both layers are complete.
+
+    As an object, a polygon is found if the other layer covers at least `min_overlap` of its area,
+    however many polygons that takes. It is paired if the IoU with a single polygon of the other
+    layer is at least `min_overlap`; each polygon is in at most one pair, those of the highest IoU
+    come first. Only polygons of at least `min_area` are judged so; smaller ones still count
+    as area, and as counterparts.
+
+    The relation tells how many polygons belong to how many of the reference, by overlaps of
+    at least `min_overlap` of the smaller one: 1:1, 1:n (merged), n:1 (split), n:m, 1:0 and 0:1.
+
+    Polygons that are not valid are refused by number, counted from 1; `repair` rebuilds them.
+    Tables are in metres, layers in the unit of the data.
+    """
+
+    areas: Vector = source("Polygons to judge")
+    reference: Vector = source("Reference polygons")
+    coverage: Vector | None = source("Polygons within which is compared", default=None)
+    extent: Extent | None = param("Rectangle within which is compared", default=None)
+    min_area: float = param(
+        "Area from which a polygon is judged as an object", default=0.0, unit="m2", ge=0
+    )
+    min_overlap: float = param(
+        "Share of its area that must be covered, or IoU of a pair",
+        default=0.5,
+        unit="1",
+        gt=0,
+        le=1,
+    )
+    label: str | None = param("Attribute that names polygons in the table", default=None)
+    repair: bool = param(
+        "Rebuild polygons that are not valid, and leave out those without geometry", default=False
+    )
+
+    @outputs
+    class Outputs:
+        table: Table = sink("One row per measure: measure, value, unit, meaning")
+        polygons: Table = sink("One row per polygon of either layer")
+        difference: Vector = sink("Polygons of the kinds agree, commission and omission")
+        area: float = sink("Area of the polygons", unit="m2")
+        reference_area: float = sink("Area of the reference", unit="m2")
+        overlap: float = sink("Area that both cover", unit="m2")
+        area_error: float | None = sink("Area minus reference, over reference", unit="%")
+        similarity: float | None = sink("Overlap over the area of the polygons", unit="%")
+        completeness: float | None = sink("Overlap over the area of the reference", unit="%")
+        iou: float | None = sink("Overlap over the area that either covers", unit="%")
+        object_correctness: float | None = sink("Polygons found in the reference", unit="%")
+        object_completeness: float | None = sink("Reference polygons found", unit="%")
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """Layers of valid polygons, and a name that one of them has."""
+        for name in ("areas", "reference", "coverage"):
+            layer = getattr(self, name)
+            if layer is None:
+                continue
+            if text := layer_problem(layer, AREAS, "polygons", repair=self.repair):
+                yield name, text
+        if self.coverage is not None and not len(self.coverage):
+            yield "coverage", f"{self.coverage.name or 'the layer'} has no polygons"
+        if self.label is not None:
+            for text in attribute_problem(self.label, (self.areas, self.reference)):
+                yield "label", text
+
+    def halo(self) -> float:
+        """Polygons are of any size."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> CompareAreas.Outputs:
+        """Cut to the coverage, overlay, and sum up."""
+        import pandas as pd
+
+        region = self._region()
+        own = Side.of(mended(self.areas, "areas"), region, ctx.part(0.0, 0.15))
+        other = Side.of(mended(self.reference, "reference"), region, ctx.part(0.15, 0.3))
+        _warn(own, other)
+        overlay = Overlay.of(own, other, ctx.part(0.3, 0.9))
+        covered = overlay.covered, overlay.covered_reference
+        objects = Objects.of(own, other, covered, overlay.pairs, self.min_area, self.min_overlap)
+        ctx.progress(0.95)
+        unit = self.areas.metre  # of the data in one metre
+        sums = Sums.of(own, other, overlay)
+        names, known = self._labels(self.areas), self._labels(self.reference)
+        each = [
+            polygon_frame("areas", own, covered[0], objects.own, names, unit),
+            polygon_frame("reference", other, covered[1], objects.other, known, unit),
+        ]
+        difference = self._difference(overlay)
+        ctx.progress(1.0)
+        return self.Outputs(
+            table=Table.from_rows([*sums.rows(unit), *objects.rows()]),
+            polygons=Table(pd.concat(each, ignore_index=True)),
+            difference=difference,
+            area=sums.area,
+            reference_area=sums.reference,
+            overlap=sums.overlap,
+            area_error=percent(sums.area - sums.reference, sums.reference),
+            similarity=percent(sums.overlap, sums.area),
+            completeness=percent(sums.overlap, sums.reference),
+            iou=percent(sums.overlap, sums.union),
+            object_correctness=objects.own.found_share,
+            object_completeness=objects.other.found_share,
+        )
+
+    def _region(self) -> Any:
+        """Where is compared, as one geometry; None for everywhere.
+
+        Raises
+        ------
+        DataError
+            Coverage and extent have nothing in common.
+        """
+        box = shapely.box(*self.extent) if self.extent else None
+        if self.coverage is None:
+            return box
+        region = shapely.union_all(mended(self.coverage, "coverage"))
+        if box is not None:
+            region = region.intersection(box)
+        if region.area == 0:
+            raise DataError("coverage: has no area" + (" in the extent" if box else ""))
+        return region
+
+    def _labels(self, layer: Vector) -> list[Any]:
+        """The name of each feature; None where it has none."""
+        frame = layer.frame
+        if self.label is None or self.label not in frame:
+            return [None] * len(frame)
+        column = frame[self.label].astype(object)
+        return list(column.where(column.notna(), None))
+
+    def _difference(self, overlay: Overlay) -> Vector:
+        """One feature for each polygon of a kind, with the features that it comes from."""
+        import geopandas
+        import pandas as pd
+
+        pairs = overlay.exact
+        none = np.full(max(len(overlay.commission), len(overlay.omission)), -1)
+        kinds = [
+            (AGREE, pairs.shape, pairs.first, pairs.second),
+            (COMMISSION, overlay.commission, np.arange(len(overlay.commission)), none),
+            (OMISSION, overlay.omission, none, np.arange(len(overlay.omission))),
+        ]
+        frames = []
+        for kind, shapes, first, second in kinds:
+            parts, index = shapely.get_parts(shapes, return_index=True)
+            area = shapely.area(parts)
+            parts, index, area = parts[area > 0], index[area > 0], area[area > 0]
+            columns = {"kind": kind, "area": area}
+            columns |= {"polygon": numbered(first[index]), "reference": numbered(second[index])}
+            frames.append(geopandas.GeoDataFrame(columns, geometry=parts, crs=self.areas.crs))
+        frame = pd.concat(frames, ignore_index=True)
+        return Vector(frame, geometry_type="Polygon")
+
+
+def _warn(own: Side, other: Side) -> None:
+    """Log what a user may not have meant."""
+    for name, side in (("areas", own), ("reference", other)):
+        if not side.area.any():
+            log.warning("%s: there are no polygons to compare", name)
+        if side.twice > ROUNDING * side.area.sum():
+            log.warning(
+                "%s: polygons lie over each other (%s), by %.3f square units in all; "
+                "sums count this area once",
+                name,
+                features(side.covering),
+                side.twice,
+            )
+
+
+def numbered(indices: Indices) -> Any:
+    """Numbers from 1, missing where the index is -1."""
+    import pandas as pd
+
+    return pd.arrays.IntegerArray(indices.astype(np.int64) + 1, indices < 0)
+
+
+def percent(part: float, whole: float) -> float | None:
+    """None of nothing."""
+    return 100 * part / whole if whole else None
+
+
+# By area --------------------------------------------------------------------------------------
+
+
+class Sums(NamedTuple):
+    """Areas of the layers, in the unit of the data."""
+
+    area: float
+    reference: float
+    overlap: float
+    commission: float
+    omission: float
+    twice: float
+    reference_twice: float
+    perimeter: float
+    reference_perimeter: float
+
+    @classmethod
+    def of(cls, own: Side, other: Side, overlay: Overlay) -> Sums:
+        """Add up, no area twice."""
+        return cls(
+            own.total,
+            other.total,
+            float(overlay.exact.area.sum()),
+            float(shapely.area(overlay.commission).sum()),
+            float(shapely.area(overlay.omission).sum()),
+            own.twice,
+            other.twice,
+            float(shapely.length(own.shapes).sum()),
+            float(shapely.length(other.shapes).sum()),
+        )
+
+    @property
+    def union(self) -> float:
+        """Area that either layer covers."""
+        return self.overlap + self.commission + self.omission
+
+    def rows(self, metre: float) -> Iterator[Row]:
+        """One row per measure, in metres.
+
+        Parameters
+        ----------
+        metre : length of one metre in the unit of the data
+        """
+        error, wrong = self.area - self.reference, self.commission + self.omission
+        areas = {
+            "area": (self.area, "area of the polygons"),
+            "reference_area": (self.reference, "area of the reference"),
+            "overlap": (self.overlap, "area that both cover"),
+            "commission": (self.commission, "area of the polygons alone"),
+            "omission": (self.omission, "area of the reference alone"),
+            "union": (self.union, "area that either covers"),
+            "area_difference": (error, "area of the polygons minus reference"),
+            "counted_once": (self.twice, "area by which polygons lie over each other"),
+            "reference_counted_once": (self.reference_twice, "the same of the reference"),
+        }
+        for name, (value, meaning) in areas.items():
+            yield _row(name, value / metre**2, "m2", meaning)
+        yield _row("perimeter", self.perimeter / metre, "m", "outlines and holes of the polygons")
+        yield _row("reference_perimeter", self.reference_perimeter / metre, "m", "the same of it")
+        width = wrong / self.reference_perimeter / metre if self.reference_perimeter else None
+        yield _row("mean_offset", width, "m", "commission and omission over reference_perimeter")
+        shares = {
+            "similarity": (self.overlap, self.area, "overlap / area (correctness)"),
+            "completeness": (self.overlap, self.reference, "overlap / reference_area"),
+            "iou": (self.overlap, self.union, "overlap / union (quality)"),
+            "f1": (2 * self.overlap, self.area + self.reference, "2 overlap / (both areas)"),
+            "area_error": (error, self.reference, "area_difference / reference_area"),
+        }
+        for name, (part, whole, meaning) in shares.items():
+            yield _row(name, percent(part, whole), "%", meaning)
+
+
+def _row(measure: str, value: float | None, unit: str, meaning: str) -> Row:
+    return {
+        "measure": measure,
+        "value": None if value is None else float(value),
+        "unit": unit,
+        "meaning": meaning,
+    }
+
+
+# By object ------------------------------------------------------------------------------------
+
+
+class Judged(NamedTuple):
+    """The polygons of one layer as objects; arrays of shape (n,), indices -1 for none.
+
+    Attributes
+    ----------
+    counts : whether it is judged at all
+    found : whether the other layer covers enough of it
+    best, best_iou : polygon of the other layer with the highest IoU
+    pair : polygon that it is paired with
+    relation : such as "1:n", polygons to reference
+    """
+
+    counts: NDArray[np.bool_]
+    found: NDArray[np.bool_]
+    best: Indices
+    best_iou: Array
+    pair: Indices
+    relation: NDArray[Any]
+
+    @property
+    def found_share(self) -> float | None:
+        """Of those that are judged, in percent."""
+        return percent(int((self.found & self.counts).sum()), int(self.counts.sum()))
+
+    @property
+    def paired_share(self) -> float | None:
+        """The same of those that are paired."""
+        return percent(int(((self.pair >= 0) & self.counts).sum()), int(self.counts.sum()))
+
+
+class Objects(NamedTuple):
+    """Both layers as objects."""
+
+    own: Judged
+    other: Judged
+    relations: dict[str, int]
+
+    @classmethod
+    def of(
+        cls,
+        own: Side,
+        other: Side,
+        covered: tuple[Array, Array],
+        pairs: Pairs,
+        min_area: float,
+        min_overlap: float,
+    ) -> Objects:
+        """Match polygons.
+
+        Parameters
+        ----------
+        covered : area of each polygon that the other layer covers, for both layers
+        pairs : of polygons
+        min_area : in the unit of the data
+        min_overlap : share
+        """
+        least = min_overlap * (1 - ROUNDING)
+        i, j = pairs.first, pairs.second
+        iou = pairs.area / (own.area[i] + other.area[j] - pairs.area)
+        of_smaller = pairs.area / np.minimum(own.area[i], other.area[j])
+        pair, pair_other = one_to_one(i, j, iou, least, (len(own.area), len(other.area)))
+        linked = of_smaller >= least
+        kind, kind_other, counts = relations(i[linked], j[linked], own.area > 0, other.area > 0)
+        judged = []
+        for side, mine, theirs, area, mate, relation in (
+            (own, i, j, covered[0], pair, kind),
+            (other, j, i, covered[1], pair_other, kind_other),
+        ):
+            best, best_iou = highest(mine, theirs, iou, len(side.area))
+            counted = (side.area > 0) & (side.area >= min_area * (1 - ROUNDING))
+            found = counted & (area >= least * side.area)
+            judged.append(Judged(counted, found, best, best_iou, mate, relation))
+        return cls(judged[0], judged[1], counts)
+
+    def rows(self) -> Iterator[Row]:
+        """Counts and shares of objects."""
+        for word, name, side in (
+            ("", "polygons", self.own),
+            ("reference_", "reference", self.other),
+        ):
+            yield _row(f"{word}objects", side.counts.sum(), "1", f"{name} judged as objects")
+            yield _row(f"{word}objects_found", side.found.sum(), "1", f"{name} found")
+            paired = (side.counts & (side.pair >= 0)).sum()
+            yield _row(f"{word}objects_paired", paired, "1", f"{name} paired one to one")
+        own, other = self.own, self.other
+        for name, part, whole in (
+            ("object", own.found_share, other.found_share),
+            ("pair", own.paired_share, other.paired_share),
+        ):
+            what = "found" if name == "object" else "paired one to one"
+            yield _row(f"{name}_correctness", part, "%", f"polygons {what}, of those judged")
+            yield _row(f"{name}_completeness", whole, "%", f"reference polygons {what}")
+        for relation, count in self.relations.items():
+            yield _row(f"relation {relation}", count, "1", "groups, polygons to reference")
+
+
+def highest(mine: Indices, theirs: Indices, value: Array, count: int) -> tuple[Indices, Array]:
+    """Of each polygon the counterpart of the highest value, the first of equal ones; -1 for none.
+
+    Parameters
+    ----------
+    mine, theirs, value : arrays of shape (m,)
+    count : number of polygons, n
+
+    Returns
+    -------
+    arrays of shape (n,), counterpart and value
+    """
+    best, top = np.full(count, -1), np.zeros(count)
+    order = np.lexsort([-theirs, value])  # the last one written stays
+    best[mine[order]], top[mine[order]] = theirs[order], value[order]
+    return best, top
+
+
+def one_to_one(
+    first: Indices, second: Indices, iou: Array, least: float, counts: tuple[int, int]
+) -> tuple[Indices, Indices]:
+    """Pair polygons, those of the highest IoU first, each at most once.
+
+    Returns
+    -------
+    arrays of shape (n,) and (m,), index of the partner or -1
+    """
+    mate, mate_other = np.full(counts[0], -1), np.full(counts[1], -1)
+    good = np.flatnonzero(iou >= least)
+    for pair in good[np.lexsort([second[good], first[good], -iou[good]])].tolist():
+        i, j = first[pair], second[pair]
+        if mate[i] < 0 and mate_other[j] < 0:
+            mate[i], mate_other[j] = j, i
+    return mate, mate_other
+
+
+def relations(
+    first: Indices, second: Indices, there: NDArray[np.bool_], there_other: NDArray[np.bool_]
+) -> tuple[NDArray[Any], NDArray[Any], dict[str, int]]:
+    """How many polygons belong together with how many of the reference.
+
+    Parameters
+    ----------
+    first, second : arrays of shape (k,), polygons that belong to each other
+    there, there_other : arrays of shape (n,) and (m,), polygons that are not empty
+
+    Returns
+    -------
+    texts of shape (n,) and (m,), and the number of groups by text
+    """
+    n, total = len(there), len(there) + len(there_other)
+    edges = coo_array((np.ones(len(first)), (first, second + n)), (total, total))
+    groups, group = connected_components(edges, directed=False)
+    mine = np.bincount(group[:n], there, groups).astype(int)
+    theirs = np.bincount(group[n:], there_other, groups).astype(int)
+    text = np.array([_relation(a, b) for a, b in zip(mine, theirs, strict=True)], object)
+    counts = {kind: int((text == kind).sum()) for kind in RELATIONS}
+    return text[group[:n]], text[group[n:]], counts
+
+
+def _relation(own: int, other: int) -> str:
+    if own > 1 and other > 1:
+        return "n:m"
+    return f"{own if own < 2 else 'n'}:{other if other < 2 else 'n'}"
+
+
+def polygon_frame(
+    layer: str, side: Side, covered: Array, judged: Judged, labels: list[Any], metre: float
+) -> Any:
+    """One row per polygon, in metres; numbers count from 1."""
+    import pandas as pd
+
+    area = side.area / metre**2
+    overlap = np.minimum(covered / metre**2, area)
+    return pd.DataFrame(
+        {
+            "layer": np.full(len(area), layer, object),
+            "number": np.arange(1, len(area) + 1),
+            "label": pd.Series(labels, dtype=object),
+            "area_m2": area,
+            "overlap_m2": overlap,
+            "alone_m2": area - overlap,
+            "overlap_%": 100 * np.divide(overlap, area, out=np.zeros(len(area)), where=area > 0),
+            "perimeter_m": shapely.length(side.shapes) / metre,
+            "inside_%": 100 * side.inside,
+            "best": numbered(judged.best),
+            "best_iou_%": 100 * judged.best_iou,
+            "pair": numbered(judged.pair),
+            "relation": judged.relation,
+            "judged": judged.counts,
+            "found": judged.found,
+        }
+    )

@@ -1,0 +1,182 @@
+"""Alpha shapes of points in the plane, as polygons.
+
+A triangle of the Delaunay triangulation belongs to the shape if the circle around it, in which
+there is no point, has a radius of at most alpha. So a disc of radius alpha that holds no point
+can roll up to the outline of the shape from outside, and nowhere into it. Edges and points that
+belong to the shape without a triangle have no area, and are left out.
+
+References
+----------
+Edelsbrunner, H., Kirkpatrick, D. G. & Seidel, R. (1983). On the shape of a set of points in the
+plane. IEEE Transactions on Information Theory 29(4), 551-559.
+Edelsbrunner, H. & Mücke, E. P. (1994). Three-dimensional alpha shapes. ACM Transactions on
+Graphics 13(1), 43-72: the shape as a part of the Delaunay triangulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.shared import _alpha_shape_kernels as kernels
+from algorithms.shared.delaunay import Mesh, triangulate
+from algorithms.shared.threads import in_blocks
+from toolbox.context import QUIET, Context
+
+BLOCK = 500_000  # triangles between two looks at whether the user cancelled
+ROUNDING = 1e-9  # share of a radius; circles that differ by less are taken for equal
+
+Rule = Literal["auto", "all_points"]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+Mask = NDArray[np.bool_]
+
+
+class AlphaShape(NamedTuple):
+    """The regions of an alpha shape, the largest first.
+
+    Attributes
+    ----------
+    polygons : array of shape (r,), shapely polygons; valid, and they meet in single points at most
+    points : array of shape (r,), how many points each holds, those at one place counted each; one
+        in which regions meet counts for the larger
+    alpha : that the shape was made with
+    least : radius of the smallest circle around a triangle; below it there is no shape
+    """
+
+    polygons: NDArray[Any]
+    points: NDArray[np.int64]
+    alpha: float
+    least: float
+
+
+def alpha_shape(
+    xy: Floats,
+    alpha: float | Rule,
+    *,
+    hole_threshold: float = 0.0,
+    region_threshold: float = 0.0,
+    ctx: Context = QUIET,
+) -> AlphaShape:
+    """Alpha shape of points.
+
+    Parameters
+    ----------
+    xy : array of shape (n, 2)
+    alpha : largest radius of an empty circle within the shape, in the unit of xy; infinity gives
+        the convex hull. "all_points" is the least for which every point is part of a region,
+        "auto" the least for which there is one region besides. (A still larger one may have
+        more, since a triangle may come up in the middle of a hole.)
+    hole_threshold : patches without triangles, closed in on all sides, of a smaller area are
+        filled. What lies within becomes part of the region around it.
+    region_threshold : regions of a smaller area, after that, are dropped
+    ctx : progress and cancellation
+
+    Returns
+    -------
+    AlphaShape
+        The same for any order of the points. Regions are joined by edges: where two touch in a
+        point they are two polygons.
+
+    Raises
+    ------
+    DataError
+        There are fewer than three points, or all lie on one line.
+    ValueError
+        See :func:`algorithms.shared.delaunay.triangulate`.
+    """
+    mesh = triangulate(xy, ctx=ctx.part(0, 0.7))
+    radii = _of_triangles(kernels.radii_block, mesh, ctx.part(0.7, 0.75))
+    chosen = critical_alpha(mesh, radii, alpha) if isinstance(alpha, str) else float(alpha)
+    ctx.progress(0.85)
+    kept = _trimmed(mesh, radii <= chosen * (1 + ROUNDING), hole_threshold, region_threshold)
+    ctx.progress(0.95)
+    polygons, points = _outlined(mesh, kept)
+    ctx.progress(1.0)
+    return AlphaShape(polygons, points, chosen, float(radii.min()))
+
+
+def critical_alpha(mesh: Mesh, radii: Floats, rule: Rule) -> float:
+    """The least alpha that keeps all points, and with "auto" in one region; see `alpha_shape`."""
+    everywhere = np.full(len(mesh.xy), np.inf)
+    cover = float(kernels.covering_radius(mesh.triangles, radii, everywhere))
+    kept = radii <= cover * (1 + ROUNDING)
+    node, nodes = kernels.patches(mesh.neighbours, kept)
+    pieces = len(np.unique(node[kept]))
+    if rule == "all_points" or pieces == 1:
+        return cover
+    others = np.flatnonzero(~kept)
+    node[others] = -1
+    order = others[np.argsort(radii[others])]
+    return float(kernels.one_piece(mesh.neighbours, radii, order, node, nodes, pieces, ROUNDING))
+
+
+def _of_triangles(kernel: Callable[..., Any], mesh: Mesh, ctx: Context) -> Floats:
+    """What a kernel finds for each triangle."""
+    found = np.empty(len(mesh.triangles))
+    in_blocks(
+        lambda first, last: kernel(mesh.xy, mesh.triangles, first, last, found),
+        len(found),
+        BLOCK,
+        ctx,
+    )
+    return found
+
+
+def _trimmed(mesh: Mesh, kept: Mask, hole_threshold: float, region_threshold: float) -> Mask:
+    """The triangles with small holes filled, and then without small regions."""
+    if hole_threshold > 0:
+        small, rim = _small_patches(mesh, kept, hole_threshold)
+        kept = kept | (small & ~rim)
+    if region_threshold > 0:
+        small, _ = _small_patches(mesh, kept, region_threshold)
+        kept = kept & ~small
+    return kept
+
+
+def _small_patches(mesh: Mesh, kept: Mask, threshold: float) -> tuple[Mask, Mask]:
+    """Triangles in patches, of kept or of other ones, below an area; those at the convex hull."""
+    patch, count = kernels.patches(mesh.neighbours, kept)
+    areas = _of_triangles(kernels.areas_block, mesh, QUIET)
+    small = np.bincount(patch, areas, minlength=count) < threshold
+    rim = np.zeros(count, bool)
+    rim[patch[(mesh.neighbours < 0).any(axis=1)]] = True
+    return small[patch], rim[patch]
+
+
+def _outlined(mesh: Mesh, kept: Mask) -> tuple[NDArray[Any], NDArray[np.int64]]:
+    """Polygons around the kept triangles, the largest first, and the points in each."""
+    import shapely
+
+    if not kept.any():
+        return np.empty(0, object), np.empty(0, np.int64)
+    patch, count = kernels.patches(mesh.neighbours, kept)
+    corners, ends, facets, twice = kernels.trace(
+        mesh.xy, mesh.triangles, mesh.neighbours, kept, kernels.count_rim(mesh.neighbours, kept)
+    )
+    lengths = np.diff(ends, prepend=0)
+    rings = shapely.linearrings(mesh.xy[corners], indices=np.repeat(np.arange(len(ends)), lengths))
+    region = patch[facets]
+    x, y = mesh.xy[corners[ends - lengths]].T
+    # The ring with the largest area, seen counter-clockwise, is the one around a region.
+    is_hole = np.ones(len(ends), bool)
+    by_area = np.lexsort((-twice, region))
+    is_hole[by_area[np.unique(region[by_area], return_index=True)[1]]] = False
+    order = np.lexsort((y, x, is_hole, region))
+    patches, number = np.unique(region[order], return_inverse=True)
+    polygons = shapely.polygons(rings[order], indices=number)
+    shell = order[~is_hole[order]]
+    largest = np.lexsort((y[shell], x[shell], -shapely.area(polygons)))
+    rank = np.full(count, -1, np.int32)
+    rank[patches[largest]] = np.arange(len(patches))
+    return polygons[largest], _points_in(mesh, rank[patch], len(patches))
+
+
+def _points_in(mesh: Mesh, rank: Ints, count: int) -> NDArray[np.int64]:
+    """How many points lie at vertices of the triangles of each rank."""
+    owner = np.full(len(mesh.xy), count, np.int32)
+    kernels.owners(mesh.triangles, rank, owner)
+    return np.bincount(owner[mesh.duplicate_of], minlength=count + 1)[:count]

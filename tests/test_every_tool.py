@@ -163,7 +163,12 @@ def job(
 
 
 def layers(spec: Spec, points: PointCloud | None) -> dict[str, Any]:
-    """Sources that are no points; with points a slope below all of them, in their unit."""
+    """Other sources: a slope below all points, or a polygon among them, in their unit."""
+    if spec.id == "points.clip" and points is not None:
+        triangle = np.array([[500_010, 4_600_001], [500_700, 4_600_020], [500_020, 4_600_030]])
+        shape = shapely.Polygon(triangle * points.metre)
+        frame = geopandas.GeoDataFrame(geometry=[shape], crs=points.crs)
+        return {"polygons": Vector(frame, name="triangle.gpkg")}
     if "surface" not in spec.sources or points is None or "points" not in spec.sources:
         return LAYERS.get(spec.id, {})
     edges = np.array([499_900, 4_599_900, 501_000, 4_600_100]) * points.metre

@@ -222,7 +222,8 @@ def _attribute_problems(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple
         wanted: set[str] = set()
         for value in field.items(values[name]):
             wanted |= value.names if isinstance(value, Expression) else {str(value)}
-        known = ("x", "y", "z", *layer.names)
+        axes = ("x", "y", "z") if isinstance(layer, PointCloud | Survey) else ()
+        known = (*axes, *layer.names)
         for missing in sorted(wanted - set(known)):
             hint = nearest(missing, known)
             yield name, f"no attribute {missing!r}{hint}; there are {', '.join(known)}"

@@ -9,6 +9,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from algorithms.shared.polygons import geometries
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, Vector
 from toolbox.errors import DataError
@@ -19,24 +20,6 @@ Array = NDArray[np.float64]
 Shapes = NDArray[Any]  # of shapely geometries
 
 
-def polygons(layer: Vector, name: str) -> Shapes:
-    """The polygons of a layer, one by one.
-
-    Raises
-    ------
-    DataError
-        One is of another type, or crosses itself; names the parameter.
-    """
-    shapes = shapely.get_parts(_shapes(layer))
-    others = {shape.geom_type for shape in shapes} - {"Polygon"}
-    if others:
-        raise DataError(f"{name}: must be polygons, {layer.name} holds a {sorted(others)[0]}")
-    if not shapely.is_valid(shapes).all():
-        reason = shapely.is_valid_reason(shapes[~shapely.is_valid(shapes)][0])
-        raise DataError(f"{name}: a polygon of {layer.name} is not valid ({reason})")
-    return shapes
-
-
 def lines(layer: Vector, name: str) -> Shapes:
     """The lines of a layer, and the outlines of its polygons.
 
@@ -45,20 +28,13 @@ def lines(layer: Vector, name: str) -> Shapes:
     DataError
         One has no heights, or is no line; names the parameter.
     """
-    shapes = shapely.get_parts(_shapes(layer))
+    shapes = shapely.get_parts(geometries(layer))
     others = {shape.geom_type for shape in shapes} - {"Polygon", "LineString", "LinearRing"}
     if others:
         raise DataError(f"{name}: must be lines, {layer.name} holds a {sorted(others)[0]}")
     if not shapely.has_z(shapes).all():
         raise DataError(f"{name}: a line of {layer.name} has no heights (Z)")
     return outlines(shapes)
-
-
-def _shapes(layer: Vector) -> Shapes:
-    """What there is."""
-    shapes = layer.frame.geometry.to_numpy()
-    there: Shapes = shapes[~(shapely.is_missing(shapes) | shapely.is_empty(shapes))]
-    return there
 
 
 def outlines(shapes: Shapes) -> Shapes:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from algorithms.points.filter import Returns, return_mask
 from algorithms.shared.places import averaged
+from algorithms.shared.polygons import polygons
 from algorithms.surface import _near as near
 from algorithms.surface import _outlines as shapes
 from algorithms.surface._statistics import Statistic, per_cell
@@ -201,9 +202,7 @@ class SurfaceGrid:
         for polygon, level in shapes.levels(excluded):
             bands.surface[shapes.cells_in(polygon, lattice)] = level
         if self.clip:
-            inside = shapes.cells_in(
-                shapes.polygons(self.clip, "clip"), lattice, ctx=ctx.part(0.95, 1.0)
-            )
+            inside = shapes.cells_in(polygons(self.clip, "clip"), lattice, ctx=ctx.part(0.95, 1.0))
             for band in bands:
                 if band is not None:
                     band[~inside] = np.nan
@@ -244,7 +243,7 @@ class SurfaceGrid:
 
     def _excluded(self) -> shapes.Shapes:
         """The polygons of the exclusions, if there are any."""
-        return shapes.polygons(self.exclusions, "exclusions") if self.exclusions else np.array([])
+        return polygons(self.exclusions, "exclusions") if self.exclusions else np.array([])
 
     def _shaped(
         self, xy: Array, values: Array, lattice: Lattice, excluded: shapes.Shapes

@@ -77,6 +77,11 @@ class Vector:
         """Length of one metre in the unit of the coordinates; 1.0 without a CRS."""
         return 1 / metres_per_unit(self.crs)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the attributes."""
+        return tuple(map(str, self._frame.columns.drop(self._frame.geometry.name)))
+
     def __len__(self) -> int:
         return len(self._frame)
 

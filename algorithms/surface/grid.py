@@ -21,11 +21,12 @@ from typing import Any, Literal, NamedTuple, cast, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.points.filter import Returns, return_mask
+from algorithms.points.filter import Returns
 from algorithms.shared.places import averaged
 from algorithms.shared.polygons import polygons
 from algorithms.surface import _near as near
 from algorithms.surface import _outlines as shapes
+from algorithms.surface._samples import choice_problems, chosen, samples, why_none
 from algorithms.surface._statistics import Statistic, per_cell
 from algorithms.surface._tin import STEPS, Tin
 from toolbox.context import QUIET, Context, log
@@ -129,12 +130,7 @@ class SurfaceGrid:
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """What the choice of points needs, and what does not go together."""
-        if self.classes and "classification" not in self.points:
-            yield "classes", f"{self.points.name} has no classification"
-        if self.returns != "all" and not {"return_number", "number_of_returns"} <= {
-            *self.points.names
-        }:
-            yield "returns", f"{self.points.name} has no return numbers"
+        yield from choice_problems(self.points, self.classes, self.returns)
         if self.template and self.method in STATISTICS and self.points.origin is not None:
             size = self.template.cell / self.template.metre
             if self.cell < size * (1 - ROUNDING):  # halo() knows no layers
@@ -169,16 +165,10 @@ class SurfaceGrid:
         if not len(xy):
             cells = self.template or self.extent  # which are there, though all of them are empty
             raise NothingToDo(
-                self._none(), instead=self._gridded(xy, values, ctx) if cells else None
+                why_none(self.points, self.classes),
+                instead=self._gridded(xy, values, ctx) if cells else None,
             )
         return self._gridded(xy, values, ctx)
-
-    def _none(self) -> str:
-        """Why there is no point to grid."""
-        classes = self.points["classification"] if self.classes else ()
-        if len(self.points) and self.classes and not np.isin(classes, self.classes).any():
-            return f"points: none is of class {self.classes}; classify them first"
-        return "points: there are none to grid"
 
     def _gridded(self, xy: Array, values: Array, ctx: Context) -> SurfaceGrid.Outputs:
         lattice = self._lattice(xy)
@@ -210,25 +200,10 @@ class SurfaceGrid:
 
     def _samples(self, ctx: Context) -> tuple[Array, Array]:
         """Places of shape (n, 2) and values of shape (n,) of the chosen points."""
-        cloud = self.points
-        keep = np.ones(len(cloud), bool)
-        if self.classes:
-            keep &= np.isin(cloud["classification"], self.classes)
-        if self.returns != "all":
-            keep &= return_mask(cloud["return_number"], cloud["number_of_returns"], self.returns)
-        if self.where:
-            columns = {name: cloud[name] for name in self.where.names}
-            keep &= self.where.mask(columns, len(cloud))
-        ctx.progress(0.3)
-        values = np.asarray(cloud[self.attribute], np.float64)
-        xy = cloud.xyz[:, :2]
-        if not keep.all():
-            xy, values = xy[keep], values[keep]
-        ctx.progress(0.6)
-        if not np.isfinite(values).all():
-            raise DataError(
-                f"points: attribute {self.attribute!r} holds values that are not finite"
-            )
+        ctx.progress(0.0)
+        keep = chosen(self.points, self.classes, self.returns, self.where)
+        ctx.progress(0.5)
+        xy, values = samples(self.points, self.attribute, keep)
         ctx.progress(1.0)
         return xy, values
 
@@ -271,7 +246,7 @@ class SurfaceGrid:
         height = vertical_unit(points.crs) if is_height else ""
         across = points.crs.axis_info[0].unit_name if points.crs else ""
         texts = (
-            (f"{name} ({self.method})", "" if is_count else height),
+            ("points per cell", "") if is_count else (f"{name} ({self.method})", height),
             ("points used", ""),
             ("distance to the nearest point", across),
             ("error without the points used", height),

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox._bars import Bars
-from toolbox._images import ERRORS, POINT_CLASSES, Ramp, cloud_image, raster_image
+from toolbox._images import _RELIEF, ERRORS, POINT_CLASSES, Ramp, cloud_image, raster_image
+from toolbox._maps import _EMPTY
 from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import LOCAL, parse_crs
 from toolbox.errors import DataError
@@ -129,6 +130,63 @@ def test_only_lengths_are_shaded() -> None:
     assert (shares.key.colours, shares.key.label) == ("viridis", "Share")
     assert isinstance(metres.key, Ramp)
     assert metres.key.label == "Elevation (m)"
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "colours"),
+    [
+        ("intensity (mean)", "", "gray"),
+        ("points per cell", "", "viridis"),
+        ("z (std)", "metre", "viridis"),
+        ("user_data (mean)", "", "viridis"),
+        ("distance to the nearest point", "metre", "viridis"),
+        ("error without the points used", "metre", "viridis"),
+    ],
+)
+def test_what_is_no_height_has_no_light_and_shade(name: str, unit: str, colours: str) -> None:
+    """Cells of one value have one colour, whatever is beside them."""
+    values = np.random.default_rng(0).integers(0, 5, (30, 30)).astype(np.float32)
+    image = raster_image(raster(values, descriptions=(name,), units=(unit,)))
+    assert isinstance(image.key, Ramp)
+    assert image.key.colours == colours
+    assert len(np.unique(image.rgba.reshape(-1, 4), axis=0)) == 5
+    for lit in ("z (linear)", "height_above_ground (max)", ""):
+        relief = raster_image(raster(values, descriptions=(lit,)))
+        assert len(np.unique(relief.rgba.reshape(-1, 4), axis=0)) > 50
+
+
+def test_surface_minus_terrain_is_relief_and_change_is_two_colours() -> None:
+    rng = np.random.default_rng(0)
+    for share, colours in ((0.005, None), (0.4, "RdBu_r"), (1.0, "RdBu_r")):
+        values = np.where(rng.random((50, 50)) < share, -1, 1) * rng.uniform(0, 9, (50, 50))
+        key = raster_image(raster(values, descriptions=("a minus b",), units=("metre",))).key
+        assert isinstance(key, Ramp)
+        assert (key.colours == colours) == (colours is not None)
+
+
+def test_errors_of_points_are_two_colours_about_zero() -> None:
+    errors = np.linspace(-1, 1, 400).astype(np.float32)
+    codes = np.full(400, 2, np.uint8)
+    cloud = square(classification=codes).with_attributes(
+        {"error_linear": errors}, descriptions={"error_linear": "surface minus point, metre"}
+    )
+    key = cloud_image(cloud).key
+    assert isinstance(key, Ramp)
+    assert (key.colours, key.label, key.low) == ("RdBu_r", "error linear (m)", -key.high)
+
+
+def test_no_data_has_a_colour_of_its_own() -> None:
+    empty = np.array(to_rgba(_EMPTY)[:3])
+    for colours in (_RELIEF, "viridis", "RdBu_r"):
+        ramp = Ramp(colours, 0, 1, "").colour_map()(np.linspace(0, 1, 100))[:, :3]
+        assert np.abs(ramp - empty).max(axis=1).min() > 0.05
+
+
+def test_named_bands_have_a_map_each(tmp_path: Path) -> None:
+    values, names = np.random.default_rng(0).normal(size=(3, 9, 9)), ("z", "points used", "error")
+    draw({"a": raster(values)}, tmp_path / "a.png")
+    draw({"a": raster(values, descriptions=names)}, tmp_path / "b.png")
+    assert read(tmp_path / "b.png").shape[1] > 2.5 * read(tmp_path / "a.png").shape[1]
 
 
 def test_differences_are_centred_on_zero() -> None:

@@ -66,6 +66,7 @@ ERRORS: Classes = {code: (name, _OF_OUTCOMES[code]) for code, name in OUTCOMES.i
 
 _OTHER = ("#5b8def", "#e5a93c", "#58b2a3", "#c46bb0", "#93b245", "#d9755b", "#7a72c9", "#9c8567")
 _RELIEF = ("#62a392", "#8fbe99", "#c1d59e", "#efe6b6", "#dfbb88", "#c0906a", "#a38178", "#f7f5f2")
+_NO_HEIGHTS = ("(std)", "(count)", "points", "distance", "error", "intensity", "hillshade")
 _PIXELS = 1000  # at most, along the longer side of a map
 _MANY = 20  # more distinct values than this are no classes
 LENGTHS = {"metre": "m", "foot": "ft", "US survey foot": "US ft"}
@@ -121,31 +122,61 @@ class Image:
     key: Ramp | Classes
 
 
-def raster_image(raster: Raster) -> Image:
-    """The first band of a raster: as shades, classes, differences, relief or in plain colours."""
+def raster_image(raster: Raster, number: int = 1) -> Image:
+    """One band of a raster: as shades, classes, differences, relief or in plain colours."""
     step = max(1, math.ceil(max(raster.shape) / _PIXELS))
-    band = raster.band()[::step, ::step]
-    name, unit = raster.descriptions[0].lower(), raster.units[0]
-    if "hillshade" in name:
-        ramp = Ramp.over(band, "gray", _label(raster.descriptions[0], unit))
-        return Image(_colours(band, ramp), raster.bounds, ramp)
-    if raster.values.dtype.kind != "f" and len(found := _codes(band)) <= _MANY:
+    band = raster.band(number)[::step, ::step]
+    text, unit = raster.descriptions[number - 1], raster.units[number - 1]
+    name, label = text.lower(), _label(text, unit)
+    if raster.values.dtype.kind != "f" and _is_code(name) and len(found := _codes(band)) <= _MANY:
         classes = _table(found, POINT_CLASSES if "class" in name else {})
         return Image(_class_colours(band, classes), raster.bounds, classes)
-    label = _label(raster.descriptions[0], unit)
-    if "differ" in name or "change" in name:
-        ramp = Ramp.about_zero(band, label)
-        return Image(_colours(band, ramp), raster.bounds, ramp)
-    if unit in (*LENGTHS, "m", "ft") or (unit == "" and len(raster.values) == 1):
+    if _is_height(name, unit, len(raster.values)) and not _is_change(name, band):
         return _relief(band, raster.cell * step, raster.bounds, label)
-    ramp = Ramp.over(band, "viridis", label)
+    ramp = _ramp(name, band, label)
     return Image(_colours(band, ramp), raster.bounds, ramp)
+
+
+def _is_code(name: str) -> bool:
+    return not any(word in name for word in ("hillshade", "intensity", "count", "points"))
+
+
+def _is_height(name: str, unit: str, bands: int) -> bool:
+    """Whether light and shade say something: not on spreads, distances or what is no length."""
+    if any(word in name for word in _NO_HEIGHTS):
+        return False
+    attribute, bracket, _ = name.partition(" (")  # as surface.grid names them: "z (linear)"
+    named = not bracket or attribute == "z" or "height" in attribute or "elevation" in attribute
+    return named and (unit in (*LENGTHS, "m", "ft") or (unit == "" and bands == 1))
+
+
+def _is_change(name: str, band: Array) -> bool:
+    """Whether values on both sides of zero matter: not heights of objects above terrain."""
+    if "differ" in name or "change" in name:
+        return True
+    known = band[np.isfinite(band)]
+    if " minus " not in name or len(known) == 0:
+        return False
+    low, high = np.percentile(known, (2, 98))
+    return bool(-low > high / 20)
+
+
+def _ramp(name: str, band: Array, label: str) -> Ramp:
+    if _is_change(name, band):
+        return Ramp.about_zero(band, label)
+    return Ramp.over(
+        band, "gray" if "hillshade" in name or "intensity" in name else "viridis", label
+    )
 
 
 def cloud_image(cloud: PointCloud) -> Image:
     """A cloud from above, one colour per pixel, the highest point on top."""
     lattice = _pixels(cloud)
     top = _highest(cloud, lattice)
+    for name in (name for name in cloud.names if name.startswith("error_")):
+        shown = _gathered(cloud[name], top)
+        ramp = Ramp.about_zero(shown, _label(name.replace("_", " "), _unit_of(cloud, name)))
+        return Image(_colours(shown, ramp), lattice.bounds, ramp)
     height = _gathered(cloud.xyz[:, 2], top)
     for name, table in (("error", ERRORS), ("classification", POINT_CLASSES)):
         if name in cloud and (name == "error" or np.any(cloud[name])):
@@ -159,6 +190,12 @@ def cloud_image(cloud: PointCloud) -> Image:
         return Image(_colours(shown, ramp), lattice.bounds, ramp)
     label = _label("Elevation", vertical_unit(cloud.crs))
     return _relief(height, lattice.cell, lattice.bounds, label)
+
+
+def _unit_of(cloud: PointCloud, name: str) -> str:
+    """The unit of the heights, if the description of an attribute ends in it."""
+    unit = vertical_unit(cloud.crs)
+    return unit if cloud.descriptions.get(name, "").endswith(f", {unit}") else ""
 
 
 def _relief(height: Array, cell: float, bounds: Bounds, label: str) -> Image:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Box = tuple[float, float, float, float]  # left, bottom, width, height
 
-_EMPTY = "#f3f3f1"
+_EMPTY, _PAPER = "#ccd3db", "#f6f6f4"  # no data in a map is no colour of its key
 INK = "#3a3a3a"
 _LINE = "#1f3a5f"
 WIDTH = 4.4  # inches of a map
@@ -115,7 +115,7 @@ def arrange(figure: Figure, panels: Sequence[Sized]) -> list[Place]:
 def show(figure: Figure, panel: Panel, place: Place) -> None:
     """Draw one map with its key."""
     axes = figure.add_axes(fractions(figure, place.map))
-    axes.set_facecolor(_EMPTY)
+    axes.set_facecolor(_PAPER if panel.image is None else _EMPTY)
     if panel.image is not None:
         west, south, east, north = panel.image.bounds
         axes.imshow(panel.image.rgba, extent=(west, east, south, north), interpolation="auto")

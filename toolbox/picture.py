@@ -7,7 +7,7 @@ is as small as one of a thousand. The same layers give the same bytes.
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from toolbox.data.record import CHUNK, checked
 from toolbox.errors import DataError
 
 _DPI = 140
+_MOST_BANDS = 6
 
 
 def draw(
@@ -32,7 +33,8 @@ def draw(
 ) -> None:
     """Draw layers side by side into one PNG.
 
-    A raster is shown as relief, as colours, or as classes where it holds few integers; a cloud
+    A raster is shown as relief, as colours, or as classes where it holds few integers, named bands
+    side by side; a cloud
     from above, the highest point on top, in the colours of its "error", its classes, its
     elevation or its intensity. A vector layer lies over the map before it, if that is in the
     same CRS and overlaps it, and has a map of its own otherwise. A table of the columns low, high
@@ -97,7 +99,7 @@ def _panels(layers: Mapping[str, PointCloud | Raster | Vector | Table]) -> list[
     for title, layer in layers.items():
         match layer:
             case Raster():
-                panels.append(_of_image(title, layer.crs, raster_image(layer)))
+                panels += _of_bands(title, layer)
             case PointCloud():
                 if len(layer):
                     panels.append(_of_image(title, layer.crs, cloud_image(layer)))
@@ -109,6 +111,14 @@ def _panels(layers: Mapping[str, PointCloud | Raster | Vector | Table]) -> list[
             case _:
                 raise DataError(f"{title}: a {type(layer).__name__} cannot be drawn")
     return panels
+
+
+def _of_bands(title: str, raster: Raster) -> Iterator[Panel]:
+    """A map of each band with a name of its own; only of the first, where bands are colours."""
+    names = raster.descriptions if all(raster.descriptions) else raster.descriptions[:1]
+    for number, name in enumerate(names[:_MOST_BANDS], start=1):
+        text = title if number == 1 else f"{title}: {name}"
+        yield _of_image(text, raster.crs, raster_image(raster, number))
 
 
 def _of_image(title: str, crs: CRS | None, image: Image) -> Panel:

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.compare._spread import Quarters, spread
 from algorithms.shared.ground import taking_part
 from algorithms.shared.heights import heights_problem
 from algorithms.shared.lowest import require_finite
@@ -83,8 +84,9 @@ class CompareSurfaces:
 
     For points there is a report in the manner of the ASPRS standards (Edition 2, 2023): RMSE of the
     fit to the checkpoints, with their own error as root of the sum of squares, for NVA and VVA; how
-    many there are of the 30 that are needed; and whether the NVA meets `accuracy_class`. VVA is
-    reported as found and fails nothing.
+    many there are of the 30 that are needed; whether they are spread over the area, with a fifth of
+    them in each quarter, and not crowded; and whether the NVA meets `accuracy_class`. VVA is
+    reported as found and fails nothing. `covers` has the share in the emptiest quarter too.
 
     Tables are in metres, layers in the unit of the data.
     """
@@ -207,17 +209,19 @@ class CompareSurfaces:
             log.warning("%d cells or points have no counterpart", found.missing)
         metre = self.surface.metre
         label, names = self._covers(found, ctx.part(0.4, 0.7))
-        groups = {name: found.error[label == code] for code, name in enumerate(names)}
+        quarters = None if raster else Quarters.of(self.surface)
         ctx.progress(0.7)
         whole = measures(found.error)
         ctx.progress(0.8)
-        covers = Table.from_rows(cover_rows(groups, metre, ctx.part(0.8, 0.9)))
+        covers = Table.from_rows(
+            cover_rows(found, label, names, quarters, metre, ctx.part(0.8, 0.9))
+        )
         errors = self._largest(found, label, names)
         ctx.progress(0.95)
         return self.Outputs(
             table=Table.from_rows(in_metres(table_rows(whole), metre)),
             covers=covers,
-            report=None if raster else Table.from_rows(in_metres(self._report(groups), metre)),
+            report=self._report(found, label, names, quarters) if quarters else None,
             difference=raster,
             errors=errors,
             histogram=Table.from_rows(histogram(found.error / metre)),
@@ -312,14 +316,18 @@ class CompareSurfaces:
             )
         return label, names
 
-    def _report(self, groups: Mapping[str, Array]) -> Iterator[Row]:
-        """The rows of the report; lengths in the unit of the data."""
+    def _report(
+        self, found: Found, label: NDArray[np.int64], names: Sequence[str], quarters: Quarters
+    ) -> Table:
+        """The rows of the report, in metres."""
         green = self.vegetated or ()
-        bare = _joined(error for name, error in groups.items() if name not in green)
-        yield from report("NVA", bare, self.checkpoint_rmse, self.accuracy_class)
-        if green:
-            covered = _joined(error for name, error in groups.items() if name in green)
-            yield from report("VVA", covered, self.checkpoint_rmse, None)
+        is_green = np.isin(label, [code for code, name in enumerate(names) if name in green])
+        rows: list[Row] = []
+        for kind, which in (("NVA", ~is_green), ("VVA", is_green))[: 2 if green else 1]:
+            wanted = self.accuracy_class if kind == "NVA" else None
+            rows += report(kind, found.error[which], self.checkpoint_rmse, wanted)
+            rows += spread(kind, found.xy[which], quarters)
+        return Table.from_rows(in_metres(rows, self.surface.metre))
 
     def _largest(self, found: Found, label: NDArray[np.int64], names: Sequence[str]) -> Vector:
         """Points at the largest errors, with Z of the surface."""
@@ -487,11 +495,22 @@ def table_rows(whole: Mapping[str, Any]) -> Iterator[Row]:
         yield {"measure": name, "value": value, "unit": unit, "meaning": MEANING[name]}
 
 
-def cover_rows(groups: Mapping[str, Array], metre: float, ctx: Context) -> Iterator[Row]:
-    """One row per land cover, in metres."""
-    for number, (name, error) in enumerate(groups.items()):
-        ctx.progress(number / len(groups))
-        yield {"cover": name} | measures(error / metre)
+def cover_rows(
+    found: Found,
+    label: NDArray[np.int64],
+    names: Sequence[str],
+    quarters: Quarters | None,
+    metre: float,
+    ctx: Context,
+) -> Iterator[Row]:
+    """One row per land cover, in metres; of points also the share in the emptiest quarter."""
+    for code, name in enumerate(names):
+        ctx.progress(code / len(names))
+        here = label == code
+        row: Row = {"cover": name} | measures(found.error[here] / metre)
+        if quarters:
+            row["emptiest_quarter"] = float(quarters.shares(found.xy[here]).min())
+        yield row
 
 
 def in_metres(rows: Iterable[Row], metre: float) -> Iterator[Row]:
@@ -544,10 +563,6 @@ def _own_note(own: float | None, wanted: float | None) -> str:
     if wanted is not None and own > wanted / 2:
         return "of the checkpoints themselves: MORE THAN HALF of the class to meet"
     return "of the checkpoints themselves"
-
-
-def _joined(parts: Iterable[Array]) -> Array:
-    return np.concatenate([np.empty(0), *parts])
 
 
 def largest(error: Array, xy: Array, count: int) -> NDArray[np.int64]:

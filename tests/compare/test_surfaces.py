@@ -14,6 +14,7 @@ from pyproj import CRS
 from scipy import stats
 
 from algorithms.compare import surfaces as module
+from algorithms.compare._spread import Quarters, spread
 from algorithms.compare.surfaces import CompareSurfaces, histogram, measures, resampled, rounded_up
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.errors import DataError, ParameterError
@@ -278,6 +279,77 @@ def test_too_few_checkpoints_are_said_to_be() -> None:
     assert notes["NVA accuracy class"] == "met, by fewer than 30 checkpoints"
     assert "not given" in notes["NVA RMSEv2"]
     assert math.isnan(values["NVA RMSEv2"])
+
+
+# The spread of checkpoints --------------------------------------------------------------------
+
+
+def placed(xy: Any, **columns: Any) -> Vector:
+    """Checkpoints on the slope at (n, 2) metres from its south-western corner."""
+    x, y = WEST + np.asarray(xy)[:, 0], NORTH - 12 + np.asarray(xy)[:, 1]
+    places = shapely.points(x, y, true_height(x, y))
+    return Vector(geopandas.GeoDataFrame(columns, geometry=places, crs=UTM))
+
+
+def test_quarters_have_one_area_whatever_the_outline() -> None:
+    square = Quarters.of(slope())
+    assert (square.east, *square.north) == (WEST + 6, NORTH - 6, NORTH - 6)
+    assert square.area == 144
+    values = slope().values[0].copy()
+    values[:, 8:] = np.nan  # 8 columns are left, and in the eastern four the northern 6 rows
+    values[6:, 4:] = np.nan
+    shape = Quarters.of(raster(values))
+    assert shape.east == WEST + 3  # 36 of 72 cells
+    assert shape.north[0] == NORTH - 6
+    known = np.argwhere(np.isfinite(values))[:, ::-1] * [1, -1] + [WEST + 0.5, NORTH - 0.5]
+    np.testing.assert_allclose(shape.shares(known), 0.25, atol=0.04)  # whole cells
+
+
+def test_checkpoints_in_one_corner_are_said_to_be_there(caplog: pytest.LogCaptureFixture) -> None:
+    spots = np.random.default_rng(0).uniform(1, 11, (40, 2))
+    even = CompareSurfaces(surface=slope(), checkpoints=placed(spots)).run()
+    assert not caplog.text
+    assert even.report is not None
+    row = even.report.frame.set_index("item").loc["NVA emptiest quarter"]
+    counts = np.histogram2d(*spots.T, bins=[[0, 6, 12]] * 2)[0]
+    assert row["value"] == pytest.approx(counts.min() / 40)
+    assert row["note"].startswith("spread: at least 20%")
+
+    crowded = placed(1 + spots * [0.4, 0.4])
+    out = CompareSurfaces(surface=slope(), checkpoints=crowded).run()
+    assert out.report is not None
+    notes = by(out.report, "item", "note")
+    assert notes["NVA emptiest quarter"].startswith("UNEVEN")
+    assert notes["NVA mean distance to next"].startswith("CROWDED: ")
+    assert "NVA: only 0 % of the checkpoints are in the north-west" in caplog.text
+    assert "NVA: the checkpoints are crowded" in caplog.text
+
+
+def test_spread_is_told_by_land_cover() -> None:
+    spots = np.array([[2.0, 2], [2, 10], [10, 2], [10, 10], [3, 3], [3, 9], [2, 9], [9, 3], [3, 2]])
+    kinds = ["grass"] * 4 + ["wood"] * 5
+    layer = placed(spots, lc=kinds)
+    out = CompareSurfaces(
+        surface=slope(), checkpoints=layer, cover_attribute="lc", vegetated=("wood",)
+    ).run()
+    assert by(out.covers, "cover", "emptiest_quarter") == {"grass": 0.25, "wood": 0.0}
+    assert out.report is not None
+    values, notes = by(out.report, "item", "value"), by(out.report, "item", "note")
+    assert (values["NVA emptiest quarter"], values["VVA emptiest quarter"]) == (0.25, 0.0)
+    assert notes["VVA emptiest quarter"].endswith("fewest in the north-east")
+    assert values["NVA mean distance to next"] == pytest.approx(8.0)
+    # 8 m to the next; at random it would be half the root of 36 m2 a checkpoint.
+    assert notes["NVA mean distance to next"] == "2.67 times that of random places"
+    rasters = CompareSurfaces(surface=slope(), reference=slope()).run()
+    assert "emptiest_quarter" not in rasters.covers.frame
+
+
+def test_random_places_are_crowded_one_time_in_forty() -> None:
+    """One side of 95 %."""
+    rng, area = np.random.default_rng(0), Quarters.of(slope())
+    places = (rng.uniform((WEST, NORTH - 12), (WEST + 12, NORTH), (50, 2)) for _ in range(400))
+    notes = [row["note"] for xy in places for row in spread("NVA", xy, area)]
+    assert 0 < sum(note.startswith("CROWDED") for note in notes) < 20
 
 
 # Units, histogram -----------------------------------------------------------------------------

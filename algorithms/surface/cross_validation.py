@@ -87,12 +87,12 @@ class SurfaceCrossValidation:
         "Leave cells empty that lie farther than this from any point", default=None, unit="m", gt=0
     )
     power: float = param("Power of the distance, for idw", default=2.0, unit="1", gt=0)
-    neighbours: int = param("Points used per cell, for idw", default=12, unit="1", ge=1)
+    neighbours: int = param("Points used per cell, for idw", default=12, unit="1", ge=1, le=1000)
     radius: float | None = param(
         "Farthest point used, for idw; any by default", default=None, unit="m", gt=0
     )
     smoothing: float = param(
-        "Length that dulls the peaks at the points, for idw", default=0.0, unit="m", ge=0
+        "Length that dulls the peaks at the points, for idw", default=0.0, unit="m", ge=0, le=1e6
     )
     percentile: float = param(
         "Share of the points below, for percentile", default=95.0, unit="%", ge=0, le=100

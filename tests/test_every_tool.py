@@ -45,6 +45,7 @@ LAYERS = {  # sources of tools that read no points
     "surface.contours": {"surface": SMALL},
 }
 IN_STRIP: dict[str, dict[str, Any]] = {  # settings that suit the strip
+    "features.local": {"neighbours": None, "radius": 3.0},
     "ground.csf": {"cloth_resolution": 1.0},
     "points.denoise": {"reach": 5.0},
     "models.terrain": {"denoise": False, "max_gap": 6.0},
@@ -62,6 +63,7 @@ GRIDS: list[dict[str, Any]] = [
 TILED = [
     *((spec, IN_STRIP.get(spec.id, {})) for spec in POINT_TOOLS),
     (catalog.load("ground.csf"), {"cloth_resolution": 1.0, "rigidness": 3}),
+    (catalog.load("features.local"), {"neighbours": 200, "radius": 6.0}),
     (catalog.load("points.height_above_ground"), {"method": "nearest", "max_distance": 6.0}),
     *((catalog.load("surface.grid"), settings) for settings in GRIDS),
     (
@@ -232,8 +234,8 @@ def test_defaults_are_accepted(spec: Spec, block: PointCloud) -> None:
     for field in spec.inputs.values():
         if field.role == "param":
             assert field.problem(field.default) is None, field.name
-            text = None if field.default is None else str(field.default)
-            assert field.parse(text) == field.default, field.name
+            texts = [None if item is None else str(item) for item in field.items(field.default)]
+            assert field.parse(texts if field.many else texts[0]) == field.default, field.name
     job(spec, block)
 
 

@@ -111,43 +111,53 @@ def away(box, node, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _scan(xyz, start, stop, own, far):  # type: ignore[no-untyped-def]
+def _scan(xyz, start, stop, own, far, seen, seen_far, count):  # type: ignore[no-untyped-def]
     """Sort the squared distances of a leaf's points from point `own` into the nearest so far."""
     x, y, z = xyz[own, 0], xyz[own, 1], xyz[own, 2]
     last = len(far) - 1
     for i in range(start, stop):
         dx, dy, dz = xyz[i, 0] - x, xyz[i, 1] - y, xyz[i, 2] - z
         d = dx * dx + dy * dy + dz * dz
-        if d < far[0] and i != own:
+        if d <= far[0] and i != own:
+            if count < len(seen):
+                seen[count], seen_far[count] = i, d
+            count += 1
             # All places are worked out without a branch, which the processor does in parallel.
             for j in range(last):
                 kept = d if d < far[j] else far[j]
                 far[j] = kept if kept > far[j + 1] else far[j + 1]
             far[last] = d if d < far[last] else far[last]
+    return count
 
 
 @helper
-def search(xyz, box, depth, leaf, own, far, held, held_away):  # type: ignore[no-untyped-def]
+def search(xyz, box, depth, leaf, own, far, held, held_away, seen, seen_far):  # type: ignore[no-untyped-def]
     """Squared distances from point `own` to its nearest, the largest first.
 
     The search goes from the leaf up to the root, and down into what else may hold a nearer point.
 
     `far` comes filled with a bound that the distances must be below; where there are too few
     points it keeps the bound. `held` and `held_away` are scratch for DEEPEST nodes.
+
+    Points that were among the nearest so far when they were met, and hence all those that no other
+    is nearer than, are noted in `seen` with their squared distances, as far as these are long
+    enough; returns how many there were.
     """
     n = len(xyz)
     x, y, z = xyz[own, 0], xyz[own, 1], xyz[own, 2]
-    _scan(xyz, first(leaf, depth, n), first(leaf + 1, depth, n), own, far)
+    start, stop = first(leaf, depth, n), first(leaf + 1, depth, n)
+    count = _scan(xyz, start, stop, own, far, seen, seen_far, 0)
     node = (1 << depth) + leaf
     while node > 1:
         here = node ^ 1
         d = away(box, here, x, y, z)
         waiting = 0
         while True:
-            if d < far[0]:
+            if d <= far[0]:
                 if here >> depth:
-                    start = here - (1 << depth)
-                    _scan(xyz, first(start, depth, n), first(start + 1, depth, n), own, far)
+                    other = here - (1 << depth)
+                    start, stop = first(other, depth, n), first(other + 1, depth, n)
+                    count = _scan(xyz, start, stop, own, far, seen, seen_far, count)
                 else:
                     near, other = 2 * here, 2 * here + 1
                     d, d_other = away(box, near, x, y, z), away(box, other, x, y, z)
@@ -162,6 +172,7 @@ def search(xyz, box, depth, leaf, own, far, held, held_away):  # type: ignore[no
             waiting -= 1
             here, d = held[waiting], held_away[waiting]
         node >>= 1
+    return count
 
 
 @njit(cache=True, nogil=True)
@@ -174,6 +185,7 @@ def mean_distances(  # type: ignore[no-untyped-def]
     """
     n = len(xyz)
     far, held, held_away = np.empty(k), np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
+    nobody = held[:0], far[:0]
     for leaf in range(first_leaf, last_leaf):
         start = first(leaf, depth, n)
         for own in range(start, first(leaf + 1, depth, n)):
@@ -187,7 +199,7 @@ def mean_distances(  # type: ignore[no-untyped-def]
                 mean[own] = farthest[own] = 0.0
                 continue
             far[:] = bound * bound
-            search(xyz, box, depth, leaf, own, far, held, held_away)
+            search(xyz, box, depth, leaf, own, far, held, held_away, *nobody)
             total = 0.0
             for j in range(k):
                 total += np.sqrt(far[j])
@@ -262,7 +274,7 @@ def gather(xyz, box, depth, own, limit, near, far, held):  # type: ignore[no-unt
 def nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away):  # type: ignore[no-untyped-def]
     """Fill in the nearest of point `own` that are nearer than `reach`; their number."""
     far[:] = reach * reach
-    search(xyz, box, depth, leaf, own, far, held, held_away)
+    search(xyz, box, depth, leaf, own, far, held, held_away, near[:0], far[:0])
     limit = far[0]
     if limit >= reach * reach:  # fewer than wanted: all of those nearer than the reach
         limit = np.nextafter(reach * reach, 0.0)

@@ -1,0 +1,256 @@
+"""Compiled loops of :mod:`algorithms.shared.covariance`: moments and axes of neighbourhoods.
+
+Sums over neighbours are made of whole numbers, so that they do not depend on the order in which
+the tree meets the points: offsets from the point are rounded to a millionth of the neighbourhood.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from algorithms.shared import _neighbours_kernels as tree
+from algorithms.shared.compiling import helper
+
+# What is known of a neighbourhood, by row of `found`.
+COUNT, REACH, LARGE, MIDDLE, SMALL, NX, NY, NZ, OFF_PLANE, RISE, SPREAD = range(11)
+ROWS = 11
+FINE = 1 << 20  # steps of rounding in the reach: 8 million squares of them have an exact sum
+LINE = 1e-12  # share of the largest eigenvalue below which the others are those of a line
+SEEN = 16  # points noted while searching, for each one that is wanted
+
+
+# Neighbourhoods ----------------------------------------------------------------------------
+
+
+@njit(cache=True, nogil=True)
+def nearest(first_leaf, last_leaf, xyz, box, depth, k, reach, found):  # type: ignore[no-untyped-def]
+    """Fill in `found` (ROWS, points of the leaves) from the k nearest, all nearer than `reach`."""
+    n = len(xyz)
+    far, near, near_far = np.empty(k), np.empty(k, np.int64), np.empty(k)
+    seen, seen_far = np.empty(SEEN * k, np.int64), np.empty(SEEN * k)
+    held, held_away = np.empty(tree.DEEPEST, np.int64), np.empty(tree.DEEPEST)
+    begin = tree.first(first_leaf, depth, n)
+    for leaf in range(first_leaf, last_leaf):
+        farthest = reach
+        start = tree.first(leaf, depth, n)
+        for own in range(start, tree.first(leaf + 1, depth, n)):
+            bound = reach
+            if own > start:  # what is near the point before cannot be far from this one
+                step = 0.0
+                for a in range(3):
+                    step += (xyz[own, a] - xyz[own - 1, a]) ** 2
+                bound = min(reach, (farthest + np.sqrt(step)) * (1.0 + tree.ROUNDING))
+            row = found[:, own - begin]
+            if bound == 0.0:  # no distance is below zero, so more points than k share this place
+                row[:] = 0.0
+                row[COUNT] = k + 1
+                continue
+            far[:] = bound * bound
+            noted = tree.search(xyz, box, depth, leaf, own, far, held, held_away, seen, seen_far)
+            farthest, limit = np.sqrt(far[0]), far[0]
+            if limit >= reach * reach:  # fewer than wanted: all of those nearer than the reach
+                limit = np.nextafter(reach * reach, 0.0)
+            used = _keep(limit, min(noted, len(seen)), seen, seen_far)
+            if noted <= len(seen) and used <= k:
+                _describe(xyz, own, seen, used, _farthest(seen_far, used), row)
+            else:  # several are equally far, and not all of them are wanted
+                used = tree.gather(xyz, box, depth, own, limit, near, near_far, held)
+                _describe(xyz, own, near, used, _farthest(near_far, used), row)
+
+
+@helper
+def _keep(limit, count, seen, seen_far):  # type: ignore[no-untyped-def]
+    """Keep of the points noted those not farther than the limit (squared); their number."""
+    kept = 0
+    for j in range(count):
+        if seen_far[j] <= limit:
+            seen[kept], seen_far[kept] = seen[j], seen_far[j]
+            kept += 1
+    return kept
+
+
+@helper
+def _farthest(squared, count):  # type: ignore[no-untyped-def]
+    """The largest of the first distances."""
+    most = 0.0
+    for j in range(count):
+        most = max(most, squared[j])
+    return math.sqrt(most)
+
+
+@njit(cache=True, nogil=True)
+def within(first_leaf, last_leaf, xyz, box, depth, reach, found):  # type: ignore[no-untyped-def]
+    """Fill in `found` (ROWS, points of the leaves) from all points nearer than `reach`."""
+    n, limit = len(xyz), reach * reach
+    leaves, near = np.empty(64, np.int64), np.empty(0, np.int64)
+    held = np.empty(tree.DEEPEST, np.int64)
+    begin, largest = tree.first(first_leaf, depth, n), (n >> depth) + 1
+    for leaf in range(first_leaf, last_leaf):
+        leaves, count = _leaves_near(box, depth, leaf, limit, leaves, held)
+        if len(near) < count * largest:
+            near = np.empty(2 * count * largest, np.int64)
+        for own in range(tree.first(leaf, depth, n), tree.first(leaf + 1, depth, n)):
+            x, y, z = xyz[own, 0], xyz[own, 1], xyz[own, 2]
+            used = 0
+            for j in range(count):
+                if tree.away(box, leaves[j], x, y, z) >= limit:
+                    continue
+                other = leaves[j] - (1 << depth)
+                for i in range(tree.first(other, depth, n), tree.first(other + 1, depth, n)):
+                    dx, dy, dz = xyz[i, 0] - x, xyz[i, 1] - y, xyz[i, 2] - z
+                    near[used] = i
+                    used += dx * dx + dy * dy + dz * dz < limit and i != own
+            _describe(xyz, own, near, used, reach, found[:, own - begin])
+
+
+@helper
+def _leaves_near(box, depth, leaf, limit, leaves, held):  # type: ignore[no-untyped-def]
+    """Nodes of the leaves that may hold points near those of a leaf, and how many there are."""
+    own = box[(1 << depth) + leaf]
+    held[0], waiting, count = 1, 1, 0
+    while waiting > 0:
+        waiting -= 1
+        here = held[waiting]
+        gap = 0.0
+        for a in range(3):
+            gap += max(box[here, a] - own[3 + a], 0.0, own[a] - box[here, 3 + a]) ** 2
+        if gap >= limit:
+            continue
+        if here >> depth:
+            if count == len(leaves):
+                longer = np.empty(2 * count, np.int64)
+                longer[:count] = leaves
+                leaves = longer
+            leaves[count] = here
+            count += 1
+        else:
+            held[waiting], held[waiting + 1] = 2 * here, 2 * here + 1
+            waiting += 2
+    return leaves, count
+
+
+# Axes --------------------------------------------------------------------------------------
+
+
+@helper
+def _describe(xyz, own, near, count, reach, row):  # type: ignore[no-untyped-def]
+    """Fill in a row from a point and its neighbours, none farther than `reach`."""
+    fine = FINE / reach if reach > 0.0 else 0.0
+    east, north, up = xyz[own, 0], xyz[own, 1], xyz[own, 2]
+    lowest = highest = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = np.int64(0)
+    for j in range(count):
+        i = near[j]
+        ix = np.int64(np.rint((xyz[i, 0] - east) * fine))
+        iy = np.int64(np.rint((xyz[i, 1] - north) * fine))
+        iz = np.int64(np.rint((xyz[i, 2] - up) * fine))
+        sx, sy, sz = sx + ix, sy + iy, sz + iz
+        sxx, sxy, sxz = sxx + ix * ix, sxy + ix * iy, sxz + ix * iz
+        syy, syz, szz = syy + iy * iy, syz + iy * iz, szz + iz * iz
+        lowest, highest = min(lowest, iz), max(highest, iz)
+    size, step = count + 1.0, reach / FINE
+    x, y, z = sx / size, sy / size, sz / size
+    xx, yy, zz = sxx / size - x * x, syy / size - y * y, max(szz / size - z * z, 0.0)
+    xy, xz, yz = sxy / size - x * y, sxz / size - x * z, syz / size - y * z
+    large, middle, small, a, b, c = eigen(xx, xy, xz, yy, yz, zz)
+    row[COUNT], row[REACH] = size, reach
+    row[RISE], row[SPREAD] = (highest - lowest) * step, math.sqrt(zz) * step
+    square = step * step
+    row[LARGE], row[MIDDLE], row[SMALL] = large * square, middle * square, small * square
+    if middle <= LINE * large:  # a line or a single place lies in many planes
+        a = b = c = np.nan
+    elif c < 0.0 or (c == 0.0 and (b < 0.0 or (b == 0.0 and a < 0.0))):
+        a, b, c = -a, -b, -c
+    row[NX], row[NY], row[NZ] = a, b, c
+    row[OFF_PLANE] = abs(a * x + b * y + c * z) * step
+
+
+@helper
+def _cross(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@helper
+def _unit(x, y, z):  # type: ignore[no-untyped-def]
+    length = math.sqrt(x * x + y * y + z * z)
+    return x / length, y / length, z / length
+
+
+@helper
+def eigen(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
+    """Eigenvalues of a covariance matrix, the largest first, and the axis of the smallest.
+
+    The eigenvalue that is farthest from the other two comes from the cubic equation (Smith 1961),
+    its axis from the rows of the matrix; the other two from the 2 x 2 matrix across that axis
+    (Eberly 2014). No step subtracts numbers that are almost equal, so all is exact to rounding,
+    relative to the largest eigenvalue. None is below zero.
+    """
+    size = max(abs(xx), abs(yy), abs(zz), abs(xy), abs(xz), abs(yz))
+    if size == 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
+    xx, xy, xz, yy, yz, zz = xx / size, xy / size, xz / size, yy / size, yz / size, zz / size
+    mean = (xx + yy + zz) / 3.0
+    a, b, c = xx - mean, yy - mean, zz - mean
+    spread = math.sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
+    if spread < 1e-15:
+        return mean * size, mean * size, mean * size, 0.0, 0.0, 1.0
+    half = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
+    half = min(max(half / (2.0 * spread * spread * spread), -1.0), 1.0)
+    turn = math.acos(half) / 3.0
+    if half >= 0.0:
+        alone = mean + 2.0 * spread * math.cos(turn)
+    else:
+        alone = mean - 2.0 * spread * math.cos(math.pi / 3.0 - turn)
+    # The axis of the eigenvalue that is alone is square to all rows of the matrix less it.
+    a, b, c = xx - alone, yy - alone, zz - alone
+    x, y, z = _cross(a, xy, xz, xy, b, yz)
+    best = x * x + y * y + z * z
+    p, q, r = _cross(a, xy, xz, xz, yz, c)
+    if p * p + q * q + r * r > best:
+        x, y, z, best = p, q, r, p * p + q * q + r * r
+    p, q, r = _cross(xy, b, yz, xz, yz, c)
+    if p * p + q * q + r * r > best:
+        x, y, z = p, q, r
+    x, y, z = _unit(x, y, z)
+    # Two axes across it, u and v, and the matrix between them.
+    if abs(x) > abs(y):
+        ux, uy, uz = _unit(-z, 0.0, x)
+    else:
+        ux, uy, uz = _unit(0.0, z, -y)
+    vx, vy, vz = _cross(x, y, z, ux, uy, uz)
+    px, py, pz = (
+        xx * ux + xy * uy + xz * uz,
+        xy * ux + yy * uy + yz * uz,
+        xz * ux + yz * uy + zz * uz,
+    )
+    qx, qy, qz = (
+        xx * vx + xy * vy + xz * vz,
+        xy * vx + yy * vy + yz * vz,
+        xz * vx + yz * vy + zz * vz,
+    )
+    uu, uv, vv = (
+        ux * px + uy * py + uz * pz,
+        ux * qx + uy * qy + uz * qz,
+        vx * qx + vy * qy + vz * qz,
+    )
+    # The rotation that makes the 2 x 2 matrix diagonal (Jacobi 1846).
+    t = 0.0
+    if uv != 0.0:
+        slant = (vv - uu) / (2.0 * uv)
+        t = 1.0 / (abs(slant) + math.sqrt(1.0 + slant * slant))
+        t = t if slant >= 0.0 else -t
+    cosine = 1.0 / math.sqrt(1.0 + t * t)
+    sine = t * cosine
+    one, other = uu - t * uv, vv + t * uv
+    if one < other:  # the axis of the smaller of the two
+        nx, ny, nz = cosine * ux - sine * vx, cosine * uy - sine * vy, cosine * uz - sine * vz
+    else:
+        nx, ny, nz = sine * ux + cosine * vx, sine * uy + cosine * vy, sine * uz + cosine * vz
+        one, other = other, one
+    one, other = max(one, 0.0) * size, max(other, 0.0) * size
+    alone = max(alone, 0.0) * size
+    if half >= 0.0:
+        return alone, other, one, nx, ny, nz
+    return other, one, min(alone, one), x, y, z

@@ -1,0 +1,189 @@
+"""What the neighbourhood of each point looks like: a line, a plane or a cloud, steep or level.
+
+The coordinates of a point and its neighbours have a covariance matrix. Its eigenvalues l1 >= l2 >=
+l3 are the variances along three axes square to each other; the last axis is the normal.
+
+References
+----------
+Demantké, J. et al. (2011). Dimensionality based scale selection in 3D lidar point clouds. ISPRS
+Archives 38(5/W12), 97-102: linear, planar and scattered neighbourhoods.
+Weinmann, M. et al. (2015). Semantic point cloud interpretation based on optimal neighborhoods,
+relevant features and efficient classifiers. ISPRS Journal 105, 286-304: section 3.2.
+West, K. F. et al. (2004). Context-driven automated target detection in 3D data. SPIE 5426,
+133-143: the features made of eigenvalues.
+Pauly, M., Gross, M. and Kobbelt, L. (2002). Efficient simplification of point-sampled surfaces.
+IEEE Visualization, 163-170: surface variation.
+Smith, O. K. (1961). Eigenvalues of a symmetric 3 x 3 matrix. Communications of the ACM 4(4), 168.
+Eberly, D. (2014). A robust eigensolver for 3 x 3 symmetric matrices. Geometric Tools.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.shared import _covariance_kernels as kernels
+from algorithms.shared.neighbours import PointTree
+from algorithms.shared.threads import side_by_side
+from toolbox.context import QUIET, Context
+
+Name = Literal[
+    "linearity",
+    "planarity",
+    "sphericity",
+    "anisotropy",
+    "omnivariance",
+    "eigenentropy",
+    "surface_variation",
+    "verticality",
+    "roughness",
+    "nx",
+    "ny",
+    "nz",
+    "height_range",
+    "height_deviation",
+    "volume_density",
+    "surface_density",
+    "neighbours",
+    "eigenvalue1",
+    "eigenvalue2",
+    "eigenvalue3",
+]
+FEWEST = 3  # points in a neighbourhood that have a shape
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One number that describes a neighbourhood.
+
+    Attributes
+    ----------
+    text : what it is
+    power : of the unit of length in it: 1 for a length, -2 for a number per area
+    of : computes it from the rows of :mod:`algorithms.shared._covariance_kernels`
+    shape : it needs FEWEST points
+    """
+
+    text: str
+    power: int
+    of: Callable[[Floats], Floats]
+    shape: bool = True
+
+
+def _row(number: int) -> Callable[[Floats], Floats]:
+    return lambda found: found[number]
+
+
+def _ratio(above: Callable[[Floats, Floats, Floats], Floats]) -> Callable[[Floats], Floats]:
+    """A part of the largest eigenvalue."""
+    return lambda found: above(*found[kernels.LARGE : kernels.SMALL + 1]) / found[kernels.LARGE]
+
+
+def _shares(found: Floats) -> Floats:
+    """The eigenvalues as shares of their sum, shape (3, n)."""
+    values = found[kernels.LARGE : kernels.SMALL + 1]
+    return np.asarray(values / values.sum(axis=0))
+
+
+def _entropy(found: Floats) -> Floats:
+    shares = _shares(found)
+    return np.asarray(-(shares * np.log(np.where(shares > 0, shares, 1.0))).sum(axis=0))
+
+
+def _density(ball: float, power: int) -> Callable[[Floats], Floats]:
+    return lambda found: found[kernels.COUNT] / (ball * found[kernels.REACH] ** power)
+
+
+FEATURES: Mapping[Name, Feature] = {
+    "linearity": Feature("(l1 - l2) / l1", 0, _ratio(lambda a, b, c: a - b)),
+    "planarity": Feature("(l2 - l3) / l1", 0, _ratio(lambda a, b, c: b - c)),
+    "sphericity": Feature("l3 / l1", 0, _ratio(lambda a, b, c: c)),
+    "anisotropy": Feature("(l1 - l3) / l1", 0, _ratio(lambda a, b, c: a - c)),
+    "omnivariance": Feature("(e1 e2 e3)^(1/3)", 0, lambda f: np.cbrt(_shares(f).prod(axis=0))),
+    "eigenentropy": Feature("-sum of e ln e", 0, _entropy),
+    "surface_variation": Feature("l3 / (l1 + l2 + l3)", 0, lambda f: _shares(f)[2]),
+    "verticality": Feature("1 - |nz|", 0, lambda f: 1.0 - np.abs(f[kernels.NZ])),
+    "roughness": Feature("distance from plane", 1, _row(kernels.OFF_PLANE)),
+    "nx": Feature("normal, x", 0, _row(kernels.NX)),
+    "ny": Feature("normal, y", 0, _row(kernels.NY)),
+    "nz": Feature("normal, z, not below 0", 0, _row(kernels.NZ)),
+    "height_range": Feature("highest - lowest", 1, _row(kernels.RISE), shape=False),
+    "height_deviation": Feature("std. dev. of z", 1, _row(kernels.SPREAD), shape=False),
+    "volume_density": Feature("points", -3, _density(4 / 3 * np.pi, 3), shape=False),
+    "surface_density": Feature("points", -2, _density(np.pi, 2), shape=False),
+    "neighbours": Feature("with the point itself", 0, _row(kernels.COUNT), shape=False),
+    "eigenvalue1": Feature("variance, l1", 2, _row(kernels.LARGE)),
+    "eigenvalue2": Feature("variance, l2", 2, _row(kernels.MIDDLE)),
+    "eigenvalue3": Feature("variance, l3", 2, _row(kernels.SMALL)),
+}
+"""What can be asked for; e are the eigenvalues l as shares of their sum."""
+
+
+def covariance_features(
+    xyz: Floats,
+    *,
+    neighbours: int | None = 20,
+    radius: float | None = None,
+    names: Sequence[Name] = ("linearity", "planarity", "sphericity"),
+    ctx: Context = QUIET,
+) -> dict[Name, NDArray[np.float32]]:
+    """Features of the neighbourhood of every point, to which the point itself belongs.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    neighbours : the nearest others taken, see :func:`algorithms.shared.neighbours.knn` for equally
+        near ones; None for all within the radius
+    radius : neighbours must be nearer than this, in the unit of xyz; None for any distance
+    names : of FEATURES
+    ctx : progress and cancellation
+
+    Returns
+    -------
+    dict of arrays of shape (n,)
+        In the unit of xyz. The radius of a density is that given, or with `neighbours` the distance
+        of the farthest. NaN where there are fewer than three points or all are at one place, and
+        for what the normal tells (verticality, roughness, nx, ny, nz) if they lie on a line.
+        The same for any order of the points and any number of threads.
+
+    Raises
+    ------
+    ValueError
+        A coordinate is not a finite number, or there is neither a number nor a radius.
+    """
+    if neighbours is None and radius is None:
+        raise ValueError("give neighbours, a radius or both")
+    tree = PointTree.of(xyz, ctx=ctx.part(0.0, 0.2))
+    made = {name: np.empty(len(xyz), np.float32) for name in names}
+    reach = np.inf if radius is None else float(radius)
+
+    def describe(first_leaf: int, last_leaf: int) -> None:
+        """Work on a run of leaves, whose points are in one piece."""
+        some = slice(*((leaf * len(xyz)) >> tree.depth for leaf in (first_leaf, last_leaf)))
+        found = np.empty((kernels.ROWS, some.stop - some.start))
+        leaves = (first_leaf, last_leaf, tree.xyz, tree.boxes, tree.depth)
+        if neighbours is None:
+            kernels.within(*leaves, reach, found)
+        else:
+            kernels.nearest(*leaves, neighbours, reach, found)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for name, values in made.items():
+                values[tree.order[some]] = _values(FEATURES[name], found)
+
+    side_by_side(describe, tree.leaves, ctx=ctx.part(0.2, 1.0))
+    return made
+
+
+def _values(feature: Feature, found: Floats) -> Floats:
+    """A feature of some points; not a number where it has no meaning."""
+    values = feature.of(found)
+    known = np.isfinite(values)
+    if feature.shape:
+        known &= (found[kernels.COUNT] >= FEWEST) & (found[kernels.LARGE] > 0)
+    return np.where(known, values, np.nan)

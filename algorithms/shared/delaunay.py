@@ -22,7 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared import _delaunay_kernels as kernels
+from algorithms.shared import _delaunay_strips as strips
 from algorithms.shared.lowest import blocks, require_finite
+from algorithms.shared.threads import in_blocks
 from toolbox.context import QUIET, Context
 from toolbox.errors import DataError
 
@@ -125,17 +127,74 @@ def triangulate(xy: Floats, *, ctx: Context = QUIET) -> Mesh:
     ground is then near in memory.
     """
     xy = _checked(xy)
+    if len(xy) < 2 * strips.STRIP:
+        return _whole(xy, ctx)
+    return _sewn(xy, ctx)
+
+
+def _whole(xy: Floats, ctx: Context) -> Mesh:
+    """Triangulate all points at once."""
     everything = np.arange(len(xy), dtype=np.int32)
-    order = _order(xy, everything, _frame(xy), ctx.part(0, 0.15))
-    live = LiveMesh(_gather(xy, order, np.empty_like(xy), ctx.part(0.15, 0.2)))
-    live._fill(everything, ctx.part(0.2, 0.9))
-    triangles, neighbours = live.arrays.triangles, live.arrays.neighbours
-    count = kernels.drop_ghosts(triangles, neighbours, live.arrays.size[0])
+    live, order, vertex_of = _grown(xy, everything, _frame(xy), ctx.part(0, 0.9))
+    triangles, neighbours = live.triangles, live.neighbours
+    count = kernels.drop_ghosts(triangles, neighbours, live.size[0])
     triangles, neighbours = triangles[:count], neighbours[:count]
     _gather(order, triangles, triangles, ctx.part(0.9, 1))
     duplicate_of = np.empty_like(order)
-    duplicate_of[order] = order[live.duplicate_of]
+    duplicate_of[order] = order[vertex_of]
     return Mesh(xy, _frozen(triangles), _frozen(neighbours), _frozen(duplicate_of))
+
+
+def _sewn(xy: Floats, ctx: Context) -> Mesh:
+    """Triangulate strips of the points side by side, and sew them together."""
+    frame, (dealt, starts, bounds) = _frame(xy), strips.dealt(xy)
+    ctx.progress(0.1)
+    triangles, neighbours = (np.empty((2 * len(xy), 3), np.int32) for _ in range(2))
+    loose, duplicate_of = np.zeros(len(xy), np.bool_), np.empty(len(xy), np.int32)
+    counts, rims = [0] * len(starts[1:]), [np.empty(0, np.int64)] * len(starts[1:])
+
+    def work(k: int, _: int) -> None:
+        points = dealt[starts[k] : starts[k + 1]]
+        try:
+            live, order, vertex_of = _grown(xy, points, frame, QUIET)
+        except DataError:  # they are on one line, or none
+            loose[points] = True
+            return
+        duplicate_of[order] = order[vertex_of]
+        counts[k], rims[k] = strips.keep_certain(
+            live, order, bounds[k : k + 2], 2 * starts[k], triangles, neighbours, loose
+        )
+
+    in_blocks(work, len(counts), 1, ctx.part(0.1, 0.9))
+    seamed = np.flatnonzero(loose).astype(np.int32)
+    seam = _whole(xy[seamed], ctx.part(0.9, 0.95))
+    duplicate_of[seamed] = seamed[seam.duplicate_of]
+    free = [np.arange(2 * starts[k] + counts[k], 2 * starts[k + 1]) for k in range(len(counts))]
+    size = strips.sew(
+        *(triangles, neighbours, np.concatenate(free), np.concatenate(rims)),
+        *(seamed[seam.triangles], seam.neighbours),
+    )
+    ctx.progress(1.0)
+    triangles, neighbours = triangles[:size], neighbours[:size]
+    return Mesh(xy, _frozen(triangles), _frozen(neighbours), _frozen(duplicate_of))
+
+
+def _grown(
+    xy: Floats, points: Ints, frame: Frame, ctx: Context
+) -> tuple[kernels.Arrays, Ints, Ints]:
+    """Triangulate some of the points, in a copy that is sorted by the order of insertion.
+
+    Returns
+    -------
+    live : the triangles of the copy
+    order : array of shape (m,), the point that each one of the copy is
+    vertex_of : array of shape (m,), the one of the copy at the place of each
+    """
+    order = _order(xy, points, frame, ctx.part(0, 0.2))
+    live = _empty(_gather(xy, order, np.empty((len(order), 2)), ctx.part(0.2, 0.25)))
+    vertex_of = np.empty_like(order)
+    _fill(live, np.arange(len(order), dtype=np.int32), 0, vertex_of, ctx.part(0.25, 1))
+    return live, order, vertex_of
 
 
 class LiveMesh:
@@ -167,14 +226,7 @@ class LiveMesh:
 
     def __init__(self, xy: Floats) -> None:
         xy = _checked(xy)
-        capacity = 2 * len(xy) + 2  # np.empty takes no memory before it is written to
-        self.arrays = kernels.Arrays(
-            xy=xy,
-            triangles=np.empty((capacity, 3), np.int32),
-            neighbours=np.empty((capacity, 3), np.int32),
-            size=np.zeros(1, np.int64),
-            scratch=np.empty((4, capacity), np.int64),
-        )
+        self.arrays = _empty(xy)
         self.round_of = np.full(len(xy), -1, np.int32)
         self.duplicate_of = np.full(len(xy), -1, np.int32)
         self._frame = _frame(xy)
@@ -215,7 +267,7 @@ class LiveMesh:
                 f"got {points.min()} to {points.max()}"
             )
         order = _order(self.arrays.xy, points, self._frame, ctx.part(0, 0.2))
-        self._fill(order, ctx.part(0.2, 1))
+        self._hint = _fill(self.arrays, order, self._hint, self.duplicate_of, ctx.part(0.2, 1))
         made = points[(self.duplicate_of[points] == points) & (self.round_of[points] < 0)]
         self.round_of[made] = self._rounds
         changed = self.round_of[self.triangles[:, 0]] == self._rounds
@@ -238,17 +290,29 @@ class LiveMesh:
             _frozen(self.duplicate_of.copy()),
         )
 
-    def _fill(self, points: Ints, ctx: Context) -> None:
-        """Insert points in the order given."""
-        if not self.arrays.size[0] and not kernels.start(self.arrays, points):
-            which = f"all {len(points)} lie on one line and" if len(points) > 2 else len(points)
-            raise DataError(f"points: {which} do not span a triangle")
-        self._hint = min(self._hint, int(self.arrays.size[0]) - 1)  # triangles may have gone
-        for first, last in _runs(len(points)):
-            self._hint = kernels.insert_block(
-                self.arrays, points, first, last, self._hint, self.duplicate_of
-            )
-            ctx.progress(last / len(points))
+
+def _empty(xy: Floats) -> kernels.Arrays:
+    """A mesh without triangles; np.empty takes no memory before it is written to."""
+    capacity = 2 * len(xy) + 2
+    return kernels.Arrays(
+        xy=_frozen(xy),
+        triangles=np.empty((capacity, 3), np.int32),
+        neighbours=np.empty((capacity, 3), np.int32),
+        size=np.zeros(1, np.int64),
+        scratch=np.empty((4, capacity), np.int64),
+    )
+
+
+def _fill(mesh: kernels.Arrays, points: Ints, hint: int, vertex_of: Ints, ctx: Context) -> int:
+    """Insert points in the order given, and note the vertex at the place of each; the next hint."""
+    if not mesh.size[0] and (len(points) < 3 or not kernels.start(mesh, points)):
+        which = f"all {len(points)} lie on one line and" if len(points) > 2 else len(points)
+        raise DataError(f"points: {which} do not span a triangle")
+    hint = min(hint, int(mesh.size[0]) - 1)  # triangles may have gone
+    for first, last in _runs(len(points)):
+        hint = kernels.insert_block(mesh, points, first, last, hint, vertex_of)
+        ctx.progress(last / len(points))
+    return hint
 
 
 def _located(xy: Floats, triangles: Ints, neighbours: Ints, places: Floats, ctx: Context) -> Ints:
@@ -287,9 +351,9 @@ def _frame(xy: Floats) -> Frame:
     """The bounding square of the points, cut into the cells of a Hilbert curve."""
     if not len(xy):
         return 0.0, 0.0, 0.0
-    low, high = xy.min(axis=0), xy.max(axis=0)
-    extent = (high - low).max()
-    return low[0], low[1], (2**kernels.BITS - 1) / extent if extent else 0.0
+    west, south = xy[:, 0].min(), xy[:, 1].min()
+    extent = max(xy[:, 0].max() - west, xy[:, 1].max() - south)
+    return west, south, (2**kernels.BITS - 1) / extent if extent else 0.0
 
 
 def _order(xy: Floats, points: Ints, frame: Frame, ctx: Context, *, in_rounds: bool = True) -> Ints:

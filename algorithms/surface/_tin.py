@@ -8,10 +8,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared.delaunay import Mesh
+from algorithms.shared.delaunay import Mesh, triangulate
 from algorithms.shared.threads import in_blocks
 from algorithms.surface import _tin_kernels as kernels
-from algorithms.surface._strips import triangulate_sorted
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
 
@@ -42,7 +41,7 @@ class Tin:
         self, xy: Array, lattice: Lattice, limit: float = math.inf, *, ctx: Context = QUIET
     ) -> None:
         self.lattice, self.limit = lattice, limit
-        self.mesh: Mesh = triangulate_sorted(xy, ctx=ctx.part(0, 0.8))
+        self.mesh: Mesh = triangulate(xy, ctx=ctx.part(0, 0.8))
         self.facet = np.full(lattice.shape, -1, np.int32)
         where = (limit, *lattice.centres(), lattice.cell, self.facet)
         in_blocks(

@@ -180,6 +180,37 @@ def test_same_triangles_as_scipy(n: int) -> None:
     assert_neighbours_agree(mesh)
 
 
+@pytest.mark.parametrize("strip", [3, 40, 700])
+@pytest.mark.parametrize("kind", ["random", "gridded", "flat", "tall", "circle", "columns"])
+def test_strips_sewn_together_are_the_triangulation(
+    strip: int, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(strip)
+    angle = rng.uniform(0, 7, 1500)
+    xy = {
+        "random": rng.uniform(0, 100, (1500, 2)) + np.array([6e5, 5.2e6]),
+        "gridded": np.round(rng.uniform(0, 40, (1500, 2))),
+        "flat": rng.uniform(0, (1000, 1), (1500, 2)),
+        "tall": rng.uniform(0, (1, 1000), (1500, 2)),
+        "circle": 50 * np.column_stack([np.cos(angle), np.sin(angle)]),
+        "columns": rng.uniform(0, 50, (1500, 2)) // [10, 0.01] * [10, 1],
+    }[kind]
+    xy = shuffled(np.concatenate([xy, xy[::7]]))
+    whole = triangulate(xy)
+    monkeypatch.setattr(delaunay.strips, "STRIP", strip)
+    mesh = triangulate(xy)
+    assert np.array_equal(sorted_rows(mesh.triangles), sorted_rows(whole.triangles))
+    assert np.array_equal(mesh.duplicate_of, whole.duplicate_of)
+    assert_neighbours_agree(mesh)
+
+
+@pytest.mark.parametrize("size", [2, 500])
+def test_strips_of_a_line(size: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(delaunay.strips, "STRIP", 1)
+    with pytest.raises(DataError, match=f"{size}.* do not span a triangle"):
+        triangulate(np.column_stack([np.arange(float(size))] * 2))
+
+
 def test_survey_coordinates_in_millimetres() -> None:
     """Far from the origin, many pairs a few millimetres apart: each edge is locally Delaunay."""
     xy = np.round(scattered(400) * 30, 3)

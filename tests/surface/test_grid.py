@@ -20,7 +20,6 @@ from scipy.spatial import Delaunay, Voronoi, cKDTree
 
 from algorithms.shared.delaunay import triangulate
 from algorithms.shared.places import averaged
-from algorithms.surface import _strips
 from algorithms.surface.grid import Method, SurfaceGrid, grid
 from toolbox.context import Context
 from toolbox.data import Lattice, PointCloud, Raster, Vector
@@ -323,44 +322,6 @@ def test_any_order_of_points_gives_the_same_bits(method: Method) -> None:
     shuffled = grid(xy[order], values[order], lattice, method=method, **more)
     for here, there in zip(straight, shuffled, strict=True):
         assert here is there is None or np.array_equal(here, there, equal_nan=True)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("strip", [3, 40, 700])
-@pytest.mark.parametrize("kind", ["random", "gridded", "flat", "tall", "circle", "columns"])
-def test_strips_sewn_together_are_the_triangulation(
-    strip: int, kind: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rng = np.random.default_rng(strip)
-    angle = rng.uniform(0, 7, 1500)
-    xy = {
-        "random": rng.uniform(0, 100, (1500, 2)) + FAR,
-        "gridded": np.round(rng.uniform(0, 40, (1500, 2))),
-        "flat": rng.uniform(0, (1000, 1), (1500, 2)),
-        "tall": rng.uniform(0, (1, 1000), (1500, 2)),
-        "circle": 50 * np.column_stack([np.cos(angle), np.sin(angle)]),
-        "columns": rng.uniform(0, 50, (1500, 2)) // [10, 0.01] * [10, 1],
-    }[kind]
-    xy, _ = averaged(xy, np.zeros(len(xy)))
-    monkeypatch.setattr(_strips, "STRIP", strip)
-    mesh, whole = _strips.triangulate_sorted(xy), triangulate(xy)
-    np.testing.assert_array_equal(
-        sorted_triangles(mesh.triangles), sorted_triangles(whole.triangles)
-    )
-    assert (mesh.neighbours < 0).sum() == (whole.neighbours < 0).sum()
-    for k in range(3):
-        t = np.flatnonzero(mesh.neighbours[:, k] >= 0)
-        edge = mesh.triangles[t, (k + 1) % 3], mesh.triangles[t, (k + 2) % 3]
-        n = mesh.neighbours[t, k]
-        j = (mesh.neighbours[n] == t[:, None]).argmax(axis=1)
-        np.testing.assert_array_equal(edge[1], mesh.triangles[n, (j + 1) % 3])
-        np.testing.assert_array_equal(edge[0], mesh.triangles[n, (j + 2) % 3])
-
-
-def sorted_triangles(triangles: Any) -> Any:
-    """Each from its first vertex, then all by number."""
-    first, rows = triangles.argmin(axis=1), np.arange(len(triangles))
-    turned = np.stack([triangles[rows, (first + k) % 3] for k in range(3)], axis=1)
-    return turned[np.lexsort(turned.T[::-1])]
 
 
 # Cells ---------------------------------------------------------------------------------------

@@ -1,0 +1,79 @@
+"""Loops over the cells of a survey and over water that spreads in them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+NEIGHBOURS = ((-1, 0), (0, -1), (0, 1), (1, 0))  # of a cell: water does not creep over corners
+DRY, WET, LOWER, EDGE = 0, 1, 2, 3
+
+
+@njit(cache=True, nogil=True)
+def gather(cells, z, intensity, low, count, bright):  # type: ignore[no-untyped-def]
+    """Enter points into cells: the lowest height, their number, and the sum of intensities."""
+    for i in range(len(cells)):
+        k = cells[i]
+        low[k] = min(low[k], z[i])
+        count[k] += 1
+        bright[k] += intensity[i]
+
+
+@njit(cache=True, nogil=True)
+def surroundings(low, first, last, reach, middle, spread, known):  # type: ignore[no-untyped-def]
+    """Median, 20 to 80 % spread and number of the heights within `reach` cells of each cell."""
+    rows, cols = low.shape
+    held = np.empty((2 * reach + 1) ** 2)
+    for r in range(first, last):
+        for c in range(cols):
+            n = 0
+            for i in range(max(0, r - reach), min(rows, r + reach + 1)):
+                for j in range(max(0, c - reach), min(cols, c + reach + 1)):
+                    if low[i, j] < np.inf:
+                        held[n] = low[i, j]
+                        n += 1
+            known[r, c] = n
+            if n:
+                some = np.sort(held[:n])
+                middle[r, c] = some[n // 2]
+                spread[r, c] = some[(4 * (n - 1) + 2) // 5] - some[(n - 1 + 2) // 5]
+
+
+@njit(cache=True, nogil=True)
+def spread(heights, middle, level, below, most_lower, starts, state, stack):  # type: ignore[no-untyped-def]
+    """Let water spread from cells at its level to all it can reach; how many cells, how many lower.
+
+    A cell is reached when its height is at most the level; `heights` is infinite on land and
+    minus infinite where nothing is known, so that water spreads over it. It stops early where
+    more than `most_lower` cells lie below `below`: water would run off.
+
+    Parameters
+    ----------
+    heights, middle : arrays of shape (cells,): lowest height, and median of the surroundings
+    starts : cells to begin with
+    state : array of shape (cells,), 0 where water may go; set to 1 where it went
+    stack : array of shape (cells,) that is overwritten by the cells reached
+    """
+    rows, cols = heights.shape
+    size, lower = 0, 0
+    for k in starts:
+        r, c = k // cols, k % cols
+        if state[r, c] == 0 and heights[r, c] <= level:
+            state[r, c] = 1
+            stack[size] = k
+            size += 1
+    done = 0
+    while done < size:
+        r, c = stack[done] // cols, stack[done] % cols
+        done += 1
+        if middle[r, c] < below:
+            lower += 1
+            if lower > most_lower:
+                break
+        for a, b in NEIGHBOURS:
+            i, j = r + a, c + b
+            if 0 <= i < rows and 0 <= j < cols and state[i, j] == 0 and heights[i, j] <= level:
+                state[i, j] = 1
+                stack[size] = i * cols + j
+                size += 1
+    return size, lower

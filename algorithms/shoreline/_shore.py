@@ -1,0 +1,284 @@
+"""The shoreline of one water body, between its points: finer than cells.
+
+Points in a band along the edge of the body become a triangulation. Land points tell by their height
+how far above the water they are, and a plane through those nearest to a place of water tells how
+deep the ground should be there. Where a side of a triangle goes from land to water, the shore
+crosses it where the ground reaches the level: neither the last point on land nor the first one on
+water, between which there may be metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from algorithms.shared.delaunay import triangulate
+from algorithms.shoreline._bodies import Grid, _window
+from algorithms.shoreline._level import Level
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+BAND = 4  # cells on each side of the edge of a body
+NEAR = 20  # points around one that tell whether it stands on the ground
+FIRM = 0.6  # share of those above the water that must lie on one plane with it
+ROUGH = (0.1, 0.3)  # m off the plane; and slope, by which a point of the ground may stick out
+ALONE = (2, 8)  # a point on land has more than so many others on land among the nearest ones
+PLANE = 16  # land points that a plane is put through
+SURE = 2.5  # standard deviations of water points above which there is land
+LEAST_STEP = 0.05  # m, of that height
+WATER, LAND, HOLE, OUTSIDE = 0, 1, 2, 3  # what a place of the band is
+
+
+@dataclass(frozen=True)
+class Places:
+    """Places in the band along the edge of a body.
+
+    Attributes
+    ----------
+    xy : array of shape (n, 2)
+    height : array of shape (n,), above the level; negative where ground is expected below water
+    kind : array of shape (n,), WATER, LAND, HOLE or OUTSIDE
+    slope : array of shape (n,), of the bank near by; NaN where it is not known
+    """
+
+    xy: Floats
+    height: Floats
+    kind: NDArray[np.uint8]
+    slope: Floats
+
+
+@dataclass(frozen=True)
+class Shore:
+    """The outline of a body.
+
+    Attributes
+    ----------
+    rings : arrays of shape (k, 2), closed (the first vertex is not repeated), water on the left
+    sigma : of each ring an array of shape (k,), standard deviation across the shore
+    open : of each ring an array of shape (k,), whether the data end there and not the water
+    """
+
+    rings: list[Floats]
+    sigma: list[Floats]
+    open: list[Mask]
+
+
+def shore(
+    xyz: Floats, cells: Grid, cell_of: Ints, body: Ints, others: Mask, level: Level
+) -> Shore:
+    """Find the shoreline of a body.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), last returns, sorted by cell
+    cells : their cells
+    cell_of : array of shape (n,), the cell of each point, rising
+    body : cells of the body
+    others : array of shape (cells,), cells of other bodies
+    level : of the body
+    """
+    return outline(places(xyz, cells, cell_of, body, others, level), level, cells)
+
+
+def places(
+    xyz: Floats, cells: Grid, cell_of: Ints, body: Ints, others: Mask, level: Level
+) -> Places:
+    """Points in the band along the edge of the body, and middles of its cells without points."""
+    lattice, metre = cells.lattice, cells.metre
+    (top, left), wet = _window(lattice, body, BAND + 1)
+    square = np.ones((3, 3), bool)
+    near = ndimage.binary_dilation(wet, square, iterations=BAND)
+    band = near & ~ndimage.binary_erosion(wet, square, iterations=BAND, border_value=1)
+    touched = ndimage.binary_dilation(wet, square)
+    r, c = np.nonzero(band)
+    index = (r + top) * lattice.cols + c + left
+    xs, ys = lattice.centres()
+    middle = np.column_stack([xs[c + left], ys[r + top]])
+
+    at = _in_cells(cell_of, index)
+    points = xyz[at]
+    points = points[np.lexsort((points[:, 2], points[:, 1], points[:, 0]))]
+    pr, pc = lattice.indices(points[:, 0], points[:, 1])
+    height = points[:, 2] - level.at(points[:, :2])
+    step = max(SURE * level.sigma, LEAST_STEP * metre)
+    low = height <= step
+    foreign = low & (~touched[pr - top, pc - left] | others[pr * lattice.cols + pc])
+    kept = foreign | low | _stands(points, ~low, metre)
+    points, height, low, foreign = (v[kept] for v in (points, height, low, foreign))
+    height[foreign] = step  # lower ground elsewhere, or other water: not of this body
+    kind = np.where(low & ~foreign, WATER, LAND)
+
+    empty = cells.count.ravel()[index] == 0
+    hole = empty & wet[r, c]
+    beyond = ~cells.inside.ravel()[index] & ndimage.binary_dilation(wet, square)[r, c]
+    xy = np.concatenate([points[:, :2], middle[hole], middle[beyond]])
+    kind = np.concatenate(
+        [kind, np.full(hole.sum(), HOLE), np.full(beyond.sum(), OUTSIDE)]
+    ).astype(np.uint8)
+    height = np.concatenate([height, np.zeros(hole.sum()), np.full(beyond.sum(), step)])
+    slope = np.full(len(xy), np.nan)
+    _expect_ground(xy, height, kind, slope, step, cells.density)
+    return Places(xy, height, kind, slope)
+
+
+def _in_cells(cell_of: Ints, some: Ints) -> Ints:
+    """Indices of the points in some cells, of points sorted by cell."""
+    first = np.searchsorted(cell_of, some, side="left")
+    count = np.searchsorted(cell_of, some, side="right") - first
+    ends = np.cumsum(count)
+    return np.repeat(first - (ends - count), count) + np.arange(ends[-1] if len(ends) else 0)
+
+
+def _stands(points: Floats, high: Mask, metre: float) -> Mask:
+    """Points above the water on firm ground: reeds and branches are rough, and hide what is below.
+
+    A point stands if it and most of its high neighbours lie on a plane, or if nothing around is
+    lower than the ground may be.
+    """
+    stands = ~high
+    if high.sum() <= NEAR:
+        return np.ones(len(points), bool)
+    tree = cKDTree(points[:, :2])
+    away, near = tree.query(points[high, :2], NEAR + 1)
+    d = points[near] - points[high][:, None]
+    lowest = (d[..., 2] >= -(ROUGH[0] * metre + ROUGH[1] * away)).all(axis=1)
+    weight = high[near].astype(float)
+    plane = fit_planes(d, weight)
+    off = abs(d[..., 2] - (plane[:, None, :] * _design(d)).sum(axis=2))
+    alike = ((off <= ROUGH[0] * metre) * weight).sum(axis=1)
+    firm = (off[:, 0] <= ROUGH[0] * metre) & (alike >= FIRM * weight.sum(axis=1))
+    stands[high] = lowest | firm
+    kept = np.flatnonzero(stands)
+    if len(kept) > ALONE[1]:
+        _, near = cKDTree(points[kept, :2]).query(points[kept, :2], ALONE[1] + 1)
+        stands[kept] = ~high[kept] | (high[kept][near].sum(axis=1) > ALONE[0])
+    return stands
+
+
+def _design(d: Floats) -> Floats:
+    return np.concatenate([np.ones((*d.shape[:2], 1)), d[..., :2]], axis=2)
+
+
+def fit_planes(d: Floats, weight: Floats) -> Floats:
+    """Planes by least squares through many small sets of points.
+
+    Parameters
+    ----------
+    d : array of shape (n, k, 3)
+    weight : array of shape (n, k)
+
+    Returns
+    -------
+    array of shape (n, 3)
+        Height at the origin and rise along x and y; sets that span no plane get a level one.
+    """
+    total = np.maximum(weight.sum(axis=1), 1e-9)
+    centre = (d * weight[..., None]).sum(axis=1) / total[:, None]
+    e = d - centre[:, None]
+    x, y, z = e[..., 0], e[..., 1], e[..., 2]
+    sxx, syy, sxy, sxz, syz = (
+        (weight * u * v).sum(axis=1) for u, v in ((x, x), (y, y), (x, y), (x, z), (y, z))
+    )
+    det = sxx * syy - sxy**2
+    spans = det > 1e-3 * (sxx + syy) ** 2
+    det = np.where(spans, det, 1.0)
+    gx = np.where(spans, (sxz * syy - syz * sxy) / det, 0.0)
+    gy = np.where(spans, (syz * sxx - sxz * sxy) / det, 0.0)
+    at = centre[:, 2] - gx * centre[:, 0] - gy * centre[:, 1]
+    return np.column_stack([at, gx, gy])
+
+
+def _expect_ground(
+    xy: Floats, height: Floats, kind: NDArray[np.uint8], slope: Floats, step: float, density: float
+) -> None:
+    """Height of the ground at places of water, from the land near by (in place)."""
+    land, wet = np.flatnonzero(kind == LAND), np.flatnonzero(kind != LAND)
+    wet = wet[kind[wet] != OUTSIDE]
+    if len(land) < PLANE or not len(wet):
+        height[wet] = -step
+        return
+    tree = cKDTree(xy[land])
+    away, near = tree.query(xy[wet], PLANE)
+    d = np.concatenate([xy[land][near] - xy[wet][:, None], height[land][near][..., None]], axis=2)
+    there, gx, gy = fit_planes(d, np.ones(near.shape)).T
+    steep = np.hypot(gx, gy)
+    # A point that lies nearer to the level than to the plane is not on the land beyond the plane.
+    known = (steep > 0) & ((there < 0) | (height[wet] > there / 2))
+    known &= away[:, 0] <= 6 / np.sqrt(density)
+    slope[wet] = np.where(known, steep, np.nan)
+    deep = -np.maximum(d[:, 0, 2], step)  # as far below the level as land is above: half way
+    expected = np.where(known, there, deep)
+    hole = kind[wet] == HOLE
+    expected[hole] = np.minimum(expected[hole], deep[hole] / 10)
+    height[wet] = expected
+
+
+def outline(where: Places, level: Level, cells: Grid) -> Shore:
+    """Rings between water and land in the triangulation of the places."""
+    origin = np.floor(where.xy.min(axis=0))
+    mesh = triangulate(where.xy - origin)
+    wet = where.height < 0
+    corners = mesh.triangles
+    mixed = corners[(wet[corners].any(axis=1)) & (~wet[corners]).any(axis=1)].astype(np.int64)
+    # A triangle has one corner on the other side: turn it to the front; it stays anticlockwise.
+    alone = wet[mixed] == (wet[mixed].sum(axis=1) == 1)[:, None]
+    first = np.argmax(alone, axis=1)
+    a, b, c = (np.take_along_axis(mixed, (first[:, None] + k) % 3, 1)[:, 0] for k in range(3))
+    one, two = np.stack([a, b], 1), np.stack([a, c], 1)
+    lone = wet[a]  # with the lone corner wet, the shore runs from ab to ac with water on the left
+    start = np.where(lone[:, None], one, two)
+    end = np.where(lone[:, None], two, one)
+    n = len(where.xy)
+    keys = [np.sort(side, axis=1) @ np.array([n, 1]) for side in (start, end)]
+    sides, number = np.unique(np.concatenate(keys), return_inverse=True)
+    begin, then = number[: len(start)], number[len(start) :]
+    follow = np.full(len(sides), -1)
+    follow[begin] = then
+    xy, sigma, is_open = _crossings(where, sides // n, sides % n, wet, level, cells)
+    rings = _rings(follow)
+    return Shore([xy[r] for r in rings], [sigma[r] for r in rings], [is_open[r] for r in rings])
+
+
+def _crossings(
+    where: Places, i: Ints, j: Ints, wet: Mask, level: Level, cells: Grid
+) -> tuple[Floats, Floats, Mask]:
+    """Where the shore crosses sides of triangles, how sure, and whether the data end there."""
+    water, land = np.where(wet[i], i, j), np.where(wet[i], j, i)
+    length = np.hypot(*(where.xy[land] - where.xy[water]).T)
+    share = where.height[land] / (where.height[land] - where.height[water])
+    spacing = 1 / np.sqrt(cells.density)
+    is_open = where.kind[land] == OUTSIDE
+    guess = np.isnan(where.slope[water]) & (where.kind[water] == HOLE)
+    share[guess] = np.minimum(0.5, 0.5 * spacing / length[guess])
+    share[is_open] = 0.5
+    xy = where.xy[land] + share[:, None] * (where.xy[water] - where.xy[land])
+    slope = np.nan_to_num(where.slope[water])
+    error = np.hypot(level.sigma, level.error)
+    sigma = 1 / np.sqrt(12 / length**2 + (slope / error) ** 2)
+    return xy, sigma, is_open
+
+
+def _rings(follow: Ints) -> list[Ints]:
+    """Closed rings of the sides that follow each other."""
+    rings, left = [], follow.copy()
+    for start in range(len(left)):
+        ring, at = [], start
+        while left[at] >= 0:
+            ring.append(at)
+            left[at], at = -1, left[at]
+        if len(ring) > 2 and at == start:
+            rings.append(np.array(ring))
+    return rings
+
+
+def area_of(ring: Floats) -> float:
+    """Signed area of a ring, positive if it runs anticlockwise."""
+    x, y = (ring - ring[0]).T
+    return float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2

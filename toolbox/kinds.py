@@ -18,7 +18,7 @@ from toolbox.data import PointCloud, Raster, Report, Survey, Table, Vector
 from toolbox.data.crs import parse_crs
 from toolbox.data.places import Places, files_of
 from toolbox.expression import Expression
-from toolbox.values import Attribute, ClassList, Extent, Range
+from toolbox.values import Attribute, ClassList, Extent, Position, Range
 
 TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 
@@ -146,6 +146,10 @@ def _range(value: Any) -> Range:
     return Range.parse(value) if isinstance(value, str) else Range.of(value)
 
 
+def _position(value: Any) -> Position:
+    return Position.parse(value) if isinstance(value, str) else Position.of(value)
+
+
 def _extent(value: Any) -> Extent:
     return Extent.parse(value) if isinstance(value, str) else Extent.of(value)
 
@@ -167,6 +171,7 @@ def _scalars() -> dict[Any, Kind]:
         str: Kind("text", text, _is(str), _text, plain=True),
         ClassList: Kind("class list", classes, _is(ClassList), _class_list, str),
         Range: Kind("range", pair, _is(Range), _range, list),
+        Position: Kind("position", pair, _is(Position), _position, list),
         Extent: Kind("extent", box, _is(Extent), _extent, list),
         CRS: Kind("CRS", text, _is(CRS), parse_crs, lambda crs: crs.to_string()),
         Attribute: Kind("attribute", text, _is(Attribute), lambda v: Attribute(_text(v)), str),

@@ -114,6 +114,32 @@ class Extent(NamedTuple):
         return ",".join(f"{number!r}" for number in self)
 
 
+class Position(NamedTuple):
+    """A place in the coordinates of the data; as text ``x,y``."""
+
+    x: float
+    y: float
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Read two numbers, easting first."""
+        return cls.of(_numbers(text, 2))
+
+    @classmethod
+    def of(cls, numbers: Iterable[float]) -> Self:
+        """Take two numbers.
+
+        Raises
+        ------
+        ValueError
+            They are not two finite numbers.
+        """
+        return cls(*_finite(numbers, 2))
+
+    def __str__(self) -> str:
+        return f"{self.x!r},{self.y!r}"
+
+
 class Attribute(str):
     """The name of an attribute of a point cloud, such as ``intensity``."""
 

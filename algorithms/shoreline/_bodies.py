@@ -20,12 +20,14 @@ from scipy import ndimage
 from algorithms.shared.lowest import blocks, cells_of, lattice_around
 from algorithms.shoreline import _kernels as kernels
 from algorithms.shoreline._level import lowest_mode, mode
+from algorithms.shoreline._returns import UNIT, Returns
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Ints = NDArray[np.int64]
+Singles = NDArray[np.float32]
 
 # Lengths in metres, from the noise of airborne points (0.02 to 0.05) and the waves of small waters.
 COARSE = 4.0  # cells on which the density is counted
@@ -40,7 +42,9 @@ DROP = 0.25  # below the level: water does not stay above such ground
 RUN_OFF = 0.02  # share of a body that may seem to lie lower
 SPARSE = 0.5  # of the density of the shore: pulses were lost
 DARK = 0.5  # separation of intensities on water and on the shore, 0 for none, 1 for a full one
-LEVEL_SLOPE = 0.0005  # of a surface that is level
+LEVEL_SLOPE, LEVEL_SPREAD = 0.002, 0.06  # of a surface that is level, and m between its heights
+LARGE = 500.0  # m2 of such a surface that need not be dark
+TAKEN = 2
 PEAKS = 12  # levels that are looked for in one calm place
 
 
@@ -52,9 +56,11 @@ class Grid:
     ----------
     lattice : the cells
     metre : length of one metre in the unit of the data
+    base : height from which the others are counted
     low : lowest height, inf where there is no point
     count : number of points
     bright : mean intensity, NaN where there is no point
+    water : number of points of a class of water
     middle : median of the lowest heights around, NaN where there is none
     spread : of these, from 20 to 80 %
     known : number of cells around that have points, of 25
@@ -64,12 +70,14 @@ class Grid:
 
     lattice: Lattice
     metre: float
-    low: Floats
+    base: float
+    low: Singles
     count: NDArray[np.int32]
-    bright: Floats
-    middle: Floats
-    spread: Floats
-    known: NDArray[np.int32]
+    bright: Singles
+    water: NDArray[np.int32]
+    middle: Singles
+    spread: Singles
+    known: NDArray[np.uint8]
     inside: Mask
     density: float
 
@@ -103,52 +111,54 @@ class Body:
 
     Attributes
     ----------
-    cells : array of shape (n,), indices into the raveled cells
-    level : a first estimate, in the unit of the data
+    cells : array of shape (n,), indices into the raveled cells, rising
+    level : a first estimate, in the unit of the data; of a river at its middle
+    gradient : rise per cell southwards and eastwards
     lost : density of points on the water over that on its shore
     dark : separation of the intensities on water and shore, 0 to 1
+    evidence : what speaks for water
     """
 
     cells: Ints
     level: float
+    gradient: tuple[float, float]
     lost: float
     dark: float
+    evidence: str
 
 
-def grid(xyz: Floats, intensity: Floats, metre: float, ctx: Context = QUIET) -> Grid:
-    """Count points into cells whose size follows from their density.
-
-    Parameters
-    ----------
-    xyz : array of shape (n, 3), last returns
-    intensity : array of shape (n,)
-    metre : length of one metre in the unit of the points
-    ctx : progress and cancellation
-    """
-    coarse = lattice_around(xyz, COARSE * metre)
-    counts = np.bincount(cells_of(xyz, coarse))
+def grid(points: Returns, ctx: Context = QUIET) -> Grid:
+    """Count points into cells whose size follows from their density."""
+    metre = points.metre
+    corners = points.origin + UNIT * np.array([f(points.packed, axis=0) for f in (np.min, np.max)])
+    coarse = lattice_around(corners, COARSE * metre)
+    counts = np.zeros(coarse.rows * coarse.cols, np.int64)
+    for some in points.blocks():
+        counts += np.bincount(cells_of(points.xyz(some), coarse), minlength=len(counts))
+        ctx.progress(0.2 * some.stop / len(points))
     density = float(np.percentile(counts[counts > 0], 75)) / coarse.cell**2
-    ctx.progress(0.1)
     size = math.sqrt(PER_CELL / density) / metre
-    lattice = lattice_around(xyz, min(max(size, SMALLEST_CELL), LARGEST_CELL) * metre)
-    low, bright = np.full(lattice.shape, np.inf), np.zeros(lattice.shape)
-    count = np.zeros(lattice.shape, np.int32)
-    for first, last in blocks(len(xyz)):
-        cells = cells_of(xyz[first:last], lattice)
+    lattice = lattice_around(corners, min(max(size, SMALLEST_CELL), LARGEST_CELL) * metre)
+    low, bright = np.full(lattice.shape, np.inf, np.float32), np.zeros(lattice.shape, np.float32)
+    count, water = np.zeros(lattice.shape, np.int32), np.zeros(lattice.shape, np.int32)
+    base = float(corners[0, 2])
+    for some in points.blocks():
+        xyz = points.xyz(some)
         kernels.gather(
-            cells, xyz[first:last, 2], intensity[first:last], low.ravel(), count.ravel(),
-            bright.ravel(),
+            cells_of(xyz, lattice), xyz[:, 2] - base, points.intensity[some], points.water[some],
+            low.ravel(), count.ravel(), bright.ravel(), water.ravel(),
         )  # fmt: skip
-        ctx.progress(0.1 + 0.5 * last / len(xyz))
-    middle, spread = np.full(lattice.shape, np.nan), np.full(lattice.shape, np.inf)
-    known = np.zeros(lattice.shape, np.int32)
+        ctx.progress(0.2 + 0.5 * some.stop / len(points))
+    middle, spread = np.full_like(low, np.nan), np.full_like(low, np.inf)
+    known = np.zeros(lattice.shape, np.uint8)
     for first, last in blocks(lattice.rows, 25 * lattice.cols):
         kernels.surroundings(low, first, last, REACH, middle, spread, known)
-        ctx.progress(0.6 + 0.4 * last / lattice.rows)
+        ctx.progress(0.7 + 0.3 * last / lattice.rows)
     with np.errstate(invalid="ignore"):
         bright /= count
+    inside = enclosed(count > 0)
     return Grid(
-        lattice, metre, low, count, bright, middle, spread, known, enclosed(count > 0), density
+        lattice, metre, base, low, count, bright, water, middle, spread, known, inside, density
     )
 
 
@@ -171,38 +181,95 @@ def find_bodies(cells: Grid, least_area: float, ctx: Context = QUIET) -> list[Bo
     least_area : of a body, square metres
     ctx : progress and cancellation
     """
-    floor = cells.floor
     least = max(1, math.ceil(least_area / cells.area))
-    state, stack = np.zeros(floor.shape, np.uint8), np.empty(floor.size, np.int64)
-    found: list[Body] = []
+    pour = Pour(cells, least)
     places = [*_holes(cells, least), *_calm_places(cells, least)]
-    places.sort(key=lambda place: -len(place[0]))
+    places.sort(key=lambda place: (-len(place[0]), place[0][0]))
+    found: list[Body] = []
     for done, (starts, level) in enumerate(places):
-        ctx.progress(done / len(places))
-        if (state.ravel()[starts] == 2).mean() > 0.5:  # found from elsewhere
-            continue
-        top, below = level + STEP * cells.metre, level - DROP * cells.metre
-        most_lower = int(max(least / 2, RUN_OFF * len(starts)))
-        size, lower = kernels.spread(
-            floor, cells.middle, top, below, most_lower, starts, state, stack
-        )
-        body = stack[:size].copy()
-        state.ravel()[body] = 0
-        if lower > most_lower or size < least:
-            continue
-        judged = judge(cells, body, level)
-        if judged:
-            state.ravel()[body] = 2
-            found.append(judged)
+        ctx.progress(0.9 * done / len(places))
+        found += pour.at(starts, level)
+    for starts in _patches(cells.calm & (pour.state != TAKEN), 4 * least):
+        ctx.progress(0.9)
+        found += pour.down(starts)
     ctx.progress(1.0)
     return sorted(found, key=lambda body: (-len(body.cells), body.cells[0]))
+
+
+class Pour:
+    """Water poured on places of the cells.
+
+    Attributes
+    ----------
+    state : array of shape (rows, cols), TAKEN where a body has been found
+    """
+
+    def __init__(self, cells: Grid, least: int) -> None:
+        self.cells, self.least, self.floor = cells, least, cells.floor
+        self.state = np.zeros(self.floor.shape, np.uint8)
+        self.stack = np.empty(self.floor.size, np.int32)
+
+    def at(self, starts: Ints, level: float) -> list[Body]:
+        """The body that holds water poured to a level on some cells, if there is one."""
+        if (self.state.ravel()[starts] == TAKEN).mean() > 0.5:  # found from elsewhere
+            return []
+        body = self._held(self.floor, self.cells.middle, level, starts)
+        return [] if body is None else self._take(judge(self.cells, body, level))
+
+    def down(self, starts: Ints) -> list[Body]:
+        """A river on some cells, whose surface is a plane."""
+        cells = self.cells
+        heights, south, east = _plane(cells, starts)
+        trend = self._trend(south, east, starts)
+        middle = cells.middle - trend
+        rest = middle.ravel()[starts]
+        fall = math.hypot(south, east) * math.sqrt(len(starts))
+        straight = np.subtract(*np.percentile(rest, (90, 10))) <= CALM * cells.metre
+        thin = cells.count.ravel()[starts].mean() <= SPARSE * cells.density * cells.lattice.cell**2
+        if not (straight and thin and fall > STEP * cells.metre):
+            return []
+        body = self._held(self.floor - trend, middle, heights, starts)
+        return [] if body is None else self._take(judge(cells, body, heights, (south, east)))
+
+    def _held(self, floor: Singles, middle: Singles, level: float, starts: Ints) -> Ints | None:
+        """Cells that water at a level covers, unless it runs off or they are too few."""
+        metre = self.cells.metre
+        most_lower = int(max(self.least / 2, RUN_OFF * len(starts)))
+        size, lower = kernels.spread(
+            floor, middle, level + STEP * metre, level - DROP * metre, most_lower, starts,
+            self.state, self.stack,
+        )  # fmt: skip
+        body = np.sort(self.stack[:size]).astype(np.int64)
+        self.state.ravel()[body] = 0
+        return None if lower > most_lower or size < self.least else body
+
+    def _take(self, body: Body | None) -> list[Body]:
+        if body is None:
+            return []
+        self.state.ravel()[body.cells] = TAKEN
+        return [body]
+
+    def _trend(self, south: float, east: float, some: Ints) -> Singles:
+        """Rise from the middle of some cells to all cells."""
+        rows, cols = self.floor.shape
+        r, c = np.arange(rows) - (some // cols).mean(), np.arange(cols) - (some % cols).mean()
+        return (south * r[:, None] + east * c).astype(np.float32)
+
+
+def _plane(cells: Grid, some: Ints) -> tuple[float, float, float]:
+    """Height at the middle of some cells, and rise per cell southwards and eastwards."""
+    r, c = some // cells.lattice.cols, some % cells.lattice.cols
+    design = np.column_stack([np.ones(len(some)), r - r.mean(), c - c.mean()])
+    heights = cells.middle.ravel()[some].astype(float)
+    known = np.isfinite(heights)
+    found, *_ = np.linalg.lstsq(design[known], heights[known], rcond=None)
+    return float(found[0]), float(found[1]), float(found[2])
 
 
 def _holes(cells: Grid, least: int) -> Iterator[tuple[Ints, float]]:
     """Holes in the data, with the level at their edge."""
     for hole in _patches(cells.hole, least):
-        edge = _around(cells.lattice, hole, 1)
-        heights = cells.low.ravel()[edge]
+        heights = cells.low.ravel()[_around(cells.lattice, hole, 1)]
         heights = heights[np.isfinite(heights)]
         if len(heights):
             yield hole, lowest_mode(heights, STEP * cells.metre)
@@ -237,13 +304,13 @@ def _patches(mask: Mask, least: int) -> Iterator[Ints]:
 
 def _around(lattice: Lattice, some: Ints, width: int) -> Ints:
     """Cells within a width of some cells, but not these."""
-    window, mask = _window(lattice, some, width)
+    (top, left), mask = window(lattice, some, width)
     ring = ndimage.binary_dilation(mask, np.ones((3, 3), bool), iterations=width) & ~mask
     r, c = np.nonzero(ring)
-    return (r + window[0]) * lattice.cols + c + window[1]
+    return (r + top) * lattice.cols + c + left
 
 
-def _window(lattice: Lattice, some: Ints, margin: int) -> tuple[tuple[int, int], Mask]:
+def window(lattice: Lattice, some: Ints, margin: int) -> tuple[tuple[int, int], Mask]:
     """First row and column, and mask, of the smallest window with a margin around some cells."""
     r, c = some // lattice.cols, some % lattice.cols
     top, left = max(0, r.min() - margin), max(0, c.min() - margin)
@@ -254,21 +321,36 @@ def _window(lattice: Lattice, some: Ints, margin: int) -> tuple[tuple[int, int],
     return (int(top), int(left)), mask
 
 
-def judge(cells: Grid, body: Ints, level: float) -> Body | None:
-    """What speaks for water in a place that holds it; None where too little does."""
-    ring = np.setdiff1d(_around(cells.lattice, body, 5), _around(cells.lattice, body, 1))
-    ring = ring[cells.count.ravel()[ring] > 0]
+def judge(
+    cells: Grid, body: Ints, level: float, gradient: tuple[float, float] = (0.0, 0.0)
+) -> Body | None:
+    """What speaks for water in a place that holds it; None where too little does.
+
+    A place that swallows pulses is water. One that returns them must be level, and dark or large.
+    """
     count, bright = cells.count.ravel(), cells.bright.ravel()
+    ring = np.setdiff1d(_around(cells.lattice, body, 5), _around(cells.lattice, body, 1))
+    ring = ring[count[ring] > 0]
     here = body[count[body] > 0]
     on_land = float(np.median(count[ring])) if len(ring) else 0.0
     lost = float(count[body].mean()) / on_land if on_land else 1.0
     dark = separation(bright[here], bright[ring])
-    if lost > SPARSE and dark < DARK and not _is_level(cells, here):
+    classed = cells.water.ravel()[body].sum() > 0.5 * count[body].sum()
+    level_enough = gradient == (0.0, 0.0) and _is_level(cells, here)
+    reasons = {
+        "few returns": lost <= SPARSE,
+        "level": level_enough,
+        "dark": dark >= DARK,
+        "class": classed,
+    }
+    large = len(here) >= LARGE / cells.area
+    if not (lost <= SPARSE or classed or (level_enough and (dark >= DARK or large))):
         return None
-    return Body(body, level, lost, dark)
+    evidence = ", ".join(name for name, holds in reasons.items() if holds)
+    return Body(body, cells.base + level, gradient, lost, dark, evidence)
 
 
-def separation(water: Floats, land: Floats) -> float:
+def separation(water: Singles, land: Singles) -> float:
     """Largest difference between the distributions of two samples, where water is the darker."""
     if not (len(water) and len(land)):
         return 0.0
@@ -280,10 +362,10 @@ def separation(water: Floats, land: Floats) -> float:
 
 def _is_level(cells: Grid, some: Ints) -> bool:
     """Whether cells lie on a level surface; a dry field is never as level."""
-    heights = cells.middle.ravel()[some]
-    if len(some) < 100 or np.subtract(*np.percentile(heights, (90, 10))) > 0.06 * cells.metre:
+    if len(some) < 10:
         return False
-    r, c = some // cells.lattice.cols, some % cells.lattice.cols
-    design = np.column_stack([np.ones(len(some)), r - r.mean(), c - c.mean()])
-    (_, south, east), *_ = np.linalg.lstsq(design, heights, rcond=None)
-    return bool(math.hypot(south, east) / cells.lattice.cell < LEVEL_SLOPE)
+    heights = cells.middle.ravel()[some]
+    if np.subtract(*np.percentile(heights, (90, 10))) > LEVEL_SPREAD * cells.metre:
+        return False
+    _, south, east = _plane(cells, some)
+    return math.hypot(south, east) / cells.lattice.cell < LEVEL_SLOPE

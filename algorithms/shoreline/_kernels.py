@@ -6,24 +6,24 @@ import numpy as np
 from numba import njit
 
 NEIGHBOURS = ((-1, 0), (0, -1), (0, 1), (1, 0))  # of a cell: water does not creep over corners
-DRY, WET, LOWER, EDGE = 0, 1, 2, 3
 
 
 @njit(cache=True, nogil=True)
-def gather(cells, z, intensity, low, count, bright):  # type: ignore[no-untyped-def]
-    """Enter points into cells: the lowest height, their number, and the sum of intensities."""
+def gather(cells, z, intensity, is_water, low, count, bright, water):  # type: ignore[no-untyped-def]
+    """Enter points: lowest height, number, sum of intensities, number of class water."""
     for i in range(len(cells)):
         k = cells[i]
         low[k] = min(low[k], z[i])
         count[k] += 1
         bright[k] += intensity[i]
+        water[k] += is_water[i]
 
 
 @njit(cache=True, nogil=True)
 def surroundings(low, first, last, reach, middle, spread, known):  # type: ignore[no-untyped-def]
     """Median, 20 to 80 % spread and number of the heights within `reach` cells of each cell."""
     rows, cols = low.shape
-    held = np.empty((2 * reach + 1) ** 2)
+    held = np.empty((2 * reach + 1) ** 2, low.dtype)
     for r in range(first, last):
         for c in range(cols):
             n = 0

@@ -12,13 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from algorithms.shared.delaunay import triangulate
-from algorithms.shoreline._bodies import Grid, _window
+from algorithms.shoreline._bodies import Grid, window
 from algorithms.shoreline._level import Level
 
 Floats = NDArray[np.float64]
@@ -92,7 +91,7 @@ def places(
 ) -> Places:
     """Points in the band along the edge of the body, and middles of its cells without points."""
     lattice, metre = cells.lattice, cells.metre
-    (top, left), wet = _window(lattice, body, BAND + 1)
+    (top, left), wet = window(lattice, body, BAND + 1)
     square = np.ones((3, 3), bool)
     near = ndimage.binary_dilation(wet, square, iterations=BAND)
     band = near & ~ndimage.binary_erosion(wet, square, iterations=BAND, border_value=1)
@@ -118,11 +117,17 @@ def places(
     empty = cells.count.ravel()[index] == 0
     hole = empty & wet[r, c]
     beyond = ~cells.inside.ravel()[index] & ndimage.binary_dilation(wet, square)[r, c]
-    xy = np.concatenate([points[:, :2], middle[hole], middle[beyond]])
+    low_corner, high_corner = middle.min(axis=0), middle.max(axis=0)
+    margin = 10 * (high_corner - low_corner).max()
+    west, south = low_corner - margin
+    east, north = high_corner + margin
+    far = np.array([(west, south), (east, south), (east, north), (west, north)])
+    outside = np.concatenate([middle[beyond], far])  # no water at the hull: all rings close
+    xy = np.concatenate([points[:, :2], middle[hole], outside])
     kind = np.concatenate(
-        [kind, np.full(hole.sum(), HOLE), np.full(beyond.sum(), OUTSIDE)]
+        [kind, np.full(hole.sum(), HOLE), np.full(len(outside), OUTSIDE)]
     ).astype(np.uint8)
-    height = np.concatenate([height, np.zeros(hole.sum()), np.full(beyond.sum(), step)])
+    height = np.concatenate([height, np.zeros(hole.sum()), np.full(len(outside), step)])
     slope = np.full(len(xy), np.nan)
     _expect_ground(xy, height, kind, slope, step, cells.density)
     return Places(xy, height, kind, slope)
@@ -257,7 +262,7 @@ def _crossings(
     is_open = where.kind[land] == OUTSIDE
     guess = np.isnan(where.slope[water]) & (where.kind[water] == HOLE)
     share[guess] = np.minimum(0.5, 0.5 * spacing / length[guess])
-    share[is_open] = 0.5
+    share[is_open] = np.maximum(0.5, 1 - 0.5 * cells.lattice.cell / length[is_open])
     xy = where.xy[land] + share[:, None] * (where.xy[water] - where.xy[land])
     slope = np.nan_to_num(where.slope[water])
     error = np.hypot(level.sigma, level.error)

@@ -1,0 +1,206 @@
+"""Rings of shores as polygons, lines and corners with what is known of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from algorithms.shared.lowest import cells_of
+from algorithms.shoreline._bodies import Grid, window
+from algorithms.shoreline._returns import UNIT, Returns
+from algorithms.shoreline._shore import BAND, Shore, area_of, shore
+from algorithms.shoreline._water import Water
+from toolbox.context import QUIET, Context
+
+Floats = NDArray[np.float64]
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A drawn body.
+
+    Attributes
+    ----------
+    number : from 1, by size
+    water : the body
+    shore : its rings: of every part first the outer one, then its islands
+    parts : for each part the numbers of its rings
+    cells : in which it was found
+    """
+
+    number: int
+    water: Water
+    shore: Shore
+    parts: list[list[int]]
+    cells: Grid
+
+    @property
+    def polygons(self) -> list[shapely.Polygon]:
+        """One for each part, at the level of the water."""
+        rings = [self._raised(ring) for ring in self.shore.rings]
+        return [shapely.Polygon(rings[p[0]], [rings[k] for k in p[1:]]) for p in self.parts]
+
+    def _raised(self, ring: Floats) -> Floats:
+        return np.column_stack([ring, self.water.level.at(ring)])
+
+    def rows(self) -> Iterator[tuple[shapely.Polygon, Row]]:
+        """Polygons with what is known of them."""
+        level, body, metre = self.water.level, self.water.body, self.cells.metre
+        for polygon, part in zip(self.polygons, self.parts, strict=True):
+            sigma, length, is_open = (
+                np.concatenate(v) for v in zip(*(self._sides(k) for k in part), strict=True)
+            )
+            at_shore = np.where(is_open, 0.0, length)
+            total = max(at_shore.sum(), 1e-9)
+            yield polygon, {
+                "body": self.number,
+                "level": round(level.height, 4),
+                "level_error": round(level.error, 4),
+                "slope": round(float(np.hypot(*level.gradient)), 6),
+                "area": round(polygon.area / metre**2, 2),
+                "area_error": round(float(np.sqrt(((sigma * at_shore) ** 2).sum())) / metre**2, 2),
+                "perimeter": round(polygon.length / metre, 2),
+                "open_length": round(float(length[is_open].sum()) / metre, 2),
+                "islands": len(part) - 1,
+                "uncertainty": round(
+                    float(np.sqrt((sigma**2 * at_shore).sum() / total)) / metre, 3
+                ),
+                "density": round(self.cells.density * metre**2, 2),
+                "returned": round(body.lost, 3),
+                "darkness": round(body.dark, 3),
+                "evidence": body.evidence,
+            }
+
+    def _sides(self, ring: int) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+        """Standard deviation, length and openness of each side of a ring."""
+        xy, sigma, is_open = (
+            getattr(self.shore, name)[ring] for name in ("rings", "sigma", "open")
+        )
+        length = np.hypot(*(np.roll(xy, -1, axis=0) - xy).T)
+        return sigma, length, is_open & np.roll(is_open, -1)
+
+    def lines(self) -> Iterator[tuple[shapely.LineString, Row]]:
+        """Stretches of the outline of one kind each."""
+        for part in self.parts:
+            for place, k in enumerate(part):
+                ring = self._raised(self.shore.rings[k])
+                _, _, is_open = self._sides(k)
+                for line, edge in _stretches(ring, is_open):
+                    kind = "data edge" if edge else "island" if place else "shore"
+                    yield shapely.LineString(line), {
+                        "body": self.number,
+                        "kind": kind,
+                        "level": round(self.water.level.height, 4),
+                        "length": round(shapely.LineString(line).length / self.cells.metre, 2),
+                    }
+
+    def corners(self) -> Iterator[tuple[shapely.Point, Row]]:
+        """Corners with their standard deviation across the shore."""
+        for k in (ring for part in self.parts for ring in part):
+            spots = shapely.points(self._raised(self.shore.rings[k]))
+            for spot, sigma, edge in zip(
+                spots, self.shore.sigma[k], self.shore.open[k], strict=True
+            ):
+                yield spot, {
+                    "body": self.number,
+                    "sigma": round(float(sigma) / self.cells.metre, 3),
+                    "data_edge": bool(edge),
+                }
+
+
+def _stretches(ring: Floats, edge: NDArray[np.bool_]) -> Iterator[tuple[Floats, bool]]:
+    """Cut a ring where its sides change between shore and edge of the data."""
+    changes = np.flatnonzero(edge != np.roll(edge, 1))
+    if not len(changes):
+        yield np.vstack([ring, ring[:1]]), bool(edge[0])
+        return
+    ring, edge = np.roll(ring, -changes[0], axis=0), np.roll(edge, -changes[0])
+    ends = [*(changes - changes[0]), len(ring)]
+    ring = np.vstack([ring, ring[:1]])
+    for first, last in pairwise(ends):
+        yield ring[first : last + 1], bool(edge[first])
+
+
+def draw(
+    points: Returns,
+    cells: Grid,
+    water: Sequence[Water],
+    chosen: Sequence[int],
+    least_area: float,
+    least_island: float,
+    ctx: Context = QUIET,
+) -> list[Outline]:
+    """Outlines of the chosen bodies.
+
+    Parameters
+    ----------
+    points, cells, water : see :func:`algorithms.shoreline._water.find_water`
+    chosen : numbers of the bodies to draw
+    least_area, least_island : smaller parts and islands are left out, square metres
+    ctx : progress and cancellation
+    """
+    of_body = np.zeros(cells.low.size, np.int32)
+    for k, one in enumerate(water, 1):
+        of_body[one.body.cells] = k
+    near, index = _band(points, cells, [water[k] for k in chosen], ctx.part(0.0, 0.5))
+    box = points.origin + UNIT * np.array([f(points.packed, axis=0) for f in (np.min, np.max)])
+    found = []
+    for done, k in enumerate(chosen):
+        ctx.progress(0.5 + 0.5 * done / len(chosen))
+        others = (of_body > 0) & (of_body != k + 1)
+        made = shore(near, cells, index, water[k].body.cells, others, water[k].level)
+        rings = [np.clip(ring, box[0, :2], box[1, :2]) for ring in made.rings]
+        made = Shore(rings, made.sigma, made.open)
+        metre2 = cells.metre**2
+        parts = _parts(made, least_area * metre2, least_island * metre2)
+        found.append(Outline(done + 1, water[k], made, parts, cells))
+    ctx.progress(1.0)
+    return found
+
+
+def _band(
+    points: Returns, cells: Grid, water: Sequence[Water], ctx: Context
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Points near the edges of bodies, sorted by cell, and their cells."""
+    band = np.zeros(cells.low.shape, bool)
+    square = np.ones((3, 3), bool)
+    for one in water:
+        (top, left), wet = window(cells.lattice, one.body.cells, BAND + 1)
+        near = ndimage.binary_dilation(wet, square, iterations=BAND)
+        near &= ~ndimage.binary_erosion(wet, square, iterations=BAND, border_value=1)
+        band[top : top + wet.shape[0], left : left + wet.shape[1]] |= near
+    found, index = [np.zeros((0, 3))], [np.zeros(0, np.int64)]
+    for some in points.blocks():
+        xyz = points.xyz(some)
+        at = cells_of(xyz, cells.lattice)
+        use = band.ravel()[at]
+        found.append(xyz[use])
+        index.append(at[use].astype(np.int64))
+        ctx.progress(some.stop / len(points))
+    xyz, at = np.concatenate(found), np.concatenate(index)
+    order = np.lexsort((xyz[:, 2], xyz[:, 1], xyz[:, 0], at))
+    return xyz[order], at[order]
+
+
+def _parts(made: Shore, least_area: float, least_island: float) -> list[list[int]]:
+    """Rings of each part: the outer one, then its islands; the largest part comes first."""
+    areas = np.array([area_of(ring) for ring in made.rings])
+    outer = [k for k in np.argsort(-areas, kind="stable") if areas[k] > 0]
+    outer = [k for rank, k in enumerate(outer) if rank == 0 or areas[k] >= least_area]
+    shapes = [shapely.Polygon(made.rings[k]) for k in outer]
+    parts = [[int(k)] for k in outer]
+    islands = np.flatnonzero(-areas >= max(least_island, 1e-9))
+    for k in islands[np.argsort(areas[islands], kind="stable")]:
+        spot = shapely.Point(made.rings[k][0])
+        holders = [n for n, shape in enumerate(shapes) if shape.contains(spot)]
+        if holders:
+            parts[min(holders, key=lambda n: shapes[n].area)].append(int(k))
+    return parts

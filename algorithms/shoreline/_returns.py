@@ -1,0 +1,104 @@
+"""Last returns of a survey, packed: what is needed of them to find water, in 16 bytes each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.shared.ground import may_be_ground, taking_part
+from algorithms.shared.lowest import blocks, require_finite
+from toolbox.context import QUIET, Context
+from toolbox.data import PointCloud, Survey
+from toolbox.errors import DataError
+
+BATCH = 2_000_000  # points that are read at a time
+UNIT = 1e-4  # of coordinates, in the unit of the data: 32 bits reach 200 km
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Returns:
+    """Points that may lie on water or ground.
+
+    Attributes
+    ----------
+    packed : array of shape (n, 3), whole multiples of UNIT from the origin
+    intensity : array of shape (n,), zeros where there is none
+    water : array of shape (n,), whether a point is of a class of water
+    origin : array of shape (3,)
+    metre : length of one metre in the unit of the data
+    """
+
+    packed: NDArray[np.int32]
+    intensity: NDArray[np.float32]
+    water: NDArray[np.bool_]
+    origin: Floats
+    metre: float
+
+    def __len__(self) -> int:
+        return len(self.packed)
+
+    def xyz(self, which: slice | NDArray[np.int64]) -> Floats:
+        """Coordinates of some points, shape (k, 3)."""
+        return np.asarray(self.packed[which] * UNIT + self.origin)
+
+    def blocks(self) -> Iterator[slice]:
+        """Runs of points that are worked on at a time."""
+        return (slice(first, last) for first, last in blocks(len(self)))
+
+    @classmethod
+    def of(
+        cls,
+        points: PointCloud | Survey,
+        ignore: Sequence[int] | None,
+        water_classes: Sequence[int] | None,
+        ctx: Context = QUIET,
+    ) -> Returns:
+        """The last returns, without those withheld or of ignored classes.
+
+        Raises
+        ------
+        DataError
+            Coordinates are not finite, or too far apart.
+        """
+        bounds = np.reshape(points.bounds, (2, 3))
+        if not len(points) if isinstance(points, PointCloud) else not points.count:
+            bounds = np.zeros((2, 3))
+        require_finite(bounds)
+        origin = np.floor(bounds[0])
+        if (bounds[1] - origin).max() / UNIT >= 2**31:
+            raise DataError("points: they lie more than 200 000 units apart; remove stray points")
+        packed, intensity, water = [], [], []
+        for cloud in _parts(points, ctx):
+            use = may_be_ground(cloud, "last") & taking_part(cloud, ignore)
+            packed.append(np.round((cloud.xyz[use] - origin) / UNIT).astype(np.int32))
+            bright = cloud["intensity"][use] if "intensity" in cloud else np.zeros(use.sum())
+            intensity.append(bright.astype(np.float32))
+            wet = np.zeros(len(packed[-1]), bool)
+            if water_classes:
+                wet = np.isin(cloud["classification"][use], water_classes)
+            water.append(wet)
+        ctx.progress(1.0)
+        return cls(
+            np.concatenate(packed), np.concatenate(intensity), np.concatenate(water), origin,
+            points.metre,
+        )  # fmt: skip
+
+
+def _parts(points: PointCloud | Survey, ctx: Context) -> Iterator[PointCloud]:
+    """The points, a survey in batches."""
+    if isinstance(points, PointCloud):
+        yield points
+        return
+    done = 0
+    for file in points.files:
+        for start, stop in file.batches(BATCH):
+            yield file.read(start, stop)
+            done += stop - start
+            ctx.progress(done / points.count)
+    if not done:
+        yield points.template

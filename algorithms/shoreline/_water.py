@@ -1,0 +1,178 @@
+"""From points to water bodies with their levels: what the tools of this group share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.shared.lowest import cells_of
+from algorithms.shoreline._bodies import Body, Grid, find_bodies, grid
+from algorithms.shoreline._level import Level, level_of
+from algorithms.shoreline._returns import Returns
+from toolbox.context import QUIET, Context, log
+from toolbox.errors import DataError
+from toolbox.values import Position
+
+MOST_SAMPLES = 500_000  # points that tell the level of one body
+FALL = 0.15  # m, from end to end of a body that is no lake
+NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
+STRAIGHT = 0.5  # share of the variance of its surface that a plane explains
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Water:
+    """A body with its level.
+
+    Attributes
+    ----------
+    body : its cells
+    level : its surface
+    fall, length : of its surface from end to end, in the unit of the data; 0 for a lake
+    """
+
+    body: Body
+    level: Level
+    fall: float = 0.0
+    length: float = 0.0
+
+
+def find_water(
+    points: Returns, least_area: float, ctx: Context = QUIET
+) -> tuple[Grid, list[Water]]:
+    """All water bodies of at least an area in square metres, the largest first."""
+    cells = grid(points, ctx.part(0.0, 0.6))
+    bodies = find_bodies(cells, least_area, ctx.part(0.6, 0.8))
+    return cells, with_levels(points, cells, bodies, ctx.part(0.8, 1.0))
+
+
+def with_levels(
+    points: Returns, cells: Grid, bodies: Sequence[Body], ctx: Context = QUIET
+) -> list[Water]:
+    """The level of each body from the points on it."""
+    label = np.zeros(cells.low.shape, np.int32)
+    for number, body in enumerate(bodies, 1):
+        label.ravel()[_sampled(cells, body.cells)] = number
+    found, of = [], []
+    for some in points.blocks():
+        xyz = points.xyz(some)
+        number = label.ravel()[cells_of(xyz, cells.lattice)]
+        found.append(xyz[number > 0])
+        of.append(number[number > 0])
+        ctx.progress(some.stop / len(points))
+    xyz, number = np.concatenate(found), np.concatenate(of)
+    order = np.lexsort((xyz[:, 1], xyz[:, 0], xyz[:, 2], number))
+    xyz, ends = xyz[order], np.searchsorted(number[order], np.arange(len(bodies) + 2))
+    return [
+        _surface(cells, body, xyz[ends[k] : ends[k + 1]]) for k, body in enumerate(bodies, 1)
+    ]
+
+
+def _sampled(cells: Grid, body: Ints) -> Ints:
+    """Cells of a body whose points tell its level: not at its edge, and not more than needed."""
+    rows, cols = cells.lattice.shape
+    within = np.zeros(rows * cols, bool)
+    within[body] = True
+    r, c = body // cols, body % cols
+    inner = np.ones(len(body), bool)
+    for dr, dc in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+        i, j = np.clip(r + dr, 0, rows - 1), np.clip(c + dc, 0, cols - 1)
+        inner &= within[i * cols + j]
+    count = cells.count.ravel()
+    chosen = body[inner] if count[body[inner]].sum() >= 30 else body
+    step = math.ceil(count[chosen].sum() / MOST_SAMPLES)
+    return chosen[(chosen // cols + chosen % cols) % max(step, 1) == 0]
+
+
+def _surface(cells: Grid, body: Body, xyz: Floats) -> Water:
+    """The level of a body, or the plane of a river."""
+    cell, metre = cells.lattice.cell, cells.metre
+    xs, ys = cells.lattice.centres()
+    r, c = body.cells // cells.lattice.cols, body.cells % cells.lattice.cols
+    centre = np.array([xs[c].mean(), ys[r].mean()])
+    rise = np.array([body.gradient[1], -body.gradient[0]]) / cell  # eastwards, northwards
+    flat = xyz.copy()
+    flat[:, 2] -= (xyz[:, :2] - centre) @ rise
+    level = level_of(flat, body.level, metre)
+    near = abs(flat[:, 2] - level.height) <= max(3 * level.sigma, FALL * metre)
+    if near.sum() >= 100:
+        d = xyz[near, :2] - centre
+        design = np.column_stack([np.ones(len(d)), d])
+        (_, east, north), *_ = np.linalg.lstsq(design, xyz[near, 2], rcond=None)
+        slope = math.hypot(east, north)
+        along = d @ (np.array([east, north]) / max(slope, 1e-12))
+        length = float(np.subtract(*np.percentile(along, (99, 1))))
+        explained = (slope * along).var() / max(xyz[near, 2].var(), 1e-12)
+        if slope * length > FALL * metre and explained > STRAIGHT:
+            flat[:, 2] = xyz[:, 2] - (xyz[:, :2] - centre) @ np.array([east, north])
+            level = level_of(flat, float(np.median(flat[near, 2])), metre)
+            tilted = replace(level, gradient=(east, north), centre=(centre[0], centre[1]))
+            return Water(body, tilted, slope * length, length)
+    return Water(body, level)
+
+
+def name_of(cells: Grid, water: Water) -> str:
+    """A body by its place and size, for messages."""
+    xs, ys = cells.lattice.centres()
+    some = water.body.cells[len(water.body.cells) // 2]
+    x, y = xs[some % cells.lattice.cols], ys[some // cells.lattice.cols]
+    return f"water of {len(water.body.cells) * cells.area:.0f} m2 at {x:.1f},{y:.1f}"
+
+
+def sloping(cells: Grid, water: Water) -> str:
+    """How a river falls, for messages."""
+    east, north = water.level.gradient
+    towards = math.degrees(math.atan2(-east, -north)) % 360
+    return (
+        f"the {name_of(cells, water)} falls by {water.fall / cells.metre:.2f} m over "
+        f"{water.length / cells.metre:.0f} m ({water.fall / water.length:.2%}) "
+        f"towards {towards:.0f} degrees"
+    )
+
+
+def tell(cells: Grid, found: Sequence[Water]) -> None:
+    """Log what was found, and by what."""
+    metre = cells.metre
+    log.info(
+        "%d water bodies in cells of %.2f m, land has %.1f points per m2",
+        len(found), cells.lattice.cell / metre, cells.density * metre**2,
+    )  # fmt: skip
+    for one in found:
+        log.info(
+            "%s: level %.3f, standard error %.3f, single points %.3f; by %s: returns %.0f %% of "
+            "those of its shore, intensities separate by %.2f (1 is fully)",
+            name_of(cells, one), one.level.height, one.level.error, one.level.sigma,
+            one.body.evidence, 100 * one.body.lost, one.body.dark,
+        )  # fmt: skip
+
+
+def at_place(cells: Grid, found: Sequence[Water], place: Position) -> int:
+    """Number of the body at a place.
+
+    Raises
+    ------
+    DataError
+        There is none.
+    """
+    lattice = cells.lattice
+    r, c = (int(v[0]) for v in lattice.indices([place.x], [place.y]))
+    away = []
+    for one in found:
+        rows, cols = one.body.cells // lattice.cols - r, one.body.cells % lattice.cols - c
+        away.append(float(np.hypot(rows, cols).min()))
+    nearest = int(np.argmin(away)) if away else -1
+    if not away or away[nearest] > NEAR_PLACE:
+        known = (
+            f"the nearest is the {name_of(cells, found[nearest])}, "
+            f"{away[nearest] * lattice.cell / cells.metre:.0f} m away"
+            if away
+            else "there is no water body"
+        )
+        raise DataError(f"seed_point: no water body was found at {place}; {known}")
+    return nearest

@@ -1,0 +1,150 @@
+"""Water bodies out of a point cloud: outline, level, and how far both may be wrong.
+
+How it works, how exact it is and what it cannot know: docs/explanation/shoreline.md.
+
+References
+----------
+Höfle, B., Vetter, M., Pfeifer, N., Mandlburger, G. & Stötter, J. (2009). Water surface mapping from
+airborne laser scanning using signal intensity and elevation data. Earth Surface Processes and
+Landforms 34, 1635-1649: lost pulses, intensity and level as signs of water.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+import geopandas
+
+from algorithms.shoreline._bodies import Grid
+from algorithms.shoreline._outline import Outline, draw
+from algorithms.shoreline._returns import Returns
+from algorithms.shoreline._water import Water, at_place, find_water, sloping, tell
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Survey, Vector
+from toolbox.errors import DataError
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import ClassList, Position
+
+Row = dict[str, Any]
+
+
+@tool("shoreline.extract")
+class ShorelineExtract:
+    """Find water bodies, and draw their outlines at their levels.
+
+    Nothing needs to be set. Holes in the data and calm places are filled with water up to the level
+    found there; what does not run off, and swallows pulses, is dark and level, or very level, is
+    water. The level is that of the points on the water, whatever lies above or below. The outline
+    runs between the points, where the bank reaches the level. What each body was found by is in its
+    attribute evidence.
+
+    By default the largest body is given, with `seed_point` the one at that place. Ponds are bodies
+    of their own even at the same level, islands are holes of the polygon. Where the data end and
+    the water does not, the outline follows the edge of the data: attribute open_length, and lines
+    of kind data edge.
+
+    `vertices` are the corners of the outlines with the standard deviation across the shore, from
+    the spacing of points, the slope of the bank and the error of the level. It says nothing about
+    water hidden below trees or bridges.
+
+    A river is not level; with `sloped` its surface is a plane, without it is an error.
+
+    Heights are in the unit of the data, areas and lengths in metres.
+    """
+
+    points: PointCloud | Survey = source("Points of the survey, classified or not")
+    seed_point: Position | None = param("A place on the water body to find", default=None)
+    bodies: Literal["largest", "all"] = param("Bodies to give", default="largest")
+    min_area: float = param("Smallest body", default=100.0, unit="m2", gt=0)
+    min_island: float = param("Smallest island", default=10.0, unit="m2", ge=0)
+    sloped: bool = param("Allow rivers, whose surface is not level", default=False)
+    water_classes: ClassList | None = param("Classes that are water, if known", default=None)
+    ignore: ClassList | None = param("Classes to leave out", default=ClassList([7, 18]))
+
+    @outputs
+    class Outputs:
+        water: Vector = sink("Polygons of the water, at its level")
+        shoreline: Vector = sink("Their outlines: shore, islands, and edges of the data")
+        vertices: Vector = sink("Corners of the outlines with their standard deviation")
+        level: float | None = sink("Level of the largest body given", unit="m")
+        level_error: float | None = sink("Its standard error", unit="m")
+        area: float = sink("Area of all bodies given", unit="m2")
+        count: int = sink("Number of bodies given", unit="1")
+
+    def check(self) -> Iterator[tuple[str, str]]:
+        """One body is at a place."""
+        if self.seed_point and self.bodies == "all":
+            yield "bodies", "must be largest with a seed_point"
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """Classes must be there to be used."""
+        if self.water_classes and "classification" not in self.points.names:
+            yield "water_classes", f"{self.points.name} has no classification"
+
+    def halo(self) -> float:
+        """A body may be of any size."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> ShorelineExtract.Outputs:
+        """Find the bodies, choose among them and draw them."""
+        points = Returns.of(self.points, self.ignore, self.water_classes, ctx.part(0.0, 0.3))
+        if not len(points):
+            log.warning("points: there are none, and no water")
+            return self._packed([])
+        cells, water = find_water(points, self.min_area, ctx.part(0.3, 0.7))
+        chosen = self._chosen(cells, water)
+        outlines = draw(
+            points, cells, water, chosen, self.min_area, self.min_island, ctx.part(0.7, 1.0)
+        )
+        _warn(outlines)
+        return self._packed(outlines)
+
+    def _chosen(self, cells: Grid, water: Sequence[Water]) -> list[int]:
+        """Which bodies to give."""
+        tell(cells, water)
+        if self.seed_point:
+            chosen = [at_place(cells, water, self.seed_point)]
+        else:
+            chosen = list(range(len(water)))[: 1 if self.bodies == "largest" else None]
+        for k in chosen:
+            if water[k].fall and not self.sloped:
+                raise DataError(f"points: {sloping(cells, water[k])}; it is no lake: set sloped")
+        return chosen
+
+    def _packed(self, outlines: Sequence[Outline]) -> ShorelineExtract.Outputs:
+        metre, crs = self.points.metre, self.points.crs
+        polygons = [feature for o in outlines for feature in o.rows()]
+        lines = [feature for o in outlines for feature in o.lines()]
+        corners = [feature for o in outlines for feature in o.corners()]
+        first = outlines[0].water.level if outlines else None
+        return self.Outputs(
+            water=_layer(polygons, crs, "Polygon Z"),
+            shoreline=_layer(lines, crs, "LineString Z"),
+            vertices=_layer(corners, crs, "Point Z"),
+            level=first.height / metre if first else None,
+            level_error=first.error / metre if first else None,
+            area=sum(shape.area for shape, _ in polygons) / metre**2,
+            count=len(outlines),
+        )
+
+
+def _warn(outlines: Sequence[Outline]) -> None:
+    """Say what may not be what is wanted."""
+    if not outlines:
+        log.warning("points: no water was found")
+    for outline in outlines:
+        for _, row in outline.rows():
+            if row["open_length"]:
+                log.warning(
+                    "body %d: %.0f of %.0f m of its outline is the edge of the data, not a shore",
+                    row["body"], row["open_length"], row["perimeter"],
+                )  # fmt: skip
+
+
+def _layer(features: Sequence[tuple[Any, Row]], crs: Any, kind: str) -> Vector:
+    frame = geopandas.GeoDataFrame(
+        [row for _, row in features], geometry=[shape for shape, _ in features], crs=crs
+    )
+    return Vector(frame, geometry_type=kind)

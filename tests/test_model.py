@@ -264,9 +264,12 @@ def test_a_result_that_would_be_an_option_of_an_input_is_refused() -> None:
 @pytest.mark.parametrize(
     ("says", "key", "problem"),
     [
-        ("when: yes", "when", "must be {from: inputs.name}, got 'yes'"),
+        ("when: yes", "when", "{from: inputs.name, is: word}, got 'yes'"),
         ("when: {from: a.top}", "when", "must be {from: inputs.name}"),
         ("when: {from: inputs.flg}", "when", "did you mean 'inputs.flag'?"),
+        ("when: {from: inputs.flag, is: on}", "when", "inputs.flag is a switch, not a choice"),
+        ("when: {from: inputs.flag, if: on}", "when", "must be {from: inputs.name}"),
+        ("when: {from: inputs.flag, is: 3}", "when", "must be {from: inputs.name}"),
         ("repeat: by", "repeat", "'by' is no parameter given here"),
         ("repeat: nothing", "repeat", "'nothing' is no parameter given here"),
         ("by: [1, x], repeat: by", "by", "must be a number, got 'x'"),
@@ -421,6 +424,33 @@ def test_a_result_that_may_be_missing_needs_an_alternative(load: Load) -> None:
     }
     same = text.replace("by: 10", "by: 10, when: {from: inputs.flag}")
     assert load(same).outputs["n"].optional
+
+
+CHOICE = "way: {type: choice, choices: [up, down], default: up, help: x}"
+WAYS = f"""
+a: {SHIFT}, by: 10, when: {{from: inputs.way, is: up}}}}
+b: {SHIFT}, by: 20, when: {{from: inputs.way, is: down}}}}
+c: {{tool: toy.shift, points: {{from: [a.moved, b.moved]}}, by: 1}}"""
+
+
+def test_a_choice_between_steps(load: Load, cloud: PointCloud) -> None:
+    made = load(chain(WAYS, "n: {from: c.top}\n  m: {from: b.top}", CHOICE))
+    assert made.build({"points": cloud}).run().n == 17
+    down = made.build({"points": cloud, "way": "down"}).run()
+    assert (down.n, down.m) == (27, 26)
+    assert [step.name for step in made.active({"way": "down"})] == ["b", "c"]
+    assert not made.outputs["n"].optional  # one of the two is always there
+    assert made.outputs["m"].optional
+
+
+def test_a_choice_that_does_not_say_all(load: Load) -> None:
+    more = CHOICE.replace("down]", "down, off]")
+    found = problems(load, chain(WAYS, "n: {from: c.top}", more))
+    assert list(found) == ["c.points"]
+    found = problems(load, chain(WAYS.replace("is: down", "is: sideways"), inputs=CHOICE))
+    assert found["b.when"] == "inputs.way is one of up, down, got 'sideways'"
+    found = problems(load, chain(WAYS.replace(", is: down", ""), inputs=CHOICE))
+    assert found["b.when"] == "inputs.way is a choice; say which, {from: inputs.way, is: up}"
 
 
 def test_when_an_optional_source_is_there(load: Load, cloud: PointCloud) -> None:

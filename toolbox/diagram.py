@@ -86,7 +86,8 @@ def _joined(texts: list[str]) -> str:
 def _step_node(step: Step) -> Node:
     lines = [step.spec.id]
     if step.when:
-        lines.append(f"if {step.when.names[0]}")
+        word = f" is {step.when.word}" if step.when.word else ""
+        lines.append(f"if {step.when.name}{word}")
     if step.repeat:
         lines.append(f"for each {step.repeat}")
     for name, value in step.settings.items():

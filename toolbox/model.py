@@ -28,6 +28,27 @@ Wire = Reference | tuple[Reference, ...]
 
 
 @dataclasses.dataclass(frozen=True)
+class Condition:
+    """``{from: inputs.name}``: a switch that is on or a layer that is given.
+
+    Attributes
+    ----------
+    name : inputs.name
+    word : ``{from: inputs.name, is: word}``: a choice that is this word
+    """
+
+    name: str
+    word: str | None = None
+
+    def holds(self, known: Mapping[str, Any]) -> bool:
+        """Whether it is fulfilled; what is not known yet is."""
+        value = known.get(self.name, self.word or True)
+        if self.word is not None:
+            return bool(value == self.word)
+        return value if isinstance(value, bool) else value is not None
+
+
+@dataclasses.dataclass(frozen=True)
 class Step:
     """One tool of a model with its values.
 
@@ -35,7 +56,7 @@ class Step:
     ----------
     settings : values that stand in the file
     wires : references, by parameter
-    when : the step is left out where this is false or nothing
+    when : the step is left out where this does not hold
     repeat : the parameter that is given a list, of which each run takes one
     """
 
@@ -43,7 +64,7 @@ class Step:
     spec: Spec
     settings: Mapping[str, Any]
     wires: Mapping[str, Wire]
-    when: Reference | None = None
+    when: Condition | None = None
     repeat: str | None = None
 
     @property
@@ -231,13 +252,7 @@ def leading_steps(steps: Mapping[str, Step], results: Iterable[str]) -> list[str
 
 
 def _active(steps: Mapping[str, Step], known: Mapping[str, Any]) -> list[Step]:
-    return [step for step in steps.values() if step.when is None or _holds(step.when, known)]
-
-
-def _holds(when: Reference, known: Mapping[str, Any]) -> bool:
-    """A switch says so itself, any other value by being there."""
-    value = next((known[name] for name in when.names if name in known), True)
-    return value if isinstance(value, bool) else value is not None
+    return [step for step in steps.values() if step.when is None or step.when.holds(known)]
 
 
 Around = Callable[[str, Any, Context], Any]

@@ -17,10 +17,10 @@ from typing import Any
 from toolbox import documents, model_inputs
 from toolbox.errors import ParameterError, nearest
 from toolbox.fields import Field, Spec
-from toolbox.model import INPUTS, Model, Reference, Step, Wire, references
+from toolbox.model import INPUTS, Condition, Model, Reference, Step, Wire, references
 from toolbox.model_inputs import parsed, short, word_problems
 from toolbox.spec import NAME, RESERVED
-from toolbox.wiring import is_sure, misfit, of_inputs, wire_of
+from toolbox.wiring import condition_of, is_sure, misfit, of_inputs, wire_of
 
 MODEL_WORDS = ("id", "title", "help", "inputs", "steps", "outputs")
 NEEDED = ("id", "title", "steps", "outputs")
@@ -98,7 +98,7 @@ class _Reader:
         if self.problems:
             return
         used = {name for step in steps.values() for name in step.needs}
-        used |= {name for step in steps.values() if step.when for name in step.when.names}
+        used |= {step.when.name for step in steps.values() if step.when}
         for name in inputs:
             if f"{INPUTS}.{name}" not in used:
                 self.problems[f"{INPUTS}.{name}"] = "no step refers to it"
@@ -155,17 +155,14 @@ class _Reader:
         step = Step(name, spec, {}, wires, self._when(name, says), self._repeat(name, says, spec))
         return dataclasses.replace(step, settings=self._settings(step, plain))
 
-    def _when(self, name: str, says: Mapping[str, Any]) -> Reference | None:
+    def _when(self, name: str, says: Mapping[str, Any]) -> Condition | None:
         if "when" not in says:
             return None
         try:
-            wire = wire_of(says["when"])
-        except ValueError:
-            wire = None
-        if isinstance(wire, Reference) and len(wire.names) == 1 and of_inputs(wire.names[0]):
-            return wire
-        self.problems[f"{name}.when"] = f"must be {{from: inputs.name}}, got {short(says['when'])}"
-        return None
+            return condition_of(says["when"])
+        except ValueError as err:
+            self.problems[f"{name}.when"] = str(err)
+            return None
 
     def _repeat(self, name: str, says: Mapping[str, Any], spec: Spec) -> str | None:
         word = says.get("repeat")
@@ -214,12 +211,25 @@ class _Reader:
 
     def _check(self, step: Step, known: Mapping[str, Field], steps: Mapping[str, Step]) -> None:
         """Whether what the step refers to is there, and fits."""
-        if step.when and (text := self._unknown(step.when, known)):
+        if step.when and (text := self._condition_problem(step.when, known)):
             self.problems[f"{step.name}.when"] = text
         for name, wire in step.wires.items():
             want = step.input(name)
             if want and (text := self._wire_problem(step, want, wire, known, steps)):
                 self.problems[f"{step.name}.{name}"] = text
+
+    def _condition_problem(self, when: Condition, known: Mapping[str, Field]) -> str | None:
+        if text := self._unknown(Reference((when.name,)), known):
+            return text
+        choices = known[when.name].choices if when.name in known else ()
+        if when.word is None and choices:
+            return f"{when.name} is a choice; say which, {{from: {when.name}, is: {choices[0]}}}"
+        if when.word is not None and when.name in known and when.word not in choices:
+            words = (
+                f"one of {', '.join(map(str, choices))}" if choices else "a switch, not a choice"
+            )
+            return f"{when.name} is {words}, got {when.word!r}"
+        return None
 
     def _wire_problem(
         self,
@@ -238,7 +248,7 @@ class _Reader:
                 return text
         names = [name for reference in references(wire) for name in reference.names]
         excused = any(map(self._excused, names))
-        if excused or not want.required or any(is_sure(n, step.when, known, steps) for n in names):
+        if excused or not want.required or is_sure(names, step.when, known, steps):
             return None
         return (
             f"{names[0]!r} may be missing; say what to take then, {{from: [{names[0]}, ...]}}, "
@@ -265,7 +275,7 @@ class _Reader:
                 self.problems[f"outputs.{name}"] = problem
             elif isinstance(wire, Reference) and not any(map(self._excused, wire.names)):
                 first = known[wire.names[0]]
-                sure = any(is_sure(full, None, known, steps) for full in wire.names)
+                sure = is_sure(wire.names, None, known, steps)
                 returns[name] = wire
                 outs[name] = dataclasses.replace(
                     first, name=name, help=str(help or first.help), optional=not sure

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from toolbox.fields import Field
-from toolbox.model import INPUTS, Reference, Step, Wire
+from toolbox.model import INPUTS, Condition, Reference, Step, Wire
 from toolbox.model_inputs import short
 
 
@@ -41,6 +41,23 @@ def _is_reference(name: Any) -> bool:
     return isinstance(name, str) and re.fullmatch(r"\w+\.\w+", name) is not None
 
 
+def condition_of(value: Any) -> Condition:
+    """The condition of a step.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    says = dict(value) if isinstance(value, Mapping) else {}
+    name, word = says.pop("from", None), says.pop("is", None)
+    good = _is_reference(name) and of_inputs(name) and (word is None or isinstance(word, str))
+    if says or not good:
+        text = "{from: inputs.name}, or {from: inputs.name, is: word}"
+        raise ValueError(f"must be {text}, got {short(value)}")
+    return Condition(name, word)
+
+
 def of_inputs(name: str) -> bool:
     return name.startswith(f"{INPUTS}.")
 
@@ -63,12 +80,28 @@ def misfit(wire: Reference, known: Mapping[str, Field], want: Field) -> str | No
 
 
 def is_sure(
-    name: str, when: Reference | None, known: Mapping[str, Field], steps: Mapping[str, Step]
+    names: Iterable[str],
+    when: Condition | None,
+    known: Mapping[str, Field],
+    steps: Mapping[str, Step],
 ) -> bool:
-    """Whether a value is there whenever a step with this condition runs."""
-    if name not in known:
-        return False
+    """Whether one of some values is there whenever a step with this condition runs."""
+    there = [name for name in names if name in known]
+    if any(_is_sure(name, when, known, steps) for name in there):
+        return True
+    words: dict[str, set[str | None]] = {}  # of each choice, those for which there is a value
+    for name in there:
+        maker = None if of_inputs(name) else steps[name.partition(".")[0]]
+        if maker and maker.when and not known[name].optional:
+            words.setdefault(maker.when.name, set()).add(maker.when.word)
+    choices = {name: known[name].choices for name in words if name in known}
+    return any(given and words[name].issuperset(given) for name, given in choices.items())
+
+
+def _is_sure(
+    name: str, when: Condition | None, known: Mapping[str, Field], steps: Mapping[str, Step]
+) -> bool:
     if of_inputs(name):
-        return not known[name].optional or when == Reference((name,))
+        return not known[name].optional or when == Condition(name)
     maker = steps[name.partition(".")[0]]
     return maker.when in (None, when) and not known[name].optional

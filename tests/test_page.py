@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import toolbox
-from toolbox.data import PointCloud
+from toolbox.data import PointCloud, Table
 from toolbox.data.crs import parse_crs
 from toolbox.replay import replay
+from toolbox.tiling import Tiling
 
 
 @pytest.fixture
@@ -26,7 +27,7 @@ def points(tmp_path: Path) -> Path:
 def test_page_of_numbers_and_tables(points: Path) -> None:
     values = {"points": points, "reference": points, "positive": "2"}
     place = points.with_suffix(".html")
-    written = toolbox.run("compare.classes", values, page=place)
+    written = toolbox.run("compare.classes", {**values, "page": place})
     assert written["page"] == place
     text = place.read_text()
     assert "<td>Agreement beyond chance (Cohen)</td><td>1</td>" in text
@@ -38,7 +39,30 @@ def test_page_of_numbers_and_tables(points: Path) -> None:
 @pytest.mark.slow
 def test_page_with_a_map(points: Path) -> None:
     place = points.with_suffix(".html")
-    toolbox.run("surface.grid", {"points": points}, page=place)
+    toolbox.run("surface.grid", {"points": points, "page": place})
     text = place.read_text()
     assert text.count("<img ") == 1
     assert "50 rows, 50 columns" in text
+
+
+@pytest.mark.slow
+def test_counts_of_all_steps(points: Path) -> None:
+    place = points.with_suffix(".gpkg")
+    values = {"points": points, "counts": {"path": place, "layer": "stages"}, "denoise": False}
+    dtm = points.with_name("dtm.tif")
+    toolbox.run("models.terrain", {**values, "image": False, "max_gap": 6.0})
+    rows = Table.open(place, layer="stages").frame
+    assert rows.columns.to_list() == ["step", "name", "count"]
+    assert rows.iloc[0].to_list() == ["ground", "points", 3000]
+    assert rows["step"].unique().tolist() == ["ground", "top", "bottom", "heights"]
+    assert replay(place) == []
+    tiled = points.with_suffix(".csv")
+    tiling = Tiling.parse({"tile": "40", "workers": "1"})
+    toolbox.run(
+        "models.terrain",
+        {**values, "image": False, "max_gap": 6.0, "counts": tiled, "dtm": dtm},
+        tiling=tiling,
+    )
+    made = Table.open(tiled).frame
+    assert made["step"].unique().tolist() == ["ground", "top", "bottom"]  # those that lead to it
+    assert made.merge(rows, how="left", indicator=True)["_merge"].eq("both").all()

@@ -88,6 +88,9 @@ def _add_general(group: Any) -> None:
     group.add_argument("--overwrite", action="store_true", help="let outputs replace files")
     group.add_argument("--picture", metavar="PNG", help="draw the resulting layers")
     group.add_argument("--page", metavar="HTML", help="write a page of all results, for people")
+    group.add_argument(
+        "--counts", metavar="TABLE", help="write how much each step read and gave, as a table"
+    )
     group.add_argument("--tile", metavar="METRES", help="work in tiles of this size, or auto")
     group.add_argument("--workers", metavar="N", help="processes that work on tiles (all cores)")
     group.add_argument("--memory", metavar="SIZE", help="that each of them may use, such as 4GB")

@@ -20,6 +20,7 @@ from typing import IO, Any
 from toolbox import __version__, arguments, catalog, history, model_cli
 from toolbox.console import Console, Events
 from toolbox.errors import Cancelled, DataError, ParameterError, ToolboxError
+from toolbox.shown import SHOWN
 from toolbox.stopping import stoppable
 from toolbox.tiling import Tiling
 
@@ -190,7 +191,7 @@ def _batch(said: list[str]) -> int:
             raise ParameterError("batch: which table? batch ID TABLE.csv ...")
         result, rest = _result(said[1:] if said[1].startswith("-") else said[2:])
         values, general = arguments.read(described, rest)
-        if shown := {"picture", "page"} & general.keys():
+        if shown := SHOWN & general.keys():
             problems = dict.fromkeys(sorted(shown), "would be written by each row")
             raise ParameterError("batch", problems)
         pipe, params = _params(general)
@@ -266,7 +267,7 @@ def _kept(
     """Add the run that takes place within to the history, whether it works or not."""
     outputs: dict[str, Any] = {}
     started, code = time.monotonic(), 0
-    more = {name: general[name] for name in ("assume_crs", "picture", "page") if name in general}
+    more = {name: general[name] for name in ("assume_crs", *SHOWN) if name in general}
     try:
         yield outputs
     except BaseException as err:
@@ -298,13 +299,12 @@ def _work(
 ) -> dict[str, Any]:
     from toolbox.execute import run  # in the job's thread: Ctrl-C also stops slow imports
 
+    shown = {name: general[name] for name in sorted(SHOWN & general.keys())}
     return run(
         id,
-        values,
+        {**values, **shown},
         overwrite="overwrite" in general,
         assume_crs=general.get("assume_crs"),
-        picture=general.get("picture"),
-        page=general.get("page"),
         tiling=Tiling.parse(general),
         resume="resume" in general,
         ctx=ctx,

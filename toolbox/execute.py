@@ -17,7 +17,8 @@ from toolbox.errors import ParameterError
 from toolbox.fields import Spec
 from toolbox.model import Run
 from toolbox.provenance import Count, counting, record_of
-from toolbox.targets import PAGE, PICTURE, Target
+from toolbox.shown import PICTURE, SHOWN
+from toolbox.targets import Target
 from toolbox.tiling import Tiling
 
 # shares of the progress at which hashing and reading end, and writing begins
@@ -31,7 +32,6 @@ def run(
     overwrite: bool = False,
     assume_crs: str | CRS | None = None,
     picture: str | Path | None = None,
-    page: str | Path | None = None,
     tiling: Tiling | None = None,
     resume: bool = False,
     ctx: Context = QUIET,
@@ -45,11 +45,11 @@ def run(
         ``step.output`` and a path, for what a step gives in between. A source is a
         layer, a path, or a mapping of a path and how to open it, for example
         ``{"path": "a.txt", "columns": ["x", "y", "z", "label"]}``; an output may likewise be
-        ``{"path": "a.tif", "cog": True}``. Texts are read as on the command line.
+        ``{"path": "a.tif", "cog": True}``. Texts are read as on the command line. "page" is an
+        HTML file for all results, and "counts" a table of how much each step read and gave.
     overwrite : whether outputs may replace files
     assume_crs : CRS of sources that state none; "local" for plain metres
     picture : PNG to draw the resulting layers into
-    page : HTML file for a page of all results, for people
     tiling : how to cut the point clouds, which must be files; none to run on the whole at once
     resume : keep the results of the tool, or of each step of a model, and take over those that an
         earlier run has kept for the same layers and settings (see `toolbox.cache`); in tiles, go
@@ -72,10 +72,10 @@ def run(
         `ctx` asked the run to stop; nothing was written.
     """
     spec = catalog.load(id)
-    given = {name: value for name, value in values.items() if name not in spec.results}
-    wanted = {n: v for n, v in values.items() if n in spec.results and v is not None}
-    shown = {PICTURE: picture, PAGE: page}
-    wanted |= {name: place for name, place in shown.items() if place is not None}
+    values = {**values, PICTURE: picture} if picture is not None else values
+    results = spec.results.keys() | SHOWN
+    given = {name: value for name, value in values.items() if name not in results}
+    wanted = {n: v for n, v in values.items() if n in results and v is not None}
     reads = {name: value for name, value in given.items() if name in spec.sources}
     writes = targets.of_run(wanted, spec)
     settings = _checked(spec, given, writes, tiling, overwrite=overwrite)

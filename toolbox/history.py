@@ -17,6 +17,7 @@ from typing import Any
 
 from toolbox import __version__
 from toolbox.context import log
+from toolbox.shown import SHOWN
 
 VARIABLE = "TOOLBOX_HISTORY"
 FULL = 10_000_000  # bytes after which a new file is begun
@@ -119,7 +120,7 @@ def _word(value: Any) -> str:
 
 def _is_layer(described: Mapping[str, Any], name: str) -> bool:
     """Whether a value is the path of a layer."""
-    if name in {"picture", "page", *described["outputs"], *described.get("between", {})}:
+    if name in {*SHOWN, *described["outputs"], *described.get("between", {})}:
         return True
     schema = described["inputs"].get(name, {}).get("schema", {})
     return "contentMediaType" in {**schema, **schema.get("items", {})}

@@ -18,9 +18,9 @@ from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import describe_crs, same_crs
 from toolbox.errors import DataError
 from toolbox.execute import run
-from toolbox.fields import Field
 from toolbox.provenance import Input, Record
-from toolbox.targets import PAGE, PICTURE, SHOWN, Target
+from toolbox.shown import PAGE, PICTURE, SHOWN
+from toolbox.targets import Target, kind_of
 from toolbox.tiling import Tiling
 
 FIND = 0.05  # share of the progress for finding the inputs
@@ -62,7 +62,7 @@ def replay(path: str | Path, *, inputs: Path | None = None, ctx: Context = QUIET
     _check(path, record, tool)
     with tempfile.TemporaryDirectory(prefix="toolbox-replay-") as folder:
         made = _made_again(record, tool, values, Path(folder) / path.name, ctx.part(FIND, COMPARE))
-        if _same_files(path, made, _parts(tool, record)):
+        if _same_files(path, made, kind_of(record.output, catalog.load(tool)).parts):
             log.info("%s: the same, byte for byte", path.name)
             return []
         found = list(_differences(path, made, record, tool))
@@ -143,10 +143,6 @@ def _made_again(
 ) -> Path:
     """Run the tool into a temporary folder; the file that it made."""
     how: dict[str, Any] = {"assume_crs": record.assume_crs or None, "ctx": ctx}
-    if record.output in SHOWN:
-        shown = {record.output: place}
-        run(tool, values, picture=shown.get(PICTURE), page=shown.get(PAGE), **how)
-        return place
     if record.file:  # one of a folder of files, which are made in tiles
         folder = f"{place.parent}{os.sep}"
         wanted = {**values, record.output: {**record.options, "path": folder}}
@@ -163,16 +159,6 @@ def _made_again(
     return Path(made)
 
 
-def _field(tool: str, record: Record) -> Field:
-    return catalog.load(tool).results[record.output]
-
-
-def _parts(tool: str, record: Record) -> Callable[[Path], tuple[Path, ...]]:
-    if record.output in SHOWN:
-        return lambda path: (path,)
-    return _field(tool, record).kind.parts
-
-
 def _same_files(path: Path, made: Path, parts: Callable[[Path], tuple[Path, ...]]) -> bool:
     """Whether all files that were made again are the same; others may have been added since."""
     pairs = [(old, new) for old, new in zip(parts(path), parts(made), strict=False) if new.exists()]
@@ -185,11 +171,11 @@ def _same_bytes(one: Path, other: Path) -> bool:
 
 
 def _differences(path: Path, made: Path, record: Record, tool: str) -> Iterator[str]:
-    if record.output in SHOWN:
+    if record.output in (PICTURE, PAGE):
         yield f"the {record.output} differs"
         return
     for name, options in {record.output: record.options, **record.layers}.items():
-        kind = catalog.load(tool).results[name].kind
+        kind = kind_of(name, catalog.load(tool))
         how = {"layer": options["layer"]} if "layer" in options else {}
         old, new = (kind.parse({"path": place, **how}) for place in (path, made))
         for text in _differences_of(old, new):

@@ -25,10 +25,11 @@ from toolbox.data.crs import crs_conflict, length_problem
 from toolbox.errors import DataError, ParameterError, nearest
 from toolbox.expression import Expression
 from toolbox.fields import LENGTHS, MEETS, UNITS, Field, Spec
+from toolbox.shown import SHOWN
 
 T = TypeVar("T", bound=type)
 REGISTRY: dict[str, Spec] = {}
-RESERVED = {"assume_crs", "events", "help", "json", "overwrite", "page", "params", "picture"}
+RESERVED = {"assume_crs", "events", "help", "json", "overwrite", "params", *SHOWN}
 RESERVED |= {"quiet", "result", "verbose", "tile", "workers", "scheduler", "memory", "resume"}
 RESERVED |= {"tool", "when", "repeat"}  # words of a step in a model
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -11,18 +12,22 @@ from typing import Any
 
 from toolbox import files
 from toolbox.context import Context, log
-from toolbox.data import Report, geopackage
+from toolbox.data import Report, Table, geopackage
 from toolbox.data.places import LAS
 from toolbox.data.record import foreign_side_car
 from toolbox.errors import DataError
 from toolbox.fields import Spec
-from toolbox.kinds import parsed_options
+from toolbox.kinds import Kind, find, parsed_options
 from toolbox.page import page
 from toolbox.picture import draw, has_something_to_see
 from toolbox.provenance import Record
+from toolbox.shown import COUNTS, PAGE, PICTURE, SHOWN
 
-PICTURE, PAGE = "picture", "page"  # targets that show all results
-SHOWN = {PICTURE: (".png",), PAGE: Report.SUFFIXES}
+_KINDS: Mapping[str, Kind] = {
+    PICTURE: Kind("picture", {}, lambda value: False, lambda value: value, suffixes=(".png",)),
+    PAGE: find(Report),
+    COUNTS: find(Table),
+}
 
 
 @dataclass(frozen=True)
@@ -52,9 +57,7 @@ class Target:
         path = how.pop("path", None)
         place = Path(path) if isinstance(path, str | Path) and str(path) else None
         home = _resolved(place) if place else None
-        if name in SHOWN:
-            return cls(place, home, how, SHOWN[name], (), lambda path: (path,))
-        kind = spec.results[name].kind
+        kind = kind_of(name, spec)
         folder = kind.several and (
             str(path).endswith(("/", os.sep)) or bool(home and home.is_dir())
         )
@@ -113,6 +116,11 @@ def _resolved(path: Path) -> Path | None:
         return path.resolve()
     except (OSError, RuntimeError, ValueError):
         return None
+
+
+def kind_of(name: str, spec: Spec) -> Kind:
+    """What an output is, or what every run can write beside."""
+    return _KINDS[name] if name in SHOWN else spec.results[name].kind
 
 
 def of_run(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Target]:
@@ -174,7 +182,7 @@ def write(
     ----------
     spec : of the tool
     found : what the tool gave, by name
-    targets : where to write it, by name, and under "picture" and "page" where to show it
+    targets : where to write it, by name, and under "picture", "page" and "counts" where to show it
     record : how it was made, which each file carries
 
     Returns
@@ -192,6 +200,8 @@ def write(
         shown[PICTURE] = dict(_drawable(found))
     if PAGE in targets:
         shown[PAGE] = page(spec, found, record and record.of(PAGE, None, {}))
+    if COUNTS in targets and record:
+        shown[COUNTS] = Table.from_rows(map(dataclasses.asdict, record.counts))
     pieces = _pieces(spec.id, {**found, **shown}, targets, overwrite=overwrite)
     groups: dict[Path, list[_Piece]] = {}  # of one file each
     for piece in pieces:

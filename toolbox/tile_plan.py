@@ -85,8 +85,10 @@ class Plan:
         reach = model.reach(settings)
         local = [n for n in active if n in needed and math.isfinite(reach[n])]
         for name in list(local):
-            if not _is_local(active[name], local, model):
+            if not _is_local(active[name], local, active, model):
                 local.remove(name)
+        if not wanted:
+            raise ParameterError(model.id, {"tile": "say which output to write"})
         if not local:
             raise ParameterError(model.id, {"tile": _whole(model, reach)})
         rest = [name for name in active if name in needed and name not in local]
@@ -120,7 +122,7 @@ def _whole(model: Model, reach: Mapping[str, float]) -> str:
     return f"{text} ({inspect.getdoc(tools[0].halo)})" if tools else text
 
 
-def _is_local(step: Step, local: Iterable[str], model: Model) -> bool:
+def _is_local(step: Step, local: Iterable[str], active: Mapping[str, Step], model: Model) -> bool:
     """Whether a step works on the points, directly or not, and waits for no number of a step.
 
     A number that a tile gives is not that of the whole survey.
@@ -134,6 +136,8 @@ def _is_local(step: Step, local: Iterable[str], model: Model) -> bool:
             if maker == INPUTS:
                 kind = model.inputs[output].kind
                 on_points |= kind.several
+            elif maker not in active:
+                continue  # left out under these settings; another value stands in for it
             elif maker not in local or not step.spec.inputs[name].kind.is_layer:
                 return False
             else:

@@ -40,6 +40,7 @@ from toolbox.errors import DataError, ParameterError, ToolboxError
 from toolbox.fields import Spec
 from toolbox.model import INPUTS, Model, Run, resolved
 from toolbox.provenance import Count, Record, counting
+from toolbox.shown import SHOWN
 from toolbox.sources import absolute
 from toolbox.targets import Target, write
 from toolbox.targets import problems as targets_problems
@@ -241,7 +242,7 @@ def _finish(
     vectors = [name for name in targets if name in plan.stored and _is_vector(plan, name)]
     found |= {name: tile_products.read(crew.work, plan.stored[name]) for name in vectors}
     made = record and replace(record, counts=tuple(plan.ordered(counts)))
-    others = {n: target for n, target in targets.items() if n in found}
+    others = {n: target for n, target in targets.items() if n in found or n in SHOWN}
     try:
         parts = {product.home: product.target.parts for product in products}
         for folder in {product.home.parent for product in products}:

@@ -1,0 +1,6 @@
+"""Names of what every run can write beside its own outputs."""
+
+PICTURE = "picture"  # a PNG of all layers
+PAGE = "page"  # all results as HTML
+COUNTS = "counts"  # a table of how much each step read and gave
+SHOWN = frozenset({PICTURE, PAGE, COUNTS})

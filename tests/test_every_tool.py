@@ -40,6 +40,7 @@ SQUARES = Vector(
 )
 LAYERS = {  # sources of tools that read no points
     "compare.areas": {"areas": SQUARES, "reference": SQUARES},
+    "compare.lines": {"lines": SQUARES, "reference": SQUARES},
     "surface.difference": {"surface": SMALL, "base": SMALL},
     "surface.hillshade": {"surface": SMALL},
     "surface.contours": {"surface": SMALL},

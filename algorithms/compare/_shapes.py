@@ -20,7 +20,7 @@ Shapes = NDArray[Any]  # of shapely geometries
 
 
 def layer_problem(
-    layer: Vector, types: Collection[str], word: str, *, repair: bool = False
+    layer: Vector, types: Collection[str], word: str, *, repair: bool | None = None
 ) -> str | None:
     """Why a layer cannot be compared, naming its features; None if it can.
 
@@ -30,7 +30,8 @@ def layer_problem(
     ----------
     types : names of geometry types that are wanted
     word : for these types
-    repair : whether features that are not valid, or without a geometry, will be mended
+    repair : whether features that are not valid, or without a geometry, will be mended; None if
+        the tool has no such setting
 
     Returns
     -------
@@ -46,17 +47,18 @@ def layer_problem(
         return f"must be {word}, {named} holds a {shapes[other][0].geom_type} ({features(where)})"
     if (unknown := ~_finite(shapes)).any():
         return f"{named} has coordinates that are no numbers ({features(np.flatnonzero(unknown))})"
-    return None if repair else _invalid(shapes, nothing, named)
+    text = None if repair else _invalid(shapes, nothing, named)
+    return f"{text}; mend it, or give repair" if text and repair is not None else text
 
 
 def _invalid(shapes: Shapes, nothing: NDArray[np.bool_], named: str) -> str | None:
-    """What could be mended; continues a sentence."""
+    """What is wrong but could be mended; continues a sentence."""
     if nothing.any():
-        return f"{named} has no geometry in {features(np.flatnonzero(nothing))}; give repair"
+        return f"{named} has no geometry in {features(np.flatnonzero(nothing))}"
     if (bad := ~shapely.is_valid(shapes)).any():
         reason = shapely.is_valid_reason(shapes[bad][0]).replace("[", " at ").rstrip("]")
         which = features(np.flatnonzero(bad))
-        return f"{named} is not valid in {which}: {reason}; mend it, or give repair"
+        return f"{named} is not valid in {which}: {reason}"
     return None
 
 

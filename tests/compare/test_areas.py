@@ -358,8 +358,8 @@ def shifted(shape: Any) -> Any:
         (shifted(TOUCHING), "feature 2: Ring Self-intersection at 500002 4330000"),
         (shapely.Point(EAST, NORTH), "must be polygons, b.gpkg holds a Point (feature 2)"),
         (shapely.LineString([(0, 0), (1, 1)]), "b.gpkg holds a LineString (feature 2)"),
-        (None, "b.gpkg has no geometry in feature 2; give repair"),
-        (shapely.Polygon(), "b.gpkg has no geometry in feature 2; give repair"),
+        (None, "b.gpkg has no geometry in feature 2; mend it, or give repair"),
+        (shapely.Polygon(), "b.gpkg has no geometry in feature 2; mend it, or give repair"),
         (
             without_place(math.nan),
             "b.gpkg has coordinates that are no numbers (feature 2)",

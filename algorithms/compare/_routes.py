@@ -1,0 +1,254 @@
+"""Lines as segments: places along them, and the nearest place on another line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from algorithms.compare._shapes import Shapes
+from algorithms.shared.threads import in_blocks
+from toolbox.context import QUIET, Context
+from toolbox.errors import DataError
+
+BLOCK = 20_000  # places between two looks at whether the user cancelled
+MOST_NODES = 20_000_000  # more are taken for a mistake in the step
+AT_END = 1e-9  # share of a segment: a foot this close to its end is at the vertex
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class Route(NamedTuple):
+    """Lines of a layer as nodes; between two nodes in a row of one line lies a segment.
+
+    Attributes
+    ----------
+    nodes : array of shape (n, 3), x, y and z (NaN if not known)
+    line : array of shape (n,), number of the line
+    station : array of shape (n,), length along the line, in the plane
+    closed : array of shape (lines,), whether each line ends where it begins
+    """
+
+    nodes: Array
+    line: Indices
+    station: Array
+    closed: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, lines: Sequence[Array]) -> Route:
+        """From the vertices of lines, of shape (k, 3) each, no two in a row at one place."""
+        nodes = np.vstack(lines)
+        line = np.repeat(np.arange(len(lines)), [len(vertices) for vertices in lines])
+        closed = np.array([(v[0, :2] == v[-1, :2]).all() for v in lines], bool)
+        return cls(nodes, line, stations(nodes, line), closed)
+
+    @property
+    def begins(self) -> Indices:
+        """Node at which each segment begins; it ends at the next one."""
+        return np.flatnonzero(self.line[1:] == self.line[:-1])
+
+    @property
+    def lengths(self) -> Array:
+        """Of the segments, in the plane."""
+        way = np.diff(self.nodes[:, :2], axis=0)[self.begins]
+        return np.hypot(way[:, 0], way[:, 1])
+
+    @property
+    def length(self) -> float:
+        """Of all lines."""
+        return float(self.lengths.sum())
+
+    def vertices(self, number: int) -> Array:
+        """x and y of one line."""
+        return self.nodes[self.line == number, :2]
+
+    def divided(self, step: float) -> Route:
+        """The same lines with nodes no farther apart than the step.
+
+        Raises
+        ------
+        DataError
+            That makes too many.
+        """
+        begins, lengths = self.begins, self.lengths
+        count = np.maximum(np.ceil(lengths / step), 1)
+        if count.sum() > MOST_NODES:
+            raise DataError(
+                f"step: makes {count.sum():,.0f} pieces, more than {MOST_NODES:,}; take a larger"
+            )
+        pieces = np.ones(len(self.nodes), np.int64)  # the last node of a line stands alone
+        pieces[begins] = count.astype(np.int64)
+        origin = np.repeat(np.arange(len(self.nodes)), pieces)
+        number = np.arange(len(origin)) - (np.cumsum(pieces) - pieces)[origin]
+        share = (number / pieces[origin])[:, None]
+        way = np.zeros_like(self.nodes)
+        way[begins] = self.nodes[begins + 1] - self.nodes[begins]
+        nodes = self.nodes[origin] + share * way[origin]
+        line = self.line[origin]
+        return Route(nodes, line, stations(nodes, line), self.closed)
+
+
+def stations(nodes: Array, line: Indices) -> Array:
+    """Length along each line up to its nodes."""
+    way = np.diff(nodes[:, :2], axis=0)
+    step = np.where(line[1:] == line[:-1], np.hypot(way[:, 0], way[:, 1]), 0.0)
+    total = np.concatenate([[0.0], np.cumsum(step)])
+    first = np.searchsorted(line, line)  # lines are in a row, so numbers rise
+    found: Array = total - total[first]
+    return found
+
+
+def routes(shapes: Shapes) -> list[Array]:
+    """Vertices of shape (n, 3) of lines that continue each other, with outlines of polygons.
+
+    Lines that go on in the same direction where another ends are one; polygons have their inside
+    on the left. Vertices in a row at one place are one.
+    """
+    areas = shapely.get_dimensions(shapes) == 2
+    outlines = shapely.boundary(shapely.orient_polygons(shapes[areas]))
+    parts = shapely.get_parts(np.concatenate([shapes[~areas], outlines]))
+    if len(parts) > 1:
+        merged = shapely.line_merge(shapely.multilinestrings(parts), directed=True)
+        parts = shapely.get_parts(merged)
+    found = []
+    for part in parts:
+        vertices = shapely.get_coordinates(part, include_z=True)
+        new = np.append(True, (np.diff(vertices[:, :2], axis=0) != 0).any(axis=1))
+        found.append(vertices[new])
+    return found
+
+
+class Feet(NamedTuple):
+    """The nearest places on a route; arrays of shape (n,).
+
+    Attributes
+    ----------
+    segment : number of the segment
+    share : of the segment up to the place
+    distance : in the plane
+    """
+
+    segment: Indices
+    share: Array
+    distance: Array
+
+
+class Target:
+    """A route that nearest places are looked for on."""
+
+    def __init__(self, route: Route) -> None:
+        self.route = route
+        self.begins = route.begins
+        self.start = route.nodes[self.begins, :2]
+        self.way = route.nodes[self.begins + 1, :2] - self.start
+        ends = np.stack([self.start, self.start + self.way], axis=1)
+        segments: Shapes = np.asarray(shapely.linestrings(ends))
+        self._tree = shapely.STRtree(segments)
+
+    def feet(self, places: Array, ctx: Context = QUIET) -> Feet:
+        """The nearest place on the route for each of shape (n, 2)."""
+        segment = np.empty(len(places), np.int64)
+
+        def work(first: int, last: int) -> None:
+            points = shapely.points(places[first:last])
+            segment[first:last] = self._tree.query_nearest(points, all_matches=False)[1]
+
+        in_blocks(work, len(places), BLOCK, ctx)
+        share, distance = self.onto(places, segment)
+        return Feet(segment, share, distance)
+
+    def onto(self, places: Array, segment: Indices) -> tuple[Array, Array]:
+        """The nearest place on given segments: share of the segment, and distance."""
+        away, way = places - self.start[segment], self.way[segment]
+        share = np.clip((away * way).sum(axis=1) / (way**2).sum(axis=1), 0, 1)
+        left = away - share[:, None] * way
+        return share, np.hypot(left[:, 0], left[:, 1])
+
+    def at(self, feet: Feet) -> tuple[Indices, Array, Array]:
+        """Line, station and height of places on the route."""
+        node = self.begins[feet.segment]
+        station, z = self.route.station, self.route.nodes[:, 2]
+        along = station[node] + feet.share * (station[node + 1] - station[node])
+        return self.route.line[node], along, z[node] + feet.share * (z[node + 1] - z[node])
+
+    def sides(self, places: Array, feet: Feet) -> tuple[Array, NDArray[np.bool_]]:
+        """On which side of the route places lie, and whether abeam of it.
+
+        At a vertex the side is that of the mean direction of its two segments, since one of them
+        alone may have the place on its wrong side (Bærentzen and Aanæs 2005 for meshes).
+
+        Returns
+        -------
+        array of shape (n,), 1 on the left, -1 on the right, 0 on the route
+        array of shape (n,), False where a place lies beyond the end of a line
+        """
+        unit = self.way / np.hypot(*self.way.T)[:, None]
+        before, after = self._neighbours()
+        at_start, at_end = feet.share <= AT_END, feet.share >= 1 - AT_END
+        beside = np.where(at_start, before[feet.segment], np.where(at_end, after[feet.segment], -1))
+        vertex = (at_start | at_end) & (beside >= 0)
+        direction = unit[feet.segment]
+        direction[vertex] += unit[beside[vertex]]
+        way = self.way[feet.segment]
+        away = places - self.start[feet.segment] - feet.share[:, None] * way
+        cross = direction[:, 0] * away[:, 1] - direction[:, 1] * away[:, 0]
+        ahead = (away * way).sum(axis=1) / (way**2).sum(axis=1)  # 0 unless the foot is an end
+        beyond = (np.abs(ahead) > AT_END) & (beside < 0)
+        return np.sign(cross), ~beyond
+
+    def _neighbours(self) -> tuple[Indices, Indices]:
+        """The segments before and after each one, -1 where a line begins or ends."""
+        count = len(self.begins)
+        before, after = np.arange(count) - 1, np.arange(count) + 1
+        line = self.route.line[self.begins]
+        first = np.searchsorted(line, np.arange(len(self.route.closed)))
+        last = np.append(first[1:], count) - 1
+        closed = self.route.closed
+        before[first] = np.where(closed, last, -1)
+        after[last] = np.where(closed, first, -1)
+        return before, after
+
+
+def farthest(
+    route: Route, feet: Feet, target: Target, within: float, ctx: Context = QUIET
+) -> float:
+    """The largest distance of any place of a route to a target: the directed Hausdorff distance.
+
+    The distance to one segment is convex along a straight piece, so it is nowhere larger than at
+    the ends of the piece. Pieces that may hold a larger distance than the largest found are
+    halved until none does by more than `within`.
+
+    Parameters
+    ----------
+    feet : of the nodes of the route
+    within : how far the answer may be too small
+    """
+    begins = route.begins
+
+    def of_ends(values: NDArray[Any]) -> NDArray[Any]:
+        return np.stack([values[begins], values[begins + 1]], axis=1)
+
+    ends, segment, distance = map(of_ends, (route.nodes[:, :2], feet.segment, feet.distance))
+    best = float(feet.distance.max())
+    while len(ends):
+        ctx.progress(0.5)
+        to_first = np.maximum(distance[:, 0], target.onto(ends[:, 1], segment[:, 0])[1])
+        to_last = np.maximum(distance[:, 1], target.onto(ends[:, 0], segment[:, 1])[1])
+        hopeful = np.minimum(to_first, to_last) > best + within
+        ends, segment, distance = ends[hopeful], segment[hopeful], distance[hopeful]
+        middle = ends.mean(axis=1)
+        found = target.feet(middle)
+        best = max(best, float(found.distance.max(initial=0.0)))
+        ends = halved(ends, middle)
+        segment, distance = halved(segment, found.segment), halved(distance, found.distance)
+    return best
+
+
+def halved(ends: NDArray[Any], middle: NDArray[Any]) -> NDArray[Any]:
+    """First and last values of pieces, of shape (n, 2, ...), as those of their 2 n halves."""
+    first, last = ends[:, 0], ends[:, 1]
+    return np.concatenate([np.stack([first, middle], axis=1), np.stack([middle, last], axis=1)])

@@ -16,7 +16,8 @@ from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from toolbox._bars import Bars
+from toolbox._bars import Bars, Profile
+from toolbox._features import feature_colours, feature_key
 from toolbox._images import _RELIEF, ERRORS, POINT_CLASSES, Ramp, cloud_image, raster_image
 from toolbox._maps import _EMPTY
 from toolbox.data import PointCloud, Raster, Table, Vector
@@ -356,3 +357,61 @@ def test_city_block(tmp_path: Path, data: Callable[[str], Path]) -> None:
     terrain = Raster.open(data("ign_gridding_reference/DTM_77055_627755.tif"))
     draw({"Points": cloud, "Terrain": terrain}, tmp_path / "a.png")
     assert read(tmp_path / "a.png").std() > 0.1
+
+
+# Features by kind and by offset ---------------------------------------------------------------
+
+
+def kinds(*names: Any) -> Vector:
+    """A square of ten metres for each, one beside the other."""
+    boxes = [shapely.box(100 + 10 * i, 0, 110 + 10 * i, 10) for i in range(len(names))]
+    return Vector(geopandas.GeoDataFrame({"kind": names}, geometry=boxes, crs=LAMBERT))
+
+
+def test_kinds_have_their_colours_and_a_key(tmp_path: Path) -> None:
+    layer = kinds("omission", "agree", "commission")
+    key = feature_key(layer)
+    assert key is not None
+    assert not isinstance(key, Ramp)
+    assert dict(key.values()) == {
+        "agree": "#d4d4d4",
+        "commission": "#d7261e",
+        "omission": "#2166d1",
+    }
+    np.testing.assert_allclose(feature_colours(layer, key)[0], to_rgba("#2166d1"))
+    draw({"a": layer}, tmp_path / "a.png")
+    draw({"a": Vector(layer.frame.drop(columns="kind"))}, tmp_path / "b.png")
+    with_key, plain = read(tmp_path / "a.png"), read(tmp_path / "b.png")
+    assert with_key.shape[0] > plain.shape[0]
+    red = np.isclose(with_key[..., :3], to_rgba("#d7261e")[:3], atol=0.01).all(axis=-1)
+    assert 0.1 < red.mean() < 0.4
+    assert not np.isclose(plain[..., :3], to_rgba("#d7261e")[:3], atol=0.01).all(axis=-1).any()
+
+
+def test_kinds_that_are_too_many_or_missing() -> None:
+    assert feature_key(kinds(*map(str, range(13)))) is None
+    assert feature_key(kinds(None, None)) is None
+    layer = kinds("tree", None)
+    key = feature_key(layer)
+    assert key is not None
+    assert len(key) == 1  # type: ignore[arg-type]
+    assert feature_colours(layer, key)[1] == pytest.approx(to_rgba("#9a9a9a"))
+
+
+def test_offsets_have_a_profile(tmp_path: Path) -> None:
+    station = np.arange(50.0)
+    frame = geopandas.GeoDataFrame(
+        {"line": np.repeat([1, 2], 25), "station": station, "offset": station - 20},
+        geometry=shapely.points(station, station),
+        crs=LAMBERT,
+    )
+    layer = Vector(frame)
+    profile = Profile.of("a", layer)
+    assert profile is not None
+    assert [len(stations) for stations, _ in profile.lines] == [25, 25]
+    assert profile.unit == "m"
+    assert isinstance(feature_key(layer), Ramp)
+    draw({"a": layer}, tmp_path / "a.png")
+    draw({"a": Vector(frame[["geometry"]])}, tmp_path / "b.png")
+    assert read(tmp_path / "a.png").shape[1] > 1.8 * read(tmp_path / "b.png").shape[1]
+    assert Profile.of("a", Vector(frame.assign(offset=np.nan))) is None

@@ -1,4 +1,4 @@
-"""Histograms on a matplotlib figure: a table of bins as bars."""
+"""Charts on a matplotlib figure: a table of bins as bars, offsets along lines as a profile."""
 
 from __future__ import annotations
 
@@ -7,15 +7,22 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from toolbox._images import LENGTHS
 from toolbox._maps import INK, WIDTH, Place, fractions
-from toolbox.data import Table
+from toolbox.data import Table, Vector
+from toolbox.data.crs import vertical_unit
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _BINS = {"low", "high", "count"}
-_INSIDE, _BEYOND = "#7f9fbf", "#c9c9c9"
+_ALONG = {"line", "station", "offset"}
+_INSIDE, _BEYOND, _CURVE = "#7f9fbf", "#c9c9c9", "#1f3a5f"
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -56,8 +63,53 @@ def show_bars(figure: Figure, bars: Bars, place: Place) -> None:
     axes.bar(left, bars.counts, width, align="edge", color=colours, edgecolor="white", lw=0.3)
     if left[0] < 0 < left[-1]:
         axes.axvline(0, color=INK, lw=0.8)
-    axes.set_title(bars.title, fontsize=10, color=INK, loc="left", pad=6, fontweight="bold")
     axes.set_xlabel(f"{bars.unit}; grey: all beyond".removeprefix("; "), fontsize=7.5, color=INK)
+    _plain(axes, bars.title)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Offsets to the side along lines.
+
+    Attributes
+    ----------
+    lines : of each line its stations and offsets, arrays of shape (n,)
+    """
+
+    title: str
+    lines: Sequence[tuple[Array, Array]]
+    unit: str
+    height: float = 0.7 * WIDTH  # inches
+    key_height: float = 0.3
+
+    @classmethod
+    def of(cls, title: str, layer: Vector) -> Profile | None:
+        """The profile in points with station, offset and line; None if there is none."""
+        frame = layer.frame
+        if not set(frame.columns) >= _ALONG or not frame["offset"].notna().any():
+            return None
+        lines = [
+            (part["station"].to_numpy(float), part["offset"].to_numpy(float))
+            for _, part in frame.groupby("line")
+        ]
+        unit = vertical_unit(layer.crs)
+        return cls(f"{title} along the line", lines, LENGTHS.get(unit, unit))
+
+
+def show_profile(figure: Figure, profile: Profile, place: Place) -> None:
+    """Draw offsets over stations; left of the reference is above zero."""
+    axes = figure.add_axes(fractions(figure, place.map))
+    for station, offset in profile.lines:
+        axes.plot(station, offset, lw=0.8, color=_CURVE)
+    axes.axhline(0, color=INK, lw=0.8)
+    unit = f" ({profile.unit})" if profile.unit else ""
+    axes.set_xlabel(f"station{unit}", fontsize=7.5, color=INK)
+    axes.set_ylabel(f"offset{unit}, left +", fontsize=7.5, color=INK, labelpad=1)
+    _plain(axes, profile.title)
+
+
+def _plain(axes: Axes, title: str) -> None:
+    axes.set_title(title, fontsize=10, color=INK, loc="left", pad=6, fontweight="bold")
     axes.tick_params(labelsize=6.5, colors="#6a6a6a", length=2.5, width=0.5, pad=2)
     axes.spines[["top", "right"]].set_visible(False)
     axes.margins(x=0.01)

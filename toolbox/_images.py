@@ -64,7 +64,8 @@ POINT_CLASSES: Classes = {code: (name, _OF_CLASSES[code]) for code, name in CLAS
 ERRORS: Classes = {code: (name, _OF_OUTCOMES[code]) for code, name in OUTCOMES.items()}
 """Name and colour of the values of the attribute "error"."""
 
-_OTHER = ("#5b8def", "#e5a93c", "#58b2a3", "#c46bb0", "#93b245", "#d9755b", "#7a72c9", "#9c8567")
+OTHER = ("#5b8def", "#e5a93c", "#58b2a3", "#c46bb0", "#93b245", "#d9755b", "#7a72c9", "#9c8567")
+"""Colours in turn, of what has none of its own."""
 _RELIEF = ("#62a392", "#8fbe99", "#c1d59e", "#efe6b6", "#dfbb88", "#c0906a", "#a38178", "#f7f5f2")
 _NO_HEIGHTS = ("(std)", "(count)", "points", "distance", "error", "intensity", "hillshade")
 _PIXELS = 1000  # at most, along the longer side of a map
@@ -255,7 +256,7 @@ def _table(found: Sequence[int], table: Classes) -> Classes:
     """Name and colour of each code found; codes that the table lacks get colours in turn."""
     lacking = [code for code in found if code not in table]
     word = "Class " if table else ""
-    own = {c: (f"{word}{c}", _OTHER[i % len(_OTHER)]) for i, c in enumerate(lacking)}
+    own = {c: (f"{word}{c}", OTHER[i % len(OTHER)]) for i, c in enumerate(lacking)}
     return {code: own[code] if code in own else table[code] for code in found}
 
 

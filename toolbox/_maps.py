@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
+from numpy.typing import NDArray
 from pyproj import CRS
 
+from toolbox._features import feature_colours, feature_key
 from toolbox._images import LENGTHS, Bounds, Classes, Image, Ramp
 from toolbox.data import Vector
 from toolbox.data.crs import length_problem, vertical_unit
@@ -21,7 +23,7 @@ Box = tuple[float, float, float, float]  # left, bottom, width, height
 
 _EMPTY, _PAPER = "#ccd3db", "#f6f6f4"  # no data in a map is no colour of its key
 INK = "#3a3a3a"
-_LINE = "#1f3a5f"
+_LINE, _SHADOW = "#1f3a5f", "#9a9a9a"
 WIDTH = 4.4  # inches of a map
 _FLATTEST, _TALLEST = 0.25, 1.6  # height of a map to its width
 _LEFT, _GAP, _HEAD, _FOOT = 0.42, 0.5, 0.36, 0.32  # inches around a map, for its texts
@@ -48,11 +50,16 @@ class Panel:
         return WIDTH * (north - south) / (east - west)
 
     @property
+    def key(self) -> Ramp | Classes | None:
+        """Of the image; without one that of the first vector layer, if it has one."""
+        return self.image.key if self.image else feature_key(self.vectors[0])
+
+    @property
     def key_height(self) -> float:
         """Of the key in inches."""
-        if self.image is None:
+        key = self.key
+        if key is None:
             return 0.1
-        key = self.image.key
         if isinstance(key, Ramp):
             return 0.5
         return 0.12 + 0.19 * math.ceil(len(key) / _key_columns(key))
@@ -77,7 +84,7 @@ def in_proportion(bounds: Bounds, margin: float = 0.0) -> Bounds:
     west, south, east, north = bounds
     margin *= max(east - west, north - south)
     width = max(east - west, (north - south) / _TALLEST) + 2 * margin or 1.0
-    height = max(north - south, width * _FLATTEST)
+    height = max(north - south + 2 * margin, width * _FLATTEST)
     if width == east - west and height == north - south:
         return bounds
     x, y = (west + east) / 2, (south + north) / 2
@@ -119,9 +126,13 @@ def show(figure: Figure, panel: Panel, place: Place) -> None:
     if panel.image is not None:
         west, south, east, north = panel.image.bounds
         axes.imshow(panel.image.rgba, extent=(west, east, south, north), interpolation="auto")
-        _show_key(figure, panel.image.key, fractions(figure, place.key))
-    for vector in panel.vectors:
-        _show_vector(axes, vector, over=panel.image is not None)
+    if panel.key is not None:
+        _show_key(figure, panel.key, fractions(figure, place.key))
+    for number, vector in enumerate(panel.vectors):
+        if panel.image is None and panel.key is not None and number == 0:
+            _show_coloured(axes, vector, feature_colours(vector, panel.key))
+        else:
+            _show_vector(axes, vector, over=panel.image is not None)
     west, south, east, north = panel.bounds
     axes.set(xlim=(west, east), ylim=(south, north), aspect="equal")
     axes.set_title(panel.title, fontsize=10, color=INK, loc="left", pad=6, fontweight="bold")
@@ -265,12 +276,37 @@ def _show_vector(axes: Axes, vector: Vector, *, over: bool) -> None:
     axes.plot(*points.T, "o", ms=3, mfc=_LINE, mec="white", mew=0.5, ls="none")
 
 
+def _show_coloured(axes: Axes, vector: Vector, colours: NDArray[Any]) -> None:
+    """Each feature in its colour; narrow polygons show by their outlines."""
+    import shapely
+    from matplotlib.collections import LineCollection, PathCollection
+
+    shapes = shapely.force_2d(vector.frame.geometry.to_numpy())
+    parts, feature = shapely.get_parts(shapes, return_index=True)
+    kind, colour = shapely.get_dimensions(parts), colours[feature]
+    areas = [_path(_rings(polygon)) for polygon in parts[kind == 2]]
+    axes.add_collection(
+        PathCollection(areas, facecolor=colour[kind == 2], edgecolor=colour[kind == 2], lw=0.6)
+    )
+    lines = [shapely.get_coordinates(line) for line in parts[kind == 1]]
+    axes.add_collection(LineCollection(lines, colors=colour[kind == 1], linewidths=1.2))
+    points = shapely.get_coordinates(parts[kind == 0])
+    axes.plot(*points.T, "o", ms=3.2, color=_SHADOW, mew=0, ls="none")  # or white would not show
+    axes.scatter(points[:, 0], points[:, 1], c=colour[kind == 0], s=5, lw=0)
+
+
+def _path(rings: Sequence[Any]) -> Any:
+    """The exterior and the holes of a polygon as one path."""
+    from matplotlib.path import Path
+
+    return Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
+
+
 def _fill(axes: Axes, polygons: Sequence[Sequence[Any]]) -> None:
     """Fill polygons, each given as its rings: the exterior and then the holes."""
     from matplotlib.collections import PathCollection
-    from matplotlib.path import Path
 
-    paths = [Path.make_compound_path(*(Path(r, closed=True) for r in rings)) for rings in polygons]
+    paths = [_path(rings) for rings in polygons]
     axes.add_collection(PathCollection(paths, facecolor="#9db8d2", alpha=0.6, lw=0))
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from pyproj import CRS
 
-from toolbox._bars import Bars, show_bars
+from toolbox._bars import Bars, Profile, show_bars, show_profile
 from toolbox._images import Bounds, Image, cloud_image, raster_image
 from toolbox._maps import Panel, arrange, in_proportion, show
 from toolbox.data import PointCloud, Raster, Table, Vector
@@ -23,6 +23,8 @@ from toolbox.errors import DataError
 
 _DPI = 140
 _MOST_BANDS = 6
+
+Drawn = Panel | Bars | Profile
 
 
 def draw(
@@ -37,8 +39,9 @@ def draw(
     side by side; a cloud
     from above, the highest point on top, in the colours of its "error", its classes, its
     elevation or its intensity. A vector layer lies over the map before it, if that is in the
-    same CRS and overlaps it, and has a map of its own otherwise. A table of the columns low, high
-    and count is a histogram; other tables are left out.
+    same CRS and overlaps it, and has a map of its own otherwise, in the colours of its `kind` or
+    `offset`; points with line, station and offset have a profile too. A table of the columns low,
+    high and count is a histogram; other tables are left out.
 
     Parameters
     ----------
@@ -79,6 +82,8 @@ def png(layers: Mapping[str, PointCloud | Raster | Vector | Table], *, record: s
     for panel, place in zip(panels, arrange(figure, panels), strict=True):
         if isinstance(panel, Bars):
             show_bars(figure, panel, place)
+        elif isinstance(panel, Profile):
+            show_profile(figure, panel, place)
         else:
             show(figure, panel, place)
     texts = {"Software": None} | ({CHUNK: checked(record)} if record else {})
@@ -94,8 +99,10 @@ def has_something_to_see(layer: object) -> bool:
     return isinstance(layer, Raster) or (isinstance(layer, PointCloud | Vector) and len(layer) > 0)
 
 
-def _panels(layers: Mapping[str, PointCloud | Raster | Vector | Table]) -> list[Panel | Bars]:
-    panels: list[Panel | Bars] = []
+def _panels(
+    layers: Mapping[str, PointCloud | Raster | Vector | Table],
+) -> list[Panel | Bars | Profile]:
+    panels: list[Panel | Bars | Profile] = []
     for title, layer in layers.items():
         match layer:
             case Raster():
@@ -105,6 +112,8 @@ def _panels(layers: Mapping[str, PointCloud | Raster | Vector | Table]) -> list[
                     panels.append(_of_image(title, layer.crs, cloud_image(layer)))
             case Vector():
                 _add_vector(panels, title, layer)
+                if profile := Profile.of(title, layer):
+                    panels.append(profile)
             case Table():
                 if bars := Bars.of(title, layer):
                     panels.append(bars)
@@ -125,7 +134,7 @@ def _of_image(title: str, crs: CRS | None, image: Image) -> Panel:
     return Panel(title, crs, in_proportion(image.bounds), image, ())
 
 
-def _add_vector(panels: list[Panel | Bars], title: str, layer: Vector) -> None:
+def _add_vector(panels: list[Drawn], title: str, layer: Vector) -> None:
     """Over the last map where it belongs there; nowhere if no feature has a geometry."""
     west, south, east, north = (float(value) for value in layer.frame.total_bounds)
     bounds = (west, south, east, north)

@@ -130,6 +130,9 @@ class CompareAreas:
         region = self._region()
         own = Side.of(mended(self.areas, "areas"), region, ctx.part(0.0, 0.15))
         other = Side.of(mended(self.reference, "reference"), region, ctx.part(0.15, 0.3))
+        if region is not None and not (own.total or other.total):
+            where = "coverage" if self.coverage is not None else "extent"
+            raise DataError(f"{where}: no polygon of either layer lies within")
         _warn(own, other)
         overlay = Overlay.of(own, other, ctx.part(0.3, 0.9))
         covered = overlay.covered, overlay.covered_reference
@@ -137,6 +140,8 @@ class CompareAreas:
         ctx.progress(0.95)
         unit = self.areas.metre  # of the data in one metre
         sums = Sums.of(own, other, overlay)
+        if sums.area and sums.reference and not sums.overlap:
+            log.warning("no polygon overlaps the reference; do they lie at the same place?")
         names, known = self._labels(self.areas), self._labels(self.reference)
         each = [
             polygon_frame("areas", own, covered[0], objects.own, names, unit),

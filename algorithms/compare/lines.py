@@ -33,7 +33,7 @@ from toolbox.data import Table, Vector
 from toolbox.data.crs import crs_conflict
 from toolbox.spec import outputs, param, sink, source, tool
 
-ROUNDING = 1e-9  # of a value
+ROUNDING = 1e-7  # of the largest value: how far a quantile may be wrong
 WITHIN = 1e-4  # metres: how far Hausdorff and Fréchet distances may be wrong
 
 Row = dict[str, Any]
@@ -178,7 +178,7 @@ class CompareLines:
             "distance": feet.distance,
             "offset": np.where(abeam, side * feet.distance, np.nan),
             "reference": line + 1,
-            "ref_station": station,
+            "chainage": station,
         }
         if self.heights:
             columns["height"] = places.nodes[:, 2] - z

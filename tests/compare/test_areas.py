@@ -239,6 +239,16 @@ def test_coverage_beside_the_extent_is_refused() -> None:
         )
 
 
+def test_nothing_in_common_is_refused_within_a_region_and_warned_about_elsewhere(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with pytest.raises(DataError, match="extent: no polygon of either layer lies within"):
+        compare(box(0, 0, 1, 1), box(0, 0, 1, 1), extent=Extent(0, 0, 9, 9))
+    with caplog.at_level(logging.WARNING):
+        assert compare(box(0, 0, 1, 1), box(5, 0, 6, 1)).iou == 0
+    assert "no polygon overlaps the reference" in caplog.text
+
+
 # Objects --------------------------------------------------------------------------------------
 
 

@@ -74,7 +74,7 @@ def test_line_beside_a_line() -> None:
     frame = out.offsets.frame
     assert len(frame) == 101
     np.testing.assert_allclose(frame["station"], np.arange(101), atol=1e-6)
-    np.testing.assert_allclose(frame["ref_station"], np.arange(101), atol=1e-6)
+    np.testing.assert_allclose(frame["chainage"], np.arange(101), atol=1e-6)
     other_way = compare(line((0, 2), (100, 2)), line((100, 0), (0, 0)))
     assert other_way.bias == pytest.approx(-2)
     assert other_way.frechet == pytest.approx(2)  # walked backwards
@@ -145,7 +145,7 @@ def test_side_at_a_sharp_corner() -> None:
     needle = line((0, 0), (10, 0), (0, 1))  # turns left by almost a half turn
     out = compare(line((12, -5), (12, 5)), needle, step=0.1)
     frame = out.offsets.frame
-    tip = frame[np.isclose(frame["ref_station"], 10)]
+    tip = frame[np.isclose(frame["chainage"], 10)]
     assert len(tip) > 50
     assert (tip["offset"] < 0).all()  # right of both, wherever beyond the tip
 
@@ -163,7 +163,7 @@ def test_parts_that_go_on_are_one_line() -> None:
     parts = shapely.MultiLineString([line((0, 0), (50, 0)), line((50, 0), (100, 0))])
     out = compare(line((0, 1), (100, 1)), parts)
     assert out.frechet == pytest.approx(1)
-    assert out.offsets.frame["ref_station"].max() == pytest.approx(100)
+    assert out.offsets.frame["chainage"].max() == pytest.approx(100)
 
 
 def test_heights_at_the_nearest_places() -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox._bars import Bars, Profile
+from toolbox._curves import Curve
 from toolbox._features import feature_colours, feature_key
 from toolbox._images import _RELIEF, ERRORS, POINT_CLASSES, Ramp, cloud_image, raster_image
 from toolbox._maps import _EMPTY
@@ -323,6 +324,30 @@ def test_a_table_of_bins_is_a_histogram(tmp_path: Path) -> None:
         for colour in ("#7f9fbf", "#c9c9c9")
     )
     assert inside == pytest.approx(3 * beyond, rel=0.05)  # 6 + 3 to 1 + 2
+
+
+def test_a_storage_curve_has_two_axes(tmp_path: Path) -> None:
+    """The lines in their colours, and grey where the figures are lower limits."""
+    table = Table.from_rows(
+        {
+            "level": h,
+            "unit": "metre",
+            "area_m2": 900.0 * h,
+            "volume_m3": 450e3 * h**2,
+            "open": h > 8,
+        }
+        for h in range(11)
+    )
+    curve = Curve.of("curve", table)
+    assert curve is not None
+    assert (curve.opens, curve.unit, curve.volume[-1]) == (9.0, "metre", 45e6)
+    assert has_something_to_see(table)
+    draw({"curve": table}, tmp_path / "a.png")
+    picture = read(tmp_path / "a.png")[..., :3]
+    for colour, least in (("#c4742b", 1000), ("#2f6da8", 1000), ("#e9e9e9", 15_000)):
+        near = np.all(np.abs(picture - to_rgba(colour)[:3]) < 2 / 255, axis=-1)
+        assert near.sum() > least, colour
+    assert Curve.of("other", Table.from_rows([{"level": 1.0, "area_m2": 2.0}] * 4)) is None
 
 
 def test_a_hillshade_is_grey() -> None:

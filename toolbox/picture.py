@@ -14,6 +14,7 @@ import numpy as np
 from pyproj import CRS
 
 from toolbox._bars import Bars, Profile, show_bars, show_profile
+from toolbox._curves import Curve, show_curve
 from toolbox._images import Bounds, Image, cloud_image, raster_image
 from toolbox._maps import Panel, arrange, in_proportion, show
 from toolbox.data import PointCloud, Raster, Table, Vector
@@ -24,7 +25,7 @@ from toolbox.errors import DataError
 _DPI = 140
 _MOST_BANDS = 6
 
-Drawn = Panel | Bars | Profile
+Drawn = Panel | Bars | Profile | Curve
 
 
 def draw(
@@ -36,12 +37,12 @@ def draw(
     """Draw layers side by side into one PNG.
 
     A raster is shown as relief, as colours, or as classes where it holds few integers, named bands
-    side by side; a cloud
-    from above, the highest point on top, in the colours of its "error", its classes, its
+    side by side; a cloud from above, the highest point on top, in the colours of its "error", its classes, its
     elevation or its intensity. A vector layer lies over the map before it, if that is in the
     same CRS and overlaps it, and has a map of its own otherwise, in the colours of its `kind` or
     `offset`; points with line, station and offset have a profile too. A table of the columns low,
-    high and count is a histogram; other tables are left out.
+    high and count is a histogram, one of level, unit, area_m2 and volume_m3 a storage curve; other
+    tables are left out.
 
     Parameters
     ----------
@@ -80,12 +81,15 @@ def png(layers: Mapping[str, PointCloud | Raster | Vector | Table], *, record: s
     figure = Figure(facecolor="white")
     FigureCanvasAgg(figure)
     for panel, place in zip(panels, arrange(figure, panels), strict=True):
-        if isinstance(panel, Bars):
-            show_bars(figure, panel, place)
-        elif isinstance(panel, Profile):
-            show_profile(figure, panel, place)
-        else:
-            show(figure, panel, place)
+        match panel:
+            case Bars():
+                show_bars(figure, panel, place)
+            case Profile():
+                show_profile(figure, panel, place)
+            case Curve():
+                show_curve(figure, panel, place)
+            case Panel():
+                show(figure, panel, place)
     texts = {"Software": None} | ({CHUNK: checked(record)} if record else {})
     made = io.BytesIO()
     figure.savefig(made, dpi=_DPI, metadata=texts, format="png")
@@ -95,14 +99,14 @@ def png(layers: Mapping[str, PointCloud | Raster | Vector | Table], *, record: s
 def has_something_to_see(layer: object) -> bool:
     """Whether a picture can show a layer: one that has cells, points, features or bins."""
     if isinstance(layer, Table):
-        return Bars.of("", layer) is not None
+        return _of_table("", layer) is not None
     return isinstance(layer, Raster) or (isinstance(layer, PointCloud | Vector) and len(layer) > 0)
 
 
 def _panels(
     layers: Mapping[str, PointCloud | Raster | Vector | Table],
-) -> list[Panel | Bars | Profile]:
-    panels: list[Panel | Bars | Profile] = []
+) -> list[Drawn]:
+    panels: list[Drawn] = []
     for title, layer in layers.items():
         match layer:
             case Raster():
@@ -115,8 +119,8 @@ def _panels(
                 if profile := Profile.of(title, layer):
                     panels.append(profile)
             case Table():
-                if bars := Bars.of(title, layer):
-                    panels.append(bars)
+                if diagram := _of_table(title, layer):
+                    panels.append(diagram)
             case _:
                 raise DataError(f"{title}: a {type(layer).__name__} cannot be drawn")
     return panels
@@ -132,6 +136,10 @@ def _of_bands(title: str, raster: Raster) -> Iterator[Panel]:
 
 def _of_image(title: str, crs: CRS | None, image: Image) -> Panel:
     return Panel(title, crs, in_proportion(image.bounds), image, ())
+
+
+def _of_table(title: str, table: Table) -> Bars | Curve | None:
+    return Bars.of(title, table) or Curve.of(title, table)
 
 
 def _add_vector(panels: list[Drawn], title: str, layer: Vector) -> None:

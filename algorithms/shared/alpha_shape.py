@@ -89,7 +89,7 @@ def alpha_shape(
         See :func:`algorithms.shared.delaunay.triangulate`.
     """
     mesh = triangulate(xy, ctx=ctx.part(0, 0.7))
-    radii = _of_triangles(kernels.radii_block, mesh, ctx.part(0.7, 0.75))
+    radii = circumradii(mesh, ctx=ctx.part(0.7, 0.75))
     chosen = critical_alpha(mesh, radii, alpha) if isinstance(alpha, str) else float(alpha)
     ctx.progress(0.85)
     kept = _trimmed(mesh, radii <= chosen * (1 + ROUNDING), hole_threshold, region_threshold)
@@ -112,6 +112,11 @@ def critical_alpha(mesh: Mesh, radii: Floats, rule: Rule) -> float:
     node[others] = -1
     order = others[np.argsort(radii[others])]
     return float(kernels.one_piece(mesh.neighbours, radii, order, node, nodes, pieces, ROUNDING))
+
+
+def circumradii(mesh: Mesh, *, ctx: Context = QUIET) -> Floats:
+    """Radius of the circle around each triangle."""
+    return _of_triangles(kernels.radii_block, mesh, ctx)
 
 
 def _of_triangles(kernel: Callable[..., Any], mesh: Mesh, ctx: Context) -> Floats:

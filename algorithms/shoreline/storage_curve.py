@@ -1,0 +1,277 @@
+"""Storage curves: how much water a basin holds up to each level.
+
+The rules, and how exact the figures are: docs/explanation/storage-curves.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from algorithms.shared.heights import heights_problem
+from algorithms.shared.lowest import require_finite
+from algorithms.shoreline import _basin_kernels as kernels
+from algorithms.shoreline._basin import BLOCK, Pieces, PointBasin, RasterBasin
+from algorithms.surface import _outlines as shapes
+from toolbox.context import QUIET, Context, log
+from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
+from toolbox.data.crs import vertical_unit
+from toolbox.errors import DataError, NothingToDo
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import ClassList
+
+Array = NDArray[np.float64]
+MOST_LEVELS = 100_000  # more are taken for a mistake in the step
+DIGITS = 9  # of a level after the point, so that three times 0.1 is 0.3
+ROUNDING = 1e-9  # steps
+GROUND = 2  # class
+
+
+@tool("shoreline.storage_curve")
+class ShorelineStorageCurve:
+    """Tell the area and volume of the water that a basin holds, level by level.
+
+    Give points or a raster of heights. Between points the ground is the facets of their Delaunay
+    triangulation, between the centres of four cells four triangles around their mean; the water
+    below each level is summed up on them in closed form, without sampling. An outline is a wall
+    around the water, cut exactly.
+
+    With `connected` water counts where it is one with that over the lowest ground of the basin: a
+    side valley that lies lower than the level counts from the level on at which water gets there,
+    and the column apart_m2 has its area before. The basin is what a lake of the highest level
+    covers, of which `seed_x` and `seed_y` name a place; without them it is the one of the lowest
+    ground within the outline, or of all. With `all` everything below the level counts.
+
+    Water that reaches the edge of the data, or a gap in it, would run out or go on there: from that
+    level on the column open is true, and the figures are lower limits. Ground under water that the
+    survey could not see does not count as depth.
+
+    The table has the level in the unit of the heights, and in metres; areas and volumes are in
+    square and cubic metres. Gains are those from the level before. The column heights names the
+    height system that the levels refer to. Lengths to set are metres.
+    """
+
+    points: PointCloud | None = source("Points of the ground", default=None)
+    terrain: Raster | None = source("Raster of heights of the ground", default=None)
+    outline: Vector | None = source("Polygons around the basin, a wall to the water", default=None)
+    step: float = param("Height from one level to the next", default=1.0, unit="m", gt=0)
+    lowest: float | None = param(
+        "First level; by default the last whole step below the ground", default=None, unit="m"
+    )
+    highest: float | None = param(
+        "Last level; that of the highest ground by default", default=None, unit="m"
+    )
+    fill: Literal["connected", "all"] = param("What counts as water", default="connected")
+    seed_x: float | None = param(
+        "Easting of a place in the basin, as the data has it", default=None, unit="1"
+    )
+    seed_y: float | None = param(
+        "Northing of a place in the basin, as the data has it", default=None, unit="1"
+    )
+    classes: ClassList | None = param("Classes of points to use; all by default", default=None)
+    max_gap: float | None = param(
+        "Leave gaps farther than this from any point; none by default",
+        default=None,
+        unit="m",
+        gt=0,
+    )
+
+    @outputs
+    class Outputs:
+        curve: Table = sink("Level, area and volume with gains, area apart, and whether open")
+        lowest_ground: float = sink("Height of the lowest ground of the basin", unit="m")
+        opens: float | None = sink(
+            "Level from which water reaches the edge of the data; none if never", unit="m"
+        )
+        area: float = sink("Area at the last level", unit="m2")
+        volume: float = sink("Volume at the last level", unit="m3")
+        missing_share: float = sink("Share of the outline, or of all, without ground", unit="1")
+
+    def check(self) -> Iterator[tuple[str, str]]:
+        """Levels in order, and a whole place."""
+        low, high = self.lowest, self.highest
+        if low is not None and high is not None and low >= high:
+            yield "lowest", f"must be < highest ({high:g}), got {low:g}"
+        if (self.seed_x is None) != (self.seed_y is None):
+            yield "seed_x" if self.seed_x is None else "seed_y", "give both or none of a place"
+        if self.fill == "all" and self.seed_x is not None:
+            yield "seed_x", "is for connected water; with fill all it would make no difference"
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """One kind of ground, and only settings that go with it."""
+        if (self.points is None) == (self.terrain is None):
+            yield "points", "give points or a terrain, one of both"
+            return
+        if self.terrain is not None:
+            if text := heights_problem(self.terrain):
+                yield "terrain", f"{self.terrain.name or 'the raster'} {text}"
+            for name in ("classes", "max_gap"):
+                if getattr(self, name) is not None:
+                    yield name, "is for points, not for a terrain"
+        elif self.points and self.classes and "classification" not in self.points:
+            yield "classes", f"{self.points.name} has no classification"
+
+    def halo(self) -> float:
+        """A basin may run through the whole survey."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> ShorelineStorageCurve.Outputs:
+        """Fill the basin."""
+        ground: Any = self.points if self.terrain is None else self.terrain
+        basin = self._basin(ctx.part(0, 0.6))
+        if basin.missing:
+            log.warning("%.3g %% of the area has no ground, and holds nothing", 100 * basin.missing)
+        highest = basin.highest if self.highest is None else self.highest
+        if self.fill == "connected":
+            self._fill(basin, highest, ctx.part(0.6, 0.8))
+        first, opens = self._first(basin.lowest, highest), basin.opens()
+        levels = levels_between(first, highest, self.step)
+        area, volume, everything = storage(basin.pieces(), levels, ctx=ctx.part(0.8, 1.0))
+        if opens < highest:
+            log.warning(
+                "above %.9g the water reaches the edge of the data: figures are lower limits", opens
+            )
+        return self.Outputs(
+            curve=table(levels, area, volume, everything, opens, ground),
+            lowest_ground=basin.lowest,
+            opens=opens if math.isfinite(opens) else None,
+            area=float(area[-1]),
+            volume=float(volume[-1]),
+            missing_share=basin.missing,
+        )
+
+    def _basin(self, ctx: Context) -> PointBasin | RasterBasin:
+        """The ground within the outline."""
+        outline = None
+        if self.outline is not None:
+            outline = shapely.union_all(shapes.polygons(self.outline, "outline"))
+            if outline.is_empty:
+                raise DataError(f"outline: {self.outline.name} holds no polygon")
+        if self.terrain is not None:
+            found = Lattice.of(self.terrain)
+            return RasterBasin(self.terrain.band(), found, outline, ctx=ctx)
+        return PointBasin(self._ground_points(), outline, self.max_gap or math.inf, ctx=ctx)
+
+    def _ground_points(self) -> Array:
+        """The points of the classes asked for, of shape (n, 3)."""
+        cloud = self.points
+        assert cloud is not None
+        require_finite(cloud.xyz)
+        if self.classes:
+            keep = np.isin(cloud["classification"], self.classes)
+            if len(keep) and not keep.any():
+                raise NothingToDo(f"points: none is of class {self.classes}; classify them first")
+            return cloud.xyz[keep]
+        found = np.unique(cloud["classification"]) if "classification" in cloud else ()
+        if len(found) > 1 and GROUND in found:
+            log.warning("points of all classes are taken for ground; see the setting classes")
+        return cloud.xyz
+
+    def _fill(self, basin: PointBasin | RasterBasin, highest: float, ctx: Context) -> None:
+        """Find the water that is one, from the place named or from the lowest ground."""
+        if self.seed_x is None or self.seed_y is None:
+            basin.fill(None, highest, ctx=ctx)
+            return
+        try:
+            basin.fill(basin.at(self.seed_x, self.seed_y), highest, ctx=ctx)
+        except DataError as err:
+            raise DataError(
+                f"seed_x, seed_y: {self.seed_x:.12g}, {self.seed_y:.12g} {err}"
+            ) from err
+
+    def _first(self, ground: float, highest: float) -> float:
+        """The first level, which must leave some up to the last one."""
+        first = self.lowest
+        if first is None:
+            first = math.floor(ground / self.step + ROUNDING) * self.step
+        if highest < ground:
+            raise DataError(f"highest: {highest:.9g} is below the lowest ground, {ground:.9g}")
+        if highest < first:
+            raise DataError(f"lowest: {first:.9g} is above the highest ground, {highest:.9g}")
+        return first
+
+
+def levels_between(first: float, last: float, step: float) -> Array:
+    """Levels a step apart, and the last one.
+
+    Raises
+    ------
+    DataError
+        They are more than `MOST_LEVELS`.
+    """
+    count = math.floor((last - first) / step + ROUNDING) + 1
+    if count > MOST_LEVELS:
+        raise DataError(f"step: makes {count} levels, more than {MOST_LEVELS}; take a larger one")
+    levels = np.round(first + step * np.arange(count), DIGITS)
+    return levels if last - levels[-1] <= step * ROUNDING else np.append(levels, last)
+
+
+def storage(
+    pieces: Iterable[Pieces], levels: Array, *, ctx: Context = QUIET
+) -> tuple[Array, Array, Array]:
+    """Area and volume of water below each level, in one pass over triangles of ground.
+
+    In a triangle with heights a <= b <= c and area S the water below a level h covers
+    S (h - a)^2 / (b - a) / (c - a) up to b, and S less the same from above up to c; the volume is
+    the integral of that over h. A triangle adds to the levels that cut it, and with all of its
+    area to the first one above it, from where the sum goes on upwards.
+
+    Parameters
+    ----------
+    levels : array of shape (k,), rising
+
+    Returns
+    -------
+    area, volume : arrays of shape (k,), of water that is joined
+    everything : array of shape (k,), area of all ground below the level
+    """
+    sums = np.zeros((6, len(levels) + 1))
+    for some in pieces:
+        for first in range(0, len(some.triangles), BLOCK):
+            last = min(first + BLOCK, len(some.triangles))
+            kernels.add_block(*some, levels, first, last, sums)
+            ctx.progress(0.0)
+    whole, weighted, everything = np.cumsum(sums[[2, 3, 5], :-1], axis=1)
+    area, volume = sums[0, :-1] + whole, sums[1, :-1] + whole * (levels - levels[0]) - weighted
+    ctx.progress(1.0)
+    return area, volume, sums[4, :-1] + everything
+
+
+def table(
+    levels: Array, area: Array, volume: Array, everything: Array, opens: float, ground: Any
+) -> Table:
+    """The curve in metres, and its levels in the unit of the heights too."""
+    square = ground.metre**2
+    apart = np.where(everything - area > ROUNDING * everything, everything - area, 0.0)
+    frame = pd.DataFrame(
+        {
+            "level": levels,
+            "unit": vertical_unit(ground.crs),
+            "level_m": levels / ground.metre,
+            "area_m2": area / square,
+            "volume_m3": volume / (square * ground.metre),
+            "area_gain_m2": np.diff(area, prepend=0.0) / square,
+            "volume_gain_m3": np.diff(volume, prepend=0.0) / (square * ground.metre),
+            "apart_m2": apart / square,
+            "open": levels > opens,
+            "heights": height_system(ground.crs),
+        }
+    )
+    return Table(frame)
+
+
+def height_system(crs: CRS | None) -> str:
+    """What the levels refer to, and their unit."""
+    if crs is None:
+        return "not stated"
+    system, *vertical = [part.name for part in crs.sub_crs_list] or [crs.name]
+    if not vertical and len(crs.axis_info) < 3:
+        return f"height system not stated, in {vertical_unit(crs)}"
+    return f"{(vertical or [system])[0]}, in {vertical_unit(crs)}"

@@ -49,6 +49,7 @@ IN_STRIP: dict[str, dict[str, Any]] = {  # settings that suit the strip
     "features.local": {"neighbours": None, "radius": 3.0},
     "ground.csf": {"cloth_resolution": 1.0},
     "points.denoise": {"reach": 5.0},
+    "points.thin": {"method": "random", "cell": 7.0},
     "models.terrain": {"denoise": False, "max_gap": 6.0},
 }
 GRIDS: list[dict[str, Any]] = [

@@ -5,36 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from algorithms.shared.compiling import helper
-
-
-@njit(cache=True, nogil=True)
-def keys(xyz, seed):  # type: ignore[no-untyped-def]
-    """A number for each point that looks random, and depends on nothing but the point and a seed.
-
-    The mixing function is that of SplitMix64 (Steele et al. 2014).
-
-    Parameters
-    ----------
-    xyz : array of shape (n, 3), coordinates as 64-bit integers of the same bits
-    seed : whole number
-    """
-    made = np.empty(len(xyz), np.uint64)
-    for i in range(len(xyz)):
-        key = np.uint64(seed)
-        for axis in range(3):
-            key = _mixed(key ^ xyz[i, axis])
-        made[i] = key
-    return made
-
-
-@helper
-def _mixed(key):  # type: ignore[no-untyped-def]
-    key += np.uint64(0x9E3779B97F4A7C15)
-    key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return key ^ (key >> np.uint64(31))
-
 
 @njit(cache=True, nogil=True)
 def score(first, last, xyz, planes, limit, gains, counts):  # type: ignore[no-untyped-def]

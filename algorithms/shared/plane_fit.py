@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared import _plane_fit_kernels as kernels
+from algorithms.shared.chance import random_keys
 from algorithms.shared.threads import in_blocks
 from toolbox.context import QUIET, Context
 
@@ -130,10 +131,9 @@ def trials_needed(share: float, confidence: float) -> float:
 
 def sample(xyz: Floats, seed: int, size: int = SAMPLE) -> Floats:
     """Some of the points, array of shape (m, 3): the same ones for any order of the points."""
-    points = np.ascontiguousarray(xyz)
+    points = xyz
     if len(points) > size:
-        keys = kernels.keys(points.view(np.uint64), seed)
-        points = points[np.argpartition(keys, size)[:size]]
+        points = points[np.argpartition(random_keys(points, seed), size)[:size]]
     return points[np.lexsort(points.T)]
 
 

@@ -1,0 +1,42 @@
+"""Chance that depends on the points alone, not on their order or on what else is there.
+
+References
+----------
+Steele, G. L., Lea, D. and Flood, C. H. (2014). Fast splittable pseudorandom number generators.
+OOPSLA 2014, 453-472: the mixing function (SplitMix64).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from algorithms.shared.compiling import helper
+
+
+def random_keys(xyz: NDArray[np.float64], seed: int) -> NDArray[np.uint64]:
+    """A number for each point of shape (n, 3), that looks random: the same one in any cloud.
+
+    The points with the lowest numbers are a random sample. Points at one place have the same.
+    """
+    return np.asarray(_keys(np.ascontiguousarray(xyz).view(np.uint64), np.uint64(seed)))
+
+
+@njit(cache=True, nogil=True)
+def _keys(bits, seed):  # type: ignore[no-untyped-def]
+    keys = np.empty(len(bits), np.uint64)
+    for i in range(len(bits)):
+        key = _mixed(seed)
+        for axis in range(3):
+            key = _mixed(key ^ bits[i, axis])
+        keys[i] = key
+    return keys
+
+
+@helper
+def _mixed(key):  # type: ignore[no-untyped-def]
+    key += np.uint64(0x9E3779B97F4A7C15)
+    key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return key ^ (key >> np.uint64(31))

@@ -136,8 +136,10 @@ def _gathered(
     bounds = job.grid.bounds(tile, job.halo)
     cloud = tile_store.gather(job.surveys[source], parts, bounds, job.grid, work / "points")
     core = job.grid.holds(tile, cloud.xyz[:, :2])
-    assert cloud.origin is not None
-    return cloud.with_origin(np.where(core, cloud.origin, -1 - cloud.origin))
+    origin = cloud.origin
+    assert origin is not None
+    cloud = cloud.with_file(job.surveys[source].file_of(origin))
+    return cloud.with_origin(np.where(core, origin, -1 - origin))
 
 
 def _results(

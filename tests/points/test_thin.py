@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import CRS
 
-from algorithms.points.thin import PointsThin, cells
+from algorithms.points.thin import PointsThin, cells, mean
 from toolbox import run
 from toolbox.data import PointCloud
 from toolbox.errors import DataError, ParameterError
@@ -86,6 +86,15 @@ def test_average_moves_the_nearest_point_and_averages_what_is_measured() -> None
     assert found["ratio"].tolist() == [1.5, 7, 8]  # NaN does not count
     assert found["ratio"].dtype == np.float32
     np.testing.assert_array_equal(found.xyz[1:], cloud().xyz[4:])  # alone: untouched
+
+
+def test_means_are_exact_and_so_the_same_in_any_order() -> None:
+    """Millions whose last digits plain sums would lose, in an order that matters to them."""
+    rng = np.random.default_rng(4)
+    values = rng.uniform(4e6, 5e6, 10_001) * rng.choice([1e-6, 1, 1e6], 10_001)
+    wanted = math.fsum(values) / len(values)
+    for order in (np.arange(10_001), rng.permutation(10_001), np.argsort(values)):
+        assert mean(np.zeros(10_001, np.int64), 1, values[order]).tolist() == [wanted]
 
 
 def test_average_of_nothing_but_nan_is_nan() -> None:

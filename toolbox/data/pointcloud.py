@@ -63,6 +63,7 @@ class PointCloud:
         self._record: NDArray[Any] | None = None
         self._moved = False  # whether the coordinates differ from those of the record
         self._origin: NDArray[np.int64] | None = None  # see `origin`
+        self._file: NDArray[np.int32] | None = None  # see `file`
         self._columns = _columns(attributes or {}, self._size)
         self._descriptions = dict(descriptions or {})
         self.crs, self.name = crs, name
@@ -281,6 +282,7 @@ class PointCloud:
         whole._size, whole._columns = size, {n: _frozen(v) for n, v in columns.items()}
         whole._record = None if record is None else _frozen(record)
         whole._xyz = None if xyz is None else _frozen(xyz)
+        whole._file = None
         return whole
 
     @classmethod
@@ -374,6 +376,7 @@ class PointCloud:
         cloud._xyz = _frozen(self.xyz[index]) if keeps else None
         cloud._columns = {name: _frozen(values[index]) for name, values in self._columns.items()}
         cloud._origin = None if self._origin is None else _frozen(self._origin[index])
+        cloud._file = None if self._file is None else _frozen(self._file[index])
         return cloud
 
     def within(self, bounds: Sequence[float]) -> PointCloud:
@@ -429,6 +432,17 @@ class PointCloud:
         cloud._origin = None if origin is None else _frozen(origin)
         return cloud
 
+    @property
+    def file(self) -> NDArray[np.int32]:
+        """Of which file of a survey each of the n points is, counted from 0."""
+        return _frozen(np.zeros(len(self), np.int32)) if self._file is None else self._file
+
+    def with_file(self, file: NDArray[np.integer[Any]] | None) -> PointCloud:
+        """The same points as those of several files, see `file`."""
+        cloud = self._copy()
+        cloud._file = None if file is None else _frozen(file.astype(np.int32))
+        return cloud
+
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All that tells the points apart: arrays of n rows, for :meth:`with_arrays`."""
         found = {f"column {name}": values for name, values in self._columns.items()}
@@ -445,7 +459,7 @@ class PointCloud:
         cloud._record = arrays.get("record")
         cloud._xyz = arrays.get("xyz")
         cloud._columns = {name: arrays[f"column {name}"] for name in self._columns}
-        cloud._origin = None
+        cloud._origin = cloud._file = None
         return cloud
 
     def with_crs(self, crs: CRS | None) -> PointCloud:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
@@ -316,19 +317,27 @@ class Survey:
             A file is damaged, or its points cannot be joined with those of the others.
         """
         bounds = bounds or self.files[0].only
-        files = [file for file in self.files if bounds is None or file.touches(bounds)]
+        numbers = [n for n, f in enumerate(self.files) if bounds is None or f.touches(bounds)]
+        files = [self.files[number] for number in numbers]
         shares = np.cumsum([0, *(file.count for file in files)]) / max(self.count, 1)
         parts = (
             file.within(bounds, ctx=ctx.part(*share)).like(self.template)
             for file, share in zip(files, itertools.pairwise(shares.tolist()), strict=True)
         )
+        counts = [file.count for file in files]
         if bounds is None:
             whole = self.template.filled(parts, self.count)
         else:
             found = list(parts)
-            whole = self.template.filled(found, sum(map(len, found)))
+            counts = [len(part) for part in found]
+            whole = self.template.filled(found, sum(counts))
         whole.name = self.name
-        return whole
+        return whole.with_file(np.repeat(np.array(numbers, np.int32), counts))
+
+    def file_of(self, number: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The file, counted from 0, that holds each of some points, counted through all files."""
+        ends = np.cumsum([file.count for file in self.files])
+        return np.searchsorted(ends, number, side="right")
 
 
 def _header(path: Path, warn: Callable[[str], None]) -> Frame:

@@ -1,0 +1,28 @@
+"""Compiled loop of points.merge."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def mark(first, last, order, starts, xyz, file, near, marks):  # type: ignore[no-untyped-def]
+    """Mark the points of groups that are in an earlier file, too.
+
+    Parameters
+    ----------
+    first, last : groups to look at
+    order, starts : points by group, and where those of each group begin
+    xyz : array of shape (n, 3)
+    file : array of shape (n,)
+    near : largest difference of x, of y and of z
+    marks : array of shape (n,), to set
+    """
+    for group in range(first, last):
+        some = order[starts[group] : starts[group + 1]]
+        for i in some:
+            for j in some:
+                if file[j] < file[i] and np.abs(xyz[i] - xyz[j]).max() <= near:
+                    marks[i] = True
+                    break

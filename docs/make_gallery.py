@@ -36,7 +36,7 @@ MEASURES = {
     "P95": "le95",
     "bias": "bias",
     "largest": "largest",
-    "no value": "share",
+    "share without a value": "share",
 }
 COLOURS = dict(
     zip(METHODS, ("#d7261e", "#2166d1", "#7f3f98", "#e5a93c", "#58b2a3", "#8a6036"), strict=True)
@@ -186,7 +186,7 @@ def tabled(
     for column in columns:
         column["largest"] = max(-column["min"], column["max"])
     for title, name in MEASURES.items():
-        yield [title, *(f"{column[name]:.3f}" for column in columns), ""][: 1 + len(METHODS)]
+        yield [title, *(f"{column[name]:z.3f}" for column in columns), ""][: 1 + len(METHODS)]
 
 
 def say(text: str) -> None:

@@ -37,7 +37,8 @@ def draw(
     """Draw layers side by side into one PNG.
 
     A raster is shown as relief, as colours, or as classes where it holds few integers, named bands
-    side by side; a cloud from above, the highest point on top, in the colours of its "error", its classes, its
+    side by side; a cloud from above, the highest point on top, in the colours of its "error", its
+    classes, its
     elevation or its intensity. A vector layer lies over the map before it, if that is in the
     same CRS and overlaps it, and has a map of its own otherwise, in the colours of its `kind` or
     `offset`; points with line, station and offset have a profile too. A table of the columns low,

@@ -26,7 +26,7 @@ def lines(layer: Vector, name: str) -> Shapes:
     Raises
     ------
     DataError
-        One has no heights, or is no line; names the parameter.
+        One has no heights, or not everywhere, or is no line; names the parameter.
     """
     shapes = shapely.get_parts(geometries(layer))
     others = {shape.geom_type for shape in shapes} - {"Polygon", "LineString", "LinearRing"}
@@ -34,7 +34,22 @@ def lines(layer: Vector, name: str) -> Shapes:
         raise DataError(f"{name}: must be lines, {layer.name} holds a {sorted(others)[0]}")
     if not shapely.has_z(shapes).all():
         raise DataError(f"{name}: a line of {layer.name} has no heights (Z)")
+    require_heights(shapes, layer, name)
     return outlines(shapes)
+
+
+def require_heights(shapes: Shapes, layer: Vector, name: str) -> None:
+    """Make sure that every vertex has one, where a shape has heights at all.
+
+    Raises
+    ------
+    DataError
+        One has none; names the parameter.
+    """
+    vertices = shapely.get_coordinates(shapes, include_z=True)
+    if (bad := ~np.isfinite(vertices).all(axis=1)).any():
+        x, y, _ = vertices[bad][0]
+        raise DataError(f"{name}: a vertex of {layer.name} has no height, at {x:.10g}, {y:.10g}")
 
 
 def outlines(shapes: Shapes) -> Shapes:
@@ -75,6 +90,25 @@ def cells_in(shapes: Shapes, lattice: Lattice, *, ctx: Context = QUIET) -> NDArr
         inside[row, cols] = shapely.intersects_xy(area, x[cols], y[row])
         ctx.progress(row / len(y))
     return inside
+
+
+def steps_at_crossings(shapes: Shapes) -> tuple[Array, Array]:
+    """Where lines with heights meet others, and how much their heights differ there.
+
+    Returns
+    -------
+    places of shape (n, 2), and differences of shape (n,)
+    """
+    one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
+    pair = one < other
+    one, other = shapes[one[pair]], shapes[other[pair]]
+    xy, which = shapely.get_coordinates(shapely.intersection(one, other), return_index=True)
+    places = shapely.points(xy)
+    low, high = (
+        shapely.get_z(shapely.line_interpolate_point(s, shapely.line_locate_point(s, places)))
+        for s in (one[which], other[which])
+    )
+    return xy, np.abs(high - low)
 
 
 def with_breaklines(

@@ -42,6 +42,7 @@ Array = NDArray[np.float64]
 STATISTICS = get_args(Statistic)
 TRIANGLES = ("linear", "natural", "cubic")
 ROUNDING = 1e-6  # share by which a reach is widened; more than what rounding can move
+STEP = 0.01  # metres: a step between lines that meet which is more than rounding
 PIECE = 0.5  # cells: the longest piece of a breakline
 
 
@@ -174,6 +175,8 @@ class SurfaceGrid:
         lattice = self._lattice(xy)
         excluded = self._excluded()
         xy, values = self._shaped(xy, values, lattice, excluded)
+        if len(excluded) and not len(xy) and self.max_gap is None:
+            raise DataError("exclusions: hold all points; give max_gap to leave the rest empty")
         bands = grid(
             xy,
             values,
@@ -218,7 +221,11 @@ class SurfaceGrid:
 
     def _excluded(self) -> shapes.Shapes:
         """The polygons of the exclusions, if there are any."""
-        return polygons(self.exclusions, "exclusions") if self.exclusions else np.array([])
+        if not self.exclusions:
+            return np.array([])
+        found = polygons(self.exclusions, "exclusions")
+        shapes.require_heights(found[shapes.with_heights(found)], self.exclusions, "exclusions")
+        return found
 
     def _shaped(
         self, xy: Array, values: Array, lattice: Lattice, excluded: shapes.Shapes
@@ -234,9 +241,22 @@ class SurfaceGrid:
         found = [shapes.outlines(excluded[shapes.with_heights(excluded)])] if len(excluded) else []
         if self.breaklines:
             found.append(shapes.lines(self.breaklines, "breaklines"))
+        self._warn_of_steps(found)
         for some in found:
             xy, values = shapes.with_breaklines(xy, values, some, PIECE * lattice.cell)
         return xy, values
+
+    def _warn_of_steps(self, found: list[shapes.Shapes]) -> None:
+        """Lines that meet at other heights make a spike, of which the user should know."""
+        if not found:
+            return
+        xy, steps = shapes.steps_at_crossings(np.concatenate(found))
+        if (large := steps > STEP * self.points.metre).any():
+            (x, y), step = xy[steps.argmax()], steps.max() / self.points.metre
+            log.warning(
+                "breaklines meet at different heights in %d places, by %.3g m at %.10g, %.10g",
+                *(np.count_nonzero(large), step, x, y),
+            )
 
     def _packed(self, bands: Bands, lattice: Lattice) -> SurfaceGrid.Outputs:
         """The raster, in the smallest type that holds the attribute; see the class."""
@@ -264,8 +284,8 @@ class SurfaceGrid:
         filled = float(np.isfinite(bands.surface).mean())
         if not filled:
             log.warning(
-                "no cell has a value; do the cells lie where the points are, and are cell, max_gap "
-                "and radius of the right size?"
+                "no cell has a value; look at where the cells and the clip lie, and at the size of "
+                "cell, max_gap and radius"
             )
         return self.Outputs(surface=raster, filled_share=filled)
 

@@ -326,7 +326,9 @@ def test_checkpoints_in_one_corner_are_said_to_be_there(caplog: pytest.LogCaptur
 
 
 def test_spread_is_told_by_land_cover() -> None:
-    spots = np.array([[2.0, 2], [2, 10], [10, 2], [10, 10], [3, 3], [9, 9], [9, 10], [9, 3], [3, 2]])
+    spots = np.array(
+        [[2.0, 2], [2, 10], [10, 2], [10, 10], [3, 3], [9, 9], [9, 10], [9, 3], [3, 2]]
+    )
     kinds = ["grass"] * 4 + ["wood"] * 5
     layer = placed(spots, lc=kinds)
     out = CompareSurfaces(

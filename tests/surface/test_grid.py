@@ -555,6 +555,38 @@ def test_breaklines_make_edges() -> None:
         assert error > worst if surface is blunt else error < worst
 
 
+def test_exclusions_that_hold_all_points_are_to_blame() -> None:
+    everywhere = shapely.box(4e5, 4e6, 6e5, 5e6)
+    layer = Vector(geopandas.GeoDataFrame(geometry=[everywhere], crs=UTM))
+    with pytest.raises(DataError, match="exclusions: hold all points"):
+        SurfaceGrid(points=cloud(), exclusions=layer).run()
+    out = SurfaceGrid(points=cloud(), exclusions=layer, max_gap=5.0).run()
+    assert out.filled_share == 0
+
+
+@pytest.mark.parametrize("apart", [0.0, 2.0])
+def test_breaklines_that_meet_at_other_heights_are_named(
+    apart: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    x, y = 5e5 + 10, 4.6e6 + 10
+    one = shapely.LineString([(x, y, 5), (x + 10, y + 10, 7)])
+    other = shapely.LineString([(x, y + 10, 4 + apart), (x + 10, y, 8 + apart)])
+    lines = Vector(geopandas.GeoDataFrame(geometry=[one, other], crs=UTM))
+    SurfaceGrid(points=cloud(), breaklines=lines).run()
+    text = "breaklines meet at different heights in 1 places, by 2 m at 500015, 4600015"
+    assert (text in caplog.text) == bool(apart)
+
+
+@pytest.mark.parametrize("name", ["breaklines", "exclusions"])
+def test_a_vertex_without_a_height_is_no_breakline(name: str) -> None:
+    x, y = 5e5 + 10, 4.6e6 + 10
+    corners = [(x, y, 5), (x + 10, y, 5), (x + 10, y + 9, math.nan), (x, y + 9, 5)]
+    shape = shapely.LineString(corners) if name == "breaklines" else shapely.Polygon(corners)
+    layer = Vector(geopandas.GeoDataFrame(geometry=[shape], crs=UTM), name="s.gpkg")
+    with pytest.raises(DataError, match=f"{name}: a vertex of s.gpkg has no height, at 5000"):
+        SurfaceGrid(points=cloud(), **{name: layer}).run()  # type: ignore[arg-type]
+
+
 def test_points_beside_a_breakline_give_way() -> None:
     """Points within a quarter of a cell of the middles of its pieces would cut the edge."""
     points, y = ridge(), np.arange(4.6e6 + 5.25, 4.6e6 + 25, 0.5)

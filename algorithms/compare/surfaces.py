@@ -33,6 +33,7 @@ from toolbox.errors import DataError
 from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import ClassList
 
+REFERENCES = ("reference", "checkpoints", "points")
 ROWS = 512  # resampled between two looks at whether the user cancelled
 BLOCK = 200_000  # places whose land cover is looked up in between
 MOST_COVERS = 256
@@ -139,7 +140,7 @@ class CompareSurfaces:
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """One reference, at most one land cover, and heights that can be compared."""
-        given = [n for n in ("reference", "checkpoints", "points") if getattr(self, n) is not None]
+        given = [name for name in REFERENCES if getattr(self, name) is not None]
         if len(given) != 1:
             there = " and ".join(given) or "none"
             yield "reference", f"give one of reference, checkpoints and points, got {there}"
@@ -204,7 +205,8 @@ class CompareSurfaces:
         """Take the errors, and sum them up in several ways."""
         raster, found = self._found(ctx.part(0.0, 0.4))
         if not len(found.error):
-            raise DataError("reference: no cell or point has a height in both; do they overlap?")
+            name = next(n for n in REFERENCES if getattr(self, n) is not None)
+            raise DataError(f"{name}: no cell or point has a height in both; do they overlap?")
         if found.missing:
             log.warning("%d cells or points have no counterpart", found.missing)
         metre = self.surface.metre
@@ -376,6 +378,8 @@ def _points_problem(layer: Vector) -> str | None:
     import shapely
 
     shapes = layer.frame.geometry.to_numpy()
+    if not len(shapes):
+        return "holds no points"
     types = {shape.geom_type if shape else "feature without a place" for shape in shapes}
     if others := sorted(types - {"Point"}):
         return f"holds a {others[0]}; checkpoints are points"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from toolbox.data import Raster
 from toolbox.data.crs import length_problem, vertical_unit
 
@@ -21,9 +23,16 @@ def heights_problem(raster: Raster) -> str | None:
     """
     if len(raster.values) != 1:
         return f"has {len(raster.values)} bands; give one of them"
-    if text := length_problem(raster.crs):
+    if text := length_problem(raster.crs) or infinity_problem(raster):
         return text
     unit, plane = raster.units[0].lower(), vertical_unit(raster.crs)
     if unit and _SPELT.get(unit, unit) != plane.lower():
         return f"holds values in {raster.units[0]}, not in {plane} as its coordinates; convert them"
+    return None
+
+
+def infinity_problem(raster: Raster) -> str | None:
+    """Why values are no numbers to reckon with; NaN is no data. Continues a sentence."""
+    if raster.values.dtype.kind == "f" and np.isinf(raster.values).any():
+        return "holds infinite values; set them to nodata"
     return None

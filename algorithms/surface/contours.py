@@ -82,7 +82,8 @@ class SurfaceContours:
             crs=self.surface.crs,
         )
         if frame.empty:
-            log.warning("there are no lines: no height between cells is a multiple of the interval")
+            why = "no height between cells is a multiple of the interval"
+            log.warning("there are no lines: %s", why if len(steps) else "no cell has a value")
         return self.Outputs(
             contours=Vector(frame, geometry_type="LineString Z"),
             levels=int(np.count_nonzero(counts)),

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared.heights import infinity_problem
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster
 from toolbox.data.crs import crs_conflict
@@ -45,6 +46,8 @@ class SurfaceDifference:
         for name, raster in (("surface", one), ("base", other)):
             if len(raster.values) != 1:
                 yield name, f"{_named(raster)} has {len(raster.values)} bands; give one of them"
+            elif text := infinity_problem(raster):
+                yield name, f"{_named(raster)} {text}"
         if text := crs_conflict(other.crs, one.crs, heights=True):
             yield "base", f"{_named(other)} {text} of {_named(one)}"
         elif one.units[0] and other.units[0] and one.units[0] != other.units[0]:

@@ -55,7 +55,7 @@ class SurfaceHillshade:
     altitude: float = param(
         "Height of the sun above the horizon", default=45.0, unit="deg", gt=0, le=90
     )
-    z_factor: float = param("Exaggeration of the heights", default=1.0, unit="1", gt=0)
+    z_factor: float = param("Exaggeration of the heights", default=1.0, unit="1", gt=0, le=1e6)
     multidirectional: bool = param("Take light from four directions", default=False)
     edges: bool = param("Shade the outermost cells of the raster too", default=False)
     fraction: bool = param("Write 0 to 1, not whole numbers from 1 to 255", default=False)

@@ -451,10 +451,12 @@ def test_what_does_not_fit_is_refused_by_name(more: dict[str, Any], text: str) -
         (shapely.Point(WEST + 5, 95), "holds a point without a height (Z)"),
         (shapely.LineString([(WEST, 95, 1), (WEST + 5, 95, 1)]), "holds a LineString"),
         (None, "holds a feature without a place"),
+        ([], "holds no points"),
     ],
 )
 def test_checkpoints_are_points_with_heights(shape: Any, text: str) -> None:
-    layer = Vector(geopandas.GeoDataFrame(geometry=[shape], crs=UTM), name="c.gpkg")
+    shapes = [shape] if shape != [] else []
+    layer = Vector(geopandas.GeoDataFrame(geometry=shapes, crs=UTM), name="c.gpkg")
     with pytest.raises(DataError, match="checkpoints: c") as error:
         CompareSurfaces(surface=slope(), checkpoints=layer)
     assert text in str(error.value)

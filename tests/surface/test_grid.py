@@ -18,8 +18,8 @@ from pyproj import CRS
 from scipy.interpolate import CloughTocher2DInterpolator, LinearNDInterpolator
 from scipy.spatial import Delaunay, Voronoi, cKDTree
 
-from algorithms.shared.delaunay import triangulate
 from algorithms.shared.places import averaged
+from algorithms.surface._tin import Tin
 from algorithms.surface.grid import Method, SurfaceGrid, grid
 from toolbox.context import Context
 from toolbox.data import Lattice, PointCloud, Raster, Vector
@@ -79,11 +79,31 @@ def test_planes_are_exact_at_the_centres_of_cells(method: Method) -> None:
     np.testing.assert_allclose(values[known], plane(*centres(surface))[known], atol=1e-5)
 
 
+def test_cubic_is_exact_on_quadratics_of_known_slope(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As far as the method's order goes; the slopes that it estimates are exact on planes only."""
+    xy, _ = scattered(300, size=20)
+    lattice = Lattice.cover((5e5 + 3, 4.6e6 + 3, 5e5 + 17, 4.6e6 + 17), 0.4)
+
+    def bowl(places: Any) -> Any:
+        x, y = (places - FAR).T
+        return 1 + 0.3 * x - 0.2 * y + 0.05 * x**2 - 0.07 * x * y + 0.02 * y**2
+
+    def slopes(tin: Tin, values: Any, **_: Any) -> Any:
+        x, y = (tin.mesh.xy - FAR).T
+        return np.column_stack([0.3 + 0.1 * x - 0.07 * y, -0.2 - 0.07 * x + 0.04 * y])
+
+    true, estimated = bowl(cells(lattice)), surface_of(xy, bowl(xy), lattice, method="cubic")
+    assert np.abs(estimated.ravel() - true).max() > 1e-3
+    monkeypatch.setattr(Tin, "gradients", slopes)
+    known = surface_of(xy, bowl(xy), lattice, method="cubic").ravel()
+    np.testing.assert_allclose(known, true, atol=1e-9)
+
+
 def test_errors_fall_with_density() -> None:
     """By the square of the distance, for nearest by the distance; cubic begins far lower."""
     lattice = Lattice.cover((5e5 + 5, 4.6e6 + 5, 5e5 + 25, 4.6e6 + 25), 0.5)
     true = wave(*np.meshgrid(*lattice.centres()))
-    least = {"linear": 1.7, "natural": 1.7, "cubic": 1.9, "nearest": 0.8}
+    least = {"linear": 1.7, "natural": 1.7, "cubic": 1.9, "idw": 0.8, "nearest": 0.8}
     errors: dict[str, Any] = {
         method: [
             np.sqrt(np.mean((surface_of(*scattered(n), lattice, method=method) - true) ** 2))
@@ -166,6 +186,23 @@ def voronoi_cell(sites: Any, i: int) -> Any:
     return shapely.Polygon(diagram.vertices[region])
 
 
+@given(st.integers(0, 10_000), st.integers(4, 30))
+def test_natural_takes_areas_however_few_points(seed: int, count: int) -> None:
+    """Against cut polygons, where the Voronoi cell of the centre ends well before the frame."""
+    rng = np.random.default_rng(seed)
+    xy, far = rng.uniform(0, 10, (count, 2)), 1e4
+    xy, values = averaged(xy, rng.normal(size=count))
+    frame = far * np.array([[-1.0, 0.1], [1.1, 0], [0, 1.2], [0.1, -1]])
+    lattice = Lattice(0.13, 9.7, 2.1, 5, 5)
+    found = surface_of(xy, values, lattice, method="natural").ravel()
+    old = [voronoi_cell(np.vstack([xy, frame]), i) for i in range(count)]
+    for place, value in zip(cells(lattice), found, strict=True):
+        new = voronoi_cell(np.vstack([xy, frame, [place]]), count + len(frame))
+        if np.abs(new.bounds).max() < 50:
+            taken = shapely.area(shapely.intersection(new, old))
+            assert value == pytest.approx(taken @ values / new.area, abs=1e-7)
+
+
 @pytest.mark.parametrize(
     "settings",
     [
@@ -190,6 +227,8 @@ def test_distances_agree_with_a_plain_loop(settings: dict[str, Any], spread: str
     expected = [plain(xy, values, place, **settings) for place in cells(lattice)]
     found = surface_of(xy, values, lattice, **settings).ravel()
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+    if settings["method"] == "nearest":
+        np.testing.assert_array_equal(found, expected)
 
 
 def plain(
@@ -208,7 +247,7 @@ def plain(
     order = order[square[order] <= radius**2]
     if not len(order) or square[order[0]] > max_gap**2:
         return math.nan
-    if square[order[0]] + smoothing == 0:
+    if square[order[0]] + smoothing == 0 or method == "nearest":
         return float(values[order[0]])
     weight = np.sqrt(square[order] + smoothing**2) ** -power
     return float(weight @ values[order] / weight.sum())
@@ -231,19 +270,41 @@ def test_statistics_of_each_cell() -> None:
                 np.testing.assert_allclose(found[r, c], expected, rtol=1e-15, atol=1e-12)
 
 
+REFERENCE_OFFSET = (0.25, -0.25)  # of these rasters: pixel centres lie on whole half metres
+MODELS: dict[str, tuple[list[int], float, float]] = {  # classes, and shares of cells within 1 mm
+    "DTM": ([2], 0.95, 0.99),
+    "DSM": ([2, 3, 4, 5, 6], 0.98, 0.985),
+}
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("tile", ["77050_627755", "77055_627755", "77060_627760"])
+def test_models_of_other_software(data: Callable[[str], Path], tile: str, model: str) -> None:
+    """Linear, of the mapping agency, within 1 mm, but at the edges, where they had more points."""
+    classes, everywhere, inside = MODELS[model]
+    points = PointCloud.open(data(f"ign_urban_50m/{tile}.laz"))
+    reference = Raster.open(data(f"ign_gridding_reference/{model}_{tile}.tif"))
+    chosen = points.xyz[np.isin(points["classification"], classes)]
+    found = surface_of(chosen[:, :2] - REFERENCE_OFFSET, chosen[:, 2], Lattice.of(reference))
+    apart = np.abs(found - reference.band())
+    assert np.isfinite(apart).mean() > 0.97
+    for shown, least in ((apart, everywhere), (apart[10:-10, 10:-10], inside)):
+        assert np.mean(shown[np.isfinite(shown)] < 0.001) > least
+
+
 @pytest.mark.parametrize("tile", ["77050_627755", "77055_627755", "77060_627760"])
 @pytest.mark.parametrize("method", ["linear", "natural"])
-def test_terrain_model_of_other_software(
+def test_terrain_model_where_it_says_it_lies(
     data: Callable[[str], Path], tile: str, method: Method
 ) -> None:
-    """The true ground against the mapping agency's tools: RMSE 0.04 m."""
+    """A quarter of a metre off in place: RMSE 0.03 to 0.04 m."""
     points = PointCloud.open(data(f"ign_urban_50m/{tile}.laz"))
     reference = Raster.open(data(f"ign_gridding_reference/DTM_{tile}.tif"))
     surface = SurfaceGrid(points=points, cell=0.5, classes=ClassList([2]), method=method)
     found = surface.run().surface.sample(*centres(reference))
     difference = (found - reference.band())[np.isfinite(found) & np.isfinite(reference.band())]
     assert difference.size > 0.8 * reference.band().size
-    assert np.sqrt(np.mean(difference**2)) < 0.05
+    assert np.sqrt(np.mean(difference**2)) < 0.04
 
 
 # The same whatever the order, the tile, the threads --------------------------------------------

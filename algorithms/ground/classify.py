@@ -213,6 +213,31 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
     ValueError
         A coordinate is not a finite number.
     """
+    residual, allowed = above(xyz, terrain)
+    deepest = BELOW * allowed + 1.0
+    ground = (residual <= allowed) & (residual >= -deepest)
+    limit = np.where(residual > 0, allowed, deepest)
+    confidence = np.clip(np.abs(1 - np.abs(residual) / limit), 0, 1)
+    return ground, np.where(np.isfinite(residual), confidence, 1.0)
+
+
+def above(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats]:
+    """Metres of points above the terrain, and how many of them its slope allows ground to have.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    terrain : of the same area
+
+    Returns
+    -------
+    arrays of shape (n,), NaN where there is no terrain
+
+    Raises
+    ------
+    ValueError
+        A coordinate is not a finite number.
+    """
     require_finite(xyz)
     cell = terrain.lattice.cell
     residual, allowed = np.empty(len(xyz)), np.empty(len(xyz))
@@ -229,11 +254,7 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
         residual,
         allowed,
     )
-    deepest = BELOW * allowed + 1.0
-    ground = (residual <= allowed) & (residual >= -deepest)
-    limit = np.where(residual > 0, allowed, deepest)
-    confidence = np.clip(np.abs(1 - np.abs(residual) / limit), 0, 1)
-    return ground, np.where(np.isfinite(residual), confidence, 1.0)
+    return residual, allowed
 
 
 def aligned_lattice(xyz: Floats, metre: float) -> Lattice:

@@ -1,0 +1,194 @@
+"""What a point looks like to a classifier: features by name, and what they say of its class.
+
+Vegetation lets part of a pulse through, and its points do not lie on planes. A building is what
+stands on the ground and does neither. Single points say little: a branch may lie on a plane by
+chance, and the edge of a roof does not. So planarity, roughness and returns are those of all
+points around, on the same side of the ground: above it, or on it.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.ground.classify import HALO as GROUND_HALO
+from algorithms.ground.classify import above, find_terrain, verdict
+from algorithms.shared.covariance import covariance_features
+from algorithms.shared.ground import Candidates
+from toolbox.context import QUIET, Context
+from toolbox.data import PointCloud
+from toolbox.errors import DataError
+
+GROUND, VEGETATION, BUILDING = 2, 5, 6
+FLAT = 0.06  # metres from a plane (standard deviation) up to which points lie on it
+VOXEL = 1.0  # metres, the cells in which points are counted
+LET_THROUGH, ON_PLANES = 0.25, 0.15  # shares around, of vegetation at least and of roofs
+HALO = GROUND_HALO + 40.0  # metres, for the largest radius (10) and context (20), and voxels
+FINE = float(1 << 20)  # steps in which features are summed up, so that sums are exact
+MOST = 1 << 20  # voxels along an axis
+STRIDES = np.array([1 << 42, 1 << 21, 2])  # from the number of a voxel to those beside it
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Points that a classifier looks at, and features of them, each made when it is asked for.
+
+    Attributes
+    ----------
+    cloud : n points
+    radius : of the neighbourhood in which planes are looked for, in the unit of the points
+    context : points up to this far away share what they look like, in that unit
+    ctx : progress and cancellation
+    """
+
+    cloud: PointCloud
+    radius: float
+    context: float
+    ctx: Context = QUIET
+
+    def feature(self, name: str) -> Floats:
+        """Values of shape (n,): one of MADE, or an attribute of the points."""
+        if name in MADE:
+            return MADE[name](self)
+        return np.asarray(self.cloud[name], np.float64)
+
+    @property
+    def xyz(self) -> Floats:
+        """Coordinates, array of shape (n, 3)."""
+        return self.cloud.xyz
+
+    @functools.cached_property
+    def terrain(self) -> tuple[Mask, Floats]:
+        """Ground according to :mod:`algorithms.ground.classify`, and metres above the terrain.
+
+        NaN where there is no terrain near.
+        """
+        candidates = Candidates.of(self.cloud, "last", None)
+        metre = self.cloud.metre
+        found = find_terrain(candidates.xyz, metre=metre, ctx=self.ctx.part(0.0, 0.4))
+        ground = np.zeros(len(self.cloud), bool)
+        ground[candidates.chosen] = verdict(candidates.xyz, found)[0]
+        return ground, above(self.xyz, found)[0]
+
+    @functools.cached_property
+    def around(self) -> Mapping[str, Floats]:
+        """Means over the points around, on the same side of the ground."""
+        ground, metre = self.terrain[0], self.cloud.metre
+        variance = covariance_features(
+            self.xyz,
+            neighbours=None,
+            radius=self.radius,
+            names=("eigenvalue3",),
+            ctx=self.ctx.part(0.4, 0.8),
+        )["eigenvalue3"]
+        off_plane = np.sqrt(variance.astype(np.float64)) / metre
+        shapeless = np.isnan(off_plane)
+        values = {
+            "planarity": np.where(off_plane <= FLAT, 1.0, 0.0),
+            "roughness": np.where(shapeless, self.radius / metre, off_plane),
+            "returns": penetrating(self.cloud).astype(np.float64),
+        }
+        means = means_around(
+            self.xyz / (VOXEL * metre),
+            ground,
+            np.column_stack([*values.values()]),
+            self.context / (VOXEL * metre),
+            ctx=self.ctx.part(0.8, 1.0),
+        )
+        return dict(zip(values, means.T, strict=True))
+
+
+MADE: Mapping[str, Callable[[Scene], Floats]] = {
+    "x": lambda scene: scene.xyz[:, 0],
+    "y": lambda scene: scene.xyz[:, 1],
+    "z": lambda scene: scene.xyz[:, 2],
+    "height_above_ground": lambda scene: scene.terrain[1],
+    "ground": lambda scene: scene.terrain[0].astype(np.float64),
+    "planarity": lambda scene: scene.around["planarity"],
+    "roughness": lambda scene: scene.around["roughness"],
+    "returns": lambda scene: scene.around["returns"],
+}
+"""Features that are not attributes of the points."""
+
+
+def has_several_returns(cloud: PointCloud) -> bool:
+    """Whether the points tell which return of their pulse they are, and some pulses had several."""
+    known = {"return_number", "number_of_returns"} <= set(cloud.names)
+    return known and bool((cloud["number_of_returns"] > 1).any())
+
+
+def penetrating(cloud: PointCloud) -> Mask:
+    """True for returns after which the pulse went on, array of shape (n,)."""
+    if not {"return_number", "number_of_returns"} <= set(cloud.names):
+        return np.zeros(len(cloud), bool)
+    number, count = cloud["return_number"], cloud["number_of_returns"]
+    return np.asarray((number > 0) & (number < count))
+
+
+def evidence(scene: Scene) -> NDArray[np.uint8]:
+    """Class of each point by itself: GROUND, VEGETATION or BUILDING, array of shape (n,)."""
+    ground, around = scene.terrain[0], scene.around
+    on_planes = around["planarity"] / ON_PLANES
+    if has_several_returns(scene.cloud):
+        plant = around["returns"] / LET_THROUGH > on_planes
+    else:
+        plant = on_planes < 1
+    return np.where(ground, GROUND, np.where(plant, VEGETATION, BUILDING)).astype(np.uint8)
+
+
+def means_around(
+    xyz: Floats, group: Mask, values: Floats, reach: float, *, ctx: Context = QUIET
+) -> Floats:
+    """Means of values over the points of the same group around each point.
+
+    Points are counted in cells of one unit; cells whose middles are no farther apart than `reach`
+    share their points. The lattice of cells begins at the origin of the coordinates, so that any
+    part of the points, with enough around, gets what the whole gets.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), in units of the cells
+    group : array of shape (n,)
+    values : array of shape (n, k), from 0 to about 1000
+    reach : in units of the cells
+
+    Returns
+    -------
+    array of shape (n, k)
+        The same for any order of the points.
+    """
+    if not len(xyz):
+        return np.zeros(values.shape)
+    cells = np.floor(xyz).astype(np.int64)
+    cells -= cells.min(axis=0) - int(reach) - 1
+    if cells.max() >= MOST:
+        raise DataError(f"points: they extend over more than {MOST} m: remove stray points")
+    keys = cells @ STRIDES + group
+    own, place = np.unique(keys, return_inverse=True)
+    columns = np.column_stack([np.ones(len(xyz)), np.rint(values * FINE)])
+    held = np.column_stack([np.bincount(place, column) for column in columns.T])  # exact
+    total = held.copy()
+    offsets = _half_ball(reach)
+    for done, offset in enumerate(offsets):
+        shift = offset @ STRIDES
+        at = np.minimum(np.searchsorted(own, own + shift), len(own) - 1)
+        here = np.flatnonzero(own[at] == own + shift)
+        total[here] += held[at[here]]
+        total[at[here]] += held[here]
+        ctx.progress((done + 1) / len(offsets))
+    return np.asarray((total[:, 1:] / FINE / total[:, :1])[place])
+
+
+def _half_ball(reach: float) -> NDArray[np.int64]:
+    """Offsets of the cells within reach, of each and its opposite only one, shape (m, 3)."""
+    far = int(reach)
+    ball = np.stack(np.meshgrid(*[np.arange(-far, far + 1)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    ball = ball[(ball**2).sum(axis=1) <= reach**2]
+    return np.asarray(ball[len(ball) // 2 + 1 :])

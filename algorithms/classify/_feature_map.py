@@ -1,0 +1,267 @@
+"""Maps of features: trained, named, split, kept in a table, and applied to points.
+
+A map is a table: a row for each neuron, with its place on the lattice, its class, its weights in
+the unit of each feature, and the lowest and highest values and the weight by which features are
+made comparable. All that is known of a map stands there, so that a map from a file does what the
+map did that was trained.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from algorithms.classify import _som as som
+from toolbox.context import QUIET, Context
+from toolbox.data import Lattice, Raster, Table
+from toolbox.errors import DataError
+
+NOBODY = -1  # neuron of a point without features
+PIXEL = 0.1  # of pictures, in steps of the lattice
+GAP = 1.0  # between pictures
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class FeatureMap:
+    """Neurons and what they stand for; those of the first stage come first.
+
+    Attributes
+    ----------
+    names : of the f features
+    low, high, weight : array of shape (f,); a feature counts as weight * (value - low) / (high -
+        low), and as 0 if it was the same everywhere
+    values : array of shape (k, f), of the neurons, in the unit of the features
+    place : array of shape (k, 2), on the lattice
+    parent : array of shape (k,), the neuron of the first stage that a neuron of the second is part
+        of; NOBODY for those of the first
+    classes : array of shape (k,)
+    points : array of shape (k,), how many points trained the neuron
+    astray : array of shape (k,), the share of those that are known to be of another class
+    radius, context : in metres, in which features were made
+    """
+
+    names: tuple[str, ...]
+    low: Floats
+    high: Floats
+    weight: Floats
+    values: Floats
+    place: Floats
+    parent: Ints
+    classes: Bytes
+    points: Ints
+    astray: Floats
+    radius: float
+    context: float
+
+    def comparable(self, values: Floats) -> Floats:
+        """Features of shape (n, f) brought to the scale in which distances are measured."""
+        extent = self.high - self.low
+        factor = np.divide(self.weight, extent, out=np.zeros_like(extent), where=extent > 0)
+        return np.ascontiguousarray((values - self.low) * factor)
+
+    @property
+    def first_stage(self) -> Ints:
+        """Numbers of the neurons on the lattice."""
+        return np.flatnonzero(self.parent == NOBODY)
+
+    @property
+    def leaves(self) -> NDArray[np.bool_]:
+        """True for the neurons that points belong to, which are not split."""
+        return ~np.isin(np.arange(len(self.parent)), self.parent)
+
+    def stage_one(self, values: Floats, ctx: Context = QUIET) -> som.Winners:
+        """What the neurons on the lattice say of features of shape (n, f)."""
+        neurons = self.comparable(self.values)[self.first_stage]
+        return som.winners(self.comparable(values), neurons, ctx)
+
+    def neurons(self, values: Floats, ctx: Context = QUIET) -> Ints:
+        """The neuron of each point with features of shape (n, f); NOBODY where one is NaN."""
+        best = np.full(len(values), NOBODY)
+        known = np.isfinite(values).all(axis=1)
+        best[known] = self.stage_one(values[known], ctx).best
+        for parent in np.unique(self.parent[self.parent != NOBODY]):
+            members, parts = np.flatnonzero(best == parent), np.flatnonzero(self.parent == parent)
+            within = self.comparable(self.values)[parts]
+            best[members] = parts[som.winners(self.comparable(values[members]), within).best]
+        return best
+
+    def table(self) -> Table:
+        """The map as a table."""
+        first = self.first_stage
+        heights = np.full(len(self.values), np.nan)
+        heights[first] = som.u_matrix(self.comparable(self.values)[first], self.place[first])
+        frame = pd.DataFrame({"neuron": np.arange(len(self.values))})
+        frame["parent"] = pd.array(self.parent, "Int64")
+        frame.loc[first, "parent"] = pd.NA
+        frame["class"] = self.classes.astype(np.int64)
+        frame["points"] = self.points
+        frame["astray"] = self.astray
+        frame["u_matrix"] = heights
+        frame["east"], frame["north"] = self.place.T
+        for k, name in enumerate(self.names):
+            frame[name] = self.values[:, k]
+            for part, numbers in (("low", self.low), ("high", self.high), ("weight", self.weight)):
+                frame[f"{name}_{part}"] = numbers[k]
+        frame["radius"], frame["context"] = self.radius, self.context
+        return Table(frame)
+
+    @classmethod
+    def of(cls, table: Table) -> FeatureMap:
+        """The map in a table.
+
+        Raises
+        ------
+        DataError
+            It is no such table.
+        """
+        frame = table.frame
+        names = tuple(c[: -len("_weight")] for c in frame.columns if c.endswith("_weight"))
+        needed = ["parent", "class", "points", "astray", "east", "north", "radius", "context"]
+        needed += [name + part for name in names for part in ("", "_low", "_high")]
+        if missing := [c for c in needed if c not in frame.columns] or (
+            ["..._weight"] * (not names)
+        ):
+            raise DataError(f"map: {table.name} is no map of classify.som: no column {missing[0]}")
+        numbers = frame.drop(columns=["parent", "u_matrix"], errors="ignore").astype(float)
+        if not len(frame) or not np.isfinite(numbers.drop(columns="astray").to_numpy()).all():
+            raise DataError(f"map: {table.name} has no rows, or cells that are no numbers")
+        parent = frame["parent"].astype(float).fillna(NOBODY).to_numpy().astype(np.int64)
+        if (parent >= len(frame)).any() or not (parent == NOBODY).any():
+            raise DataError(f"map: {table.name} has parents that are no neurons of it")
+
+        def once(part: str) -> Floats:
+            return np.array([numbers[name + part].iloc[0] for name in names])
+
+        return cls(
+            names,
+            *(once("_low"), once("_high"), once("_weight")),
+            numbers[list(names)].to_numpy(),
+            numbers[["east", "north"]].to_numpy(),
+            parent,
+            numbers["class"].to_numpy().astype(np.uint8),
+            numbers["points"].to_numpy().astype(np.int64),
+            numbers["astray"].to_numpy(),
+            float(numbers["radius"].iloc[0]),
+            float(numbers["context"].iloc[0]),
+        )
+
+    def planes(self) -> Raster:
+        """Pictures of the lattice side by side: the U-matrix, and each feature from 0 to 1."""
+        first = self.first_stage
+        place, values = self.place[first], self.comparable(self.values)[first]
+        shown = [som.u_matrix(values, place), *values.T]
+        low, high = place.min(axis=0) - 0.6, place.max(axis=0) + 0.6
+        width, height = high - low
+        size = np.array([len(shown) * (width + GAP) - GAP, height])
+        lattice = Lattice.cover((0.0, 0.0, *size), PIXEL)
+        x, y = np.meshgrid(*lattice.centres())
+        panel, inside = np.divmod(x, width + GAP)
+        pixels = np.stack([inside + low[0], high[1] - y], axis=-1)  # the first row on top
+        away = np.linalg.norm(pixels[:, :, None] - place, axis=3)
+        nearest, picture = away.argmin(axis=2), np.full(x.shape, np.nan, np.float32)
+        for number, numbers in enumerate(shown):
+            here = (panel == number) & (away.min(axis=2) < 0.62)
+            extent = np.ptp(numbers)
+            level = (numbers - numbers.min()) / extent if extent > 0 else np.zeros(len(numbers))
+            picture[here] = level[nearest[here]]
+        title = "u-matrix, " + ", ".join(self.names)
+        return Raster.from_lattice(picture, lattice, crs=None, descriptions=(title,), units=("1",))
+
+
+def trained(
+    values: Floats,
+    template: FeatureMap,
+    lattice: tuple[int, int, som.Shape],
+    how: som.Training,
+    ctx: Context = QUIET,
+) -> FeatureMap:
+    """The template with neurons trained on features of shape (n, f), not named yet.
+
+    Parameters
+    ----------
+    lattice : rows, columns and shape
+    """
+    place = som.places(*lattice)
+    weights = som.train(template.comparable(values), place, how, ctx)
+    return replace(
+        template,
+        values=_in_units(weights, template),
+        place=place,
+        parent=np.full(len(place), NOBODY),
+        classes=np.zeros(len(place), np.uint8),
+        points=np.zeros(len(place), np.int64),
+        astray=np.zeros(len(place)),
+    )
+
+
+def _in_units(weights: Floats, template: FeatureMap) -> Floats:
+    """Weights of neurons in the unit of each feature."""
+    extent = (template.high - template.low) / np.where(template.weight > 0, template.weight, 1.0)
+    return np.asarray(template.low + weights * extent)
+
+
+def named(made: FeatureMap, best: Ints, known: Bytes) -> FeatureMap:
+    """The map with the class that most of the known points of each neuron have.
+
+    A neuron without such a point takes the class of the nearest that has one.
+
+    Parameters
+    ----------
+    best : array of shape (n,), the neuron of each point
+    known : array of shape (n,), the class of each point as far as it is known, or 0
+    """
+    size = len(made.values)
+    votes = np.zeros((size, 256), np.int64)
+    np.add.at(votes, (best[known > 0], known[known > 0]), 1)
+    total = votes.sum(axis=1)
+    classes = votes.argmax(axis=1).astype(np.uint8)
+    weights, heard = made.comparable(made.values), np.flatnonzero(total > 0)
+    for silent in np.flatnonzero(total == 0):
+        away = np.linalg.norm(weights[heard] - weights[silent], axis=1)
+        classes[silent] = classes[heard[away.argmin()]]
+    astray = 1.0 - votes.max(axis=1) / np.maximum(total, 1)
+    astray[total == 0] = 0.0
+    return replace(made, classes=classes, astray=astray, points=np.bincount(best, minlength=size))
+
+
+def split(
+    made: FeatureMap,
+    values: Floats,
+    best: Ints,
+    tolerance: float,
+    parts: int,
+    how: som.Training,
+    ctx: Context = QUIET,
+) -> FeatureMap:
+    """The map with clusters of which too many points are astray split by small maps of their own.
+
+    Parameters
+    ----------
+    values, best : features and neurons of the points
+    tolerance : share of points astray that is too many
+    parts : neurons in a row, that a cluster is split into
+    """
+    mixed = np.flatnonzero(made.astray > tolerance)
+    for done, cluster in enumerate(mixed):
+        members = values[best == cluster]
+        if len(members) < parts:
+            continue
+        part = ctx.part(done / len(mixed), (done + 1) / len(mixed))
+        small = trained(members, made, (parts, 1, "square"), how, part)
+        made = replace(
+            made,
+            values=np.vstack([made.values, small.values]),
+            place=np.vstack([made.place, np.tile(made.place[cluster], (parts, 1))]),
+            parent=np.append(made.parent, np.full(parts, cluster)),
+            classes=np.append(made.classes, small.classes),
+            points=np.append(made.points, small.points),
+            astray=np.append(made.astray, small.astray),
+        )
+    return made

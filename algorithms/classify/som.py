@@ -1,0 +1,365 @@
+"""Classification by a self-organising map whose clusters are named by physical evidence.
+
+References
+----------
+Şen, A. and Bayaslı, B. (2020): the filter by a self-organising map, with its size, its weights and
+its second stage; there the clusters were named by eye.
+Sithole, G. and Vosselman, G. (2004). Experimental comparison of filter algorithms for bare-Earth
+extraction from airborne laser scanning point clouds. ISPRS Journal 59(1-2), 85-101: errors.
+
+The map itself: :mod:`algorithms.classify._som`; how well it does and why:
+docs/explanation/self-organising-map.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.classify import _evidence, _som
+from algorithms.classify._feature_map import (
+    NOBODY,
+    FeatureMap,
+    named,
+    split,
+    trained,
+)
+from algorithms.shared.ground import taking_part
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Raster, Table
+from toolbox.errors import DataError, nearest
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import Attribute, ClassList
+
+DEFAULT = ("height_above_ground", "ground", "planarity", "returns", "intensity")
+PLAIN, IMPORTANT = 1.0, 10.0  # weights of x and y, and of all others (Şen and Bayaslı)
+UNKNOWN = 1  # class of points that lack a feature
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+
+
+@tool("classify.som")
+class ClassifySom:
+    """Find ground, vegetation and buildings with a self-organising map.
+
+    Neurons on a lattice learn to stand for the points, by the features that are named: x, y, z;
+    height_above_ground and ground, both by the filter of ground.classify; planarity, the share of
+    the points around that lie on a plane, roughness, their mean distance from planes in metres, and
+    returns, the share of them after which the pulse went on; or any attribute of the points, such
+    as intensity or one of features.local. Features are brought to the same range and weighted.
+
+    Each cluster of points then gets the class that most of its points have by evidence: ground
+    (2) by ground.classify, and of the rest vegetation (5) where pulses go through and nothing is
+    plane, or building (6). With `labels`, the classes of some points are the evidence instead, and
+    all their classes can be found. Clusters of which more than `tolerance` of the known points are
+    of another class are split by a second map. With `search`, the map grows from two neurons until
+    no more than `tolerance` of all points are astray, or until it has `rows` and `columns`.
+
+    `map` is the trained map, which classify.som_apply applies to other data and to tiles. Train it
+    on a part of a large survey. Cars, walls and wires are none of the three and become one of them.
+    """
+
+    points: PointCloud = source("Points to classify")
+    features: tuple[str, ...] | None = param(
+        "Names of features; by default height_above_ground ground planarity returns intensity",
+        default=None,
+    )
+    weights: tuple[float, ...] | None = param(
+        "Weight of each feature; by default 1 for x and y and 10 for all others",
+        default=None,
+        unit="1",
+        gt=0,
+    )
+    labels: Attribute | None = param(
+        "Attribute with the classes of some points, 0 where unknown, to name clusters by",
+        default=None,
+        of="points",
+    )
+    rows: int = param("Rows of neurons", default=4, unit="1", ge=1, le=100)
+    columns: int = param("Columns of neurons", default=5, unit="1", ge=1, le=100)
+    lattice: _som.Shape = param("Lattice of the neurons", default="hexagonal")
+    neighbourhood: _som.Neighbourhood = param(
+        "How neurons follow a neighbour that wins", default="gaussian"
+    )
+    method: _som.Method = param(
+        "How neurons learn: from all points at once, or from one after the other", default="batch"
+    )
+    iterations: int = param("Passes over all points", default=200, unit="1", ge=1, le=100_000)
+    final_radius: float = param(
+        "Radius of the neighbourhood in the last pass, in steps of the lattice",
+        default=_som.FINAL,
+        unit="1",
+        gt=0,
+        le=50,
+    )
+    search: bool = param("Grow the map from two neurons until tolerance is met", default=False)
+    tolerance: float = param(
+        "Share of points of another class that a cluster, or a map that grows, may have",
+        default=0.2,
+        unit="1",
+        ge=0,
+        le=1,
+    )
+    parts: int = param(
+        "Neurons that a mixed cluster is split into; 1 to split none",
+        default=3,
+        unit="1",
+        ge=1,
+        le=20,
+    )
+    radius: float = param(
+        "Radius in which a plane is looked for, for planarity and roughness",
+        default=1.0,
+        unit="m",
+        gt=0,
+        le=10,
+    )
+    context: float = param(
+        "Points this near share their planarity, roughness and returns",
+        default=3.0,
+        unit="m",
+        ge=0,
+        le=20,
+    )
+    sample: int = param(
+        "Points that the map learns from; of more, as many chosen by chance",
+        default=1_000_000,
+        unit="1",
+        ge=2,
+        le=100_000_000,
+    )
+    seed: int = param("Seed of all chance", default=0, unit="1", ge=0)
+    ignore: ClassList | None = param(
+        "Classes that take no part and stay as they are, such as noise 7,18", default=None
+    )
+
+    @outputs
+    class Outputs:
+        classified: PointCloud = sink("The same points with classes, neuron and confidence")
+        map: Table = sink("The trained map: one row per neuron, for classify.som_apply")
+        planes: Raster = sink("Pictures of the map: the U-matrix and each feature, from 0 to 1")
+        neurons: int = sink("Clusters that the points were put into", unit="1")
+        astray: float = sink("Share of known points whose cluster is of another class", unit="1")
+        quantisation_error: float = sink("Mean distance from the neurons, weighted", unit="1")
+        topographic_error: float = sink(
+            "Share of points whose two nearest neurons are not side by side", unit="1"
+        )
+        unclassified: int = sink("Points that lack a feature, now of class 1", unit="1")
+
+    def check(self) -> Iterator[tuple[str, str]]:
+        """Every feature has one weight, and a map has two neurons."""
+        if self.features is not None and not self.features:
+            yield "features", "give at least one name"
+        if self.features and len(set(self.features)) < len(self.features):
+            yield "features", "a name is given twice"
+        if self.weights is not None:
+            count = len(self.features or ())
+            if count != len(self.weights):
+                text = f"give one for each of {count} features" if count else "name features, too"
+                yield "weights", f"{text}, got {len(self.weights)}"
+        if self.rows * self.columns < 2:
+            yield "columns", "a map needs at least two neurons"
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """Features that are not made must be attributes."""
+        if text := missing_feature(self.features or (), self.points):
+            yield "features", text
+
+    def halo(self) -> float:
+        """All points train the map; apply it to tiles with classify.som_apply."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> ClassifySom.Outputs:
+        """Train a map on the points that take part, name its clusters, and classify."""
+        part = taking_part(self.points, self.ignore)
+        if not part.any():
+            raise DataError("points: there are none to train a map on")
+        scene = _evidence.Scene(
+            self.points if part.all() else self.points.select(part),
+            self.radius,
+            self.context,
+            ctx.part(0.0, 0.4),
+        )
+        names = self.features or usual_features(scene.cloud)
+        values = features_of(scene, names)
+        known = self._known(scene)
+        able = np.flatnonzero(np.isfinite(values).all(axis=1))
+        chosen = able[drawn(scene.xyz[able], self.sample, self.seed)]
+        made = self._map(names, values[chosen], known[chosen], ctx.part(0.4, 0.9))
+        best = made.neurons(values, ctx.part(0.9, 1.0))
+        first = made.stage_one(values[chosen])
+        return self.Outputs(
+            classified=with_classes(self.points, part, made, best),
+            map=made.table(),
+            planes=made.planes(),
+            neurons=int(np.count_nonzero(made.leaves)),
+            astray=share_astray(made, best, known),
+            quantisation_error=_som.quantisation_error(first),
+            topographic_error=_som.topographic_error(first, made.place),
+            unclassified=int(np.count_nonzero(best == NOBODY)),
+        )
+
+    def _known(self, scene: _evidence.Scene) -> Bytes:
+        """The class of each point as far as it is known, or 0."""
+        if self.labels is None:
+            return _evidence.evidence(scene)
+        known = scene.cloud[self.labels]
+        if not ((known == known.astype(np.uint8)).all() and known.any()):
+            raise DataError(
+                f"points: {self.labels} must hold classes from 0 to 255, and some not 0"
+            )
+        return np.asarray(known, np.uint8)
+
+    def _map(
+        self, names: tuple[str, ...], values: Floats, known: Bytes, ctx: Context
+    ) -> FeatureMap:
+        """Train maps of one size, or of growing sizes, and split what is mixed."""
+        how = _som.Training(
+            iterations=self.iterations,
+            neighbourhood=self.neighbourhood,
+            method=self.method,
+            final=self.final_radius,
+            seed=self.seed,
+        )
+        low, high = values.min(axis=0), values.max(axis=0)
+        for name in np.array(names)[low == high]:
+            log.warning("feature %s is the same at all points and tells nothing", name)
+        metre, nothing = self.points.metre, np.zeros(0)
+        empty = FeatureMap(
+            *(names, low, high, self._weights(names), nothing, nothing),
+            *(nothing.astype(int), nothing.astype("u1"), nothing.astype(int), nothing),
+            *(self.radius / metre, self.context / metre),
+        )
+        sizes = [*growing(self.rows, self.columns)] if self.search else [(self.rows, self.columns)]
+        for k, size in enumerate(sizes):
+            if len(values) < math.prod(size):
+                raise DataError(
+                    f"points: {len(values)} are fewer than the {math.prod(size)} neurons; "
+                    "lower rows and columns"
+                )
+            part = ctx.part(k / len(sizes), (k + 0.8) / len(sizes))
+            made = trained(values, empty, (*size, self.lattice), how, part)
+            best = made.neurons(values)
+            made = named(made, best, known)
+            if share_astray(made, best, known) <= self.tolerance:
+                break
+        else:
+            if self.search:
+                log.warning("tolerance %g is not met by %d x %d neurons", self.tolerance, *size)
+        if self.parts > 1:
+            made = split(made, values, best, self.tolerance, self.parts, how, ctx.part(0.8, 1.0))
+            made = named(made, made.neurons(values), known)
+        return made
+
+    def _weights(self, names: tuple[str, ...]) -> Floats:
+        if self.weights is not None:
+            return np.array(self.weights, float)
+        return np.array([PLAIN if name in ("x", "y") else IMPORTANT for name in names])
+
+
+def missing_feature(names: tuple[str, ...], cloud: PointCloud) -> str:
+    """What is wrong with the names of features; empty if nothing is."""
+    for name in names:
+        if name not in _evidence.MADE and name not in cloud:
+            near = nearest(name, [*_evidence.MADE, *cloud.names])
+            return f"{name!r} is no attribute of {cloud.name or 'the points'}{near}"
+        if name == "returns" and not {"return_number", "number_of_returns"} <= set(cloud.names):
+            return "returns needs the attributes return_number and number_of_returns"
+    return ""
+
+
+def usual_features(cloud: PointCloud) -> tuple[str, ...]:
+    """Those of DEFAULT that the points tell something about."""
+    left_out = set()
+    if not _evidence.has_several_returns(cloud):
+        left_out.add("returns")
+    if "intensity" not in cloud or np.ptp(cloud["intensity"]) == 0:
+        left_out.add("intensity")
+    if left_out:
+        log.info("without %s, which the points do not have", " and ".join(sorted(left_out)))
+    return tuple(name for name in DEFAULT if name not in left_out)
+
+
+def features_of(scene: _evidence.Scene, names: tuple[str, ...]) -> Floats:
+    """Features of shape (n, f).
+
+    Raises
+    ------
+    DataError
+        No point has all of them.
+    """
+    values = np.column_stack([scene.feature(name) for name in names])
+    known = np.isfinite(values)
+    missing = len(values) - int(np.count_nonzero(known.all(axis=1)))
+    if missing == len(values):
+        rare = names[int(known.sum(axis=0).argmin())]
+        raise DataError(f"points: none has all the features; most lack {rare}")
+    if missing:
+        log.warning("%d of %d points lack a feature and become class 1", missing, len(values))
+    return values
+
+
+def drawn(xyz: Floats, count: int, seed: int) -> Ints:
+    """Indices of `count` of the points, chosen by chance that only their places decide."""
+    if len(xyz) <= count:
+        return np.arange(len(xyz))
+    bits = np.ascontiguousarray(xyz).view(np.uint64)
+    mixed = np.full(len(xyz), np.uint64(seed))
+    for axis in range(3):  # SplitMix64 (Steele, Lea and Flood 2014)
+        mixed = (mixed ^ bits[:, axis]) + np.uint64(0x9E3779B97F4A7C15)
+        mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        mixed ^= mixed >> np.uint64(31)
+    return np.flatnonzero(mixed <= np.partition(mixed, count - 1)[count - 1])
+
+
+def growing(rows: int, columns: int) -> Iterator[tuple[int, int]]:
+    """Sizes of a map that grows from two neurons, a column and a row in turn."""
+    size = (1, min(2, columns)) if columns > 1 else (2, 1)
+    while True:
+        yield size
+        if size == (rows, columns):
+            return
+        wider = size[1] < columns and (size[1] <= size[0] + 1 or size[0] == rows)
+        size = (size[0], size[1] + 1) if wider else (size[0] + 1, size[1])
+
+
+def share_astray(made: FeatureMap, best: Ints, known: Bytes) -> float:
+    """Share of the known points whose neuron is of another class."""
+    told = (known > 0) & (best != NOBODY)
+    if not told.any():
+        return 0.0
+    return float(np.mean(made.classes[best[told]] != known[told]))
+
+
+def with_classes(
+    cloud: PointCloud, part: NDArray[np.bool_], made: FeatureMap, best: Ints
+) -> PointCloud:
+    """The cloud with the classes of the neurons of the points that take part.
+
+    Parameters
+    ----------
+    part : array of shape (n,), true for the m points that take part
+    best : array of shape (m,), the neuron of each
+    """
+    classes = np.array(
+        cloud["classification"] if "classification" in cloud else np.zeros(len(part))
+    )
+    classes = classes.astype(np.uint8)
+    neuron, confidence = np.full(len(part), NOBODY, np.int16), np.zeros(len(part), np.float32)
+    found = best != NOBODY
+    classes[part] = np.where(found, made.classes[best], UNKNOWN)
+    neuron[part] = best
+    confidence[part] = np.where(found, 1.0 - made.astray[best], 0.0)
+    return cloud.with_attributes(
+        {"classification": classes, "neuron": neuron, "confidence": confidence},
+        descriptions={
+            "neuron": "of the self-organising map",
+            "confidence": "share of its cluster that agrees",
+        },
+    )

@@ -1,0 +1,90 @@
+"""Classification by a self-organising map that has been trained: see classify.som."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.classify import _evidence
+from algorithms.classify._feature_map import NOBODY, FeatureMap
+from algorithms.classify.som import features_of, missing_feature, with_classes
+from algorithms.shared.ground import taking_part
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Table
+from toolbox.errors import DataError, NothingToDo
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import ClassList
+
+LARGEST_RADIUS, LARGEST_CONTEXT = 10.0, 20.0  # metres, as in classify.som
+
+
+@tool("classify.som_apply")
+class ClassifySomApply:
+    """Classify points with a self-organising map that classify.som has trained.
+
+    Each point gets the class of the neuron that is nearest in the features of the map, which are
+    made here as they were for training. Features are not cut off where they are lower or higher
+    than in training. A map that was trained with x and y holds for its own area only. The map may
+    be edited before: change its column `class` to name clusters by hand.
+    """
+
+    points: PointCloud = source("Points to classify")
+    map: Table = source("Trained map, as classify.som gives it")
+    ignore: ClassList | None = param(
+        "Classes that take no part and stay as they are, such as noise 7,18", default=None
+    )
+
+    @outputs
+    class Outputs:
+        classified: PointCloud = sink("The same points with classes, neuron and confidence")
+        unclassified: int = sink("Points that lack a feature, now of class 1", unit="1")
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """The table must be a map, and the points must have its features."""
+        try:
+            made = FeatureMap.of(self.map)
+        except DataError as error:
+            yield "map", str(error).removeprefix("map: ")
+            return
+        if text := missing_feature(made.names, self.points):
+            yield "points", text
+        if made.radius > LARGEST_RADIUS or made.context > LARGEST_CONTEXT:
+            yield "map", f"its radius or context is above {LARGEST_RADIUS} or {LARGEST_CONTEXT} m"
+
+    def halo(self) -> float:
+        """As far as the ground filter looks, and the neighbourhoods of the features."""
+        return _evidence.HALO
+
+    def run(self, ctx: Context = QUIET) -> ClassifySomApply.Outputs:
+        """Make the features of the map, and find the nearest neurons."""
+        cloud, made = self.points, FeatureMap.of(self.map)
+        part = taking_part(cloud, self.ignore)
+        nobody = np.full(np.count_nonzero(part), NOBODY)
+        if not part.any():
+            raise NothingToDo(
+                "points: there are none to classify",
+                instead=self._outputs(part, made, nobody),
+            )
+        if {"x", "y"} & set(made.names):
+            log.warning("the map was trained with x or y, so it holds for that area only")
+        scene = _evidence.Scene(
+            cloud if part.all() else cloud.select(part),
+            made.radius * cloud.metre,
+            made.context * cloud.metre,
+            ctx.part(0.0, 0.9),
+        )
+        best = made.neurons(features_of(scene, made.names), ctx.part(0.9, 1.0))
+        return self._outputs(part, made, best)
+
+    def _outputs(
+        self, part: NDArray[np.bool_], made: FeatureMap, best: NDArray[np.int64]
+    ) -> ClassifySomApply.Outputs:
+        cloud = self.points
+        lacking = np.zeros(len(cloud), bool)
+        lacking[part] = best == NOBODY
+        return self.Outputs(
+            classified=with_classes(cloud, part, made, best),
+            unclassified=int(np.count_nonzero(lacking & cloud.core)),
+        )

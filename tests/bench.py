@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import resource
+import shutil
 import statistics
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get("TOOLBOX_TEST_DATA", ROOT.parent / "shared" / "data"))
 ROUNDS = 7
+FEW = int(os.environ.get("LIDAR_ROUNDS", "3"))  # of what takes minutes
 SIZES = (1, 5, 10)  # millions of points
 # Peak of this process in KiB; ru_maxrss would hand on the peak of the parent.
 PEAK = "next(int(l.split()[1]) for l in open('/proc/self/status') if l.startswith('VmHWM'))"
@@ -449,7 +451,268 @@ def _beside_open3d() -> None:
         )
 
 
-ALL = (startup, reading, memory, isprs, filters, cloth, terrain, damaged, roundtrip, speed)
+# Gridding: each program in a process of its own, which has a function work(xy, z, x, y), from
+# points to the values at the crossings of x and y, and prints what that took.
+MEASURED = """
+import json, sys, time
+import numpy as np
+def memory(what):
+    lines = open("/proc/self/status").read().splitlines()
+    return 1024 * next(int(line.split()[1]) for line in lines if line.startswith(what))
+{}
+p, cell = np.load(sys.argv[1]), float(sys.argv[2])
+xy, z = p[:, :2].copy(), p[:, 2].copy()
+del p
+(west, south), (east, north) = np.floor(xy.min(0) / cell), np.ceil(xy.max(0) / cell)
+x, y = cell * (np.arange(west, east) + 0.5), cell * (np.arange(north, south, -1) - 0.5)
+work(xy[::500], z[::500], x[::50], y[::50])
+open("/proc/self/clear_refs", "w").write("5")
+before, cpu, wall = memory("VmRSS"), time.process_time(), time.perf_counter()
+work(xy, z, x, y)
+print(json.dumps(dict(cpu=time.process_time() - cpu, wall=time.perf_counter() - wall,
+                      peak=memory("VmHWM") - before, cells=len(x) * len(y), points=len(z))))
+"""
+OURS = """
+from algorithms.surface.grid import grid
+from toolbox.data import Lattice
+def work(xy, z, x, y):
+    cell = x[1] - x[0]
+    lattice = Lattice(x[0] - cell / 2, y[0] + cell / 2, cell, len(y), len(x))
+    return grid(xy, z, lattice, method="{}")
+"""
+GRIDDATA = """
+from scipy.interpolate import griddata
+def work(xy, z, x, y):
+    return griddata(xy, z, tuple(np.meshgrid(x, y)), method="{}")
+"""
+CKDTREE = """
+from scipy.spatial import cKDTree
+def work(xy, z, x, y):
+    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    far, near = cKDTree(xy).query(places, 12, workers=-1)
+    weight = 1 / np.maximum(far, 1e-9) ** 2
+    return (weight * z[near]).sum(axis=1) / weight.sum(axis=1)
+"""
+STARTINPY = """
+import startinpy
+def spread(n):
+    n = n.astype(np.uint64)
+    for shift, mask in ((16, 0x0000FFFF0000FFFF), (8, 0x00FF00FF00FF00FF),
+                        (4, 0x0F0F0F0F0F0F0F0F), (2, 0x3333333333333333), (1, 0x5555555555555555)):
+        n = (n | (n << np.uint64(shift))) & np.uint64(mask)
+    return n
+def work(xy, z, x, y):  # along a Morton curve, of which it makes the best
+    low = 4 * (xy - xy.min(0))
+    order = np.argsort(spread(low[:, 0]) | (spread(low[:, 1]) << np.uint64(1)))
+    mesh = startinpy.DT()
+    mesh.insert(np.column_stack([xy, z])[order])
+    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return mesh.interpolate({"method": "TIN"}, places)
+"""
+VERDE = """
+import verde
+def work(xy, z, x, y):
+    return verde.Linear().fit((xy[:, 0], xy[:, 1]), z).predict(np.meshgrid(x, y))
+"""
+MATPLOTLIB = """
+from matplotlib.tri import LinearTriInterpolator, Triangulation
+def work(xy, z, x, y):
+    triangles = Triangulation(xy[:, 0], xy[:, 1])
+    return LinearTriInterpolator(triangles, z)(*np.meshgrid(x, y))
+"""
+PEERS = (  # method, name, program, bar, aim, step between the points that are used
+    ("linear", "startinpy", STARTINPY, 1, 3, 1),
+    ("idw", "cKDTree", CKDTREE, 2, 5, 1),
+    ("nearest", "griddata", GRIDDATA.format("nearest"), 1, 1, 1),
+    ("linear", "griddata", GRIDDATA.format("linear"), 5, 20, 5),
+    ("cubic", "griddata", GRIDDATA.format("cubic"), 5, 20, 5),
+    ("linear", "verde", VERDE, 15, 60, 5),
+    ("linear", "matplotlib", MATPLOTLIB, 15, 60, 5),
+)
+GDAL = {  # method: what gdal_grid calls it, bar, aim
+    "linear": ("linear:radius=-1", 10, 40),
+    "nearest": ("nearest", 3, 10),
+    "idw": ("invdistnn:power=2:max_points=12:radius=20", 3, 5),
+}
+
+
+def gridding() -> None:
+    """surface.grid beside other programs: processor time, alternately, and memory.
+
+    LIDAR_PEERS may name a Python in which scipy, startinpy, verde and matplotlib are installed.
+    """
+    import numpy as np
+
+    with folder() as out:
+        xyz = _in_metres()
+        for step in (1, 5):
+            np.save(out / f"{step}.npy", xyz[::step])
+        for method, name, program, bar, aim, step in PEERS:
+            for cell in (1.0, 0.5):
+                found = [
+                    [_measured(code, out / f"{step}.npy", cell, peer) for code, peer in pair]
+                    for pair in [((OURS.format(method), False), (program, True))] * FEW
+                ]
+                if not all(map(all, found)):
+                    say(f"gridding {method:8} {name}: not installed")
+                    break
+                _say_ratio(method, name, bar, aim, found)
+        for method in ("linear", "natural", "cubic", "idw", "nearest", "mean"):
+            _memory_of(f"ours {method}", OURS.format(method), out / "5.npy", peer=False)
+        for method in ("linear", "cubic"):
+            _memory_of(f"griddata {method}", GRIDDATA.format(method), out / "5.npy", peer=True)
+        _beside_gdal_grid(xyz, out)
+        _beside_floor(out)
+
+
+def _in_metres() -> Any:
+    """Five million points of a survey."""
+    from toolbox.data import PointCloud
+
+    cloud = PointCloud.open(DATA / "autzen_ept/autzen_south_5M.laz")
+    return cloud.xyz / cloud.metre
+
+
+def _measured(code: str, points: Path, cell: float, peer: bool) -> dict[str, float] | None:
+    """What a program took; None if it is not installed."""
+    python = os.environ.get("LIDAR_PEERS", sys.executable) if peer else sys.executable
+    done = subprocess.run(
+        [python, "-c", MEASURED.format(code), str(points), str(cell)],
+        capture_output=True, text=True, cwd=ROOT, check=False,
+    )  # fmt: skip
+    if "ModuleNotFoundError" in done.stderr:
+        return None
+    if done.returncode:
+        raise RuntimeError(done.stderr)
+    return dict(json.loads(done.stdout))
+
+
+def _say_ratio(method: str, name: str, bar: float, aim: float, found: list[Any]) -> None:
+    cpu, wall = (
+        [statistics.median(row[i][clock] for row in found) for i in (0, 1)]
+        for clock in ("cpu", "wall")
+    )
+    points, cells = (found[0][0][what] / 1e6 for what in ("points", "cells"))
+    peaks = [found[0][i]["peak"] / 2**20 for i in (0, 1)]
+    say(
+        f"gridding {method:8} {points:.1f} M points, {cells:.1f} M cells: {cpu[0]:6.2f} CPU s, "
+        f"{name} {cpu[1]:6.2f}, ratio {cpu[1] / cpu[0]:5.1f} (bar {bar}, aim {aim}); seconds "
+        f"{wall[0]:.2f}, {wall[1]:.2f}, ratio {wall[1] / wall[0]:.1f}; MiB "
+        f"{peaks[0]:.0f}, {peaks[1]:.0f}"
+    )
+
+
+def _memory_of(name: str, code: str, points: Path, *, peer: bool) -> None:
+    """Bytes at the peak beyond the points, per point and per cell."""
+    coarse, fine = (_measured(code, points, cell, peer) for cell in (4.0, 0.5))
+    if coarse is None or fine is None:
+        say(f"gridding memory {name}: not installed")
+        return
+    per_cell = (fine["peak"] - coarse["peak"]) / (fine["cells"] - coarse["cells"])
+    per_point = (coarse["peak"] - per_cell * coarse["cells"]) / coarse["points"]
+    say(f"gridding memory {name:16} {per_point:5.0f} bytes per point, {per_cell:3.0f} per cell")
+
+
+def _beside_gdal_grid(xyz: Any, out: Path) -> None:
+    """Whole commands, processor time; gdal_grid reads text, which it takes best, and we LAZ."""
+    if not shutil.which("gdal_grid"):
+        say("gridding gdal_grid is not installed")
+        return
+    cloud = DATA / "autzen_ept/autzen_south_5M.laz"
+    _write_text(xyz, out / "p.csv")
+    (west, south, _), (east, north, _) = xyz.min(axis=0), xyz.max(axis=0)
+    edges = ["-txe", west, east, "-tye", north, south]
+    command = ["gdal_grid", "-q", "-zfield", "z", "-oo", "X_POSSIBLE_NAMES=x"]
+    command += ["-oo", "Y_POSSIBLE_NAMES=y", "-oo", "AUTODETECT_TYPE=YES"]
+    command += ["--config", "GDAL_NUM_THREADS", "ALL_CPUS", *edges]
+
+    def theirs(algorithm: str, cell: float) -> float:
+        size = ["-outsize", *(max(1, round(d / cell)) for d in (east - west, north - south))]
+        files = ["-l", "p", out / "p.csv", out / "g.tif"]
+        return _command_seconds([*command, *size, "-a", algorithm, *files])
+
+    reading = theirs("average", 1e6)  # into a single cell
+    say(f"gridding gdal_grid reads the points in {reading:.1f} CPU s")
+    for method, (algorithm, bar, aim) in GDAL.items():
+        for cell in (1.0, 0.5):
+            options = ["--points", cloud, "--method", method, "--cell", cell, "--json"]
+            done = [
+                (
+                    toolbox("run", "surface.grid", *options, "--surface", out / f"{n}{cell}.tif"),
+                    theirs(algorithm, cell),
+                )
+                for n in range(FEW)
+            ]
+            ours, other = (
+                statistics.median(column)
+                for column in zip(*((row[0]["cpu"], row[1]) for row in done), strict=True)
+            )
+            inside = _measured(OURS.format(method), out / "1.npy", cell, peer=False)
+            assert inside
+            say(
+                f"gridding {method:8} cells of {cell} m: command {ours:.1f} CPU s, gdal_grid "
+                f"{other:.1f}, ratio {other / ours:.1f} (bar {bar}, aim {aim}); interpolation "
+                f"{inside['cpu']:.1f}, {other - reading:.1f}, "
+                f"ratio {(other - reading) / inside['cpu']:.1f}"
+            )
+
+
+def _beside_floor(out: Path) -> None:
+    """Each method as one command, and what no program can do without: read, sort, write."""
+    path = DATA / "autzen_ept/autzen_south_5M.laz"
+    code = (
+        "import sys, time, laspy, numpy as np, rasterio\n"
+        "def lap(name, work, start=time.process_time):\n"
+        "    begin = start(); found = work(); print(name, start() - begin); return found\n"
+        "xyz = lap('reading', lambda: laspy.read(sys.argv[1]).xyz)\n"
+        "lap('sorting', lambda: xyz[np.argsort(xyz[:, 0])])\n"
+        "values = np.random.default_rng(0).normal(100, 5, (1354, 2044)).astype('float32')\n"
+        "how = dict(driver='GTiff', dtype='float32', count=1, width=2044, height=1354,\n"
+        "           compress='deflate', predictor=3)\n"
+        "lap('writing', lambda: rasterio.open(sys.argv[2], 'w', **how).write(values, 1))\n"
+    )
+    command = [sys.executable, "-W", "ignore", "-c", code, str(path), str(out / "floor.tif")]
+    lines = subprocess.check_output(command, text=True, cwd=ROOT).split("\n")
+    floor = {line.split()[0]: float(line.split()[1]) for line in lines if line}
+    total = sum(floor.values())
+    parts = ", ".join(f"{name} {seconds:.1f}" for name, seconds in floor.items())
+    say(f"gridding floor {total:.1f} CPU s: {parts}")
+    for method in ("mean", "nearest", "idw", "linear", "natural", "cubic"):
+        options = ["--points", path, "--method", method, "--cell", 0.5, "--json"]
+        seconds = toolbox("run", "surface.grid", *options, "--surface", out / f"{method}.tif")
+        say(
+            f"gridding floor {method:8} {seconds['cpu']:.1f} CPU s, "
+            f"{seconds['cpu'] / total:.1f} times the floor"
+        )
+
+
+def _write_text(xyz: Any, path: Path) -> None:
+    import numpy as np
+
+    np.savetxt(path, xyz, "%.3f", delimiter=",", header="x,y,z", comments="")
+
+
+def _command_seconds(command: list[Any]) -> float:
+    """Processor time of a command."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(list(map(str, command)), check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+ALL = (
+    startup,
+    reading,
+    memory,
+    isprs,
+    filters,
+    cloth,
+    terrain,
+    damaged,
+    roundtrip,
+    speed,
+    gridding,
+)
 BENCHES = {b.__name__: b for b in ALL}
 
 if __name__ == "__main__":

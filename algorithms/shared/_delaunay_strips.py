@@ -22,6 +22,9 @@ from algorithms.shared._delaunay_kernels import is_ghost, orient
 STRIP = 200_000  # points: wide enough that seams are few of all
 SAMPLE = 1000  # points for each strip that say where to cut
 ROUNDING = 1e-14  # of a circle, in relation to how thin its triangle is
+STOUT = (
+    1e-6  # twice the area of a triangle by its longest edge squared, for which rounding is naught
+)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -49,63 +52,63 @@ def dealt(xy: Floats) -> tuple[Ints, list[int], Floats]:
 @njit(cache=True, nogil=True)
 def _is_certain(xy, a, b, c, west, east):  # type: ignore[no-untyped-def]
     """Whether the circle of a triangle is between two meridians for sure."""
-    bx, by, cx, cy = (
-        xy[b, 0] - xy[a, 0],
-        xy[b, 1] - xy[a, 1],
-        xy[c, 0] - xy[a, 0],
-        xy[c, 1] - xy[a, 1],
-    )
-    bb, cc = bx * bx + by * by, cx * cx + cy * cy
-    twice = 2.0 * orient(xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1])
-    x, y = (cy * bb - by * cc) / twice, (bx * cc - cx * bb) / twice
-    radius, longest = np.sqrt(x * x + y * y), np.sqrt(4.0 * max(bb, cc))
-    slack = ROUNDING * longest * longest * (longest + radius) / twice
-    return x - radius - slack > west - xy[a, 0] and x + radius + slack < east - xy[a, 0]
+    ax, ay = xy[a, 0], xy[a, 1]
+    bx, by, cx, cy = xy[b, 0] - ax, xy[b, 1] - ay, xy[c, 0] - ax, xy[c, 1] - ay
+    bb, cc, bc = bx * bx + by * by, cx * cx + cy * cy, (cx - bx) ** 2 + (cy - by) ** 2
+    twice = orient(ax, ay, xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1])
+    longest = max(bb, cc, bc)
+    room = min(ax - west, east - ax)
+    if twice > STOUT * longest and bb * cc * bc < (0.5 * room * twice) ** 2:
+        return True  # its diameter is far less than the room: no need of roots
+    x, y = (cy * bb - by * cc) / (2.0 * twice), (bx * cc - cx * bb) / (2.0 * twice)
+    radius = np.sqrt(x * x + y * y)
+    slack = ROUNDING * longest * (np.sqrt(longest) + radius) / twice
+    return x - radius - slack > west - ax and x + radius + slack < east - ax
 
 
 @njit(cache=True, nogil=True)
-def keep_certain(mesh, order, bounds, first, triangles, neighbours, loose):  # type: ignore[no-untyped-def]
-    """Copy the certain triangles of a strip to where they belong, and mark its loose vertices.
+def settle(mesh, order, bounds, first, loose):  # type: ignore[no-untyped-def]
+    """Make the certain triangles of a strip those of the whole, and mark its loose vertices.
 
     Parameters
     ----------
-    mesh : live, of the strip
+    mesh : live, of the strip; comes to name points and triangles of the whole, with -1 for
+        neighbours that are not certain
     order : the point of the whole that each vertex is
     bounds : of the strip, in x
-    first : number of its first triangle in the whole
-    triangles, neighbours : of the whole; take the certain ones, with -1 beyond what is certain
+    first : number that its first triangle has in the whole
     loose : of all points; takes the vertices of all other triangles, and at the hull
 
     Returns
     -------
-    count : of certain triangles
-    rim : their edges towards what is not certain
+    free : numbers of what is no certain triangle
+    rim : edges of the certain triangles towards what is not certain
     """
-    size, west, east = mesh.size[0], bounds[0], bounds[1]
-    number, count = np.empty(size, np.int32), 0
+    triangles, neighbours, size = mesh.triangles, mesh.neighbours, mesh.size[0]
+    certain = np.zeros(len(triangles), np.bool_)
+    edges = 0
     for t in range(size):
-        number[t] = -1
-        a, b, c = mesh.triangles[t, 0], mesh.triangles[t, 1], mesh.triangles[t, 2]
-        if not is_ghost(mesh.triangles, t) and _is_certain(mesh.xy, a, b, c, west, east):
-            number[t] = first + count
-            count += 1
-        else:
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        certain[t] = not is_ghost(triangles, t) and _is_certain(
+            mesh.xy, a, b, c, bounds[0], bounds[1]
+        )
+        if not certain[t]:
+            edges += 3
             for vertex in (a, b, c):
                 if vertex >= 0:
                     loose[order[vertex]] = True
-    rim, edges = np.empty(64, np.int64), 0
+    rim, found = np.empty(edges, np.int64), 0
     for t in range(size):
-        n = number[t]
-        if n >= 0:
+        if certain[t]:
             for k in range(3):
-                triangles[n, k] = order[mesh.triangles[t, k]]
-                neighbours[n, k] = number[mesh.neighbours[t, k]]
-                if neighbours[n, k] < 0:
-                    if edges == len(rim):
-                        rim = np.concatenate((rim, rim))
-                    rim[edges] = 3 * n + k
-                    edges += 1
-    return count, rim[:edges]
+                triangles[t, k] = order[triangles[t, k]]
+                if certain[neighbours[t, k]]:
+                    neighbours[t, k] += first
+                else:
+                    neighbours[t, k] = -1
+                    rim[found] = 3 * (first + t) + k
+                    found += 1
+    return first + np.flatnonzero(~certain), rim[:found]
 
 
 def sew(

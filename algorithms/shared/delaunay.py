@@ -34,6 +34,7 @@ RUN = 100_000  # points that are worked on between two looks at the context
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+Room = tuple[Ints, Ints]
 Frame = tuple[float, float, float]  # west and south end of a square, cells of the curve per unit
 
 
@@ -135,8 +136,9 @@ def triangulate(xy: Floats, *, ctx: Context = QUIET) -> Mesh:
 def _whole(xy: Floats, ctx: Context) -> Mesh:
     """Triangulate all points at once."""
     everything = np.arange(len(xy), dtype=np.int32)
-    live, order, vertex_of = _grown(xy, everything, _frame(xy), ctx.part(0, 0.9))
-    triangles, neighbours = live.triangles, live.neighbours
+    room = _room(len(xy))
+    live, order, vertex_of = _grown(xy, everything, _frame(xy), room, ctx.part(0, 0.9))
+    triangles, neighbours = room
     count = kernels.drop_ghosts(triangles, neighbours, live.size[0])
     triangles, neighbours = triangles[:count], neighbours[:count]
     _gather(order, triangles, triangles, ctx.part(0.9, 1))
@@ -149,27 +151,27 @@ def _sewn(xy: Floats, ctx: Context) -> Mesh:
     """Triangulate strips of the points side by side, and sew them together."""
     frame, (dealt, starts, bounds) = _frame(xy), strips.dealt(xy)
     ctx.progress(0.1)
-    triangles, neighbours = (np.empty((2 * len(xy), 3), np.int32) for _ in range(2))
+    triangles, neighbours = _room(len(xy))
     loose, duplicate_of = np.zeros(len(xy), np.bool_), np.empty(len(xy), np.int32)
-    counts, rims = [0] * len(starts[1:]), [np.empty(0, np.int64)] * len(starts[1:])
+    free, rims = ([np.empty(0, np.int64)] * len(starts[1:]) for _ in range(2))
 
     def work(k: int, _: int) -> None:
-        points = dealt[starts[k] : starts[k + 1]]
+        points, here = dealt[starts[k] : starts[k + 1]], slice(2 * starts[k], 2 * starts[k + 1])
         try:
-            live, order, vertex_of = _grown(xy, points, frame, QUIET)
+            live, order, vertex_of = _grown(
+                xy, points, frame, (triangles[here], neighbours[here]), QUIET
+            )
         except DataError:  # they are on one line, or none
             loose[points] = True
+            free[k] = np.arange(here.start, here.stop)
             return
         duplicate_of[order] = order[vertex_of]
-        counts[k], rims[k] = strips.keep_certain(
-            live, order, bounds[k : k + 2], 2 * starts[k], triangles, neighbours, loose
-        )
+        free[k], rims[k] = strips.settle(live, order, bounds[k : k + 2], here.start, loose)
 
-    in_blocks(work, len(counts), 1, ctx.part(0.1, 0.9))
+    in_blocks(work, len(rims), 1, ctx.part(0.1, 0.9))
     seamed = np.flatnonzero(loose).astype(np.int32)
     seam = _whole(xy[seamed], ctx.part(0.9, 0.95))
     duplicate_of[seamed] = seamed[seam.duplicate_of]
-    free = [np.arange(2 * starts[k] + counts[k], 2 * starts[k + 1]) for k in range(len(counts))]
     size = strips.sew(
         *(triangles, neighbours, np.concatenate(free), np.concatenate(rims)),
         *(seamed[seam.triangles], seam.neighbours),
@@ -180,7 +182,7 @@ def _sewn(xy: Floats, ctx: Context) -> Mesh:
 
 
 def _grown(
-    xy: Floats, points: Ints, frame: Frame, ctx: Context
+    xy: Floats, points: Ints, frame: Frame, room: Room, ctx: Context
 ) -> tuple[kernels.Arrays, Ints, Ints]:
     """Triangulate some of the points, in a copy that is sorted by the order of insertion.
 
@@ -191,8 +193,8 @@ def _grown(
     vertex_of : array of shape (m,), the one of the copy at the place of each
     """
     order = _order(xy, points, frame, ctx.part(0, 0.2))
-    live = _empty(_gather(xy, order, np.empty((len(order), 2)), ctx.part(0.2, 0.25)))
-    vertex_of = np.empty_like(order)
+    copy = _gather(xy, order, np.empty((len(order), 2)), ctx.part(0.2, 0.25))
+    live, vertex_of = _empty(_frozen(copy), room), np.empty_like(order)
     _fill(live, np.arange(len(order), dtype=np.int32), 0, vertex_of, ctx.part(0.25, 1))
     return live, order, vertex_of
 
@@ -226,7 +228,7 @@ class LiveMesh:
 
     def __init__(self, xy: Floats) -> None:
         xy = _checked(xy)
-        self.arrays = _empty(xy)
+        self.arrays = _empty(xy, _room(len(xy)))
         self.round_of = np.full(len(xy), -1, np.int32)
         self.duplicate_of = np.full(len(xy), -1, np.int32)
         self._frame = _frame(xy)
@@ -291,16 +293,16 @@ class LiveMesh:
         )
 
 
-def _empty(xy: Floats) -> kernels.Arrays:
-    """A mesh without triangles; np.empty takes no memory before it is written to."""
-    capacity = 2 * len(xy) + 2
-    return kernels.Arrays(
-        xy=_frozen(xy),
-        triangles=np.empty((capacity, 3), np.int32),
-        neighbours=np.empty((capacity, 3), np.int32),
-        size=np.zeros(1, np.int64),
-        scratch=np.empty((4, capacity), np.int64),
-    )
+def _room(points: int) -> Room:
+    """Memory for the triangles and neighbours of some points; it takes none until written to."""
+    return np.empty((2 * points, 3), np.int32), np.empty((2 * points, 3), np.int32)
+
+
+def _empty(xy: Floats, room: Room) -> kernels.Arrays:
+    """A mesh without triangles."""
+    triangles, neighbours = room
+    size, scratch = np.zeros(1, np.int64), np.empty((4, len(triangles)), np.int64)
+    return kernels.Arrays(xy, triangles, neighbours, size, scratch)
 
 
 def _fill(mesh: kernels.Arrays, points: Ints, hint: int, vertex_of: Ints, ctx: Context) -> int:

@@ -6,7 +6,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from algorithms.shared.threads import in_blocks
 from toolbox.context import QUIET, Context, log
+
+RUN = 200_000  # points that one thread takes at a time
 
 Array = NDArray[np.float64]
 
@@ -15,35 +18,54 @@ def averaged(xy: Array, values: Array, *, ctx: Context = QUIET) -> tuple[Array, 
     """Each place of shape (n, 2) once, sorted, with the mean of its values of shape (n,)."""
     order = np.argsort(xy[:, 0])
     ctx.progress(0.3)
-    xy, values = xy[order], values[order]
-    ctx.progress(0.6)
-    count = _settle(xy, values)
-    if count < len(xy):
-        log.info("%d points share their place with another; averaged", len(xy) - count)
+    places, means = np.empty((len(xy), 2)), np.empty(len(xy))
+    parts: list[tuple[int, int]] = []
+
+    def work(first: int, last: int) -> None:
+        parts.append(_settle(xy, values, order, first, last, places, means))
+
+    in_blocks(work, len(xy), RUN, ctx.part(0.3, 0.9))
+    total = 0
+    for begin, count in sorted(parts):
+        if begin > total:  # close the gap that points at one place have left
+            places[total : total + count] = places[begin : begin + count]
+            means[total : total + count] = means[begin : begin + count]
+        total += count
+    if total < len(xy):
+        log.info("%d points share their place with another; averaged", len(xy) - total)
     ctx.progress(1.0)
-    return xy[:count], values[:count]
+    return places[:total], means[:total]
 
 
 @njit(cache=True, nogil=True)
-def _settle(xy, values):  # type: ignore[no-untyped-def]
-    """Sort runs of equal x by y and value, and average places, all in place; how many there are."""
-    count, start = 0, 0
-    while start < len(xy):
-        end = start + 1
-        while end < len(xy) and xy[end, 0] == xy[start, 0]:
+def _settle(xy, values, order, first, last, places, means):  # type: ignore[no-untyped-def]
+    """Average the places whose x begins in first..last of the order, and sort them by x, then y.
+
+    Returns
+    -------
+    begin : where the first of them is written
+    count : how many there are
+    """
+    while 0 < first < last and xy[order[first], 0] == xy[order[first - 1], 0]:
+        first += 1
+    count = start = first
+    while start < last:
+        x, end = xy[order[start], 0], start
+        while end < len(order) and xy[order[end], 0] == x:
+            places[end, 1], means[end] = xy[order[end], 1], values[order[end]]
             end += 1
         if end > start + 1:
-            _sort(xy[start:end, 1], values[start:end])
+            _sort(places[start:end, 1], means[start:end])
         while start < end:
-            x, y, low = xy[start, 0], xy[start, 1], values[start]
+            y, low = places[start, 1], means[start]
             above, size = 0.0, 0
-            while start < end and xy[start, 1] == y:
-                above += values[start] - low  # from the lowest, to keep the digits
+            while start < end and places[start, 1] == y:
+                above += means[start] - low  # from the lowest, to keep the digits
                 size += 1
                 start += 1
-            xy[count, 0], xy[count, 1], values[count] = x, y, low + above / size
+            places[count, 0], places[count, 1], means[count] = x, y, low + above / size
             count += 1
-    return count
+    return first, count - first
 
 
 @njit(cache=True, nogil=True)

@@ -1,10 +1,10 @@
-"""What a running tool may talk to: progress, cancellation, log. Nothing else."""
+"""What a running tool may talk to: progress, cancellation, log; and where its result is needed."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from toolbox.errors import Cancelled
 
@@ -19,10 +19,13 @@ class Context:
     ----------
     report : called with the fraction done, 0..1
     stop : True once the user has cancelled
+    window : xmin, ymin, xmax, ymax in the unit of the coordinates, beyond which nothing of the
+        result is needed: in a tile of a survey, that of its points. A tool need not look at it.
     """
 
     report: Callable[[float], None] = lambda fraction: None
     stop: Callable[[], bool] = lambda: False
+    window: tuple[float, float, float, float] | None = None
 
     def progress(self, fraction: float) -> None:
         """Report 0..1 and stop here if the user cancelled: one call, never forgotten.
@@ -38,7 +41,7 @@ class Context:
 
     def part(self, start: float, end: float) -> Context:
         """The share of this context, from start to end, that one stage may report into."""
-        return Context(lambda f: self.report(start + f * (end - start)), self.stop)
+        return replace(self, report=lambda f: self.report(start + f * (end - start)))
 
 
 QUIET = Context()  # nobody listens, nobody cancels

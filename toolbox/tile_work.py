@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox import catalog, tile_store
-from toolbox.context import QUIET, Context, log
+from toolbox.context import Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.data.survey import Survey
 from toolbox.errors import NothingToDo
@@ -155,7 +155,7 @@ def _results(
         return result
 
     run = Run(model.part(job.steps), values, keep=job.keep, around=around, gaps=True)
-    result = run.run(QUIET)
+    result = run.run(Context(window=job.grid.bounds(tile, job.halo)))
     return {name: getattr(result, name) for name in sorted(job.keep)}
 
 

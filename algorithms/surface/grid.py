@@ -173,6 +173,11 @@ class SurfaceGrid:
 
     def _gridded(self, xy: Array, values: Array, ctx: Context) -> SurfaceGrid.Outputs:
         lattice = self._lattice(xy)
+        if ctx.window:
+            near_tile = lattice.near(ctx.window)
+            if near_tile is None:
+                raise NothingToDo("points: no cell of the raster is near them")
+            lattice = near_tile
         excluded = self._excluded()
         xy, values = self._shaped(xy, values, lattice, excluded)
         if len(excluded) and not len(xy) and self.max_gap is None:

@@ -23,7 +23,7 @@ from algorithms.surface._tin import Tin
 from algorithms.surface.grid import Method, SurfaceGrid, grid
 from toolbox.context import Context
 from toolbox.data import Lattice, PointCloud, Raster, Vector
-from toolbox.errors import Cancelled, DataError, ParameterError
+from toolbox.errors import Cancelled, DataError, NothingToDo, ParameterError
 from toolbox.expression import Expression
 from toolbox.values import Attribute, ClassList, Extent
 
@@ -399,6 +399,23 @@ def test_cells_are_whole_multiples_and_cover_the_points(cell: float) -> None:
     assert north - cell < points["y"].max() <= north
     assert south <= points["y"].min()
     assert east >= points["x"].max()
+
+
+@pytest.mark.parametrize("method", ["linear", "mean"])
+def test_only_cells_near_the_window_are_filled(method: Method) -> None:
+    points = cloud()
+    west, south, _, east, north, _ = points.bounds
+    template = SurfaceGrid(points=points, cell=1.0).run().surface
+    tool = SurfaceGrid(points=points, template=template, method=method, max_gap=None)
+    whole = tool.run().surface
+    window = west + 3.0, south + 2.0, west + 7.0, south + 5.0
+    part = tool.run(Context(window=window)).surface
+    assert part.values.size < 60
+    row, col = Lattice.of(whole).place(Lattice.of(part))
+    inner = whole.values[:, row : row + part.shape[0], col : col + part.shape[1]]
+    np.testing.assert_array_equal(part.values, inner)
+    with pytest.raises(NothingToDo, match="no cell of the raster"):
+        tool.run(Context(window=(east + 9.0, south, east + 99.0, north)))
 
 
 def test_cells_of_a_template() -> None:

@@ -107,6 +107,23 @@ class Lattice:
             last_col - first_col,
         )
 
+    def near(self, bounds: Sequence[float]) -> Lattice | None:
+        """The cells that touch bounds (xmin, ymin, xmax, ymax) and one more around; None if none.
+
+        With that one, no edge of the bounds becomes an outer edge, which the last cells hold.
+        """
+        west, south, east, north = bounds
+        ends = (west - self.west, east - self.west), (self.north - north, self.north - south)
+        cols, rows = (
+            slice(
+                max(0, math.floor(first / self.cell) - 1),
+                max(0, math.ceil(last / self.cell) + 1),
+            )
+            for first, last in ends
+        )
+        empty = cols.start >= min(cols.stop, self.cols) or rows.start >= min(rows.stop, self.rows)
+        return None if empty else self.window(rows, cols)
+
     @classmethod
     def union(cls, lattices: Iterable[Lattice]) -> Lattice:
         """The smallest lattice with all cells of lattices that are parts of one.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,24 +172,15 @@ def enclosed(data: Mask) -> Mask:
     return inside
 
 
-def find_bodies(cells: Grid, least_area: float, ctx: Context = QUIET) -> list[Body]:
-    """All water bodies, the largest first.
-
-    Parameters
-    ----------
-    cells : see :func:`grid`
-    least_area : of a body, square metres
-    ctx : progress and cancellation
-    """
-    least = max(1, math.ceil(least_area / cells.area))
-    pour = Pour(cells, least)
-    places = [*_holes(cells, least), *_calm_places(cells, least)]
+def find_bodies(cells: Grid, pour: Pour, ctx: Context = QUIET) -> list[Body]:
+    """All water bodies, the largest first."""
+    places = [*_holes(cells, pour.least), *_calm_places(cells, pour.least)]
     places.sort(key=lambda place: (-len(place[0]), place[0][0]))
     found: list[Body] = []
     for done, (starts, level) in enumerate(places):
         ctx.progress(0.9 * done / len(places))
         found += pour.at(starts, level)
-    for starts in _patches(cells.calm & (pour.state != TAKEN), 4 * least):
+    for starts in _patches(cells.calm & (pour.state != TAKEN), 4 * pour.least):
         ctx.progress(0.9)
         found += pour.down(starts)
     ctx.progress(1.0)
@@ -199,13 +190,20 @@ def find_bodies(cells: Grid, least_area: float, ctx: Context = QUIET) -> list[Bo
 class Pour:
     """Water poured on places of the cells.
 
+    Parameters
+    ----------
+    cells : see :func:`grid`
+    least_area : of a body, square metres
+
     Attributes
     ----------
+    least : cells of a body
     state : array of shape (rows, cols), TAKEN where a body has been found
     """
 
-    def __init__(self, cells: Grid, least: int) -> None:
-        self.cells, self.least, self.floor = cells, least, cells.floor
+    def __init__(self, cells: Grid, least_area: float) -> None:
+        self.cells, self.floor = cells, cells.floor
+        self.least = max(1, math.ceil(least_area / cells.area))
         self.state = np.zeros(self.floor.shape, np.uint8)
         self.stack = np.empty(self.floor.size, np.int32)
 
@@ -230,6 +228,20 @@ class Pour:
             return []
         body = self._held(self.floor - trend, middle, heights, starts)
         return [] if body is None else self._take(judge(cells, body, heights, (south, east)))
+
+    def over_waves(self, body: Body, level: float, crest: float) -> Body:
+        """The body with the cells that its waves reach, up to a crest above its level."""
+        if crest <= STEP * self.cells.metre:
+            return body
+        floor = self.floor - self._trend(*body.gradient, body.cells)
+        self.state.ravel()[body.cells] = 0
+        size, _ = kernels.spread(
+            floor, self.cells.middle, level - self.cells.base + crest, -np.inf, 0, body.cells,
+            self.state, self.stack,
+        )  # fmt: skip
+        wider = np.sort(self.stack[:size]).astype(np.int64)
+        self.state.ravel()[wider] = TAKEN
+        return replace(body, cells=wider)
 
     def _held(self, floor: Singles, middle: Singles, level: float, starts: Ints) -> Ints | None:
         """Cells that water at a level covers, unless it runs off or they are too few."""
@@ -365,7 +377,9 @@ def _is_level(cells: Grid, some: Ints) -> bool:
     if len(some) < 10:
         return False
     heights = cells.middle.ravel()[some]
-    if np.subtract(*np.percentile(heights, (90, 10))) > LEVEL_SPREAD * cells.metre:
+    low, middle, high = np.percentile(heights, (10, 50, 90))
+    if high - low > LEVEL_SPREAD * cells.metre:
         return False
-    _, south, east = _plane(cells, some)
+    inner = abs(heights - middle) <= LEVEL_SPREAD * cells.metre / 2  # without banks
+    _, south, east = _plane(cells, some[inner])
     return math.hypot(south, east) / cells.lattice.cell < LEVEL_SLOPE

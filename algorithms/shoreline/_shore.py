@@ -27,7 +27,9 @@ Mask = NDArray[np.bool_]
 BAND = 4  # cells on each side of the edge of a body
 NEAR = 20  # points around one that tell whether it stands on the ground
 FIRM = 0.6  # share of those above the water that must lie on one plane with it
-ROUGH = (0.1, 0.3)  # m off the plane; and slope, by which a point of the ground may stick out
+ROUGH = 0.1  # m off the plane
+BETWEEN = 1  # water points among the near ones: reeds let a few pulses through
+CONES = (0.1, 0.2)  # slopes of the ground from there to a point without a plane, and elsewhere
 ALONE = (2, 8)  # a point on land has more than so many others on land among the nearest ones
 PLANE = 16  # land points that a plane is put through
 SURE = 2.5  # standard deviations of water points above which there is land
@@ -153,12 +155,14 @@ def _stands(points: Floats, high: Mask, metre: float) -> Mask:
     tree = cKDTree(points[:, :2])
     away, near = tree.query(points[high, :2], NEAR + 1)
     d = points[near] - points[high][:, None]
-    lowest = (d[..., 2] >= -(ROUGH[0] * metre + ROUGH[1] * away)).all(axis=1)
     weight = high[near].astype(float)
+    over_water = (~high[near]).sum(axis=1) >= BETWEEN
+    cone = np.where(over_water, *CONES)[:, None]
+    lowest = (d[..., 2] >= -(ROUGH * metre + cone * away)).all(axis=1)
     plane = fit_planes(d, weight)
     off = abs(d[..., 2] - (plane[:, None, :] * _design(d)).sum(axis=2))
-    alike = ((off <= ROUGH[0] * metre) * weight).sum(axis=1)
-    firm = (off[:, 0] <= ROUGH[0] * metre) & (alike >= FIRM * weight.sum(axis=1))
+    alike = ((off <= ROUGH * metre) * weight).sum(axis=1)
+    firm = (off[:, 0] <= ROUGH * metre) & (alike >= FIRM * weight.sum(axis=1))
     stands[high] = lowest | firm
     kept = np.flatnonzero(stands)
     if len(kept) > ALONE[1]:
@@ -264,6 +268,7 @@ def _crossings(
     share[guess] = np.minimum(0.5, 0.5 * spacing / length[guess])
     share[is_open] = np.maximum(0.5, 1 - 0.5 * cells.lattice.cell / length[is_open])
     xy = where.xy[land] + share[:, None] * (where.xy[water] - where.xy[land])
+    length[is_open] = np.minimum(length[is_open], cells.lattice.cell)
     slope = np.nan_to_num(where.slope[water])
     error = np.hypot(level.sigma, level.error)
     sigma = 1 / np.sqrt(12 / length**2 + (slope / error) ** 2)

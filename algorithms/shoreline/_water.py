@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared.lowest import cells_of
-from algorithms.shoreline._bodies import Body, Grid, find_bodies, grid
+from algorithms.shoreline._bodies import Body, Grid, Pour, find_bodies, grid
 from algorithms.shoreline._level import Level, level_of
 from algorithms.shoreline._returns import Returns
 from toolbox.context import QUIET, Context, log
 from toolbox.errors import DataError
 from toolbox.values import Position
 
+CREST = 3.0  # standard deviations of points on the water above its level
 MOST_SAMPLES = 500_000  # points that tell the level of one body
 FALL = 0.15  # m, from end to end of a body that is no lake
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
@@ -48,8 +49,14 @@ def find_water(
 ) -> tuple[Grid, list[Water]]:
     """All water bodies of at least an area in square metres, the largest first."""
     cells = grid(points, ctx.part(0.0, 0.6))
-    bodies = find_bodies(cells, least_area, ctx.part(0.6, 0.8))
-    return cells, with_levels(points, cells, bodies, ctx.part(0.8, 1.0))
+    pour = Pour(cells, least_area)
+    bodies = find_bodies(cells, pour, ctx.part(0.6, 0.8))
+    found = []
+    for water in with_levels(points, cells, bodies, ctx.part(0.8, 1.0)):
+        crest = CREST * water.level.sigma
+        body = pour.over_waves(water.body, water.level.height, crest)
+        found.append(replace(water, body=body))
+    return cells, found
 
 
 def with_levels(

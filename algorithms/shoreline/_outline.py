@@ -14,7 +14,7 @@ from scipy import ndimage
 
 from algorithms.shared.lowest import cells_of
 from algorithms.shoreline._bodies import Grid, window
-from algorithms.shoreline._returns import UNIT, Returns
+from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._shore import BAND, Shore, area_of, shore
 from algorithms.shoreline._water import Water
 from toolbox.context import QUIET, Context
@@ -151,14 +151,11 @@ def draw(
     for k, one in enumerate(water, 1):
         of_body[one.body.cells] = k
     near, index = _band(points, cells, [water[k] for k in chosen], ctx.part(0.0, 0.5))
-    box = points.origin + UNIT * np.array([f(points.packed, axis=0) for f in (np.min, np.max)])
     found = []
     for done, k in enumerate(chosen):
         ctx.progress(0.5 + 0.5 * done / len(chosen))
         others = (of_body > 0) & (of_body != k + 1)
         made = shore(near, cells, index, water[k].body.cells, others, water[k].level)
-        rings = [np.clip(ring, box[0, :2], box[1, :2]) for ring in made.rings]
-        made = Shore(rings, made.sigma, made.open)
         metre2 = cells.metre**2
         parts = _parts(made, least_area * metre2, least_island * metre2)
         found.append(Outline(done + 1, water[k], made, parts, cells))

@@ -28,8 +28,8 @@ BAND = 4  # cells on each side of the edge of a body
 NEAR = 20  # points around one that tell whether it stands on the ground
 FIRM = 0.6  # share of those above the water that must lie on one plane with it
 ROUGH = 0.1  # m off the plane
-BETWEEN = 1  # water points among the near ones: reeds let a few pulses through
-CONES = (0.1, 0.2)  # slopes of the ground from there to a point without a plane, and elsewhere
+AROUND = 0.9  # mean of the directions to near points of water, where it is on more than one side
+CONES = (0.1, 0.2)  # slopes of the ground to a point without a plane there, and elsewhere
 ALONE = (2, 8)  # a point on land has more than so many others on land among the nearest ones
 PLANE = 16  # land points that a plane is put through
 SURE = 2.5  # standard deviations of water points above which there is land
@@ -156,7 +156,9 @@ def _stands(points: Floats, high: Mask, metre: float) -> Mask:
     away, near = tree.query(points[high, :2], NEAR + 1)
     d = points[near] - points[high][:, None]
     weight = high[near].astype(float)
-    over_water = (~high[near]).sum(axis=1) >= BETWEEN
+    sides = d[..., :2] / np.maximum(np.hypot(d[..., 0], d[..., 1]), 1e-9)[..., None]
+    pull = np.hypot(*(sides * (1 - weight)[..., None]).sum(axis=1).T)
+    over_water = pull < AROUND * (1 - weight).sum(axis=1)
     cone = np.where(over_water, *CONES)[:, None]
     lowest = (d[..., 2] >= -(ROUGH * metre + cone * away)).all(axis=1)
     plane = fit_planes(d, weight)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +25,9 @@ from algorithms.shoreline._returns import UNIT, Returns
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
 
-Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Ints = NDArray[np.int64]
-Singles = NDArray[np.float32]
+Floats = NDArray[np.floating[Any]]
 
 # Lengths in metres, from the noise of airborne points (0.02 to 0.05) and the waves of small waters.
 COARSE = 4.0  # cells on which the density is counted
@@ -71,12 +71,12 @@ class Grid:
     lattice: Lattice
     metre: float
     base: float
-    low: Singles
+    low: Floats
     count: NDArray[np.int32]
-    bright: Singles
+    bright: Floats
     water: NDArray[np.int32]
-    middle: Singles
-    spread: Singles
+    middle: Floats
+    spread: Floats
     known: NDArray[np.uint8]
     inside: Mask
     density: float
@@ -89,12 +89,13 @@ class Grid:
     @property
     def hole(self) -> Mask:
         """Cells without points, but for single ones."""
-        return self.inside & (self.count == 0) & (self.known < FILLED)
+        return np.asarray(self.inside & (self.count == 0) & (self.known < FILLED))
 
     @property
     def calm(self) -> Mask:
         """Cells around which heights are nearly the same."""
-        return self.inside & (self.known >= KNOWN) & (self.spread <= CALM * self.metre)
+        calm = self.spread <= CALM * self.metre
+        return np.asarray(self.inside & (self.known >= KNOWN) & calm)
 
     @property
     def floor(self) -> Floats:
@@ -243,7 +244,7 @@ class Pour:
         self.state.ravel()[wider] = TAKEN
         return replace(body, cells=wider)
 
-    def _held(self, floor: Singles, middle: Singles, level: float, starts: Ints) -> Ints | None:
+    def _held(self, floor: Floats, middle: Floats, level: float, starts: Ints) -> Ints | None:
         """Cells that water at a level covers, unless it runs off or they are too few."""
         metre = self.cells.metre
         most_lower = int(max(self.least / 2, RUN_OFF * len(starts)))
@@ -261,11 +262,11 @@ class Pour:
         self.state.ravel()[body.cells] = TAKEN
         return [body]
 
-    def _trend(self, south: float, east: float, some: Ints) -> Singles:
+    def _trend(self, south: float, east: float, some: Ints) -> Floats:
         """Rise from the middle of some cells to all cells."""
         rows, cols = self.floor.shape
         r, c = np.arange(rows) - (some // cols).mean(), np.arange(cols) - (some % cols).mean()
-        return (south * r[:, None] + east * c).astype(np.float32)
+        return np.asarray(south * r[:, None] + east * c, np.float32)
 
 
 def _plane(cells: Grid, some: Ints) -> tuple[float, float, float]:
@@ -362,7 +363,7 @@ def judge(
     return Body(body, cells.base + level, gradient, lost, dark, evidence)
 
 
-def separation(water: Singles, land: Singles) -> float:
+def separation(water: Floats, land: Floats) -> float:
     """Largest difference between the distributions of two samples, where water is the darker."""
     if not (len(water) and len(land)):
         return 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ SQUARE = 20.0  # m
 ROUNDS = 10  # of narrowing down; it settles after few
 
 
-def mode(heights: Floats, width: float) -> float:
+def mode(heights: NDArray[np.floating[Any]], width: float) -> float:
     """Middle of the fullest interval of a width; of equally full ones the lowest."""
     h = np.sort(heights)
     ends = np.searchsorted(h, h + width, side="right")
@@ -25,7 +26,7 @@ def mode(heights: Floats, width: float) -> float:
     return float(np.median(h[first : ends[first]]))
 
 
-def lowest_mode(heights: Floats, width: float) -> float:
+def lowest_mode(heights: NDArray[np.floating[Any]], width: float) -> float:
     """Middle of the lowest interval of a width that holds a share of FEW of the heights."""
     h = np.sort(heights)
     ends = np.searchsorted(h, h + width, side="right")

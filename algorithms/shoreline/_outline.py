@@ -60,24 +60,29 @@ class Outline:
             )
             at_shore = np.where(is_open, 0.0, length)
             total = max(at_shore.sum(), 1e-9)
-            yield polygon, {
-                "body": self.number,
-                "level": round(level.height, 4),
-                "level_error": round(level.error, 4),
-                "slope": round(float(np.hypot(*level.gradient)), 6),
-                "area": round(polygon.area / metre**2, 2),
-                "area_error": round(float(np.sqrt(((sigma * at_shore) ** 2).sum())) / metre**2, 2),
-                "perimeter": round(polygon.length / metre, 2),
-                "open_length": round(float(length[is_open].sum()) / metre, 2),
-                "islands": len(part) - 1,
-                "uncertainty": round(
-                    float(np.sqrt((sigma**2 * at_shore).sum() / total)) / metre, 3
-                ),
-                "density": round(self.cells.density * metre**2, 2),
-                "returned": round(body.lost, 3),
-                "darkness": round(body.dark, 3),
-                "evidence": body.evidence,
-            }
+            yield (
+                polygon,
+                {
+                    "body": self.number,
+                    "level": round(level.height, 4),
+                    "level_error": round(level.error, 4),
+                    "slope": round(float(np.hypot(*level.gradient)), 6),
+                    "area": round(polygon.area / metre**2, 2),
+                    "area_error": round(
+                        float(np.sqrt(((sigma * at_shore) ** 2).sum())) / metre**2, 2
+                    ),
+                    "perimeter": round(polygon.length / metre, 2),
+                    "open_length": round(float(length[is_open].sum()) / metre, 2),
+                    "islands": len(part) - 1,
+                    "uncertainty": round(
+                        float(np.sqrt((sigma**2 * at_shore).sum() / total)) / metre, 3
+                    ),
+                    "density": round(self.cells.density * metre**2, 2),
+                    "returned": round(body.lost, 3),
+                    "darkness": round(body.dark, 3),
+                    "evidence": body.evidence,
+                },
+            )
 
     def _sides(self, ring: int) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Standard deviation, length and openness of each side of a ring."""
@@ -95,25 +100,31 @@ class Outline:
                 _, _, is_open = self._sides(k)
                 for line, edge in _stretches(ring, is_open):
                     kind = "data edge" if edge else "island" if place else "shore"
-                    yield shapely.LineString(line), {
-                        "body": self.number,
-                        "kind": kind,
-                        "level": round(self.water.level.height, 4),
-                        "length": round(shapely.LineString(line).length / self.cells.metre, 2),
-                    }
+                    yield (
+                        shapely.LineString(line),
+                        {
+                            "body": self.number,
+                            "kind": kind,
+                            "level": round(self.water.level.height, 4),
+                            "length": round(shapely.LineString(line).length / self.cells.metre, 2),
+                        },
+                    )
 
     def corners(self) -> Iterator[tuple[shapely.Point, Row]]:
         """Corners with their standard deviation across the shore."""
         for k in (ring for part in self.parts for ring in part):
-            spots = shapely.points(self._raised(self.shore.rings[k]))
+            spots = np.asarray(shapely.points(self._raised(self.shore.rings[k])))
             for spot, sigma, edge in zip(
                 spots, self.shore.sigma[k], self.shore.open[k], strict=True
             ):
-                yield spot, {
-                    "body": self.number,
-                    "sigma": round(float(sigma) / self.cells.metre, 3),
-                    "data_edge": bool(edge),
-                }
+                yield (
+                    spot,
+                    {
+                        "body": self.number,
+                        "sigma": round(float(sigma) / self.cells.metre, 3),
+                        "data_edge": bool(edge),
+                    },
+                )
 
 
 def _stretches(ring: Floats, edge: NDArray[np.bool_]) -> Iterator[tuple[Floats, bool]]:
@@ -182,9 +193,9 @@ def _band(
         found.append(xyz[use])
         index.append(at[use].astype(np.int64))
         ctx.progress(some.stop / len(points))
-    xyz, at = np.concatenate(found), np.concatenate(index)
-    order = np.lexsort((xyz[:, 2], xyz[:, 1], xyz[:, 0], at))
-    return xyz[order], at[order]
+    xyz, cell = np.concatenate(found), np.concatenate(index)
+    order = np.lexsort((xyz[:, 2], xyz[:, 1], xyz[:, 0], cell))
+    return xyz[order], cell[order]
 
 
 def _parts(made: Shore, least_area: float, least_island: float) -> list[list[int]]:

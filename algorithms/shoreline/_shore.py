@@ -71,9 +71,7 @@ class Shore:
     open: list[Mask]
 
 
-def shore(
-    xyz: Floats, cells: Grid, cell_of: Ints, body: Ints, others: Mask, level: Level
-) -> Shore:
+def shore(xyz: Floats, cells: Grid, cell_of: Ints, body: Ints, others: Mask, level: Level) -> Shore:
     """Find the shoreline of a body.
 
     Parameters
@@ -126,9 +124,9 @@ def places(
     far = np.array([(west, south), (east, south), (east, north), (west, north)])
     outside = np.concatenate([middle[beyond], far])  # no water at the hull: all rings close
     xy = np.concatenate([points[:, :2], middle[hole], outside])
-    kind = np.concatenate(
-        [kind, np.full(hole.sum(), HOLE), np.full(len(outside), OUTSIDE)]
-    ).astype(np.uint8)
+    kind = np.concatenate([kind, np.full(hole.sum(), HOLE), np.full(len(outside), OUTSIDE)]).astype(
+        np.uint8
+    )
     height = np.concatenate([height, np.zeros(hole.sum()), np.full(len(outside), step)])
     slope = np.full(len(xy), np.nan)
     _expect_ground(xy, height, kind, slope, step, cells.density)
@@ -153,7 +151,7 @@ def _stands(points: Floats, high: Mask, metre: float) -> Mask:
     if high.sum() <= NEAR:
         return np.ones(len(points), bool)
     tree = cKDTree(points[:, :2])
-    away, near = tree.query(points[high, :2], NEAR + 1)
+    away, near = (np.asarray(a) for a in tree.query(points[high, :2], NEAR + 1))
     d = points[near] - points[high][:, None]
     weight = high[near].astype(float)
     sides = d[..., :2] / np.maximum(np.hypot(d[..., 0], d[..., 1]), 1e-9)[..., None]
@@ -216,7 +214,7 @@ def _expect_ground(
         height[wet] = -step
         return
     tree = cKDTree(xy[land])
-    away, near = tree.query(xy[wet], PLANE)
+    away, near = (np.asarray(a) for a in tree.query(xy[wet], PLANE))
     d = np.concatenate([xy[land][near] - xy[wet][:, None], height[land][near][..., None]], axis=2)
     there, gx, gy = fit_planes(d, np.ones(near.shape)).T
     steep = np.hypot(gx, gy)

@@ -66,19 +66,17 @@ def with_levels(
     label = np.zeros(cells.low.shape, np.int32)
     for number, body in enumerate(bodies, 1):
         label.ravel()[_sampled(cells, body.cells)] = number
-    found, of = [], []
+    found, of = [np.zeros((0, 3))], [np.zeros(0, np.int32)]
     for some in points.blocks():
         xyz = points.xyz(some)
-        number = label.ravel()[cells_of(xyz, cells.lattice)]
-        found.append(xyz[number > 0])
-        of.append(number[number > 0])
+        here = label.ravel()[cells_of(xyz, cells.lattice)]
+        found.append(xyz[here > 0])
+        of.append(here[here > 0])
         ctx.progress(some.stop / len(points))
-    xyz, number = np.concatenate(found), np.concatenate(of)
-    order = np.lexsort((xyz[:, 1], xyz[:, 0], xyz[:, 2], number))
-    xyz, ends = xyz[order], np.searchsorted(number[order], np.arange(len(bodies) + 2))
-    return [
-        _surface(cells, body, xyz[ends[k] : ends[k + 1]]) for k, body in enumerate(bodies, 1)
-    ]
+    xyz, which = np.concatenate(found), np.concatenate(of)
+    order = np.lexsort((xyz[:, 1], xyz[:, 0], xyz[:, 2], which))
+    xyz, ends = xyz[order], np.searchsorted(which[order], np.arange(len(bodies) + 2))
+    return [_surface(cells, body, xyz[ends[k] : ends[k + 1]]) for k, body in enumerate(bodies, 1)]
 
 
 def _sampled(cells: Grid, body: Ints) -> Ints:
@@ -94,7 +92,7 @@ def _sampled(cells: Grid, body: Ints) -> Ints:
     count = cells.count.ravel()
     chosen = body[inner] if count[body[inner]].sum() >= 30 else body
     step = math.ceil(count[chosen].sum() / MOST_SAMPLES)
-    return chosen[(chosen // cols + chosen % cols) % max(step, 1) == 0]
+    return np.asarray(chosen[(chosen // cols + chosen % cols) % max(step, 1) == 0])
 
 
 def _surface(cells: Grid, body: Body, xyz: Floats) -> Water:
@@ -124,11 +122,16 @@ def _surface(cells: Grid, body: Body, xyz: Floats) -> Water:
     return Water(body, level)
 
 
-def name_of(cells: Grid, water: Water) -> str:
-    """A body by its place and size, for messages."""
+def place_of(cells: Grid, water: Water) -> tuple[float, float]:
+    """Middle of a cell of a body: that in the middle of its list."""
     xs, ys = cells.lattice.centres()
     some = water.body.cells[len(water.body.cells) // 2]
-    x, y = xs[some % cells.lattice.cols], ys[some // cells.lattice.cols]
+    return float(xs[some % cells.lattice.cols]), float(ys[some // cells.lattice.cols])
+
+
+def name_of(cells: Grid, water: Water) -> str:
+    """A body by its place and size, for messages."""
+    x, y = place_of(cells, water)
     return f"water of {len(water.body.cells) * cells.area:.0f} m2 at {x:.1f},{y:.1f}"
 
 

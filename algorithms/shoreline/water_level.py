@@ -1,0 +1,128 @@
+"""The level of water bodies: not the lowest point, and not one for each tile.
+
+How exact it is: docs/explanation/shoreline.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import shapely
+
+from algorithms.shoreline._bodies import STEP, Body, Grid, grid
+from algorithms.shoreline._level import lowest_mode
+from algorithms.shoreline._returns import Returns
+from algorithms.shoreline._water import Water, find_water, place_of, tell, with_levels
+from algorithms.surface._outlines import polygons
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Survey, Table, Vector
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import ClassList
+
+
+@tool("shoreline.water_level")
+class ShorelineWaterLevel:
+    """Find the level of each water body from all of its points together.
+
+    The water is found as by shoreline.extract, or given as polygons, such as a map. Of the last
+    returns on it and at its edge the level is the robust mode: banks, boats and reeds above hardly
+    move it, nor do errors below, however deep.
+
+    One row per body tells the level, its standard error and the deviation of single points, all in
+    the unit of the data; the standard error is from the means of squares of 20 m, since waves and
+    strips err alike within one. A surface that is no level is told by its slope and fall: a river.
+    """
+
+    points: PointCloud | Survey = source("Points of the survey, classified or not")
+    water: Vector | None = source("Polygons of water, instead of finding it", default=None)
+    min_area: float = param("Smallest body to find", default=100.0, unit="m2", gt=0)
+    water_classes: ClassList | None = param("Classes that are water, if known", default=None)
+    ignore: ClassList | None = param("Classes to leave out", default=ClassList([7, 18]))
+
+    @outputs
+    class Outputs:
+        levels: Table = sink("One row per body, the largest first")
+        level: float | None = sink("Level of the largest body", unit="m")
+        level_error: float | None = sink("Its standard error", unit="m")
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """Classes must be there to be used."""
+        if self.water_classes and "classification" not in self.points.names:
+            yield "water_classes", f"{self.points.name} has no classification"
+
+    def halo(self) -> float:
+        """A body may be of any size."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> ShorelineWaterLevel.Outputs:
+        """Find the bodies and their levels."""
+        points = Returns.of(self.points, self.ignore, self.water_classes, ctx.part(0.0, 0.4))
+        found: list[Water] = []
+        cells = None
+        if not len(points):
+            log.warning("points: there are none, and no water")
+        elif self.water is None:
+            cells, found = find_water(points, self.min_area, ctx.part(0.4, 1.0))
+            tell(cells, found)
+        else:
+            cells = grid(points, ctx.part(0.4, 0.7))
+            bodies = list(on_polygons(cells, polygons(self.water, "water")))
+            found = with_levels(points, cells, bodies, ctx.part(0.7, 1.0))
+        if not found:
+            log.warning("points: no water was found")
+        metre = points.metre
+        rows = [row_of(cells, number, one) for number, one in enumerate(found, 1) if cells]
+        return self.Outputs(
+            levels=Table.from_rows(rows),
+            level=found[0].level.height / metre if found else None,
+            level_error=found[0].level.error / metre if found else None,
+        )
+
+
+def on_polygons(cells: Grid, shapes: Any) -> Iterator[Body]:
+    """The cells on each polygon and at its edge, the largest polygon first.
+
+    Parameters
+    ----------
+    cells : see :func:`algorithms.shoreline._bodies.grid`
+    shapes : polygons
+    """
+    xs, ys = cells.lattice.centres()
+    for k in np.argsort(-shapely.area(shapes), kind="stable"):
+        wider = shapes[k].buffer(cells.lattice.cell)
+        west, south, east, north = wider.bounds
+        cols = np.flatnonzero((xs >= west) & (xs <= east))
+        rows = np.flatnonzero((ys >= south) & (ys <= north))
+        shapely.prepare(wider)
+        within = shapely.contains_xy(wider, xs[cols][None, :], ys[rows][:, None])
+        r, c = np.nonzero(within)
+        some = rows[r] * cells.lattice.cols + cols[c]
+        heights = cells.low.ravel()[some]
+        heights = heights[np.isfinite(heights)]
+        if not len(heights):
+            log.warning("water: there are no points on the polygon at %s", shapes[k].centroid.wkt)
+            continue
+        level = cells.base + lowest_mode(heights, STEP * cells.metre)
+        yield Body(some, level, (0.0, 0.0), math.nan, math.nan, "polygon")
+
+
+def row_of(cells: Grid, number: int, water: Water) -> dict[str, Any]:
+    """What the table says of a body."""
+    level, metre = water.level, cells.metre
+    x, y = place_of(cells, water)
+    return {
+        "body": number,
+        "x": round(x, 2),
+        "y": round(y, 2),
+        "area": round(len(water.body.cells) * cells.area, 1),
+        "level": round(level.height, 4),
+        "standard_error": round(level.error, 4),
+        "deviation": round(level.sigma, 4),
+        "points": level.points,
+        "slope": round(float(np.hypot(*level.gradient)), 6),
+        "fall": round(water.fall / metre, 3),
+        "evidence": water.body.evidence,
+    }

@@ -164,9 +164,9 @@ def draw(
     near, index = _band(points, cells, [water[k] for k in chosen], ctx.part(0.0, 0.5))
     found = []
     for done, k in enumerate(chosen):
-        ctx.progress(0.5 + 0.5 * done / len(chosen))
+        part = ctx.part(0.5 + 0.5 * done / len(chosen), 0.5 + 0.5 * (done + 1) / len(chosen))
         others = (of_body > 0) & (of_body != k + 1)
-        made = shore(near, cells, index, water[k].body.cells, others, water[k].level)
+        made = shore(near, cells, index, water[k].body.cells, others, water[k].level, part)
         metre2 = cells.metre**2
         parts = _parts(made, least_area * metre2, least_island * metre2)
         found.append(Outline(done + 1, water[k], made, parts, cells))

@@ -9,6 +9,7 @@ water, between which there may be metres.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from scipy.spatial import cKDTree
 from algorithms.shared.delaunay import triangulate
 from algorithms.shoreline._bodies import Grid, window
 from algorithms.shoreline._level import Level
+from toolbox.context import Context
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -30,6 +32,8 @@ FIRM = 0.6  # share of those above the water that must lie on one plane with it
 ROUGH = 0.1  # m off the plane
 AROUND = 0.9  # mean of the directions to near points of water, where it is on more than one side
 CONES = (0.1, 0.2)  # slopes of the ground to a point without a plane there, and elsewhere
+BLOCK = 50_000  # places that are worked on at a time
+LAND_REACH = 6.0  # mean spacings from a place of water to land that tells how deep it is
 ALONE = (2, 8)  # a point on land has more than so many others on land among the nearest ones
 PLANE = 16  # land points that a plane is put through
 SURE = 2.5  # standard deviations of water points above which there is land
@@ -71,7 +75,9 @@ class Shore:
     open: list[Mask]
 
 
-def shore(xyz: Floats, cells: Grid, cell_of: Ints, body: Ints, others: Mask, level: Level) -> Shore:
+def shore(
+    xyz: Floats, cells: Grid, cell_of: Ints, body: Ints, others: Mask, level: Level, ctx: Context
+) -> Shore:
     """Find the shoreline of a body.
 
     Parameters
@@ -82,12 +88,14 @@ def shore(xyz: Floats, cells: Grid, cell_of: Ints, body: Ints, others: Mask, lev
     body : cells of the body
     others : array of shape (cells,), cells of other bodies
     level : of the body
+    ctx : progress and cancellation
     """
-    return outline(places(xyz, cells, cell_of, body, others, level), level, cells)
+    where = places(xyz, cells, cell_of, body, others, level, ctx.part(0.0, 0.7))
+    return outline(where, level, cells, ctx.part(0.7, 1.0))
 
 
 def places(
-    xyz: Floats, cells: Grid, cell_of: Ints, body: Ints, others: Mask, level: Level
+    xyz: Floats, cells: Grid, cell_of: Ints, body: Ints, others: Mask, level: Level, ctx: Context
 ) -> Places:
     """Points in the band along the edge of the body, and middles of its cells without points."""
     lattice, metre = cells.lattice, cells.metre
@@ -109,7 +117,7 @@ def places(
     step = max(SURE * level.sigma, LEAST_STEP * metre)
     low = height <= step
     foreign = low & (~touched[pr - top, pc - left] | others[pr * lattice.cols + pc])
-    kept = foreign | low | _stands(points, ~low, metre)
+    kept = foreign | low | _stands(points, ~low, metre, ctx.part(0.0, 0.5))
     points, height, low, foreign = (v[kept] for v in (points, height, low, foreign))
     height[foreign] = step  # lower ground elsewhere, or other water: not of this body
     kind = np.where(low & ~foreign, WATER, LAND)
@@ -129,7 +137,7 @@ def places(
     )
     height = np.concatenate([height, np.zeros(hole.sum()), np.full(len(outside), step)])
     slope = np.full(len(xy), np.nan)
-    _expect_ground(xy, height, kind, slope, step, cells.density)
+    _expect_ground(xy, height, kind, slope, step, cells.density, ctx.part(0.5, 1.0))
     return Places(xy, height, kind, slope)
 
 
@@ -141,34 +149,45 @@ def _in_cells(cell_of: Ints, some: Ints) -> Ints:
     return np.repeat(first - (ends - count), count) + np.arange(ends[-1] if len(ends) else 0)
 
 
-def _stands(points: Floats, high: Mask, metre: float) -> Mask:
+def _stands(points: Floats, high: Mask, metre: float, ctx: Context) -> Mask:
     """Points above the water on firm ground: reeds and branches are rough, and hide what is below.
 
     A point stands if it and most of its high neighbours lie on a plane, or if nothing around is
     lower than the ground may be.
     """
-    stands = ~high
-    if high.sum() <= NEAR:
-        return np.ones(len(points), bool)
+    stands = np.ones(len(points), bool)
+    if len(points) <= NEAR:
+        return stands
     tree = cKDTree(points[:, :2])
-    away, near = (np.asarray(a) for a in tree.query(points[high, :2], NEAR + 1))
-    d = points[near] - points[high][:, None]
-    weight = high[near].astype(float)
-    sides = d[..., :2] / np.maximum(np.hypot(d[..., 0], d[..., 1]), 1e-9)[..., None]
-    pull = np.hypot(*(sides * (1 - weight)[..., None]).sum(axis=1).T)
-    over_water = pull < AROUND * (1 - weight).sum(axis=1)
-    cone = np.where(over_water, *CONES)[:, None]
-    lowest = (d[..., 2] >= -(ROUGH * metre + cone * away)).all(axis=1)
-    plane = fit_planes(d, weight)
-    off = abs(d[..., 2] - (plane[:, None, :] * _design(d)).sum(axis=2))
-    alike = ((off <= ROUGH * metre) * weight).sum(axis=1)
-    firm = (off[:, 0] <= ROUGH * metre) & (alike >= FIRM * weight.sum(axis=1))
-    stands[high] = lowest | firm
+    for some in _blocks(np.flatnonzero(high), ctx):
+        away, near = (np.asarray(a) for a in tree.query(points[some, :2], NEAR + 1))
+        d = points[near] - points[some][:, None]
+        on_land = high[near].astype(float)
+        cone = np.where(_amid_water(d, 1 - on_land), *CONES)[:, None]
+        lowest = (d[..., 2] >= -(ROUGH * metre + cone * away)).all(axis=1)
+        off = abs(d[..., 2] - (fit_planes(d, on_land)[:, None, :] * _design(d)).sum(axis=2))
+        on_plane = off <= ROUGH * metre
+        most = (on_plane * on_land).sum(axis=1) >= FIRM * on_land.sum(axis=1)
+        stands[some] = lowest | (on_plane[:, 0] & most)
     kept = np.flatnonzero(stands)
     if len(kept) > ALONE[1]:
-        _, near = cKDTree(points[kept, :2]).query(points[kept, :2], ALONE[1] + 1)
-        stands[kept] = ~high[kept] | (high[kept][near].sum(axis=1) > ALONE[0])
+        _, beside = cKDTree(points[kept, :2]).query(points[kept, :2], ALONE[1] + 1)
+        stands[kept] = ~high[kept] | (high[kept][beside].sum(axis=1) > ALONE[0])
     return stands
+
+
+def _amid_water(d: Floats, water: Floats) -> Mask:
+    """Whether the near points of water are on more than one side; d of shape (n, k, 3)."""
+    unit = d[..., :2] / np.maximum(np.hypot(d[..., 0], d[..., 1]), 1e-9)[..., None]
+    pull = np.hypot(*(unit * water[..., None]).sum(axis=1).T)
+    return np.asarray(pull < AROUND * water.sum(axis=1))
+
+
+def _blocks(some: Ints, ctx: Context) -> Iterator[Ints]:
+    """Runs of indices that are worked on at a time."""
+    for first in range(0, len(some), BLOCK):
+        ctx.progress(first / len(some))
+        yield some[first : first + BLOCK]
 
 
 def _design(d: Floats) -> Floats:
@@ -205,34 +224,41 @@ def fit_planes(d: Floats, weight: Floats) -> Floats:
 
 
 def _expect_ground(
-    xy: Floats, height: Floats, kind: NDArray[np.uint8], slope: Floats, step: float, density: float
+    xy: Floats,
+    height: Floats,
+    kind: NDArray[np.uint8],
+    slope: Floats,
+    step: float,
+    density: float,
+    ctx: Context,
 ) -> None:
     """Height of the ground at places of water, from the land near by (in place)."""
     land, wet = np.flatnonzero(kind == LAND), np.flatnonzero(kind != LAND)
     wet = wet[kind[wet] != OUTSIDE]
-    if len(land) < PLANE or not len(wet):
+    if len(land) < PLANE:
         height[wet] = -step
         return
-    tree = cKDTree(xy[land])
-    away, near = (np.asarray(a) for a in tree.query(xy[wet], PLANE))
-    d = np.concatenate([xy[land][near] - xy[wet][:, None], height[land][near][..., None]], axis=2)
-    there, gx, gy = fit_planes(d, np.ones(near.shape)).T
-    steep = np.hypot(gx, gy)
-    # A point that lies nearer to the level than to the plane is not on the land beyond the plane.
-    known = (steep > 0) & ((there < 0) | (height[wet] > there / 2))
-    known &= away[:, 0] <= 6 / np.sqrt(density)
-    slope[wet] = np.where(known, steep, np.nan)
-    deep = -np.maximum(d[:, 0, 2], step)  # as far below the level as land is above: half way
-    expected = np.where(known, there, deep)
-    hole = kind[wet] == HOLE
-    expected[hole] = np.minimum(expected[hole], deep[hole] / 10)
-    height[wet] = expected
+    tree, reach = cKDTree(xy[land]), LAND_REACH / np.sqrt(density)
+    for some in _blocks(wet, ctx):
+        away, near = (np.asarray(a) for a in tree.query(xy[some], PLANE))
+        d = np.concatenate(
+            [xy[land][near] - xy[some][:, None], height[land][near][..., None]], axis=2
+        )
+        there, gx, gy = fit_planes(d, np.ones(near.shape)).T
+        steep = np.hypot(gx, gy)
+        # A point that lies nearer to the level than to the plane is not on land beyond the plane.
+        known = (steep > 0) & ((there < 0) | (height[some] > there / 2)) & (away[:, 0] <= reach)
+        deep = -np.maximum(d[:, 0, 2], step)  # as far below as land is above: half way
+        expected = np.where(known, there, deep)
+        hole = kind[some] == HOLE
+        expected[hole] = np.minimum(expected[hole], deep[hole] / 10)
+        height[some], slope[some] = expected, np.where(known, steep, np.nan)
 
 
-def outline(where: Places, level: Level, cells: Grid) -> Shore:
+def outline(where: Places, level: Level, cells: Grid, ctx: Context) -> Shore:
     """Rings between water and land in the triangulation of the places."""
     origin = np.floor(where.xy.min(axis=0))
-    mesh = triangulate(where.xy - origin)
+    mesh = triangulate(where.xy - origin, ctx=ctx)
     wet = where.height < 0
     corners = mesh.triangles
     mixed = corners[(wet[corners].any(axis=1)) & (~wet[corners]).any(axis=1)].astype(np.int64)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,12 @@ DROP = 0.25  # below the level: water does not stay above such ground
 RUN_OFF = 0.02  # share of a body that may seem to lie lower
 SPARSE = 0.5  # of the density of the shore: pulses were lost
 DARK = 0.5  # separation of intensities on water and on the shore, 0 for none, 1 for a full one
-LEVEL_SLOPE, LEVEL_SPREAD = 0.002, 0.06  # of a surface that is level, and m between its heights
+LEVEL_SPREAD = 0.06  # m between the heights of a surface that is level
+CORE = 0.3  # of the distance to the middle of a body, from where its level is taken
+SECTOR = 4  # cells of the edge of a hole of which the lowest point counts
+FEWEST_SECTORS = 6
+RIVER = 4  # smallest river, in smallest bodies
+TILTED = 0.6  # share of the variance of these points that a plane explains, on a slope
 LARGE = 500.0  # m2 of such a surface that need not be dark
 TAKEN = 2
 PEAKS = 12  # levels that are looked for in one calm place
@@ -106,6 +111,22 @@ class Grid:
         return floor
 
 
+class Tilt(NamedTuple):
+    """A plane through height 0 at a row and a column, and its rise per cell."""
+
+    south: float = 0.0
+    east: float = 0.0
+    row: float = 0.0
+    col: float = 0.0
+
+    def at(self, row: Any, col: Any) -> Floats:
+        """Heights at rows and columns."""
+        return np.asarray(self.south * (row - self.row) + self.east * (col - self.col))
+
+
+LEVEL = Tilt()
+
+
 @dataclass(frozen=True)
 class Body:
     """Water as the cells show it.
@@ -113,8 +134,8 @@ class Body:
     Attributes
     ----------
     cells : array of shape (n,), indices into the raveled cells, rising
-    level : a first estimate, in the unit of the data; of a river at its middle
-    gradient : rise per cell southwards and eastwards
+    level : a first estimate, in the unit of the data, to be added to the tilt
+    tilt : of a river
     lost : density of points on the water over that on its shore
     dark : separation of the intensities on water and shore, 0 to 1
     evidence : what speaks for water
@@ -122,7 +143,7 @@ class Body:
 
     cells: Ints
     level: float
-    gradient: tuple[float, float]
+    tilt: Tilt
     lost: float
     dark: float
     evidence: str
@@ -173,17 +194,20 @@ def enclosed(data: Mask) -> Mask:
     return inside
 
 
+Place = tuple[Ints, float, Tilt]  # cells to pour on, up to a level on a tilted plane
+
+
 def find_bodies(cells: Grid, pour: Pour, ctx: Context = QUIET) -> list[Body]:
     """All water bodies, the largest first."""
     places = [*_holes(cells, pour.least), *_calm_places(cells, pour.least)]
-    places.sort(key=lambda place: (-len(place[0]), place[0][0]))
+    places.sort(key=lambda place: (place[2] != LEVEL, -len(place[0]), place[0][0]))
     found: list[Body] = []
-    for done, (starts, level) in enumerate(places):
+    for done, place in enumerate(places):
         ctx.progress(0.9 * done / len(places))
-        found += pour.at(starts, level)
-    for starts in _patches(cells.calm & (pour.state != TAKEN), 4 * pour.least):
+        found += pour.on(*place)
+    for place in _slopes(cells, cells.calm & (pour.state != TAKEN), RIVER * pour.least):
         ctx.progress(0.9)
-        found += pour.down(starts)
+        found += pour.on(*place)
     ctx.progress(1.0)
     return sorted(found, key=lambda body: (-len(body.cells), body.cells[0]))
 
@@ -208,87 +232,113 @@ class Pour:
         self.state = np.zeros(self.floor.shape, np.uint8)
         self.stack = np.empty(self.floor.size, np.int32)
 
-    def at(self, starts: Ints, level: float) -> list[Body]:
+    def on(self, starts: Ints, level: float, tilt: Tilt) -> list[Body]:
         """The body that holds water poured to a level on some cells, if there is one."""
         if (self.state.ravel()[starts] == TAKEN).mean() > 0.5:  # found from elsewhere
             return []
-        body = self._held(self.floor, self.cells.middle, level, starts)
-        return [] if body is None else self._take(judge(self.cells, body, level))
-
-    def down(self, starts: Ints) -> list[Body]:
-        """A river on some cells, whose surface is a plane."""
-        cells = self.cells
-        heights, south, east = _plane(cells, starts)
-        trend = self._trend(south, east, starts)
-        middle = cells.middle - trend
-        rest = middle.ravel()[starts]
-        fall = math.hypot(south, east) * math.sqrt(len(starts))
-        straight = np.subtract(*np.percentile(rest, (90, 10))) <= CALM * cells.metre
-        thin = cells.count.ravel()[starts].mean() <= SPARSE * cells.density * cells.lattice.cell**2
-        if not (straight and thin and fall > STEP * cells.metre):
-            return []
-        body = self._held(self.floor - trend, middle, heights, starts)
-        return [] if body is None else self._take(judge(cells, body, heights, (south, east)))
-
-    def over_waves(self, body: Body, level: float, crest: float) -> Body:
-        """The body with the cells that its waves reach, up to a crest above its level."""
-        if crest <= STEP * self.cells.metre:
-            return body
-        floor = self.floor - self._trend(*body.gradient, body.cells)
-        self.state.ravel()[body.cells] = 0
-        size, _ = kernels.spread(
-            floor, self.cells.middle, level - self.cells.base + crest, -np.inf, 0, body.cells,
-            self.state, self.stack,
-        )  # fmt: skip
-        wider = np.sort(self.stack[:size]).astype(np.int64)
-        self.state.ravel()[wider] = TAKEN
-        return replace(body, cells=wider)
-
-    def _held(self, floor: Floats, middle: Floats, level: float, starts: Ints) -> Ints | None:
-        """Cells that water at a level covers, unless it runs off or they are too few."""
         metre = self.cells.metre
         most_lower = int(max(self.least / 2, RUN_OFF * len(starts)))
+        body, lower = self._spread(
+            starts, level + STEP * metre, level - DROP * metre, most_lower, tilt
+        )
+        if lower > most_lower or len(body) < self.least:
+            return []
+        judged = judge(self.cells, body, level, tilt)
+        if judged:
+            self.state.ravel()[body] = TAKEN
+        return [judged] if judged else []
+
+    def again(self, body: Body, level: float, crest: float, tilt: Tilt) -> Body:
+        """The body with all cells that its waves reach, up to a crest above its level."""
+        metre = self.cells.metre
+        self.state.ravel()[body.cells] = 0
+        top = level - self.cells.base + max(crest, STEP * metre)
+        wider, _ = self._spread(body.cells, top, -np.inf, 0, tilt)
+        self.state.ravel()[wider] = TAKEN
+        return replace(body, cells=wider, level=level, tilt=tilt)
+
+    def _spread(
+        self, starts: Ints, level: float, below: float, most_lower: int, tilt: Tilt
+    ) -> tuple[Ints, int]:
+        """Cells that water at a level covers, and how many of them lie low."""
+        floor, middle = self.floor, self.cells.middle
+        if tilt != LEVEL:
+            rows, cols = floor.shape
+            trend = tilt.at(np.arange(rows)[:, None], np.arange(cols)).astype(np.float32)
+            floor, middle = floor - trend, middle - trend
         size, lower = kernels.spread(
-            floor, middle, level + STEP * metre, level - DROP * metre, most_lower, starts,
-            self.state, self.stack,
-        )  # fmt: skip
+            floor, middle, level, below, most_lower, starts, self.state, self.stack
+        )
         body = np.sort(self.stack[:size]).astype(np.int64)
         self.state.ravel()[body] = 0
-        return None if lower > most_lower or size < self.least else body
-
-    def _take(self, body: Body | None) -> list[Body]:
-        if body is None:
-            return []
-        self.state.ravel()[body.cells] = TAKEN
-        return [body]
-
-    def _trend(self, south: float, east: float, some: Ints) -> Floats:
-        """Rise from the middle of some cells to all cells."""
-        rows, cols = self.floor.shape
-        r, c = np.arange(rows) - (some // cols).mean(), np.arange(cols) - (some % cols).mean()
-        return np.asarray(south * r[:, None] + east * c, np.float32)
+        return body, lower
 
 
-def _plane(cells: Grid, some: Ints) -> tuple[float, float, float]:
-    """Height at the middle of some cells, and rise per cell southwards and eastwards."""
+def _fit(cells: Grid, some: Ints, heights: Floats) -> tuple[float, Tilt]:
+    """Plane through heights at some cells."""
     r, c = some // cells.lattice.cols, some % cells.lattice.cols
-    design = np.column_stack([np.ones(len(some)), r - r.mean(), c - c.mean()])
-    heights = cells.middle.ravel()[some].astype(float)
-    known = np.isfinite(heights)
-    found, *_ = np.linalg.lstsq(design[known], heights[known], rcond=None)
-    return float(found[0]), float(found[1]), float(found[2])
+    row, col = float(r.mean()), float(c.mean())
+    design = np.column_stack([np.ones(len(some)), r - row, c - col])
+    (level, south, east), *_ = np.linalg.lstsq(design, heights.astype(float), rcond=None)
+    return float(level), Tilt(float(south), float(east), row, col)
 
 
-def _holes(cells: Grid, least: int) -> Iterator[tuple[Ints, float]]:
-    """Holes in the data, with the level at their edge."""
+def _holes(cells: Grid, least: int) -> Iterator[Place]:
+    """Holes in the data, with the level at their edge.
+
+    The edge of a lake is at one level, that of a shadow or of a gap between strips follows the
+    terrain, and so does that of a river.
+    """
     for hole in _patches(cells.hole, least):
-        heights = cells.low.ravel()[_around(cells.lattice, hole, 1)]
-        heights = heights[np.isfinite(heights)]
-        if len(heights):
-            yield hole, lowest_mode(heights, STEP * cells.metre)
+        edge = around(cells.lattice, hole, 1)
+        heights = cells.low.ravel()[edge]
+        edge, heights = edge[np.isfinite(heights)], heights[np.isfinite(heights)]
+        if not len(heights):
+            continue
+        level = lowest_mode(heights, STEP * cells.metre)
+        tilt = _tilt_of(cells, edge[heights >= level - STEP * cells.metre])
+        if tilt == LEVEL:
+            yield hole, level, LEVEL
+        elif len(hole) >= RIVER * least:
+            rest = heights - tilt.at(edge // cells.lattice.cols, edge % cells.lattice.cols)
+            yield hole, lowest_mode(rest, STEP * cells.metre), tilt
 
 
-def _calm_places(cells: Grid, least: int) -> Iterator[tuple[Ints, float]]:
+def _tilt_of(cells: Grid, edge: Ints) -> Tilt:
+    """Slope on which the lowest points of the sectors of an edge lie, if they lie on one."""
+    r, c = edge // cells.lattice.cols, edge % cells.lattice.cols
+    order = np.lexsort((cells.low.ravel()[edge], c // SECTOR, r // SECTOR))
+    sector = np.stack([r // SECTOR, c // SECTOR])[:, order]
+    first = np.ones(len(edge), bool)
+    first[1:] = (np.diff(sector, axis=1) != 0).any(axis=0)
+    lows, tilt = edge[order][first], LEVEL
+    for _ in range(3):  # walls and trees here and there are no slope
+        if len(lows) < FEWEST_SECTORS:
+            return LEVEL
+        heights = cells.low.ravel()[lows]
+        level, tilt = _fit(cells, lows, heights)
+        trend = tilt.at(lows // cells.lattice.cols, lows % cells.lattice.cols)
+        off = abs(heights - level - trend)
+        explained = trend.var() / max(heights.var(), 1e-12)
+        lows = lows[off <= max(2.5 * float(np.median(off)), 0.01 * cells.metre)]
+    is_slope = np.ptp(trend) > CALM * cells.metre and explained > TILTED
+    return tilt if is_slope else LEVEL
+
+
+def _slopes(cells: Grid, where: Mask, least: int) -> Iterator[Place]:
+    """Calm places on a plane, where pulses were lost: rivers."""
+    on_land = cells.density * cells.lattice.cell**2
+    for place in _patches(where, least):
+        heights = cells.middle.ravel()[place]
+        level, tilt = _fit(cells, place, heights)
+        trend = tilt.at(place // cells.lattice.cols, place % cells.lattice.cols)
+        low, high = np.percentile(heights - trend, (10, 90))
+        thin = cells.count.ravel()[place].mean() <= SPARSE * on_land
+        if thin and high - low <= CALM * cells.metre < np.ptp(trend):
+            yield place, level, tilt
+
+
+def _calm_places(cells: Grid, least: int) -> Iterator[Place]:
     """Calm places at one level each."""
     step = STEP * cells.metre
     for place in _patches(cells.calm, least):
@@ -300,7 +350,7 @@ def _calm_places(cells: Grid, least: int) -> Iterator[tuple[Ints, float]]:
             level = mode(heights, step / 2)
             at = abs(heights - level) <= step
             if at.sum() >= least:
-                yield rest[at], level
+                yield rest[at], level, LEVEL
             rest = rest[~at]
 
 
@@ -315,7 +365,7 @@ def _patches(mask: Mask, least: int) -> Iterator[Ints]:
             yield order[ends[label] - sizes[label] : ends[label]]
 
 
-def _around(lattice: Lattice, some: Ints, width: int) -> Ints:
+def around(lattice: Lattice, some: Ints, width: int) -> Ints:
     """Cells within a width of some cells, but not these."""
     (top, left), mask = window(lattice, some, width)
     ring = ndimage.binary_dilation(mask, np.ones((3, 3), bool), iterations=width) & ~mask
@@ -334,22 +384,20 @@ def window(lattice: Lattice, some: Ints, margin: int) -> tuple[tuple[int, int], 
     return (int(top), int(left)), mask
 
 
-def judge(
-    cells: Grid, body: Ints, level: float, gradient: tuple[float, float] = (0.0, 0.0)
-) -> Body | None:
+def judge(cells: Grid, body: Ints, level: float, tilt: Tilt = LEVEL) -> Body | None:
     """What speaks for water in a place that holds it; None where too little does.
 
     A place that swallows pulses is water. One that returns them must be level, and dark or large.
     """
     count, bright = cells.count.ravel(), cells.bright.ravel()
-    ring = np.setdiff1d(_around(cells.lattice, body, 5), _around(cells.lattice, body, 1))
+    ring = np.setdiff1d(around(cells.lattice, body, 5), around(cells.lattice, body, 1))
     ring = ring[count[ring] > 0]
     here = body[count[body] > 0]
     on_land = float(np.median(count[ring])) if len(ring) else 0.0
     lost = float(count[body].mean()) / on_land if on_land else 1.0
     dark = separation(bright[here], bright[ring])
     classed = cells.water.ravel()[body].sum() > 0.5 * count[body].sum()
-    level_enough = gradient == (0.0, 0.0) and _is_level(cells, here)
+    level_enough = tilt == LEVEL and _is_level(cells, body)
     reasons = {
         "few returns": lost <= SPARSE,
         "level": level_enough,
@@ -360,7 +408,7 @@ def judge(
     if not (lost <= SPARSE or classed or (level_enough and (dark >= DARK or large))):
         return None
     evidence = ", ".join(name for name, holds in reasons.items() if holds)
-    return Body(body, cells.base + level, gradient, lost, dark, evidence)
+    return Body(body, cells.base + level, tilt, lost, dark, evidence)
 
 
 def separation(water: Floats, land: Floats) -> float:
@@ -375,12 +423,19 @@ def separation(water: Floats, land: Floats) -> float:
 
 def _is_level(cells: Grid, some: Ints) -> bool:
     """Whether cells lie on a level surface; a dry field is never as level."""
-    if len(some) < 10:
+    core = core_of(cells, some)
+    core = core[np.isfinite(cells.middle.ravel()[core])]
+    if len(core) < KNOWN:
         return False
-    heights = cells.middle.ravel()[some]
-    low, middle, high = np.percentile(heights, (10, 50, 90))
-    if high - low > LEVEL_SPREAD * cells.metre:
-        return False
-    inner = abs(heights - middle) <= LEVEL_SPREAD * cells.metre / 2  # without banks
-    _, south, east = _plane(cells, some[inner])
-    return math.hypot(south, east) / cells.lattice.cell < LEVEL_SLOPE
+    low, high = np.percentile(cells.middle.ravel()[core], (10, 90))
+    _, tilt = _fit(cells, core, cells.middle.ravel()[core])
+    fall = math.hypot(tilt.south, tilt.east) * math.sqrt(len(core))
+    return bool(max(high - low, fall) <= LEVEL_SPREAD * cells.metre)
+
+
+def core_of(cells: Grid, body: Ints) -> Ints:
+    """Cells of a body that are far from its edge, where flat banks may count as water."""
+    (top, left), wet = window(cells.lattice, body, 1)
+    depth = ndimage.distance_transform_edt(wet)
+    r, c = np.nonzero((depth > 1) & (depth >= CORE * depth.max()))
+    return np.asarray((r + top) * cells.lattice.cols + c + left)

@@ -15,6 +15,7 @@ FIRST_SIGMA = 0.05  # m: deviation of points on water, before it is known
 LEAST_SIGMA, MOST_SIGMA = 0.01, 0.15  # m: of a calm lake, and of a windy one
 FEWEST = 10  # points on the water that tell its level
 SQUARE = 20.0  # m
+BIN, EDGE = 0.05, 0.3  # m: heights that are counted together, and that belong to an edge
 ROUNDS = 10  # of narrowing down; it settles after few
 
 
@@ -98,3 +99,26 @@ def level_of(xyz: Floats, start: float, metre: float) -> Level:
     scatter = np.sqrt((share**2 * (means - level) ** 2).sum() / free) if len(means) > 1 else sigma
     least = sigma / np.sqrt(near.sum())
     return Level(level, float(max(scatter, least)), sigma, int(near.sum()))
+
+
+def edge_level(xyz: Floats, start: float, metre: float) -> Level:
+    """Level from points on the shore, where the water returned none.
+
+    The lowest points on a bank lie between the level and a spacing up the slope: their heights
+    begin at the level. That is where their number per height reaches half of its most.
+
+    Parameters
+    ----------
+    xyz, start, metre : see :func:`level_of`
+    """
+    heights = np.sort(xyz[:, 2])
+    width = BIN * metre
+    heights = heights[abs(heights - start) <= EDGE * metre]
+    if len(heights) < FEWEST:
+        return Level(start, FIRST_SIGMA * metre, FIRST_SIGMA * metre, len(heights))
+    at = np.arange(heights[0], start + width, width / 10)
+    many = np.searchsorted(heights, at + width) - np.searchsorted(heights, at)
+    first = int(np.argmax(many >= many.max() / 2))
+    error = width / np.sqrt(max(many[first], 1))
+    level = float(at[first] + width / 2)
+    return Level(level, float(max(error, LEAST_SIGMA * metre)), width, int(many.max()))

@@ -10,14 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared.lowest import cells_of
-from algorithms.shoreline._bodies import Body, Grid, Pour, find_bodies, grid
-from algorithms.shoreline._level import Level, level_of
+from algorithms.shoreline._bodies import (
+    LEVEL,
+    Body,
+    Grid,
+    Pour,
+    Tilt,
+    around,
+    core_of,
+    find_bodies,
+    grid,
+)
+from algorithms.shoreline._level import Level, edge_level, level_of
 from algorithms.shoreline._returns import Returns
 from toolbox.context import QUIET, Context, log
 from toolbox.errors import DataError
 from toolbox.values import Position
 
 CREST = 3.0  # standard deviations of points on the water above its level
+FEW_RETURNS = 30  # points on a body; with fewer its level is that of its edge
 MOST_SAMPLES = 500_000  # points that tell the level of one body
 FALL = 0.15  # m, from end to end of a body that is no lake
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
@@ -48,15 +59,26 @@ def find_water(
     points: Returns, least_area: float, ctx: Context = QUIET
 ) -> tuple[Grid, list[Water]]:
     """All water bodies of at least an area in square metres, the largest first."""
-    cells = grid(points, ctx.part(0.0, 0.6))
+    cells = grid(points, ctx.part(0.0, 0.5))
     pour = Pour(cells, least_area)
-    bodies = find_bodies(cells, pour, ctx.part(0.6, 0.8))
-    found = []
-    for water in with_levels(points, cells, bodies, ctx.part(0.8, 1.0)):
-        crest = CREST * water.level.sigma
-        body = pour.over_waves(water.body, water.level.height, crest)
-        found.append(replace(water, body=body))
-    return cells, found
+    bodies = find_bodies(cells, pour, ctx.part(0.5, 0.7))
+    for k in range(2):  # waves and slopes are known after the first look
+        found = with_levels(points, cells, bodies, ctx.part(0.7 + 0.15 * k, 0.85 + 0.15 * k))
+        bodies = [_filled(cells, pour, water) for water in found]
+    found = [replace(one, body=body) for one, body in zip(found, bodies, strict=True)]
+    return cells, sorted(found, key=lambda one: (-len(one.body.cells), one.body.cells[0]))
+
+
+def _filled(cells: Grid, pour: Pour, water: Water) -> Body:
+    """The cells of a body, given its level."""
+    level, cell = water.level, cells.lattice.cell
+    east, north = level.gradient
+    row, col = (
+        (cells.lattice.north - level.centre[1]) / cell,
+        (level.centre[0] - cells.lattice.west) / cell,
+    )
+    tilt = Tilt(-north * cell, east * cell, row - 0.5, col - 0.5) if water.fall else LEVEL
+    return pour.again(water.body, level.height, CREST * level.sigma, tilt)
 
 
 def with_levels(
@@ -80,46 +102,43 @@ def with_levels(
 
 
 def _sampled(cells: Grid, body: Ints) -> Ints:
-    """Cells of a body whose points tell its level: not at its edge, and not more than needed."""
-    rows, cols = cells.lattice.shape
-    within = np.zeros(rows * cols, bool)
-    within[body] = True
-    r, c = body // cols, body % cols
-    inner = np.ones(len(body), bool)
-    for dr, dc in ((-1, 0), (1, 0), (0, -1), (0, 1)):
-        i, j = np.clip(r + dr, 0, rows - 1), np.clip(c + dc, 0, cols - 1)
-        inner &= within[i * cols + j]
+    """Cells of a body whose points tell its level: far from its edge, and not more than needed."""
     count = cells.count.ravel()
-    chosen = body[inner] if count[body[inner]].sum() >= 30 else body
-    step = math.ceil(count[chosen].sum() / MOST_SAMPLES)
-    return np.asarray(chosen[(chosen // cols + chosen % cols) % max(step, 1) == 0])
+    core = core_of(cells, body)
+    if count[core].sum() < FEW_RETURNS:
+        return np.union1d(body, around(cells.lattice, body, 1))
+    step = math.ceil(count[core].sum() / MOST_SAMPLES)
+    return np.asarray(core[(core // cells.lattice.cols + core % cells.lattice.cols) % step == 0])
 
 
 def _surface(cells: Grid, body: Body, xyz: Floats) -> Water:
     """The level of a body, or the plane of a river."""
-    cell, metre = cells.lattice.cell, cells.metre
-    xs, ys = cells.lattice.centres()
-    r, c = body.cells // cells.lattice.cols, body.cells % cells.lattice.cols
+    lattice, metre = cells.lattice, cells.metre
+    xs, ys = lattice.centres()
+    r, c = body.cells // lattice.cols, body.cells % lattice.cols
     centre = np.array([xs[c].mean(), ys[r].mean()])
-    rise = np.array([body.gradient[1], -body.gradient[0]]) / cell  # eastwards, northwards
     flat = xyz.copy()
-    flat[:, 2] -= (xyz[:, :2] - centre) @ rise
-    level = level_of(flat, body.level, metre)
+    row, col = (lattice.north - xyz[:, 1]) / lattice.cell, (xyz[:, 0] - lattice.west) / lattice.cell
+    flat[:, 2] -= body.tilt.at(row - 0.5, col - 0.5)
+    at_edge = cells.count.ravel()[core_of(cells, body.cells)].sum() < FEW_RETURNS
+    level = (edge_level if at_edge else level_of)(flat, body.level, metre)
     near = abs(flat[:, 2] - level.height) <= max(3 * level.sigma, FALL * metre)
-    if near.sum() >= 100:
-        d = xyz[near, :2] - centre
-        design = np.column_stack([np.ones(len(d)), d])
-        (_, east, north), *_ = np.linalg.lstsq(design, xyz[near, 2], rcond=None)
-        slope = math.hypot(east, north)
-        along = d @ (np.array([east, north]) / max(slope, 1e-12))
-        length = float(np.subtract(*np.percentile(along, (99, 1))))
-        explained = (slope * along).var() / max(xyz[near, 2].var(), 1e-12)
-        if slope * length > FALL * metre and explained > STRAIGHT:
-            flat[:, 2] = xyz[:, 2] - (xyz[:, :2] - centre) @ np.array([east, north])
-            level = level_of(flat, float(np.median(flat[near, 2])), metre)
-            tilted = replace(level, gradient=(east, north), centre=(centre[0], centre[1]))
-            return Water(body, tilted, slope * length, length)
-    return Water(body, level)
+    if near.sum() < FEW_RETURNS:
+        return Water(body, level)
+    d = xyz[near, :2] - centre
+    design = np.column_stack([np.ones(len(d)), d])
+    (_, east, north), *_ = np.linalg.lstsq(design, xyz[near, 2], rcond=None)
+    slope = math.hypot(east, north)
+    along = d @ (np.array([east, north]) / max(slope, 1e-12))
+    length = float(np.subtract(*np.percentile(along, (99, 1))))
+    explained = (slope * along).var() / max(xyz[near, 2].var(), 1e-12)
+    if slope * length <= FALL * metre or explained <= STRAIGHT:
+        return Water(body, level)
+    flat[:, 2] = xyz[:, 2] - (xyz[:, :2] - centre) @ np.array([east, north])
+    start = float(np.median(flat[near, 2]))
+    level = (edge_level if at_edge else level_of)(flat, start, metre)
+    tilted = replace(level, gradient=(east, north), centre=(centre[0], centre[1]))
+    return Water(body, tilted, slope * length, length)
 
 
 def place_of(cells: Grid, water: Water) -> tuple[float, float]:

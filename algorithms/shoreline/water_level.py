@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from algorithms.shoreline._bodies import STEP, Body, Grid, grid
+from algorithms.shoreline._bodies import LEVEL, STEP, Body, Grid, grid
 from algorithms.shoreline._level import lowest_mode
 from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._water import Water, find_water, place_of, tell, with_levels
@@ -106,7 +106,7 @@ def on_polygons(cells: Grid, shapes: Any) -> Iterator[Body]:
             log.warning("water: there are no points on the polygon at %s", shapes[k].centroid.wkt)
             continue
         level = cells.base + lowest_mode(heights, STEP * cells.metre)
-        yield Body(some, level, (0.0, 0.0), math.nan, math.nan, "polygon")
+        yield Body(some, level, LEVEL, math.nan, math.nan, "polygon")
 
 
 def row_of(cells: Grid, number: int, water: Water) -> dict[str, Any]:

@@ -17,9 +17,9 @@ from pyproj import CRS
 
 from algorithms.shared.heights import heights_problem
 from algorithms.shared.lowest import require_finite
+from algorithms.shared.polygons import polygons
 from algorithms.shoreline import _basin_kernels as kernels
 from algorithms.shoreline._basin import BLOCK, Pieces, PointBasin, RasterBasin
-from algorithms.surface import _outlines as shapes
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.crs import vertical_unit
@@ -151,7 +151,7 @@ class ShorelineStorageCurve:
         """The ground within the outline."""
         outline = None
         if self.outline is not None:
-            outline = shapely.union_all(shapes.polygons(self.outline, "outline"))
+            outline = shapely.union_all(polygons(self.outline, "outline"))
             if outline.is_empty:
                 raise DataError(f"outline: {self.outline.name} holds no polygon")
         if self.terrain is not None:

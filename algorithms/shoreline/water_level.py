@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import shapely
 
+from algorithms.shared.polygons import polygons
 from algorithms.shoreline._bodies import LEVEL, STEP, Body, Grid, grid
 from algorithms.shoreline._level import lowest_mode
 from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._water import Water, find_water, place_of, tell, with_levels
-from algorithms.surface._outlines import polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Survey, Table, Vector
 from toolbox.spec import outputs, param, sink, source, tool

@@ -69,6 +69,7 @@ class ShorelineAlphaShape:
     @outputs
     class Outputs:
         shapes: Vector = sink("Polygons with area, perimeter, alpha, number of points and group")
+        outlines: Vector = sink("Their rings as lines, with the number of the polygon and kind")
         alpha_used: float = sink("Radius of the disc; with groups the largest", unit="m")
         regions: int = sink("Number of polygons", unit="1")
         area: float = sink("Area of all polygons", unit="m2")
@@ -105,6 +106,7 @@ class ShorelineAlphaShape:
         inside = int(frame["points"].sum())
         return self.Outputs(
             shapes=Vector(frame, geometry_type="Polygon"),
+            outlines=Vector(_rings(frame), geometry_type="LineString"),
             alpha_used=used,
             regions=len(frame),
             area=float(frame["area"].sum()),
@@ -157,3 +159,18 @@ class ShorelineAlphaShape:
         if self.group is not None:
             columns = {str(self.group): np.repeat([value for value, _ in made], counts)} | columns
         return geopandas.GeoDataFrame(columns, geometry=polygons, crs=self.points.crs)
+
+
+def _rings(frame: geopandas.GeoDataFrame) -> geopandas.GeoDataFrame:
+    """Outer rings and holes as lines; polygons are counted from 1."""
+    import geopandas
+    import shapely
+
+    rows = [
+        {"polygon": number, "kind": kind, "length": ring.length, "geometry": ring}
+        for number, polygon in enumerate(frame.geometry, start=1)
+        for kind, rings in (("outer", [polygon.exterior]), ("hole", polygon.interiors))
+        for ring in map(shapely.LineString, rings)
+    ]
+    columns = ["polygon", "kind", "length", "geometry"]
+    return geopandas.GeoDataFrame(rows, columns=columns, geometry="geometry", crs=frame.crs)

@@ -166,6 +166,13 @@ def test_parts_that_go_on_are_one_line() -> None:
     assert out.offsets.frame["chainage"].max() == pytest.approx(100)
 
 
+def test_parts_of_opposite_directions_keep_their_sides() -> None:
+    parts = [line((0, 0), (50, 0)), line((100, 0), (50, 0))]
+    frame = compare(line((0, 1), (100, 1)), parts).offsets.frame
+    assert (frame["offset"][:50] > 0).all()
+    assert (frame["offset"][51:] < 0).all()
+
+
 def test_heights_at_the_nearest_places() -> None:
     """The reference rises by a tenth; the line is half a metre above it."""
     own, other = line((0, 2, 0.5), (100, 2, 10.5)), line((0, 0, 0), (100, 0, 10))

@@ -246,6 +246,7 @@ def test_leash_is_longer_than_the_largest_distance_where_a_line_turns_back() -> 
     there = np.array([(0, 0), (60, 0), (40, 0), (100, 0)], float)
     straight = np.array([(0, 0), (100, 0)], float)
     assert frechet(there, straight, 0.0, 1e-6, 1.0)[0] == pytest.approx(10, abs=1e-4)
+    assert frechet(straight, there, 0.0, 1e-6, 1.0)[0] == pytest.approx(10, abs=1e-4)
     out = compare(line(*map(tuple, there)), line(*map(tuple, straight)))
     assert out.hausdorff == pytest.approx(0, abs=1e-6)
     assert out.frechet == pytest.approx(10, abs=1e-3)

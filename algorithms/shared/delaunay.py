@@ -342,7 +342,7 @@ def _checked(xy: Floats) -> Floats:
         wrong = (size > GREATEST) | ((size < SMALLEST) & (size > 0))
         if wrong.any():
             point, axis = np.argwhere(wrong)[0]
-            raise ValueError(
+            raise DataError(
                 f"xy: coordinates must be 0 or of {SMALLEST:g} to {GREATEST:g} in size, "
                 f"got {'xy'[axis]} = {xy[first + point, axis]} at point {first + point}"
             )

@@ -22,7 +22,6 @@ from toolbox.data import Lattice
 from toolbox.errors import DataError
 
 BLOCK = 200_000  # squares or triangles at a time
-NO_GROUND = "there is no ground within the outline"
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -94,7 +93,7 @@ class PointBasin:
         self._used = self._inside.copy()
         self._used[self._cut.parent] = True
         if not self._used.any():
-            raise DataError(NO_GROUND)
+            raise no_ground(outline)
         self._low[self._cut.parent] = np.inf
         np.minimum.at(self._low, self._cut.parent, self._cut.z.min(axis=1))
         self._rim = (self._mesh.neighbours < 0) | ~there[self._mesh.neighbours]
@@ -189,7 +188,7 @@ class RasterBasin:
         squares = self._inside.copy()
         squares.flat[self._cut.parent] = True
         if not squares.any():
-            raise DataError(NO_GROUND)
+            raise no_ground(outline)
         self._used = _of_any_square(squares)
         known = _at_all_squares(there)
         self._rim = _of_any_square(self._inside) & ~known
@@ -424,6 +423,12 @@ def _fans(rings: NDArray[Any], parent: NDArray[np.int64], xy: Array, z: Array) -
     x, y = (np.stack([p[corners[:, k]] for k in range(3)]) for p in (px, py))
     areas = ((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])) / 2
     return Cut(heights[corners], areas, at[edge])
+
+
+def no_ground(outline: Polygon | None) -> DataError:
+    """To be raised."""
+    where = "" if outline is None else " within the outline"
+    return DataError(f"there is no ground{where}")
 
 
 def share_missing(covered: float, wanted: float) -> float:

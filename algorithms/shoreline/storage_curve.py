@@ -206,11 +206,14 @@ def levels_between(first: float, last: float, step: float) -> Array:
     DataError
         They are more than `MOST_LEVELS`.
     """
-    count = math.floor((last - first) / step + ROUNDING) + 1
-    if count > MOST_LEVELS:
-        raise DataError(f"step: makes {count} levels, more than {MOST_LEVELS}; take a larger one")
-    levels = np.round(first + step * np.arange(count), DIGITS)
-    return levels if last - levels[-1] <= step * ROUNDING else np.append(levels, last)
+    steps = (last - first) / step + ROUNDING
+    if not steps < MOST_LEVELS:
+        raise DataError(
+            f"step: makes {steps + 1:.7g} levels, more than {MOST_LEVELS}; take a larger one"
+        )
+    levels = np.round(first + step * np.arange(math.floor(steps) + 1), DIGITS)
+    near = ROUNDING * min(step, last - first)
+    return levels if last - levels[-1] <= near else np.append(levels, last)
 
 
 def storage(

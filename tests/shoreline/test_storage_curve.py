@@ -265,6 +265,7 @@ def test_levels() -> None:
         4.0, 4.1, 4.2, 4.3, 4.4, 4.5, 4.6, 4.7, 4.8, 4.9, 5.0,
     ]  # fmt: skip
     assert curve(terrain=raster(np.full((3, 3), 5.0)))["area_m2"].tolist() == [0.0]
+    assert curve(terrain=ground, lowest=3.0, step=1e300)["level"].tolist() == [3.0, 9.0]
     flat = curve(terrain=raster(np.full((3, 3), 5.0)), highest=7.0)
     assert flat["volume_m3"].tolist() == [0, 4, 8]
 
@@ -297,7 +298,7 @@ def test_wrong_data() -> None:
     far = outline(shapely.box(900, 900, 901, 901))
     seed = {"seed_x": WEST + 0.7, "seed_y": NORTH - 0.7}
     for how, text in (
-        ({"terrain": raster(np.full((3, 3), np.nan))}, "there is no ground"),
+        ({"terrain": raster(np.full((3, 3), np.nan))}, "there is no ground$"),
         ({"terrain": raster([[1.0, 2.0]])}, "two rows and two columns"),
         ({"terrain": ground, "outline": far}, "no ground within the outline"),
         ({"points": points, "outline": far}, "no ground within the outline"),
@@ -306,6 +307,8 @@ def test_wrong_data() -> None:
         ({"terrain": ground, "highest": -1.0}, "highest: -1 is below the lowest ground, 0"),
         ({"terrain": ground, "lowest": 99.0}, "lowest: 99 is above the highest ground, 9"),
         ({"terrain": ground, "step": 1e-6}, "step: makes 9000001 levels"),
+        ({"terrain": ground, "highest": 1e300}, r"step: makes 1e\+300 levels"),
+        ({"terrain": ground, "step": 1e-308}, "step: makes inf levels"),
         ({"points": points.select(range(2))}, "do not span a triangle"),
     ):
         with pytest.raises(DataError, match=text):

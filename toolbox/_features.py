@@ -1,4 +1,4 @@
-"""Colours of vector layers that say what their features are: a kind, or an offset to the side."""
+"""Colours of vector layers whose features say what they are: a kind, an offset or an error."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from toolbox.data.crs import vertical_unit
 _MOST_KINDS = 12
 _OF_KINDS = {"agree": "#d4d4d4", "commission": "#d7261e", "omission": "#2166d1"}
 _UNKNOWN = "#9a9a9a"
+_ABOUT_ZERO = {"offset": "Offset{}, left of the reference above zero", "error": "error{}"}
 
 
 def feature_key(layer: Vector) -> Classes | Ramp | None:
-    """How the features are coloured: by the texts of `kind`, by the numbers of `offset`, or not."""
+    """How the features are coloured: by the texts of `kind`, by numbers, or not."""
     frame = layer.frame
-    if "offset" in frame and pd.api.types.is_float_dtype(frame["offset"]):
+    if name := _about_zero(layer):
         unit = LENGTHS.get(vertical_unit(layer.crs), "")
-        label = f"Offset{f' ({unit})' if unit else ''}, left of the reference above zero"
-        return Ramp.about_zero(frame["offset"].to_numpy(float), label)
+        label = _ABOUT_ZERO[name].format(f" ({unit})" if unit else "")
+        return Ramp.about_zero(frame[name].to_numpy(float), label)
     if "kind" not in frame:
         return None
     kinds = [str(kind) for kind in pd.unique(frame["kind"].dropna())]
@@ -35,12 +36,18 @@ def feature_key(layer: Vector) -> Classes | Ramp | None:
     return {code: (name, own.get(name) or _OF_KINDS[name]) for code, name in enumerate(kinds)}
 
 
+def _about_zero(layer: Vector) -> str | None:
+    """The attribute that is shown in two colours about zero."""
+    columns = layer.frame.dtypes
+    return next((n for n in _ABOUT_ZERO if pd.api.types.is_float_dtype(columns.get(n))), None)
+
+
 def feature_colours(layer: Vector, key: Classes | Ramp) -> NDArray[Any]:
     """One colour per feature, as shape (n, 4)."""
     from matplotlib.colors import to_rgba
 
     if isinstance(key, Ramp):
-        values = layer.frame["offset"].to_numpy(float)
+        values = layer.frame[str(_about_zero(layer))].to_numpy(float)
         share = np.clip((values - key.low) / (key.high - key.low), 0, 1)
         rgba = np.array(key.colour_map()(np.nan_to_num(share)), np.float64)
         rgba[~np.isfinite(values)] = to_rgba(_UNKNOWN)

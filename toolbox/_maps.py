@@ -23,6 +23,7 @@ Box = tuple[float, float, float, float]  # left, bottom, width, height
 
 _EMPTY, _PAPER = "#ccd3db", "#f6f6f4"  # no data in a map is no colour of its key
 INK = "#3a3a3a"
+_FEW = 500  # features that have room for large dots
 _LINE, _SHADOW = "#1f3a5f", "#9a9a9a"
 WIDTH = 4.4  # inches of a map
 _FLATTEST, _TALLEST = 0.25, 1.6  # height of a map to its width
@@ -57,8 +58,7 @@ class Panel:
     @property
     def key_height(self) -> float:
         """Of the key in inches."""
-        key = self.key
-        if key is None:
+        if (key := self.key) is None:
             return 0.1
         if isinstance(key, Ramp):
             return 0.5
@@ -291,8 +291,9 @@ def _show_coloured(axes: Axes, vector: Vector, colours: NDArray[Any]) -> None:
     lines = [shapely.get_coordinates(line) for line in parts[kind == 1]]
     axes.add_collection(LineCollection(lines, colors=colour[kind == 1], linewidths=1.2))
     points = shapely.get_coordinates(parts[kind == 0])
-    axes.plot(*points.T, "o", ms=3.2, color=_SHADOW, mew=0, ls="none")  # or white would not show
-    axes.scatter(points[:, 0], points[:, 1], c=colour[kind == 0], s=5, lw=0)
+    size = 22 if len(points) <= _FEW else 5  # square points
+    axes.scatter(*points.T, c=_SHADOW, s=(size**0.5 + 1) ** 2, lw=0)  # or white would not show
+    axes.scatter(*points.T, c=colour[kind == 0], s=size, lw=0)
 
 
 def _path(rings: Sequence[Any]) -> Any:

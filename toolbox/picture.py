@@ -24,6 +24,7 @@ from toolbox.errors import DataError
 
 _DPI = 140
 _MOST_BANDS = 6
+_MARGIN = 0.12  # of a map of vectors, so that the scale bar hides none
 
 Drawn = Panel | Bars | Profile | Curve
 
@@ -153,7 +154,9 @@ def _add_vector(panels: list[Drawn], title: str, layer: Vector) -> None:
     if isinstance(last, Panel) and _meet(last.bounds, bounds) and _same_ground(last, layer):
         panels[-1] = last.under(title, layer)
     else:
-        panels.append(Panel(title, layer.crs, in_proportion(bounds, margin=0.04), None, (layer,)))
+        panels.append(
+            Panel(title, layer.crs, in_proportion(bounds, margin=_MARGIN), None, (layer,))
+        )
 
 
 def _meet(one: Bounds, other: Bounds) -> bool:

@@ -1,0 +1,82 @@
+"""models.reservoir_shoreline: the lake of a synthetic survey, and the way of the Kestel study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import geopandas
+import numpy as np
+import pytest
+import shapely
+
+import toolbox
+from toolbox.data import PointCloud, Table, Vector
+from toolbox.data.crs import parse_crs
+from toolbox.errors import ParameterError
+
+MODEL = "models.reservoir_shoreline"
+CRS = parse_crs("EPSG:32635")
+LAKE = shapely.Point(500_060, 4_600_060).buffer(35, quad_segs=32)
+
+
+@pytest.fixture
+def bowl() -> PointCloud:
+    """A round lake at 93.7 m in a bowl; the water gives few and dark returns."""
+    rng = np.random.default_rng(3)
+    xy = rng.uniform(0, 120, (60_000, 2))
+    away = np.hypot(*(xy - 60).T) - 35
+    z = 93.7 + 0.15 * away + rng.normal(0, 0.02, len(xy))
+    water = away < 0
+    z[water] = 93.7
+    seen = ~water | (rng.uniform(size=len(xy)) < 0.05)
+    intensity = np.where(water, 12, 300 + rng.integers(0, 200, len(xy))).astype(np.uint16)
+    xyz = np.column_stack([xy[:, 0] + 500_000, xy[:, 1] + 4_600_000, z])
+    return PointCloud(xyz[seen], {"intensity": intensity[seen]}, crs=CRS, name="bowl.laz")
+
+
+@pytest.fixture
+def chart() -> Vector:
+    return Vector(geopandas.GeoDataFrame(geometry=[LAKE], crs=CRS), name="map.gpkg")
+
+
+def iou(water: Vector) -> float:
+    (shape,) = shapely.force_2d(water.frame.geometry.to_numpy())
+    return float(shape.intersection(LAKE).area / shape.union(LAKE).area)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("preset", "least"), [("default", 0.985), ("thesis", 0.92)])
+def test_lake_of_a_bowl(bowl: PointCloud, chart: Vector, preset: str, least: float) -> None:
+    found = toolbox.run(MODEL, {"points": bowl, "reference": chart, "preset": preset})
+    assert iou(found["water"]) > least
+    rows = found["table"].frame.set_index("measure")["value"]
+    assert rows["iou"] == pytest.approx(100 * iou(found["water"]), abs=1e-6)
+    assert found["area"] == pytest.approx(LAKE.area, rel=0.08)
+    lines = found["shoreline"].frame
+    assert lines.length.sum() == pytest.approx(LAKE.length, rel=0.3)
+    if preset == "default":
+        assert found["level"] == pytest.approx(93.7, abs=0.01)
+    else:
+        assert found["level"] is None
+
+
+@pytest.mark.slow
+def test_stages_are_counted_and_layers_stand_together(bowl: PointCloud, tmp_path: Path) -> None:
+    place = tmp_path / "lake.gpkg"
+    values = {
+        "points": bowl,
+        "preset": "thesis",
+        "extent": (500_010, 4_600_010, 500_110, 4_600_110),
+    }
+    toolbox.run(MODEL, {**values, "water": place, "shoreline": place, "counts": place})
+    assert set(Vector.layers(place)) == {"water", "shoreline"}
+    rows = Table.open(place, layer="counts").frame
+    stages = rows[rows["name"].isin(["clipped", "kept", "clean", "thinned", "inliers"])]
+    assert stages["step"].to_list() == ["part", "bright", "clean", "thin", "band", "plane"]
+    assert stages["count"].is_monotonic_decreasing
+    assert stages["count"].iloc[-1] > 50
+
+
+def test_a_preset_that_there_is_not(bowl: PointCloud) -> None:
+    with pytest.raises(ParameterError, match="preset: must be one of default, thesis"):
+        toolbox.run(MODEL, {"points": bowl, "preset": "theses"})

@@ -30,7 +30,7 @@ from algorithms.shared.threads import in_blocks
 from toolbox.context import QUIET, Context
 
 SAMPLE = 100_000  # points that a search looks at
-BATCH = 64  # trials between two looks at how many are still needed
+BATCH = 32  # trials between two looks at how many are still needed
 BLOCK = 500_000  # points between two looks at whether the user cancelled
 ROUNDS = 100  # of fitting, if the points near the plane go on changing
 FLAT = 1e-9  # width of points on one line, as a share of their length
@@ -142,10 +142,12 @@ def is_line(xyz: Floats) -> bool:
     if len(xyz) < 3:
         return True
     near = xyz - xyz[0]
-    near -= near.mean(axis=0)
-    long, wide = np.linalg.svd(near, full_matrices=False, compute_uv=False)[:2]
-    rounding = ULPS * float(np.abs(xyz).max()) * math.sqrt(len(xyz))
-    return bool(wide <= FLAT * long + rounding)
+    far = near[int(np.argmax((near * near).sum(axis=1)))]
+    long = float(np.linalg.norm(far))
+    if long == 0:
+        return True
+    wide = float(np.linalg.norm(np.cross(near, far / long), axis=1).max())
+    return wide <= FLAT * long + ULPS * float(np.abs(xyz).max())
 
 
 def search(
@@ -238,7 +240,7 @@ def _scores(sides: Floats, planes: Floats, limit: float) -> tuple[Floats, NDArra
     def work(first: int, last: int) -> None:
         kernels.score(first, last, sides, planes, limit, gains, counts)
 
-    in_blocks(work, len(planes), BATCH // 8)
+    in_blocks(work, len(planes), BATCH // 4)
     return gains, counts
 
 

@@ -19,12 +19,13 @@ from algorithms.ground.classify import HALO as GROUND_HALO
 from algorithms.ground.classify import above, find_terrain, verdict
 from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.errors import DataError
 
 GROUND, VEGETATION, BUILDING = 2, 5, 6
 FLAT = 0.06  # metres from a plane (standard deviation) up to which points lie on it
+FEW = 0.2  # share of points that may lack neighbours before a warning
 VOXEL = 1.0  # metres, the cells in which points are counted
 LET_THROUGH, ON_PLANES = 0.25, 0.15  # shares around, of vegetation at least and of roofs
 HALO = GROUND_HALO + 40.0  # metres, for the largest radius (10) and context (20), and voxels
@@ -90,6 +91,11 @@ class Scene:
         )["eigenvalue3"]
         off_plane = np.sqrt(variance.astype(np.float64)) / metre
         shapeless = np.isnan(off_plane)
+        if np.count_nonzero(shapeless) > FEW * len(shapeless):
+            log.warning(
+                "%d of %d points lack neighbours to lie on a plane with; raise radius",
+                *(np.count_nonzero(shapeless), len(shapeless)),
+            )
         values = {
             "planarity": np.where(off_plane <= FLAT, 1.0, 0.0),
             "roughness": np.where(shapeless, self.radius / metre, off_plane),
@@ -99,7 +105,7 @@ class Scene:
             self.xyz / (VOXEL * metre),
             ground,
             np.column_stack([*values.values()]),
-            self.context / (VOXEL * metre),
+            round(self.context / (VOXEL * metre), 6),  # whole metres stay whole in feet
             ctx=self.ctx.part(0.8, 1.0),
         )
         return dict(zip(values, means.T, strict=True))

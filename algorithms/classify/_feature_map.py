@@ -81,16 +81,21 @@ class FeatureMap:
         neurons = self.comparable(self.values)[self.first_stage]
         return som.winners(self.comparable(values), neurons, ctx)
 
-    def neurons(self, values: Floats, ctx: Context = QUIET) -> Ints:
-        """The neuron of each point with features of shape (n, f); NOBODY where one is NaN."""
-        best = np.full(len(values), NOBODY)
+    def neurons(self, values: Floats, ctx: Context = QUIET) -> tuple[Ints, Floats]:
+        """The neuron of each point with features of shape (n, f), and how far from it the point is.
+
+        NOBODY and NaN where a feature is NaN.
+        """
+        best, away = np.full(len(values), NOBODY), np.full(len(values), np.nan)
         known = np.isfinite(values).all(axis=1)
-        best[known] = self.stage_one(values[known], ctx).best
+        found = self.stage_one(values[known], ctx)
+        best[known], away[known] = found.best, found.distance
         for parent in np.unique(self.parent[self.parent != NOBODY]):
             members, parts = np.flatnonzero(best == parent), np.flatnonzero(self.parent == parent)
             within = self.comparable(self.values)[parts]
-            best[members] = parts[som.winners(self.comparable(values[members]), within).best]
-        return best
+            found = som.winners(self.comparable(values[members]), within)
+            best[members], away[members] = parts[found.best], found.distance
+        return best, away
 
     def table(self) -> Table:
         """The map as a table."""

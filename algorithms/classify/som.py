@@ -140,7 +140,9 @@ class ClassifySom:
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink("The same points with classes, neuron and confidence")
+        classified: PointCloud = sink(
+            "The same points with classes, neuron, its distance and confidence"
+        )
         map: Table = sink("The trained map: one row per neuron, for classify.som_apply")
         planes: Raster = sink("Pictures of the map: the U-matrix and each feature, from 0 to 1")
         neurons: int = sink("Clusters that the points were put into", unit="1")
@@ -191,10 +193,10 @@ class ClassifySom:
         able = np.flatnonzero(np.isfinite(values).all(axis=1))
         chosen = able[drawn(scene.xyz[able], self.sample, self.seed)]
         made = self._map(names, values[chosen], known[chosen], ctx.part(0.4, 0.9))
-        best = made.neurons(values, ctx.part(0.9, 1.0))
+        best, away = made.neurons(values, ctx.part(0.9, 1.0))
         first = made.stage_one(values[chosen])
         return self.Outputs(
-            classified=with_classes(self.points, part, made, best),
+            classified=with_classes(self.points, part, made, best, away),
             map=made.table(),
             planes=made.planes(),
             neurons=int(np.count_nonzero(made.leaves)),
@@ -244,7 +246,7 @@ class ClassifySom:
                 )
             part = ctx.part(k / len(sizes), (k + 0.8) / len(sizes))
             made = trained(values, empty, (*size, self.lattice), how, part)
-            best = made.neurons(values)
+            best, _ = made.neurons(values)
             made = named(made, best, known)
             if share_astray(made, best, known) <= self.tolerance:
                 break
@@ -253,7 +255,7 @@ class ClassifySom:
                 log.warning("tolerance %g is not met by %d x %d neurons", self.tolerance, *size)
         if self.parts > 1:
             made = split(made, values, best, self.tolerance, self.parts, how, ctx.part(0.8, 1.0))
-            made = named(made, made.neurons(values), known)
+            made = named(made, made.neurons(values)[0], known)
         return made
 
     def _weights(self, names: tuple[str, ...]) -> Floats:
@@ -338,28 +340,36 @@ def share_astray(made: FeatureMap, best: Ints, known: Bytes) -> float:
 
 
 def with_classes(
-    cloud: PointCloud, part: NDArray[np.bool_], made: FeatureMap, best: Ints
+    cloud: PointCloud, part: NDArray[np.bool_], made: FeatureMap, best: Ints, away: Floats
 ) -> PointCloud:
     """The cloud with the classes of the neurons of the points that take part.
 
     Parameters
     ----------
     part : array of shape (n,), true for the m points that take part
-    best : array of shape (m,), the neuron of each
+    best, away : arrays of shape (m,), the neuron of each and the distance from it
     """
     classes = np.array(
         cloud["classification"] if "classification" in cloud else np.zeros(len(part))
     )
     classes = classes.astype(np.uint8)
     neuron, confidence = np.full(len(part), NOBODY, np.int16), np.zeros(len(part), np.float32)
+    distance = np.full(len(part), np.nan, np.float32)
     found = best != NOBODY
     classes[part] = np.where(found, made.classes[best], UNKNOWN)
     neuron[part] = best
     confidence[part] = np.where(found, 1.0 - made.astray[best], 0.0)
+    distance[part] = away
     return cloud.with_attributes(
-        {"classification": classes, "neuron": neuron, "confidence": confidence},
+        {
+            "classification": classes,
+            "neuron": neuron,
+            "confidence": confidence,
+            "neuron_distance": distance,
+        },
         descriptions={
             "neuron": "of the self-organising map",
             "confidence": "share of its cluster that agrees",
+            "neuron_distance": "weighted: how unlike its neuron",
         },
     )

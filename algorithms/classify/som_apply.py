@@ -26,8 +26,9 @@ class ClassifySomApply:
 
     Each point gets the class of the neuron that is nearest in the features of the map, which are
     made here as they were for training. Features are not cut off where they are lower or higher
-    than in training. A map that was trained with x and y holds for its own area only. The map may
-    be edited before: change its column `class` to name clusters by hand.
+    than in training; `neuron_distance` tells the points that are unlike all in training. A map that
+    was trained with x and y holds for its own area only. The map may be edited before: change its
+    column `class` to name clusters by hand.
     """
 
     points: PointCloud = source("Points to classify")
@@ -38,7 +39,9 @@ class ClassifySomApply:
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink("The same points with classes, neuron and confidence")
+        classified: PointCloud = sink(
+            "The same points with classes, neuron, its distance and confidence"
+        )
         unclassified: int = sink("Points that lack a feature, now of class 1", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
@@ -61,11 +64,11 @@ class ClassifySomApply:
         """Make the features of the map, and find the nearest neurons."""
         cloud, made = self.points, FeatureMap.of(self.map)
         part = taking_part(cloud, self.ignore)
-        nobody = np.full(np.count_nonzero(part), NOBODY)
         if not part.any():
+            nobody = np.zeros(0, np.int64)
             raise NothingToDo(
                 "points: there are none to classify",
-                instead=self._outputs(part, made, nobody),
+                instead=self._outputs(part, made, nobody, np.zeros(0)),
             )
         if {"x", "y"} & set(made.names):
             log.warning("the map was trained with x or y, so it holds for that area only")
@@ -75,16 +78,20 @@ class ClassifySomApply:
             made.context * cloud.metre,
             ctx.part(0.0, 0.9),
         )
-        best = made.neurons(features_of(scene, made.names), ctx.part(0.9, 1.0))
-        return self._outputs(part, made, best)
+        best, away = made.neurons(features_of(scene, made.names), ctx.part(0.9, 1.0))
+        return self._outputs(part, made, best, away)
 
     def _outputs(
-        self, part: NDArray[np.bool_], made: FeatureMap, best: NDArray[np.int64]
+        self,
+        part: NDArray[np.bool_],
+        made: FeatureMap,
+        best: NDArray[np.int64],
+        away: NDArray[np.float64],
     ) -> ClassifySomApply.Outputs:
         cloud = self.points
         lacking = np.zeros(len(cloud), bool)
         lacking[part] = best == NOBODY
         return self.Outputs(
-            classified=with_classes(cloud, part, made, best),
+            classified=with_classes(cloud, part, made, best, away),
             unclassified=int(np.count_nonzero(lacking & cloud.core)),
         )

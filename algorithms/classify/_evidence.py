@@ -24,10 +24,11 @@ from toolbox.data import PointCloud
 from toolbox.errors import DataError
 
 GROUND, VEGETATION, BUILDING = 2, 5, 6
+ENOUGH = 4  # points that can tell whether they lie on a plane
 FLAT = 0.06  # metres from a plane (standard deviation) up to which points lie on it
 FEW = 0.2  # share of points that may lack neighbours before a warning
 VOXEL = 1.0  # metres, the cells in which points are counted
-LET_THROUGH, ON_PLANES = 0.25, 0.15  # shares around, of vegetation at least and of roofs
+LET_THROUGH, ON_PLANES = 0.25, 0.12  # shares around, of vegetation at least and of roofs
 HALO = GROUND_HALO + 40.0  # metres, for the largest radius (10) and context (20), and voxels
 FINE = float(1 << 20)  # steps in which features are summed up, so that sums are exact
 MOST = 1 << 20  # voxels along an axis
@@ -82,15 +83,18 @@ class Scene:
     def around(self) -> Mapping[str, Floats]:
         """Means over the points around, on the same side of the ground."""
         ground, metre = self.terrain[0], self.cloud.metre
-        variance = covariance_features(
+        found = covariance_features(
             self.xyz,
             neighbours=None,
             radius=self.radius,
-            names=("eigenvalue3",),
+            names=("eigenvalue3", "neighbours"),
             ctx=self.ctx.part(0.4, 0.8),
-        )["eigenvalue3"]
-        off_plane = np.sqrt(variance.astype(np.float64)) / metre
-        shapeless = np.isnan(off_plane)
+        )
+        count = found["neighbours"].astype(np.float64)
+        shapeless = count < ENOUGH
+        # Three points always lie on a plane, so as many less are left to tell how far off it is.
+        freedom = np.where(shapeless, np.nan, count - 3)
+        off_plane = np.sqrt(found["eigenvalue3"] * count / freedom) / metre
         if np.count_nonzero(shapeless) > FEW * len(shapeless):
             log.warning(
                 "%d of %d points lack neighbours to lie on a plane with; raise radius",

@@ -251,7 +251,6 @@ class Pour:
     def again(self, body: Body, level: float, crest: float, tilt: Tilt) -> Body:
         """The body with all cells that its waves reach, up to a crest above its level."""
         metre = self.cells.metre
-        self.state.ravel()[body.cells] = 0
         top = level - self.cells.base + max(crest, STEP * metre)
         wider, _ = self._spread(body.cells, top, -np.inf, 0, tilt)
         self.state.ravel()[wider] = TAKEN
@@ -433,9 +432,15 @@ def _is_level(cells: Grid, some: Ints) -> bool:
     return bool(max(high - low, fall) <= LEVEL_SPREAD * cells.metre)
 
 
-def core_of(cells: Grid, body: Ints) -> Ints:
-    """Cells of a body that are far from its edge, where flat banks may count as water."""
+def core_of(cells: Grid, body: Ints, share: float = CORE) -> Ints:
+    """Cells of a body that are far from its edge, where flat banks may count as water.
+
+    Parameters
+    ----------
+    cells, body : see :class:`Body`
+    share : of the way from the edge to the middle that is left out, a cell at least
+    """
     (top, left), wet = window(cells.lattice, body, 1)
     depth = ndimage.distance_transform_edt(wet)
-    r, c = np.nonzero((depth > 1) & (depth >= CORE * depth.max()))
+    r, c = np.nonzero((depth > 1) & (depth >= share * depth.max()))
     return np.asarray((r + top) * cells.lattice.cols + c + left)

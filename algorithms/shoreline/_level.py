@@ -66,7 +66,7 @@ class Level:
         return np.asarray(self.height + (xy - np.array(self.centre)) @ np.array(self.gradient))
 
 
-def level_of(xyz: Floats, start: float, metre: float) -> Level:
+def level_of(xyz: Floats, core: NDArray[np.bool_], start: float, metre: float) -> Level:
     """Level from points on the water.
 
     Banks, boats and reeds above and errors below hardly move it: of the points within three
@@ -75,6 +75,7 @@ def level_of(xyz: Floats, start: float, metre: float) -> Level:
     Parameters
     ----------
     xyz : array of shape (n, 3)
+    core : array of shape (n,), points far from the shore, which tell the level
     start : a first estimate
     metre : length of one metre in the unit of the points
 
@@ -82,6 +83,7 @@ def level_of(xyz: Floats, start: float, metre: float) -> Level:
     -----
     Waves and strips err alike within a place: the standard error is that of means of squares.
     """
+    every, xyz = xyz[:, 2], xyz[core]
     heights, middle, sigma = xyz[:, 2], start, FIRST_SIGMA * metre
     for _ in range(ROUNDS):
         near = abs(heights - middle) <= 3 * sigma
@@ -98,6 +100,9 @@ def level_of(xyz: Floats, start: float, metre: float) -> Level:
     free = 1 - (share**2).sum()
     scatter = np.sqrt((share**2 * (means - level) ** 2).sum() / free) if len(means) > 1 else sigma
     least = sigma / np.sqrt(near.sum())
+    below = level - every[(every < level) & (every > level - MOST_SIGMA * 3 * metre)]
+    if len(below) >= FEWEST:  # nearer to the shore waves may be higher; banks are never below
+        sigma = max(sigma, min(float(np.median(below)) / 0.6745, MOST_SIGMA * metre))
     return Level(level, float(max(scatter, least)), sigma, int(near.sum()))
 
 

@@ -23,6 +23,9 @@ Floats = NDArray[np.float64]
 Row = dict[str, Any]
 
 
+ALIKE = 20.0  # m of a shore along which errors are taken to be alike
+
+
 @dataclass(frozen=True)
 class Outline:
     """A drawn body.
@@ -59,7 +62,9 @@ class Outline:
                 np.concatenate(v) for v in zip(*(self._sides(k) for k in part), strict=True)
             )
             at_shore = np.where(is_open, 0.0, length)
-            total = max(at_shore.sum(), 1e-9)
+            total = max(float(at_shore.sum()), 1e-9)
+            error = float(np.sqrt((sigma**2 * at_shore).sum() / total))
+            alike = float(np.sqrt(total / (ALIKE * metre)))
             yield (
                 polygon,
                 {
@@ -68,15 +73,11 @@ class Outline:
                     "level_error": round(level.error, 4),
                     "slope": round(float(np.hypot(*level.gradient)), 6),
                     "area": round(polygon.area / metre**2, 2),
-                    "area_error": round(
-                        float(np.sqrt(((sigma * at_shore) ** 2).sum())) / metre**2, 2
-                    ),
+                    "area_error": round(error * total / metre**2 / max(alike, 1.0), 2),
                     "perimeter": round(polygon.length / metre, 2),
                     "open_length": round(float(length[is_open].sum()) / metre, 2),
                     "islands": len(part) - 1,
-                    "uncertainty": round(
-                        float(np.sqrt((sigma**2 * at_shore).sum() / total)) / metre, 3
-                    ),
+                    "uncertainty": round(error / metre, 3),
                     "density": round(self.cells.density * metre**2, 2),
                     "returned": round(body.lost, 3),
                     "darkness": round(body.dark, 3),

@@ -114,7 +114,7 @@ def places(
     points = points[np.lexsort((points[:, 2], points[:, 1], points[:, 0]))]
     pr, pc = lattice.indices(points[:, 0], points[:, 1])
     height = points[:, 2] - level.at(points[:, :2])
-    step = max(SURE * level.sigma, LEAST_STEP * metre)
+    step = sure_step(level, metre)
     low = height <= step
     foreign = low & (~touched[pr - top, pc - left] | others[pr * lattice.cols + pc])
     kept = foreign | low | _stands(points, ~low, metre, ctx.part(0.0, 0.5))
@@ -139,6 +139,11 @@ def places(
     slope = np.full(len(xy), np.nan)
     _expect_ground(xy, height, kind, slope, step, cells.density, ctx.part(0.5, 1.0))
     return Places(xy, height, kind, slope)
+
+
+def sure_step(level: Level, metre: float) -> float:
+    """Height above the level from which a point is on land."""
+    return max(SURE * level.sigma, LEAST_STEP * metre)
 
 
 def _in_cells(cell_of: Ints, some: Ints) -> Ints:
@@ -297,7 +302,12 @@ def _crossings(
     length[is_open] = np.minimum(length[is_open], cells.lattice.cell)
     slope = np.nan_to_num(where.slope[water])
     error = np.hypot(level.sigma, level.error)
-    sigma = 1 / np.sqrt(12 / length**2 + (slope / error) ** 2)
+    # On a flat bank the points that may be water or land reach farther than to the next one.
+    reach = np.minimum(
+        sure_step(level, cells.metre) / np.maximum(slope, 1e-9), LAND_REACH * spacing
+    )
+    span = np.where(slope > 0, np.maximum(length, reach), length)
+    sigma = 1 / np.sqrt(12 / span**2 + (slope / error) ** 2)
     return xy, sigma, is_open
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from algorithms.shared.lowest import cells_of
 from algorithms.shoreline._bodies import (
     LEVEL,
+    TAKEN,
     Body,
     Grid,
     Pour,
@@ -30,6 +32,7 @@ from toolbox.values import Position
 CREST = 3.0  # standard deviations of points on the water above its level
 FEW_RETURNS = 30  # points on a body; with fewer its level is that of its edge
 MOST_SAMPLES = 500_000  # points that tell the level of one body
+ROUNDS = 2
 FALL = 0.15  # m, from end to end of a body that is no lake
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
 STRAIGHT = 0.5  # share of the variance of its surface that a plane explains
@@ -62,23 +65,43 @@ def find_water(
     cells = grid(points, ctx.part(0.0, 0.5))
     pour = Pour(cells, least_area)
     bodies = find_bodies(cells, pour, ctx.part(0.5, 0.7))
-    for k in range(2):  # waves and slopes are known after the first look
+    found: list[Water] = []
+    for k in range(ROUNDS):  # waves and slopes are known after a first look
         found = with_levels(points, cells, bodies, ctx.part(0.7 + 0.15 * k, 0.85 + 0.15 * k))
-        bodies = [_filled(cells, pour, water) for water in found]
-    found = [replace(one, body=body) for one, body in zip(found, bodies, strict=True)]
-    return cells, sorted(found, key=lambda one: (-len(one.body.cells), one.body.cells[0]))
+        found = _filled(cells, pour, found)
+        bodies = [water.body for water in found]
+    return cells, sorted(found, key=_by_size)
 
 
-def _filled(cells: Grid, pour: Pour, water: Water) -> Body:
-    """The cells of a body, given its level."""
-    level, cell = water.level, cells.lattice.cell
-    east, north = level.gradient
-    row, col = (
-        (cells.lattice.north - level.centre[1]) / cell,
-        (level.centre[0] - cells.lattice.west) / cell,
-    )
-    tilt = Tilt(-north * cell, east * cell, row - 0.5, col - 0.5) if water.fall else LEVEL
-    return pour.again(water.body, level.height, CREST * level.sigma, tilt)
+def _by_size(water: Water) -> tuple[int, int]:
+    return -len(water.body.cells), int(water.body.cells[0])
+
+
+def _filled(cells: Grid, pour: Pour, found: Sequence[Water]) -> list[Water]:
+    """The bodies with all cells below their levels; stretches of one river become one."""
+    pour.state[:] = 0
+    filled = []
+    for water in sorted(found, key=lambda one: (one.fall == 0, _by_size(one))):
+        if (pour.state.ravel()[water.body.cells] == TAKEN).mean() <= 0.5:
+            level, tilt = water.level, _tilt(cells, water)
+            body = pour.again(water.body, level.height, CREST * level.sigma, tilt)
+            filled.append(replace(water, body=body))
+    return filled
+
+
+def _tilt(cells: Grid, water: Water) -> Tilt:
+    """The slope of a river in cells."""
+    if not water.fall:
+        return LEVEL
+    lattice, (east, north) = cells.lattice, water.level.gradient
+    row, col = lattice_place(cells, *water.level.centre)
+    return Tilt(-north * lattice.cell, east * lattice.cell, float(row), float(col))
+
+
+def lattice_place(cells: Grid, x: Any, y: Any) -> tuple[Any, Any]:
+    """Rows and columns of places, whole numbers at the middle of cells."""
+    lattice = cells.lattice
+    return (lattice.north - y) / lattice.cell - 0.5, (x - lattice.west) / lattice.cell - 0.5
 
 
 def with_levels(
@@ -102,13 +125,13 @@ def with_levels(
 
 
 def _sampled(cells: Grid, body: Ints) -> Ints:
-    """Cells of a body whose points tell its level: far from its edge, and not more than needed."""
+    """Cells of a body whose points tell its level: not at its edge, and not more than needed."""
     count = cells.count.ravel()
-    core = core_of(cells, body)
-    if count[core].sum() < FEW_RETURNS:
+    if count[core_of(cells, body)].sum() < FEW_RETURNS:
         return np.union1d(body, around(cells.lattice, body, 1))
-    step = math.ceil(count[core].sum() / MOST_SAMPLES)
-    return np.asarray(core[(core // cells.lattice.cols + core % cells.lattice.cols) % step == 0])
+    inner = core_of(cells, body, 0.0)
+    step = math.ceil(count[inner].sum() / MOST_SAMPLES)
+    return np.asarray(inner[(inner // cells.lattice.cols + inner % cells.lattice.cols) % step == 0])
 
 
 def _surface(cells: Grid, body: Body, xyz: Floats) -> Water:
@@ -118,10 +141,12 @@ def _surface(cells: Grid, body: Body, xyz: Floats) -> Water:
     r, c = body.cells // lattice.cols, body.cells % lattice.cols
     centre = np.array([xs[c].mean(), ys[r].mean()])
     flat = xyz.copy()
-    row, col = (lattice.north - xyz[:, 1]) / lattice.cell, (xyz[:, 0] - lattice.west) / lattice.cell
-    flat[:, 2] -= body.tilt.at(row - 0.5, col - 0.5)
-    at_edge = cells.count.ravel()[core_of(cells, body.cells)].sum() < FEW_RETURNS
-    level = (edge_level if at_edge else level_of)(flat, body.level, metre)
+    flat[:, 2] -= body.tilt.at(*lattice_place(cells, xyz[:, 0], xyz[:, 1]))
+    core = core_of(cells, body.cells)
+    if cells.count.ravel()[core].sum() < FEW_RETURNS:
+        level = edge_level(flat, body.level, metre)
+    else:
+        level = level_of(flat, np.isin(cells_of(xyz, lattice), core), body.level, metre)
     near = abs(flat[:, 2] - level.height) <= max(3 * level.sigma, FALL * metre)
     if near.sum() < FEW_RETURNS:
         return Water(body, level)
@@ -135,9 +160,8 @@ def _surface(cells: Grid, body: Body, xyz: Floats) -> Water:
     if slope * length <= FALL * metre or explained <= STRAIGHT:
         return Water(body, level)
     flat[:, 2] = xyz[:, 2] - (xyz[:, :2] - centre) @ np.array([east, north])
-    start = float(np.median(flat[near, 2]))
-    level = (edge_level if at_edge else level_of)(flat, start, metre)
-    tilted = replace(level, gradient=(east, north), centre=(centre[0], centre[1]))
+    height = float(np.median(flat[near, 2]))
+    tilted = replace(level, height=height, gradient=(east, north), centre=(centre[0], centre[1]))
     return Water(body, tilted, slope * length, length)
 
 

@@ -46,6 +46,8 @@ LEVEL_SPREAD = 0.06  # m between the heights of a surface that is level
 CORE = 0.3  # of the distance to the middle of a body, from where its level is taken
 SECTOR = 4  # cells of the edge of a hole of which the lowest point counts
 FEWEST_SECTORS = 6
+START = 4  # a place to begin with may be this much smaller than a body
+WIDE = 0.2  # of its cells are not at the edge of a hole that nothing else speaks for
 RIVER = 4  # smallest river, in smallest bodies
 TILTED = 0.6  # share of the variance of these points that a plane explains, on a slope
 LARGE = 500.0  # m2 of such a surface that need not be dark
@@ -88,8 +90,8 @@ class Grid:
 
     @property
     def area(self) -> float:
-        """Of a cell, square metres."""
-        return (self.lattice.cell / self.metre) ** 2
+        """Of a cell."""
+        return self.lattice.cell**2
 
     @property
     def hole(self) -> Mask:
@@ -199,7 +201,7 @@ Place = tuple[Ints, float, Tilt]  # cells to pour on, up to a level on a tilted 
 
 def find_bodies(cells: Grid, pour: Pour, ctx: Context = QUIET) -> list[Body]:
     """All water bodies, the largest first."""
-    places = [*_holes(cells, pour.least), *_calm_places(cells, pour.least)]
+    places = [*_holes(cells, pour.first), *_calm_places(cells, pour.first)]
     places.sort(key=lambda place: (place[2] != LEVEL, -len(place[0]), place[0][0]))
     found: list[Body] = []
     for done, place in enumerate(places):
@@ -218,17 +220,19 @@ class Pour:
     Parameters
     ----------
     cells : see :func:`grid`
-    least_area : of a body, square metres
+    least_area : of a body, in square units of the data
 
     Attributes
     ----------
     least : cells of a body
+    first : cells of a place to begin with
     state : array of shape (rows, cols), TAKEN where a body has been found
     """
 
     def __init__(self, cells: Grid, least_area: float) -> None:
         self.cells, self.floor = cells, cells.floor
         self.least = max(1, math.ceil(least_area / cells.area))
+        self.first = math.ceil(self.least / START)
         self.state = np.zeros(self.floor.shape, np.uint8)
         self.stack = np.empty(self.floor.size, np.int32)
 
@@ -298,7 +302,7 @@ def _holes(cells: Grid, least: int) -> Iterator[Place]:
         tilt = _tilt_of(cells, edge[heights >= level - STEP * cells.metre])
         if tilt == LEVEL:
             yield hole, level, LEVEL
-        elif len(hole) >= RIVER * least:
+        elif len(hole) >= START * RIVER * least:
             rest = heights - tilt.at(edge // cells.lattice.cols, edge % cells.lattice.cols)
             yield hole, lowest_mode(rest, STEP * cells.metre), tilt
 
@@ -386,7 +390,8 @@ def window(lattice: Lattice, some: Ints, margin: int) -> tuple[tuple[int, int], 
 def judge(cells: Grid, body: Ints, level: float, tilt: Tilt = LEVEL) -> Body | None:
     """What speaks for water in a place that holds it; None where too little does.
 
-    A place that swallows pulses is water. One that returns them must be level, and dark or large.
+    A place that swallows pulses is water, unless it is narrow as shadows are. One that returns
+    them must be level, and dark or large.
     """
     count, bright = cells.count.ravel(), cells.bright.ravel()
     ring = np.setdiff1d(around(cells.lattice, body, 5), around(cells.lattice, body, 1))
@@ -403,8 +408,10 @@ def judge(cells: Grid, body: Ints, level: float, tilt: Tilt = LEVEL) -> Body | N
         "dark": dark >= DARK,
         "class": classed,
     }
-    large = len(here) >= LARGE / cells.area
-    if not (lost <= SPARSE or classed or (level_enough and (dark >= DARK or large))):
+    wide = len(core_of(cells, body, 0.0)) >= WIDE * len(body)
+    few = lost <= SPARSE and (wide or dark >= DARK or level_enough)
+    large = len(here) >= LARGE * cells.metre**2 / cells.area
+    if not (few or classed or (level_enough and (dark >= DARK or large))):
         return None
     evidence = ", ".join(name for name, holds in reasons.items() if holds)
     return Body(body, cells.base + level, tilt, lost, dark, evidence)

@@ -156,7 +156,7 @@ def draw(
     ----------
     points, cells, water : see :func:`algorithms.shoreline._water.find_water`
     chosen : numbers of the bodies to draw
-    least_area, least_island : smaller parts and islands are left out, square metres
+    least_area, least_island : smaller parts and islands are left out, square units of the data
     ctx : progress and cancellation
     """
     of_body = np.zeros(cells.low.size, np.int32)
@@ -168,8 +168,7 @@ def draw(
         part = ctx.part(0.5 + 0.5 * done / len(chosen), 0.5 + 0.5 * (done + 1) / len(chosen))
         others = (of_body > 0) & (of_body != k + 1)
         made = shore(near, cells, index, water[k].body.cells, others, water[k].level, part)
-        metre2 = cells.metre**2
-        parts = _parts(made, least_area * metre2, least_island * metre2)
+        parts = _parts(made, least_area, least_island)
         found.append(Outline(done + 1, water[k], made, parts, cells))
     ctx.progress(1.0)
     return found

@@ -33,6 +33,7 @@ ROUGH = 0.1  # m off the plane
 AROUND = 0.9  # mean of the directions to near points of water, where it is on more than one side
 CONES = (0.1, 0.2)  # slopes of the ground to a point without a plane there, and elsewhere
 BLOCK = 50_000  # places that are worked on at a time
+FINEST = 0.25  # of the spacing of points, to which a shore can be told at best
 LAND_REACH = 6.0  # mean spacings from a place of water to land that tells how deep it is
 ALONE = (2, 8)  # a point on land has more than so many others on land among the nearest ones
 PLANE = 16  # land points that a plane is put through
@@ -307,7 +308,7 @@ def _crossings(
         sure_step(level, cells.metre) / np.maximum(slope, 1e-9), LAND_REACH * spacing
     )
     span = np.where(slope > 0, np.maximum(length, reach), length)
-    sigma = 1 / np.sqrt(12 / span**2 + (slope / error) ** 2)
+    sigma = np.hypot(FINEST * spacing, 1 / np.sqrt(12 / span**2 + (slope / error) ** 2))
     return xy, sigma, is_open
 
 

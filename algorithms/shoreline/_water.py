@@ -61,7 +61,7 @@ class Water:
 def find_water(
     points: Returns, least_area: float, ctx: Context = QUIET
 ) -> tuple[Grid, list[Water]]:
-    """All water bodies of at least an area in square metres, the largest first."""
+    """All water bodies of at least an area, the largest first."""
     cells = grid(points, ctx.part(0.0, 0.5))
     pour = Pour(cells, least_area)
     bodies = find_bodies(cells, pour, ctx.part(0.5, 0.7))
@@ -175,7 +175,9 @@ def place_of(cells: Grid, water: Water) -> tuple[float, float]:
 def name_of(cells: Grid, water: Water) -> str:
     """A body by its place and size, for messages."""
     x, y = place_of(cells, water)
-    return f"water of {len(water.body.cells) * cells.area:.0f} m2 at {x:.1f},{y:.1f}"
+    return (
+        f"water of {len(water.body.cells) * cells.area / cells.metre**2:.0f} m2 at {x:.1f},{y:.1f}"
+    )
 
 
 def sloping(cells: Grid, water: Water) -> str:

@@ -114,7 +114,7 @@ class ShorelineExtract:
         return chosen
 
     def _packed(self, outlines: Sequence[Outline]) -> ShorelineExtract.Outputs:
-        metre, crs = self.points.metre, self.points.crs
+        crs = self.points.crs
         polygons = [feature for o in outlines for feature in o.rows()]
         lines = [feature for o in outlines for feature in o.lines()]
         corners = [feature for o in outlines for feature in o.corners()]
@@ -123,9 +123,9 @@ class ShorelineExtract:
             water=_layer(polygons, crs, "Polygon Z"),
             shoreline=_layer(lines, crs, "LineString Z"),
             vertices=_layer(corners, crs, "Point Z"),
-            level=first.height / metre if first else None,
-            level_error=first.error / metre if first else None,
-            area=sum(shape.area for shape, _ in polygons) / metre**2,
+            level=first.height if first else None,
+            level_error=first.error if first else None,
+            area=sum(shape.area for shape, _ in polygons),
             count=len(outlines),
         )
 

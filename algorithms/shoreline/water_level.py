@@ -73,12 +73,11 @@ class ShorelineWaterLevel:
             found = with_levels(points, cells, bodies, ctx.part(0.7, 1.0))
         if not found:
             log.warning("points: no water was found")
-        metre = points.metre
         rows = [row_of(cells, number, one) for number, one in enumerate(found, 1) if cells]
         return self.Outputs(
             levels=Table.from_rows(rows),
-            level=found[0].level.height / metre if found else None,
-            level_error=found[0].level.error / metre if found else None,
+            level=found[0].level.height if found else None,
+            level_error=found[0].level.error if found else None,
         )
 
 
@@ -117,7 +116,7 @@ def row_of(cells: Grid, number: int, water: Water) -> dict[str, Any]:
         "body": number,
         "x": round(x, 2),
         "y": round(y, 2),
-        "area": round(len(water.body.cells) * cells.area, 1),
+        "area": round(len(water.body.cells) * cells.area / metre**2, 1),
         "level": round(level.height, 4),
         "standard_error": round(level.error, 4),
         "deviation": round(level.sigma, 4),

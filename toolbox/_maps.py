@@ -292,8 +292,9 @@ def _show_coloured(axes: Axes, vector: Vector, colours: NDArray[Any]) -> None:
     axes.add_collection(LineCollection(lines, colors=colour[kind == 1], linewidths=1.2))
     points = shapely.get_coordinates(parts[kind == 0])
     size = 22 if len(points) <= _FEW else 5  # square points
-    axes.scatter(*points.T, c=_SHADOW, s=(size**0.5 + 1) ** 2, lw=0)  # or white would not show
-    axes.scatter(*points.T, c=colour[kind == 0], s=size, lw=0)
+    x, y = points.T
+    axes.scatter(x, y, c=_SHADOW, s=(size**0.5 + 1) ** 2, lw=0)  # or white would not show
+    axes.scatter(x, y, c=colour[kind == 0], s=size, lw=0)
 
 
 def _path(rings: Sequence[Any]) -> Any:

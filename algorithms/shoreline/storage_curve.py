@@ -25,7 +25,7 @@ from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.crs import vertical_unit
 from toolbox.errors import DataError, NothingToDo
 from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
+from toolbox.values import ClassList, Position
 
 Array = NDArray[np.float64]
 MOST_LEVELS = 100_000  # more are taken for a mistake in the step
@@ -46,7 +46,7 @@ class ShorelineStorageCurve:
     With `connected` water counts where it is one with that over the lowest ground of the basin: a
     side valley that lies lower than the level counts from the level on at which water gets there,
     and the column apart_m2 has its area before. The basin is what a lake of the highest level
-    covers, of which `seed_x` and `seed_y` name a place; without them it is the one of the lowest
+    covers, of which `seed_point` names a place; without it it is the one of the lowest
     ground within the outline, or of all. With `all` everything below the level counts.
 
     Water that reaches the edge of the data, or a gap in it, would run out or go on there: from that
@@ -69,12 +69,7 @@ class ShorelineStorageCurve:
         "Last level; that of the highest ground by default", default=None, unit="m"
     )
     fill: Literal["connected", "all"] = param("What counts as water", default="connected")
-    seed_x: float | None = param(
-        "Easting of a place in the basin, as the data has it", default=None, unit="1"
-    )
-    seed_y: float | None = param(
-        "Northing of a place in the basin, as the data has it", default=None, unit="1"
-    )
+    seed_point: Position | None = param("A place in the basin", default=None)
     classes: ClassList | None = param("Classes of points to use; all by default", default=None)
     max_gap: float | None = param(
         "Leave gaps farther than this from any point; none by default",
@@ -95,14 +90,12 @@ class ShorelineStorageCurve:
         missing_share: float = sink("Share of the outline, or of all, without ground", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Levels in order, and a whole place."""
+        """Levels in order, and a place only where it matters."""
         low, high = self.lowest, self.highest
         if low is not None and high is not None and low >= high:
             yield "lowest", f"must be < highest ({high:g}), got {low:g}"
-        if (self.seed_x is None) != (self.seed_y is None):
-            yield "seed_x" if self.seed_x is None else "seed_y", "give both or none of a place"
-        if self.fill == "all" and self.seed_x is not None:
-            yield "seed_x", "is for connected water; with fill all it would make no difference"
+        if self.fill == "all" and self.seed_point:
+            yield "seed_point", "is for connected water; with fill all it would make no difference"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """One kind of ground, and only settings that go with it."""
@@ -176,15 +169,14 @@ class ShorelineStorageCurve:
 
     def _fill(self, basin: PointBasin | RasterBasin, highest: float, ctx: Context) -> None:
         """Find the water that is one, from the place named or from the lowest ground."""
-        if self.seed_x is None or self.seed_y is None:
+        if self.seed_point is None:
             basin.fill(None, highest, ctx=ctx)
             return
         try:
-            basin.fill(basin.at(self.seed_x, self.seed_y), highest, ctx=ctx)
+            basin.fill(basin.at(*self.seed_point), highest, ctx=ctx)
         except DataError as err:
-            raise DataError(
-                f"seed_x, seed_y: {self.seed_x:.12g}, {self.seed_y:.12g} {err}"
-            ) from err
+            x, y = self.seed_point
+            raise DataError(f"seed_point: {x:.12g}, {y:.12g} {err}") from err
 
     def _first(self, ground: float, highest: float) -> float:
         """The first level, which must leave some up to the last one."""

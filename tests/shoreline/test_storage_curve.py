@@ -20,7 +20,7 @@ from algorithms.shoreline.storage_curve import ShorelineStorageCurve, height_sys
 from toolbox.context import Context
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.errors import Cancelled, DataError, NothingToDo, ParameterError
-from toolbox.values import ClassList
+from toolbox.values import ClassList, Position
 
 Floats = NDArray[np.float64]
 UTM, FEET = CRS(32635), CRS(2263)
@@ -156,7 +156,7 @@ def test_the_place_named_chooses_the_basin(kind: str) -> None:
     source: dict[str, Any] = {"terrain": raster(z)}
     if kind == "points":
         source = {"points": cloud(np.column_stack([x, y, z.ravel()]))}
-    east = {"seed_x": WEST + 6.4, "seed_y": NORTH - 3.6}
+    east = {"seed_point": Position(WEST + 6.4, NORTH - 3.6)}
     for seed, highest, lowest in (({}, 4.5, 0), (east, 4.5, 1), (east, 8.0, 0)):
         out = ShorelineStorageCurve(**source, **seed, highest=highest).run()
         assert out.lowest_ground == lowest
@@ -275,8 +275,7 @@ def test_levels() -> None:
     [
         ({"step": 0.0}, "step: must be > 0 m"),
         ({"lowest": 5.0, "highest": 5.0}, r"lowest: must be < highest \(5\), got 5"),
-        ({"seed_x": 5.0}, "seed_y: give both or none"),
-        ({"seed_x": 5.0, "seed_y": 5.0, "fill": "all"}, "seed_x: is for connected water"),
+        ({"seed_point": Position(5, 5), "fill": "all"}, "seed_point: is for connected water"),
     ],
 )
 def test_wrong_settings(how: dict[str, Any], text: str) -> None:
@@ -296,13 +295,13 @@ def test_wrong_data() -> None:
         with pytest.raises(DataError, match=text):
             ShorelineStorageCurve(**how)
     far = outline(shapely.box(900, 900, 901, 901))
-    seed = {"seed_x": WEST + 0.7, "seed_y": NORTH - 0.7}
+    seed = {"seed_point": Position(WEST + 0.7, NORTH - 0.7)}
     for how, text in (
         ({"terrain": raster(np.full((3, 3), np.nan))}, "there is no ground$"),
         ({"terrain": raster([[1.0, 2.0]])}, "two rows and two columns"),
         ({"terrain": ground, "outline": far}, "no ground within the outline"),
         ({"points": points, "outline": far}, "no ground within the outline"),
-        ({"terrain": ground, "seed_x": 0.0, "seed_y": 0.0}, "seed_x, seed_y: 0, 0 lies where"),
+        ({"terrain": ground, "seed_point": Position(0, 0)}, "seed_point: 0, 0 lies where"),
         ({"terrain": ground, "highest": 5.0, **seed}, "is not below the highest level"),
         ({"terrain": ground, "highest": -1.0}, "highest: -1 is below the lowest ground, 0"),
         ({"terrain": ground, "lowest": 99.0}, "lowest: 99 is above the highest ground, 9"),

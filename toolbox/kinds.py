@@ -18,7 +18,7 @@ from toolbox.data import PointCloud, Raster, Report, Survey, Table, Vector
 from toolbox.data.crs import parse_crs
 from toolbox.data.places import Places, files_of
 from toolbox.expression import Expression
-from toolbox.values import Attribute, ClassList, Extent, Position, Range
+from toolbox.values import Attribute, ClassList, Direction, Extent, Position, Range
 
 TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 
@@ -154,6 +154,10 @@ def _extent(value: Any) -> Extent:
     return Extent.parse(value) if isinstance(value, str) else Extent.of(value)
 
 
+def _direction(value: Any) -> Direction:
+    return Direction.parse(value) if isinstance(value, str) else Direction.of(value)
+
+
 def _is(*types: type) -> Callable[[Any], bool]:
     return lambda value: isinstance(value, types)
 
@@ -163,6 +167,7 @@ def _scalars() -> dict[Any, Kind]:
     text = {"type": "string"}
     pair = {"type": "array", "items": number, "minItems": 2, "maxItems": 2}
     box = {"type": "array", "items": number, "minItems": 4, "maxItems": 4}
+    triple = {"type": "array", "items": number, "minItems": 3, "maxItems": 3}
     classes = {"type": "string", "pattern": r"^\d+(-\d+)?(,\d+(-\d+)?)*$"}
     return {
         float: Kind("number", number, _is_number, _number, plain=True),
@@ -172,6 +177,7 @@ def _scalars() -> dict[Any, Kind]:
         ClassList: Kind("class list", classes, _is(ClassList), _class_list, str),
         Range: Kind("range", pair, _is(Range), _range, list),
         Position: Kind("position", pair, _is(Position), _position, list),
+        Direction: Kind("direction", triple, _is(Direction), _direction, list),
         Extent: Kind("extent", box, _is(Extent), _extent, list),
         CRS: Kind("CRS", text, _is(CRS), parse_crs, lambda crs: crs.to_string()),
         Attribute: Kind("attribute", text, _is(Attribute), lambda v: Attribute(_text(v)), str),

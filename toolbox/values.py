@@ -140,6 +140,36 @@ class Position(NamedTuple):
         return f"{self.x!r},{self.y!r}"
 
 
+class Direction(NamedTuple):
+    """A direction in space, of any length; as text ``0,0,1``, which is upwards."""
+
+    x: float
+    y: float
+    z: float
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Read three numbers: eastwards, northwards, upwards."""
+        return cls.of(_numbers(text, 3))
+
+    @classmethod
+    def of(cls, numbers: Iterable[float]) -> Self:
+        """Take three numbers.
+
+        Raises
+        ------
+        ValueError
+            They are not three finite numbers, or all of them are 0.
+        """
+        made = cls(*_finite(numbers, 3))
+        if not any(made):
+            raise ValueError("a direction has a length, and 0,0,0 has none")
+        return made
+
+    def __str__(self) -> str:
+        return ",".join(f"{number!r}" for number in self)
+
+
 class Attribute(str):
     """The name of an attribute of a point cloud, such as ``intensity``."""
 

@@ -7,7 +7,6 @@ compares: docs/explanation/planes-fit.md.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import geopandas
@@ -23,7 +22,7 @@ from toolbox.data import PointCloud, Vector
 from toolbox.data.crs import vertical_unit
 from toolbox.errors import DataError
 from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Share
+from toolbox.values import Direction, Share
 
 NAME = "PlaneDistance"
 LEVEL = 1e-9  # radians; planes that lean less have no direction
@@ -42,7 +41,7 @@ class PlanesFit:
     plane with the least squares of distances is fitted to all points within `max_distance`, and
     again until they stay the same.
 
-    With a `reference` direction, such as 0 0 1 for level planes, only planes are tried whose normal
+    With a `reference` direction, such as 0,0,1 for level planes, only planes are tried whose normal
     is within `max_angle` of it. The normal then points to the side of the reference, otherwise
     upwards. Withheld points take no part.
 
@@ -54,8 +53,8 @@ class PlanesFit:
     max_distance: float = param(
         "Farthest point that belongs to the plane", default=0.2, unit="m", gt=0
     )
-    reference: tuple[float, ...] | None = param(
-        "Direction x y z of the normal; any by default", default=None, unit="1"
+    reference: Direction | None = param(
+        "Direction x,y,z of the normal; any by default", default=None
     )
     max_angle: float = param(
         "Largest angle between the normal and the reference", default=5.0, unit="deg", gt=0, le=90
@@ -91,11 +90,6 @@ class PlanesFit:
             "Standard deviation of a distance; NaN of three points", unit="m"
         )
         trials: int = sink("Trials that were made", unit="1")
-
-    def check(self) -> Iterator[tuple[str, str]]:
-        """A direction has three parts."""
-        if self.reference is not None and (len(self.reference) != 3 or not any(self.reference)):
-            yield "reference", f"must be three numbers, not all 0, got {self.reference!r}"
 
     def halo(self) -> float:
         """A plane is that of all points."""

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from algorithms.planes.fit import PlanesFit
+from toolbox import run
 from toolbox.data import PointCloud
 from toolbox.errors import DataError, ParameterError
+from toolbox.values import Direction
 
 UTM = CRS(32635)
 FAR = np.array([543_210.5, 4_567_890.25, 812.0])
@@ -107,10 +109,10 @@ def test_reference_chooses_among_planes() -> None:
     """A wall of 3000 points, and a floor of 1000."""
     xyz = np.vstack([plane_points((1, 0, 0), 3000, 0.01), plane_points((0, 0, 1), 1000, 0.01)])
     assert fitted(xyz).tilt == pytest.approx(90, abs=0.1)
-    floor = fitted(xyz, reference=(0.0, 0.0, 1.0))
+    floor = fitted(xyz, reference=Direction(0.0, 0.0, 1.0))
     assert floor.tilt < 0.1
     assert floor.normal_z > 0
-    down = fitted(xyz, reference=(0.0, 0.0, -3.0))
+    down = fitted(xyz, reference=Direction(0.0, 0.0, -3.0))
     np.testing.assert_allclose(normal_of(down), -normal_of(floor), atol=1e-12)
     assert (down.tilt, down.azimuth) == (floor.tilt, floor.azimuth)
 
@@ -118,7 +120,7 @@ def test_reference_chooses_among_planes() -> None:
 def test_no_plane_near_the_reference_is_said() -> None:
     wall = plane_points((1, 0, 0), 500, 0.0)
     with pytest.raises(DataError, match="points: 200 trials found no plane within 5 degrees"):
-        fitted(wall, reference=(0.0, 0.0, 1.0), max_trials=200)
+        fitted(wall, reference=Direction(0.0, 0.0, 1.0), max_trials=200)
 
 
 def test_the_plane_stays_within_the_angle(caplog: pytest.LogCaptureFixture) -> None:
@@ -126,10 +128,12 @@ def test_the_plane_stays_within_the_angle(caplog: pytest.LogCaptureFixture) -> N
     lean = math.tan(math.radians(5.5))
     xyz = plane_points((lean, 0, 1), 3000, 0.05)
     with caplog.at_level("WARNING", "toolbox"):
-        out = fitted(xyz, reference=(0.0, 0.0, 1.0), max_distance=1.0)
+        out = fitted(xyz, reference=Direction(0.0, 0.0, 1.0), max_distance=1.0)
     assert 4 < out.tilt <= 5 + 1e-9
     assert "did not settle" in caplog.text
-    assert fitted(xyz, reference=(0.0, 0.0, 1.0), max_angle=6.0).tilt == pytest.approx(5.5, abs=0.1)
+    assert fitted(xyz, reference=Direction(0.0, 0.0, 1.0), max_angle=6.0).tilt == pytest.approx(
+        5.5, abs=0.1
+    )
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
@@ -147,10 +151,17 @@ def test_points_on_a_line_or_at_one_place_make_no_plane() -> None:
     assert len(fitted(beside).inliers) == 101
 
 
-def test_bad_directions_are_refused() -> None:
-    for reference in ((0.0, 1.0), (0.0, 0.0, 0.0), ()):
-        with pytest.raises(ParameterError, match="reference: must be three numbers, not all 0"):
-            fitted(scattered(10), reference=reference)
+@pytest.mark.parametrize("text", ["0,1", "0,0,0", "up", "0,0,inf", "1,2,3,4"])
+def test_bad_directions_are_refused(text: str) -> None:
+    with pytest.raises(ParameterError, match="reference: must be a direction, got"):
+        run("planes.fit", {"points": PointCloud(scattered(10), crs=UTM), "reference": text})
+
+
+def test_directions_are_read_from_text_and_json() -> None:
+    points = PointCloud(plane_points((0, 0, 1), 50, 0.0), crs=UTM)
+    for reference in ("0,0,-2", [0, 0, -2.0]):
+        assert run("planes.fit", {"points": points, "reference": reference})["normal_z"] < 0
+    assert Direction.parse(str(Direction(-4.0, 3.0, 0.1))) == (-4, 3, 0.1)
 
 
 def test_withheld_points_take_no_part() -> None:
@@ -208,7 +219,7 @@ def test_ground_and_a_wall_of_a_street_corner(data: Callable[[str], Path]) -> No
     assert ground.tilt < 2
     assert len(ground.inliers) > 1600
     wall = PlanesFit(
-        points=points, max_distance=0.05, reference=(-4.0, 3.0, 0.0), max_angle=10.0
+        points=points, max_distance=0.05, reference=Direction(-4.0, 3.0, 0.0), max_angle=10.0
     ).run()
     assert abs(wall.tilt - 90) < 2
     assert len(wall.inliers) > 200

@@ -20,7 +20,6 @@ from scipy.sparse.csgraph import connected_components
 from algorithms.shared._delaunay_kernels import is_ghost, orient
 
 STRIP = 200_000  # points: wide enough that seams are few of all
-SAMPLE = 1000  # points for each strip that say where to cut
 ROUNDING = 1e-14  # of a circle, in relation to how thin its triangle is
 STOUT = (
     1e-6  # twice the area of a triangle by its longest edge squared, for which rounding is naught
@@ -41,8 +40,7 @@ def dealt(xy: Floats) -> tuple[Ints, list[int], Floats]:
     bounds : array of shape (strips + 1,), strip k has the x from bounds[k] to below bounds[k + 1]
     """
     x, strips = xy[:, 0], len(xy) // STRIP
-    drawn = np.random.default_rng(0).integers(0, len(xy), SAMPLE * strips)
-    cuts = np.unique(np.sort(x[drawn])[SAMPLE::SAMPLE])
+    cuts = np.unique(np.sort(x)[np.arange(1, strips) * len(xy) // strips])
     strip = np.searchsorted(cuts, x, side="right").astype(np.uint16)
     order = np.argsort(strip, kind="stable").astype(np.int32)
     sizes = np.bincount(strip, minlength=len(cuts) + 1)

@@ -125,7 +125,8 @@ def triangulate(xy: Floats, *, ctx: Context = QUIET) -> Mesh:
     Notes
     -----
     The points are worked on in a copy sorted by the order of insertion: what is near on the
-    ground is then near in memory.
+    ground is then near in memory. Many points are worked on in strips, side by side in threads,
+    which are then sewn together.
     """
     xy = _checked(xy)
     if len(xy) < 2 * strips.STRIP:

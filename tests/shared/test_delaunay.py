@@ -202,6 +202,8 @@ def test_strips_sewn_together_are_the_triangulation(
     assert np.array_equal(sorted_rows(mesh.triangles), sorted_rows(whole.triangles))
     assert np.array_equal(mesh.duplicate_of, whole.duplicate_of)
     assert_neighbours_agree(mesh)
+    other = triangulate(shuffled(xy))  # no number depends on the order, nor where one begins
+    assert np.array_equal(mesh.xy[mesh.triangles], other.xy[other.triangles])
 
 
 @pytest.mark.parametrize("size", [2, 500])

@@ -201,7 +201,12 @@ Place = tuple[Ints, float, Tilt]  # cells to pour on, up to a level on a tilted 
 
 def find_bodies(cells: Grid, pour: Pour, ctx: Context = QUIET) -> list[Body]:
     """All water bodies, the largest first."""
-    places = [*_holes(cells, pour.first), *_calm_places(cells, pour.first)]
+    classed = 2 * cells.water > np.maximum(cells.count, 1)
+    places = [
+        *_holes(cells, pour.first),
+        *_level_places(cells, cells.calm, pour.first),
+        *_level_places(cells, classed, pour.first),
+    ]
     places.sort(key=lambda place: (place[2] != LEVEL, -len(place[0]), place[0][0]))
     found: list[Body] = []
     for done, place in enumerate(places):
@@ -341,10 +346,10 @@ def _slopes(cells: Grid, where: Mask, least: int) -> Iterator[Place]:
             yield place, level, tilt
 
 
-def _calm_places(cells: Grid, least: int) -> Iterator[Place]:
-    """Calm places at one level each."""
+def _level_places(cells: Grid, where: Mask, least: int) -> Iterator[Place]:
+    """Places at one level each, of patches that are calm or of a class of water."""
     step = STEP * cells.metre
-    for place in _patches(cells.calm, least):
+    for place in _patches(where, least):
         rest = place
         for _ in range(PEAKS):
             if len(rest) < least:

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
@@ -38,6 +39,7 @@ LAND_REACH = 6.0  # mean spacings from a place of water to land that tells how d
 ALONE = (2, 8)  # a point on land has more than so many others on land among the nearest ones
 PLANE = 16  # land points that a plane is put through
 SURE = 2.5  # standard deviations of water points above which there is land
+ISLAND = 5.0  # the same, that an island must reach: waves do not
 LEAST_STEP = 0.05  # m, of that height
 WATER, LAND, HOLE, OUTSIDE = 0, 1, 2, 3  # what a place of the band is
 
@@ -284,7 +286,23 @@ def outline(where: Places, level: Level, cells: Grid, ctx: Context) -> Shore:
     follow[begin] = then
     xy, sigma, is_open = _crossings(where, sides // n, sides % n, wet, level, cells)
     rings = _rings(follow)
+    rings = [
+        ring
+        for ring, kept in zip(rings, _no_waves(where, [xy[r] for r in rings], level), strict=True)
+        if kept
+    ]
     return Shore([xy[r] for r in rings], [sigma[r] for r in rings], [is_open[r] for r in rings])
+
+
+def _no_waves(where: Places, rings: list[Floats], level: Level) -> Mask:
+    """Outer rings, and islands that are higher than waves."""
+    inside = np.array([area_of(ring) < 0 for ring in rings])
+    land = np.flatnonzero(where.kind == LAND)
+    tree = shapely.STRtree([*map(shapely.Point, where.xy[land])])
+    of, point = tree.query(shapely.polygons([*map(shapely.LinearRing, rings)]), "contains")
+    top = np.full(len(rings), -np.inf)
+    np.maximum.at(top, of, where.height[land[point]])
+    return np.asarray(~inside | (top > ISLAND * level.sigma))
 
 
 def _crossings(

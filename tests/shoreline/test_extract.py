@@ -54,7 +54,9 @@ def test_shore_lies_between_the_points(density: float, bar: float) -> None:
     assert iou(shore, CIRCLE) > bar
     corners = shapely.get_coordinates(shore.exterior)
     off = np.hypot(*(corners - MIDDLE).T) - RADIUS
-    assert np.sqrt((off**2).mean()) < 0.5 / math.sqrt(density)  # half a spacing
+    assert np.sqrt((off**2).mean()) < max(
+        0.5 / math.sqrt(density), 0.2
+    )  # half a spacing, or the noise
 
 
 def test_stated_uncertainty_is_that_of_the_corners() -> None:

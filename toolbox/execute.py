@@ -79,6 +79,7 @@ def run(
     reads = {name: value for name, value in given.items() if name in spec.sources}
     writes = targets.of_run(wanted, spec)
     settings = _checked(spec, given, writes, tiling, overwrite=overwrite)
+    spec = spec.under(settings)
     crs = _crs(assume_crs, id)
     record = None
     if writes:

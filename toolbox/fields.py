@@ -206,6 +206,10 @@ class Spec:
     def sources(self) -> Mapping[str, Field]:
         return {name: f for name, f in self.inputs.items() if f.role == "source"}
 
+    def under(self, settings: Mapping[str, Any]) -> Spec:
+        """What is run under these settings; a model may read less then."""
+        return self
+
     @property
     def between(self) -> Mapping[str, Field]:
         """Results of the steps of a model, by step.output; a plain tool has none."""

@@ -9,10 +9,13 @@ from types import SimpleNamespace
 from typing import Any
 
 from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Survey
 from toolbox.errors import DataError, ParameterError
 from toolbox.fields import Field, Spec
+from toolbox.kinds import Kind, find
 
 INPUTS = "inputs"  # what a reference calls the values that a model takes
+CLOUD, EITHER = find(PointCloud), find(PointCloud | Survey)
 EMPTY = "is an empty list; there is nothing to repeat the step for"
 
 
@@ -128,6 +131,16 @@ class Model(Spec):
         outs = {name: self.outputs[name] for name in returns}
         return dataclasses.replace(self, steps=steps, returns=returns, outputs=outs)
 
+    def under(self, settings: Mapping[str, Any]) -> Model:
+        """The model in which a cloud is opened as a survey, if the steps that run need no more."""
+        steps = self.active(settings)
+        inputs = dict(self.inputs)
+        for name, field in self.sources.items():
+            takers = [kind for step in steps for kind in _kinds_of(step, f"{INPUTS}.{name}")]
+            if field.kind is CLOUD and takers and all(kind is EITHER for kind in takers):
+                inputs[name] = dataclasses.replace(field, kind=EITHER)
+        return dataclasses.replace(self, inputs=inputs)
+
     @property
     def between(self) -> Mapping[str, Field]:
         """Results of steps, which a run may be asked for too, by step.output."""
@@ -183,6 +196,13 @@ class Model(Spec):
         """As of any tool, and what its steps give in between."""
         between = {name: field.schema() for name, field in self.between.items()}
         return super().describe() | {"between": between}
+
+
+def _kinds_of(step: Step, name: str) -> Iterator[Kind]:
+    """The kinds of the parameters of a step that take a value."""
+    for parameter, wire in step.wires.items():
+        if any(name in reference.names for reference in references(wire)):
+            yield step.spec.inputs[parameter].kind
 
 
 def references(wire: Wire) -> tuple[Reference, ...]:

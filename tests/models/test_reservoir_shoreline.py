@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import geopandas
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 import shapely
 
 import toolbox
+from algorithms.shoreline.extract import ShorelineExtract
+from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Table, Vector
 from toolbox.data.crs import parse_crs
 from toolbox.errors import ParameterError
@@ -80,3 +83,26 @@ def test_stages_are_counted_and_layers_stand_together(bowl: PointCloud, tmp_path
 def test_a_preset_that_there_is_not(bowl: PointCloud) -> None:
     with pytest.raises(ParameterError, match="preset: must be one of default, thesis"):
         toolbox.run(MODEL, {"points": bowl, "preset": "theses"})
+
+
+def test_a_survey_is_not_read_into_memory_at_once(
+    bowl: PointCloud, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where every step that reads the points can do so piece by piece."""
+    west = bowl["x"] < 500_060
+    for number, half in enumerate((west, ~west)):
+        bowl.select(half).save(tmp_path / f"{number}.laz")
+    seen: list[str] = []
+    run = ShorelineExtract.run
+
+    def watched(self: ShorelineExtract, ctx: Context = QUIET) -> Any:
+        seen.append(type(self.points).__name__)
+        return run(self, ctx)
+
+    monkeypatch.setattr(ShorelineExtract, "run", watched)
+    whole = toolbox.run(MODEL, {"points": bowl})
+    parts = toolbox.run(MODEL, {"points": tmp_path})
+    part = toolbox.run(MODEL, {"points": tmp_path, "extent": (5e5, 4.6e6, 500_120, 4_600_120)})
+    assert seen == ["PointCloud", "Survey", "PointCloud"]
+    assert parts["area"] == pytest.approx(whole["area"], rel=1e-3)
+    assert part["area"] == pytest.approx(whole["area"], rel=1e-3)

@@ -51,6 +51,7 @@ WIDE = 0.2  # of its cells are not at the edge of a hole that nothing else speak
 RIVER = 4  # smallest river, in smallest bodies
 TILTED = 0.6  # share of the variance of these points that a plane explains, on a slope
 LARGE = 500.0  # m2 of such a surface that need not be dark
+VERY_DARK = 0.75  # and of one that returns its pulses
 TAKEN = 2
 PEAKS = 12  # levels that are looked for in one calm place
 
@@ -396,7 +397,7 @@ def judge(cells: Grid, body: Ints, level: float, tilt: Tilt = LEVEL) -> Body | N
     """What speaks for water in a place that holds it; None where too little does.
 
     A place that swallows pulses is water, unless it is narrow as shadows are. One that returns
-    them must be level, and dark or large.
+    them must be level, and very dark or large.
     """
     count, bright = cells.count.ravel(), cells.bright.ravel()
     ring = np.setdiff1d(around(cells.lattice, body, 5), around(cells.lattice, body, 1))
@@ -416,7 +417,7 @@ def judge(cells: Grid, body: Ints, level: float, tilt: Tilt = LEVEL) -> Body | N
     wide = len(core_of(cells, body, 0.0)) >= WIDE * len(body)
     few = lost <= SPARSE and (wide or dark >= DARK or level_enough)
     large = len(here) >= LARGE * cells.metre**2 / cells.area
-    if not (few or classed or (level_enough and (dark >= DARK or large))):
+    if not (few or classed or (level_enough and (dark >= VERY_DARK or large))):
         return None
     evidence = ", ".join(name for name, holds in reasons.items() if holds)
     return Body(body, cells.base + level, tilt, lost, dark, evidence)

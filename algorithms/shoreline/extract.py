@@ -58,7 +58,7 @@ class ShorelineExtract:
     seed_point: Position | None = param("A place on the water body to find", default=None)
     bodies: Literal["largest", "all"] = param("Bodies to give", default="largest")
     min_area: float = param("Smallest body", default=100.0, unit="m2", gt=0)
-    min_island: float = param("Smallest island", default=10.0, unit="m2", ge=0)
+    min_island: float = param("Smallest island", default=20.0, unit="m2", ge=0)
     sloped: bool = param("Allow rivers, whose surface is not level", default=False)
     water_classes: ClassList | None = param("Classes that are water, if known", default=None)
     ignore: ClassList | None = param("Classes to leave out", default=ClassList([7, 18]))

@@ -236,7 +236,7 @@ def score(kind_seed: int, size: float, density: float) -> list[tuple[float, floa
         shared = [truth.intersection(g).area for g in water.geometry]
         best = int(np.argmax(shared))
         row = water.iloc[best]
-        islands = sum(shapely.Polygon(ring).area > 10 for ring in truth.interiors)
+        islands = sum(shapely.Polygon(ring).area > 20 for ring in truth.interiors)
         found.append(
             (iou(truth, row.geometry), row["level"] - known["level"], row.islands, islands)
         )

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from toolbox.values import ClassList, Extent, Range
+from toolbox.values import ClassList, Extent, Position, Range
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -44,6 +44,16 @@ def test_extent_round_trip_and_order() -> None:
     box = Extent.parse("-5.25, 0 , 7e5, 8")
     assert box == (-5.25, 0, 7e5, 8)
     assert Extent.parse(str(box)) == box
+
+
+def test_position_round_trip_and_refusals() -> None:
+    place = Position.parse("500000.125, -7e5")
+    assert place == (500000.125, -7e5)
+    assert Position.parse(str(place)) == place
+    with pytest.raises(ValueError, match="needs 2"):
+        Position.parse("1,2,3")
+    with pytest.raises(ValueError, match="finite"):
+        Position.of([1, float("nan")])
 
 
 @pytest.mark.parametrize(

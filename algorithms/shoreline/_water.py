@@ -30,7 +30,8 @@ from toolbox.errors import DataError
 from toolbox.values import Position
 
 CREST = 3.0  # standard deviations of points on the water above its level
-FEW_RETURNS = 30  # points on a body; with fewer its level is that of its edge
+FEW_RETURNS = 12  # points on a body; with fewer its level is that of its edge
+FOR_PLANE = 30  # points that a slope is found from
 MOST_SAMPLES = 500_000  # points that tell the level of one body
 ROUNDS = 2
 FALL = 0.15  # m, from end to end of a body that is no lake
@@ -148,7 +149,7 @@ def _surface(cells: Grid, body: Body, xyz: Floats) -> Water:
     else:
         level = level_of(flat, np.isin(cells_of(xyz, lattice), core), body.level, metre)
     near = abs(flat[:, 2] - level.height) <= max(3 * level.sigma, FALL * metre)
-    if near.sum() < FEW_RETURNS:
+    if near.sum() < FOR_PLANE:
         return Water(body, level)
     d = xyz[near, :2] - centre
     design = np.column_stack([np.ones(len(d)), d])

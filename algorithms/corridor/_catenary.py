@@ -1,0 +1,265 @@
+"""A catenary through points: robust least squares, with covariance.
+
+A wire of constant weight under horizontal tension hangs as z = z0 + c (cosh((u - u0) / c) - 1),
+where u runs horizontally along it, c is tension over weight, and (u0, z0) the lowest point
+(Chan and Lichti 2011, equations 2 and 3). The three are hard to tell apart where the sag is small,
+so the fit is for the heights at both ends and the curvature 1 / c, which are not.
+
+Wind swings a wire about the line between its ends; in plan it then bows with its sag.
+
+References
+----------
+Chan, T. O. and Lichti, D. D. (2011). 3D catenary curve fitting for geometric calibration. ISPRS
+Archives XXXVIII-5/W12, 259-264.
+Beaton, A. E. and Tukey, J. W. (1974). The fitting of power series. Technometrics 16(2), 147-185.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+FLATTEST, TIGHTEST = 1e-5, 0.1  # 1 / metre: a wire straighter than this is straight
+ROUNDS = 30
+CUT = 4.685  # standard deviations at which a point loses all weight: 95 % efficient (Tukey)
+LEAST_SIGMA = 0.005  # metres
+SWAYS = 0.5  # metres of sag from which a swing can be told from an azimuth
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Catenary:
+    """One wire of one span, in metres.
+
+    Attributes
+    ----------
+    x, y : the start of the axis, in plan
+    ex, ey : unit vector of the axis; u runs along it, v to the left of it
+    length : u of the end; the wire begins at u = 0
+    z_start, z_end : heights there
+    curvature : 1 / c
+    v0, v1 : offset from the axis, v = v0 + v1 u
+    swing : tangent of the angle by which wind lifts it to the left
+    rms : of the residuals square to the wire
+    count : points that the fit rests on
+    covariance : array of shape (3, 3), of z_start, z_end and curvature
+    """
+
+    x: float
+    y: float
+    ex: float
+    ey: float
+    length: float
+    z_start: float
+    z_end: float
+    curvature: float
+    v0: float = 0.0
+    v1: float = 0.0
+    swing: float = 0.0
+    rms: float = 0.0
+    count: int = 0
+    covariance: Floats | None = None
+
+    @property
+    def c(self) -> float:
+        """Horizontal tension over weight, metres."""
+        return 1 / self.curvature
+
+    @property
+    def u0(self) -> float:
+        """Where the lowest point is, or would be beyond the ends."""
+        return _lowest(self.length, self.z_start, self.z_end, self.curvature)
+
+    @property
+    def z0(self) -> float:
+        """Height of the lowest point."""
+        return self.z_start - _hang(self.u0, self.curvature)
+
+    @property
+    def sag(self) -> float:
+        """Greatest vertical distance below the chord."""
+        slope = (self.z_end - self.z_start) / self.length
+        u = self.u0 + math.asinh(slope) / self.curvature
+        return float(self.z_start + slope * u - self.height(np.array(u)))
+
+    @property
+    def arc(self) -> float:
+        """Length of the wire."""
+        k, u0 = self.curvature, self.u0
+        return (math.sinh(k * (self.length - u0)) + math.sinh(k * u0)) / k
+
+    def height(self, u: Floats) -> Floats:
+        """Height at u, for arrays of any shape."""
+        return _heights(u, self.length, self.z_start, self.z_end, self.curvature)
+
+    def offset(self, u: Floats) -> Floats:
+        """Distance to the left of the axis at u."""
+        chord = self.z_start + (self.z_end - self.z_start) * u / self.length
+        return np.asarray(self.v0 + self.v1 * u + self.swing * (chord - self.height(u)))
+
+    def along(self, xyz: Floats) -> tuple[Floats, Floats]:
+        """Distance along and to the left of the axis, of points of shape (n, 3)."""
+        dx, dy = xyz[:, 0] - self.x, xyz[:, 1] - self.y
+        return dx * self.ex + dy * self.ey, dy * self.ex - dx * self.ey
+
+    def residuals(self, xyz: Floats) -> tuple[Floats, Floats, Floats]:
+        """Distance along, to the left of, and above the wire, of points of shape (n, 3)."""
+        u, v = self.along(xyz)
+        return u, v - self.offset(u), xyz[:, 2] - self.height(u)
+
+    def points(self, u: Floats) -> Floats:
+        """Places on the wire, array of shape (n, 3)."""
+        v = self.offset(u)
+        x, y = self.x + u * self.ex - v * self.ey, self.y + u * self.ey + v * self.ex
+        return np.column_stack([x, y, self.height(u)])
+
+    def between(self, low: float, high: float) -> Catenary:
+        """The same curve from u = low to u = high."""
+        ends = self.height(np.array([low, high]))
+        moved = replace(
+            self,
+            x=self.x + low * self.ex,
+            y=self.y + low * self.ey,
+            length=high - low,
+            z_start=float(ends[0]),
+            z_end=float(ends[1]),
+            swing=0.0,
+            v0=self.v0 + self.v1 * low,
+        )
+        if self.swing:  # the same plan curve, seen from the new chord
+            slope = (self.z_end - self.z_start) / self.length
+            change = (moved.z_end - moved.z_start) / moved.length - slope
+            lift = self.z_start + slope * low - moved.z_start
+            moved = replace(
+                moved, swing=self.swing, v0=moved.v0 + self.swing * lift,
+                v1=self.v1 - self.swing * change,
+            )  # fmt: skip
+        if self.covariance is not None:
+            step = self._slopes(np.array([low, high]))
+            turn = np.vstack([step, [0.0, 0.0, 1.0]])
+            moved = replace(moved, covariance=turn @ self.covariance @ turn.T)
+        return moved
+
+    def height_sigma(self, u: Floats) -> Floats:
+        """Standard deviation of the height at u, array of shape (n,)."""
+        if self.covariance is None:
+            return np.full(np.shape(u), np.nan)
+        step = self._slopes(u)
+        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", step, self.covariance, step)))
+
+    def _slopes(self, u: Floats) -> Floats:
+        return _jacobian(u, self.length, self.z_start, self.z_end, self.curvature)
+
+    def sigmas(self) -> dict[str, float]:
+        """Standard deviations of c, u0, z0 and sag, from the covariance of the fit."""
+        found = dict.fromkeys(("c", "u0", "z0", "sag"), math.nan)
+        if self.covariance is None:
+            return found
+        steps = (1e-4, 1e-4, max(1e-4 * self.curvature, 1e-9))
+        for name in found:
+            value = getattr(self, name)
+            slope = np.array([
+                (getattr(replace(self, **{key: getattr(self, key) + step}), name) - value) / step
+                for key, step in zip(("z_start", "z_end", "curvature"), steps, strict=True)
+            ])
+            found[name] = float(np.sqrt(max(slope @ self.covariance @ slope, 0.0)))
+        return found
+
+
+def _hang(u: float, curvature: float) -> float:
+    """Height above the lowest point, u away from it."""
+    return 2 * math.sinh(0.5 * curvature * u) ** 2 / curvature
+
+
+def _lowest(length: float, z_start: float, z_end: float, curvature: float) -> float:
+    half = math.sinh(0.5 * curvature * length)
+    return length / 2 - math.asinh(0.5 * curvature * (z_end - z_start) / half) / curvature
+
+
+def _heights(u: Floats, length: float, z_start: float, z_end: float, curvature: float) -> Floats:
+    u0 = _lowest(length, z_start, z_end, curvature)
+    hung = 2 * np.sinh(0.5 * curvature * (np.asarray(u) - u0)) ** 2 / curvature
+    return np.asarray(z_start - _hang(u0, curvature) + hung)
+
+
+def _jacobian(u: Floats, length: float, z_start: float, z_end: float, curvature: float) -> Floats:
+    """Change of height with z_start, z_end and curvature, array of shape (n, 3)."""
+    base = _heights(u, length, z_start, z_end, curvature)
+    step = 1e-3 * curvature + 1e-9
+    bent = _heights(u, length, z_start, z_end, curvature + step)
+    raised = _heights(u, length, z_start, z_end + 1e-3, curvature)
+    end = (raised - base) / 1e-3
+    return np.column_stack([1 - end, end, (bent - base) / step])
+
+
+def fit(xyz: Floats, *, sways: bool = True, spread: float = 1.0) -> Catenary | None:
+    """The catenary through points of one wire, from its first to its last point.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), metres
+    sways : also look for a swing by wind
+    spread : points farther than this from the first curve lose all weight, metres
+
+    Returns
+    -------
+    Catenary or None
+        None where there are fewer than four points, or they do not extend in plan.
+    """
+    if len(xyz) < 4:
+        return None
+    middle = xyz[:, :2].mean(axis=0)
+    direction = np.linalg.svd(xyz[:, :2] - middle, full_matrices=False)[2][0]
+    direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
+    u = (xyz[:, :2] - middle) @ direction
+    length = float(np.ptp(u))
+    if length < 1.0:
+        return None
+    x, y = middle + u.min() * direction
+    u = u - u.min()
+    v = (xyz[:, 1] - y) * direction[0] - (xyz[:, 0] - x) * direction[1]
+    z = xyz[:, 2]
+    start = np.polynomial.Polynomial.fit(u, z, 2).convert().coef if length > 10 else (z[0], 0, 0)
+    curvature = float(np.clip(2 * start[2] if len(start) > 2 else 0.0, FLATTEST, TIGHTEST))
+    tall = np.array([*np.polynomial.Polynomial.fit(u, z, 2)([0.0, length]), curvature])
+    flat, weight, sigma = np.zeros(3), np.ones(len(u)), spread / CUT
+    bends = sways and tall[2] * length**2 / 8 > SWAYS
+    inverse = np.eye(3)
+    for number in range(ROUNDS):
+        height = _heights(u, length, *tall)
+        sag = tall[0] + (tall[1] - tall[0]) * u / length - height
+        plan = np.column_stack([np.ones(len(u)), u] + ([sag] if bends else []))
+        root = np.sqrt(weight)[:, None]
+        found = np.linalg.lstsq(root * plan, root[:, 0] * v, rcond=None)[0]
+        flat = np.append(found, [0.0] * (3 - len(found)))
+        steps = _jacobian(u, length, *tall)
+        scale = np.array([1.0, 1.0, length**2 / 8])
+        scaled = root * steps / scale
+        normal = scaled.T @ scaled + np.diag([1e-9, 1e-9, 1e-9])
+        change = np.linalg.solve(normal, scaled.T @ (root[:, 0] * (z - height))) / scale
+        tall = tall + change
+        tall[2] = np.clip(tall[2], FLATTEST, TIGHTEST)
+        inverse = np.linalg.inv(normal) / np.outer(scale, scale)
+        away_v, away_z = v - plan @ found, z - _heights(u, length, *tall)
+        square = away_v**2 + away_z**2
+        # The median square of two normal variables is 2 ln 2 times their variance.
+        sigma = max(float(np.sqrt(np.median(square[weight > 0]) / math.log(4))), LEAST_SIGMA)
+        limit = min(spread, CUT * sigma)
+        fresh = np.clip(1 - square / limit**2, 0, None) ** 2
+        if number > 3 and np.abs(fresh - weight).max() < 1e-4:
+            break
+        weight = fresh
+        if np.count_nonzero(weight) < 4:
+            return None
+    used = weight > 0
+    error = float(np.sqrt((weight * away_z**2).sum() / max(weight.sum() - 3, 1)))
+    return Catenary(
+        float(x), float(y), float(direction[0]), float(direction[1]), length,
+        float(tall[0]), float(tall[1]), float(tall[2]), float(flat[0]), float(flat[1]),
+        float(flat[2]), float(np.sqrt(square[used].mean())), int(used.sum()),
+        inverse * max(error, LEAST_SIGMA) ** 2,
+    )  # fmt: skip

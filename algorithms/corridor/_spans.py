@@ -1,0 +1,345 @@
+"""Spans: the wires between two supports, each a catenary, and the conductors of a bundle apart.
+
+All wires of a span have nearly the same shape. So once one of them is known, others that were too
+sparse to follow show as heaps of points at one offset and height along it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, maximum_filter
+from scipy.optimize import linear_sum_assignment
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from algorithms.corridor._catenary import Catenary, fit
+from algorithms.corridor._network import (
+    ALONG,
+    PARALLEL,
+    TWIN,
+    Piece,
+    Scene,
+    Support,
+    apart,
+    heading,
+    runs_beside,
+    within,
+)
+
+BESIDE = 15.0  # metres
+FEW, EIGHTHS = 6, 4  # points, and eighths of the span with any, of a wire found beside another
+SLIM = 0.3  # metres: radius of a heap
+BIN, SMOOTH, NEIGHBOURS = 0.05, 0.07, 0.2  # metres: to tell the conductors of a bundle apart
+ENOUGH, VALLEY, PEAK = 40, 0.6, 0.25  # points; depth of a valley between, height of a lower peak
+LINKED = 3.0  # metres between a wire and its continuation at a support
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Wire:
+    """A conductor between two supports.
+
+    Attributes
+    ----------
+    curve : from one end to the other, at the support where there is one
+    supports : indices of those at u = 0 and at the end, -1 where there is none in the data
+    known : from where to where along it there are points
+    span, bundle, wire : numbers
+    """
+
+    curve: Catenary
+    supports: tuple[int, int]
+    known: tuple[float, float]
+    span: int = -1
+    bundle: int = -1
+    wire: int = -1
+
+
+# --- spans ---------------------------------------------------------------------------------
+
+
+def spans_of(scene: Scene, pieces: Sequence[Piece], supports: Sequence[Support]) -> list[Wire]:
+    """Pieces cut at the supports, joined where they are parts of one wire, and fitted anew."""
+    parts = [part for piece in pieces for part in cut(scene, piece, supports)]
+    groups: dict[tuple[int, int], list[tuple[Piece, tuple[int, int]]]] = {}
+    for part, between in parts:
+        key = (min(between), max(between))
+        groups.setdefault(key, []).append((part, between))
+    found: list[Wire] = []
+    span = bundle = 0
+    for key in sorted(groups):
+        for together in of_one_span([part for part, _ in groups[key]], key):
+            wires = wires_of(scene, together, key, supports)
+            for wire in wires:
+                for strand in strands(scene, wire):
+                    whole = to_supports(strand, supports)
+                    found.append(replace(whole, span=span, bundle=bundle))
+                bundle += 1
+            span += bool(wires)
+    return numbered(found, supports)
+
+
+def cut(
+    scene: Scene, piece: Piece, supports: Sequence[Support]
+) -> Iterator[tuple[Piece, tuple[int, int]]]:
+    """The parts of a piece between the supports that it passes, with those at their ends."""
+    curve = piece.curve
+    stops = []
+    for number, support in enumerate(supports):
+        u, v = curve.along(np.array([[support.x, support.y, 0.0]]))
+        if not -ALONG - 4 < u[0] < curve.length + ALONG + 4:
+            continue
+        turn = abs(support.across[0] * curve.ex + support.across[1] * curve.ey)
+        left = curve.points(u)[0, :2] - (support.x, support.y)
+        side = float(left @ np.array(support.across))
+        z = float(curve.height(u)[0])
+        fits = support.reach[0] - 3 < side < support.reach[1] + 3
+        fits &= support.low - 3 < z < support.high + 3
+        if turn < 0.7 and fits:
+            stops.append((float(u[0]), number))
+    stops.sort()
+    u, _ = curve.along(scene.wires.xyz[piece.points])
+    edges = [(-math.inf, -1), *stops, (math.inf, -1)]
+    for (low, before), (high, after) in zip(edges[:-1], edges[1:], strict=True):
+        mine = piece.points[(u > low) & (u <= high)]
+        if len(mine) < 4:
+            continue
+        part = fit(scene.wires.xyz[mine], spread=2 * scene.tolerance)
+        if part is None or part.length < 4.0:
+            continue
+        same = part.ex * curve.ex + part.ey * curve.ey > 0
+        yield Piece(mine, part), (before, after) if same else (after, before)
+
+
+def of_one_span(parts: list[Piece], key: tuple[int, int]) -> list[list[Piece]]:
+    """All of them where both supports are known; else those that run beside each other."""
+    if key[0] >= 0:
+        return [parts]
+    link = np.zeros((len(parts), len(parts)), bool)
+    for i, one in enumerate(parts):
+        for j, other in enumerate(parts):
+            if i < j and abs(heading(one, 1) @ heading(other, 1)) > math.cos(PARALLEL):
+                link[i, j] = key[1] >= 0 and same_side(one, other)
+                link[i, j] |= runs_beside(one, other) or runs_beside(other, one)
+                link[i, j] |= bool(apart(one, other) < TWIN)
+    count, label = connected_components(coo_array(link), directed=False)
+    return [[parts[i] for i in np.flatnonzero(label == k)] for k in range(count)]
+
+
+def same_side(one: Piece, other: Piece) -> bool:
+    """Whether the middles of two pieces at one support lie on the same side of it."""
+    a, b = (p.curve.points(np.array([0.5 * p.curve.length]))[0] for p in (one, other))
+    return bool(np.hypot(*(a - b)[:2]) < 0.5 * (one.curve.length + other.curve.length) + BESIDE)
+
+
+def wires_of(
+    scene: Scene, parts: list[Piece], key: tuple[int, int], supports: Sequence[Support]
+) -> list[Wire]:
+    """Join the pieces of each wire of a span, and fit it."""
+    link = np.array([[i < j and apart(a, b) < TWIN for j, b in enumerate(parts)] for i, a in
+                     enumerate(parts)])
+    count, label = connected_components(coo_array(link), directed=False)
+    found = []
+    for number in range(count):
+        mine = np.unique(np.concatenate([parts[i].points for i in np.flatnonzero(label == number)]))
+        curve = fit(scene.wires.xyz[mine], spread=2.0)
+        if curve is not None:
+            found.append(Wire(curve, ordered(curve, key, supports), (0.0, curve.length)))
+    found = [to_supports(wire, supports) for wire in found]
+    return found + recovered(scene, found)
+
+
+def to_supports(wire: Wire, supports: Sequence[Support]) -> Wire:
+    """The wire extended, or cut, to where it passes its supports."""
+    curve = wire.curve
+    ends = [0.0, curve.length]
+    for k, number in enumerate(wire.supports):
+        if number >= 0:
+            support = supports[number]
+            normal = np.array([-support.across[1], support.across[0]])
+            step = float(np.array([support.x - curve.x, support.y - curve.y]) @ normal)
+            forward = float(normal @ np.array([curve.ex, curve.ey]))
+            aside = float(normal @ np.array([-curve.ey, curve.ex]))
+            for _ in range(3):  # the plan curve hardly bends
+                ends[k] = (step - float(curve.offset(np.array(ends[k]))) * aside) / forward
+    if ends[1] - ends[0] < 2.0:
+        return wire
+    low, high = wire.known
+    return replace(wire, curve=curve.between(*ends), known=(low - ends[0], high - ends[0]))
+
+
+def recovered(scene: Scene, wires: list[Wire]) -> list[Wire]:
+    """Wires too sparse to follow, beside those of a span that are known."""
+    if not wires:
+        return []
+    best = max(wires, key=lambda w: w.curve.count * (w.known[1] - w.known[0]))
+    curve = best.curve
+    if curve.length < 15:
+        return []
+    air = scene.wires
+    taken = np.zeros(len(air.xyz), bool)
+    for wire in wires:
+        taken[air.around(wire.curve, 2.5 * scene.tolerance, -2.0, wire.curve.length + 2)[0]] = True
+    middles = curve.points(np.arange(0.0, curve.length + BESIDE, BESIDE))
+    box = np.unique(np.concatenate([within(air, place[:2], BESIDE) for place in middles]))
+    u, v, z = curve.residuals(air.xyz[box])
+    margin = min(3.0, 0.1 * curve.length)
+    keep = (u > margin) & (u < curve.length - margin) & ~taken[box]
+    keep &= (np.abs(v) < BESIDE) & (np.abs(z) < BESIDE)
+    box, u, v, z = box[keep], u[keep], v[keep], z[keep]
+    found: list[Wire] = []
+    free = np.ones(len(box), bool)
+    for _ in range(20):
+        heap = heap_of(v, z, free)
+        if heap is None:
+            break
+        away = np.hypot(v - heap[0], z - heap[1])
+        made = fit(air.xyz[box[free & (away < 2 * SLIM)]], spread=2 * SLIM)
+        free &= away > 2 * SLIM
+        if made is None:
+            continue
+        _, dv, dz = made.residuals(air.xyz[box])
+        off = np.hypot(dv, dz)
+        inner = off < SLIM
+        ring = np.count_nonzero((off > SLIM) & (off < 3 * SLIM))
+        eighths = len(np.unique((8 * u[inner] / curve.length).astype(np.int64)))
+        alike = 0.5 < made.c / curve.c < 2.0 or made.sigmas()["sag"] > 0.1 * curve.sag
+        if inner.sum() >= FEW and eighths >= EIGHTHS and ring <= inner.sum() and alike:
+            same = made.ex * curve.ex + made.ey * curve.ey > 0
+            ends = best.supports if same else best.supports[::-1]
+            found.append(Wire(made, ends, (0.0, made.length)))
+            free &= off > 2 * SLIM
+    return found
+
+
+def heap_of(v: Floats, z: Floats, free: NDArray[np.bool_]) -> tuple[float, float] | None:
+    """The offset and height around which most of the free points are."""
+    if np.count_nonzero(free) < FEW:
+        return None
+    cells = np.floor(np.column_stack([v[free], z[free]]) / SLIM).astype(np.int64)
+    keys, counts = np.unique(cells, axis=0, return_counts=True)
+    table = {(int(a), int(b)): int(n) for (a, b), n in zip(keys, counts, strict=True)}
+    totals = {
+        (a, b): sum(table.get((a + i, b + j), 0) for i in (0, 1) for j in (0, 1)) for a, b in table
+    }
+    at = max(totals, key=lambda key: totals[key])
+    if totals[at] < FEW:
+        return None
+    return (at[0] + 1) * SLIM, (at[1] + 1) * SLIM
+
+
+# --- conductors of a bundle ----------------------------------------------------------------
+
+
+def strands(scene: Scene, wire: Wire) -> list[Wire]:
+    """The conductors of a bundle, each a catenary of its own; the wire itself if it is one."""
+    low, high = wire.known
+    points, _ = scene.wires.around(wire.curve, TWIN, low - 0.5, high + 0.5)
+    xyz = scene.wires.xyz[points]
+    _, v, z = wire.curve.residuals(xyz)
+    peaks = peaks_of(v, z)
+    nearest = np.hypot(v[:, None] - peaks[:, 0], z[:, None] - peaks[:, 1]).argmin(axis=1)
+    found = []
+    for k in range(len(peaks)):
+        curve = fit(xyz[nearest == k], spread=2 * scene.tolerance)
+        if curve is None or curve.length < 0.5 * (high - low):
+            return [wire]
+        same = curve.ex * wire.curve.ex + curve.ey * wire.curve.ey > 0
+        ends = wire.supports if same else wire.supports[::-1]
+        found.append(Wire(curve, ends, (0.0, curve.length)))
+    return found
+
+
+def peaks_of(v: Floats, z: Floats) -> Floats:
+    """Offsets and heights around which points heap up, array of shape (k, 2)."""
+    middle = np.array([[np.median(v), np.median(z)]]) if len(v) else np.zeros((1, 2))
+    if len(v) < ENOUGH:
+        return middle
+    edges = np.arange(-TWIN - BIN / 2, TWIN + BIN, BIN)
+    smooth = gaussian_filter(np.histogram2d(v, z, (edges, edges))[0], SMOOTH / BIN)
+    size = 2 * round(NEIGHBOURS / BIN / 2) + 1
+    top = (smooth == maximum_filter(smooth, size)) & (smooth > PEAK * smooth.max())
+    places = np.argwhere(top)[np.argsort(-smooth[top], kind="stable")]
+    kept: list[NDArray[np.int64]] = []
+    for place in places:
+        if all(valley(smooth, place, other) for other in kept):
+            kept.append(place)
+    return np.asarray(edges[0] + (np.array(kept) + 0.5) * BIN)
+
+
+def valley(smooth: Floats, one: NDArray[np.int64], other: NDArray[np.int64]) -> bool:
+    """Whether the density drops between two peaks."""
+    share = np.linspace(0, 1, 11)[:, None]
+    path = np.round(one + share * (other - one)).astype(np.int64)
+    lowest = smooth[path[:, 0], path[:, 1]].min()
+    return bool(lowest < VALLEY * min(smooth[tuple(one)], smooth[tuple(other)]))
+
+
+# --- numbers -------------------------------------------------------------------------------
+
+
+def numbered(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Wire]:
+    """Give every conductor a number that it keeps across the supports, and so for bundles."""
+    if not wires:
+        return []
+    link = np.zeros((len(wires), len(wires)), bool)
+    for number in range(len(supports)):
+        ends = [(k, e) for k, w in enumerate(wires) for e in (0, 1) if w.supports[e] == number]
+        spans = sorted({wires[k].span for k, _ in ends})
+        for i, one in enumerate(spans):
+            for other in spans[i + 1 :]:
+                here = [(k, e) for k, e in ends if wires[k].span == one]
+                there = [(k, e) for k, e in ends if wires[k].span == other]
+                for a, b in matched(wires, here, there):
+                    link[a, b] = True
+    chain = in_order(connected_components(coo_array(link), directed=False)[1])
+    for own in {wire.bundle for wire in wires}:
+        mine = [k for k, wire in enumerate(wires) if wire.bundle == own]
+        link[mine[0], mine[1:]] = True
+    bundle = in_order(connected_components(coo_array(link), directed=False)[1])
+    return [
+        replace(wire, wire=int(chain[k]) + 1, bundle=int(bundle[k]) + 1, span=wire.span + 1)
+        for k, wire in enumerate(wires)
+    ]
+
+
+def in_order(label: NDArray[np.int32]) -> Ints:
+    """Labels numbered from 0 in the order in which they occur."""
+    _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
+    return np.asarray(np.argsort(np.argsort(first))[inverse])
+
+
+def matched(
+    wires: Sequence[Wire], here: Sequence[tuple[int, int]], there: Sequence[tuple[int, int]]
+) -> Iterator[tuple[int, int]]:
+    """Pairs of wires that go on in each other at a support."""
+    a, b = (
+        np.array([wires[k].curve.points(np.array([e * wires[k].curve.length]))[0] for k, e in side])
+        for side in (here, there)
+    )
+    away = np.linalg.norm(a[:, None] - b[None], axis=2)
+    for i, j in zip(*linear_sum_assignment(np.minimum(away, 10 * LINKED)), strict=True):
+        if away[i, j] < LINKED:
+            yield here[i][0], there[j][0]
+
+
+
+
+def ordered(
+    curve: Catenary, key: tuple[int, int], supports: Sequence[Support]
+) -> tuple[int, int]:
+    """Which of the two supports is at the start of a curve, and which at its end."""
+    ends = [-1, -1]
+    for number in key:
+        if number >= 0:
+            support = supports[number]
+            u, _ = curve.along(np.array([[support.x, support.y, 0.0]]))
+            ends[int(u[0] > 0.5 * curve.length)] = number
+    return ends[0], ends[1]

@@ -1,0 +1,190 @@
+"""Wires as curves: points that stand alone in the air are followed along parabolas.
+
+References
+----------
+Jwa, Y. and Sohn, G. (2012). A piecewise catenary curve model growing for 3D power line
+reconstruction. PE&RS 78(11), 1227-1240: wires grow from straight pieces, curve by curve.
+Beaton, A. E. and Tukey, J. W. (1974). The fitting of power series, meaning polynomials,
+illustrated on band-spectroscopic data. Technometrics 16(2), 147-185: the weights.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.corridor import _trace_kernels as kernels
+from algorithms.corridor._catenary import Catenary
+from algorithms.shared.lowest import blocks
+from algorithms.shared.threads import side_by_side
+from toolbox.context import QUIET, Context
+
+CELL = 4.0  # metres, of the plan index
+VOXEL, AROUND = 1.0, 2  # metres; voxels to each side that may crowd a wire
+LINES = 6.0  # as many wires side by side leave a voxel uncrowded
+DENSEST, PER_DENSITY = 14.0, 1.5  # eighths of voxels that one wire fills in 5 m, and per point / m2
+REACH, TUBE, STEEPEST = 6.0, 0.25, 0.7  # metres, metres, rise over run: of the straight piece
+LEAST_BINS = 4.0  # metres of 12 with points on them, where a wire may begin
+LONGEST = 200_000  # points of one wire
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Airborne:
+    """Points above the ground in the order of square plan cells.
+
+    Attributes
+    ----------
+    xyz : array of shape (n, 3), metres from a place near by
+    order : array of shape (n,), which of the points given each is
+    start : where each cell begins
+    west, south, rows, cols : of the cells
+    """
+
+    xyz: Floats
+    order: Ints
+    start: Ints
+    west: float
+    south: float
+    rows: int
+    cols: int
+
+    @classmethod
+    def of(cls, xyz: Floats) -> Airborne:
+        """Sort points of shape (n, 3), those of a cell by x, y, z: their order does not matter."""
+        low = np.floor(xyz[:, :2].min(axis=0) / CELL) * CELL if len(xyz) else np.zeros(2)
+        west, south = float(low[0]), float(low[1])
+        col = ((xyz[:, 0] - west) / CELL).astype(np.int64)
+        row = ((xyz[:, 1] - south) / CELL).astype(np.int64)
+        rows, cols = int(row.max(initial=0)) + 1, int(col.max(initial=0)) + 1
+        order = np.lexsort((xyz[:, 2], xyz[:, 1], xyz[:, 0], row * cols + col))
+        counts = np.bincount(row * cols + col, minlength=rows * cols)
+        start = np.concatenate([[0], np.cumsum(counts)])
+        return cls(np.ascontiguousarray(xyz[order]), order, start, west, south, rows, cols)
+
+    @property
+    def grid(self) -> tuple[float, float, float, int, int]:
+        """The cells as kernels take them."""
+        return self.west, self.south, CELL, self.rows, self.cols
+
+    def select(self, which: Mask) -> Airborne:
+        """Some of the points in the same cells."""
+        before = np.concatenate([[0], np.cumsum(which)])
+        start = before[self.start]
+        return Airborne(
+            self.xyz[which], np.flatnonzero(which), start,
+            self.west, self.south, self.rows, self.cols,
+        )  # fmt: skip
+
+    def around(
+        self, curve: Catenary, radius: float, low: float = 0.0, high: float | None = None
+    ) -> tuple[Ints, Floats]:
+        """Indices of the points within a radius of a wire, from u = low to high, and how far."""
+        high = curve.length if high is None else high
+        slope = (curve.z_end - curve.z_start) / curve.length
+        shape = (
+            curve.x, curve.y, curve.ex, curve.ey, curve.u0, curve.z0, curve.curvature,
+            curve.z_start, slope, curve.v0, curve.v1, curve.swing,
+        )  # fmt: skip
+        found, away = self._scratch
+        count = kernels.tube(
+            shape, float(low), float(high), float(radius), self.xyz, self.start, *self.grid,
+            found, away,
+        )  # fmt: skip
+        order = np.argsort(found[:count])
+        return found[:count][order], away[:count][order]
+
+    @functools.cached_property
+    def _scratch(self) -> tuple[Ints, Floats]:
+        """Room for the answer of a kernel."""
+        return np.empty(len(self.xyz), np.int64), np.empty(len(self.xyz))
+
+
+def uncrowded(points: Airborne, density: float) -> tuple[Mask, Ints]:
+    """True for points with so little around them as some wires leave, and the voxel of each.
+
+    Parameters
+    ----------
+    points : n points above the ground
+    density : points per square metre of the whole cloud
+
+    Returns
+    -------
+    arrays of shape (n,)
+    """
+    if not len(points.xyz):
+        return np.zeros(0, bool), np.zeros(0, np.int64)
+    place = np.floor((points.xyz - points.xyz.min(axis=0)) / VOXEL + AROUND).astype(np.int64)
+    eighth = np.floor((points.xyz - points.xyz.min(axis=0)) / VOXEL * 2).astype(np.int64) % 2
+    tall = int(place[:, 2].max()) + AROUND + 1
+    wide = int(place[:, 1].max()) + AROUND + 1
+    key = (place[:, 0] * wide + place[:, 1]) * tall + place[:, 2]
+    bit = eighth @ np.array([1, 2, 4])
+    full = np.unique(key * 8 + bit)
+    keys, masks = np.unique(full // 8, return_counts=True)
+    voxel = np.searchsorted(keys, key)
+    steps = range(-AROUND, AROUND + 1)
+    columns = np.array([(i * wide + j) * tall for i in steps for j in steps])
+    offsets = np.column_stack([columns - AROUND, columns + AROUND])
+    crowd = np.zeros(len(keys), np.int64)
+    runs = blocks(len(keys), 50)
+    side_by_side(
+        lambda first, last: kernels.crowding(keys, masks, offsets, first, last, crowd), runs
+    )
+    most = LINES * min(DENSEST, PER_DENSITY * density)
+    return (crowd <= most)[voxel], voxel
+
+
+def seeds(points: Airborne, voxel: Ints, ctx: Context) -> tuple[Ints, Floats]:
+    """Points at which wires may begin, the most straightly aligned first, and their headings.
+
+    One point of each voxel is looked at.
+    """
+    _, first = np.unique(voxel, return_index=True)
+    score, heading = np.zeros(len(first)), np.zeros((len(first), 3))
+    side_by_side(
+        *(kernels.straightness, blocks(len(first), 2000), first, points.xyz, points.start),
+        *(*points.grid, REACH, TUBE, STEEPEST, score, heading),
+        ctx=ctx,
+    )
+    good = np.flatnonzero(score >= LEAST_BINS)
+    good = good[np.lexsort((first[good], -score[good].round(6)))]
+    return first[good], heading[good]
+
+
+def trace_all(
+    points: Airborne, voxel: Ints, *, tolerance: float, max_gap: float, least: float, ctx: Context
+) -> list[tuple[Floats, Ints]]:
+    """Curves from all seeds that no other curve has covered, and the points of each.
+
+    Parameters
+    ----------
+    points : those that may be wire
+    least : shortest curve worth keeping
+    """
+    begin, headings = seeds(points, voxel, ctx.part(0, 0.5))
+    used = np.zeros(len(points.xyz), bool)
+    found, curve = np.empty(LONGEST, np.int64), np.empty(kernels.SIZE)
+    curves = []
+    for number, (seed, heading) in enumerate(zip(begin, headings, strict=True)):
+        if number % 100 == 0:
+            ctx.progress(0.5 + 0.5 * number / len(begin))
+        if used[seed]:
+            continue
+        count = kernels.trace(
+            seed, heading, points.xyz, points.start, *points.grid,
+            REACH, tolerance, max_gap, curve, found,
+        )  # fmt: skip
+        used[seed] = True
+        mine = found[:count].copy()
+        fresh = mine[~used[mine]]
+        if count and curve[kernels.HI] - curve[kernels.LO] >= least and 2 * len(fresh) > count:
+            used[mine] = True
+            curves.append((curve.copy(), np.sort(fresh)))
+    return curves

@@ -1,0 +1,380 @@
+"""Compiled loops of :mod:`algorithms.corridor._trace`. All lengths are metres.
+
+Points lie in the order of square plan cells, row by row; `start` says where each cell begins.
+A curve is an array: place of its origin x, y; direction x, y; ends lo, hi of the distance u from
+the origin along it; three coefficients each of the offset to the left, and of the height, in t =
+(u - middle) / half; middle and half.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from algorithms.shared.compiling import helper
+
+X, Y, EX, EY, LO, HI, V0, Z0, MID, HALF, RMS, COUNT = 0, 1, 2, 3, 4, 5, 6, 9, 12, 13, 14, 15
+SIZE = 16
+LOOK, LOOK_SHARE, LOOK_LEAST = 12.0, 0.4, 3.0  # metres ahead, and of what is known
+BEND, SAG = 1e-4, 3e-3  # usual second coefficients per metre: a wind of the side, and the weight
+LEAST_NOISE = 0.04
+WIDEST = 2.5  # times the tolerance, where a curve is extrapolated far
+MOST_STEPS = 1000
+SUPPORT = 0.3  # of the usual number of points must be found after a gap
+
+
+@njit(cache=True, nogil=True)
+def crowding(keys, masks, offsets, first, last, out):  # type: ignore[no-untyped-def]
+    """Occupied eighths of the voxels around each, those of sorted `keys` from first to last.
+
+    `offsets` are the first and last key of each column around, relative to that of the middle.
+    """
+    for j in range(offsets.shape[0]):
+        at = np.searchsorted(keys, keys[first] + offsets[j, 0])
+        for i in range(first, last):
+            low, high = keys[i] + offsets[j, 0], keys[i] + offsets[j, 1]
+            while at < len(keys) and keys[at] < low:
+                at += 1
+            k = at
+            while k < len(keys) and keys[k] <= high:
+                out[i] += masks[k]
+                k += 1
+
+
+@helper
+def _cells(x, y, radius, west, south, cell, rows, cols):  # type: ignore[no-untyped-def]
+    """First and last row and column of a square around a place."""
+    r0 = max(0, int((y - radius - south) / cell))
+    r1 = min(rows - 1, int((y + radius - south) / cell))
+    c0 = max(0, int((x - radius - west) / cell))
+    c1 = min(cols - 1, int((x + radius - west) / cell))
+    return r0, r1, c0, c1
+
+
+@njit(cache=True, nogil=True)
+def straightness(  # type: ignore[no-untyped-def]
+    first, last, seeds, xyz, start, west, south, cell, rows, cols, reach, tube, steepest,
+    score, heading,
+):  # fmt: skip
+    """For seeds first..last, in how many metres of the best line through it points lie.
+
+    Points in a shell around the line, thrice as wide as the tube, count against it. `heading`
+    receives the direction of the line.
+    """
+    near = np.empty((4096, 3))
+    bins = int(2 * reach) + 2
+    inside = np.empty(bins, np.bool_)
+    for s in range(first, last):
+        x, y, z = xyz[seeds[s], 0], xyz[seeds[s], 1], xyz[seeds[s], 2]
+        n = 0
+        r0, r1, c0, c1 = _cells(x, y, reach, west, south, cell, rows, cols)
+        for r in range(r0, r1 + 1):
+            for i in range(start[r * cols + c0], start[r * cols + c1 + 1]):
+                dx, dy, dz = xyz[i, 0] - x, xyz[i, 1] - y, xyz[i, 2] - z
+                if dx * dx + dy * dy + dz * dz < reach * reach and n < len(near):
+                    near[n, 0], near[n, 1], near[n, 2] = dx, dy, dz
+                    n += 1
+        best = 0.0
+        step = max(1, n // 48)
+        for j in range(0, n, step):
+            dx, dy, dz = near[j, 0], near[j, 1], near[j, 2]
+            flat = math.sqrt(dx * dx + dy * dy)
+            if flat < 0.25 * reach or abs(dz) > steepest * flat:
+                continue
+            size = math.sqrt(flat * flat + dz * dz)
+            dx, dy, dz = dx / size, dy / size, dz / size
+            inside[:] = False
+            tubed, shelled = 0, 0
+            for i in range(n):
+                along = near[i, 0] * dx + near[i, 1] * dy + near[i, 2] * dz
+                square = near[i, 0] ** 2 + near[i, 1] ** 2 + near[i, 2] ** 2 - along * along
+                if square < tube * tube:
+                    inside[int(along + reach)] = True
+                    tubed += 1
+                elif square < 9 * tube * tube:
+                    shelled += 1
+            found = 0.0
+            for k in range(bins):
+                found += inside[k]
+            found *= min(1.0, 3.0 * tubed / max(1, shelled))
+            if found > best:
+                best = found
+                heading[s, 0], heading[s, 1], heading[s, 2] = dx, dy, dz
+        score[s] = best
+
+
+@helper
+def _values(curve, u):  # type: ignore[no-untyped-def]
+    """Offset and height of a curve at u."""
+    t = (u - curve[MID]) / curve[HALF]
+    v = curve[V0] + t * (curve[V0 + 1] + t * curve[V0 + 2])
+    z = curve[Z0] + t * (curve[Z0 + 1] + t * curve[Z0 + 2])
+    return v, z
+
+
+@helper
+def _gather(  # type: ignore[no-untyped-def]
+    curve, low, high, tolerance, spread, xyz, start, west, south, cell, rows, cols, found, count
+):
+    """Append to `found` the points near the curve with u from low to high; how many there are.
+
+    `spread` is the inverse normal matrix of the fit, by which the tolerance grows away from what
+    is known.
+    """
+    most = WIDEST * tolerance
+    pieces = max(1, int(math.ceil((high - low) / cell)))
+    for p in range(pieces):
+        a = low + (high - low) * p / pieces
+        b = low + (high - low) * (p + 1) / pieces
+        u = 0.5 * (a + b)
+        v, _ = _values(curve, u)
+        x = curve[X] + u * curve[EX] - v * curve[EY]
+        y = curve[Y] + u * curve[EY] + v * curve[EX]
+        r0, r1, c0, c1 = _cells(x, y, 0.5 * (b - a) + most + 0.5, west, south, cell, rows, cols)
+        for r in range(r0, r1 + 1):
+            for i in range(start[r * cols + c0], start[r * cols + c1 + 1]):
+                dx, dy = xyz[i, 0] - curve[X], xyz[i, 1] - curve[Y]
+                u = dx * curve[EX] + dy * curve[EY]
+                if u < a or u >= b:
+                    continue
+                v, z = _values(curve, u)
+                dv, dz = dy * curve[EX] - dx * curve[EY] - v, xyz[i, 2] - z
+                if abs(dv) > most or abs(dz) > most:
+                    continue
+                t = (u - curve[MID]) / curve[HALF]
+                q = (1.0, t, t * t)
+                flat, tall = 0.0, 0.0
+                for j in range(3):
+                    for k in range(3):
+                        flat += q[j] * q[k] * spread[0, j, k]
+                        tall += q[j] * q[k] * spread[1, j, k]
+                sigma = max(curve[RMS], LEAST_NOISE)
+                wide = min(most, math.sqrt(tolerance**2 + 9 * sigma**2 * flat))
+                high_ = min(most, math.sqrt(tolerance**2 + 9 * sigma**2 * tall))
+                if (dv / wide) ** 2 + (dz / high_) ** 2 < 1 and count < len(found):
+                    found[count] = i
+                    count += 1
+    return count
+
+
+@helper
+def _solve(normal, right, result, inverse):  # type: ignore[no-untyped-def]
+    """Solve a symmetric system of three equations, and invert its matrix."""
+    a, b, c = normal[0, 0], normal[0, 1], normal[0, 2]
+    d, e, f = normal[1, 1], normal[1, 2], normal[2, 2]
+    ca, cb, cc = d * f - e * e, c * e - b * f, b * e - c * d
+    det = a * ca + b * cb + c * cc
+    inverse[0, 0], inverse[0, 1], inverse[0, 2] = ca / det, cb / det, cc / det
+    inverse[1, 1], inverse[1, 2] = (a * f - c * c) / det, (b * c - a * e) / det
+    inverse[2, 2] = (a * d - b * b) / det
+    inverse[1, 0], inverse[2, 0], inverse[2, 1] = inverse[0, 1], inverse[0, 2], inverse[1, 2]
+    for j in range(3):
+        result[j] = 0.0
+        for k in range(3):
+            result[j] += inverse[j, k] * right[k]
+
+
+@helper
+def _fit(curve, found, count, tolerance, xyz, spread, rounds):  # type: ignore[no-untyped-def]
+    """Parabolas through points in plan and height, robustly (Tukey); updates curve and spread."""
+    old_mid, old_half = curve[MID], curve[HALF]
+    lo, hi = np.inf, -np.inf
+    for k in range(count):
+        i = found[k]
+        u = (xyz[i, 0] - curve[X]) * curve[EX] + (xyz[i, 1] - curve[Y]) * curve[EY]
+        lo, hi = min(lo, u), max(hi, u)
+    mid, half = 0.5 * (lo + hi), max(0.5 * (hi - lo), 0.5)
+    # The same parabolas, about the new middle.
+    for c in (V0, Z0):
+        p0, p1, p2 = curve[c], curve[c + 1], curve[c + 2]
+        s, g = (mid - old_mid) / old_half, half / old_half
+        curve[c] = p0 + p1 * s + p2 * s * s
+        curve[c + 1], curve[c + 2] = (p1 + 2 * p2 * s) * g, p2 * g * g
+    curve[MID], curve[HALF] = mid, half
+    normal = np.zeros((3, 3))
+    right_v, right_z = np.zeros(3), np.zeros(3)
+    result = np.zeros(3)
+    sigma = max(curve[RMS], LEAST_NOISE)
+    for _ in range(rounds):
+        normal[:], right_v[:], right_z[:] = 0.0, 0.0, 0.0
+        total, weights = 0.0, 0.0
+        for k in range(count):
+            i = found[k]
+            dx, dy = xyz[i, 0] - curve[X], xyz[i, 1] - curve[Y]
+            u = dx * curve[EX] + dy * curve[EY]
+            t = (u - mid) / half
+            v, z = _values(curve, u)
+            dv, dz = dy * curve[EX] - dx * curve[EY] - v, xyz[i, 2] - z
+            square = (dv * dv + dz * dz) / (4 * tolerance * tolerance)
+            if square >= 1:
+                continue
+            w = (1 - square) ** 2
+            total += w * (dv * dv + dz * dz) / 2
+            weights += w
+            q = (1.0, t, t * t)
+            for j in range(3):
+                right_v[j] += w * q[j] * (v + dv)
+                right_z[j] += w * q[j] * (z + dz)
+                for m in range(3):
+                    normal[j, m] += w * q[j] * q[m]
+        if weights < 3:
+            return False
+        sigma = max(math.sqrt(total / weights), LEAST_NOISE)
+        for which in range(2):
+            usual = (BEND if which == 0 else SAG) * half * half
+            kept = normal[2, 2]
+            normal[2, 2] += (sigma / usual) ** 2
+            normal[1, 1] += 1e-6
+            _solve(normal, right_v if which == 0 else right_z, result, spread[which])
+            normal[1, 1] -= 1e-6
+            normal[2, 2] = kept
+            base = V0 if which == 0 else Z0
+            for j in range(3):
+                curve[base + j] = result[j]
+        curve[RMS] = sigma
+    curve[LO], curve[HI] = lo, hi
+    return True
+
+
+@helper
+def _keep_near(curve, found, count, tolerance, xyz):  # type: ignore[no-untyped-def]
+    """Drop points that the curve has left; how many remain."""
+    kept = 0
+    for k in range(count):
+        i = found[k]
+        dx, dy = xyz[i, 0] - curve[X], xyz[i, 1] - curve[Y]
+        u = dx * curve[EX] + dy * curve[EY]
+        v, z = _values(curve, u)
+        dv, dz = dy * curve[EX] - dx * curve[EY] - v, xyz[i, 2] - z
+        if dv * dv + dz * dz < tolerance * tolerance:
+            found[kept] = i
+            kept += 1
+    return kept
+
+
+@njit(cache=True, nogil=True)
+def trace(  # type: ignore[no-untyped-def]
+    seed, heading, xyz, start, west, south, cell, rows, cols, reach, tolerance, max_gap, curve, found
+):
+    """Follow a wire from a seed in both directions as far as it goes; the number of its points.
+
+    `curve` and `found` are filled in.
+    """
+    flat = math.sqrt(heading[0] ** 2 + heading[1] ** 2)
+    curve[:] = 0.0
+    curve[X], curve[Y] = xyz[seed, 0], xyz[seed, 1]
+    curve[EX], curve[EY] = heading[0] / flat, heading[1] / flat
+    curve[HALF] = 1.0
+    curve[Z0], curve[Z0 + 1] = xyz[seed, 2], heading[2] / flat
+    spread = np.zeros((2, 3, 3))
+    count = _gather(
+        curve, -reach, reach, tolerance, spread, xyz, start, west, south, cell, rows, cols, found, 0
+    )
+    if count < 4 or not _fit(curve, found, count, tolerance, xyz, spread, 5):
+        return 0
+    count = _keep_near(curve, found, count, tolerance, xyz)
+    if count < 4 or not _fit(curve, found, count, tolerance, xyz, spread, 2):
+        return 0
+    gaps = np.zeros(2)  # looked into without finding anything, behind and ahead
+    for _ in range(MOST_STEPS):
+        if gaps.min() == np.inf:
+            break
+        for side in range(2):
+            if gaps[side] == np.inf:
+                continue
+            length = curve[HI] - curve[LO]
+            look = min(max(LOOK_SHARE * length, LOOK_LEAST), LOOK)
+            if side == 1:
+                low = curve[HI] + gaps[side] + 1e-9
+                high = low + look
+            else:
+                high = curve[LO] - gaps[side] - 1e-9
+                low = high - look
+            before = count
+            count = _gather(
+                curve, low, high, tolerance, spread, xyz, start, west, south, cell, rows, cols,
+                found, count,
+            )  # fmt: skip
+            usual = before / max(length, 1.0)
+            needed = 1.0 if gaps[side] == 0.0 else max(3.0, SUPPORT * usual * look)
+            if count - before >= needed:
+                if not _fit(curve, found, count, tolerance, xyz, spread, 3):
+                    return 0
+                count = _keep_near(curve, found, count, WIDEST * tolerance, xyz)
+                gaps[:] = 0.0
+            else:
+                count = before
+                gaps[side] += look
+                if gaps[side] > min(max_gap, length):
+                    gaps[side] = np.inf
+        if count >= len(found):
+            return 0
+    count = _keep_near(curve, found, count, tolerance, xyz)
+    if count < 4 or not _fit(curve, found, count, tolerance, xyz, spread, 5):
+        return 0
+    return _keep_near(curve, found, count, tolerance, xyz)
+
+
+@njit(cache=True, nogil=True)
+def profile(  # type: ignore[no-untyped-def]
+    curve, step, tube, xyz, start, west, south, cell, rows, cols, tubed, shelled
+):
+    """Count the points in a tube around a curve and in a shell thrice as wide, per `step` of it."""
+    for k in range(len(tubed)):
+        u = curve[LO] + (k + 0.5) * step
+        v, _ = _values(curve, u)
+        x = curve[X] + u * curve[EX] - v * curve[EY]
+        y = curve[Y] + u * curve[EY] + v * curve[EX]
+        r0, r1, c0, c1 = _cells(x, y, 0.5 * step + 3 * tube, west, south, cell, rows, cols)
+        for r in range(r0, r1 + 1):
+            for i in range(start[r * cols + c0], start[r * cols + c1 + 1]):
+                dx, dy = xyz[i, 0] - curve[X], xyz[i, 1] - curve[Y]
+                u = dx * curve[EX] + dy * curve[EY]
+                if int((u - curve[LO]) / step) != k or u < curve[LO]:
+                    continue
+                v, z = _values(curve, u)
+                dv, dz = dy * curve[EX] - dx * curve[EY] - v, xyz[i, 2] - z
+                square = dv * dv + dz * dz
+                if square < tube * tube:
+                    tubed[k] += 1
+                elif square < 9 * tube * tube:
+                    shelled[k] += 1
+
+
+@njit(cache=True, nogil=True)
+def tube(  # type: ignore[no-untyped-def]
+    shape, low, high, radius, xyz, start, west, south, cell, rows, cols, found, away
+):
+    """The points within a radius of a catenary from u = low to high; how many, and how far away.
+
+    `shape` holds x, y, ex, ey, u0, z0, curvature, the chord's height at 0 and its slope, v0, v1 and
+    swing of :class:`algorithms.corridor._catenary.Catenary`.
+    """
+    x0, y0, ex, ey, u0, z0, k, chord, slope, v0, v1, swing = shape
+    count = 0
+    pieces = max(1, int(math.ceil((high - low) / cell)))
+    for p in range(pieces):
+        a = low + (high - low) * p / pieces
+        b = low + (high - low) * (p + 1) / pieces
+        u = 0.5 * (a + b)
+        z = z0 + 2 * math.sinh(0.5 * k * (u - u0)) ** 2 / k
+        v = v0 + v1 * u + swing * (chord + slope * u - z)
+        x, y = x0 + u * ex - v * ey, y0 + u * ey + v * ex
+        r0, r1, c0, c1 = _cells(x, y, 0.5 * (b - a) + radius + 0.5, west, south, cell, rows, cols)
+        for r in range(r0, r1 + 1):
+            for i in range(start[r * cols + c0], start[r * cols + c1 + 1]):
+                dx, dy = xyz[i, 0] - x0, xyz[i, 1] - y0
+                u = dx * ex + dy * ey
+                if u < a or u >= b:
+                    continue
+                z = z0 + 2 * math.sinh(0.5 * k * (u - u0)) ** 2 / k
+                dv = dy * ex - dx * ey - v0 - v1 * u - swing * (chord + slope * u - z)
+                dz = xyz[i, 2] - z
+                square = dv * dv + dz * dz
+                if square < radius * radius:
+                    found[count] = i
+                    away[count] = math.sqrt(square)
+                    count += 1
+    return count

@@ -1,0 +1,118 @@
+"""Points of towers and poles: what stands below, between and above the ends of the wires.
+
+A body narrows from its foot to its lowest arm; around the arms there is nothing else in the air.
+The ground and what lies on it, such as the blocks of the foundation, is not tower.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.corridor._network import Scene, Support, within
+from algorithms.corridor._spans import Wire
+
+BASE_LATTICE, BASE_POLE = 1.0, 0.4  # metres above the ground that are left to it
+SLIM = 0.7  # metres: half width from which a body is a lattice
+SPLAY_LATTICE, SPLAY_POLE, SLACK = 0.12, 0.02, 0.35  # widening per metre downwards; metres
+BOX = (0.12, 1.2, 5.0)  # half depth of the space of the arms: per metre of height, least, most
+DROP = (0.08, 0.8, 4.0)  # how far below the lowest wire it begins
+OUT = (0.05, 0.5, 2.5)  # how far it goes beyond the outermost wires
+PEAK = (0.25, 1.5, 15.0)  # how far it goes above the highest wire
+LOOP = (0.4, 4.0, 1.2, 9.0)  # metres: a jumper hangs this far below, aside of and along its wire
+LOOP_POINTS = 5
+LOOP_WIDTH = 1.3  # of the part of a jumper that is clear of its wire, by its parabola
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Tower:
+    """A support with its points.
+
+    Attributes
+    ----------
+    points : indices among the points in the air
+    top : height of its highest point
+    width : half width of the body below its arms
+    """
+
+    support: Support
+    points: Ints
+    top: float
+    width: float
+
+    @property
+    def lattice(self) -> bool:
+        """Whether it is a lattice tower, not a pole."""
+        return self.width > SLIM
+
+
+def scaled(rule: tuple[float, float, float], height: float) -> float:
+    """A length that grows with the height of a tower, between limits."""
+    share, least, most = rule
+    return min(max(share * height, least), most)
+
+
+def insulators(scene: Scene, wires: Sequence[Wire], number: int, support: Support) -> float:
+    """Length of the strings by which wires pull at a support, metres; 0 where they hang from it.
+
+    Where wires end at both sides of a tower, a jumper leads the current around it, from the end of
+    one string to the end of the other.
+    """
+    found = []
+    for wire in wires:
+        for end in (0, 1):
+            if wire.supports[end] != number:
+                continue
+            near = within(scene.air, np.array([support.x, support.y]), 30.0)
+            near = near[scene.free[near]]
+            u, v, z = wire.curve.residuals(scene.air.xyz[near])
+            along = wire.curve.length - u if end else u
+            below, deepest, aside, reach = LOOP
+            loop = (z < -below) & (z > -deepest) & (np.abs(v) < aside)
+            loop &= (along > 0.8) & (along < reach)
+            if np.count_nonzero(loop) >= LOOP_POINTS:
+                found.append(LOOP_WIDTH * float(np.quantile(along[loop], 0.9)))
+    return float(np.median(found)) if len(found) >= 2 else 0.0
+
+
+def tower_of(scene: Scene, support: Support) -> Tower:
+    """The points of the body and the arms of a support, without those around wires."""
+    air, x, y = scene.air, support.x, support.y
+    across = np.array(support.across)
+    along = np.array([across[1], -across[0]])
+    height = support.high - support.ground
+    depth, drop = scaled(BOX, height), scaled(DROP, height)
+    out, peak = scaled(OUT, height), scaled(PEAK, height)
+    reach = max(-support.reach[0], support.reach[1]) + out + depth
+    near = within(air, np.array([x, y]), reach)
+    near = near[scene.free[near]]
+    step = air.xyz[near, :2] - (x, y)
+    a, s, z = step @ along, step @ across, air.xyz[near, 2]
+    above = scene.height[near]
+    waist = support.low - drop
+    arms = (z > waist) & (z < support.high + peak) & (np.abs(a) < depth)
+    arms &= (s > support.reach[0] - out) & (s < support.reach[1] + out)
+    width = waist_of(a, s, z, waist, height)
+    lattice = width > SLIM
+    splay = SPLAY_LATTICE if lattice else SPLAY_POLE
+    spread = width + SLACK + splay * np.maximum(waist - z, 0)
+    body = (np.maximum(np.abs(a), np.abs(s)) < spread) & (z <= waist)
+    body &= above > (BASE_LATTICE if lattice else BASE_POLE)
+    mine = near[arms | body]
+    top = float(air.xyz[mine, 2].max()) if len(mine) else support.high
+    return Tower(support, mine, top, width)
+
+
+def waist_of(a: Floats, s: Floats, z: Floats, waist: float, height: float) -> float:
+    """Half width of the body just below the arms."""
+    slice_ = (z < waist) & (z > waist - 0.25 * height)
+    away = np.maximum(np.abs(a[slice_]), np.abs(s[slice_]))
+    away = away[away < 0.12 * height]
+    return float(np.quantile(away, 0.9)) if len(away) >= LOOP_POINTS else 0.3

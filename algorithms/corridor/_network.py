@@ -23,6 +23,7 @@ from algorithms.corridor._trace import TUBE, Airborne
 CLEAR, CLEAR_STRONG = 0.65, 0.7  # share of a curve along which it stands out from its surroundings
 STRONG = 30.0  # metres from which a curve is a wire by itself
 SHORT, FINE, MANY = 18.0, 0.075, 20  # metres, metres, points: a shorter one must be clear
+LEAST_POINTS, ROUGH = 7, 0.25  # metres: scatter of anything that may be wire
 STEEPEST = 0.7  # rise over run of the chord
 FATTEST = 30.0  # metres: least c of a wire
 JOIN, JOIN_ASIDE, JOIN_HEIGHT = 14.0, 3.0, 1.5  # metres, between wires that meet at a support
@@ -30,8 +31,8 @@ PARALLEL, BESIDE = math.radians(6.0), 15.0  # and metres, of wires of one line
 CUSP, CUSP_SIGMAS, CUSP_GAIN = -0.02, 8.0, 0.15  # slope, and evidence for a cusp
 CUSP_MARGIN = 8.0  # metres from the ends
 ALONG, ACROSS = 10.0, 12.0  # metres between what belongs to one support
-ENOUGH_BODY, MUCH_BODY = 0.4, 0.5  # share of its height at which a support shows points
-ANGLE = 0.04  # change of slope, or of heading, at a support
+LEAST_BODY, ENOUGH_BODY, MUCH_BODY = 0.1, 0.4, 0.5  # share of its height at which a support shows points
+ANGLE = 0.02  # change of slope, or of heading, at a support
 FARTHEST = 60.0  # metres of a wire that may be missing
 TWIN = 0.7  # metres within which conductors form a bundle
 
@@ -117,10 +118,13 @@ def pieces_of(scene: Scene, curves: Sequence[tuple[Floats, Ints]]) -> list[Piece
         if catenary is None or is_no_wire(catenary, curve):
             continue
         piece = Piece(points, catenary)
+        if len(points) < LEAST_POINTS or catenary.rms > ROUGH:
+            continue
         fine = curve[kernels.RMS] < FINE and len(points) >= MANY and clear >= 0.9
         sure = clear >= CLEAR_STRONG and length >= (SHORT if fine else STRONG)
         (strong if sure else weak).append(piece)
-    return joined(scene, connected(strong, weak))
+    wires = connected(strong, weak)
+    return joined(scene, [arc for piece in wires for arc in arcs_of(scene, piece)])
 
 
 def clearness(scene: Scene, curve: Floats, count: int) -> float:
@@ -246,12 +250,12 @@ def agrees(scene: Scene, curve: Catenary, parts: Sequence[Piece]) -> bool:
 
 @dataclass(frozen=True)
 class Hint:
-    """A place where a wire ends or has a cusp."""
+    """An end of an arc."""
 
     place: Floats
-    way: Floats  # unit vector out of the wire; along it for a cusp
+    way: Floats  # unit vector out of the wire
+    slope: float  # upwards that way
     piece: int
-    cusp: bool
 
 
 def cusps(points: Floats, curve: Catenary) -> list[float]:
@@ -265,16 +269,10 @@ def cusps(points: Floats, curve: Catenary) -> list[float]:
     if len(u) < 12 or np.ptp(u) < 3 * CUSP_MARGIN:
         return []
     at = np.arange(u.min() + CUSP_MARGIN, u.max() - CUSP_MARGIN, 1.0)
-    base, _ = np.linalg.qr(np.column_stack([np.ones(len(u)), u, u * u]))
-    kinks = np.maximum(u[:, None] - at, 0.0)
-    kinks -= base @ (base.T @ kinks)
-    left = z - base @ (base.T @ z)
-    square = (kinks**2).sum(axis=0)
-    slope = (kinks.T @ left) / np.maximum(square, 1e-9)
+    slope, square, total = kinks(u, z, at)
     gain = slope**2 * square
     gain[slope > CUSP] = 0.0
     k = int(np.argmax(gain))
-    total = float((left**2).sum())
     sigma = math.sqrt(max(total - gain[k], 1e-12) / max(len(u) - 4, 1))
     certain = gain[k] > CUSP_GAIN * total and math.sqrt(gain[k]) > CUSP_SIGMAS * sigma
     if not certain:
@@ -289,15 +287,52 @@ def cusps(points: Floats, curve: Catenary) -> list[float]:
     return sorted(found)
 
 
-def hints_of(scene: Scene, pieces: Sequence[Piece]) -> list[Hint]:
-    """Ends and cusps of all curves."""
+def arcs_of(scene: Scene, piece: Piece) -> Iterator[Piece]:
+    """A curve that was followed across supports, cut at the cusps there."""
+    xyz = scene.wires.xyz[piece.points]
+    places = cusps(xyz, piece.curve)
+    if not places:
+        yield piece
+        return
+    u, _ = piece.curve.along(xyz)
+    number = np.searchsorted(places, u)
+    for k in range(len(places) + 1):
+        mine = piece.points[number == k]
+        curve = fit(scene.wires.xyz[mine], spread=2 * scene.tolerance)
+        if curve is not None:
+            yield Piece(mine, curve)
+
+
+def kinks(u: Floats, z: Floats, at: Floats) -> tuple[Floats, Floats, float]:
+    """By how much the slope of heights changes at each of several places, beside any parabola.
+
+    Parameters
+    ----------
+    u, z : arrays of shape (n,), distances along a wire and heights above its catenary
+    at : array of shape (k,)
+
+    Returns
+    -------
+    slope : array of shape (k,), of the kink that explains most of the heights
+    square : array of shape (k,); what a kink explains of the sum of squares is slope**2 * square
+    total : sum of squares beside a parabola
+    """
+    base, _ = np.linalg.qr(np.column_stack([np.ones(len(u)), u, u * u]))
+    bend = np.maximum(u[:, None] - at, 0.0)
+    bend -= base @ (base.T @ bend)
+    left = z - base @ (base.T @ z)
+    square = np.maximum((bend**2).sum(axis=0), 1e-9)
+    return (bend.T @ left) / square, square, float((left**2).sum())
+
+
+def hints_of(pieces: Sequence[Piece]) -> list[Hint]:
+    """Both ends of all arcs."""
     hints = []
     for number, piece in enumerate(pieces):
         for end, place in enumerate(piece.ends):
-            hints.append(Hint(place, heading(piece, end), number, False))
-        for u in cusps(scene.wires.xyz[piece.points], piece.curve):
-            place = piece.curve.points(np.array([u]))[0]
-            hints.append(Hint(place, heading(piece, 1), number, True))
+            u = piece.curve.length * end + np.array([-0.5, 0.5])
+            rise = float(np.diff(piece.curve.height(u))[0])
+            hints.append(Hint(place, heading(piece, end), rise if end else -rise, number))
     return hints
 
 
@@ -309,7 +344,7 @@ def supports_of(scene: Scene, pieces: Sequence[Piece]) -> list[Support]:
     scene : whose points around the curves are taken
     """
     scene.take(piece.curve for piece in pieces)
-    hints = hints_of(scene, pieces)
+    hints = hints_of(pieces)
     found = []
     for group in clusters(hints):
         support = support_of(scene, pieces, group)
@@ -348,8 +383,7 @@ def support_of(
     centre = place[:, :2].mean(axis=0)
     side = (place[:, :2] - centre) @ across
     forward = way @ mean > 0
-    cusp = np.array([hint.cusp for hint in group])
-    here, there = np.flatnonzero(forward & ~cusp), np.flatnonzero(~forward & ~cusp)
+    here, there = np.flatnonzero(forward), np.flatnonzero(~forward)
     pairs, bend = 0, 0.0
     for i in here:
         match = [
@@ -359,8 +393,7 @@ def support_of(
         if match:
             pairs += 1
             turn = abs(way[i, 0] * way[match[0], 1] - way[i, 1] * way[match[0], 0])
-            bend = max(bend, turn)
-    pairs += 2 * int(cusp.sum())
+            bend = max(bend, turn, group[i].slope + group[match[0]].slope)
     mine = {hint.piece for hint in group}
     others = [piece for k, piece in enumerate(pieces) if k not in mine]
     passing = sum(passes(piece, centre, across, side, place[:, 2]) for piece in others)
@@ -370,8 +403,6 @@ def support_of(
     forth = (place[:, :2] - centre) @ mean
     if len(here) and len(there):
         middle = 0.5 * (np.median(forth[here]) + np.median(forth[there]))
-    elif cusp.any():
-        middle = float(np.median(forth[cusp]))
     else:
         middle = float(np.median(forth))
     spot = centre + middle * mean
@@ -415,6 +446,29 @@ def passes(piece: Piece, centre: Floats, across: Floats, side: Floats, heights: 
     s = (np.array([x, y]) - centre) @ across
     beside = side.min() - ACROSS / 2 < s < side.max() + ACROSS / 2
     return bool(beside and heights.min() - ACROSS / 2 < z < heights.max() + ACROSS / 2)
+
+
+def support_at(scene: Scene, places: Floats, mean: Floats, clear: bool) -> Support | None:
+    """The support at a kink of several wires, if it is clear or there is a body.
+
+    Parameters
+    ----------
+    places : array of shape (n, 3), one for each wire
+    mean : unit vector along them
+    """
+    centre = places[:, :2].mean(axis=0)
+    across = np.array([-mean[1], mean[0]])
+    side = (places[:, :2] - centre) @ across
+    low, high = float(places[:, 2].min()), float(places[:, 2].max())
+    top = high - float(scene.ground(*centre))
+    body, spot = body_at(scene, centre, mean, (side.min(), side.max()), top)
+    if not clear and body < LEAST_BODY:
+        return None
+    side = side - (spot - centre) @ across
+    return Support(
+        float(spot[0]), float(spot[1]), (float(across[0]), float(across[1])),
+        (float(side.min()), float(side.max())), low, high, float(scene.ground(*spot)), body,
+    )  # fmt: skip
 
 
 def body_at(

@@ -20,6 +20,10 @@ from scipy.sparse.csgraph import connected_components
 from algorithms.corridor._catenary import Catenary, fit
 from algorithms.corridor._network import (
     ALONG,
+    CUSP,
+    CUSP_GAIN,
+    CUSP_MARGIN,
+    CUSP_SIGMAS,
     PARALLEL,
     TWIN,
     Piece,
@@ -27,15 +31,18 @@ from algorithms.corridor._network import (
     Support,
     apart,
     heading,
+    kinks,
     runs_beside,
+    support_at,
     within,
 )
 
 BESIDE = 15.0  # metres
 FEW, EIGHTHS = 6, 4  # points, and eighths of the span with any, of a wire found beside another
-SLIM = 0.3  # metres: radius of a heap
+SLIM, ROUGH = 0.3, 0.12  # metres: radius of a heap, scatter of one wire
 BIN, SMOOTH, NEIGHBOURS = 0.05, 0.07, 0.2  # metres: to tell the conductors of a bundle apart
 ENOUGH, VALLEY, PEAK = 40, 0.6, 0.25  # points; depth of a valley between, height of a lower peak
+LEAST_CUSP = -0.003  # slope: of all wires together
 LINKED = 3.0  # metres between a wire and its continuation at a support
 
 Floats = NDArray[np.float64]
@@ -65,25 +72,82 @@ class Wire:
 # --- spans ---------------------------------------------------------------------------------
 
 
-def spans_of(scene: Scene, pieces: Sequence[Piece], supports: Sequence[Support]) -> list[Wire]:
-    """Pieces cut at the supports, joined where they are parts of one wire, and fitted anew."""
-    parts = [part for piece in pieces for part in cut(scene, piece, supports)]
-    groups: dict[tuple[int, int], list[tuple[Piece, tuple[int, int]]]] = {}
-    for part, between in parts:
-        key = (min(between), max(between))
-        groups.setdefault(key, []).append((part, between))
+def spans_of(
+    scene: Scene, pieces: Sequence[Piece], supports: Sequence[Support]
+) -> tuple[list[Wire], list[Support]]:
+    """Pieces cut at the supports, joined where they are parts of one wire, and fitted anew.
+
+    Supports that show only in several wires together are added.
+    """
+    while True:
+        spans = list(bundles_of(scene, pieces, supports))
+        more = [found for wires in spans for found in overlooked(scene, wires, supports)]
+        if not more:
+            break
+        supports = sorted([*supports, *more], key=lambda s: (s.x, s.y))
     found: list[Wire] = []
-    span = bundle = 0
+    bundle = 0
+    for span, wires in enumerate(spans):
+        for wire in wires:
+            for strand in strands(scene, wire):
+                whole = to_supports(strand, supports)
+                found.append(replace(whole, span=span, bundle=bundle))
+            bundle += 1
+    return numbered(found, supports), list(supports)
+
+
+def bundles_of(
+    scene: Scene, pieces: Sequence[Piece], supports: Sequence[Support]
+) -> Iterator[list[Wire]]:
+    """The wires of each span, those of a bundle as one."""
+    parts = [part for piece in pieces for part in cut(scene, piece, supports)]
+    groups: dict[tuple[int, int], list[Piece]] = {}
+    for part, between in parts:
+        groups.setdefault((min(between), max(between)), []).append(part)
     for key in sorted(groups):
-        for together in of_one_span([part for part, _ in groups[key]], key):
+        for together in of_one_span(groups[key], key):
             wires = wires_of(scene, together, key, supports)
-            for wire in wires:
-                for strand in strands(scene, wire):
-                    whole = to_supports(strand, supports)
-                    found.append(replace(whole, span=span, bundle=bundle))
-                bundle += 1
-            span += bool(wires)
-    return numbered(found, supports)
+            if wires:
+                yield wires
+
+
+def overlooked(
+    scene: Scene, wires: Sequence[Wire], supports: Sequence[Support]
+) -> Iterator[Support]:
+    """A support within a span, where all its wires together have a kink.
+
+    In a valley wires pull up at their support, and hardly bend there: one alone shows nothing.
+    """
+    first = wires[0].curve
+    at = np.arange(CUSP_MARGIN, first.length - CUSP_MARGIN, 1.0)
+    if len(at) < CUSP_MARGIN:
+        return
+    total, gain, slopes, count = 0.0, np.zeros(len(at)), [], 0
+    for wire in wires:
+        points, _ = scene.wires.around(wire.curve, TWIN)
+        u, _, z = wire.curve.residuals(scene.wires.xyz[points])
+        if len(u) < 12:
+            continue
+        places = wire.curve.along(first.points(at))[0]
+        slope, square, left = kinks(u, z, places)
+        gain += np.where(slope < 0, slope**2 * square, 0.0)
+        total += left
+        slopes.append(slope)
+        count += len(u)
+    if not slopes:
+        return
+    k = int(np.argmax(gain))
+    slope = float(np.median([slope[k] for slope in slopes]))
+    sigma = math.sqrt(max(total - gain[k], 1e-12) / count)
+    certain = gain[k] > CUSP_GAIN * total and math.sqrt(gain[k]) > CUSP_SIGMAS * sigma
+    if not certain or slope > LEAST_CUSP:
+        return
+    places = np.array([
+        w.curve.points(w.curve.along(first.points(at[k : k + 1]))[0])[0] for w in wires
+    ])
+    support = support_at(scene, places, np.array([first.ex, first.ey]), bool(slope < CUSP))
+    if support is not None:
+        yield support
 
 
 def cut(
@@ -210,7 +274,9 @@ def recovered(scene: Scene, wires: list[Wire]) -> list[Wire]:
         inner = off < SLIM
         ring = np.count_nonzero((off > SLIM) & (off < 3 * SLIM))
         eighths = len(np.unique((8 * u[inner] / curve.length).astype(np.int64)))
-        alike = 0.5 < made.c / curve.c < 2.0 or made.sigmas()["sag"] > 0.1 * curve.sag
+        spare = 0.25 * curve.sag + 3 * made.sigmas()["sag"]
+        alike = abs(made.curvature * curve.c - 1) * curve.sag < spare
+        alike &= made.rms < max(ROUGH, 1.5 * curve.rms)
         if inner.sum() >= FEW and eighths >= EIGHTHS and ring <= inner.sum() and alike:
             same = made.ex * curve.ex + made.ey * curve.ey > 0
             ends = best.supports if same else best.supports[::-1]

@@ -235,8 +235,7 @@ def find_line(
     ctx.progress(0.85)
     if not pieces:
         return nothing
-    supports = supports_of(scene, pieces)
-    wires = spans_of(scene, pieces, supports)
+    wires, supports = spans_of(scene, pieces, supports_of(scene, pieces))
     ctx.progress(0.9)
     wires, towers, strings = dressed(scene, wires, supports)
     own = index[air.order]

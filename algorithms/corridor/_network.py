@@ -498,7 +498,7 @@ def body_at(
             if share > best:
                 best = share
                 at = spot + np.median(along[inside]) * mean + np.median(side[inside]) * across
-    return min(best, 1.0), at
+    return min(best, 1.0), at if best >= ENOUGH_BODY else spot
 
 
 def within(air: Airborne, spot: Floats, reach: float) -> Ints:

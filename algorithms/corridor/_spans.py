@@ -19,11 +19,11 @@ from scipy.sparse.csgraph import connected_components
 
 from algorithms.corridor._catenary import Catenary, fit
 from algorithms.corridor._network import (
-    ALONG,
     CUSP,
     CUSP_GAIN,
     CUSP_MARGIN,
     CUSP_SIGMAS,
+    FARTHEST,
     PARALLEL,
     TWIN,
     Piece,
@@ -42,6 +42,10 @@ FEW, EIGHTHS = 6, 4  # points, and eighths of the span with any, of a wire found
 SLIM, ROUGH = 0.3, 0.12  # metres: radius of a heap, scatter of one wire
 BIN, SMOOTH, NEIGHBOURS = 0.05, 0.07, 0.2  # metres: to tell the conductors of a bundle apart
 ENOUGH, VALLEY, PEAK = 40, 0.6, 0.25  # points; depth of a valley between, height of a lower peak
+ROUNDS, SETTLED = 10, 0.6  # metres
+FARTHEST_OFF, SHIFT_GAIN = 12.0, 0.9  # metres; share of the squares that a shift must leave
+AGREED = 0.6  # of the wires must show an overlooked support each
+MARGIN_SHARE = 0.2  # of a span at each end that holds no overlooked support
 LEAST_CUSP = -0.003  # slope: of all wires together
 LINKED = 3.0  # metres between a wire and its continuation at a support
 
@@ -79,12 +83,16 @@ def spans_of(
 
     Supports that show only in several wires together are added.
     """
-    while True:
+    for _ in range(ROUNDS):
         spans = list(bundles_of(scene, pieces, supports))
-        more = [found for wires in spans for found in overlooked(scene, wires, supports)]
+        moved = [relocated(scene, spans, supports, k) for k in range(len(supports))]
+        if any(math.dist((a.x, a.y), (b.x, b.y)) > SETTLED for a, b in zip(moved, supports, strict=True)):
+            supports = moved
+            continue
+        more = [found for wires in spans for found in overlooked(scene, wires)]
         if not more:
             break
-        supports = sorted([*supports, *more], key=lambda s: (s.x, s.y))
+        supports = sorted([*moved, *more], key=lambda s: (s.x, s.y))
     found: list[Wire] = []
     bundle = 0
     for span, wires in enumerate(spans):
@@ -111,36 +119,82 @@ def bundles_of(
                 yield wires
 
 
-def overlooked(
-    scene: Scene, wires: Sequence[Wire], supports: Sequence[Support]
-) -> Iterator[Support]:
+def relocated(
+    scene: Scene, spans: Sequence[Sequence[Wire]], supports: Sequence[Support], number: int
+) -> Support:
+    """A support moved to where the arcs on its two sides fit best.
+
+    An arc that was followed beyond its end has taken points of the next one.
+    """
+    support = supports[number]
+    normal = np.array([-support.across[1], support.across[0]])
+    wires = [wire for span in spans for wire in span if number in wire.supports]
+    sides: dict[bool, list[tuple[int, int]]] = {False: [], True: []}
+    for k, wire in enumerate(wires):
+        middle = wire.curve.points(np.array([0.5 * wire.curve.length]))[0, :2]
+        ahead = bool((middle - (support.x, support.y)) @ normal > 0)
+        sides[ahead].append((k, wire.supports.index(number)))
+    if not sides[False] or not sides[True]:
+        return support
+    at = np.arange(-FARTHEST_OFF, FARTHEST_OFF + 0.1, 0.5)
+    total = np.zeros(len(at))
+    for i, j in matched(wires, sides[False], sides[True]):
+        near = [scene.wires.around(wires[k].curve, 2 * scene.tolerance, -5.0,
+                                   wires[k].curve.length + 5.0)[0] for k in (i, j)]
+        xyz = scene.wires.xyz[np.union1d(*near)]
+        along = (xyz[:, :2] - (support.x, support.y)) @ normal
+        total += broken(along, xyz[:, 2], at)
+    best = int(np.argmin(total))
+    if total[best] > SHIFT_GAIN * total[len(at) // 2] or not np.isfinite(total[best]):
+        return support
+    x, y = np.array([support.x, support.y]) + at[best] * normal
+    return replace(support, x=float(x), y=float(y), ground=float(scene.ground(x, y)))
+
+
+def broken(u: Floats, z: Floats, at: Floats) -> Floats:
+    """Sum of squares of heights beside two parabolas that meet at each of several places."""
+    result = np.zeros(len(at))
+    for k, place in enumerate(at):
+        for side in (u <= place, u > place):
+            if np.count_nonzero(side) > 4 and np.ptp(u[side]) > 5.0:
+                t = (u[side] - u[side].mean()) / np.ptp(u[side])
+                base, _ = np.linalg.qr(np.vander(t, 3))
+                result[k] += ((z[side] - base @ (base.T @ z[side])) ** 2).sum()
+            else:
+                result[k] += 1e-3 * np.count_nonzero(side)
+    return result
+
+
+def overlooked(scene: Scene, wires: Sequence[Wire]) -> Iterator[Support]:
     """A support within a span, where all its wires together have a kink.
 
     In a valley wires pull up at their support, and hardly bend there: one alone shows nothing.
     """
     first = wires[0].curve
-    at = np.arange(CUSP_MARGIN, first.length - CUSP_MARGIN, 1.0)
+    margin = max(CUSP_MARGIN, MARGIN_SHARE * first.length)
+    at = np.arange(margin, first.length - margin, 1.0)
     if len(at) < CUSP_MARGIN:
         return
-    total, gain, slopes, count = 0.0, np.zeros(len(at)), [], 0
+    totals, gains, slopes, count = [], [], [], 0
     for wire in wires:
-        points, _ = scene.wires.around(wire.curve, TWIN)
+        points, _ = scene.wires.around(wire.curve, 2 * scene.tolerance)
         u, _, z = wire.curve.residuals(scene.wires.xyz[points])
-        if len(u) < 12:
+        if len(u) < 8:
             continue
-        places = wire.curve.along(first.points(at))[0]
-        slope, square, left = kinks(u, z, places)
-        gain += np.where(slope < 0, slope**2 * square, 0.0)
-        total += left
+        slope, square, left = kinks(u, z, wire.curve.along(first.points(at))[0])
+        gains.append(np.where(slope < 0, slope**2 * square, 0.0))
+        totals.append(left)
         slopes.append(slope)
         count += len(u)
     if not slopes:
         return
+    gain, total = np.sum(gains, axis=0), sum(totals)
     k = int(np.argmax(gain))
     slope = float(np.median([slope[k] for slope in slopes]))
     sigma = math.sqrt(max(total - gain[k], 1e-12) / count)
     certain = gain[k] > CUSP_GAIN * total and math.sqrt(gain[k]) > CUSP_SIGMAS * sigma
-    if not certain or slope > LEAST_CUSP:
+    agreed = np.mean([g[k] > CUSP_GAIN * t for g, t in zip(gains, totals, strict=True)])
+    if not certain or agreed < AGREED or slope > LEAST_CUSP:
         return
     places = np.array([
         w.curve.points(w.curve.along(first.points(at[k : k + 1]))[0])[0] for w in wires
@@ -158,14 +212,16 @@ def cut(
     stops = []
     for number, support in enumerate(supports):
         u, v = curve.along(np.array([[support.x, support.y, 0.0]]))
-        if not -ALONG - 4 < u[0] < curve.length + ALONG + 4:
+        gap = max(-u[0], u[0] - curve.length, 0.0)
+        if gap > FARTHEST:
             continue
         turn = abs(support.across[0] * curve.ex + support.across[1] * curve.ey)
         left = curve.points(u)[0, :2] - (support.x, support.y)
         side = float(left @ np.array(support.across))
         z = float(curve.height(u)[0])
-        fits = support.reach[0] - 3 < side < support.reach[1] + 3
-        fits &= support.low - 3 < z < support.high + 3
+        slack = 3.0 + 0.05 * gap
+        fits = support.reach[0] - slack < side < support.reach[1] + slack
+        fits &= support.low - slack < z < support.high + slack
         if turn < 0.7 and fits:
             stops.append((float(u[0]), number))
     stops.sort()

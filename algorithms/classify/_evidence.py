@@ -28,6 +28,7 @@ ENOUGH = 4  # points that can tell whether they lie on a plane
 FLAT = 0.06  # metres from a plane (standard deviation) up to which points lie on it
 FEW = 0.2  # share of points that may lack neighbours before a warning
 VOXEL = 1.0  # metres, the cells in which points are counted
+LOWEST_ROOF = 1.5  # metres above ground
 LET_THROUGH, ON_PLANES = 0.25, 0.12  # shares around, of vegetation at least and of roofs
 HALO = GROUND_HALO + 40.0  # metres, for the largest radius (10) and context (20), and voxels
 FINE = float(1 << 20)  # steps in which features are summed up, so that sums are exact
@@ -144,12 +145,13 @@ def penetrating(cloud: PointCloud) -> Mask:
 
 def evidence(scene: Scene) -> NDArray[np.uint8]:
     """Class of each point by itself: GROUND, VEGETATION or BUILDING, array of shape (n,)."""
-    ground, around = scene.terrain[0], scene.around
+    (ground, height), around = scene.terrain, scene.around
     on_planes = around["planarity"] / ON_PLANES
     if has_several_returns(scene.cloud):
         plant = around["returns"] / LET_THROUGH > on_planes
     else:
         plant = on_planes < 1
+    plant |= height < LOWEST_ROOF
     return np.where(ground, GROUND, np.where(plant, VEGETATION, BUILDING)).astype(np.uint8)
 
 

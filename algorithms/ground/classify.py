@@ -239,21 +239,6 @@ def above(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats]:
         A coordinate is not a finite number.
     """
     require_finite(xyz)
-    residual, allowed = _residuals(xyz, terrain)
-    deepest = BELOW * allowed + 1.0
-    ground = (residual <= allowed) & (residual >= -deepest)
-    limit = np.where(residual > 0, allowed, deepest)
-    confidence = np.clip(np.abs(1 - np.abs(residual) / limit), 0, 1)
-    return ground, np.where(np.isfinite(residual), confidence, 1.0)
-
-
-def height_above(xyz: Floats, terrain: Terrain) -> Floats:
-    """Height of points of shape (n, 3) above the terrain, in metres; NaN where there is none."""
-    return _residuals(xyz, terrain)[0]
-
-
-def _residuals(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats]:
-    """Height above the terrain in metres, and how much of it the slope there allows."""
     cell = terrain.lattice.cell
     residual, allowed = np.empty(len(xyz)), np.empty(len(xyz))
     side_by_side(
@@ -270,6 +255,11 @@ def _residuals(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats]:
         allowed,
     )
     return residual, allowed
+
+
+def height_above(xyz: Floats, terrain: Terrain) -> Floats:
+    """Height of points of shape (n, 3) above the terrain, in metres; NaN where there is none."""
+    return above(xyz, terrain)[0]
 
 
 def aligned_lattice(xyz: Floats, metre: float) -> Lattice:

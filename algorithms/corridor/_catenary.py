@@ -26,6 +26,7 @@ FLATTEST, TIGHTEST = 1e-5, 0.1  # 1 / metre: a wire straighter than this is stra
 ROUNDS = 30
 CUT = 4.685  # standard deviations at which a point loses all weight: 95 % efficient (Tukey)
 LEAST_SIGMA = 0.005  # metres
+KNOWN = 0.1  # standard deviation of a curvature that is given, of itself
 SWAYS = 0.5  # metres of sag from which a swing can be told from an azimuth
 
 Floats = NDArray[np.float64]
@@ -196,7 +197,9 @@ def _jacobian(u: Floats, length: float, z_start: float, z_end: float, curvature:
     return np.column_stack([1 - end, end, (bent - base) / step])
 
 
-def fit(xyz: Floats, *, sways: bool = True, spread: float = 1.0) -> Catenary | None:
+def fit(
+    xyz: Floats, *, sways: bool = True, spread: float = 1.0, curvature: float | None = None
+) -> Catenary | None:
     """The catenary through points of one wire, from its first to its last point.
 
     Parameters
@@ -204,6 +207,7 @@ def fit(xyz: Floats, *, sways: bool = True, spread: float = 1.0) -> Catenary | N
     xyz : array of shape (n, 3), metres
     sways : also look for a swing by wind
     spread : points farther than this from the first curve lose all weight, metres
+    curvature : known of other wires, to a tenth, 1 / metre
 
     Returns
     -------
@@ -223,9 +227,10 @@ def fit(xyz: Floats, *, sways: bool = True, spread: float = 1.0) -> Catenary | N
     u = u - u.min()
     v = (xyz[:, 1] - y) * direction[0] - (xyz[:, 0] - x) * direction[1]
     z = xyz[:, 2]
-    start = np.polynomial.Polynomial.fit(u, z, 2).convert().coef if length > 10 else (z[0], 0, 0)
-    curvature = float(np.clip(2 * start[2] if len(start) > 2 else 0.0, FLATTEST, TIGHTEST))
-    tall = np.array([*np.polynomial.Polynomial.fit(u, z, 2)([0.0, length]), curvature])
+    start = np.polynomial.Polynomial.fit(u, z, 2)
+    bent = float(start.deriv(2)(0.0)) if length > 10 else FLATTEST
+    usual = float(np.clip(bent, FLATTEST, TIGHTEST)) if curvature is None else curvature
+    tall = np.array([start(0.0), start(length), usual])
     flat, weight, sigma = np.zeros(3), np.ones(len(u)), spread / CUT
     bends = sways and tall[2] * length**2 / 8 > SWAYS
     inverse = np.eye(3)
@@ -240,7 +245,12 @@ def fit(xyz: Floats, *, sways: bool = True, spread: float = 1.0) -> Catenary | N
         scale = np.array([1.0, 1.0, length**2 / 8])
         scaled = root * steps / scale
         normal = scaled.T @ scaled + np.diag([1e-9, 1e-9, 1e-9])
-        change = np.linalg.solve(normal, scaled.T @ (root[:, 0] * (z - height))) / scale
+        right = scaled.T @ (root[:, 0] * (z - height))
+        if curvature is not None:  # as one more observation
+            known = (max(sigma, LEAST_SIGMA) / (KNOWN * curvature * scale[2])) ** 2
+            normal[2, 2] += known
+            right[2] += known * (curvature - tall[2]) * scale[2]
+        change = np.linalg.solve(normal, right) / scale
         tall = tall + change
         tall[2] = np.clip(tall[2], FLATTEST, TIGHTEST)
         inverse = np.linalg.inv(normal) / np.outer(scale, scale)

@@ -44,6 +44,7 @@ BIN, SMOOTH, NEIGHBOURS = 0.05, 0.07, 0.2  # metres: to tell the conductors of a
 ENOUGH, VALLEY, PEAK = 40, 0.6, 0.25  # points; depth of a valley between, height of a lower peak
 ROUNDS, SETTLED = 10, 0.6  # metres
 FARTHEST_OFF, SHIFT_GAIN = 12.0, 0.9  # metres; share of the squares that a shift must leave
+ALIKE = 0.3  # share of the sag by which wires of a span may differ
 AGREED = 0.6  # of the wires must show an overlooked support each
 MARGIN_SHARE = 0.2  # of a span at each end that holds no overlooked support
 LEAST_CUSP = -0.003  # slope: of all wires together
@@ -266,14 +267,43 @@ def wires_of(
     link = np.array([[i < j and apart(a, b) < TWIN for j, b in enumerate(parts)] for i, a in
                      enumerate(parts)])
     count, label = connected_components(coo_array(link), directed=False)
+    own: list[tuple[Ints, Catenary]] = []
     found = []
     for number in range(count):
         mine = np.unique(np.concatenate([parts[i].points for i in np.flatnonzero(label == number)]))
         curve = fit(scene.wires.xyz[mine], spread=2.0)
         if curve is not None:
-            found.append(Wire(curve, ordered(curve, key, supports), (0.0, curve.length)))
-    found = [to_supports(wire, supports) for wire in found]
+            own.append((mine, curve))
+    shape = max((c for _, c in own), key=lambda c: c.count * c.length, default=None)
+    for mine, curve in own:
+        if shape is not None and curve.length < 0.5 * shape.length:
+            curve = fit(scene.wires.xyz[mine], spread=2.0, curvature=shape.curvature) or curve
+        found.append(Wire(curve, ordered(curve, key, supports), (0.0, curve.length)))
+    found = alike([to_supports(wire, supports) for wire in found])
     return found + recovered(scene, found)
+
+
+def alike(wires: list[Wire]) -> list[Wire]:
+    """Without short pieces of another shape than the wire that is known best, and twins."""
+    order = sorted(wires, key=lambda w: -w.curve.count * (w.known[1] - w.known[0]))
+    found: list[Wire] = []
+    for wire in order:
+        curve, best = wire.curve, (found or order)[0].curve
+        short = wire.known[1] - wire.known[0] < 0.5 * best.length
+        off = abs(curve.curvature / best.curvature - 1) * best.sag
+        odd = off > ALIKE * best.sag + 3 * curve.sigmas()["sag"]
+        if short and (odd or curve.rms > max(ROUGH, 1.5 * best.rms)):
+            continue
+        if short and any(apart_wires(curve, other.curve) < TWIN for other in found):
+            continue
+        found.append(wire)
+    return found
+
+
+def apart_wires(one: Catenary, other: Catenary) -> float:
+    """Distance of the middle of a curve from another."""
+    _, v, z = other.residuals(one.points(np.array([0.5 * one.length])))
+    return math.hypot(float(v[0]), float(z[0]))
 
 
 def to_supports(wire: Wire, supports: Sequence[Support]) -> Wire:
@@ -321,7 +351,9 @@ def recovered(scene: Scene, wires: list[Wire]) -> list[Wire]:
         if heap is None:
             break
         away = np.hypot(v - heap[0], z - heap[1])
-        made = fit(air.xyz[box[free & (away < 2 * SLIM)]], spread=2 * SLIM)
+        made = fit(
+            air.xyz[box[free & (away < 2 * SLIM)]], spread=2 * SLIM, curvature=curve.curvature
+        )
         free &= away > 2 * SLIM
         if made is None:
             continue
@@ -330,10 +362,10 @@ def recovered(scene: Scene, wires: list[Wire]) -> list[Wire]:
         inner = off < SLIM
         ring = np.count_nonzero((off > SLIM) & (off < 3 * SLIM))
         eighths = len(np.unique((8 * u[inner] / curve.length).astype(np.int64)))
-        spare = 0.25 * curve.sag + 3 * made.sigmas()["sag"]
-        alike = abs(made.curvature * curve.c - 1) * curve.sag < spare
-        alike &= made.rms < max(ROUGH, 1.5 * curve.rms)
-        if inner.sum() >= FEW and eighths >= EIGHTHS and ring <= inner.sum() and alike:
+        spare = ALIKE * curve.sag + 3 * made.sigmas()["sag"]
+        same_shape = abs(made.curvature * curve.c - 1) * curve.sag < spare
+        same_shape &= made.rms < max(ROUGH, 1.5 * curve.rms)
+        if inner.sum() >= FEW and eighths >= EIGHTHS and ring <= inner.sum() and same_shape:
             same = made.ex * curve.ex + made.ey * curve.ey > 0
             ends = best.supports if same else best.supports[::-1]
             found.append(Wire(made, ends, (0.0, made.length)))

@@ -36,6 +36,7 @@ from algorithms.corridor._network import (
     support_at,
     within,
 )
+from toolbox.context import Context
 
 BESIDE = 15.0  # metres
 FEW, EIGHTHS = 6, 4  # points, and eighths of the span with any, of a wire found beside another
@@ -78,13 +79,14 @@ class Wire:
 
 
 def spans_of(
-    scene: Scene, pieces: Sequence[Piece], supports: Sequence[Support]
+    scene: Scene, pieces: Sequence[Piece], supports: Sequence[Support], ctx: Context
 ) -> tuple[list[Wire], list[Support]]:
     """Pieces cut at the supports, joined where they are parts of one wire, and fitted anew.
 
     Supports that show only in several wires together are added.
     """
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
+        ctx.progress(number / ROUNDS)
         spans = list(bundles_of(scene, pieces, supports))
         moved = [relocated(scene, spans, supports, k) for k in range(len(supports))]
         if any(math.dist((a.x, a.y), (b.x, b.y)) > SETTLED for a, b in zip(moved, supports, strict=True)):

@@ -24,11 +24,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.corridor._follow import follow
 from algorithms.corridor._lines import tower_layer, wire_layer
-from algorithms.corridor._network import Scene, Support, pieces_of, supports_of
-from algorithms.corridor._spans import Wire, spans_of
+from algorithms.corridor._network import Scene, Support
+from algorithms.corridor._spans import Wire
 from algorithms.corridor._towers import Tower, insulators, tower_of
-from algorithms.corridor._trace import Airborne, trace_all, uncrowded
+from algorithms.corridor._trace import Airborne, uncrowded
 from algorithms.ground.classify import Terrain, find_terrain, height_above
 from algorithms.shared.ground import may_be_ground, taking_part
 from toolbox.context import QUIET, Context, log
@@ -41,7 +42,6 @@ WIRE, TOWER, OTHER = np.uint8(14), np.uint8(15), np.uint8(1)  # ASPRS classes
 LINE_CLASSES = (13, 14, 15, 16)  # given anew: wire guard, conductor, tower, connector
 OFF_GROUND = 0.4  # metres, from which a point can be of a tower
 SEEN_CELL = 2.0  # metres
-SHORTEST = 10.0  # metres of a curve
 TUBE, TUBE_LEAST, TUBE_MOST = 2.6, 0.12, 0.45  # of the scatter of a wire; metres
 
 Floats = NDArray[np.float64]
@@ -227,16 +227,9 @@ def find_line(
     alone, voxel = uncrowded(high, density)
     ctx.progress(0.45)
     scene = Scene(air, height, high.select(alone), tolerance, _elevation(terrain, origin), seen)
-    curves = trace_all(
-        scene.wires, voxel[alone], tolerance=tolerance, max_gap=max_gap, least=SHORTEST,
-        ctx=ctx.part(0.45, 0.8),
-    )  # fmt: skip
-    pieces = pieces_of(scene, curves)
-    ctx.progress(0.85)
-    if not pieces:
+    wires, supports = follow(scene, voxel[alone], max_gap, ctx.part(0.45, 0.9))
+    if not wires:
         return nothing
-    wires, supports = spans_of(scene, pieces, supports_of(scene, pieces))
-    ctx.progress(0.9)
     wires, towers, strings = dressed(scene, wires, supports)
     own = index[air.order]
     for one in wires:

@@ -1,0 +1,37 @@
+"""From points that may be wire to spans of catenaries: what extraction and fitting share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.corridor._network import Scene, Support, pieces_of, supports_of
+from algorithms.corridor._spans import Wire, spans_of
+from algorithms.corridor._trace import trace_all
+from toolbox.context import Context
+
+SHORTEST = 10.0  # metres of a curve
+
+
+def follow(
+    scene: Scene, voxel: NDArray[np.int64], max_gap: float, ctx: Context
+) -> tuple[list[Wire], Sequence[Support]]:
+    """The conductors of all spans, and the supports between them.
+
+    Parameters
+    ----------
+    scene : points, and those of them that may be wire
+    voxel : of each of these; one of a voxel may be the beginning of a wire
+    max_gap : longest piece of a wire that may be missing, metres
+    """
+    curves = trace_all(
+        scene.wires, voxel, tolerance=scene.tolerance, max_gap=max_gap, least=SHORTEST,
+        ctx=ctx.part(0.0, 0.7),
+    )  # fmt: skip
+    pieces = pieces_of(scene, curves)
+    ctx.progress(0.8)
+    if not pieces:
+        return [], []
+    return spans_of(scene, pieces, supports_of(scene, pieces), ctx.part(0.8, 1.0))

@@ -1,0 +1,109 @@
+"""One catenary per conductor and span through points that are known to be wire.
+
+The vertical plane of a wire holds a catenary, z = z0 + c (cosh((u - u0) / c) - 1), which wind may
+swing about the line between its ends.
+
+References
+----------
+Chan, T. O. and Lichti, D. D. (2011). 3D catenary curve fitting for geometric calibration. ISPRS
+Archives XXXVIII-5/W12, 259-264: equations 2 and 3.
+Munir, N., Awrangjeb, M. and Stantic, B. (2019). Extraction of high-voltage power lines from LiDAR
+data: individual wires of bundles by their cross-section.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from algorithms.corridor._follow import follow
+from algorithms.corridor._lines import wire_layer
+from algorithms.corridor._network import Scene
+from algorithms.corridor._trace import Airborne, uncrowded
+from algorithms.shared.ground import is_withheld
+from algorithms.shared.lowest import require_finite
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Table, Vector
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import ClassList
+
+SPARSE = 100.0  # points per square metre: everything is uncrowded
+BELOW = 20.0  # metres under the lowest point, where the ground may be
+
+
+@tool("corridor.catenaries")
+class CorridorCatenaries:
+    """Fit one catenary to every conductor of every span.
+
+    The points of wires must be classified, by corridor.extract or otherwise; of a cloud without
+    classes all points are taken. Conductors of a bundle are told apart where the points allow it.
+    Points of towers help to find the ends of spans, but are not needed.
+
+    The lines run in three dimensions from support to support, and carry the horizontal tension
+    over weight c, the lowest point, sag, length, the swing by wind, the scatter of the points and
+    the covariance of the fit.
+    """
+
+    points: PointCloud = source("Points with classified wires")
+    wire_classes: ClassList = param("Classes that are wire", default=ClassList([13, 14]))
+    tower_classes: ClassList = param("Classes that are tower", default=ClassList([15, 16]))
+    max_gap: float = param(
+        "Longest piece of a wire that may be missing", default=60.0, unit="m", ge=0.0, le=500.0
+    )
+    tolerance: float = param(
+        "Farthest that a point may lie from the wire that is followed",
+        default=0.25,
+        unit="m",
+        ge=0.05,
+        le=2.0,
+    )
+
+    @outputs
+    class Outputs:
+        wires: Vector = sink("One line per conductor and span")
+        spans: Table = sink("The same as a table, one row per conductor and span")
+        span_count: int = sink("Spans found", unit="1")
+
+    def check(self) -> Iterator[tuple[str, str]]:
+        """A point is of one class."""
+        if both := set(self.wire_classes) & set(self.tower_classes):
+            yield "tower_classes", f"must not be among wire_classes, got {ClassList(both)} in both"
+
+    def halo(self) -> float:
+        """A span is one whatever its length."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> CorridorCatenaries.Outputs:
+        """Follow the wires, and fit them."""
+        cloud = self.points
+        use = ~is_withheld(cloud)
+        tower = np.zeros(len(cloud), bool)
+        if "classification" in cloud:
+            tower = use & np.isin(cloud["classification"], self.tower_classes)
+            use &= np.isin(cloud["classification"], self.wire_classes)
+        require_finite(cloud.xyz)
+        metre = cloud.metre
+        origin = np.floor(cloud.xyz[use].min(axis=0)) if use.any() else np.zeros(3)
+        ctx.progress(0.0)
+        index = np.flatnonzero(use | tower)
+        air = Airborne.of((cloud.xyz[index] - origin) / metre)
+        wires = air.select(use[index][air.order])
+        _, voxel = uncrowded(wires, SPARSE)
+        lowest = float(air.xyz[:, 2].min(initial=0.0))
+        height = air.xyz[:, 2] - lowest + BELOW
+        scene = Scene(
+            air, height, wires, self.tolerance / metre, lambda x, y: lowest - BELOW,
+            lambda x, y: False,
+        )  # fmt: skip
+        found, _ = follow(scene, voxel, self.max_gap / metre, ctx)
+        if not found:
+            log.warning("no wire was found among %d points", np.count_nonzero(use))
+        ctx.progress(1.0)
+        layer = wire_layer(found, origin, metre, cloud.crs)
+        return self.Outputs(
+            wires=layer,
+            spans=Table(layer.frame.drop(columns="geometry")),
+            span_count=len({wire.span for wire in found}),
+        )

@@ -34,6 +34,7 @@ ROUGH = 0.1  # m off the plane
 AROUND = 0.9  # mean of the directions to near points of water, where it is on more than one side
 CONES = (0.1, 0.2)  # slopes of the ground to a point without a plane there, and elsewhere
 BLOCK = 50_000  # places that are worked on at a time
+HIDDEN = 4.0  # mean spacings from the last point of water to the farthest shore
 FINEST = 0.25  # of the spacing of points, to which a shore can be told at best
 LAND_REACH = 6.0  # mean spacings from a place of water to land that tells how deep it is
 ALONE = (2, 8)  # a point on land has more than so many others on land among the nearest ones
@@ -316,6 +317,8 @@ def _crossings(
     is_open = where.kind[land] == OUTSIDE
     guess = np.isnan(where.slope[water]) & (where.kind[water] == HOLE)
     share[guess] = np.minimum(0.5, 0.5 * spacing / length[guess])
+    seen = where.kind[water] == WATER  # plants may hide a shore, but not for ever
+    share[seen] = np.maximum(share[seen], 1 - HIDDEN * spacing / length[seen])
     share[is_open] = np.maximum(0.5, 1 - 0.5 * cells.lattice.cell / length[is_open])
     xy = where.xy[land] + share[:, None] * (where.xy[water] - where.xy[land])
     length[is_open] = np.minimum(length[is_open], cells.lattice.cell)

@@ -49,7 +49,8 @@ class ShorelineExtract:
     the spacing of points, the slope of the bank and the error of the level. It says nothing about
     water hidden below trees or bridges.
 
-    A river is not level; with `sloped` its surface is a plane, without it is an error.
+    A river is not level: with `sloped` its surface is a plane, without it is an error, or left out
+    where all bodies are asked for.
 
     Heights are in the unit of the data, areas and lengths in metres.
     """
@@ -104,14 +105,17 @@ class ShorelineExtract:
     def _chosen(self, cells: Grid, water: Sequence[Water]) -> list[int]:
         """Which bodies to give."""
         tell(cells, water)
+        every = list(range(len(water)))
+        chosen = every if self.bodies == "all" else every[:1]
         if self.seed_point:
             chosen = [at_place(cells, water, self.seed_point)]
-        else:
-            chosen = list(range(len(water)))[: 1 if self.bodies == "largest" else None]
-        for k in chosen:
-            if water[k].fall and not self.sloped:
-                raise DataError(f"points: {sloping(cells, water[k])}; it is no lake: set sloped")
-        return chosen
+        rivers = [k for k in chosen if water[k].fall and not self.sloped]
+        for k in rivers:
+            text = f"points: {sloping(cells, water[k])}; it is no lake: set sloped"
+            if self.bodies != "all":
+                raise DataError(text)
+            log.warning("%s; left out", text)
+        return [k for k in chosen if k not in rivers]
 
     def _packed(self, outlines: Sequence[Outline]) -> ShorelineExtract.Outputs:
         crs = self.points.crs

@@ -146,6 +146,12 @@ def test_a_river_is_an_error_that_names_its_slope(returned: float) -> None:
         extract(river(returned=returned))
 
 
+def test_a_river_among_all_bodies_is_left_out_and_told(caplog: Any) -> None:
+    assert extract(river(), bodies="all").count == 0
+    assert "falls by" in caplog.text
+    assert "left out" in caplog.text
+
+
 def test_a_river_may_slope() -> None:
     row = only(extract(river(), sloped=True))
     assert row.slope == pytest.approx(0.004, rel=0.02)

@@ -166,8 +166,7 @@ def draw(
     found = []
     for done, k in enumerate(chosen):
         part = ctx.part(0.5 + 0.5 * done / len(chosen), 0.5 + 0.5 * (done + 1) / len(chosen))
-        others = (of_body > 0) & (of_body != k + 1)
-        made = shore(near, cells, index, water[k].body.cells, others, water[k].level, part)
+        made = shore(near, cells, index, water[k].body.cells, of_body, water[k].level, part)
         parts = _parts(made, least_area, least_island)
         found.append(Outline(done + 1, water[k], made, parts, cells))
     ctx.progress(1.0)

@@ -80,7 +80,13 @@ class Shore:
 
 
 def shore(
-    xyz: Floats, cells: Grid, cell_of: Ints, body: Ints, others: Mask, level: Level, ctx: Context
+    xyz: Floats,
+    cells: Grid,
+    cell_of: Ints,
+    body: Ints,
+    of_body: NDArray[np.int32],
+    level: Level,
+    ctx: Context,
 ) -> Shore:
     """Find the shoreline of a body.
 
@@ -90,16 +96,22 @@ def shore(
     cells : their cells
     cell_of : array of shape (n,), the cell of each point, rising
     body : cells of the body
-    others : array of shape (cells,), cells of other bodies
+    of_body : array of shape (cells,), a number for each body, 0 on land
     level : of the body
     ctx : progress and cancellation
     """
-    where = places(xyz, cells, cell_of, body, others, level, ctx.part(0.0, 0.7))
+    where = places(xyz, cells, cell_of, body, of_body, level, ctx.part(0.0, 0.7))
     return outline(where, level, cells, ctx.part(0.7, 1.0))
 
 
 def places(
-    xyz: Floats, cells: Grid, cell_of: Ints, body: Ints, others: Mask, level: Level, ctx: Context
+    xyz: Floats,
+    cells: Grid,
+    cell_of: Ints,
+    body: Ints,
+    of_body: NDArray[np.int32],
+    level: Level,
+    ctx: Context,
 ) -> Places:
     """Points in the band along the edge of the body, and middles of its cells without points."""
     lattice, metre = cells.lattice, cells.metre
@@ -120,7 +132,9 @@ def places(
     height = points[:, 2] - level.at(points[:, :2])
     step = sure_step(level, metre)
     low = height <= step
-    foreign = low & (~touched[pr - top, pc - left] | others[pr * lattice.cols + pc])
+    number = of_body[pr * lattice.cols + pc]
+    foreign_water = (number > 0) & (number != of_body[body[0]])
+    foreign = low & (~touched[pr - top, pc - left] | foreign_water)
     kept = foreign | low | _stands(points, ~low, metre, ctx.part(0.0, 0.5))
     points, height, low, foreign = (v[kept] for v in (points, height, low, foreign))
     height[foreign] = step  # lower ground elsewhere, or other water: not of this body

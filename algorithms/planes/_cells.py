@@ -1,0 +1,158 @@
+"""Points in the cells of an octree, and what each cell looks like: its centre and its normal.
+
+The search for planes looks at cells, not at points, of which there are some thirty times as many.
+
+References
+----------
+Schnabel, R., Wahl, R. and Klein, R. (2007). Efficient RANSAC for point-cloud shape detection.
+Computer Graphics Forum 26(2), 214-226: samples from the cells of an octree.
+Morton, G. M. (1966). A computer oriented geodetic data base. IBM: the order of the cells.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.planes import _cells_kernels as kernels
+from algorithms.shared.threads import in_blocks
+from toolbox.context import QUIET, Context
+
+MOST = 32  # points of a cell that is not split
+FEWEST = 8  # points that make a normal
+UP = 3  # levels above a cell in which a normal is looked for
+BLOCK, LEAVES = 500_000, 5_000  # points and cells between two looks at whether to stop
+THIN = 12.0  # least side of a cell over the noise, so that its normal is worth something
+THICK = 0.1  # least variance over the middle one, above which points are no plane
+SURE = 0.85  # share of the points whose noise is at most that of the scan
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Points sorted into cells.
+
+    Attributes
+    ----------
+    xyz : array of shape (n, 3), sorted, from the origin
+    order : array of shape (n,), index of each among the points given
+    origin : array of shape (3,)
+    starts : array of shape (m + 1,), where the points of each cell begin
+    centres, normals : arrays of shape (m, 3); NaN is no normal
+    spread : array of shape (m, 2), middle and least variance around the plane of the normal
+    reach : array of shape (m, 6), lowest and highest coordinates
+    keys : array of shape (m,), of the first point of each cell
+    levels : array of shape (m,), of the cells in the octree
+    """
+
+    xyz: Floats
+    order: Ints
+    origin: Floats
+    starts: Ints
+    centres: Floats
+    normals: Floats
+    spread: Floats
+    reach: Floats
+    keys: NDArray[np.uint64]
+    levels: Ints
+
+    @property
+    def counts(self) -> Ints:
+        """Points in each cell."""
+        return np.diff(self.starts)
+
+    @property
+    def flat(self) -> NDArray[np.bool_]:
+        """Cells whose points have a plane."""
+        return self.spread[:, 1] < THICK * self.spread[:, 0]
+
+    def noise(self) -> float:
+        """Standard deviation of the points about their planes: that of the noisier cells."""
+        flat = np.flatnonzero(self.flat)
+        if not len(flat):
+            return 0.0
+        order = flat[np.argsort(self.spread[flat, 1])]
+        share = np.cumsum(self.counts[order])
+        return math.sqrt(self.spread[order[np.searchsorted(share, SURE * share[-1])], 1])
+
+
+def sort_into_cells(xyz: Floats, *, origin: Floats | None = None, ctx: Context = QUIET) -> Cells:
+    """Sort points of shape (n, 3) into cells of at most MOST points, or as small as the noise.
+
+    Parameters
+    ----------
+    xyz : finite coordinates
+    origin : taken off the coordinates; by default the lowest ones
+    ctx : progress and cancellation
+
+    Returns
+    -------
+    the same cells for any order of the points
+    """
+    low = xyz.min(axis=0)
+    side = max(float((xyz.max(axis=0) - low).max()), np.finfo(float).tiny) * (1 + 1e-9)
+    found = np.empty(len(xyz), np.uint64)
+    points = np.ascontiguousarray(xyz)
+
+    def number(first: int, last: int) -> None:
+        kernels.keys(first, last, points, low, side, found)
+
+    in_blocks(number, len(xyz), BLOCK, ctx.part(0.0, 0.2))
+    order = _sorted(found, points)
+    near = points[order]
+    origin = low if origin is None else origin
+    near -= origin
+    ctx.progress(0.5)
+    made = _split(near, order, origin, found[order], side, 0.0, ctx.part(0.5, 0.8))
+    least = THIN * made.noise()
+    if least <= 0 or not (side / 2.0**made.levels < least).any():
+        ctx.progress(1.0)
+        return made
+    return _split(near, order, origin, found[order], side, least, ctx.part(0.8, 1.0))
+
+
+def _split(
+    xyz: Floats,
+    order: Ints,
+    origin: Floats,
+    keys: NDArray[np.uint64],
+    side: float,
+    least_side: float,
+    ctx: Context,
+) -> Cells:
+    """Cells of sorted points, none of which comes from splitting one below twice a side."""
+    deepest = kernels.LEVELS
+    if least_side > 0:
+        deepest = min(max(0, math.floor(math.log2(side / least_side))), deepest)
+    starts, levels = np.empty(len(xyz) + 1, np.int64), np.empty(len(xyz), np.int64)
+    count = kernels.leaves(keys, MOST, deepest, starts, levels)
+    starts[count] = len(xyz)
+    starts, levels = starts[: count + 1].copy(), levels[:count].copy()
+    centres, normals = np.empty((count, 3)), np.empty((count, 3))
+    spread, reach = np.empty((count, 2)), np.empty((count, 6))
+
+    def describe(first: int, last: int) -> None:
+        made = (centres, normals, spread, reach)
+        kernels.describe(first, last, xyz, keys, starts, levels, FEWEST, UP, *made)
+
+    in_blocks(describe, count, LEAVES, ctx)
+    return Cells(
+        xyz, order, origin, starts, centres, normals, spread, reach, keys[starts[:-1]], levels
+    )
+
+
+def _sorted(keys: NDArray[np.uint64], xyz: Floats) -> Ints:
+    """The order of keys; of those that are equal by x, y and z."""
+    order = np.argsort(keys, kind="stable")
+    ranked = keys[order]
+    same = ranked[1:] == ranked[:-1]
+    tied = np.flatnonzero(np.append(same, False) | np.insert(same, 0, False))
+    if len(tied):
+        some = order[tied]
+        order[tied] = some[np.lexsort((*xyz[some].T[::-1], ranked[tied]))]
+    return order

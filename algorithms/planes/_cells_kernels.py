@@ -1,0 +1,149 @@
+"""Compiled loops of :mod:`algorithms.planes._cells`: an octree in the order of its keys."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from algorithms.shared._covariance_kernels import eigen
+from algorithms.shared.compiling import helper
+
+LEVELS = 20  # of the octree: a millionth of its side
+COUNT, FLAT = range(2)
+
+
+@njit(cache=True, nogil=True)
+def keys(first, last, xyz, low, side, found):  # type: ignore[no-untyped-def]
+    """Keys of places along a curve through all cells of an octree (Morton 1966)."""
+    fine = (1 << LEVELS) / side
+    top = (1 << LEVELS) - 1
+    for i in range(first, last):
+        key = np.uint64(0)
+        for axis in range(3):
+            place = np.uint64(min(top, max(0, int((xyz[i, axis] - low[axis]) * fine))))
+            key |= _spread(place) << np.uint64(axis)
+        found[i] = key
+
+
+@helper
+def _spread(bits):  # type: ignore[no-untyped-def]
+    """The low bits of a number, two zeros between each and the next."""
+    bits &= np.uint64(0x1FFFFF)
+    bits = (bits | bits << np.uint64(32)) & np.uint64(0x1F00000000FFFF)
+    bits = (bits | bits << np.uint64(16)) & np.uint64(0x1F0000FF0000FF)
+    bits = (bits | bits << np.uint64(8)) & np.uint64(0x100F00F00F00F00F)
+    bits = (bits | bits << np.uint64(4)) & np.uint64(0x10C30C30C30C30C3)
+    return (bits | bits << np.uint64(2)) & np.uint64(0x1249249249249249)
+
+
+@helper
+def _first_at(sorted_keys, key, start, stop):  # type: ignore[no-untyped-def]
+    """The first place in a run of sorted keys whose key is not below a key."""
+    while start < stop:
+        middle = (start + stop) >> 1
+        if sorted_keys[middle] < key:
+            start = middle + 1
+        else:
+            stop = middle
+    return start
+
+
+@njit(cache=True, nogil=True)
+def leaves(sorted_keys, most, deepest, starts, levels):  # type: ignore[no-untyped-def]
+    """Split cells until they hold at most `most` points or are `deepest` levels down.
+
+    Fills in where the points of each leaf begin, and its level; returns their number.
+    """
+    held = np.empty((8 * LEVELS + 8, 3), np.int64)
+    held[0, 0], held[0, 1], held[0, 2] = 0, len(sorted_keys), 0
+    waiting, found = 1, 0
+    while waiting > 0:
+        waiting -= 1
+        start, stop, level = held[waiting]
+        if stop - start <= most or level >= deepest:
+            starts[found], levels[found] = start, level
+            found += 1
+            continue
+        shift = np.uint64(3 * (LEVELS - level - 1))
+        base = (sorted_keys[start] >> shift) & ~np.uint64(7)
+        end = stop
+        for child in range(7, -1, -1):  # the first child is to come off the stack first
+            begin = _first_at(sorted_keys, (base | np.uint64(child)) << shift, start, end)
+            if begin < end:
+                held[waiting, 0], held[waiting, 1], held[waiting, 2] = begin, end, level + 1
+                waiting += 1
+                end = begin
+    return found
+
+
+@njit(cache=True, nogil=True)
+def describe(
+    first, last, xyz, sorted_keys, starts, levels, fewest, up, centres, normals, spread, reach
+):  # type: ignore[no-untyped-def]
+    """Centre, normal and eigenvalues of leaves.
+
+    A leaf with few points, or with points that are no plane, takes the normal of the cell around
+    it, at most `up` levels up.
+
+    Parameters
+    ----------
+    first, last : leaves
+    xyz : array of shape (n, 3), sorted
+    fewest : points that make a normal
+    centres, normals : arrays of shape (m, 3) to fill
+    spread : array of shape (m, 2) to fill: middle and least variance of the cell of the normal
+    reach : array of shape (m, 6) to fill: lowest and highest coordinates of the leaf's points
+    """
+    for leaf in range(first, last):
+        start, stop = starts[leaf], starts[leaf + 1]
+        for axis in range(3):
+            total, low, high = 0.0, np.inf, -np.inf
+            for i in range(start, stop):
+                total += xyz[i, axis]
+                low, high = min(low, xyz[i, axis]), max(high, xyz[i, axis])
+            centres[leaf, axis] = total / (stop - start)
+            reach[leaf, axis], reach[leaf, 3 + axis] = low, high
+        best = np.inf
+        normals[leaf] = np.nan
+        spread[leaf] = np.inf
+        for step in range(up + 1):
+            level = levels[leaf] - step
+            if level < 0:
+                break
+            if step > 0:
+                shift = np.uint64(3 * (LEVELS - level))
+                base = sorted_keys[start] >> shift
+                low_key, high_key = base << shift, (base + np.uint64(1)) << shift
+                start = _first_at(sorted_keys, low_key, 0, start)
+                stop = _first_at(sorted_keys, high_key, stop, len(sorted_keys))
+            if stop - start < fewest:
+                continue
+            middle, least, x, y, z = _axes(xyz, start, stop)
+            if middle > 0.0 and least / middle < best:
+                best = least / middle
+                normals[leaf, 0], normals[leaf, 1], normals[leaf, 2] = x, y, z
+                spread[leaf, 0] = middle
+                spread[leaf, 1] = least * (stop - start) / (stop - start - 3)
+            if best < 0.02:
+                break
+
+
+@helper
+def _axes(xyz, start, stop):  # type: ignore[no-untyped-def]
+    """Middle and least eigenvalue of the covariance of some points, and the normal."""
+    count = stop - start
+    mx = my = mz = 0.0
+    for i in range(start, stop):
+        mx, my, mz = mx + xyz[i, 0], my + xyz[i, 1], mz + xyz[i, 2]
+    mx, my, mz = mx / count, my / count, mz / count
+    xx = xy = xz = yy = yz = zz = 0.0
+    for i in range(start, stop):
+        x, y, z = xyz[i, 0] - mx, xyz[i, 1] - my, xyz[i, 2] - mz
+        xx, xy, xz = xx + x * x, xy + x * y, xz + x * z
+        yy, yz, zz = yy + y * y, yz + y * z, zz + z * z
+    _, middle, least, a, b, c = eigen(
+        xx / count, xy / count, xz / count, yy / count, yz / count, zz / count
+    )
+    return middle, least, a, b, c

@@ -1,0 +1,162 @@
+"""Outlines of planes: polygons in the plane, in space, and on an elevation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import geopandas
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from algorithms.planes._search import axes_of
+from algorithms.planes.fit import UP, figures
+from algorithms.shared.alpha_shape import alpha_shape
+from algorithms.shared.plane_fit import Plane
+from toolbox.context import QUIET, Context
+
+UPRIGHT = math.sin(math.radians(10.0))  # third part of the normal of an upright plane, at most
+ALIKE = math.cos(math.radians(10.0))  # of the angle between planes that face the same way
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class View:
+    """Coordinates on a plane: u along it and level, v upwards, from its lower left corner.
+
+    Attributes
+    ----------
+    plane : that is looked at
+    axes : array of shape (2, 3), of length 1
+    corner : array of shape (2,), from the centre of the plane
+    """
+
+    plane: Plane
+    axes: Floats
+    corner: Floats
+
+    @classmethod
+    def of(cls, plane: Plane, xyz: Floats) -> View:
+        """On a plane, from the lower left of points of shape (n, 3) on it."""
+        view = cls(plane, axes_of(plane.normal), np.zeros(2))
+        return cls(plane, view.axes, view.flat(xyz).min(axis=0))
+
+    def flat(self, xyz: Floats) -> Floats:
+        """Places of points of shape (n, 3) on the plane, shape (n, 2)."""
+        near = (xyz - self.plane.origin) - self.plane.centre
+        return np.asarray(near @ self.axes.T - self.corner)
+
+    def solid(self, uv: Floats) -> Floats:
+        """Places in space, shape (n, 3), of places on the plane, shape (n, 2)."""
+        near = (uv + self.corner) @ self.axes
+        return np.asarray((near + self.plane.centre) + self.plane.origin)
+
+    def raised(self, shapes: Any) -> Any:
+        """Shapes on the plane as shapes in space."""
+        return _through(self.solid, shapes)
+
+    def seen(self, shapes: Any) -> Any:
+        """Shapes in space as seen square to the plane."""
+        return _through(self.flat, shapes)
+
+
+def _through(places: Callable[[Floats], Floats], shapes: Any) -> Any:
+    """Shapes whose corners are taken elsewhere, from space to a plane or the other way."""
+    to_space = not shapely.has_z(shapes).any()
+    start = shapely.force_3d(shapes) if to_space else shapes
+    made = shapely.transform(
+        start,
+        lambda xyz: places(xyz[:, :2]) if to_space else np.column_stack([places(xyz), xyz[:, 2]]),
+        include_z=True,
+    )
+    return made if to_space else shapely.force_2d(made)
+
+
+def outline(uv: Floats, alpha: float, *, ctx: Context = QUIET) -> Any:
+    """The polygon around places on a plane, shape (n, 2); of several parts where it has gaps.
+
+    Parameters
+    ----------
+    alpha : radius of the smallest circle that makes a gap
+    """
+    shape = alpha_shape(uv, alpha, ctx=ctx)
+    parts = list(shape.polygons)
+    return parts[0] if len(parts) == 1 else shapely.multipolygons(parts)
+
+
+def drawn(
+    xyz: Floats, ids: Ints, planes: Sequence[Plane], alpha: float, ctx: Context = QUIET
+) -> tuple[geopandas.GeoDataFrame, geopandas.GeoDataFrame]:
+    """The outline of each plane in space, and those that face the same way on an elevation.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    ids : array of shape (n,), number of the plane of each point, from 1; 0 of none
+    planes : one less than the largest number
+    alpha : see :func:`outline`
+    ctx : progress and cancellation
+    """
+    order = np.argsort(ids, kind="stable")
+    ends = np.cumsum(np.bincount(ids, minlength=len(planes) + 1))
+    rows, shapes = [], []
+    for number, plane in enumerate(planes, start=1):
+        own = xyz[order[ends[number - 1] : ends[number]]]
+        view = View.of(plane.turned(UP), own)
+        flat = outline(
+            view.flat(own), alpha, ctx=ctx.part((number - 1) / len(planes), number / len(planes))
+        )
+        rows.append({"plane_id": number} | _numbers(view, own, flat))
+        shapes.append(view.raised(flat))
+    solid = geopandas.GeoDataFrame(rows, geometry=shapes, columns=None if rows else ["plane_id"])
+    return solid, elevation(solid, planes, xyz)
+
+
+def _numbers(view: View, xyz: Floats, flat: Any) -> dict[str, Any]:
+    """What is to be known of a plane with points of shape (n, 3) and an outline on it."""
+    found = figures(view.plane, view.plane.distances(xyz))._asdict()
+    sides = np.hypot(
+        *np.diff(shapely.get_coordinates(shapely.oriented_envelope(flat))[:3], axis=0).T
+    )
+    return found | {
+        "area": flat.area,
+        "length": float(sides.max()),
+        "width": float(sides.min()),
+        "lowest": float(xyz[:, 2].min()),
+        "highest": float(xyz[:, 2].max()),
+        "points": len(xyz),
+    }
+
+
+def elevation(
+    solid: geopandas.GeoDataFrame, planes: Sequence[Plane], xyz: Floats
+) -> geopandas.GeoDataFrame:
+    """Outlines seen square to the largest upright plane, or else to the largest of all.
+
+    Parameters
+    ----------
+    solid : outlines in space, the first of the plane with the most points
+    planes : of the outlines
+    xyz : all points, of which more lie in front of the plane than behind it
+    """
+    if not planes:
+        return geopandas.GeoDataFrame({"plane_id": []}, geometry=[])
+    upright = [k for k, plane in enumerate(planes) if abs(plane.normal[2]) <= UPRIGHT]
+    main = max(upright or range(len(planes)), key=lambda k: solid["area"][k])
+    front = planes[main]
+    if np.median(front.distances(xyz)) < 0:
+        front = replace(front, normal=-front.normal)
+    view = View.of(front, shapely.get_coordinates(solid.geometry[main], include_z=True))
+    like = [k for k, plane in enumerate(planes) if abs(plane.normal @ front.normal) >= ALIKE]
+    shown = solid.iloc[like][["plane_id", "area", "points"]].copy()
+    centres = np.array([planes[k].centre + planes[k].origin for k in like])
+    shown["depth"] = -front.distances(centres)
+    shown["kind"] = np.where(shown["depth"] > 0, "behind", "in front")
+    shown.loc[shown.index == main, ["depth", "kind"]] = 0.0, "facade"
+    flat = view.seen(solid.geometry.to_numpy()[like])
+    return geopandas.GeoDataFrame(shown.reset_index(drop=True), geometry=flat)

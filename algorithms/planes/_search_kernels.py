@@ -1,0 +1,360 @@
+"""Compiled loops of :mod:`algorithms.planes._search`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from algorithms.planes._cells_kernels import LEVELS, _first_at
+from algorithms.shared.compiling import helper
+
+GROUP = 32  # cells that are looked at together
+
+
+@njit(cache=True, nogil=True)
+def boxes(reach):  # type: ignore[no-untyped-def]
+    """Lowest and highest coordinates of groups of cells, shape (groups, 6)."""
+    found = np.empty((-(-len(reach) // GROUP), 6))
+    found[:, :3], found[:, 3:] = np.inf, -np.inf
+    for cell in range(len(reach)):
+        for a in range(3):
+            found[cell // GROUP, a] = min(found[cell // GROUP, a], reach[cell, a])
+            found[cell // GROUP, 3 + a] = max(found[cell // GROUP, 3 + a], reach[cell, 3 + a])
+    return found
+
+
+@helper
+def _meets(box, plane, limit):  # type: ignore[no-untyped-def]
+    """Whether a box comes within a distance of a plane."""
+    middle, half = -plane[3], limit
+    for a in range(3):
+        middle += plane[a] * 0.5 * (box[a] + box[3 + a])
+        half += abs(plane[a]) * 0.5 * (box[3 + a] - box[a])
+    return abs(middle) <= half
+
+
+@helper
+def _around(keys, levels, cell, up):  # type: ignore[no-untyped-def]
+    """The run of cells within the cell of the octree that is `up` levels above one."""
+    level = levels[cell] - up
+    if up <= 0 or level < 0:
+        return cell, cell + 1
+    shift = np.uint64(3 * (LEVELS - level))
+    base = keys[cell] >> shift
+    start = _first_at(keys, base << shift, 0, cell)
+    stop = _first_at(keys, (base + np.uint64(1)) << shift, cell, len(keys))
+    return start, stop
+
+
+@njit(cache=True, nogil=True)
+def draw(chance, running, keys, levels, centres, normals, weights, cosine, cone, planes):  # type: ignore[no-untyped-def]
+    """Planes through the centres of three cells drawn from one cell of the octree.
+
+    The first cell is drawn by its weight, then how large the cell of the octree around it is, then
+    two others in that one. A cell that is alone has its own plane.
+
+    Parameters
+    ----------
+    chance : array of shape (k, 4), numbers from 0 to 1
+    running : array of shape (m,), sums of the weights
+    cosine : of the largest angle between the plane and the normals of its cells
+    cone : array of shape (2,), least and largest size of the third part of the normal
+    planes : array of shape (k, 4) to fill, normal and offset; NaN where there is none
+    """
+    for k in range(len(chance)):
+        planes[k] = np.nan
+        first = np.searchsorted(running, chance[k, 0] * running[-1], side="right")
+        first = min(first, len(running) - 1)
+        up = int(chance[k, 1] * (levels[first] + 1))
+        start, stop = _around(keys, levels, first, up)
+        second = start + int(chance[k, 2] * (stop - start))
+        third = start + int(chance[k, 3] * (stop - start))
+        if weights[first] <= 0.0 or weights[second] <= 0.0 or weights[third] <= 0.0:
+            continue
+        n = normals[first]
+        x, y, z = n[0], n[1], n[2]
+        if second != first and third != first and third != second:
+            a, b = centres[second] - centres[first], centres[third] - centres[first]
+            x, y, z = (
+                a[1] * b[2] - a[2] * b[1],
+                a[2] * b[0] - a[0] * b[2],
+                a[0] * b[1] - a[1] * b[0],
+            )
+            length = math.sqrt(x * x + y * y + z * z)
+            # Three places almost on a line say little of the plane through them.
+            if length <= 0.2 * max((a * a).sum(), (b * b).sum()):
+                continue
+            x, y, z = x / length, y / length, z / length
+            for other in (first, second, third):
+                m = normals[other]
+                if abs(x * m[0] + y * m[1] + z * m[2]) < cosine:
+                    length = 0.0
+            if length == 0.0:
+                continue
+        if not cone[0] <= abs(z) <= cone[1]:
+            continue
+        planes[k, 0], planes[k, 1], planes[k, 2] = x, y, z
+        planes[k, 3] = x * centres[first, 0] + y * centres[first, 1] + z * centres[first, 2]
+
+
+@njit(cache=True, nogil=True)
+def score(first, last, planes, centres, normals, weights, group, limit, cosine, gains):  # type: ignore[no-untyped-def]
+    """How well cells support planes: the sum of weight * (1 - (distance / limit)**2).
+
+    Groups of cells that are nowhere near a plane are passed over.
+    """
+    square = 1.0 / (limit * limit)
+    for p in range(first, last):
+        plane = planes[p]
+        gain = 0.0
+        if not np.isnan(plane[0]):
+            x, y, z, offset = plane[0], plane[1], plane[2], plane[3]
+            for g in range(len(group)):
+                if not _meets(group[g], plane, limit):
+                    continue
+                for i in range(g * GROUP, min((g + 1) * GROUP, len(centres))):
+                    away = x * centres[i, 0] + y * centres[i, 1] + z * centres[i, 2] - offset
+                    rest = 1.0 - away * away * square
+                    if rest > 0.0 and weights[i] > 0.0:
+                        n = normals[i]
+                        if abs(x * n[0] + y * n[1] + z * n[2]) >= cosine:
+                            gain += rest * weights[i]
+        gains[p] = gain
+
+
+@njit(cache=True, nogil=True)
+def support(plane, centres, normals, weights, group, limit, cosine, found):  # type: ignore[no-untyped-def]
+    """Fill in which cells support a plane; returns their number."""
+    x, y, z, offset = plane[0], plane[1], plane[2], plane[3]
+    count = 0
+    for g in range(len(group)):
+        if not _meets(group[g], plane, limit):
+            continue
+        for i in range(g * GROUP, min((g + 1) * GROUP, len(centres))):
+            away = x * centres[i, 0] + y * centres[i, 1] + z * centres[i, 2] - offset
+            if weights[i] > 0.0 and abs(away) < limit:
+                n = normals[i]
+                if abs(x * n[0] + y * n[1] + z * n[2]) >= cosine:
+                    found[count] = i
+                    count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def hits(some, cells, keys, levels, weights, member):  # type: ignore[no-untyped-def]
+    """Chance that two cells drawn beside one of a plane are of the plane too, on average.
+
+    Parameters
+    ----------
+    some : cells of the plane to look at
+    cells : all cells of the plane, sorted
+    member : array of shape (m,), scratch
+    """
+    total = 0.0
+    for cell in some:
+        own = 0.0
+        for up in range(levels[cell] + 1):
+            start, stop = _around(keys, levels, cell, up)
+            inside = _first_of(cells, stop) - _first_of(cells, start)
+            share = inside / (stop - start)
+            own += share * share
+        total += own / (levels[cell] + 1)
+    return total / len(some)
+
+
+@helper
+def _first_of(values, value):  # type: ignore[no-untyped-def]
+    """The first place in rising numbers that is not below one."""
+    start, stop = 0, len(values)
+    while start < stop:
+        middle = (start + stop) >> 1
+        if values[middle] < value:
+            start = middle + 1
+        else:
+            stop = middle
+    return start
+
+
+@njit(cache=True, nogil=True)
+def sums(cells, xyz, starts, free, plane, middle, limit, found):  # type: ignore[no-untyped-def]
+    """Sums over the free points of cells near a plane: 1, x, y, z, xx, xy, xz, yy, yz, zz.
+
+    Coordinates are measured from `middle`.
+    """
+    found[:] = 0.0
+    for cell in cells:
+        for i in range(starts[cell], starts[cell + 1]):
+            if not free[i]:
+                continue
+            x, y, z = xyz[i, 0] - middle[0], xyz[i, 1] - middle[1], xyz[i, 2] - middle[2]
+            away = plane[0] * xyz[i, 0] + plane[1] * xyz[i, 1] + plane[2] * xyz[i, 2] - plane[3]
+            if abs(away) <= limit:
+                found[0] += 1.0
+                found[1] += x
+                found[2] += y
+                found[3] += z
+                found[4] += x * x
+                found[5] += x * y
+                found[6] += x * z
+                found[7] += y * y
+                found[8] += y * z
+                found[9] += z * z
+
+
+@njit(cache=True, nogil=True)
+def squares(cells, xyz, starts, free, plane, axes, limit, gap, found, owner):  # type: ignore[no-untyped-def]
+    """The squares of a grid on a plane that hold free points of cells near it.
+
+    Squares that follow each other are written once. `owner` is the place in `cells` each is of.
+    Returns their number.
+    """
+    count = 0
+    for place in range(len(cells)):
+        last = np.int64(-1)
+        for i in range(starts[cells[place]], starts[cells[place] + 1]):
+            away = plane[0] * xyz[i, 0] + plane[1] * xyz[i, 1] + plane[2] * xyz[i, 2] - plane[3]
+            if free[i] and abs(away) <= limit:
+                key = _square(xyz[i], axes, gap)
+                if key != last:
+                    if count == len(found):
+                        return -1
+                    found[count], owner[count] = key, place
+                    count += 1
+                    last = key
+    return count
+
+
+@helper
+def _square(place, axes, gap):  # type: ignore[no-untyped-def]
+    """The number of the square of a grid in which a place lies."""
+    u = axes[0, 0] * place[0] + axes[0, 1] * place[1] + axes[0, 2] * place[2]
+    v = axes[1, 0] * place[0] + axes[1, 1] * place[1] + axes[1, 2] * place[2]
+    return (
+        ((np.int64(math.floor(u / gap)) + (1 << 30)) << 31)
+        + np.int64(math.floor(v / gap))
+        + (1 << 30)
+    )
+
+
+@njit(cache=True, nogil=True)
+def pieces(squares, groups):  # type: ignore[no-untyped-def]
+    """Which squares hang together, by their sides and corners and by their groups.
+
+    Parameters
+    ----------
+    squares : array of shape (k,), sorted, without repeats
+    groups : array of shape (g, 2), places of squares in `squares` that hang together anyhow
+
+    Returns
+    -------
+    array of shape (k,), the first square of the piece of each
+    """
+    parent = np.arange(len(squares))
+    for pair in range(len(groups)):
+        _join(parent, groups[pair, 0], groups[pair, 1])
+    for i in range(len(squares)):
+        for step in (1, (1 << 31) - 1, 1 << 31, (1 << 31) + 1):
+            j = _first_of(squares, squares[i] + step)
+            if j < len(squares) and squares[j] == squares[i] + step:
+                _join(parent, i, j)
+    for i in range(len(squares)):
+        parent[i] = _root(parent, i)
+    return parent
+
+
+@helper
+def _root(parent, i):  # type: ignore[no-untyped-def]
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+@helper
+def _join(parent, i, j):  # type: ignore[no-untyped-def]
+    a, b = _root(parent, i), _root(parent, j)
+    if a < b:
+        parent[b] = a
+    elif b < a:
+        parent[a] = b
+
+
+@njit(cache=True, nogil=True)
+def take(plane, axes, limit, gap, squares, xyz, starts, reach, group, free, weights, counts):  # type: ignore[no-untyped-def]
+    """Take the free points near a patch, and the weight off cells that lose most of theirs."""
+    taken = 0
+    for g in range(len(group)):
+        if not _meets(group[g], plane, limit):
+            continue
+        for cell in range(g * GROUP, min((g + 1) * GROUP, len(reach))):
+            if not _meets(reach[cell], plane, limit):
+                continue
+            lost = 0
+            for i in range(starts[cell], starts[cell + 1]):
+                away = plane[0] * xyz[i, 0] + plane[1] * xyz[i, 1] + plane[2] * xyz[i, 2] - plane[3]
+                if free[i] and abs(away) <= limit and _within(squares, _square(xyz[i], axes, gap)):
+                    free[i] = False
+                    lost += 1
+            if lost > 0:
+                taken += lost
+                counts[cell] -= lost
+                left = counts[cell]
+                weights[cell] = left if 2 * left > starts[cell + 1] - starts[cell] else 0.0
+    return taken
+
+
+@helper
+def _within(squares, key):  # type: ignore[no-untyped-def]
+    j = _first_of(squares, key)
+    return j < len(squares) and squares[j] == key
+
+
+@njit(cache=True, nogil=True)
+def assign(
+    plane,
+    axes,
+    limit,
+    gap,
+    squares,
+    cosine,
+    number,
+    xyz,
+    starts,
+    reach,
+    group,
+    centres,
+    normals,
+    flat,
+    nearest,
+    owner,
+):  # type: ignore[no-untyped-def]
+    """Give points near a patch to its plane, unless another is nearer.
+
+    Points on the plane of their cell, if that is another one, are left.
+
+    Parameters
+    ----------
+    squares : sorted, those of the patch
+    number : of the plane
+    nearest, owner : arrays of shape (n,), distance and number of the nearest plane so far
+    """
+    for g in range(len(group)):
+        if not _meets(group[g], plane, limit):
+            continue
+        for cell in range(g * GROUP, min((g + 1) * GROUP, len(reach))):
+            if not _meets(reach[cell], plane, limit):
+                continue
+            n, c = normals[cell], centres[cell]
+            facing = abs(plane[0] * n[0] + plane[1] * n[1] + plane[2] * n[2])
+            other = flat[cell] and facing < cosine
+            for i in range(starts[cell], starts[cell + 1]):
+                x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+                away = plane[0] * x + plane[1] * y + plane[2] * z - plane[3]
+                if abs(away) <= limit and abs(away) < nearest[i]:
+                    aside = n[0] * (x - c[0]) + n[1] * (y - c[1]) + n[2] * (z - c[2])
+                    if other and abs(aside) <= limit:
+                        continue
+                    if _within(squares, _square(xyz[i], axes, gap)):
+                        nearest[i], owner[i] = abs(away), number

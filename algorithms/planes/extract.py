@@ -1,0 +1,151 @@
+"""Planes of a cloud, such as the walls of a house front scanned from the street.
+
+The search: algorithms/planes/_search.py. What it does and how good it is:
+docs/explanation/planes.md.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from algorithms.planes._outlines import drawn
+from algorithms.planes._search import Rules
+from algorithms.planes._segment import segment
+from algorithms.shared.ground import is_withheld
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Vector
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import Share
+
+NAME = "plane_id"
+BELOW = 2.0  # tolerance over the noise below which planes fall to pieces
+
+Orientation = Literal["any", "vertical", "horizontal", "sloped"]
+
+
+@tool("planes.extract")
+class PlanesExtract:
+    """Find all planes of a cloud, one after the other (sequential RANSAC), and their outlines.
+
+    Points are sorted into the cells of an octree, each with the plane of its points. Three cells
+    that lie near each other are drawn; the plane through them must agree with their normals, and
+    is scored by all cells within `tolerance` whose normal is within `max_angle` of its own. The
+    number of draws follows from the share of draws that would hit the best plane so far,
+    N = log(1 - confidence) / log(1 - share), worked out anew with each better plane. The plane is
+    fitted to its points by least squares, they are taken out, and the next is looked for.
+
+    A plane is one patch, without gaps wider than about `max_gap`, unless `connected` is off. Then
+    each point goes to the nearest plane within the tolerance of which it is, or to none. Planes
+    are numbered by their points, the one with the most is 1.
+
+    A tolerance of auto is three times the noise of the scan, the standard deviation of the points
+    about small planes. It is in the outputs, and a warning says when a tolerance is so small that
+    planes fall to pieces.
+
+    Outlines leave out what a circle of the diameter `max_gap` without points covers. The elevation
+    shows them in the coordinates of the largest upright plane, to the right and upwards from its
+    lower left corner: that plane, and those that face the same way with their distance from it.
+
+    A cloud without CRS has to be given its unit: --assume-crs local for metres, local:mm for
+    millimetres.
+    """
+
+    points: PointCloud = source("Points of a scan, or of several put together")
+    tolerance: float | Literal["auto"] = param(
+        "Farthest point that belongs to a plane; auto by the noise", default="auto", unit="m", gt=0
+    )
+    max_angle: float = param(
+        "Largest angle between a plane and the normals of its points",
+        default=20.0,
+        unit="deg",
+        gt=0,
+        le=90,
+    )
+    min_points: int = param("Fewest points of a plane", default=100, unit="1", ge=3)
+    min_extent: float = param(
+        "Shortest side of the rectangle around a plane", default=0.1, unit="m", ge=0
+    )
+    max_gap: float = param(
+        "Widest gap within a plane, and narrowest opening of its outline",
+        default=0.5,
+        unit="m",
+        gt=0,
+    )
+    connected: bool = param("Split planes at gaps", default=True)
+    orientation: Orientation = param("Planes to look for", default="any")
+    orientation_angle: float = param(
+        "How far from upright or level a plane may be to be called so",
+        default=10.0,
+        unit="deg",
+        gt=0,
+        lt=45,
+    )
+    confidence: float = param(
+        "Probability that the best plane is among those drawn", default=0.99, unit="1", gt=0, lt=1
+    )
+    max_trials: int = param("Draws at most", default=1_000_000, unit="1", ge=1)
+    seed: int = param("Seed of the random draws", default=0, unit="1", ge=0)
+
+    @outputs
+    class Outputs:
+        segmented: PointCloud = sink("The points with plane_id, 0 for none")
+        planes: Vector = sink("Outline of each plane in space, with its numbers")
+        elevation: Vector = sink("Outlines seen square to the largest upright plane, in its plane")
+        count: int = sink("Planes", unit="1")
+        share: float = sink("Share of points on planes", unit="1")
+        noise: float = sink("Standard deviation of points about small planes", unit="m")
+        used_tolerance: float = sink("Farthest point that belongs to a plane", unit="m")
+        trials: int = sink("Draws that were made", unit="1")
+
+    def halo(self) -> float:
+        """Planes are of any size."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> PlanesExtract.Outputs:
+        """Find the planes and draw their outlines."""
+        cloud, used = self.points, ~is_withheld(self.points)
+        found = segment(
+            cloud.xyz if used.all() else cloud.xyz[used], self._rules(), ctx=ctx.part(0.0, 0.7)
+        )
+        if found.tolerance < BELOW * found.noise:
+            log.warning(
+                "tolerance: %.3g m is less than %g times the noise of the scan, %.3g m; "
+                "planes fall to pieces",
+                *(found.tolerance / cloud.metre, BELOW, found.noise / cloud.metre),
+            )
+        ids = np.zeros(len(cloud), np.int32)
+        ids[used] = found.ids
+        planes, elevation = drawn(
+            cloud.xyz, ids, found.planes, self.max_gap / 2, ctx.part(0.7, 1.0)
+        )
+        ctx.progress(1.0)
+        return self.Outputs(
+            segmented=cloud.with_attributes({NAME: ids}, descriptions={NAME: "0 of none"}),
+            planes=Vector(planes.set_crs(cloud.crs), name="planes", geometry_type="Polygon Z"),
+            elevation=Vector(elevation, name="elevation", geometry_type="Polygon"),
+            count=len(found.planes),
+            share=Share.of_points(ids > 0, cloud.core),
+            noise=found.noise,
+            used_tolerance=found.tolerance,
+            trials=found.trials,
+        )
+
+    def _rules(self) -> Rules:
+        angle = math.radians(self.orientation_angle)
+        near, far = math.sin(angle), math.cos(angle)
+        steep = {"any": (0.0, 1.0), "vertical": (0.0, near), "horizontal": (far, 1.0)}
+        return Rules(
+            tolerance=0.0 if self.tolerance == "auto" else self.tolerance,
+            angle=math.radians(self.max_angle),
+            gap=self.max_gap,
+            min_points=self.min_points,
+            min_extent=self.min_extent,
+            steep=steep.get(self.orientation, (near, far)),
+            connected=self.connected,
+            confidence=self.confidence,
+            max_trials=self.max_trials,
+            seed=self.seed,
+        )

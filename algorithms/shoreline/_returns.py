@@ -1,4 +1,4 @@
-"""Last returns of a survey, packed: what is needed of them to find water, in 16 bytes each."""
+"""Last returns of a survey, packed: what is needed of them to find water, in 17 bytes each."""
 
 from __future__ import annotations
 
@@ -72,21 +72,19 @@ class Returns:
         origin = np.floor(bounds[0])
         if (bounds[1] - origin).max() / UNIT >= 2**31:
             raise DataError("points: they lie more than 200 000 units apart; remove stray points")
-        packed, intensity, water = [], [], []
+        count = len(points) if isinstance(points, PointCloud) else points.count
+        packed, intensity = np.empty((count, 3), np.int32), np.empty(count, np.float32)
+        water, size = np.zeros(count, bool), 0
         for cloud in _parts(points, ctx):
             use = may_be_ground(cloud, "last") & taking_part(cloud, ignore)
-            packed.append(np.round((cloud.xyz[use] - origin) / UNIT).astype(np.int32))
-            bright = cloud["intensity"][use] if "intensity" in cloud else np.zeros(use.sum())
-            intensity.append(bright.astype(np.float32))
-            wet = np.zeros(len(packed[-1]), bool)
+            here = slice(size, size + int(use.sum()))
+            packed[here] = np.round((cloud.xyz[use] - origin) / UNIT)
+            intensity[here] = cloud["intensity"][use] if "intensity" in cloud else 0
             if water_classes:
-                wet = np.isin(cloud["classification"][use], water_classes)
-            water.append(wet)
+                water[here] = np.isin(cloud["classification"][use], water_classes)
+            size = here.stop
         ctx.progress(1.0)
-        return cls(
-            np.concatenate(packed), np.concatenate(intensity), np.concatenate(water), origin,
-            points.metre,
-        )  # fmt: skip
+        return cls(packed[:size], intensity[:size], water[:size], origin, points.metre)
 
 
 def _parts(points: PointCloud | Survey, ctx: Context) -> Iterator[PointCloud]:

@@ -120,6 +120,17 @@ def test_dry_land_gives_nothing_and_says_so(rise: float, caplog: Any) -> None:
     assert "no water was found" in caplog.text
 
 
+def test_what_would_run_off_is_no_water() -> None:
+    """A level roof that returns few pulses, with lower ground around three sides of it."""
+    ground = slope(rise=0.5)
+    x, y = (ground.xyz - ORIGIN)[:, :2].T
+    roof = (abs(x - 32.5) < 27.5) & (abs(y - 50) < 45)
+    xyz = ground.xyz.copy()
+    xyz[roof, 2] = 131 + np.random.default_rng(0).normal(0, 0.02, roof.sum())
+    kept = ~roof | (np.random.default_rng(1).random(len(x)) < 0.1)
+    assert extract(ground.with_xyz(xyz).select(kept)).count == 0
+
+
 def test_level_land_may_be_all_water_but_has_no_shore(caplog: Any) -> None:
     with caplog.at_level(logging.WARNING, "toolbox"):
         row = only(extract(slope(rise=0.0)))

@@ -43,6 +43,15 @@ def test_tables(tmp_path: Path, suffix: str) -> None:
     }
 
 
+def test_layers_and_tables_of_a_geopackage(tmp_path: Path) -> None:
+    path = tmp_path / "a.gpkg"
+    outlines(shapely.Point(1, 2)).save(path, layer="spots")
+    Table.from_rows([{"n": 1}, {"n": 2}]).save(path, layer="counts", add=True)
+    found = rows(path)
+    assert found["layers"] == 2
+    assert (found["layer spots features"], found["table counts rows"]) == (1, 2)
+
+
 @pytest.mark.parametrize("suffix", [suffix for suffix in PointCloud.SUFFIXES if suffix != ".ply"])
 def test_point_clouds(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"

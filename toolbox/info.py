@@ -120,19 +120,21 @@ def _raster(raster: Raster) -> Iterator[Row]:
 
 
 def _vectors(path: Path, ctx: Context) -> Iterator[Row]:
-    """One layer in full, or the list of several."""
-    names = Vector.layers(path)
-    if len(names) < 2:
-        yield from _vector(Vector.open(path, ctx=ctx))
+    """One layer or table in full, or the list of several."""
+    names, tables = Vector.layers(path), Table.layers(path)
+    if len(names) + len(tables) < 2:
+        yield from _records(Table.open(path)) if tables else _vector(Vector.open(path, ctx=ctx))
         return
     yield _row("file", path.name)
-    yield _row("layers", len(names))
+    yield _row("layers", len(names) + len(tables))
     for place, name in enumerate(names):
         share = place / len(names), (place + 1) / len(names)
         layer = Vector.open(path, layer=name, ctx=ctx.part(*share))
         yield _row(f"layer {name}", _geometry(layer))
         yield _row(f"layer {name} crs", _crs(layer))
         yield _row(f"layer {name} features", len(layer))
+    for name in tables:
+        yield _row(f"table {name} rows", len(Table.open(path, layer=name)))
 
 
 def _vector(vector: Vector) -> Iterator[Row]:

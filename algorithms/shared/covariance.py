@@ -109,7 +109,7 @@ FEATURES: Mapping[Name, Feature] = {
     "eigenentropy": Feature("-sum of e ln e", 0, _entropy),
     "surface_variation": Feature("l3 / (l1 + l2 + l3)", 0, lambda f: _shares(f)[2]),
     "verticality": Feature("1 - |nz|", 0, lambda f: 1.0 - np.abs(f[kernels.NZ])),
-    "roughness": Feature("distance from plane", 1, _row(kernels.OFF_PLANE)),
+    "roughness": Feature("off the plane", 1, _row(kernels.OFF_PLANE)),
     "nx": Feature("normal, x", 0, _row(kernels.NX)),
     "ny": Feature("normal, y", 0, _row(kernels.NY)),
     "nz": Feature("normal, z, not below 0", 0, _row(kernels.NZ)),

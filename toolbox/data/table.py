@@ -63,6 +63,23 @@ class Table:
         frame = pd.DataFrame({c: pd.array([row.get(c) for row in rows]) for c in columns})
         return cls(_plain(frame), name=name)
 
+    @staticmethod
+    def layers(path: str | Path) -> tuple[str, ...]:
+        """Names of the tables without geometry in a GeoPackage; of none in other files.
+
+        Raises
+        ------
+        DataError
+            The file cannot be read.
+        """
+        path = Path(path)
+        if path.suffix.lower() != geopackage.SUFFIX:
+            return ()
+        try:
+            return tuple(_tables(path))
+        except ValueError as error:
+            raise DataError(f"{path} cannot be read as a GeoPackage: {error}") from error
+
     @classmethod
     def open(cls, path: str | Path, *, layer: str | None = None, ctx: Context = QUIET) -> Table:
         """Read .csv (comma, UTF-8, a header line), .json (a list of records), .parquet or .gpkg.
@@ -236,14 +253,20 @@ def _write_geopackage(frame: pd.DataFrame, path: Path, layer: str | None, *, add
         )
 
 
-def _read_geopackage(path: Path, layer: str | None) -> pd.DataFrame:
-    """Not through GDAL, which makes floats of whole numbers where one is missing."""
+def _tables(path: Path) -> list[str]:
+    """Names of the tables without geometry in a GeoPackage."""
+    query = "SELECT table_name FROM gpkg_contents WHERE data_type = 'attributes'"
     with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
         try:
-            query = "SELECT table_name FROM gpkg_contents WHERE data_type = 'attributes'"
-            names = [str(name) for (name,) in database.execute(query)]
+            return [str(name) for (name,) in database.execute(query)]
         except sqlite3.Error as error:
             raise ValueError(str(error)) from error
+
+
+def _read_geopackage(path: Path, layer: str | None) -> pd.DataFrame:
+    """Not through GDAL, which makes floats of whole numbers where one is missing."""
+    names = _tables(path)
+    with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
         if (layer not in names) if layer else len(names) != 1:
             raise ValueError(f"its tables are {', '.join(names) or 'none'}; name one as layer")
         table = '"' + (layer or names[0]).replace('"', '""') + '"'

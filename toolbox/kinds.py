@@ -200,6 +200,7 @@ OPTIONS: Mapping[str, Option] = {
     "separator": Option("What stands between the columns of a text file", _text),
     "bounds": Option("Read only xmin,ymin,xmax,ymax", _extent),
     "layer": Option("Name of the layer in the file", _text),
+    "band": Option("Number of the band to read, counted from 1", _integer_item),
     "cog": Option("Write a cloud-optimised GeoTIFF", _boolean),
 }
 

@@ -22,7 +22,7 @@ def heights_problem(raster: Raster) -> str | None:
     that begins with the name of the raster.
     """
     if len(raster.values) != 1:
-        return f"has {len(raster.values)} bands; give one of them"
+        return f"has {len(raster.values)} bands; choose one with the option band"
     if text := length_problem(raster.crs) or infinity_problem(raster):
         return text
     unit, plane = raster.units[0].lower(), vertical_unit(raster.crs)

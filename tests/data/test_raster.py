@@ -12,6 +12,7 @@ import rasterio
 from affine import Affine
 from pyproj import CRS
 
+import toolbox
 from toolbox.data import Lattice, Raster
 from toolbox.data.crs import LOCAL, describe_crs, length_problem, parse_crs, same_crs
 from toolbox.errors import DataError
@@ -371,3 +372,29 @@ def test_bands_of_an_image(data: Callable[[str], Path]) -> None:
     total = red + near_infrared  # 0 on the sea, which the figure below counts as 0
     ndvi = np.divide(near_infrared - red, total, out=np.zeros(red.shape), where=total != 0)
     assert np.median(ndvi) == pytest.approx(0.40, abs=0.005)
+
+
+def test_one_band_of_several(tmp_path: Path) -> None:
+    both = Raster(
+        np.arange(8.0).reshape(2, 2, 2),
+        Affine(1, 0, 0, 0, -1, 2),
+        descriptions=("z", "points"),
+        units=("m", ""),
+    )
+    both.save(tmp_path / "a.tif")
+    second = Raster.open(tmp_path / "a.tif", band=2)
+    assert (second.values == both.values[1:]).all()
+    assert (second.descriptions, second.units) == (("points",), ("",))
+    for band in (0, 3):
+        with pytest.raises(DataError, match=f"a.tif has bands 1 to 2, not {band}"):
+            Raster.open(tmp_path / "a.tif", band=band)
+
+
+def test_band_on_the_way_into_a_tool(tmp_path: Path) -> None:
+    slope = np.add.outer(np.arange(9.0), np.arange(9.0))
+    raster = Raster(np.stack([slope * 0, slope]), Affine(1, 0, 0, 0, -1, 9), crs=CRS(32635))
+    raster.save(tmp_path / "a.tif")
+    with pytest.raises(DataError, match="choose one with the option band"):
+        toolbox.run("surface.hillshade", {"surface": tmp_path / "a.tif"})
+    shade = toolbox.run("surface.hillshade", {"surface": {"path": tmp_path / "a.tif", "band": "2"}})
+    assert np.nanmean(shade["hillshade"].values) < 230

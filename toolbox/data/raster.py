@@ -119,8 +119,8 @@ class Raster:
         return Path(path), *(Path(f"{path}{ending}") for ending in _SIDE_CARS)
 
     @classmethod
-    def open(cls, path: str | Path, *, ctx: Context = QUIET) -> Raster:
-        """Read all bands of any raster that GDAL reads.
+    def open(cls, path: str | Path, *, band: int | None = None, ctx: Context = QUIET) -> Raster:
+        """Read any raster that GDAL reads.
 
         Cells without data are those of the file's nodata value, mask or alpha band. Integers
         stay integers where one nodata value says it all, and become floats with NaN where a mask
@@ -129,13 +129,14 @@ class Raster:
         Parameters
         ----------
         path : of any format that GDAL reads
+        band : its number, counted from 1; all bands unless given
         ctx : where to report progress
 
         Raises
         ------
         DataError
-            The file is missing or unreadable, not georeferenced, not north up, or its cells are
-            not square.
+            The file is missing or unreadable, not georeferenced, not north up, its cells are not
+            square, or it has no such band.
         """
         import rasterio
         from rasterio.errors import RasterioError
@@ -148,7 +149,19 @@ class Raster:
                 raise DataError(f"{path}: no such file") from error
             raise DataError(f"{path} cannot be read as a raster: {error}") from error
         ctx.progress(1.0)
-        return raster
+        return raster if band is None else raster._alone(band)
+
+    def _alone(self, band: int) -> Raster:
+        """One of the bands."""
+        if not 1 <= band <= len(self.values):
+            raise DataError(f"{self.name} has bands 1 to {len(self.values)}, not {band}")
+        only = slice(band - 1, band)
+        return replace(
+            self,
+            values=self.values[only],
+            descriptions=self.descriptions[only],
+            units=self.units[only],
+        )
 
     def save(
         self,

@@ -32,13 +32,11 @@ def nearest(first_leaf, last_leaf, xyz, box, depth, k, reach, found):  # type: i
     far, near, near_far = np.empty(k), np.empty(k, np.int64), np.empty(k)
     seen, seen_far = np.empty(SEEN * k, np.int64), np.empty(SEEN * k)
     held, held_away = np.empty(tree.DEEPEST, np.int64), np.empty(tree.DEEPEST)
-    begin = tree.first(first_leaf, depth, n)
+    begin, farthest = tree.first(first_leaf, depth, n), reach
     for leaf in range(first_leaf, last_leaf):
-        farthest = reach
-        start = tree.first(leaf, depth, n)
-        for own in range(start, tree.first(leaf + 1, depth, n)):
+        for own in range(tree.first(leaf, depth, n), tree.first(leaf + 1, depth, n)):
             bound = reach
-            if own > start:  # what is near the point before cannot be far from this one
+            if own > begin:  # what is near the point before cannot be far from this one
                 step = 0.0
                 for a in range(3):
                     step += (xyz[own, a] - xyz[own - 1, a]) ** 2

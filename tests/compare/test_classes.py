@@ -47,6 +47,10 @@ def test_published_figures_of_the_som_study() -> None:
     matrix = {row["reference"]: row for row in out.confusion.records()}
     assert matrix["class 6"]["class 2"] == 3630
     assert matrix["class 2"]["total"] == 17752
+    right = {c: matrix[f"class {c}"][f"class {c}"] for c in (6, 5, 2)}
+    assert 100 * sum(right.values()) / 46438 == pytest.approx(80.99, abs=0.005)
+    shares = [100 * right[c] / matrix[f"class {c}"]["total"] for c in (6, 5, 2)]
+    assert shares == pytest.approx([73.33, 81.36, 88.46], abs=0.005)
 
 
 def test_measures_of_the_power_line_study() -> None:

@@ -71,6 +71,7 @@ _NO_HEIGHTS = ("(std)", "(count)", "points", "distance", "error", "intensity", "
 _PIXELS = 1000  # at most, along the longer side of a map
 _MANY = 20  # more distinct values than this are no classes
 LENGTHS = {"metre": "m", "foot": "ft", "US survey foot": "US ft"}
+LENGTHS |= {"millimetre": "mm", "centimetre": "cm"}
 """Short names of units of length."""
 
 

@@ -22,12 +22,13 @@ from algorithms.shared.threads import in_blocks
 from toolbox.context import QUIET, Context
 
 MOST = 32  # points of a cell that is not split
-FEWEST = 8  # points that make a normal
 UP = 3  # levels above a cell in which a normal is looked for
 BLOCK, LEAVES = 500_000, 5_000  # points and cells between two looks at whether to stop
 THIN = 12.0  # least side of a cell over the noise, so that its normal is worth something
 THICK = 0.1  # least variance over the middle one, above which points are no plane
-SURE = 0.85  # share of the points whose noise is at most that of the scan
+SAME = 1.5  # variance about a plane in a large piece over that in a small one, at most
+LOOKED_AT = 5_000  # cells that tell the noise
+NOISY, SPARSE = 0.9, 0.95  # shares of them with less noise, and with closer points
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -48,6 +49,8 @@ class Cells:
     reach : array of shape (m, 6), lowest and highest coordinates
     keys : array of shape (m,), of the first point of each cell
     levels : array of shape (m,), of the cells in the octree
+    noise : standard deviation of the points about their planes, where it is large
+    apart : distance of neighbours, where it is large
     """
 
     xyz: Floats
@@ -60,6 +63,8 @@ class Cells:
     reach: Floats
     keys: NDArray[np.uint64]
     levels: Ints
+    noise: float
+    apart: float
 
     @property
     def counts(self) -> Ints:
@@ -70,15 +75,6 @@ class Cells:
     def flat(self) -> NDArray[np.bool_]:
         """Cells whose points have a plane."""
         return self.spread[:, 1] < THICK * self.spread[:, 0]
-
-    def noise(self) -> float:
-        """Standard deviation of the points about their planes: that of the noisier cells."""
-        flat = np.flatnonzero(self.flat)
-        if not len(flat):
-            return 0.0
-        order = flat[np.argsort(self.spread[flat, 1])]
-        share = np.cumsum(self.counts[order])
-        return math.sqrt(self.spread[order[np.searchsorted(share, SURE * share[-1])], 1])
 
 
 def sort_into_cells(xyz: Floats, *, origin: Floats | None = None, ctx: Context = QUIET) -> Cells:
@@ -108,42 +104,55 @@ def sort_into_cells(xyz: Floats, *, origin: Floats | None = None, ctx: Context =
     origin = low if origin is None else origin
     near -= origin
     ctx.progress(0.5)
-    made = _split(near, order, origin, found[order], side, 0.0, ctx.part(0.5, 0.8))
-    least = THIN * made.noise()
-    if least <= 0 or not (side / 2.0**made.levels < least).any():
-        ctx.progress(1.0)
-        return made
-    return _split(near, order, origin, found[order], side, least, ctx.part(0.8, 1.0))
-
-
-def _split(
-    xyz: Floats,
-    order: Ints,
-    origin: Floats,
-    keys: NDArray[np.uint64],
-    side: float,
-    least_side: float,
-    ctx: Context,
-) -> Cells:
-    """Cells of sorted points, none of which comes from splitting one below twice a side."""
+    noise, gap = _scales(near, found[order])
     deepest = kernels.LEVELS
-    if least_side > 0:
-        deepest = min(max(0, math.floor(math.log2(side / least_side))), deepest)
-    starts, levels = np.empty(len(xyz) + 1, np.int64), np.empty(len(xyz), np.int64)
-    count = kernels.leaves(keys, MOST, deepest, starts, levels)
-    starts[count] = len(xyz)
-    starts, levels = starts[: count + 1].copy(), levels[:count].copy()
+    if noise > 0:
+        deepest = min(max(0, math.floor(math.log2(side / (THIN * noise)))), deepest)
+    starts, levels = _leaves(found[order], deepest)
+    ctx.progress(0.6)
+    count = len(levels)
     centres, normals = np.empty((count, 3)), np.empty((count, 3))
     spread, reach = np.empty((count, 2)), np.empty((count, 6))
+    found = found[order]
 
     def describe(first: int, last: int) -> None:
         made = (centres, normals, spread, reach)
-        kernels.describe(first, last, xyz, keys, starts, levels, FEWEST, UP, *made)
+        kernels.describe(first, last, near, found, starts, levels, UP, *made)
 
-    in_blocks(describe, count, LEAVES, ctx)
+    in_blocks(describe, count, LEAVES, ctx.part(0.6, 1.0))
     return Cells(
-        xyz, order, origin, starts, centres, normals, spread, reach, keys[starts[:-1]], levels
-    )
+        near, order, origin, starts, centres, normals, spread, reach, found[starts[:-1]], levels,
+        noise, gap,
+    )  # fmt: skip
+
+
+def _leaves(keys: NDArray[np.uint64], deepest: int) -> tuple[Ints, Ints]:
+    """Where the points of each leaf begin, and its level; see the kernel."""
+    starts, levels = np.empty(len(keys) + 1, np.int64), np.empty(len(keys), np.int64)
+    count = kernels.leaves(keys, MOST, deepest, starts, levels)
+    starts[count] = len(keys)
+    return starts[: count + 1].copy(), levels[:count].copy()
+
+
+def _scales(xyz: Floats, keys: NDArray[np.uint64]) -> tuple[float, float]:
+    """The noise of sorted points, and how far they are apart; 0 where nothing is flat.
+
+    The points of a plane lie as close to it in a large piece as in a small one. Where they do not,
+    the surface is bent, or is none.
+    """
+    starts, levels = _leaves(keys, kernels.LEVELS)
+    some = np.linspace(0, len(levels) - 1, min(len(levels), LOOKED_AT)).astype(np.int64)
+    found = np.empty((len(some), 4))
+    kernels.at_two_scales(some, xyz, keys, starts, levels, found)
+    middle, least, middle_above, least_above = found.T
+    flat = (least < THICK * middle) & (least_above < THICK * middle_above)
+    plane = flat & (least_above < SAME * least)
+    count = np.diff(starts)[some]
+    if not plane.any():
+        return 0.0, 0.0
+    noise = math.sqrt(np.quantile(least[plane], NOISY))
+    apart = np.sqrt(12 * middle[flat] / count[flat])  # evenly spread over a square
+    return noise, float(np.quantile(apart, SPARSE))
 
 
 def _sorted(keys: NDArray[np.uint64], xyz: Floats) -> Ints:

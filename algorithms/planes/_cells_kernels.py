@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
@@ -11,7 +9,8 @@ from algorithms.shared._covariance_kernels import eigen
 from algorithms.shared.compiling import helper
 
 LEVELS = 20  # of the octree: a millionth of its side
-COUNT, FLAT = range(2)
+FEWEST = 8  # points that make a normal
+SURE = 0.02  # least variance over the middle one, of points that are a plane for certain
 
 
 @njit(cache=True, nogil=True)
@@ -79,9 +78,39 @@ def leaves(sorted_keys, most, deepest, starts, levels):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True)
-def describe(
-    first, last, xyz, sorted_keys, starts, levels, fewest, up, centres, normals, spread, reach
-):  # type: ignore[no-untyped-def]
+def at_two_scales(some, xyz, keys, starts, levels, found):  # type: ignore[no-untyped-def]
+    """Middle and least variance of the points of leaves, and of the cells that these are parts of.
+
+    Parameters
+    ----------
+    some : array of shape (k,), leaves
+    found : array of shape (k, 4) to fill; infinity where there are too few points
+    """
+    for k in range(len(some)):
+        leaf = some[k]
+        start, stop = starts[leaf], starts[leaf + 1]
+        found[k] = np.inf
+        for step in range(2):
+            if step > 0:
+                start, stop = _above(keys, start, stop, levels[leaf] - step)
+            if stop - start >= FEWEST:
+                middle, least, _, _, _ = _axes(xyz, start, stop)
+                found[k, 2 * step], found[k, 2 * step + 1] = middle, least
+
+
+@helper
+def _above(keys, start, stop, level):  # type: ignore[no-untyped-def]
+    """The points of the cell of a level in which those of a smaller one lie."""
+    if level < 0:
+        return start, stop
+    shift = np.uint64(3 * (LEVELS - level))
+    base = keys[start] >> shift
+    first = _first_at(keys, base << shift, 0, start)
+    return first, _first_at(keys, (base + np.uint64(1)) << shift, stop, len(keys))
+
+
+@njit(cache=True, nogil=True)
+def describe(first, last, xyz, keys, starts, levels, up, centres, normals, spread, reach):  # type: ignore[no-untyped-def]
     """Centre, normal and eigenvalues of leaves.
 
     A leaf with few points, or with points that are no plane, takes the normal of the cell around
@@ -91,7 +120,6 @@ def describe(
     ----------
     first, last : leaves
     xyz : array of shape (n, 3), sorted
-    fewest : points that make a normal
     centres, normals : arrays of shape (m, 3) to fill
     spread : array of shape (m, 2) to fill: middle and least variance of the cell of the normal
     reach : array of shape (m, 6) to fill: lowest and highest coordinates of the leaf's points
@@ -108,31 +136,23 @@ def describe(
         best = np.inf
         normals[leaf] = np.nan
         spread[leaf] = np.inf
-        for step in range(up + 1):
-            level = levels[leaf] - step
-            if level < 0:
-                break
+        for step in range(min(up, levels[leaf]) + 1):
             if step > 0:
-                shift = np.uint64(3 * (LEVELS - level))
-                base = sorted_keys[start] >> shift
-                low_key, high_key = base << shift, (base + np.uint64(1)) << shift
-                start = _first_at(sorted_keys, low_key, 0, start)
-                stop = _first_at(sorted_keys, high_key, stop, len(sorted_keys))
-            if stop - start < fewest:
+                start, stop = _above(keys, start, stop, levels[leaf] - step)
+            if stop - start < FEWEST:
                 continue
             middle, least, x, y, z = _axes(xyz, start, stop)
             if middle > 0.0 and least / middle < best:
                 best = least / middle
                 normals[leaf, 0], normals[leaf, 1], normals[leaf, 2] = x, y, z
-                spread[leaf, 0] = middle
-                spread[leaf, 1] = least * (stop - start) / (stop - start - 3)
-            if best < 0.02:
+                spread[leaf, 0], spread[leaf, 1] = middle, least
+            if best < SURE:
                 break
 
 
 @helper
 def _axes(xyz, start, stop):  # type: ignore[no-untyped-def]
-    """Middle and least eigenvalue of the covariance of some points, and the normal."""
+    """Middle and least variance of some points about their plane, and its normal."""
     count = stop - start
     mx = my = mz = 0.0
     for i in range(start, stop):
@@ -146,4 +166,4 @@ def _axes(xyz, start, stop):  # type: ignore[no-untyped-def]
     _, middle, least, a, b, c = eigen(
         xx / count, xy / count, xz / count, yy / count, yz / count, zz / count
     )
-    return middle, least, a, b, c
+    return middle, least * count / (count - 3), a, b, c

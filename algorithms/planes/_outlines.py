@@ -82,9 +82,12 @@ def outline(uv: Floats, alpha: float, *, ctx: Context = QUIET) -> Any:
 
     Parameters
     ----------
-    alpha : radius of the smallest circle that makes a gap
+    alpha : radius of the smallest circle that makes a gap, if there are points so near each other;
+        otherwise as large as all points need
     """
     shape = alpha_shape(uv, alpha, ctx=ctx)
+    if not len(shape.polygons):
+        shape = alpha_shape(uv, "all_points", ctx=ctx)
     parts = list(shape.polygons)
     return parts[0] if len(parts) == 1 else shapely.multipolygons(parts)
 

@@ -34,6 +34,8 @@ from toolbox.context import QUIET, Context
 BATCH = 256  # draws between two looks at whether they are enough
 SOME = 200  # cells from which the chance of a draw is found
 ROUNDS = 10  # of fitting a plane to its cells
+FITS = 3  # of a patch to its points
+ALIKE = math.cos(math.radians(3.0))  # of the angle between planes that are almost the same
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -84,6 +86,10 @@ class Patch:
     axes: Floats
     squares: Ints
 
+    def under(self, xyz: Floats, gap: float) -> float:
+        """Share of points of shape (n, 3) that lie over or under squares of the patch."""
+        return float(kernels.over(xyz, self.axes, gap, self.squares).mean())
+
 
 @dataclass
 class Search:
@@ -119,7 +125,7 @@ class Search:
                 cells, plane = self._grown(self.planes[best])
                 if self.worth < self._needed(cells):
                     break
-                self._drop(best)
+                self.gains[best] = 0.0
                 if (patch := self._patch(cells, plane)) is not None:
                     self._take(patch)
                     found.append(patch)
@@ -180,9 +186,6 @@ class Search:
             self.scored[some] = self.taken
         return None
 
-    def _drop(self, number: int) -> None:
-        self.gains[number] = 0.0
-
     def _support(self, plane: Floats) -> Ints:
         """The cells of a plane."""
         cells, found = self.cells, np.empty(len(self.weights), np.int64)
@@ -221,7 +224,9 @@ class Search:
             some = cells[np.linspace(0, len(cells) - 1, SOME).astype(np.int64)]
         all_cells = self.cells
         hit = kernels.hits(some, cells, all_cells.keys, all_cells.levels, self.weights, cells)
-        return -math.log1p(-self.rules.confidence) / max(hit * self.weights[cells].sum(), 1e-300)
+        return -math.log1p(-self.rules.confidence) / max(
+            float(hit * self.weights[cells].sum()), 1e-300
+        )
 
     def _needed_for_least(self) -> float:
         """The same for a plane of as few points as are allowed, of which a draw hits a quarter."""
@@ -229,26 +234,26 @@ class Search:
 
     def _patch(self, cells: Ints, plane: Floats) -> Patch | None:
         """The largest piece of a plane fitted to its points; None if it is too small."""
-        rules = self.rules
-        squares = np.empty(0, np.int64)
-        for _ in range(3):
-            made = self._piece(cells, plane)
-            if made is None:
+        for _ in range(FITS):
+            if (piece := self._piece(cells, plane)) is None:
                 return None
-            cells, squares, axes = made
-            better = self._fitted(cells, plane)
+            cells, squares, axes = piece
+            sums, middle = self._sums(cells, plane)
+            if sums[0] < self.rules.min_points:
+                self._forget(plane, middle)
+                return None
+            better = plane_of(sums, middle, plane[:3])
             if better is None or not self._allowed(better):
                 return None
-            plane = better
-            cells = self._support(plane)
-        made = self._piece(cells, plane)
-        if made is None:
-            return None
-        cells, squares, axes = made
-        points = self._fit_count(cells, plane)
-        if points < rules.min_points:
-            return None
-        return Patch(plane, axes, squares)
+            patch = Patch(plane, axes, squares)
+            plane, cells = better, self._support(better)
+        return patch
+
+    def _forget(self, plane: Floats, middle: Floats) -> None:
+        """Drop the planes that are almost the same around the middle of a piece too small."""
+        alike = np.abs(self.planes[:, :3] @ plane[:3]) >= ALIKE
+        away = np.abs(self.planes[:, :3] @ middle - self.planes[:, 3])
+        self.gains[alike & (away < self.rules.tolerance)] = 0.0
 
     def _piece(self, cells: Ints, plane: Floats) -> tuple[Ints, Ints, Floats] | None:
         """The cells and squares of the piece of a plane with the most points."""
@@ -284,14 +289,6 @@ class Search:
             self.rules.tolerance, found,
         )  # fmt: skip
         return found, middle
-
-    def _fit_count(self, cells: Ints, plane: Floats) -> int:
-        return int(self._sums(cells, plane)[0][0])
-
-    def _fitted(self, cells: Ints, plane: Floats) -> Floats | None:
-        """The plane of least squares through the free points of cells near a plane."""
-        found, middle = self._sums(cells, plane)
-        return plane_of(found, middle, plane[:3])
 
     def _take(self, patch: Patch) -> None:
         cells, rules = self.cells, self.rules
@@ -338,5 +335,6 @@ def axes_of(normal: Floats) -> Floats:
     along = np.array([-normal[1], normal[0], 0.0])
     length = math.hypot(*along)
     along = np.array([1.0, 0.0, 0.0]) if length < 1e-9 else along / length
-    up = np.cross(normal, along)
+    x, y, z = normal
+    up = np.array([-z * along[1], z * along[0], x * along[1] - y * along[0]])
     return np.array([along, up if up[2] >= 0 else -up])

@@ -75,7 +75,7 @@ def draw(chance, running, keys, levels, centres, normals, weights, cosine, cone,
             continue
         n = normals[first]
         x, y, z = n[0], n[1], n[2]
-        if second != first and third != first and third != second:
+        if first not in (second, third) and second != third:
             a, b = centres[second] - centres[first], centres[third] - centres[first]
             x, y, z = (
                 a[1] * b[2] - a[2] * b[1],
@@ -305,6 +305,15 @@ def take(plane, axes, limit, gap, squares, xyz, starts, reach, group, free, weig
     return taken
 
 
+@njit(cache=True, nogil=True)
+def over(xyz, axes, gap, squares):  # type: ignore[no-untyped-def]
+    """Which places of shape (n, 3) lie over squares of a patch."""
+    found = np.empty(len(xyz), np.bool_)
+    for i in range(len(xyz)):
+        found[i] = _within(squares, _square(xyz[i], axes, gap))
+    return found
+
+
 @helper
 def _within(squares, key):  # type: ignore[no-untyped-def]
     j = _first_of(squares, key)
@@ -312,7 +321,7 @@ def _within(squares, key):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def assign(
+def assign(  # type: ignore[no-untyped-def]
     plane,
     axes,
     limit,
@@ -329,7 +338,7 @@ def assign(
     flat,
     nearest,
     owner,
-):  # type: ignore[no-untyped-def]
+):
     """Give points near a patch to its plane, unless another is nearer.
 
     Points on the plane of their cell, if that is another one, are left.

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from algorithms.planes import _search_kernels as kernels
@@ -16,7 +17,10 @@ from algorithms.shared.plane_fit import Plane, is_line
 from toolbox.context import QUIET, Context
 from toolbox.errors import DataError
 
-NOISES = 3.0  # tolerance over the noise: 99.7 % of the points of a plane
+GAPS = 4.0  # widest gap of a plane over the distance of neighbours
+NOISES = 3.5  # tolerance over the noise: 99.95 % of the points of a plane
+FEW = 5_000  # points that tell how wide a plane is
+NEAR = 3.0  # distance of planes over the tolerance, if one may be the noise of the other
 PASSES = 4  # searches among the points that are left
 LOOK = 100_000  # points that tell whether there is more than a line
 
@@ -32,15 +36,15 @@ class Segments:
     ----------
     ids : array of shape (n,), from 1; 0 of no plane
     planes : one less than the largest number
+    rules : with the tolerance and the gap that were used
     noise : standard deviation of the points about small planes, in the unit of the points
-    tolerance : that was used
     trials : draws that were made
     """
 
     ids: NDArray[np.int32]
     planes: list[Plane]
+    rules: Rules
     noise: float
-    tolerance: float
     trials: int
 
 
@@ -50,7 +54,8 @@ def segment(xyz: Floats, rules: Rules, *, ctx: Context = QUIET) -> Segments:
     Parameters
     ----------
     xyz : array of shape (n, 3)
-    rules : what makes a plane; a tolerance of 0 takes NOISES times the noise of the points
+    rules : what makes a plane; a tolerance of 0 takes NOISES times the noise, a gap of 0 GAPS
+        times the distance of neighbours
     ctx : progress and cancellation
 
     Returns
@@ -68,16 +73,19 @@ def segment(xyz: Floats, rules: Rules, *, ctx: Context = QUIET) -> Segments:
     if is_line(xyz[:: -(-len(xyz) // LOOK)]) and is_line(xyz):
         raise DataError(f"points: all {len(xyz)} are on a line or at one place, not on a plane")
     cells = sort_into_cells(xyz, ctx=ctx.part(0.0, 0.2))
-    noise = cells.noise()
     least = 1e-9 * float(np.abs(cells.xyz).max())  # of points without noise
-    rules = replace(rules, tolerance=rules.tolerance or max(NOISES * noise, least))
+    rules = replace(
+        rules,
+        tolerance=rules.tolerance or max(NOISES * cells.noise, least),
+        gap=rules.gap or max(GAPS * cells.apart, 4 * least),
+    )
     patches, trials = _patches(cells, rules, ctx.part(0.2, 0.8))
     owner = _owners(cells, patches, rules, ctx.part(0.8, 1.0))
     ids = np.empty(len(xyz), np.int32)
     ids[cells.order] = owner
     planes = _fitted(cells, owner, patches)
     ctx.progress(1.0)
-    return Segments(ids, planes, noise, rules.tolerance, trials)
+    return Segments(ids, planes, rules, cells.noise, trials)
 
 
 def _patches(cells: Cells, rules: Rules, ctx: Context) -> tuple[list[Patch], int]:
@@ -97,42 +105,79 @@ def _patches(cells: Cells, rules: Rules, ctx: Context) -> tuple[list[Patch], int
 
 
 def _owners(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> NDArray[np.int32]:
-    """The number of the plane of each sorted point; planes by size, none of them too small."""
-    group = kernels.boxes(cells.reach)
-    cosine = math.cos(rules.angle)
-    keep = list(range(len(patches)))
+    """The number of the plane of each sorted point; patches are put in that order.
+
+    Those that lose points to others until they are too small are left out, and those that lie in
+    the noise of a larger one.
+    """
     while True:
-        nearest = np.full(len(cells.xyz), np.inf, np.float32)
-        owner = np.zeros(len(cells.xyz), np.int32)
-        for rank, number in enumerate(keep):
-            patch = patches[number]
-            kernels.assign(
-                patch.plane, patch.axes, rules.tolerance, rules.gap, patch.squares, cosine,
-                rank + 1, cells.xyz, cells.starts, cells.reach, group, cells.centres, cells.normals,
-                cells.flat, nearest, owner,
-            )  # fmt: skip
-            ctx.progress(rank / len(keep))
-        sizes = np.bincount(owner, minlength=len(keep) + 1)[1:]
-        good = [
-            number for number, size in zip(keep, sizes, strict=True) if size >= rules.min_points
-        ]
-        if len(good) == len(keep):
-            break
-        keep = good
-    order = np.argsort(-sizes, kind="stable")
-    rank = np.zeros(len(keep) + 1, np.int32)
-    rank[order + 1] = np.arange(1, len(keep) + 1)
-    patches[:] = [patches[keep[place]] for place in order]
-    return rank[owner]
+        owner = _nearest(cells, patches, rules, ctx)
+        sizes = np.bincount(owner, minlength=len(patches) + 1)[1:]
+        order = np.argsort(-sizes, kind="stable")
+        parts = parts_of(owner, len(patches))
+        keep: list[int] = []
+        for number in order.tolist():
+            xyz, patch = cells.xyz[parts[number]], patches[number]
+            if (
+                len(xyz) < rules.min_points
+                or _width(xyz[:: 1 + len(xyz) // FEW] @ patch.axes.T) < rules.min_extent
+            ):
+                continue
+            others = (patches[k] for k in keep)
+            if not any(_is_noise(patch, xyz, other, rules) for other in others):
+                keep.append(number)
+        patches[:] = [patches[number] for number in keep]
+        if len(keep) == len(sizes):
+            ranks = np.zeros(len(keep) + 1, np.int32)
+            ranks[order + 1] = np.arange(1, len(keep) + 1)
+            return np.asarray(ranks[owner])
+
+
+def _nearest(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> NDArray[np.int32]:
+    """The number of the patch, from 1, whose plane is nearest to each point; 0 of none."""
+    group, cosine = kernels.boxes(cells.reach), math.cos(rules.angle)
+    nearest = np.full(len(cells.xyz), np.inf, np.float32)
+    owner = np.zeros(len(cells.xyz), np.int32)
+    for number, patch in enumerate(patches):
+        kernels.assign(
+            patch.plane, patch.axes, rules.tolerance, rules.gap, patch.squares, cosine,
+            number + 1, cells.xyz, cells.starts, cells.reach, group, cells.centres, cells.normals,
+            cells.flat, nearest, owner,
+        )  # fmt: skip
+        ctx.progress(number / len(patches))
+    return owner
+
+
+def parts_of(owner: NDArray[np.int32], count: int) -> list[Ints]:
+    """The places of the points of each patch."""
+    order = np.argsort(owner, kind="stable")
+    return np.split(order, np.cumsum(np.bincount(owner, minlength=count + 1))[:-1])[1:]
+
+
+def _width(uv: Floats) -> float:
+    """The shorter side of the smallest rectangle around places of shape (n, 2)."""
+    hull = shapely.get_coordinates(shapely.convex_hull(shapely.linestrings(uv)))
+    sides = np.diff(hull, axis=0)
+    long = np.hypot(*sides.T)
+    if not len(sides) or not (long > 0).all():
+        return 0.0
+    turned = hull @ np.column_stack([sides[:, 1], -sides[:, 0]]).T / long
+    return float(np.ptp(turned, axis=0).min())
+
+
+def _is_noise(patch: Patch, xyz: Floats, other: Patch, rules: Rules) -> bool:
+    """Whether a patch lies over another one, so close that both cannot have been seen."""
+    if abs(patch.plane[:3] @ other.plane[:3]) < math.cos(rules.angle):
+        return False
+    away = np.median(np.abs(xyz @ other.plane[:3] - other.plane[3]))
+    return bool(away < NEAR * rules.tolerance) and other.under(xyz, rules.gap) > 0.5
 
 
 def _fitted(cells: Cells, owner: NDArray[np.int32], patches: list[Patch]) -> list[Plane]:
     """The plane of least squares of each number."""
     planes = []
-    order = np.argsort(owner, kind="stable")
-    ends = np.cumsum(np.bincount(owner, minlength=len(patches) + 1))
-    for patch, start, stop in zip(patches, ends[:-1], ends[1:], strict=True):
-        xyz = cells.xyz[order[start:stop]]
+    for patch, part in zip(patches, parts_of(owner, len(patches)), strict=True):
+        xyz = cells.xyz[part]
         centre = xyz.mean(axis=0)
         near = xyz - centre
         second = (near.T @ near)[np.triu_indices(3)]

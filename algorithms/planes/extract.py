@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from algorithms.planes._outlines import drawn
+from algorithms.planes._regular import regular
 from algorithms.planes._search import Rules
 from algorithms.planes._segment import segment
 from algorithms.shared.ground import is_withheld
@@ -41,9 +42,14 @@ class PlanesExtract:
     each point goes to the nearest plane within the tolerance of which it is, or to none. Planes
     are numbered by their points, the one with the most is 1.
 
-    A tolerance of auto is three times the noise of the scan, the standard deviation of the points
+    A tolerance of auto is 3.5 times the noise of the scan, the standard deviation of the points
     about small planes. It is in the outputs, and a warning says when a tolerance is so small that
-    planes fall to pieces.
+    planes fall to pieces. A gap of auto is four times the distance of neighbours where it is large.
+
+    With `regularise` planes that are parallel, or square to each other, but for `regular_angle` are
+    made so, the larger one leading, as far as the root mean square distance of their points stays
+    below half the tolerance. Those of one direction that lie within the tolerance of each other
+    become one, however far apart. Points keep the plane that they were given.
 
     Outlines leave out what a circle of the diameter `max_gap` without points covers. The elevation
     shows them in the coordinates of the largest upright plane, to the right and upwards from its
@@ -68,9 +74,9 @@ class PlanesExtract:
     min_extent: float = param(
         "Shortest side of the rectangle around a plane", default=0.1, unit="m", ge=0
     )
-    max_gap: float = param(
-        "Widest gap within a plane, and narrowest opening of its outline",
-        default=0.5,
+    max_gap: float | Literal["auto"] = param(
+        "Widest gap within a plane, and narrowest opening of its outline; auto by the points",
+        default="auto",
         unit="m",
         gt=0,
     )
@@ -82,6 +88,12 @@ class PlanesExtract:
         unit="deg",
         gt=0,
         lt=45,
+    )
+    regularise: bool = param(
+        "Make planes parallel, square to each other and one, where they almost are", default=False
+    )
+    regular_angle: float = param(
+        "Angle by which such planes are off at most", default=2.0, unit="deg", gt=0, le=20
     )
     confidence: float = param(
         "Probability that the best plane is among those drawn", default=0.99, unit="1", gt=0, lt=1
@@ -98,6 +110,7 @@ class PlanesExtract:
         share: float = sink("Share of points on planes", unit="1")
         noise: float = sink("Standard deviation of points about small planes", unit="m")
         used_tolerance: float = sink("Farthest point that belongs to a plane", unit="m")
+        used_gap: float = sink("Widest gap within a plane", unit="m")
         trials: int = sink("Draws that were made", unit="1")
 
     def halo(self) -> float:
@@ -107,20 +120,20 @@ class PlanesExtract:
     def run(self, ctx: Context = QUIET) -> PlanesExtract.Outputs:
         """Find the planes and draw their outlines."""
         cloud, used = self.points, ~is_withheld(self.points)
-        found = segment(
-            cloud.xyz if used.all() else cloud.xyz[used], self._rules(), ctx=ctx.part(0.0, 0.7)
-        )
-        if found.tolerance < BELOW * found.noise:
+        xyz = cloud.xyz if used.all() else cloud.xyz[used]
+        found = segment(xyz, self._rules(), ctx=ctx.part(0.0, 0.7))
+        tolerance, gap = found.rules.tolerance, found.rules.gap
+        if tolerance < BELOW * found.noise:
             log.warning(
                 "tolerance: %.3g m is less than %g times the noise of the scan, %.3g m; "
                 "planes fall to pieces",
-                *(found.tolerance / cloud.metre, BELOW, found.noise / cloud.metre),
+                *(tolerance / cloud.metre, BELOW, found.noise / cloud.metre),
             )
+        if self.regularise:
+            found = regular(xyz, found, math.radians(self.regular_angle))
         ids = np.zeros(len(cloud), np.int32)
         ids[used] = found.ids
-        planes, elevation = drawn(
-            cloud.xyz, ids, found.planes, self.max_gap / 2, ctx.part(0.7, 1.0)
-        )
+        planes, elevation = drawn(cloud.xyz, ids, found.planes, gap / 2, ctx.part(0.7, 1.0))
         ctx.progress(1.0)
         return self.Outputs(
             segmented=cloud.with_attributes({NAME: ids}, descriptions={NAME: "0 of none"}),
@@ -129,7 +142,8 @@ class PlanesExtract:
             count=len(found.planes),
             share=Share.of_points(ids > 0, cloud.core),
             noise=found.noise,
-            used_tolerance=found.tolerance,
+            used_tolerance=tolerance,
+            used_gap=gap,
             trials=found.trials,
         )
 
@@ -140,7 +154,7 @@ class PlanesExtract:
         return Rules(
             tolerance=0.0 if self.tolerance == "auto" else self.tolerance,
             angle=math.radians(self.max_angle),
-            gap=self.max_gap,
+            gap=0.0 if self.max_gap == "auto" else self.max_gap,
             min_points=self.min_points,
             min_extent=self.min_extent,
             steep=steep.get(self.orientation, (near, far)),

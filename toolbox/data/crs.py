@@ -16,20 +16,36 @@ from pyproj.exceptions import CRSError
 
 from toolbox.errors import DataError
 
-LOCAL = CRS.from_wkt(
-    'ENGCRS["Local coordinates in metres",EDATUM["Local"],CS[Cartesian,3],'
-    'AXIS["easting (X)",east,ORDER[1]],AXIS["northing (Y)",north,ORDER[2]],'
-    'AXIS["up (Z)",up,ORDER[3]],LENGTHUNIT["metre",1]]'
-)
+
+def _local(unit: str, metres: float) -> CRS:
+    """Plain coordinates in a unit, without a place on Earth."""
+    axes = ("easting (X)", "east"), ("northing (Y)", "north"), ("up (Z)", "up")
+    listed = ",".join(f'AXIS["{n}",{way},ORDER[{k}]]' for k, (n, way) in enumerate(axes, start=1))
+    return CRS.from_wkt(
+        f'ENGCRS["Local coordinates in {unit}s",EDATUM["Local"],CS[Cartesian,3],{listed},'
+        f'LENGTHUNIT["{unit}",{metres!r}]]'
+    )
+
+
+LOCAL = _local("metre", 1.0)
 """Plain coordinates in metres, without a place on Earth. Never written to a file."""
+LOCALS = {
+    "local": LOCAL,
+    "local:mm": _local("millimetre", 0.001),
+    "local:cm": _local("centimetre", 0.01),
+    "local:ft": _local("foot", 0.3048),
+}
+"""The same in other units, by what a user calls them."""
 
 _FORMS = "give 'EPSG:2154', 'EPSG:2154+5720' (with heights), a WKT text, or 'local'"
+_FORMS += " (plain metres; local:mm, local:cm, local:ft)"
 _CODE = re.compile(r"[A-Za-z]\w*:\w+(\+\w+)?")
 _UNITS = {1.0: "metre", 0.3048: "foot", 1200 / 3937: "US survey foot"}
+_UNITS |= {0.001: "millimetre", 0.01: "centimetre"}
 
 
 def parse_crs(text: str) -> CRS:
-    """Read a CRS from an authority code, a compound code, a WKT text or the word "local".
+    """Read a CRS from an authority code, a compound code, a WKT text or a word of LOCALS.
 
     Raises
     ------
@@ -37,8 +53,8 @@ def parse_crs(text: str) -> CRS:
         The text has another form, is unknown to PROJ, or names a height system alone.
     """
     text = text.strip()
-    if text.lower() == "local":
-        return LOCAL
+    if text.lower() in LOCALS:
+        return LOCALS[text.lower()]
     if not (_CODE.fullmatch(text) or "[" in text):
         raise ValueError(f"{text!r} is not a CRS; {_FORMS}")
     try:
@@ -58,7 +74,7 @@ def length_problem(crs: CRS | None) -> str | None:
     if crs is None:
         return (
             "has no CRS; state it with --assume-crs EPSG:..., "
-            "or --assume-crs local for plain metres"
+            "or --assume-crs local for plain metres, local:mm for millimetres"
         )
     return _horizontal_problem(crs) or _vertical_problem(crs)
 
@@ -129,6 +145,11 @@ def same_crs(a: CRS | None, b: CRS | None) -> bool:
     )
 
 
+def is_local(crs: CRS) -> bool:
+    """Whether these are plain coordinates, which no file says anything of."""
+    return any(same_crs(crs, local) for local in LOCALS.values())
+
+
 def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool) -> str | None:
     """Why a layer in `a` does not go with one in `b`, and what to do about it; None if it does.
 
@@ -182,17 +203,18 @@ def describe_crs(crs: CRS | None) -> str:
     """Authority code and name, e.g. "EPSG:2154+5720 RGF93 v1 / Lambert-93 + NGF-IGN69 height"."""
     if crs is None:
         return "no CRS"
-    if crs.equals(LOCAL):
-        return LOCAL.name.lower()
+    if is_local(crs):
+        return crs.name.lower()
     code = _code(crs)
     return f"{code} {crs.name}" if code else crs.name
 
 
 def crs_text(crs: CRS | None) -> str:
-    """A text that :func:`parse_crs` reads as the same CRS: a code, "local", or WKT; "" of none."""
+    """A text that :func:`parse_crs` reads as the same CRS: a code, "local", WKT; "" of none."""
     if crs is None:
         return ""
-    return "local" if crs.equals(LOCAL) else _code(crs) or str(crs.to_wkt())
+    word = next((word for word, local in LOCALS.items() if crs.equals(local)), "")
+    return word or _code(crs) or str(crs.to_wkt())
 
 
 def horizontal_part(crs: CRS) -> CRS:

@@ -26,7 +26,13 @@ if TYPE_CHECKING:
 APPLICATION = "LIDAR-TOOLBOX"
 LAYER = "layer"
 _LONGEST, _MOST = 255, 16_000  # bytes of a text, and of all at one entity
-_UNITS = {1.0: 6, 0.3048: 2, 1200 / 3937: 21}  # metres of a unit: code of $INSUNITS
+_UNITS = {
+    1.0: 6,
+    0.3048: 2,
+    1200 / 3937: 21,
+    0.001: 4,
+    0.01: 5,
+}  # metres of a unit: code of $INSUNITS
 
 
 def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:

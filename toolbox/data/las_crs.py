@@ -9,7 +9,7 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from toolbox.context import log
-from toolbox.data.crs import LOCAL, describe_crs, horizontal_part, same_crs, vertical_unit
+from toolbox.data.crs import describe_crs, horizontal_part, is_local, same_crs, vertical_unit
 from toolbox.data.las_header import Record
 
 WKT_BIT = 16  # of the global encoding
@@ -63,7 +63,7 @@ def crs_records(
     point_format : of the file
     wkt : the WKT bit that is returned if there is no record
     """
-    if crs is None or same_crs(crs, LOCAL):
+    if crs is None or is_local(crs):
         return (), wkt or point_format >= 6
     keys = _geotiff(crs) if point_format < 6 else None
     if keys is not None:

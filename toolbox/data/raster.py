@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context
-from toolbox.data.crs import LOCAL, metres_per_unit, same_crs
+from toolbox.data.crs import is_local, metres_per_unit
 from toolbox.data.lattice import Lattice
 from toolbox.data.record import ITEM, checked
 from toolbox.errors import DataError
@@ -234,7 +234,7 @@ class Raster:
             "height": lattice.rows,
             "width": lattice.cols,
             "dtype": wanted.name,
-            "crs": None if self.crs is None or same_crs(self.crs, LOCAL) else self.crs.to_wkt(),
+            "crs": None if self.crs is None or is_local(self.crs) else self.crs.to_wkt(),
             "transform": lattice.transform,
             "nodata": one._stored(path, wanted)[1],
         }

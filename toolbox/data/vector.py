@@ -13,9 +13,9 @@ from pyproj import CRS
 from toolbox.context import QUIET, Context, log
 from toolbox.data import dxf, geopackage
 from toolbox.data.crs import (
-    LOCAL,
     describe_crs,
     horizontal_part,
+    is_local,
     metres_per_unit,
     same_crs,
     vertical_unit,
@@ -174,7 +174,7 @@ class Vector:
         if suffix not in self.SUFFIXES:
             raise DataError(f"{path}: vector layers are written as {', '.join(self.SUFFIXES)}")
         frame = self.frame
-        if self.crs is not None and same_crs(self.crs, LOCAL):
+        if self.crs is not None and is_local(self.crs):
             frame = frame.set_crs(None, allow_override=True)
         if suffix == ".shp":
             _check_names(frame, path)

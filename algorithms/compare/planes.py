@@ -1,0 +1,301 @@
+"""How well planes found in a cloud agree with reference planes, by their points and as planes.
+
+References
+----------
+Çömert, R. and Avdan, U. (RANSAC façade planes from terrestrial scans, compared with hand-picked
+ones): the sets O and E, their intersection and differences, and the share of E that was found.
+Heipke, C. et al. (1997). Evaluation of automatic road extraction. IAPRS 32(3-2W3), 47-56:
+correctness, completeness and quality, which is intersection over union.
+Hoover, A. et al. (1996). An experimental comparison of range image segmentation algorithms. IEEE
+Transactions on Pattern Analysis and Machine Intelligence 18(7), 673-689: planes found, missed,
+invented, split and merged.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.compare.classes import counterparts
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Table
+from toolbox.errors import DataError
+from toolbox.outcomes import CORRECT_NEGATIVE, CORRECT_POSITIVE, NO_REFERENCE, TYPE_1, TYPE_2
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import Attribute
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Row = dict[str, Any]
+
+
+@tool("compare.planes")
+class ComparePlanes:
+    """Compare the planes of points with reference planes, such as hand-picked ones.
+
+    Both are numbers at the points, 0 for none: in two attributes of one cloud, or of two clouds
+    that hold the same points. O are the points of a plane that was found, E those of its reference.
+    A reference plane and a found one make a pair if their intersection over union is at least
+    `min_overlap`; each is in at most one pair, those with the highest come first.
+
+    The table has a row for all planes together, in which a point is in the intersection if it is
+    in a pair, one for each reference plane, and one for each found plane without a pair (invented).
+    Correctness is the intersection over O, completeness (S2's share of E) the intersection over E.
+    `pieces` are the found planes with at least half of their points on the reference plane: more
+    than one is a split. The angle is that between the planes of least squares through both sets,
+    the offset how far they are apart at the mean of E.
+
+    Planes of fewer than `min_points` are not judged; their points still count in the other sets.
+
+    The attribute `error` of the differences is 0 in both, 1 in neither, 2 in E alone, 3 in O alone
+    or in two planes that are no pair, 4 without a reference point.
+    """
+
+    points: PointCloud = source("Points with the planes to judge")
+    reference: PointCloud | None = source(
+        "The same points with reference planes; leave out to use another attribute", default=None
+    )
+    attribute: Attribute = param(
+        "Attribute with the number of the plane", default=Attribute("plane_id"), of="points"
+    )
+    reference_attribute: Attribute = param(
+        "Attribute with the number of the reference plane", default=Attribute("plane_id")
+    )
+    min_overlap: float = param(
+        "Least intersection over union of a pair", default=0.5, unit="1", gt=0, le=1
+    )
+    min_points: int = param("Fewest points of a plane that is judged", default=3, unit="1", ge=3)
+
+    @outputs
+    class Outputs:
+        table: Table = sink("All planes, each reference plane, and each invented one")
+        differences: PointCloud = sink("The points with the attribute error")
+        correctness: float | None = sink("Points of pairs over those of found planes", unit="%")
+        completeness: float | None = sink(
+            "Points of pairs over those of reference planes", unit="%"
+        )
+        iou: float | None = sink("Points of pairs over those of any plane", unit="%")
+        found: int = sink("Reference planes with a pair", unit="1")
+        missed: int = sink("Reference planes without a pair", unit="1")
+        invented: int = sink("Found planes without a pair", unit="1")
+        split: int = sink("Reference planes with several pieces", unit="1")
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """There must be something else to compare with, and numbers in both."""
+        where = self.reference if self.reference is not None else self.points
+        if self.reference_attribute not in where:
+            known = ", ".join(where.names) or "none"
+            text = f"no attribute {str(self.reference_attribute)!r}; there are {known}"
+            yield "reference_attribute", text
+        if self.reference is None and self.reference_attribute == self.attribute:
+            yield "reference", "give reference points, or another reference_attribute"
+
+    def halo(self) -> float:
+        """Planes are of any size."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> ComparePlanes.Outputs:
+        """Match the points, pair the planes, and count."""
+        match = self._counterparts(ctx.part(0.0, 0.5))
+        known = match >= 0
+        if not known.any():
+            raise DataError("reference: no point has a counterpart; are these the same points?")
+        if not known.all():
+            log.warning("%d of %d points have no counterpart", np.sum(~known), len(known))
+        other = self.reference if self.reference is not None else self.points
+        said = self.points[self.attribute].astype(np.int64)
+        true = other[self.reference_attribute].astype(np.int64)[match]
+        xyz = self.points.xyz[known]
+        ctx.progress(0.6)
+        made = compare(
+            xyz, said[known], true[known], overlap=self.min_overlap, fewest=self.min_points
+        )
+        ctx.progress(0.9)
+        error = np.full(len(said), NO_REFERENCE, np.uint8)
+        error[known] = made.error
+        rows, metre = made.rows, self.points.metre
+        for row in rows:
+            row["offset"] = None if row["offset"] is None else row["offset"] / metre
+        whole = rows[0]
+        ctx.progress(1.0)
+        return self.Outputs(
+            table=Table.from_rows(rows),
+            differences=self.points.with_attributes(
+                {"error": error}, descriptions={"error": "2 in E alone, 3 in O alone"}
+            ),
+            correctness=whole["correctness"],
+            completeness=whole["completeness"],
+            iou=whole["iou"],
+            found=sum(row["kind"] == "found" for row in rows),
+            missed=sum(row["kind"] == "missed" for row in rows),
+            invented=sum(row["kind"] == "invented" for row in rows),
+            split=sum((row["pieces"] or 0) > 1 for row in rows),
+        )
+
+    def _counterparts(self, ctx: Context) -> Ints:
+        """Index of each point in the reference, -1 where there is none."""
+        if self.reference is None:
+            return np.arange(len(self.points))
+        return counterparts(self.points.xyz, self.reference.xyz, ctx=ctx)
+
+
+class Sets(NamedTuple):
+    """Numbers of points: of O found by a program, of E of the reference, and of both.
+
+    Examples
+    --------
+    >>> front = Sets(213_672, 210_872, 208_320)  # cloud 1 of Çömert and Avdan, table 2
+    >>> front.o_alone, front.e_alone, round(front.completeness, 2), round(front.iou, 2)
+    (5352, 2552, 98.79, 96.34)
+    """
+
+    o: int
+    e: int
+    both: int
+
+    @property
+    def o_alone(self) -> int:
+        """O without E, commission."""
+        return self.o - self.both
+
+    @property
+    def e_alone(self) -> int:
+        """E without O, omission."""
+        return self.e - self.both
+
+    @property
+    def correctness(self) -> float | None:
+        """Percent of O that is in E."""
+        return 100 * self.both / self.o if self.o else None
+
+    @property
+    def completeness(self) -> float | None:
+        """Percent of E that was found."""
+        return 100 * self.both / self.e if self.e else None
+
+    @property
+    def iou(self) -> float | None:
+        """Percent of the union that is in both."""
+        union = self.o + self.e - self.both
+        return 100 * self.both / union if union else None
+
+    def row(self) -> Row:
+        """All counts and shares."""
+        return {
+            "o": self.o,
+            "e": self.e,
+            "intersection": self.both,
+            "o_without_e": self.o_alone,
+            "e_without_o": self.e_alone,
+            "correctness": self.correctness,
+            "completeness": self.completeness,
+            "iou": self.iou,
+        }
+
+
+class Compared(NamedTuple):
+    """Rows of the table, offsets in the unit of the points, and the error of each point."""
+
+    rows: list[Row]
+    error: NDArray[np.uint8]
+
+
+def compare(
+    xyz: Floats, said: Ints, true: Ints, *, overlap: float = 0.5, fewest: int = 3
+) -> Compared:
+    """Pair planes by their points.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    said, true : arrays of shape (n,), numbers of planes, 0 for none
+    overlap : least intersection over union of a pair
+    fewest : points of a plane that is judged
+    """
+    found, said = np.unique(np.append(said, 0), return_inverse=True)
+    known, true = np.unique(np.append(true, 0), return_inverse=True)
+    said, true = said[:-1], true[:-1]
+    nothing, none = int(np.searchsorted(found, 0)), int(np.searchsorted(known, 0))
+    both = np.bincount(said * len(known) + true, minlength=len(found) * len(known))
+    both = both.reshape(len(found), len(known))
+    o, e = both.sum(axis=1), both.sum(axis=0)
+    judged_o = (o >= fewest) & (np.arange(len(found)) != nothing)
+    judged_e = (e >= fewest) & (np.arange(len(known)) != none)
+    pair = _pairs(both, o, e, judged_o, judged_e, overlap)
+    paired = np.full(len(known), -1)
+    paired[pair[pair >= 0]] = np.flatnonzero(pair >= 0)
+    in_pair = pair[said] == true
+    rows: list[Row] = [_row("all", None, None, Sets(*_totals(said, true, nothing, none, in_pair)))]
+    mostly = (2 * both >= o[:, None]) & judged_o[:, None]
+    for k in np.flatnonzero(judged_e):
+        mate = int(paired[k])
+        sets = (
+            Sets(int(o[mate]), int(e[k]), int(both[mate, k]))
+            if mate >= 0
+            else Sets(0, int(e[k]), 0)
+        )
+        row = _row(
+            "found" if mate >= 0 else "missed", found[mate] if mate >= 0 else None, known[k], sets
+        )
+        row["pieces"] = int(mostly[:, k].sum())
+        if mate >= 0:
+            row["angle"], row["offset"] = between(xyz[said == mate], xyz[true == k])
+        rows.append(row)
+    for k in np.flatnonzero(judged_o & (pair < 0)):
+        rows.append(_row("invented", found[k], None, Sets(int(o[k]), 0, 0)))
+    error = np.where(said == nothing, TYPE_1, TYPE_2)
+    error = np.where((said == nothing) & (true == none), CORRECT_NEGATIVE, error)
+    return Compared(rows, np.where(in_pair, CORRECT_POSITIVE, error).astype(np.uint8))
+
+
+def _totals(said: Ints, true: Ints, nothing: int, none: int, both: NDArray[np.bool_]) -> Any:
+    return int((said != nothing).sum()), int((true != none).sum()), int(both.sum())
+
+
+def _row(kind: str, plane: Any, reference: Any, sets: Sets) -> Row:
+    names = {
+        "kind": kind,
+        "reference": None if reference is None else int(reference),
+        "plane": None if plane is None else int(plane),
+    }
+    return names | sets.row() | {"pieces": None, "angle": None, "offset": None}
+
+
+def _pairs(
+    both: Ints,
+    o: Ints,
+    e: Ints,
+    judged_o: NDArray[np.bool_],
+    judged_e: NDArray[np.bool_],
+    overlap: float,
+) -> Ints:
+    """The reference plane of each found plane, -1 of none; those of the highest IoU come first."""
+    first, second = np.nonzero(both * judged_o[:, None] * judged_e)
+    iou = both[first, second] / (o[first] + e[second] - both[first, second])
+    pair = np.full(len(o), -1)
+    taken = np.zeros(len(e), bool)
+    for k in np.lexsort((second, first, -iou)):
+        if iou[k] >= overlap and pair[first[k]] < 0 and not taken[second[k]]:
+            pair[first[k]] = second[k]
+            taken[second[k]] = True
+    return pair
+
+
+def between(xyz: Floats, reference: Floats) -> tuple[float, float]:
+    """Angle in degrees between the planes of two sets of points, and how far they are apart.
+
+    The second is the distance of the mean of the reference from the plane of the first.
+    """
+    origin = reference[0]  # so that no digits are lost
+    normals, middle = [], []
+    for points in (xyz - origin, reference - origin):
+        centre = points.mean(axis=0)
+        normals.append(np.linalg.eigh(np.cov((points - centre).T))[1][:, 0])
+        middle.append(centre)
+    sine = float(np.linalg.norm(np.cross(normals[0], normals[1])))
+    angle = math.degrees(math.atan2(sine, abs(float(normals[0] @ normals[1]))))
+    return angle, abs(float(normals[0] @ middle[0]))

@@ -39,7 +39,14 @@ SMALL = Raster(np.eye(4), Affine(1, 0, 0, 0, -1, 4), crs=CRS(32635))
 SQUARES = Vector(
     geopandas.GeoDataFrame(geometry=[shapely.box(0, 0, 9, 9), shapely.box(5, 5, 12, 12)], crs=32635)
 )
+TWO_BANDS = Raster(
+    np.stack([np.eye(4), 2 + np.eye(4)]),
+    SMALL.transform,
+    crs=SMALL.crs,
+    descriptions=("NIR", "red"),
+)
 LAYERS = {  # sources of tools that read no points
+    "classify.ndvi": {"image": TWO_BANDS},
     "compare.areas": {"areas": SQUARES, "reference": SQUARES},
     "compare.lines": {"lines": SQUARES, "reference": SQUARES},
     "surface.difference": {"surface": SMALL, "base": SMALL},
@@ -175,13 +182,21 @@ def layers(spec: Spec, points: PointCloud | None) -> dict[str, Any]:
         shape = shapely.Polygon(triangle * points.metre)
         frame = geopandas.GeoDataFrame(geometry=[shape], crs=points.crs)
         return {"polygons": Vector(frame, name="triangle.gpkg")}
+    if spec.id == "classify.vegetation_by_ndvi" and points is not None:
+        lattice = Lattice.cover(strip_edges(points), 7 * points.metre)
+        greenness = np.sin(np.arange(lattice.cols)) * np.ones((lattice.rows, 1))
+        return {"image": Raster.from_lattice(greenness, lattice, crs=points.crs)}
     if "surface" not in spec.sources or points is None or "points" not in spec.sources:
         return LAYERS.get(spec.id, {})
-    edges = np.array([499_900, 4_599_900, 501_000, 4_600_100]) * points.metre
-    lattice = Lattice.cover(edges, 10 * points.metre)
+    lattice = Lattice.cover(strip_edges(points), 10 * points.metre)
     height = 0.1 * (lattice.centres()[0] - 500_000.3 * points.metre)
     slope = np.tile(height, (lattice.rows, 1))
     return {"surface": Raster.from_lattice(slope, lattice, crs=points.crs)}
+
+
+def strip_edges(points: PointCloud) -> NDArray[np.float64]:
+    """Bounds around the block and the strip, in the unit of the points."""
+    return np.array([499_900, 4_599_900, 501_000, 4_600_100]) * points.metre
 
 
 @functools.cache

@@ -163,10 +163,13 @@ class Catenary:
         steps = (1e-4, 1e-4, max(1e-4 * self.curvature, 1e-9))
         for name in found:
             value = getattr(self, name)
-            slope = np.array([
-                (getattr(replace(self, **{key: getattr(self, key) + step}), name) - value) / step
-                for key, step in zip(("z_start", "z_end", "curvature"), steps, strict=True)
-            ])
+            slope = np.array(
+                [
+                    (getattr(replace(self, **{key: getattr(self, key) + step}), name) - value)
+                    / step
+                    for key, step in zip(("z_start", "z_end", "curvature"), steps, strict=True)
+                ]
+            )
             found[name] = float(np.sqrt(max(slope @ self.covariance @ slope, 0.0)))
         return found
 

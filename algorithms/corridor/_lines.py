@@ -35,9 +35,7 @@ TOWER_COLUMNS = (
 )
 
 
-def wire_layer(
-    wires: Sequence[Wire], origin: Floats, metre: float, crs: CRS | None
-) -> Vector:
+def wire_layer(wires: Sequence[Wire], origin: Floats, metre: float, crs: CRS | None) -> Vector:
     """One line per conductor and span.
 
     Parameters
@@ -47,9 +45,7 @@ def wire_layer(
     metre : length of one metre in that unit
     """
     rows = [wire_row(wire, origin, metre) for wire in wires]
-    lines = [
-        shapely.LineString(vertices(wire.curve) * metre + origin) for wire in wires
-    ]
+    lines = [shapely.LineString(vertices(wire.curve) * metre + origin) for wire in wires]
     return _layer(rows, lines, WIRE_COLUMNS, crs, "LineString Z")
 
 
@@ -98,11 +94,20 @@ def catenaries_of(layer: Vector, origin: Floats) -> list[Catenary]:
             covariance[i, j] = covariance[j, i] = row[name]
         found.append(
             Catenary(
-                (row["x0"] - origin[0]) / metre, (row["y0"] - origin[1]) / metre,
-                math.sin(turn), math.cos(turn), row["span"],
-                (row["z_start"] - origin[2]) / metre, (row["z_end"] - origin[2]) / metre,
-                row["curvature"], row["v0"], row["v1"], math.tan(math.radians(row["swing"])),
-                row["rms"], int(row["points"]), covariance,
+                (row["x0"] - origin[0]) / metre,
+                (row["y0"] - origin[1]) / metre,
+                math.sin(turn),
+                math.cos(turn),
+                row["span"],
+                (row["z_start"] - origin[2]) / metre,
+                (row["z_end"] - origin[2]) / metre,
+                row["curvature"],
+                row["v0"],
+                row["v1"],
+                math.tan(math.radians(row["swing"])),
+                row["rms"],
+                int(row["points"]),
+                covariance,
             )  # fmt: skip
         )
     return found

@@ -31,7 +31,11 @@ PARALLEL, BESIDE = math.radians(6.0), 15.0  # and metres, of wires of one line
 CUSP, CUSP_SIGMAS, CUSP_GAIN = -0.02, 8.0, 0.15  # slope, and evidence for a cusp
 CUSP_MARGIN = 8.0  # metres from the ends
 ALONG, ACROSS = 10.0, 12.0  # metres between what belongs to one support
-LEAST_BODY, ENOUGH_BODY, MUCH_BODY = 0.1, 0.4, 0.5  # share of its height at which a support shows points
+LEAST_BODY, ENOUGH_BODY, MUCH_BODY = (
+    0.1,
+    0.4,
+    0.5,
+)  # share of its height at which a support shows points
 ANGLE = 0.02  # change of slope, or of heading, at a support
 FARTHEST = 60.0  # metres of a wire that may be missing
 TWIN = 0.7  # metres within which conductors form a bundle
@@ -181,9 +185,7 @@ def runs_beside(one: Piece, other: Piece) -> bool:
     middle = other.curve.points(np.array([0.5 * other.curve.length]))
     u, v, z = (float(part[0]) for part in one.curve.residuals(middle))
     length = one.curve.length
-    return 0 <= u <= length and abs(v) < BESIDE and abs(z) < BESIDE and (
-        math.hypot(v, z) > TUBE
-    )
+    return 0 <= u <= length and abs(v) < BESIDE and abs(z) < BESIDE and (math.hypot(v, z) > TUBE)
 
 
 def heading(piece: Piece, end: int) -> Floats:
@@ -370,9 +372,7 @@ def clusters(hints: Sequence[Hint]) -> Iterator[list[Hint]]:
         yield [hints[i] for i in np.flatnonzero(label == number)]
 
 
-def support_of(
-    scene: Scene, pieces: Sequence[Piece], group: Sequence[Hint]
-) -> Support | None:
+def support_of(scene: Scene, pieces: Sequence[Piece], group: Sequence[Hint]) -> Support | None:
     """The support at a group of ends and cusps, or None if there is no reason for one."""
     place = np.array([hint.place for hint in group])
     way = np.array([hint.way for hint in group])
@@ -387,7 +387,8 @@ def support_of(
     pairs, bend = 0, 0.0
     for i in here:
         match = [
-            j for j in there
+            j
+            for j in there
             if abs(side[j] - side[i]) < 3.0 and abs(place[j, 2] - place[i, 2]) < 3.0
         ]
         if match:

@@ -89,7 +89,10 @@ def spans_of(
         ctx.progress(number / ROUNDS)
         spans = list(bundles_of(scene, pieces, supports))
         moved = [relocated(scene, spans, supports, k) for k in range(len(supports))]
-        if any(math.dist((a.x, a.y), (b.x, b.y)) > SETTLED for a, b in zip(moved, supports, strict=True)):
+        if any(
+            math.dist((a.x, a.y), (b.x, b.y)) > SETTLED
+            for a, b in zip(moved, supports, strict=True)
+        ):
             supports = moved
             continue
         more = [found for wires in spans for found in overlooked(scene, wires)]
@@ -142,8 +145,12 @@ def relocated(
     at = np.arange(-FARTHEST_OFF, FARTHEST_OFF + 0.1, 0.5)
     total = np.zeros(len(at))
     for i, j in matched(wires, sides[False], sides[True]):
-        near = [scene.wires.around(wires[k].curve, 2 * scene.tolerance, -5.0,
-                                   wires[k].curve.length + 5.0)[0] for k in (i, j)]
+        near = [
+            scene.wires.around(
+                wires[k].curve, 2 * scene.tolerance, -5.0, wires[k].curve.length + 5.0
+            )[0]
+            for k in (i, j)
+        ]
         xyz = scene.wires.xyz[np.union1d(*near)]
         along = (xyz[:, :2] - (support.x, support.y)) @ normal
         total += broken(along, xyz[:, 2], at)
@@ -199,9 +206,9 @@ def overlooked(scene: Scene, wires: Sequence[Wire]) -> Iterator[Support]:
     agreed = np.mean([g[k] > CUSP_GAIN * t for g, t in zip(gains, totals, strict=True)])
     if not certain or agreed < AGREED or slope > LEAST_CUSP:
         return
-    places = np.array([
-        w.curve.points(w.curve.along(first.points(at[k : k + 1]))[0])[0] for w in wires
-    ])
+    places = np.array(
+        [w.curve.points(w.curve.along(first.points(at[k : k + 1]))[0])[0] for w in wires]
+    )
     support = support_at(scene, places, np.array([first.ex, first.ey]), bool(slope < CUSP))
     if support is not None:
         yield support
@@ -266,8 +273,9 @@ def wires_of(
     scene: Scene, parts: list[Piece], key: tuple[int, int], supports: Sequence[Support]
 ) -> list[Wire]:
     """Join the pieces of each wire of a span, and fit it."""
-    link = np.array([[i < j and apart(a, b) < TWIN for j, b in enumerate(parts)] for i, a in
-                     enumerate(parts)])
+    link = np.array(
+        [[i < j and apart(a, b) < TWIN for j, b in enumerate(parts)] for i, a in enumerate(parts)]
+    )
     count, label = connected_components(coo_array(link), directed=False)
     own: list[tuple[Ints, Catenary]] = []
     found = []
@@ -486,11 +494,7 @@ def matched(
             yield here[i][0], there[j][0]
 
 
-
-
-def ordered(
-    curve: Catenary, key: tuple[int, int], supports: Sequence[Support]
-) -> tuple[int, int]:
+def ordered(curve: Catenary, key: tuple[int, int], supports: Sequence[Support]) -> tuple[int, int]:
     """Which of the two supports is at the start of a curve, and which at its end."""
     ends = [-1, -1]
     for number in key:

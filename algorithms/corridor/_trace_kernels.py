@@ -256,7 +256,20 @@ def _keep_near(curve, found, count, tolerance, xyz):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def trace(  # type: ignore[no-untyped-def]
-    seed, heading, xyz, start, west, south, cell, rows, cols, reach, tolerance, max_gap, curve, found
+    seed,
+    heading,
+    xyz,
+    start,
+    west,
+    south,
+    cell,
+    rows,
+    cols,
+    reach,
+    tolerance,
+    max_gap,
+    curve,
+    found,
 ):
     """Follow a wire from a seed in both directions as far as it goes; the number of its points.
 

@@ -2,8 +2,6 @@
 
 References
 ----------
-Otsu, N. (1979). A threshold selection method from gray-level histograms. IEEE Transactions on
-Systems, Man, and Cybernetics 9(1), 62-66.
 Höfle, B. et al. (2009). Water surface mapping from airborne laser scanning using signal intensity
 and elevation data. Earth Surface Processes and Landforms 34(12), 1635-1649.
 """
@@ -17,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared.otsu import otsu_threshold
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.errors import DataError
@@ -110,40 +109,9 @@ class PointsFilterIntensity:
         if self.method == "value" or len(intensity) == 0:
             return low, high
         if self.method == "otsu":
-            return otsu_threshold(intensity), high
+            return otsu_threshold(intensity, "points: all intensities"), high
         low, high = (
             None if limit is None else float(np.percentile(intensity, limit))
             for limit in (low, high)
         )
         return low, high
-
-
-def otsu_threshold(values: NDArray[Any]) -> float:
-    """The value that splits a histogram into two classes with the largest variance between them.
-
-    Parameters
-    ----------
-    values : array of shape (n,); every distinct value is a bin of its own
-
-    Returns
-    -------
-    float
-        The lowest value of the upper class: ``values >= threshold`` is that class.
-
-    Raises
-    ------
-    DataError
-        All values are equal.
-
-    Notes
-    -----
-    Otsu (1979), equation 14: the variance between the classes is w0 * w1 * (m1 - m0)**2.
-    """
-    level, count = np.unique(values, return_counts=True)
-    if len(level) < 2:
-        raise DataError(f"points: all intensities are {level[0]:g}, which cannot be split in two")
-    below = np.cumsum(count)[:-1].astype(np.float64)
-    total = np.cumsum(count * level.astype(np.float64))
-    above = len(values) - below
-    gap = (total[-1] - total[:-1]) / above - total[:-1] / below
-    return float(level[int(np.argmax(below * above * gap**2)) + 1])

@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import CRS
 
-from algorithms.points.filter_intensity import PointsFilterIntensity, otsu_threshold
+from algorithms.points.filter_intensity import PointsFilterIntensity
+from algorithms.shared.otsu import otsu_threshold
 from toolbox.data import PointCloud
 from toolbox.errors import DataError, ParameterError
 

@@ -13,7 +13,7 @@ from toolbox.kinds import CHOICE, OPTIONS, Kind
 from toolbox.values import Range
 
 LENGTHS = {"m": 1, "m2": 2, "m3": 3, "1/m": -1, "1/m2": -2}  # unit: power of the metre
-UNITS = (*LENGTHS, "1", "%", "deg", "s", "degC", "V")
+UNITS = (*LENGTHS, "1", "%", "deg", "s", "degC", "V", "kV", "A", "m/s", "W/m2")
 MEETS: Mapping[str, Callable[[Any, Any], bool]] = {
     "gt": operator.gt,
     "ge": operator.ge,

@@ -1,0 +1,194 @@
+"""Distances from points to catenaries, exactly."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+# Columns of the array of wires, metres: see `Catenary`.
+X, Y, EX, EY, LENGTH, Z_START, Z_END, K, U0, Z0, V0, V1, SWING, TOP = range(14)
+STARTS = 24  # places along a wire that are looked at where its distance may have several minima
+ROUNDS = 60
+
+
+@njit(cache=True, nogil=True)
+def _place(w, u):  # type: ignore[no-untyped-def]
+    """Offset and height of a wire at u."""
+    half = math.sinh(0.5 * w[K] * (u - w[U0]))
+    z = w[Z0] + 2.0 * half * half / w[K]
+    chord = w[Z_START] + (w[Z_END] - w[Z_START]) * u / w[LENGTH]
+    return w[V0] + w[V1] * u + w[SWING] * (chord - z), z
+
+
+@njit(cache=True, nogil=True)
+def _slope(w, u, p, q, h, tall):  # type: ignore[no-untyped-def]
+    """Half the derivative of the squared distance at u, and its own derivative.
+
+    `tall` is 1 for the distance in space and 0 for that in plan.
+    """
+    bend = w[K] * (u - w[U0])
+    rise, curve = math.sinh(bend), w[K] * math.cosh(bend)
+    v, z = _place(w, u)
+    chord = (w[Z_END] - w[Z_START]) / w[LENGTH]
+    aside = w[V1] + w[SWING] * (chord - rise)
+    first = (u - p) + (v - q) * aside + tall * (z - h) * rise
+    second = 1.0 + aside * aside - (v - q) * w[SWING] * curve
+    second += tall * (rise * rise + (z - h) * curve)
+    return first, second
+
+
+@njit(cache=True, nogil=True)
+def _within(w, low, high, start, p, q, h, tall):  # type: ignore[no-untyped-def]
+    """The u between low and high where the distance is least: Newton, kept inside by halving."""
+    first, _ = _slope(w, low, p, q, h, tall)
+    if first >= 0.0:
+        return low
+    first, _ = _slope(w, high, p, q, h, tall)
+    if first <= 0.0:
+        return high
+    u = min(max(start, low), high)
+    for _ in range(ROUNDS):
+        first, second = _slope(w, u, p, q, h, tall)
+        if first > 0.0:
+            high = u
+        else:
+            low = u
+        step = -first / second if second > 0.0 else math.inf
+        fresh = u + step
+        if not low < fresh < high:
+            fresh = 0.5 * (low + high)
+        if abs(fresh - u) < 1e-7:
+            return fresh
+        u = fresh
+    return u
+
+
+@njit(cache=True, nogil=True)
+def _nearest(w, p, q, h):  # type: ignore[no-untyped-def]
+    """The u of the place of a wire that is nearest to a point at (p, q, h) of its frame.
+
+    The squared distance has one minimum if the point is nearer to all of the wire than this is
+    bent; else it is looked for from several places.
+    """
+    length = w[LENGTH]
+    ends = max(abs(w[U0]), abs(length - w[U0]))
+    curve = w[K] * math.cosh(w[K] * ends)
+    away = max(abs(w[TOP] - h), abs(w[Z0] - h)) + abs(w[SWING] * q)
+    if away * curve < 0.9:
+        return _within(w, 0.0, length, p, p, q, h, 1.0)
+    best, least = 0, math.inf
+    for i in range(STARTS + 1):
+        u = length * i / STARTS
+        v, z = _place(w, u)
+        square = (u - p) ** 2 + (v - q) ** 2 + (z - h) ** 2
+        if square < least:
+            best, least = i, square
+    low, high = length * max(best - 1, 0) / STARTS, length * min(best + 1, STARTS) / STARTS
+    return _within(w, low, high, length * best / STARTS, p, q, h, 1.0)
+
+
+@njit(cache=True, nogil=True)
+def _measure(w, x, y, z):  # type: ignore[no-untyped-def]
+    """Distance in space, vertical and horizontal distance, and u of the nearest place.
+
+    The vertical distance is taken where the wire is nearest in plan, above zero under the wire.
+    """
+    dx, dy = x - w[X], y - w[Y]
+    p, q = dx * w[EX] + dy * w[EY], dy * w[EX] - dx * w[EY]
+    u = _nearest(w, p, q, z)
+    v, height = _place(w, u)
+    space = math.sqrt((u - p) ** 2 + (v - q) ** 2 + (height - z) ** 2)
+    flat = _within(w, 0.0, w[LENGTH], p, p, q, z, 0.0)
+    v, height = _place(w, flat)
+    return space, height - z, math.hypot(flat - p, v - q), u
+
+
+@njit(cache=True, nogil=True)
+def distances(first, last, xyz, wire, result):  # type: ignore[no-untyped-def]
+    """What `_measure` gives for each point and one wire, into an array of shape (n, 4)."""
+    for i in range(first, last):
+        measures = _measure(wire, xyz[i, 0], xyz[i, 1], xyz[i, 2])
+        for k in range(4):
+            result[i, k] = measures[k]
+
+
+# fmt: off
+@njit(cache=True, nogil=True)
+def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks,  # type: ignore[no-untyped-def]
+          own, real, least, who):
+    # fmt: on
+    """Find the worst broken rule of each point, and the nearest point of each kind to each wire.
+
+    Parameters
+    ----------
+    xyz, kind : n points and their kinds; a kind below zero takes no part
+    cells : west, south, size, columns and rows of the lattice of candidates
+    starts, candidates : the wires that are near each of its cells
+    wires : array of shape (m, 14)
+    rules : array of shape (r, 4): direction, threshold, within, rank of severity
+    masks : array of shape (r,), bits of the kinds that a rule holds for
+    own : array of shape (n, 2): the wire and rule of each point, -1 for none
+    real : array of shape (n, 6): measure and its ratio to the threshold, distance in space,
+        vertical and horizontal distance, and u
+    least, who : arrays of shape (m, kinds): least distance in space, and the point that has it
+    """
+    columns, rows = int(cells[3]), int(cells[4])
+    for i in range(first, last):
+        own[i, 0] = own[i, 1] = -1
+        real[i, 2] = math.inf
+        column = int((xyz[i, 0] - cells[0]) // cells[2])
+        row = int((xyz[i, 1] - cells[1]) // cells[2])
+        if kind[i] < 0 or column < 0 or row < 0 or column >= columns or row >= rows:
+            continue
+        cell = row * columns + column
+        for j in range(starts[cell], starts[cell + 1]):
+            k = candidates[j]
+            space, vertical, flat, u = _measure(wires[k], xyz[i, 0], xyz[i, 1], xyz[i, 2])
+            if space < least[k, kind[i]]:
+                least[k, kind[i]], who[k, kind[i]] = space, i
+            if own[i, 1] < 0 and space < real[i, 2]:
+                own[i, 0] = k
+                real[i, 2], real[i, 3], real[i, 4], real[i, 5] = space, vertical, flat, u
+            for r in range(len(rules)):
+                if not masks[r] >> kind[i] & 1:
+                    continue
+                value = space
+                if rules[r, 0] == 1:
+                    value = abs(vertical) if flat <= rules[r, 2] else math.inf
+                elif rules[r, 0] == 2:
+                    value = flat if abs(vertical) <= rules[r, 2] else math.inf
+                if value >= rules[r, 1]:
+                    continue
+                ratio, old = value / rules[r, 1], own[i, 1]
+                if old >= 0 and (rules[old, 3], real[i, 1]) <= (rules[r, 3], ratio):
+                    continue
+                own[i, 0], own[i, 1] = k, r
+                real[i, 0], real[i, 1] = value, ratio
+                real[i, 2], real[i, 3], real[i, 4], real[i, 5] = space, vertical, flat, u
+
+
+@njit(cache=True, nogil=True)
+def falls(first, last, xyz, foot, cells, starts, candidates, wires, own, real):  # type: ignore[no-untyped-def]
+    """How near a tree comes to the wires when it falls: the least of what is left.
+
+    Parameters
+    ----------
+    xyz : tops of n trees
+    foot : array of shape (n,), height of the ground below each
+    own : array of shape (n,), the wire that it comes nearest to, -1 for none
+    real : array of shape (n, 2), distance of that wire from the foot, and u
+    """
+    columns, rows = int(cells[3]), int(cells[4])
+    for i in range(first, last):
+        own[i], real[i, 0] = -1, math.inf
+        column = int((xyz[i, 0] - cells[0]) // cells[2])
+        row = int((xyz[i, 1] - cells[1]) // cells[2])
+        if column < 0 or row < 0 or column >= columns or row >= rows:
+            continue
+        cell = row * columns + column
+        for j in range(starts[cell], starts[cell + 1]):
+            k = candidates[j]
+            space, _, _, u = _measure(wires[k], xyz[i, 0], xyz[i, 1], foot[i])
+            if space < real[i, 0]:
+                own[i], real[i, 0], real[i, 1] = k, space, u

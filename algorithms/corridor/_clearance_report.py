@@ -1,0 +1,253 @@
+"""The page of a clearance analysis: map, profiles of the spans, objects in order of urgency."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from algorithms.corridor._rules import KINDS, SEVERITIES, Rule
+from algorithms.corridor._sag import Conductor
+from algorithms.corridor._surroundings import Line, Object, Scene
+from toolbox.data import Figure, Report, Rows, Section, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+MOST_PROFILES, MOST_OBJECTS, MOST_NUMBERS = 20, 200, 30
+BESIDE = 20.0  # metres to both sides of a span that its profile shows
+PIXEL = (0.4, 0.2)  # metres along and up: of what is in one of these, one point is drawn
+MAP_PIXEL = 1.0  # metres
+COLOURS = {
+    "tree": "#4a9c4a", "building": "#b0703c", "other": "#7a5ea8", "unclassified": "#9a9a9a",
+    "ground": "#c9b48a", "water": "#7fb2e0", "rail": "#6b6b6b", "road": "#8c8c8c",
+}  # fmt: skip
+SIGNS = {"critical": "#d40000", "warning": "#f08000", "watch": "#d8c000"}
+STYLES = ("-", "--", ":", "-.")
+
+Floats = NDArray[np.float64]
+
+
+def report_of(
+    scene: Scene,
+    line: Line,
+    rules: Sequence[Rule],
+    objects: Sequence[Object],
+    listed: pd.DataFrame,
+    spans: Table,
+    conductor: Conductor | None,
+) -> Report:
+    """Put the page together.
+
+    Parameters
+    ----------
+    listed : the columns of the layer of objects, in the same order
+    """
+    sections = [
+        Section("Objects, the most urgent first", _list(listed)),
+        Section("Map", [_map(scene, line, rules, objects)] if line.spans else []),
+        Section("Spans", [Rows(_rounded(spans.frame), "Least distances in space, m")]),
+        Section("Profiles", list(_profiles(scene, line, rules, objects))),
+        Section("Rules", [Rows(_rule_table(rules), "Distances in metres")]),
+        Section("Wires", [_wires_text(line, conductor)]),
+        Section("Left out", [_left_out(scene)]),
+    ]
+    shown = [section for section in sections if section.blocks]
+    summary = _summary(line, rules, objects)
+    return Report("Clearances of a power line", shown, summary=summary, name="clearance")
+
+
+def _summary(line: Line, rules: Sequence[Rule], objects: Sequence[Object]) -> str:
+    if not line.spans:
+        return "There are no wires, so nothing is too close to one."
+    counts = {word: sum(rules[o.rule].severity == word for o in objects) for word in SEVERITIES}
+    found = ", ".join(f"{count} {word}" for word, count in counts.items())
+    text = f"{len(objects)} objects in {len(line.spans)} spans: {found}."
+    doubtful = [rule.id for rule in rules if not rule.confirmed]
+    if doubtful:
+        text += (
+            f"\nNot confirmed: the values of {', '.join(doubtful)}. They were not found in a "
+            "document; look them up in the regulation before you rely on them."
+        )
+    return text
+
+
+def _list(listed: pd.DataFrame) -> list[Rows | str]:
+    if not len(listed):
+        return ["Nothing breaks a rule."]
+    frame = pd.DataFrame(listed.drop(columns=["geometry", "source", "direction"]))
+    frame.insert(0, "x", listed.geometry.x)
+    frame.insert(1, "y", listed.geometry.y)
+    frame.insert(2, "z", listed.geometry.z)
+    order = ["object_id", "severity", "kind", "rule", "clearance", "required"]
+    frame = frame[[*order, *(name for name in frame if name not in order)]]
+    return [Rows(_rounded(frame), "Lengths in metres, places as in the data", MOST_OBJECTS)]
+
+
+def _rounded(frame: pd.DataFrame) -> Table:
+    """Centimetres are enough for people."""
+    return Table(frame.round(dict.fromkeys(frame.select_dtypes("float").columns, 2)))
+
+
+def _rule_table(rules: Sequence[Rule]) -> Table:
+    return Table.from_rows(
+        {
+            "number": number, "rule": rule.id, "kind": rule.kind, "direction": rule.direction,
+            "distance": round(rule.threshold, 3),
+            "within": None if rule.direction == "3-D" else round(rule.within, 3),
+            "severity": rule.severity, "confirmed": "yes" if rule.confirmed else "NO",
+            "source": rule.source, "date": rule.date, "note": rule.note,
+        }
+        for number, rule in enumerate(rules, start=1)
+    )  # fmt: skip
+
+
+def _wires_text(line: Line, conductor: Conductor | None) -> str:
+    names = ", ".join(state.name for state in line.states)
+    text = f"States of the wires: {names}."
+    if conductor is not None:
+        text += (
+            f" Conductor {conductor.name}: diameter {conductor.diameter * 1e3:.2f} mm, weight "
+            f"{conductor.weight:.2f} N/m, stiffness {conductor.stiffness / 1e6:.2f} MN, expansion "
+            f"{conductor.expansion * 1e6:.2f} per million and degree. Source: {conductor.source}."
+        )
+        if not conductor.confirmed:
+            text += " Not confirmed: look these up in the data sheet of the conductor."
+    return text
+
+
+def _left_out(scene: Scene) -> str:
+    return "\n".join(f"{count} points {why}" for why, count in scene.left_out.items())
+
+
+def _pixels(across: Floats, up: Floats, size: tuple[float, float]) -> tuple[Floats, Floats]:
+    """One place for all points in a pixel, in the same order whatever that of the points."""
+    cells = np.unique(np.floor(np.column_stack([across / size[0], up / size[1]])), axis=0)
+    return (cells[:, 0] + 0.5) * size[0], (cells[:, 1] + 0.5) * size[1]
+
+
+def _canvas(width: float, height: float) -> tuple[Canvas, Axes]:
+    from matplotlib.figure import Figure as Canvas
+
+    canvas = Canvas(figsize=(width, height), layout="constrained")
+    return canvas, canvas.add_subplot()
+
+
+def _png(canvas: Canvas) -> bytes:
+    stream = io.BytesIO()
+    canvas.savefig(stream, format="png")
+    return stream.getvalue()
+
+
+def _map(scene: Scene, line: Line, rules: Sequence[Rule], objects: Sequence[Object]) -> Figure:
+    """Wires, objects, and what stands around them, in metres."""
+    canvas, axes = _canvas(10.0, 7.0)
+    ends = np.concatenate([c.points(np.array([0.0, c.length]))[:, :2] for c in line.curves[0]])
+    low, high = ends.min(axis=0) - BESIDE, ends.max(axis=0) + BESIDE
+    inside = ((scene.xyz[:, :2] >= low) & (scene.xyz[:, :2] <= high)).all(axis=1)
+    size = max(MAP_PIXEL, float((high - low).max()) / 900)
+    for number, kind in reversed(list(enumerate(KINDS))):
+        some = scene.xyz[inside & (scene.kind == number)]
+        if kind != "ground" and len(some):
+            x, y = _pixels(some[:, 0], some[:, 1], (size, size))
+            axes.plot(x, y, ",", color=COLOURS[kind], alpha=0.6, zorder=1)
+    middles: dict[int, list[Floats]] = {}
+    for curve, span in zip(line.curves[0], line.span, strict=True):
+        places = curve.points(np.linspace(0.0, curve.length, 50))
+        axes.plot(places[:, 0], places[:, 1], "-", color="#333333", linewidth=0.6, zorder=2)
+        middles.setdefault(int(span), []).append(places[25, :2])
+    for span, places_of in middles.items():
+        x, y = np.mean(places_of, axis=0)
+        axes.annotate(f"span {span}", (x, y), fontsize=7, color="#0040a0", zorder=4)
+    _mark(axes, rules, objects, [scene.xyz[one.nearest, :2] for one in objects])
+    axes.set_aspect("equal")
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    _legend(axes)
+    axes.set_xlabel(f"m east of {line.origin[0]:.0f}")
+    axes.set_ylabel(f"m north of {line.origin[1]:.0f}")
+    return Figure(_png(canvas), "Wires in plan, and objects with their number in the list")
+
+
+def _mark(
+    axes: Axes, rules: Sequence[Rule], objects: Sequence[Object], places: Sequence[Floats],
+    numbers: Sequence[int] | None = None,
+) -> None:  # fmt: skip
+    """Objects where they are closest, with the numbers of the first."""
+    numbers = list(range(1, len(objects) + 1)) if numbers is None else numbers
+    for severity, colour in SIGNS.items():
+        own = [
+            p for o, p in zip(objects, places, strict=True) if rules[o.rule].severity == severity
+        ]
+        if own:
+            x, y = np.array(own).T
+            axes.plot(x, y, "o", markersize=4, color=colour, markeredgecolor="black",
+                      markeredgewidth=0.4, label=severity, zorder=5)  # fmt: skip
+    for number, place in list(zip(numbers, places, strict=True))[:MOST_NUMBERS]:
+        axes.annotate(str(number), tuple(place), xytext=(3, 3), textcoords="offset points",
+                      fontsize=7, zorder=6)  # fmt: skip
+
+
+def _legend(axes: Axes) -> None:
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
+
+
+def _profiles(
+    scene: Scene, line: Line, rules: Sequence[Rule], objects: Sequence[Object]
+) -> list[Figure | str]:
+    """One picture per span, the most urgent first."""
+    urgent = [int(line.span[one.wire]) for one in objects]
+    order = list(dict.fromkeys([*urgent, *line.spans]))
+    shown: list[Figure | str] = [
+        _profile(scene, line, rules, objects, span) for span in order[:MOST_PROFILES]
+    ]
+    if len(order) > MOST_PROFILES:
+        shown.append(f"Profiles of the {len(order) - MOST_PROFILES} other spans are not shown.")
+    return shown
+
+
+def _profile(
+    scene: Scene, line: Line, rules: Sequence[Rule], objects: Sequence[Object], span: int
+) -> Figure:
+    """A span from the side: wires in each state, what is around them, objects."""
+    canvas, axes = _canvas(10.0, 3.8)
+    own = np.flatnonzero(line.span == span)
+    axis = max((line.curves[0][k] for k in own), key=lambda curve: curve.length)
+    along, beside = axis.along(scene.xyz)
+    near = (np.abs(beside) < BESIDE) & (along > -5) & (along < axis.length + 5) & (scene.kind >= 0)
+    for number, kind in reversed(list(enumerate(KINDS))):
+        some = near & (scene.kind == number)
+        if some.any():
+            x, y = _pixels(along[some], scene.xyz[some, 2], PIXEL)
+            axes.plot(x, y, ".", markersize=1.2, color=COLOURS[kind], label=kind, zorder=1)
+    for number, state in enumerate(line.states):
+        for k in own:
+            places = line.curves[number][k].points(np.linspace(0.0, line.curves[0][k].length, 100))
+            axes.plot(
+                axis.along(places)[0], places[:, 2], STYLES[min(number, 3)], color="#0040a0",
+                linewidth=0.8, label=state.name if k == own[0] else None, zorder=3,
+            )  # fmt: skip
+    chosen = [(n, o) for n, o in enumerate(objects, start=1) if line.span[o.wire] == span]
+    spots: list[Floats] = []
+    for _, one in chosen:
+        point = scene.xyz[[one.nearest]]
+        spots.append(np.array([axis.along(point)[0][0], point[0, 2]]))
+        foot = line.curves[one.state][one.wire].points(np.array([one.u]))
+        axes.plot([spots[-1][0], axis.along(foot)[0][0]], [point[0, 2], foot[0, 2]], "-",
+                  color=SIGNS[rules[one.rule].severity], linewidth=0.9, zorder=4)  # fmt: skip
+    _mark(axes, rules, [o for _, o in chosen], spots, [n for n, _ in chosen])
+    axes.set_xlabel("m along the span")
+    axes.set_ylabel("height, m")
+    _legend(axes)
+    worst = f"; closest: {chosen[0][1].measure:.2f} m" if chosen else ""
+    caption = (
+        f"Span {span}, {axis.length:.0f} m, {len(own)} wires, {len(chosen)} objects{worst}. "
+        f"Points up to {BESIDE:.0f} m to the side; numbers as in the list."
+    )
+    return Figure(_png(canvas), caption)

@@ -1,0 +1,321 @@
+"""Clearances of points from conductors: which rules are broken, by how much and how surely."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.special import ndtr
+
+from algorithms.corridor import _clearance_kernels as kernels
+from algorithms.corridor._catenary import Catenary
+from algorithms.corridor._rules import DIRECTIONS, KINDS, SEVERITIES, Rule
+from algorithms.shared.threads import in_blocks
+from toolbox.context import QUIET, Context
+
+BLOCK = 100_000  # points between two looks at whether the user cancelled
+STEP = 5.0  # metres between the places of a wire that are looked up in a lattice
+CELL, MOST_CELLS = 10.0, 4_000_000  # of the lattice: metres; number
+UNCLASSIFIED, TREE = KINDS.index("unclassified"), KINDS.index("tree")
+TAKES_NO_PART = np.int8(-1)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Kinds = NDArray[np.int8]
+
+
+@dataclass(frozen=True)
+class Near:
+    """The wires that are near each cell of a lattice in plan.
+
+    Attributes
+    ----------
+    lattice : west, south, size of a cell, columns and rows
+    starts, candidates : the wires of cell i are candidates[starts[i]:starts[i + 1]]
+    """
+
+    lattice: Floats
+    starts: Ints
+    candidates: Ints
+
+    @classmethod
+    def of(cls, curves: Sequence[Sequence[Catenary]], reach: float) -> Near:
+        """The lattice of wires, each of which may be in several places."""
+        places, owners = [], []
+        for states in zip(*curves, strict=True):
+            for curve in states:
+                count = max(2, math.ceil(curve.length / STEP) + 1)
+                places.append(curve.points(np.linspace(0.0, curve.length, count))[:, :2])
+            owners.append(sum(map(len, places[-len(states) :])))
+        xy = np.concatenate(places)
+        reach += STEP
+        west, south = xy.min(axis=0) - reach
+        width, height = np.ptp(xy, axis=0) + 2 * reach
+        cell = max(CELL, reach / 2, math.sqrt(width * height / MOST_CELLS))
+        columns, rows = int(width // cell) + 1, int(height // cell) + 1
+        wire = np.repeat(np.arange(len(owners)), owners)
+        around = math.ceil(reach / cell)
+        pairs = []
+        column, row = ((xy - (west, south)) // cell).astype(np.int64).T
+        for down in range(-around, around + 1):
+            for right in range(-around, around + 1):
+                i, j = row + down, column + right
+                inside = (i >= 0) & (j >= 0) & (i < rows) & (j < columns)
+                pairs.append(np.unique((i * columns + j)[inside] * len(owners) + wire[inside]))
+        found = np.unique(np.concatenate(pairs))
+        starts = np.searchsorted(found // len(owners), np.arange(rows * columns + 1))
+        lattice = np.array([west, south, cell, columns, rows])
+        return cls(lattice, starts.astype(np.int64), found % len(owners))
+
+
+@dataclass(frozen=True)
+class Violations:
+    """Points that break a rule, array of shape (n,) each.
+
+    Attributes
+    ----------
+    point : index
+    wire, rule, state : indices; the state is that in which the rule is broken worst
+    measure : distance in the direction of the rule, metres
+    space, vertical, flat, u : other distances from that wire in that state, and where it is nearest
+    sd : standard deviation of the distance, metres
+    probability : that the rule is broken
+    """
+
+    point: Ints
+    wire: Ints
+    rule: Ints
+    state: Ints
+    measure: Floats
+    space: Floats
+    vertical: Floats
+    flat: Floats
+    u: Floats
+    sd: Floats
+    probability: Floats
+
+    def __len__(self) -> int:
+        return len(self.point)
+
+
+@dataclass(frozen=True)
+class Least:
+    """The points nearest to each wire: arrays of shape (states, wires, kinds).
+
+    Attributes
+    ----------
+    distance : in space, metres; infinite where there is none near
+    point : its index, -1 for none
+    """
+
+    distance: Floats
+    point: Ints
+
+
+def rows_of(curves: Sequence[Catenary]) -> Floats:
+    """Wires as the kernels take them, array of shape (m, 14)."""
+    return np.array([
+        (c.x, c.y, c.ex, c.ey, c.length, c.z_start, c.z_end, c.curvature, c.u0, c.z0, c.v0, c.v1,
+         c.swing, max(c.z_start, c.z_end))
+        for c in curves
+    ], float).reshape(-1, 14)  # fmt: skip
+
+
+def distances(xyz: Floats, curve: Catenary) -> Floats:
+    """Distance of points from a wire.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), metres
+
+    Returns
+    -------
+    array of shape (n, 4)
+        In space; vertical, above zero under the wire, and horizontal where the wire is nearest in
+        plan; u of the nearest place.
+    """
+    result = np.empty((len(xyz), 4))
+    kernels.distances(0, len(xyz), np.ascontiguousarray(xyz, float), rows_of([curve])[0], result)
+    return result
+
+
+def own_points(
+    xyz: Floats, kind: Kinds, curves: Sequence[Catenary], *, radius: float, attachment: float,
+    ctx: Context = QUIET,
+) -> NDArray[np.bool_]:  # fmt: skip
+    """Points without a class that are of the line: on a wire, or at an end of one.
+
+    Parameters
+    ----------
+    radius : farthest from a wire, metres
+    attachment : farthest from the end of a wire, metres
+    """
+    mine = np.zeros(len(xyz), bool)
+    some = np.where(kind == UNCLASSIFIED, kind, TAKES_NO_PART)
+    reach = max(radius, attachment)
+    if not (some >= 0).any() or reach <= 0:
+        return mine
+    near, wires = Near.of([curves], reach), rows_of(curves)
+    ends = cKDTree(np.concatenate([c.points(np.array([0.0, c.length])) for c in curves]))
+
+    def work(first: int, last: int) -> None:
+        own, real = np.empty((last - first, 2), np.int64), np.empty((last - first, 6))
+        kernels.check(
+            0, last - first, xyz[first:last], some[first:last], near.lattice, near.starts,
+            near.candidates, wires, np.empty((0, 4)), np.empty(0, np.int64), own, real,
+            *_nothing(len(wires)),
+        )  # fmt: skip
+        space = real[:, 2]
+        mine[first:last] = space <= radius
+        close = np.flatnonzero(space <= attachment)
+        away = ends.query(xyz[first:last][close])[0]
+        mine[first + close[away <= attachment]] = True
+
+    in_blocks(work, len(xyz), BLOCK, ctx)
+    return mine
+
+
+def find_violations(
+    xyz: Floats, kind: Kinds, curves: Sequence[Sequence[Catenary]], rules: Sequence[Rule], *,
+    reach: float, point_sd: float, ctx: Context = QUIET,
+) -> tuple[Violations, Least]:  # fmt: skip
+    """Points that break a rule in any of several states of the wires.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), metres
+    kind : array of shape (n,), index into KINDS; points below zero take no part
+    curves : the wires in each state, metres
+    rules : of which each point breaks the severest, and of these the one that it breaks worst
+    reach : to the side of the wires up to which points are looked at, metres
+    point_sd : standard deviation of a point, metres
+    ctx : progress and cancellation
+    """
+    near = Near.of(curves, reach)
+    wires = [rows_of(state) for state in curves]
+    numbers = np.array([
+        (DIRECTIONS.index(r.direction), r.threshold, r.within, SEVERITIES.index(r.severity))
+        for r in rules
+    ], float).reshape(-1, 4)  # fmt: skip
+    masks = np.array(
+        [sum(r.holds_for(name) << k for k, name in enumerate(KINDS)) for r in rules], np.int64
+    )
+    found: dict[int, tuple[Ints, Ints, Floats]] = {}
+    least: dict[int, list[tuple[Floats, Ints]]] = {}
+
+    def work(first: int, last: int) -> None:
+        size = last - first
+        worst = np.full((size, 3), -1, np.int64)  # wire, rule, state
+        measures = np.full((size, 6), np.inf)
+        tables = []
+        for state, rows in enumerate(wires):
+            own, real, table = (
+                np.empty((size, 2), np.int64),
+                np.empty((size, 6)),
+                _nothing(len(rows)),
+            )
+            kernels.check(
+                0, size, xyz[first:last], kind[first:last], near.lattice, near.starts,
+                near.candidates, rows, numbers, masks, own, real, *table,
+            )  # fmt: skip
+            tables.append((table[0], np.where(table[1] >= 0, table[1] + first, -1)))
+            broken = own[:, 1] >= 0
+            rank, before = numbers[own[broken, 1], 3], worst[broken, 1]
+            old = np.where(before >= 0, numbers[before, 3], np.inf) if len(rules) else rank
+            worse = (rank < old) | ((rank == old) & (real[broken, 1] < measures[broken, 1]))
+            chosen = np.flatnonzero(broken)[worse]
+            worst[chosen, :2], worst[chosen, 2] = own[chosen], state
+            measures[chosen] = real[chosen]
+        bad = np.flatnonzero(worst[:, 1] >= 0)
+        found[first] = bad + first, worst[bad], measures[bad]
+        least[first] = tables
+
+    in_blocks(work, len(xyz), BLOCK, ctx)
+    order = sorted(found)
+    point = np.concatenate([found[k][0] for k in order] or [np.empty(0, np.int64)])
+    worst = np.concatenate([found[k][1] for k in order] or [np.empty((0, 3), np.int64)])
+    real = np.concatenate([found[k][2] for k in order] or [np.empty((0, 6))])
+    sd = clearance_sd(curves, worst[:, 2], worst[:, 0], real[:, 5], point_sd)
+    limit = numbers[worst[:, 1], 1]
+    violations = Violations(
+        point, worst[:, 0], worst[:, 1], worst[:, 2], real[:, 0], real[:, 2], real[:, 3],
+        real[:, 4], real[:, 5], sd, ndtr((limit - real[:, 0]) / sd),
+    )  # fmt: skip
+    return violations, _merged([least[k] for k in order], len(curves), len(curves[0]))
+
+
+def _nothing(wires: int) -> tuple[Floats, Ints]:
+    shape = (wires, len(KINDS))
+    return np.full(shape, np.inf), np.full(shape, -1, np.int64)
+
+
+def _merged(blocks: Sequence[Sequence[tuple[Floats, Ints]]], states: int, wires: int) -> Least:
+    """The least of all blocks."""
+    distance = np.full((states, wires, len(KINDS)), np.inf)
+    point = np.full(distance.shape, -1, np.int64)
+    for tables in blocks:
+        for state, (near, who) in enumerate(tables):
+            less = near < distance[state]
+            distance[state][less], point[state][less] = near[less], who[less]
+    return Least(distance, point)
+
+
+def clearance_sd(
+    curves: Sequence[Sequence[Catenary]], state: Ints, wire: Ints, u: Floats, point_sd: float
+) -> Floats:
+    """Standard deviation of distances from wires at u: that of the wire's height and of the point.
+
+    A wire whose uncertainty is not known counts as exact.
+    """
+    square = np.full(len(u), max(point_sd, 1e-6) ** 2)
+    for s, k in np.unique(np.column_stack([state, wire]), axis=0):
+        here = (state == s) & (wire == k)
+        sigma = curves[s][k].height_sigma(u[here])
+        square[here] += np.where(np.isfinite(sigma), sigma, 0.0) ** 2
+    return np.asarray(np.sqrt(square))
+
+
+def fall_in(
+    tops: Floats, height: Floats, curves: Sequence[Sequence[Catenary]], *, ctx: Context = QUIET
+) -> tuple[Floats, Ints, Ints, Floats]:
+    """How far trees stay away from the wires when they fall towards them.
+
+    A tree falls about its foot, right below its top, so its top sweeps a circle as wide as it is
+    high.
+
+    Parameters
+    ----------
+    tops : array of shape (n, 3), metres
+    height : array of shape (n,), metres
+
+    Returns
+    -------
+    arrays of shape (n,)
+        Distance of the nearest wire from the foot less the height, its index and state, and u.
+        Infinite and -1 where no wire is as near as the highest of the trees is high.
+    """
+    near = Near.of(curves, float(height.max(initial=0.0)))
+    foot = np.ascontiguousarray(tops[:, 2] - height)
+    left, u = np.full(len(tops), np.inf), np.zeros(len(tops))
+    wire, state = np.full(len(tops), -1, np.int64), np.zeros(len(tops), np.int64)
+    for number, wires in enumerate(map(rows_of, curves)):
+        own, real = np.empty(len(tops), np.int64), np.empty((len(tops), 2))
+
+        def work(first: int, last: int, wires: Floats = wires, own: Ints = own,
+                 real: Floats = real) -> None:  # fmt: skip
+            kernels.falls(
+                first, last, tops, foot, near.lattice, near.starts, near.candidates, wires, own,
+                real,
+            )  # fmt: skip
+
+        in_blocks(
+            work, len(tops), BLOCK, ctx.part(number / len(curves), (number + 1) / len(curves))
+        )
+        less = real[:, 0] - height < left
+        left[less], wire[less] = (real[:, 0] - height)[less], own[less]
+        state[less], u[less] = number, real[less, 1]
+    return left, wire, state, u

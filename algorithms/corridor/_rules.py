@@ -1,0 +1,199 @@
+"""Rule tables: how far which objects must keep from a conductor, by which source.
+
+The tables that are shipped lie beside this file, one CSV file per set. A table of a user has the
+same columns.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from toolbox.data import Table
+from toolbox.errors import DataError, nearest
+
+FOLDER = Path(__file__).with_name("rules")
+COLUMNS = (
+    *("id", "source", "date", "unit", "voltage_min", "voltage_max", "kind", "direction"),
+    *("threshold", "per_kv", "within", "severity", "confirmed", "note"),
+)
+NEEDED = ("id", "source", "date", "unit", "kind", "direction", "threshold", "severity", "confirmed")
+UNITS = {"m": 1.0, "ft": 0.3048}
+KINDS = ("tree", "building", "other", "unclassified", "ground", "water", "rail", "road")
+OBJECTS = KINDS[:4]
+DIRECTIONS = ("3-D", "vertical", "horizontal")
+SEVERITIES = ("critical", "warning", "watch")
+FARTHEST = 200.0  # metres that a rule may ask for
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One distance to keep, in metres.
+
+    Attributes
+    ----------
+    id, source, date, note : of the rule, as in the table
+    kind : of the objects that it holds for: one of KINDS, or "any" for whatever is no ground
+    direction : one of DIRECTIONS
+    threshold : what is nearer breaks the rule
+    within : of a vertical distance: it holds for what is no farther to the side than this; of a
+        horizontal one: for what is no farther above or below
+    severity : one of SEVERITIES
+    confirmed : whether the value was found in a document
+    """
+
+    id: str
+    source: str
+    date: str
+    kind: str
+    direction: str
+    threshold: float
+    within: float
+    severity: str
+    confirmed: bool
+    note: str = ""
+
+    def holds_for(self, kind: str) -> bool:
+        """Whether points of a kind must keep the distance.
+
+        What is not classified may be a tree or a building: rules for both hold for it.
+        """
+        if self.kind == "any":
+            return kind in OBJECTS
+        return kind == self.kind or (kind == "unclassified" and self.kind in OBJECTS)
+
+
+def shipped() -> tuple[str, ...]:
+    """Names of the rule sets of the toolbox."""
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.csv")))
+
+
+def unknown_set(name: str) -> str:
+    """What is wrong with the name of a set; empty if nothing is."""
+    if name in shipped():
+        return ""
+    return f"no rule set {name!r}; there are {', '.join(shipped())}{nearest(name, shipped())}"
+
+
+def rule_set(name: str) -> Table:
+    """A table of the toolbox."""
+    return Table.open(FOLDER / f"{name}.csv")
+
+
+def single(distance: float) -> list[Rule]:
+    """The rule that any object keeps one distance, in metres."""
+    source = "given as the parameter distance"
+    return [Rule("distance", source, "", "any", "3-D", distance, 0.0, "critical", confirmed=True)]
+
+
+def rules_of(table: Table, voltage: float | None) -> list[Rule]:
+    """The rules of a table that hold for a voltage.
+
+    Parameters
+    ----------
+    table : with the columns COLUMNS; those that are not in NEEDED may be missing
+    voltage : between two phases, kV; None where no rule depends on it
+
+    Raises
+    ------
+    DataError
+        A column or value is missing or wrong, the rules depend on the voltage and none is given, or
+        none of them holds for it. All that is wrong is told at once.
+    """
+    missing = [name for name in NEEDED if name not in table.frame.columns]
+    if missing:
+        raise DataError(f"{table.name}: no column {', '.join(missing)}; a rule needs them")
+    if not len(table):
+        raise DataError(f"{table.name}: there are no rules")
+    rows = table.frame.to_dict("records")
+    wrong = [
+        f"row {number}: {problem}"
+        for number, row in enumerate(rows, start=1)
+        for problem in _problems(row)
+    ]
+    ids = [str(row["id"]) for row in rows]
+    wrong += [
+        f"id {name!r} is there twice" for name in sorted({i for i in ids if ids.count(i) > 1})
+    ]
+    if wrong:
+        raise DataError(f"{table.name}: " + "; ".join(wrong))
+    classes = [_voltages(row) for row in rows]
+    depends = any(low > 0 or high < math.inf for low, high in classes)
+    if depends and voltage is None:
+        raise DataError(f"{table.name}: its rules depend on the voltage of the line; give voltage")
+    at = voltage or 0.0
+    chosen = [
+        _rule(row, at)
+        for row, (low, high) in zip(rows, classes, strict=True)
+        if not depends or low <= at <= high
+    ]
+    if not chosen:
+        spans = ", ".join(sorted({f"{low:g}-{high:g}" for low, high in classes}))
+        raise DataError(f"{table.name}: no rule holds for {voltage:g} kV; there are {spans} kV")
+    return chosen
+
+
+def _problems(row: Mapping[Any, Any]) -> list[str]:
+    """All that is wrong with one row."""
+    found = [f"{name} is empty" for name in NEEDED if pd.isna(row[name]) or row[name] == ""]
+    choices = {"unit": tuple(UNITS), "direction": DIRECTIONS, "severity": SEVERITIES,
+               "kind": (*KINDS, "any")}  # fmt: skip
+    for name, words in choices.items():
+        if not pd.isna(row[name]) and row[name] not in words:
+            found.append(f"{name} must be one of {', '.join(words)}, got {row[name]!r}")
+    for name in ("threshold", "per_kv", "within", "voltage_min", "voltage_max"):
+        value = row.get(name)
+        if not _is_missing(value) and not _is_number(value):
+            found.append(f"{name} must be a number of at least 0, got {value!r}")
+    if _is_number(row["threshold"]) and row["unit"] in UNITS:
+        metres = float(row["threshold"]) * UNITS[row["unit"]]
+        if not 0 < metres <= FARTHEST:
+            found.append(f"threshold must be above 0 and at most {FARTHEST:g} m, got {metres:g} m")
+    low: Any = row.get("voltage_min")
+    high: Any = row.get("voltage_max")
+    if _is_number(low) and _is_number(high) and float(low) > float(high):
+        found.append(f"voltage_min {low} is above voltage_max {high}")
+    if str(row["confirmed"]).lower() not in ("true", "false") and not pd.isna(row["confirmed"]):
+        found.append(f"confirmed must be true or false, got {row['confirmed']!r}")
+    return found
+
+
+def _is_missing(value: Any) -> bool:
+    return value is None or bool(pd.isna(value))
+
+
+def _is_number(value: Any) -> bool:
+    if _is_missing(value) or isinstance(value, bool | str):
+        return False
+    return math.isfinite(value) and value >= 0
+
+
+def _voltages(row: Mapping[Any, Any]) -> tuple[float, float]:
+    low: Any = row.get("voltage_min")
+    high: Any = row.get("voltage_max")
+    return 0.0 if _is_missing(low) else float(low), math.inf if _is_missing(high) else float(high)
+
+
+def _rule(row: Mapping[Any, Any], voltage: float) -> Rule:
+    unit = UNITS[row["unit"]]
+    more = 0.0 if _is_missing(row.get("per_kv")) else float(row["per_kv"])
+    threshold = (float(row["threshold"]) + more * voltage) * unit
+    within: Any = row.get("within")
+    note = row.get("note")
+    return Rule(
+        str(row["id"]), str(row["source"]), str(row["date"]), row["kind"], row["direction"],
+        threshold, threshold if _is_missing(within) else float(within) * unit,
+        row["severity"], str(row["confirmed"]).lower() == "true",
+        "" if _is_missing(note) else str(note),
+    )  # fmt: skip
+
+
+def reach_of(rules: Sequence[Rule]) -> float:
+    """How far to the side of a conductor any of the rules looks, in metres."""
+    sideways = [r.within if r.direction == "vertical" else r.threshold for r in rules]
+    return max(sideways, default=0.0)

@@ -1,0 +1,420 @@
+"""corridor.clearance: distances with known answers, rules, states of the wires, objects."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from pyproj import CRS
+
+import toolbox
+from algorithms.corridor._catenary import Catenary
+from algorithms.corridor._distances import distances, fall_in, find_violations
+from algorithms.corridor._lines import wire_layer
+from algorithms.corridor._objects import groups, tree_tops
+from algorithms.corridor._rules import KINDS, Rule, rule_set, rules_of, shipped
+from algorithms.corridor._sag import (
+    Conductor,
+    State,
+    conductor_of,
+    conductor_temperature,
+    cooling,
+    in_state,
+)
+from algorithms.corridor._spans import Wire
+from toolbox.data import PointCloud, Table, Vector
+from toolbox.errors import DataError, ParameterError
+
+EAST, NORTH = 500_000.0, 4_600_000.0
+LEVEL = Catenary(0.0, 0.0, 1.0, 0.0, 300.0, 30.0, 30.0, 1 / 1100.0)
+SLOPING = Catenary(10.0, 20.0, 0.6, 0.8, 320.0, 40.0, 52.0, 1 / 900.0, v0=0.1, v1=0.002, swing=0.2)
+SLACK = Catenary(0.0, 0.0, 0.0, 1.0, 60.0, 12.0, 9.0, 1 / 25.0, swing=0.3)
+DRAKE = conductor_of("Drake")
+
+
+def layer(*curves: Catenary, crs: int = 32635, metre: float = 1.0) -> Vector:
+    """Wires of spans 1, 2, ... near EAST, NORTH, in the unit of the CRS."""
+    wires = [
+        Wire(
+            replace(c, covariance=np.diag([4e-4, 4e-4, 1e-14])), (-1, -1), (0.0, c.length), n, n, n
+        )
+        for n, c in enumerate(curves, start=1)
+    ]
+    return wire_layer(wires, np.array([EAST, NORTH, 0.0]) * metre, metre, CRS(crs))
+
+
+def cloud(xyz: Any, classes: Any, **columns: Any) -> PointCloud:
+    xyz = np.asarray(xyz, float).reshape(-1, 3) + np.array([EAST, NORTH, 0.0])
+    classes = np.broadcast_to(np.asarray(classes, np.uint8), len(xyz))
+    return PointCloud(xyz, {"classification": classes, **columns}, crs=CRS(32635), name="a.laz")
+
+
+def blob(x: float, y: float, z: float, count: int = 5) -> list[tuple[float, float, float]]:
+    """Points of which the first is the highest."""
+    return [(x, y, z - 0.1 * k) for k in range(count)]
+
+
+def flat() -> list[tuple[float, float, float]]:
+    """Ground at height 0 below LEVEL."""
+    x, y = np.meshgrid(np.arange(-20.0, 321.0, 1.0), np.arange(-45.0, 46.0, 1.0))
+    return [*zip(x.ravel(), y.ravel(), np.zeros(x.size), strict=True)]
+
+
+def run(points: PointCloud, *curves: Catenary, **settings: Any) -> dict[str, Any]:
+    sources = {"points": points, "wires": layer(*(curves or (LEVEL,)))}
+    return dict(toolbox.run("corridor.clearance", sources | settings))
+
+
+def rule(**changes: Any) -> Rule:
+    made = Rule("r", "s", "d", "any", "3-D", 5.0, 5.0, "critical", confirmed=True)
+    return replace(made, **changes)
+
+
+@pytest.mark.parametrize("curve", [LEVEL, SLOPING, SLACK])
+def test_distances_are_those_of_a_dense_search(curve: Catenary) -> None:
+    """Every millimetre of the wire is looked at in place of solving."""
+    rng = np.random.default_rng(1)
+    u = rng.uniform(-0.1, 1.1, 40) * curve.length
+    xyz = curve.points(np.clip(u, 0, curve.length)) + rng.normal(0, 12, (40, 3))
+    found = distances(xyz, curve)
+    line = curve.points(np.linspace(0, curve.length, 300_001))
+    for point, (space, vertical, plan, _) in zip(xyz, found, strict=True):
+        away = np.linalg.norm(line - point, axis=1)
+        assert space == pytest.approx(away.min(), abs=1e-5)
+        beside = np.linalg.norm(line[:, :2] - point[:2], axis=1)
+        assert plan == pytest.approx(beside.min(), abs=1e-5)
+        assert vertical == pytest.approx(line[beside.argmin(), 2] - point[2], abs=2e-3)
+
+
+def test_distance_below_the_lowest_point_is_the_height_difference() -> None:
+    low = LEVEL.height(np.array(150.0))
+    ((space, vertical, plan, u),) = distances(np.array([[150.0, 0.0, low - 7.25]]), LEVEL)
+    assert (space, vertical, plan, u) == pytest.approx((7.25, 7.25, 0.0, 150.0), abs=1e-6)
+
+
+def test_beyond_the_end_the_end_is_nearest() -> None:
+    ((space, _, plan, u),) = distances(np.array([[304.0, 3.0, 30.0]]), LEVEL)
+    assert (space, plan, u) == pytest.approx((5.0, 5.0, 300.0))
+
+
+def test_the_severest_rule_wins_then_the_one_broken_worst() -> None:
+    rules = [
+        rule(id="far", threshold=20.0, severity="warning"),
+        rule(id="near", threshold=6.0),
+        rule(id="nearer", threshold=8.0),
+    ]
+    low = float(LEVEL.height(np.array(150.0)))
+    xyz = np.array([[150.0, 0, low - d] for d in (5.0, 7.0, 12.0, 25.0)])
+    kind = np.full(4, KINDS.index("tree"), np.int8)
+    found, least = find_violations(xyz, kind, [[LEVEL]], rules, reach=20, point_sd=0.05)
+    assert [rules[r].id for r in found.rule] == ["nearer", "nearer", "far"]
+    np.testing.assert_allclose(found.measure, [5.0, 7.0, 12.0], atol=1e-9)
+    assert least.distance[0, 0, KINDS.index("tree")] == pytest.approx(5.0)
+
+
+def test_vertical_and_horizontal_rules_look_in_their_strip_alone() -> None:
+    rules = [
+        rule(id="v", direction="vertical", threshold=6.0, within=2.0),
+        rule(id="h", direction="horizontal", threshold=3.0, within=1.0),
+    ]
+    low = float(LEVEL.height(np.array(150.0)))
+    places = [(150, 1.9, low - 5), (150, 2.1, low - 5), (150, 2.5, low - 0.5), (150, 2.5, low - 2)]
+    kind = np.full(4, KINDS.index("building"), np.int8)
+    found, _ = find_violations(np.array(places, float), kind, [[LEVEL]], rules, reach=9, point_sd=0)
+    assert [(int(p), rules[r].id) for p, r in zip(found.point, found.rule, strict=True)] == [
+        (0, "v"), (2, "h"),
+    ]  # fmt: skip
+    np.testing.assert_allclose(found.measure, [5.0, 2.5], atol=0.002)
+
+
+def test_probability_is_one_half_at_the_limit_and_follows_the_normal_law() -> None:
+    low = float(LEVEL.height(np.array(150.0)))
+    sure = replace(LEVEL, covariance=np.zeros((3, 3)))
+    xyz = np.array([[150.0, 0, low - d] for d in (5.0 - 1e-9, 4.9)])
+    kind = np.zeros(2, np.int8)
+    found, _ = find_violations(xyz, kind, [[sure]], [rule()], reach=9, point_sd=0.1)
+    np.testing.assert_allclose(found.sd, 0.1)
+    np.testing.assert_allclose(found.probability, [0.5, 0.841345], atol=1e-5)
+
+
+def test_uncertainty_of_the_wire_is_part_of_that_of_the_clearance() -> None:
+    loose = replace(LEVEL, covariance=np.diag([0.04, 0.04, 0.0]))  # both ends: 0.2 m
+    low = float(LEVEL.height(np.array(150.0)))
+    found, _ = find_violations(
+        np.array([[150.0, 0, low - 4]]), np.zeros(1, np.int8), [[loose]], [rule()],
+        reach=9, point_sd=0.1,
+    )  # fmt: skip
+    assert found.sd[0] == pytest.approx(math.sqrt(0.04 / 2 + 0.01), rel=1e-3)
+
+
+def test_re_sag_of_the_worked_case() -> None:
+    """320 m, 9.2 m of sag, 15 to 100 degrees: 2.7 m more (DEM handbook, chapter 33)."""
+    curve = Catenary(0, 0, 1, 0, 320.0, 40.0, 40.0, 1 / 1392.835)
+    assert curve.sag == pytest.approx(9.2, abs=1e-4)
+    hot = in_state(curve, DRAKE, State("hot", 100.0), surveyed=15.0)
+    assert hot.sag - curve.sag == pytest.approx(2.7, abs=0.1)
+    same = in_state(curve, DRAKE, State("same", 15.0), surveyed=15.0)
+    assert same.curvature == pytest.approx(curve.curvature, rel=1e-9)
+
+
+def test_a_wire_that_cannot_stretch_keeps_its_heated_length() -> None:
+    stiff = Conductor("stiff", 0.03, 15.0, 1e15, 2e-5)
+    hot = in_state(SLOPING_CALM, stiff, State("hot", 65.0), surveyed=15.0)
+    assert hot.arc == pytest.approx(SLOPING_CALM.arc * 1.001, rel=1e-9)
+    assert (hot.z_start, hot.z_end) == (SLOPING_CALM.z_start, SLOPING_CALM.z_end)
+
+
+SLOPING_CALM = replace(SLOPING, swing=0.0, v1=0.0, v0=0.0)
+
+
+def test_wind_swings_by_load_over_weight_and_keeps_the_length_of_a_stiff_wire() -> None:
+    stiff = Conductor("stiff", 0.028, 15.0, 1e15, 0.0)
+    blown = in_state(LEVEL, stiff, State("wind", None, 15.0), surveyed=15.0)
+    load = 0.5 * 1.225 * 0.028 * 225
+    assert blown.swing == pytest.approx(load / 15.0)
+    line = blown.points(np.linspace(0, 300, 20_001))
+    length = np.linalg.norm(np.diff(line, axis=0), axis=1).sum()
+    assert length == pytest.approx(LEVEL.arc, abs=2e-3)
+    other = in_state(LEVEL, stiff, State("wind", None, -15.0), surveyed=15.0)
+    assert other.offset(np.array(150.0)) == pytest.approx(-blown.offset(np.array(150.0)))
+    assert blown.offset(np.array(150.0)) > 2
+
+
+def test_uncertain_temperature_makes_the_sag_uncertain() -> None:
+    exact = replace(LEVEL, covariance=np.zeros((3, 3)))
+    warm = [
+        in_state(exact, DRAKE, State("hot", 80.0), surveyed=t, surveyed_sd=5.0)
+        for t in (10, 15, 20)
+    ]
+    sd = float(warm[1].height_sigma(np.array([150.0]))[0])
+    assert sd == pytest.approx((warm[0].sag - warm[2].sag) / 2, rel=0.05)
+
+
+def test_ruling_span_shares_the_tension() -> None:
+    hot = State("hot", 90.0)
+    alone = in_state(LEVEL, DRAKE, hot, surveyed=15.0)
+    same = in_state(LEVEL, DRAKE, hot, surveyed=15.0, ruling_span=300.0)
+    longer = in_state(LEVEL, DRAKE, hot, surveyed=15.0, ruling_span=400.0)
+    assert same.curvature == pytest.approx(alone.curvature, rel=1e-9)
+    assert longer.sag < alone.sag  # longer spans lose less of their tension
+
+
+def test_ieee_738_heats_drake_to_100_degrees() -> None:
+    """The example of the standard: 1025 A at 40 degrees, 0.61 m/s."""
+    wire = Conductor("Drake", 0.02812, 16.0, 1.0, 1.0, (7.283e-5, 8.688e-5))
+    assert cooling(0.02812, 100.7, 40.0, 0.61, 0.0) == pytest.approx(83.061, abs=0.5)
+    sun = 22.44 / (0.8 * 0.02812)  # W/m of the example
+    found = conductor_temperature(wire, current=1025, air=40, wind=0.61, sun=sun)
+    assert found == pytest.approx(100.0, abs=0.5)
+    with pytest.raises(DataError, match="resistance is not known"):
+        conductor_temperature(conductor_of("Aster 600"), current=1, air=0, wind=0, sun=0)
+
+
+def test_a_falling_tree_reaches_as_far_as_it_is_high() -> None:
+    low = float(LEVEL.height(np.array(150.0)))
+    for height, hits in (
+        (math.hypot(15.0, low) + 0.01, True),
+        (math.hypot(15.0, low) - 0.01, False),
+    ):
+        left, wire, _, u = fall_in(np.array([[150.0, 15.0, height]]), np.array([height]), [[LEVEL]])
+        assert (left[0] < 0) == hits
+        assert abs(left[0]) == pytest.approx(0.01, abs=1e-6)
+        assert (wire[0], u[0]) == (0, pytest.approx(150.0))
+
+
+def test_tops_are_local_and_high() -> None:
+    xyz = np.array([[0, 0, 9.0], [2, 0, 8.0], [6, 0, 7.0], [20, 0, 2.0]])
+    assert tree_tops(xyz, xyz[:, 2]).tolist() == [0, 2]
+    assert tree_tops(xyz, np.full(4, np.nan)).tolist() == []
+
+
+def test_groups_are_chains_of_one_kind() -> None:
+    xyz = np.array([[0, 0, 0], [0.9, 0, 0], [1.8, 0, 0], [9, 0, 0], [9.1, 0, 0]])
+    found = groups(xyz, np.array([0, 0, 0, 0, 1]), 1.0)
+    assert len(set(found[:3])) == 1
+    assert len(set(found)) == 3
+
+
+def test_objects_with_their_distance_rule_and_height() -> None:
+    low = float(LEVEL.height(np.array(150.0)))
+    trees = [*blob(150, 0, low - 4.0), *blob(80, 3.0, float(LEVEL.height(np.array(80.0))))]
+    ground = flat()
+    result = run(cloud([*trees, *ground], [5] * 10 + [2] * len(ground)), distance=5.0)
+    frame = result["objects"].frame
+    assert frame.clearance.to_list() == pytest.approx([3.0, 4.0], abs=0.01)
+    tall = [float(LEVEL.height(np.array(80.0))), low - 4.0]
+    assert frame.height.to_list() == pytest.approx(tall, abs=0.02)
+    assert frame.rule.to_list() == ["distance"] * 2
+    assert frame.severity.to_list() == ["critical"] * 2
+    assert frame.geometry.x.to_list() == pytest.approx([EAST + 80, EAST + 150], abs=0.01)
+    assert result["least_clearance"] == pytest.approx(3.0, abs=0.01)
+    assert (result["object_count"], result["critical_count"]) == (2, 2)
+    found = result["violations"]
+    assert len(found) == 10
+    assert set(found["object_id"]) == {1, 2}
+    assert found["distance"].min() == pytest.approx(3.0, abs=0.01)
+    spans = result["spans"].frame
+    assert spans.tree.to_list() == pytest.approx([3.0], abs=0.01)
+    assert spans.ground.to_list() == pytest.approx([low], abs=0.05)
+    assert spans.sag.to_list() == pytest.approx([LEVEL.sag])
+
+
+def test_what_is_of_the_line_or_noise_is_no_violation_and_told() -> None:
+    low = float(LEVEL.height(np.array(150.0)))
+    near = blob(150, 0, low - 1.0)
+    for code in (7, 13, 14, 15, 16, 18):
+        result = run(cloud(near, code), distance=5.0)
+        assert result["object_count"] == 0
+        assert ": 0 critical" in result["report"].summary
+    on_wire, at_end = blob(150, 0, low + 0.3), blob(299, 0, 28.0)
+    assert run(cloud(on_wire + at_end, 1), distance=5.0)["object_count"] == 0
+    page = run(cloud(on_wire + at_end, 1), distance=5.0)["report"].html()
+    assert "10 points without a class, on a wire or at a support" in page
+    assert run(cloud(on_wire + at_end, 5), distance=5.0)["object_count"] == 2
+
+
+def test_points_without_a_class_keep_the_rules_for_trees_and_buildings() -> None:
+    table = Table(pd.DataFrame([row(kind="building"), row(id="b", kind="ground")]))
+    low = float(LEVEL.height(np.array(150.0)))
+    for code, count in ((1, 1), (6, 1), (5, 0), (2, 1)):
+        made = run(cloud(blob(150, 0, low - 2), code), rule_table=table, falling=False)
+        assert made["object_count"] == count, code
+
+
+def test_hot_and_windy_wires_come_nearer() -> None:
+    low = float(LEVEL.height(np.array(150.0)))
+    below, beside = blob(150, 0, low - 6.0), blob(150, 6.0, low + 1.0)
+    points = cloud(below + beside, 5)
+    calm = run(points, distance=5.0)
+    assert calm["object_count"] == 0
+    states = {"conductor": "Drake", "survey_temperature": 15.0, "temperature": 90.0, "wind": 20.0}
+    result = run(points, distance=5.0, **states)
+    frame = result["objects"].frame
+    assert set(frame.state) == {"90 C", "wind 20 m/s to the left"}
+    assert len(result["spans"]) == 4
+    by_state = result["spans"].frame.set_index("state")
+    assert by_state.sag["90 C"] > by_state.sag["survey"] + 1.5
+    assert by_state.clearance["90 C"] < by_state.clearance["survey"] - 1.5
+    assert by_state.clearance_sd["90 C"] > by_state.clearance_sd["survey"]
+
+
+def test_falling_trees_are_watched_unless_they_are_too_near_already() -> None:
+    ground = flat()
+    tall = [*blob(150, 15, 34.0), *blob(60, -16, 15.0), *blob(200, 1.0, 18.0)]
+    points = cloud([*tall, *ground], [5] * 15 + [2] * len(ground))
+    result = run(points, distance=5.0)
+    frame = result["objects"].frame
+    assert frame.rule.to_list() == ["distance", "falling"]
+    low = LEVEL.height(np.array(150.0))
+    assert frame.clearance[1] == pytest.approx(math.hypot(15, low) - 34.0, abs=0.1)
+    assert frame.severity[1] == "watch"
+    assert run(points, distance=5.0, falling=False)["object_count"] == 1
+
+
+def test_feet_and_metres_agree() -> None:
+    foot = 1200 / 3937
+    low = float(LEVEL.height(np.array(150.0)))
+    metres = cloud(blob(150, 0, low - 4.0), 5)
+    feet = PointCloud(
+        metres.xyz / foot, {"classification": metres["classification"]}, crs=CRS(2263)
+    )
+    wires = layer(LEVEL, crs=2263, metre=1 / foot)
+    result = toolbox.run("corridor.clearance", {"points": feet, "wires": wires, "distance": 5.0})
+    assert result["least_clearance"] == pytest.approx(4.0, abs=1e-6)
+    assert result["objects"].frame.clearance[0] == pytest.approx(4.0, abs=1e-6)
+
+
+def test_no_wires_is_an_empty_answer() -> None:
+    result = toolbox.run(
+        "corridor.clearance",
+        {"points": cloud(blob(0, 0, 9), 5), "wires": wire_layer([], np.zeros(3), 1.0, CRS(32635))},
+    )
+    assert (len(result["violations"]), len(result["objects"]), len(result["spans"])) == (0, 0, 0)
+    assert result["least_clearance"] is None
+    assert "no wires" in result["report"].summary
+
+
+def row(**changes: Any) -> dict[str, Any]:
+    """A rule as it stands in a table."""
+    made = {
+        "id": "a", "source": "us", "date": "2024", "unit": "m", "voltage_min": None,
+        "voltage_max": None, "kind": "tree", "direction": "3-D", "threshold": 5.0, "within": None,
+        "severity": "critical", "confirmed": True,
+    }  # fmt: skip
+    return made | changes
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_tables_of_the_toolbox_are_sound(name: str) -> None:
+    table = rule_set(name)
+    frame = table.frame
+    voltages = pd.concat([frame.voltage_min, frame.voltage_max]).dropna()
+    for voltage in [None] if voltages.empty else voltages:
+        rules = rules_of(table, voltage)
+        assert all(r.source and r.threshold > 0 for r in rules)
+    assert all(
+        frame.note[~frame.confirmed].str.contains("look", case=False)
+        | frame.note[~frame.confirmed].str.contains("ask for more")
+    )
+
+
+def test_values_of_known_rules() -> None:
+    (mvcd,) = rules_of(rule_set("nerc_fac_003"), 345)
+    assert (mvcd.threshold, mvcd.confirmed) == (pytest.approx(1.31064), True)
+    by_id = {r.id: r for r in rules_of(rule_set("ch_lev"), 220)}
+    assert by_id["lev-38-direct"].threshold == pytest.approx(4.7)
+    assert [r.threshold for r in rules_of(rule_set("thesis"), None)] == [20.0, 30.0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"source": None}, "source is empty"),
+        ({"unit": "cm"}, "unit must be one of m, ft"),
+        ({"direction": "up"}, "direction must be one of"),
+        ({"kind": "cow"}, "kind must be one of"),
+        ({"severity": "bad"}, "severity must be one of"),
+        ({"threshold": -1.0}, "threshold must be"),
+        ({"threshold": 0.0}, "threshold must be above 0"),
+        ({"voltage_min": 9.0, "voltage_max": 1.0}, "voltage_min 9.0 is above"),
+        ({"confirmed": "perhaps"}, "confirmed must be true or false"),
+    ],
+)
+def test_wrong_rows_are_named(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(DataError, match=f"row 1: {message}"):
+        rules_of(Table(pd.DataFrame([row(**changes)])), None)
+
+
+def test_wrong_tables_are_named() -> None:
+    with pytest.raises(DataError, match="no column source"):
+        rules_of(Table(pd.DataFrame([row()]).drop(columns="source")), None)
+    with pytest.raises(DataError, match="id 'a' is there twice"):
+        rules_of(Table(pd.DataFrame([row(), row()])), None)
+    with pytest.raises(DataError, match="give voltage"):
+        rules_of(rule_set("ekaty"), None)
+    with pytest.raises(DataError, match="no rule holds for 5000 kV"):
+        rules_of(rule_set("ekaty"), 5000)
+
+
+def test_wrong_settings_are_named() -> None:
+    points = cloud(blob(0, 0, 9), 5)
+    for settings, message in (
+        ({"rules": "nerc"}, "no rule set 'nerc'"),
+        ({"rules": "ekaty"}, "give voltage"),
+        ({"temperature": 80.0}, "conductor: is needed"),
+        ({"temperature": 80.0, "conductor": "Drake"}, "survey_temperature: is needed"),
+        ({"wind_temperature": 20.0}, "wind_temperature: is for wind"),
+        ({"conductor": "Duck"}, "no conductor 'Duck'"),
+    ):
+        with pytest.raises((ParameterError, DataError), match=message):
+            run(points, **settings)
+    bare = PointCloud(points.xyz, {}, crs=points.crs, name="bare.laz")
+    with pytest.raises(DataError, match="no classification"):
+        run(bare)
+    lines = Vector(layer(LEVEL).frame[["wire_id", "geometry"]], name="lines.kml")
+    with pytest.raises(DataError, match="wires: no column span_id"):
+        toolbox.run("corridor.clearance", {"points": points, "wires": lines})

@@ -139,7 +139,7 @@ class CorridorClearance:
     )  # fmt: skip
     attachment: float = param(
         "Points without a class that are nearer to the end of a wire are of its support",
-        default=3.0, unit="m", ge=0.0, le=20.0,
+        default=5.0, unit="m", ge=0.0, le=20.0,
     )  # fmt: skip
     object_gap: float = param(
         "Points that are farther apart are of different objects", default=2.0, unit="m", gt=0.0,

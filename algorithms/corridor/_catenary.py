@@ -93,6 +93,11 @@ class Catenary:
         k, u0 = self.curvature, self.u0
         return (math.sinh(k * (self.length - u0)) + math.sinh(k * u0)) / k
 
+    @property
+    def variance_of_curvature(self) -> float:
+        """Of the fit, 1 / square metre; infinite where nothing is known of it."""
+        return math.inf if self.covariance is None else float(self.covariance[2, 2])
+
     def height(self, u: Floats) -> Floats:
         """Height at u, for arrays of any shape."""
         return _heights(u, self.length, self.z_start, self.z_end, self.curvature)

@@ -23,7 +23,9 @@ from algorithms.corridor._trace import TUBE, Airborne
 CLEAR, CLEAR_STRONG = 0.65, 0.7  # share of a curve along which it stands out from its surroundings
 STRONG = 30.0  # metres from which a curve is a wire by itself
 SHORT, FINE, MANY = 18.0, 0.075, 20  # metres, metres, points: a shorter one must be clear
-LEAST_POINTS, ROUGH = 7, 0.25  # metres: scatter of anything that may be wire
+TIGHTEST_C, STRAIGHT_SIGMAS = 5000.0, 3.0  # metres: most tension over weight
+BLADE, CARRYING = (0.3, 5.0, 5.0), 0.4  # half width, depth, step in metres; share of steps
+LEAST_POINTS, ROUGH = 7, 0.2  # metres: scatter of anything that may be wire
 STEEPEST = 0.7  # rise over run of the chord
 FATTEST = 30.0  # metres: least c of a wire
 JOIN, JOIN_ASIDE, JOIN_HEIGHT = 14.0, 3.0, 1.5  # metres, between wires that meet at a support
@@ -124,11 +126,15 @@ def pieces_of(scene: Scene, curves: Sequence[tuple[Floats, Ints]]) -> list[Piece
         piece = Piece(points, catenary)
         if len(points) < LEAST_POINTS or catenary.rms > ROUGH:
             continue
+        if is_straight(catenary):
+            continue
         fine = curve[kernels.RMS] < FINE and len(points) >= MANY and clear >= 0.9
         sure = clear >= CLEAR_STRONG and length >= (SHORT if fine else STRONG)
         (strong if sure else weak).append(piece)
     wires = connected(strong, weak)
-    return joined(scene, [arc for piece in wires for arc in arcs_of(scene, piece)])
+    arcs = joined(scene, [arc for piece in wires for arc in arcs_of(scene, piece)])
+    scene.take(arc.curve for arc in arcs)
+    return [arc for arc in arcs if not carries(scene, arc.curve)]
 
 
 def clearness(scene: Scene, curve: Floats, count: int) -> float:
@@ -146,6 +152,29 @@ def is_no_wire(catenary: Catenary, curve: Floats) -> bool:
     sigma = catenary.rms / math.sqrt(max(catenary.count, 1))
     drop = -float(curve[kernels.Z0 + 2])
     return catenary.c < FATTEST or drop > max(0.1, 6 * sigma)
+
+
+def is_straight(curve: Catenary) -> bool:
+    """Whether a curve sags less than the tightest wire, for certain: a rail, a bar or a tie."""
+    return curve.sag + STRAIGHT_SIGMAS * curve.sigmas()["sag"] < curve.length**2 / (8 * TIGHTEST_C)
+
+
+def carries(scene: Scene, curve: Catenary) -> bool:
+    """Whether something hangs from a curve all along, as from a bridge cable or over a railway.
+
+    Points just below it in its vertical plane, and not beside that, are hangers or a contact wire.
+    """
+    width, depth, step = BLADE
+    near, _ = scene.air.around(curve, depth + width)
+    near = near[scene.free[near]]
+    u, v, z = curve.residuals(scene.air.xyz[near])
+    below = (z < -2 * scene.tolerance) & (z > -depth)
+    bins = max(1, round(curve.length / step))
+    place = np.clip((u / curve.length * bins).astype(np.int64), 0, bins - 1)
+    blade = np.bincount(place[below & (np.abs(v) < width)], minlength=bins)
+    beside = below & (np.abs(v) > 2 * width) & (np.abs(v) < 4 * width)
+    around = np.bincount(place[beside], minlength=bins)
+    return bool(np.mean((blade >= 2) & (blade > around)) > CARRYING)
 
 
 def connected(strong: list[Piece], weak: list[Piece]) -> list[Piece]:
@@ -345,6 +374,7 @@ def supports_of(scene: Scene, pieces: Sequence[Piece]) -> list[Support]:
     ----------
     scene : whose points around the curves are taken
     """
+    scene.free[:] = True
     scene.take(piece.curve for piece in pieces)
     hints = hints_of(pieces)
     found = []

@@ -25,6 +25,8 @@ from algorithms.corridor._network import (
     CUSP_SIGMAS,
     FARTHEST,
     PARALLEL,
+    STRAIGHT_SIGMAS,
+    TIGHTEST_C,
     TWIN,
     Piece,
     Scene,
@@ -101,13 +103,34 @@ def spans_of(
         supports = sorted([*moved, *more], key=lambda s: (s.x, s.y))
     found: list[Wire] = []
     bundle = 0
+    spans = [wires for wires in spans if not are_straight(wires)]
     for span, wires in enumerate(spans):
         for wire in wires:
             for strand in strands(scene, wire):
                 whole = to_supports(strand, supports)
                 found.append(replace(whole, span=span, bundle=bundle))
             bundle += 1
-    return numbered(found, supports), list(supports)
+    return with_supports(numbered(found, supports), supports)
+
+
+def are_straight(wires: Sequence[Wire]) -> bool:
+    """Whether all wires of a span together sag less than the tightest wires, for certain."""
+    curvature = np.array([wire.curve.curvature for wire in wires])
+    weight = 1 / np.array([wire.curve.variance_of_curvature for wire in wires])
+    mean = float((weight * curvature).sum() / weight.sum())
+    return mean + STRAIGHT_SIGMAS / math.sqrt(weight.sum()) < 1 / TIGHTEST_C
+
+
+def with_supports(
+    wires: Sequence[Wire], supports: Sequence[Support]
+) -> tuple[list[Wire], list[Support]]:
+    """The wires, and the supports that hold any of them, numbered anew."""
+    held = sorted({number for wire in wires for number in wire.supports if number >= 0})
+    new = {-1: -1} | {number: k for k, number in enumerate(held)}
+    renamed = [
+        replace(wire, supports=(new[wire.supports[0]], new[wire.supports[1]])) for wire in wires
+    ]
+    return renamed, [supports[number] for number in held]
 
 
 def bundles_of(

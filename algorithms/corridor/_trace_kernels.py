@@ -45,11 +45,11 @@ def crowding(keys, masks, offsets, first, last, out):  # type: ignore[no-untyped
 
 @helper
 def _cells(x, y, radius, west, south, cell, rows, cols):  # type: ignore[no-untyped-def]
-    """First and last row and column of a square around a place."""
-    r0 = max(0, int((y - radius - south) / cell))
-    r1 = min(rows - 1, int((y + radius - south) / cell))
-    c0 = max(0, int((x - radius - west) / cell))
-    c1 = min(cols - 1, int((x + radius - west) / cell))
+    """First and last row and column of a square around a place; those of the edge beyond it."""
+    r0 = min(max(0, int((y - radius - south) / cell)), rows - 1)
+    r1 = max(0, min(rows - 1, int((y + radius - south) / cell)))
+    c0 = min(max(0, int((x - radius - west) / cell)), cols - 1)
+    c1 = max(0, min(cols - 1, int((x + radius - west) / cell)))
     return r0, r1, c0, c1
 
 

@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._follow import follow
 from algorithms.corridor._lines import tower_layer, wire_layer
-from algorithms.corridor._network import Scene, Support
+from algorithms.corridor._network import STRONG, Scene, Support
 from algorithms.corridor._spans import Wire
 from algorithms.corridor._towers import Tower, insulators, tower_of
-from algorithms.corridor._trace import Airborne, uncrowded
+from algorithms.corridor._trace import Airborne, trace_all, uncrowded
 from algorithms.ground.classify import Terrain, find_terrain, height_above
 from algorithms.shared.ground import may_be_ground, taking_part
 from toolbox.context import QUIET, Context, log
@@ -42,6 +42,7 @@ WIRE, TOWER, OTHER = np.uint8(14), np.uint8(15), np.uint8(1)  # ASPRS classes
 LINE_CLASSES = (13, 14, 15, 16)  # given anew: wire guard, conductor, tower, connector
 OFF_GROUND = 0.4  # metres, from which a point can be of a tower
 SEEN_CELL = 2.0  # metres
+MOSTLY = 0.5  # of the points
 TUBE, TUBE_LEAST, TUBE_MOST = 2.6, 0.12, 0.45  # of the scatter of a wire; metres
 
 Floats = NDArray[np.float64]
@@ -229,6 +230,7 @@ def find_line(
     scene = Scene(air, height, high.select(alone), tolerance, _elevation(terrain, origin), seen)
     wires, supports = follow(scene, voxel[alone], max_gap, ctx.part(0.45, 0.9))
     if not wires:
+        require_ground((xyz[part] - origin) / metre, tolerance, max_gap)
         return nothing
     wires, towers, strings = dressed(scene, wires, supports)
     own = index[air.order]
@@ -244,6 +246,28 @@ def find_line(
         confidence[points] = 0.5 + 0.5 * one_tower.support.body
     ctx.progress(1.0)
     return Line(wires, towers, strings, origin, part, wire, span, tower, confidence)
+
+
+def require_ground(xyz: Floats, tolerance: float, max_gap: float) -> None:
+    """Refuse points that are wires and little else: the lowest of them were taken for ground.
+
+    Raises
+    ------
+    DataError
+    """
+    all_points = Airborne.of(xyz)
+    alone, voxel = uncrowded(all_points, footprint(xyz)[1])
+    if alone.mean() < MOSTLY:
+        return
+    some = all_points.select(alone)
+    curves = trace_all(
+        some, voxel[alone], tolerance=tolerance, max_gap=max_gap, least=STRONG, ctx=QUIET
+    )
+    if sum(len(points) for _, points in curves) > MOSTLY * len(xyz):
+        raise DataError(
+            "points: they are wires without the ground below, from which heights are measured; "
+            "give the ground too, or fit the wires with corridor.catenaries"
+        )
 
 
 def _frozen(xyz: Floats) -> Floats:

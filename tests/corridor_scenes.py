@@ -1,0 +1,82 @@
+"""Small clouds of power lines, and of what looks like them, with known truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from algorithms.corridor._catenary import Catenary
+from toolbox.data import PointCloud
+
+Floats = NDArray[np.float64]
+CORNER = np.array([500_000.0, 4_400_000.0, 100.0])
+
+
+def ground(length: float, width: float, density: float, seed: int = 0) -> Floats:
+    """Gently rolling ground around the x axis."""
+    rng = np.random.default_rng(seed)
+    n = int(length * width * density)
+    x, y = rng.uniform(-20, length + 20, n), rng.uniform(-width / 2, width / 2, n)
+    return np.column_stack([x, y, np.sin(x / 40) + rng.normal(0, 0.03, n)])
+
+
+def wire(
+    start: Sequence[float], end: Sequence[float], c: float, per_metre: float = 4.0, seed: int = 0,
+    noise: float = 0.03,
+) -> tuple[Catenary, Floats]:  # fmt: skip
+    """A wire between two places, and points on it."""
+    rng = np.random.default_rng(seed + int(1000 * abs(start[1]) + 10 * start[2] + start[0]))
+    a, b = np.array(start, float), np.array(end, float)
+    length = float(np.hypot(*(b - a)[:2]))
+    ex, ey = (b - a)[:2] / length
+    curve = Catenary(a[0], a[1], ex, ey, length, a[2], b[2], 1 / c)
+    u = np.sort(rng.uniform(0, length, int(per_metre * length)))
+    return curve, curve.points(u) + rng.normal(0, noise, (len(u), 3))
+
+
+def bar(start: Sequence[float], end: Sequence[float], per_metre: float, noise: float = 0.05,
+        seed: int = 0) -> Floats:  # fmt: skip
+    """Points along a straight bar."""
+    rng = np.random.default_rng(seed)
+    a, b = np.array(start, float), np.array(end, float)
+    t = rng.uniform(0, 1, max(1, int(per_metre * np.linalg.norm(b - a))))
+    return a + t[:, None] * (b - a) + rng.normal(0, noise, (len(t), 3))
+
+
+def pole(x: float, y: float, top: float, per_metre: float = 6.0, half: float = 1.2) -> Floats:
+    """A pole with an arm along y just below its top."""
+    post = bar((x, y, 0.0), (x, y, top), per_metre, 0.08)
+    arm = bar((x, y - half, top - 0.4), (x, y + half, top - 0.4), 3 * per_metre, 0.05)
+    return np.vstack([post, arm])
+
+
+def tree(x: float, y: float, top: float, radius: float, count: int, seed: int = 0) -> Floats:
+    """A ball of leaves."""
+    rng = np.random.default_rng(seed)
+    step = rng.normal(0, 1, (count, 3))
+    step *= (rng.uniform(0, 1, count) ** (1 / 3) / np.linalg.norm(step, axis=1))[:, None]
+    return np.array([x, y, top - radius]) + radius * step
+
+
+def line(
+    stations: Sequence[float], offsets: Sequence[float], height: float, c: float,
+    per_metre: float = 4.0,
+) -> tuple[list[Catenary], list[Floats], Floats]:  # fmt: skip
+    """Wires along the x axis between poles: curves, their points, and points of the poles."""
+    curves, points = [], []
+    for k, (a, b) in enumerate(zip(stations[:-1], stations[1:], strict=True)):
+        for offset in offsets:
+            made = wire((a, offset, height), (b, offset, height), c, per_metre, seed=k)
+            curves.append(made[0])
+            points.append(made[1])
+    half = max(map(abs, offsets)) + 0.3
+    return curves, points, np.vstack([pole(x, 0.0, height + 0.5, half=half) for x in stations])
+
+
+def cloud(*parts: Floats, classes: Sequence[int] | None = None) -> PointCloud:
+    """One cloud of several parts, with their classes as truth."""
+    truth = np.repeat(classes or [0] * len(parts), [len(part) for part in parts]).astype(np.uint8)
+    return PointCloud(np.vstack(parts) + CORNER, {"truth": truth}, crs=CRS(32635), name="line.laz")

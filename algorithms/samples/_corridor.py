@@ -121,10 +121,12 @@ class System:
     height: float
     wires: tuple[tuple[float, float, float, int], ...]  # offset, height, catenary c, class
     string: float  # length of the insulators
+    lattice: bool  # towers, not poles
+    cleared: float  # half width of the strip without trees
 
 
 TRANSMISSION = System(
-    "transmission", 14.0, 220.0, 40.0, string=2.0,
+    "transmission", 14.0, 220.0, 40.0, string=2.0, lattice=True, cleared=17.0,
     wires=(
         (-5.0, 22.0, 1100.0, WIRE), (5.0, 22.0, 1100.0, WIRE), (-7.0, 29.0, 1100.0, WIRE),
         (7.0, 29.0, 1100.0, WIRE), (-5.0, 35.0, 1100.0, WIRE), (5.0, 35.0, 1100.0, WIRE),
@@ -132,10 +134,67 @@ TRANSMISSION = System(
     ),
 )  # fmt: skip
 DISTRIBUTION = System(
-    "distribution", -22.0, 45.0, 10.0, string=0.3,
+    "distribution", -22.0, 45.0, 10.0, string=0.3, lattice=False, cleared=7.0,
     wires=((-0.9, 9.3, 320.0, WIRE), (0.0, 9.3, 320.0, WIRE), (0.9, 9.3, 320.0, WIRE),
            (0.0, 7.2, 260.0, WIRE)),
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Design:
+    """What is chosen for a corridor before anything is put up."""
+
+    systems: tuple[System, ...] = (TRANSMISSION, DISTRIBUTION)
+    bend: float = BEND
+    relief: float = 1.0  # of the hills, as a factor
+    hidden: float = 0.0  # share of the wires of which no point is recorded, in stretches
+    outliers: float = OUTLIERS
+    loops: bool = False  # jumpers below the arms where wires pull at a tower
+
+
+def random_design(rng: np.random.Generator) -> Design:
+    """Lines of any size: two to twelve wires in bundles, on towers of 26 to 60 m or on poles."""
+    both = [_transmission(rng), _distribution(rng)]
+    kept = both if rng.random() < 0.6 else [both[int(rng.integers(2))]]
+    return Design(
+        tuple(kept),
+        bend=float(np.radians(rng.uniform(0, 30))),
+        relief=float(rng.uniform(0.2, 2.0)),
+        hidden=float(rng.uniform(0, 0.06)),
+        outliers=float(rng.uniform(0, 0.001)),
+        loops=True,
+    )
+
+
+def _transmission(rng: np.random.Generator) -> System:
+    """Conductors on both sides of a lattice tower, at one to three heights, and an earth wire."""
+    height, c = float(rng.uniform(26, 60)), float(rng.uniform(900, 2000))
+    shares = [(0.9,), (0.72, 0.9), (0.55, 0.72, 0.9)][int(rng.integers(3))]
+    strands = [(0.0,), (-0.2, 0.2), (-0.25, 0.25)][int(rng.integers(3))]
+    reach = 0.15 * height + 1.0
+    wires = [
+        (side * reach * (1.2 if k == 1 else 1.0) + strand, share * height, c, WIRE)
+        for k, share in enumerate(shares)
+        for side in (-1, 1)
+        for strand in strands
+    ]
+    wires.append((0.0, height, 1.3 * c, GUARD))
+    return System(
+        "transmission", 14.0, float(rng.uniform(150, 320)), height, tuple(wires),
+        string=0.05 * height, lattice=True, cleared=17.0,
+    )  # fmt: skip
+
+
+def _distribution(rng: np.random.Generator) -> System:
+    """Two to five conductors on poles."""
+    height, c = float(rng.uniform(9, 13)), float(rng.uniform(250, 700))
+    count = int(rng.integers(2, 5))
+    top = [(float(x), height - 0.7, c, WIRE) for x in np.linspace(-1.0, 1.0, count)]
+    low = [(0.0, height - 2.4, 0.8 * c, WIRE)] if rng.random() < 0.5 else []
+    return System(
+        "distribution", -22.0, float(rng.uniform(35, 60)), height, tuple(top + low), string=0.3,
+        lattice=False, cleared=7.0,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -187,6 +246,7 @@ class Network:
 
     plan: Plan
     axis: Axis
+    design: Design = field(default_factory=Design)
     rods: list[Any] = field(default_factory=list)
     spans: list[Catenary] = field(default_factory=list)
     features: Features = field(default_factory=list)
@@ -209,11 +269,22 @@ class Network:
 
 def corridor(*, size: float, density: float, seed: int, ctx: Context = QUIET) -> SceneData:
     """A corridor `size` metres long and 120 m wide at most; see `scene`."""
+    return _built(Design(), size, density, np.random.default_rng(seed), ctx)
+
+
+def power_lines(*, size: float, density: float, seed: int, ctx: Context = QUIET) -> SceneData:
+    """A corridor with lines that the seed decides on; see `scene`."""
     rng = np.random.default_rng(seed)
+    return _built(random_design(rng), size, density, rng, ctx)
+
+
+def _built(
+    design: Design, size: float, density: float, rng: np.random.Generator, ctx: Context
+) -> SceneData:
     width = min(WIDTH, size)
-    plan, axis = _land(size, width, rng)
-    network = Network(plan, axis)
-    for system in (TRANSMISSION, DISTRIBUTION):
+    plan, axis = _land(design, size, width, rng)
+    network = Network(plan, axis, design)
+    for system in design.systems:
         if abs(system.offset) + 8 < width / 2:
             _string_up(network, system, size)
     x, y = axis.place(0.72 * size, -0.36 * width)
@@ -234,22 +305,25 @@ def corridor(*, size: float, density: float, seed: int, ctx: Context = QUIET) ->
         rng,
         inside=inside,
         truth=("wire_id", "span_id", "tower_id"),
-        outliers=OUTLIERS,
+        outliers=design.outliers,
         ctx=ctx.part(0.2, 1.0),
     )
     features = [*network.features, *_tree_features(network, world.crowns)]
     return SceneData(xyz, attributes, plan.terrain.placed(), features)
 
 
-def _land(size: float, width: float, rng: np.random.Generator) -> tuple[Plan, Axis]:
+def _land(
+    design: Design, size: float, width: float, rng: np.random.Generator
+) -> tuple[Plan, Axis]:
     """Hills, a road across, woods on both sides of the cleared strip."""
-    leg, half = size / 2, BEND / 2
+    leg, half = size / 2, design.bend / 2
     rise, run = float(np.sin(half)), float(np.cos(half))
     axis = Axis((0.5 * width * rise, 0.5 * width), leg, ((run, rise), (run, -rise)))
     east, north = size * run + width * rise, leg * rise + width
     terrain = blank_terrain(0, 0, east, north)
     x, y = terrain.centres()
-    z = 210 + rolling(rng, x, y, ((6.0, 420), (3.0, 210), (0.8, 95), (0.12, 23)))
+    waves = ((6.0, 420), (3.0, 210), (0.8, 95), (0.12, 23))
+    z = 210 + rolling(rng, x, y, [(design.relief * height, length) for height, length in waves])
     station, offset = axis.locate(x, y)
     road = station - 0.3 * size - 4.0 * np.sin(offset / 30)
     # The road follows the hills along its centre line and is level across.
@@ -257,7 +331,7 @@ def _land(size: float, width: float, rng: np.random.Generator) -> tuple[Plan, Ax
     line = np.array([axis.place(0.3 * size + 4.0 * float(np.sin(v / 30)), float(v)) for v in reach])
     profile = replace(terrain, values=z.astype(np.float32)).at(line[:, 0], line[:, 1]) + 0.5
     z = graded(z, np.interp(offset, reach, profile), np.abs(road) - 3.5, 1 / 1.5)
-    strip = (np.abs(offset - TRANSMISSION.offset) < 17) | (np.abs(offset - DISTRIBUTION.offset) < 7)
+    strip = np.any([np.abs(offset - s.offset) < s.cleared for s in design.systems], axis=0)
     cover = np.where(strip, MEADOW, FOREST)
     cover[np.abs(road) < 9] = GRASS
     cover[np.abs(road) < 3] = ASPHALT
@@ -297,7 +371,7 @@ def _string_up(network: Network, system: System, size: float) -> None:
     count = max(1, round(leg / system.spacing))
     first = margin + leg * np.arange(count) / count
     stations = [*first, size / 2, *(size - first[::-1])]
-    raise_tower = _lattice if system is TRANSMISSION else _pole
+    raise_tower = _lattice if system.lattice else _pole
     supports = []
     for station in stations:
         x, y = network.axis.place(float(station), system.offset)
@@ -315,6 +389,8 @@ def _string_up(network: Network, system: System, size: float) -> None:
         network.span_count += 1
         for k, wire in enumerate(system.wires):
             _hang(network, system, supports[i : i + 2], wire, network.wires + k + 1)
+        if network.design.loops and system.lattice and i and supports[i].tension:
+            _loop(network, system, supports[i], len(system.wires))
     network.wires += len(system.wires)
 
 
@@ -344,13 +420,44 @@ def _hang(
     span = Catenary(ends[0], ends[1], c)
     network.spans.append(span)
     owner = network.plan.new_object()
-    network.rod(span.points(2.0), WIRE_RADIUS, cls, owner, wire=wire_id, span=network.span_count)
+    for seen in _recorded(network, span):
+        network.rod(seen, WIRE_RADIUS, cls, owner, wire=wire_id, span=network.span_count)
     network.features.append((_line(span.points(2.0)), {
         "kind": "wire", "object_id": owner, "wire_id": wire_id, "span_id": network.span_count,
         "system": system.name, "classification": cls, "from_tower": one.tower_id,
         "to_tower": two.tower_id, "a": span.a, "b": span.b, "c": c, "sag": span.sag,
         "span": span.span, "length": span.length,
     }))  # fmt: skip
+
+
+def _recorded(network: Network, span: Catenary) -> list[Floats]:
+    """The stretches of a wire of which points are recorded."""
+    points = span.points(2.0)
+    hidden = network.design.hidden
+    if not hidden:
+        return [points]
+    # Stretches of 5 to 25 m are hidden: as many as make up the share.
+    seen = np.ones(len(points) - 1, bool)
+    for _ in range(network.plan.rng.poisson(hidden * span.span / 15.0)):
+        first = int(network.plan.rng.integers(len(seen)))
+        seen[first : first + int(network.plan.rng.integers(3, 13))] = False
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], seen, [0]])))
+    return [points[a : b + 1] for a, b in edges.reshape(-1, 2)]
+
+
+def _loop(network: Network, system: System, support: Support, count: int) -> None:
+    """Jumpers below the arms, from the end of one string to the end of the next."""
+    before, after = network.spans[-2 * count : -count], network.spans[-count:]
+    for (_, _, _, cls), one, two in zip(system.wires, before, after, strict=True):
+        if cls == GUARD:
+            continue
+        a, b = np.array(one.end), np.array(two.start)
+        t = np.linspace(0, 1, 13)[:, None]
+        places = a + t * (b - a)
+        places[:, 2] -= 0.9 * system.string * (1 - (2 * t[:, 0] - 1) ** 4)
+        network.rod(
+            places, WIRE_RADIUS, CONNECTOR, support.object_id, tower=support.tower_id
+        )
 
 
 def _line(points: Floats) -> shapely.LineString:
@@ -360,7 +467,8 @@ def _line(points: Floats) -> shapely.LineString:
 def _lattice(network: Network, support: Support, system: System) -> None:
     """Four legs with crossed braces, and arms that taper to their tips."""
     levels = np.array([0.0, 5.0, 10.0, 15.0, 20.0, 22.0, 26.0, 29.0, 32.0, 35.0, 37.0])
-    half = np.interp(levels, (0, 20, 37), (3.2, 1.0, 0.6))
+    half = np.interp(levels, (0, 20, 37), (3.2, 1.0, 0.6)) * system.height / 40
+    levels *= system.height / 40
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
     (ax, ay), z = support.arm, support.ground
     across, along = np.array([ax, ay]), np.array([ay, -ax])
@@ -396,7 +504,8 @@ def _pole(network: Network, support: Support, system: System) -> None:
     (ax, ay), z = support.arm, support.ground
     x, y = support.x, support.y
     pole = np.array([(x, y, z), (x, y, z + system.height)])
-    arm = np.array([(x + s * ax, y + s * ay, z + 9.3) for s in (-1.1, 1.1)])
+    level = z + system.height - 0.7
+    arm = np.array([(x + s * ax, y + s * ay, level) for s in (-1.1, 1.1)])
     for ends in (pole, arm):
         network.rod(ends, POLE_RADIUS, TOWER, support.object_id, tower=support.tower_id)
     _post(network, support, system)
@@ -416,20 +525,21 @@ def _post(network: Network, support: Support, system: System) -> None:
 
 def _vegetation(network: Network, size: float, width: float, ctx: Context) -> None:
     """Woods beside the line, shrubs below it, and a few trees that nobody cut."""
-    plan, axis = network.plan, network.axis
+    plan, axis, systems = network.plan, network.axis, network.design.systems
     rng = plan.rng
     for k, gap in enumerate((0.8, 1.5, 2.5)):
-        for system, share in ((TRANSMISSION, 0.34), (DISTRIBUTION, 0.61)):
+        for system, share in zip(systems, (0.34, 0.61), strict=False):
             _intruder(network, system, (share + 0.1 * k) * size, gap)
     spots = rng.uniform((0, -width / 2), (size, width / 2), (int(size * width / 28), 2))
     for number, (station, offset) in enumerate(spots):
         if number % 500 == 0:
             ctx.progress(0.2 * number / len(spots))
         x, y = axis.place(station, offset)
-        if abs(offset - TRANSMISSION.offset) < 17 or abs(offset - DISTRIBUTION.offset) < 7:
+        away = min(abs(offset - system.offset) - system.cleared for system in systems)
+        if away < 0:
             if rng.random() < 0.4:
                 shrub(plan, x, y)
-        elif min(abs(offset - TRANSMISSION.offset) - 17, abs(offset - DISTRIBUTION.offset) - 7) > 3:
+        elif away > 3:
             tree(plan, x, y)
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 import geopandas
 from pyproj import CRS
 
-from algorithms.samples._corridor import corridor
+from algorithms.samples._corridor import corridor, power_lines
 from algorithms.samples._facade import facade
 from algorithms.samples._reservoir import reservoir
 from algorithms.samples._survey import SceneData
@@ -20,7 +20,13 @@ from toolbox.errors import ParameterError
 from toolbox.spec import outputs, param, sink, tool
 
 MOST_POINTS = 1e8  # 20 GB while they are made
-KINDS = {"town": town, "corridor": corridor, "reservoir": reservoir, "facade": facade}
+KINDS = {
+    "town": town,
+    "corridor": corridor,
+    "power_lines": power_lines,
+    "reservoir": reservoir,
+    "facade": facade,
+}
 
 
 @tool("samples.scene")
@@ -29,11 +35,12 @@ class SamplesScene:
 
     Every point knows its true class, and further attributes name the object, wire, span, tower or
     plane it belongs to, 0 for none. The terrain is the true ground without noise; the features are
-    building outlines (town), wires and towers (corridor), water bodies (reservoir), or planes and
+    building outlines (town), wires and towers (corridor, and power_lines, where the seed decides on
+    their size), water bodies (reservoir), or planes and
     openings (facade), all in three dimensions. The same seed gives the same survey.
     """
 
-    kind: Literal["town", "corridor", "reservoir", "facade"] = param(
+    kind: Literal["town", "corridor", "power_lines", "reservoir", "facade"] = param(
         "What the survey shows", default="town"
     )
     size: float = param("Side, or length of a corridor", default=200.0, unit="m", ge=20, le=5000)
@@ -88,7 +95,7 @@ def scene(kind: str, *, size: float, density: float, seed: int, ctx: Context = Q
 
     Parameters
     ----------
-    kind : town, corridor, reservoir or facade
+    kind : town, corridor, power_lines, reservoir or facade
     size : side of the square, length of the corridor or of the house front, metres
     density : points per square metre of the scene, for a facade of wall in sight
     seed : the same seed gives the same scene

@@ -66,7 +66,7 @@ ERRORS: Classes = {code: (name, _OF_OUTCOMES[code]) for code, name in OUTCOMES.i
 
 OTHER = ("#5b8def", "#e5a93c", "#58b2a3", "#c46bb0", "#93b245", "#d9755b", "#7a72c9", "#9c8567")
 """Colours in turn, of what has none of its own."""
-_RELIEF = ("#62a392", "#8fbe99", "#c1d59e", "#efe6b6", "#dfbb88", "#c0906a", "#a38178", "#f7f5f2")
+RELIEF = ("#62a392", "#8fbe99", "#c1d59e", "#efe6b6", "#dfbb88", "#c0906a", "#a38178", "#f7f5f2")
 _NO_HEIGHTS = ("(std)", "(count)", "points", "distance", "error", "intensity", "hillshade")
 _PIXELS = 1000  # at most, along the longer side of a map
 _MANY = 20  # more distinct values than this are no classes
@@ -201,7 +201,7 @@ def _unit_of(cloud: PointCloud, name: str) -> str:
 
 
 def _relief(height: Array, cell: float, bounds: Bounds, label: str) -> Image:
-    ramp = Ramp.over(height, _RELIEF, label)
+    ramp = Ramp.over(height, RELIEF, label)
     return Image(_lit(_colours(height, ramp), height, cell), bounds, ramp)
 
 

@@ -1,4 +1,4 @@
-"""The command line: list, describe, run, batch, model, info, history, provenance, replay.
+"""The command line: list, describe, run, batch, model, qgis, info, history, provenance, replay.
 
 Everything before a run is served from the process descriptions, so that `list`, `describe` and
 `--help` answer at once and import no numerical library.
@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from toolbox import __version__, arguments, catalog, history, model_cli
+from toolbox import __version__, arguments, catalog, history, model_cli, qgis_cli
 from toolbox.console import Console, Events
 from toolbox.errors import Cancelled, DataError, ParameterError, ToolboxError
 from toolbox.shown import SHOWN
@@ -44,7 +44,12 @@ def main(argv: list[str] | None = None) -> int:
 def _other(said: list[str]) -> int:
     args = _parser().parse_args(said)
     verbs = {"list": _list, "describe": _describe, "info": _info, "history": _history}
-    verbs |= {"provenance": _provenance, "replay": _replay, "model": model_cli.run}
+    verbs |= {
+        "provenance": _provenance,
+        "replay": _replay,
+        "model": model_cli.run,
+        "qgis": qgis_cli.run,
+    }
     verb = verbs[args.verb]
     console = Console(as_json=args.json)
     try:
@@ -68,6 +73,7 @@ def _parser() -> argparse.ArgumentParser:
         "run": "run a tool: run ID --name value ...",
         "batch": "run a tool for each row: batch ID TABLE.csv [--result OUT.csv] --name value ...",
         "model": "check, show or begin a model",
+        "qgis": "put the tools into QGIS, pack the plugin, or see whether all is well",
         "info": "show what a file holds, or all files of a survey of points",
         "history": "show the runs of this user",
         "provenance": "show how a file was made",
@@ -84,7 +90,8 @@ def _parser() -> argparse.ArgumentParser:
     made["replay"].add_argument("file")
     made["replay"].add_argument("--inputs", help="folder of the inputs, if not beside the file")
     model_cli.declare(made["model"])
-    for verb in made.keys() - {"run", "batch", "model"}:
+    qgis_cli.declare(made["qgis"])
+    for verb in made.keys() - {"run", "batch", "model", "qgis"}:
         made[verb].add_argument("--json", action="store_true", help="print JSON")
     return top
 

@@ -1,0 +1,413 @@
+"""Fields of tools.json as parameters of QGIS, and the values of these as the tools take them."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+import qgis.core
+from qgis.core import (
+    NULL,
+    QgsCoordinateReferenceSystem,
+    QgsProcessing,
+    QgsProcessingException,
+    QgsProcessingParameterDefinition,
+    QgsProcessingParameterFile,
+    QgsUnitTypes,
+)
+
+from .lasheader import las_crs
+
+UNSET = object()
+"""The value of what was not given: the tool takes its own default."""
+
+POINTS_AS_LAYERS = hasattr(qgis.core, "QgsProcessingParameterPointCloudDestination")  # 3.24
+INFINITE = 1.7976931348623157e308
+LARGEST = 2147483647
+FORMATS = ["gpkg", "shp", "geojson", "fgb"]  # of vector layers that a tool reads as they are
+TYPES = {
+    "pointcloud": QgsProcessing.TypePointCloud,
+    "raster": QgsProcessing.TypeRaster,
+    "vector": QgsProcessing.TypeVectorAnyGeometry,
+    "table": QgsProcessing.TypeVector,
+}
+WORDS = {"pointcloud": "Point clouds", "raster": "Rasters", "vector": "Vectors", "table": "Tables"}
+NUMBERS = ("number", "integer", "length")  # also of outputs
+
+
+def _parameter(name: str) -> Any:
+    return getattr(qgis.core, f"QgsProcessingParameter{name}")
+
+
+class _PathMixin:
+    """A layer that may also be a path, which QGIS itself need not be able to open.
+
+    QGIS without PDAL opens no LAS; and a survey is a folder, a pattern or several files.
+    """
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.args = args
+
+    def clone(self) -> Any:
+        made = type(self)(*self.args)
+        made.setFlags(self.flags())  # type: ignore[attr-defined]
+        made.setHelp(self.help())  # type: ignore[attr-defined]
+        return made
+
+    def checkValueIsAcceptable(self, value: Any, context: Any = None) -> bool:
+        values = value if isinstance(value, (list, tuple)) else [value]
+        if values and all(map(is_place, values)):
+            return True
+        return bool(super().checkValueIsAcceptable(value, context))  # type: ignore[misc]
+
+
+class PointCloud(_PathMixin, _parameter("PointCloudLayer")):  # type: ignore[misc]
+    """A point cloud or a survey."""
+
+
+class Source(_PathMixin, _parameter("FeatureSource")):  # type: ignore[misc]
+    """Features or rows."""
+
+
+class Layers(_PathMixin, _parameter("MultipleLayers")):  # type: ignore[misc]
+    """Several layers of one type."""
+
+
+def is_place(value: Any) -> bool:
+    """Whether it is the path of something on this computer, or a pattern of paths."""
+    if not isinstance(value, str) or not value:
+        return False
+    path = value.partition("|layername=")[0]
+    return os.path.exists(path) or (any(c in path for c in "*?[") and os.path.isabs(path))
+
+
+# Definitions ---------------------------------------------------------------------------------
+
+
+def definition(field: dict[str, Any]) -> Any:
+    """The parameter of an input or of an output that is written; else what QGIS calls an output.
+
+    Raises
+    ------
+    ValueError
+        The field is of a type that this plugin does not know.
+    """
+    name, label, type = field["name"].upper(), field["label"], field["type"]
+    if is_value(field):
+        word = "Number" if type in NUMBERS and not field["many"] else "String"
+        word = "Boolean" if type == "boolean" else word
+        return getattr(qgis.core, f"QgsProcessingOutput{word}")(name, label)
+    made = _destination(field) if "suffixes" in field else _input(field)
+    made.setHelp(_tip(field))
+    if field.get("option"):
+        made.setFlags(made.flags() | QgsProcessingParameterDefinition.FlagAdvanced)
+    return made
+
+
+def is_value(field: dict[str, Any]) -> bool:
+    """Whether an output is a number or text, which is not written to a file."""
+    return "suffixes" not in field and "required" not in field
+
+
+def _tip(field: dict[str, Any]) -> str:
+    rule = field.get("rule")
+    more = " Several with ; between." if field["many"] and field["type"] == "text" else ""
+    return field["help"] + (f" ({rule})" if rule else "") + "." + more
+
+
+def _input(field: dict[str, Any]) -> Any:
+    """The parameter; one that may be left empty is optional to QGIS."""
+    default = field.get("default")
+    empty = not field["required"] and (field["nullable"] or default in (None, ""))
+    if field["type"] in TYPES and field["many"]:
+        name, label = field["name"].upper(), field["label"]
+        return Layers(name, label, TYPES[field["type"]], default, empty)
+    make = MAKERS.get(field["type"])
+    if make is None:
+        raise ValueError(f"{field['name']} is of the unknown type {field['type']}")
+    return make(field, field["name"].upper(), field["label"], default, empty)
+
+
+def _source(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
+    return Source(name, label, [TYPES[field["type"]]], default, empty)
+
+
+def _choice(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
+    """The words themselves are the values, not their places: these change."""
+    many = field["many"]
+    return _parameter("Enum")(name, label, field["choices"], many, default, empty, True)
+
+
+def _range(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
+    double = _parameter("Number").Double
+    return _parameter("Range")(name, label, double, _listed(default), True)
+
+
+def _extent(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
+    box = default and [default[i] for i in (0, 2, 1, 3)]  # QGIS says both x first
+    return _parameter("Extent")(name, label, _listed(box), True)
+
+
+def _file(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
+    file = QgsProcessingParameterFile
+    return file(name, label, file.File, "", default, empty, "All files (*)")
+
+
+def _listed(numbers: list[float] | None) -> str | None:
+    return ",".join(map(str, numbers)) if numbers else None
+
+
+def _number(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
+    """A number with its limits; a length in metres is shown with the unit to choose."""
+    whole = field["type"] == "integer"
+    far = LARGEST if whole else INFINITE
+    low = max(field.get("ge", -far), field.get("gt", -far))
+    high = min(field.get("le", far), field.get("lt", far))
+    if field["type"] == "length":
+        made = _parameter("Distance")(name, label, default, "", empty, low, high)
+        made.setDefaultUnit(QgsUnitTypes.DistanceMeters)
+        return made
+    number = _parameter("Number")
+    type = number.Integer if whole else number.Double
+    return number(name, label, type, default, empty, low, high)
+
+
+MAKERS: dict[str, Any] = {
+    "pointcloud": lambda f, n, label, default, empty: PointCloud(n, label, default, empty),
+    "raster": lambda f, *args: _parameter("RasterLayer")(*args),
+    "vector": _source,
+    "table": _source,
+    "number": _number,
+    "integer": _number,
+    "length": _number,
+    "boolean": lambda f, *args: _parameter("Boolean")(*args),
+    "choice": _choice,
+    "range": _range,
+    "extent": _extent,
+    "position": lambda f, n, label, default, _: _parameter("Point")(
+        n, label, _listed(default), True
+    ),
+    "crs": lambda f, n, label, default, _: _parameter("Crs")(n, label, default, True),
+    "file": _file,
+    "text": lambda f, n, label, default, empty: _parameter("String")(
+        n, label, default, False, empty
+    ),
+}
+
+
+def _destination(field: dict[str, Any]) -> Any:
+    """Where an output goes; it may be skipped."""
+    name, label, type = field["name"].upper(), field["label"], field["type"]
+    first = bool(field.get("first"))
+    if field["many"]:
+        return _parameter("FolderDestination")(name, label, None, True, first)
+    if type == "raster":
+        return _parameter("RasterDestination")(name, label, None, True, first)
+    if type in ("vector", "table"):
+        return _parameter("VectorDestination")(name, label, TYPES[type], None, True, first)
+    if type == "pointcloud" and POINTS_AS_LAYERS:
+        return _parameter("PointCloudDestination")(name, label, None, True, first)
+    patterns = (f"*{suffix}" for suffix in field["suffixes"])
+    word = WORDS.get(type) or f"{field['suffixes'][0][1:].upper()} files"
+    filters = ";;".join(f"{word} ({pattern})" for pattern in patterns)
+    return _parameter("FileDestination")(name, label, filters, None, True, first)
+
+
+# Values --------------------------------------------------------------------------------------
+
+
+class Reader:
+    """Reads the values of one run.
+
+    Parameters
+    ----------
+    algorithm : that runs
+    inputs : fields of its inputs
+    parameters, context, feedback : as QGIS hands them over
+    """
+
+    def __init__(
+        self, algorithm: Any, inputs: list[dict[str, Any]], parameters: Any, context: Any,
+        feedback: Any,
+    ) -> None:  # fmt: skip
+        self.algorithm, self.inputs = algorithm, inputs
+        self.parameters, self.context, self.feedback = parameters, context, feedback
+        self.crs: QgsCoordinateReferenceSystem | None = None  # of the data, once it is needed
+
+    def input(self, field: dict[str, Any]) -> Any:
+        """The value of an input as the command line takes it, or UNSET."""
+        name, type = field["name"].upper(), field["type"]
+        raw = self.parameters.get(name)
+        if is_missing(raw):
+            cleared = name in self.parameters and field["nullable"] and "default" in field
+            return None if cleared else UNSET
+        if type in TYPES:
+            return self._layers(field) if field["many"] else self._layer(name, type, raw)
+        return getattr(self, f"_{type}")(field, name, raw)
+
+    def _as(self, kind: str, name: str, *more: Any) -> Any:
+        read = getattr(self.algorithm, f"parameterAs{kind}")
+        return read(self.parameters, name, self.context, *more)
+
+    def _number(self, field: dict[str, Any], name: str, raw: Any) -> float:
+        return float(self._as("Double", name))
+
+    _length = _number
+
+    def _integer(self, field: dict[str, Any], name: str, raw: Any) -> float:
+        """QGIS would cut 5.5 to 5; the tool refuses it."""
+        number = float(self._as("Double", name))
+        return int(number) if number.is_integer() else number
+
+    def _boolean(self, field: dict[str, Any], name: str, raw: Any) -> Any:
+        """QGIS takes the word "no" for true; the tool reads it."""
+        return raw if isinstance(raw, str) else self._as("Bool", name)
+
+    def _choice(self, field: dict[str, Any], name: str, raw: Any) -> Any:
+        return self._as("EnumStrings" if field["many"] else "EnumString", name)
+
+    def _text(self, field: dict[str, Any], name: str, raw: Any) -> Any:
+        text = self._as("String", name)
+        if not field["many"]:
+            return text
+        return [part.strip() for part in text.split(";") if part.strip()]
+
+    def _file(self, field: dict[str, Any], name: str, raw: Any) -> Any:
+        return self._as("File", name)
+
+    def _range(self, field: dict[str, Any], name: str, raw: Any) -> Any:
+        numbers = self._as("Range", name)
+        return UNSET if all(map(math.isnan, numbers)) else numbers
+
+    def _crs(self, field: dict[str, Any], name: str, raw: Any) -> Any:
+        crs = self._as("Crs", name)
+        if not crs.isValid():
+            return str(raw)  # such as "local"; the tool says whether it knows it
+        return crs.authid() or crs.toWkt(QgsCoordinateReferenceSystem.WKT_PREFERRED)
+
+    def _extent(self, field: dict[str, Any], name: str, raw: Any) -> list[float]:
+        box = self._as("Extent", name, self._target_crs(self._as("ExtentCrs", name), field))
+        return [box.xMinimum(), box.yMinimum(), box.xMaximum(), box.yMaximum()]
+
+    def _position(self, field: dict[str, Any], name: str, raw: Any) -> list[float]:
+        place = self._as("Point", name, self._target_crs(self._as("PointCrs", name), field))
+        return [place.x(), place.y()]
+
+    def _target_crs(self, stated: Any, field: dict[str, Any]) -> QgsCoordinateReferenceSystem:
+        """The CRS of the data, into which what was drawn on the map is to be transformed."""
+        if not stated.isValid():
+            return QgsCoordinateReferenceSystem()
+        if self.crs is None:
+            self.crs = self._data_crs()
+        if not self.crs.isValid():
+            self.feedback.pushWarning(
+                f"{field['label']} is given in {stated.authid()}, and the CRS of the data is not "
+                "known to QGIS: its numbers are taken as coordinates of the data."
+            )
+        return self.crs
+
+    def _data_crs(self) -> QgsCoordinateReferenceSystem:
+        """The CRS of the first layer that is given and states one."""
+        for field in (f for f in self.inputs if f["type"] in TYPES):
+            name = field["name"].upper()
+            raw = self.parameters.get(name)
+            raw = raw[0] if isinstance(raw, (list, tuple)) and raw else raw
+            if is_missing(raw):
+                continue
+            found = QgsCoordinateReferenceSystem()
+            if isinstance(raw, str) and os.path.isfile(raw):
+                found.createFromUserInput(las_crs(raw))
+            layer = None if found.isValid() else self._loaded(field, name)
+            if layer is not None:
+                found = layer.crs()
+            if found.isValid():
+                return found
+        return QgsCoordinateReferenceSystem()
+
+    def _loaded(self, field: dict[str, Any], name: str) -> Any:
+        if field["many"]:
+            return next(iter(self._as("LayerList", name)), None)
+        return self._as("Layer", name)
+
+    def _layers(self, field: dict[str, Any]) -> list[Any]:
+        name = field["name"].upper()
+        raw = self.parameters[name]
+        values = list(raw) if isinstance(raw, (list, tuple)) else [raw]
+        if all(map(is_place, values)):
+            return [_place(value) for value in values]
+        return [source_of(layer) for layer in self._as("LayerList", name)]
+
+    def _layer(self, name: str, type: str, raw: Any) -> Any:
+        if isinstance(raw, (list, tuple)) and raw and all(map(is_place, raw)):
+            return list(raw)
+        if is_place(raw):  # as it is: QGIS need not open it, nor build an index beside it
+            return _place(raw)
+        if type in ("vector", "table"):
+            return self._features(name)
+        layer = self._as("Layer", name)
+        if layer is None:
+            raise QgsProcessingException(f"{name}: {raw} is no layer and no file")
+        return source_of(layer)
+
+    def _features(self, name: str) -> Any:
+        """The file of a layer; one in memory, filtered or selected is written to one first."""
+        path, layer = self.algorithm.parameterAsCompatibleSourceLayerPathAndLayerName(
+            self.parameters, name, self.context, FORMATS, "gpkg", self.feedback
+        )
+        return {"path": path, "layer": layer} if layer else path
+
+    def output(self, field: dict[str, Any]) -> Any:
+        """Where an output goes, or UNSET if it is skipped."""
+        name = field["name"].upper()
+        if field["many"]:
+            folder = self._as("String", name) if name in self.parameters else ""
+            return self._in_folder(folder, field) if folder else UNSET
+        loads = field["type"] in ("raster", "vector", "table") or (
+            field["type"] == "pointcloud" and POINTS_AS_LAYERS and opens_points()
+        )
+        path = self._as("OutputLayer" if loads else "FileOutput", name)
+        if not path:
+            return UNSET
+        database = re.fullmatch(r"ogr:dbname='(.+?)' table=\"(.+?)\".*", path)
+        return {"path": database[1], "layer": database[2]} if database else path
+
+    def _in_folder(self, folder: str, field: dict[str, Any]) -> str:
+        os.makedirs(folder, exist_ok=True)
+        return str(Path(folder) / (field["name"] + field["suffixes"][0]))
+
+
+def is_missing(value: Any) -> bool:
+    """QGIS says NULL for what is left empty."""
+    return value is None or value == NULL or (isinstance(value, str) and value == "") or value == []
+
+
+def _place(value: str) -> Any:
+    path, _, layer = value.partition("|layername=")
+    return {"path": path, "layer": layer} if layer else path
+
+
+def source_of(layer: Any) -> str:
+    """The file behind a layer.
+
+    Raises
+    ------
+    QgsProcessingException
+        There is none, as for a layer of a server.
+    """
+    path: str = layer.source().split("|")[0]
+    for prefix in ("file://", "vpc://"):
+        path = path.removeprefix(prefix)
+    if not os.path.exists(path):
+        raise QgsProcessingException(
+            f"Layer '{layer.name()}' is no file on this computer; save it to a file first."
+        )
+    return path
+
+
+def opens_points() -> bool:
+    """Whether this QGIS can show LAS files."""
+    return "pdal" in qgis.core.QgsProviderRegistry.instance().providerList()

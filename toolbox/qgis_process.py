@@ -1,0 +1,101 @@
+"""The program `qgis_process`: where it is, and what it says when it is asked."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from toolbox.errors import DataError
+
+# On Debian 12 the wrapper without .bin passes an option that the program does not know.
+NAMES = ("qgis_process.bin", "qgis_process", "qgis_process-qgis", "qgis_process-qgis-ltr")
+PLACES = {
+    "darwin": [f"/Applications/{app}.app/Contents/MacOS/bin" for app in ("QGIS", "QGIS-LTR")],
+    "win32": [r"C:\OSGeo4W\bin"],
+}
+VARIABLE = "QGIS_PROCESS"
+ABSENT = (
+    "QGIS was not found: there is no qgis_process on the search path. Install QGIS, or let "
+    f"{VARIABLE} name the program."
+)
+
+
+def find() -> str | None:
+    """The path of the program, if it is there."""
+    if said := os.environ.get(VARIABLE):
+        return said if Path(said).is_file() else None
+    folders = [os.environ.get("PATH", os.defpath), *PLACES.get(sys.platform, ())]
+    found = (shutil.which(name, path=os.pathsep.join(folders)) for name in NAMES)
+    return next(filter(None, found), None)
+
+
+def version() -> str:
+    """Such as 3.22.16.
+
+    Raises
+    ------
+    DataError
+        The program is absent or does not start.
+    """
+    said = call(["--version"])
+    found = re.search(r"QGIS (\d+\.\d+\.\d+)", said)
+    return found[1] if found else said.strip()
+
+
+def call(words: Sequence[str], *, env: Mapping[str, str] | None = None) -> str:
+    """What the program prints.
+
+    Raises
+    ------
+    DataError
+        The program is absent, or failed, with what it said.
+    """
+    program = find()
+    if program is None:
+        raise DataError(ABSENT)
+    done = subprocess.run(
+        [program, *words], env=environment(program) if env is None else dict(env),
+        stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", errors="replace",
+        check=False,
+    )  # fmt: skip
+    if done.returncode:
+        raise DataError(f"qgis_process {' '.join(words[:2])}: {reason(done.stderr)}")
+    return done.stdout
+
+
+def ask(words: Sequence[str]) -> Any:
+    """What the program prints as JSON.
+
+    Raises
+    ------
+    DataError
+        As of :func:`call`.
+    """
+    said = call(words)
+    return json.loads(said[said.index("{") :])
+
+
+def environment(program: str) -> dict[str, str]:
+    """Ours, without a window, and without what would lead the Python of QGIS to our libraries.
+
+    That Python takes its libraries from beside the first `python3` on the search path.
+    """
+    foreign = ("PYTHON", "VIRTUAL_ENV")
+    env = {name: value for name, value in os.environ.items() if not name.startswith(foreign)}
+    env["PATH"] = os.pathsep.join([str(Path(program).parent), env.get("PATH", os.defpath)])
+    env["QT_QPA_PLATFORM"] = "offscreen"
+    return env
+
+
+def reason(stderr: str) -> str:
+    """The message among what libraries print beside it."""
+    noise = re.compile(r"Warning|QStandardPaths|setapi|^\s*(import|from) |^-+$|^\s*$|^ERROR:?$")
+    lines = [line.strip() for line in stderr.splitlines() if not noise.search(line)]
+    return "\n".join(line.removeprefix("ERROR:").strip() for line in lines[-12:]) or "failed"

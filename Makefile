@@ -4,7 +4,7 @@ BIN := .venv/bin
 OUT := demo-out
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test quick check format docs bench clean
+.PHONY: help demo test check format docs bench clean
 
 help: ## print the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 10
@@ -22,11 +22,8 @@ demo: .venv/installed ## make a small survey, classify it, grid it, and say how 
 	$(BIN)/python -m toolbox run surface.grid --points $(OUT)/ground.laz --classes 2 --cell 0.5 --surface $(OUT)/terrain.tif --picture $(OUT)/terrain.png --overwrite
 	@echo "Look at $(OUT)/terrain.png and $(OUT)/errors.png"
 
-test: .venv/installed ## run all tests, also the long ones
-	$(BIN)/python -m pytest -n 2
-
-quick: .venv/installed ## run the tests that take less than about a second each
-	$(BIN)/python -m pytest -n 2 -m "not slow"
+test: .venv/installed ## run the tests; with CI=true also the long ones
+	$(BIN)/python -m pytest -n 2 $(if $(CI),,-m "not slow")
 
 check: .venv/installed ## lint, types, layers
 	$(BIN)/ruff format --check .

@@ -71,12 +71,14 @@ class Scene:
     def terrain(self) -> tuple[Mask, Floats]:
         """Ground according to :mod:`algorithms.ground.classify`, and metres above the terrain.
 
-        NaN where there is no terrain near.
+        NaN where there is no terrain near, or no point that could be ground.
         """
         candidates = Candidates.of(self.cloud, "last", None)
+        ground = np.zeros(len(self.cloud), bool)
+        if not candidates.chosen.any():
+            return ground, np.full(len(ground), np.nan)
         metre = self.cloud.metre
         found = find_terrain(candidates.xyz, metre=metre, ctx=self.ctx.part(0.0, 0.4))
-        ground = np.zeros(len(self.cloud), bool)
         ground[candidates.chosen] = verdict(candidates.xyz, found)[0]
         return ground, above(self.xyz, found)[0]
 

@@ -189,6 +189,8 @@ class ClassifySom:
         )
         names = self.features or usual_features(scene.cloud)
         values = features_of(scene, names)
+        if problem := nobody_has_all(names, values):
+            raise DataError(problem)
         known = self._known(scene)
         able = np.flatnonzero(np.isfinite(values).all(axis=1))
         chosen = able[drawn(scene.xyz[able], self.sample, self.seed)]
@@ -288,22 +290,20 @@ def usual_features(cloud: PointCloud) -> tuple[str, ...]:
 
 
 def features_of(scene: _evidence.Scene, names: tuple[str, ...]) -> Floats:
-    """Features of shape (n, f).
-
-    Raises
-    ------
-    DataError
-        No point has all of them.
-    """
+    """Features of shape (n, f), NaN where a point lacks one."""
     values = np.column_stack([scene.feature(name) for name in names])
-    known = np.isfinite(values)
-    missing = len(values) - int(np.count_nonzero(known.all(axis=1)))
-    if missing == len(values):
-        rare = names[int(known.sum(axis=0).argmin())]
-        raise DataError(f"points: none has all the features; most lack {rare}")
+    missing = int(np.count_nonzero(~np.isfinite(values).all(axis=1)))
     if missing:
         log.warning("%d of %d points lack a feature and become class 1", missing, len(values))
     return values
+
+
+def nobody_has_all(names: tuple[str, ...], values: Floats) -> str:
+    """What is wrong if no point has all features; empty if one has."""
+    known = np.isfinite(values)
+    if known.all(axis=1).any():
+        return ""
+    return f"points: none has all the features; most lack {names[int(known.sum(axis=0).argmin())]}"
 
 
 def drawn(xyz: Floats, count: int, seed: int) -> Ints:

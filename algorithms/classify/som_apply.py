@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from algorithms.classify import _evidence
 from algorithms.classify._feature_map import NOBODY, FeatureMap
-from algorithms.classify.som import features_of, missing_feature, with_classes
+from algorithms.classify.som import features_of, missing_feature, nobody_has_all, with_classes
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
@@ -78,8 +78,11 @@ class ClassifySomApply:
             made.context * cloud.metre,
             ctx.part(0.0, 0.9),
         )
-        best, away = made.neurons(features_of(scene, made.names), ctx.part(0.9, 1.0))
-        return self._outputs(part, made, best, away)
+        values = features_of(scene, made.names)
+        outputs = self._outputs(part, made, *made.neurons(values, ctx.part(0.9, 1.0)))
+        if problem := nobody_has_all(made.names, values):
+            raise NothingToDo(problem, instead=outputs)
+        return outputs
 
     def _outputs(
         self,

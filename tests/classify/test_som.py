@@ -13,11 +13,11 @@ from pyproj import CRS
 
 import toolbox
 from algorithms.classify import _evidence, _som
-from algorithms.classify._feature_map import FeatureMap
+from algorithms.classify._feature_map import FeatureMap, named
 from algorithms.classify.som import ClassifySom, drawn, growing
 from algorithms.classify.som_apply import ClassifySomApply
 from toolbox.data import PointCloud, Table
-from toolbox.errors import DataError, ParameterError
+from toolbox.errors import DataError, NothingToDo, ParameterError
 from toolbox.values import Attribute, ClassList
 
 Floats = NDArray[np.float64]
@@ -242,7 +242,26 @@ def test_mixed_clusters_are_split() -> None:
     assert plain.neurons == 2
     assert better.neurons > 3
     assert better.astray < plain.astray
-    assert better.map.frame["parent"].notna().sum() in (3, 6)
+    parents = better.map.frame["parent"]
+    assert parents.notna().sum() in (3, 6)
+    leaves = set(range(len(parents))) - set(parents.dropna())
+    assert set(better.classified["neuron"]) == leaves
+    assert accuracy(better.classified) > accuracy(plain.classified)
+
+
+def test_a_neuron_without_known_points_takes_the_nearest_class() -> None:
+    weights = np.array([[0.0], [0.4], [1.0]])
+    nothing = np.zeros(3, np.int64)
+    ones = np.ones(1)
+    made = FeatureMap(
+        *(("z",), 0 * ones, ones, ones, weights, weights.repeat(2, axis=1), nothing - 1),
+        *(nothing.astype(np.uint8), nothing, np.zeros(3), 1.0, 3.0),
+    )
+    best, known = np.array([0, 0, 0, 1, 2]), np.array([5, 5, 6, 0, 2], np.uint8)
+    found = named(made, best, known)
+    assert found.classes.tolist() == [5, 5, 2]
+    np.testing.assert_allclose(found.astray, [1 / 3, 0, 0])
+    assert found.points.tolist() == [3, 1, 1]
 
 
 def test_a_saved_map_classifies_as_the_one_that_was_trained(
@@ -345,6 +364,20 @@ def test_points_without_a_feature_become_class_1(caplog: pytest.LogCaptureFixtur
     nothing = bare(300, intensity=np.full(300, np.nan))
     with pytest.raises(DataError, match="none has all the features; most lack intensity"):
         ClassifySom(points=nothing, features=("z", "intensity")).run()
+
+
+def test_points_of_which_none_can_be_ground(trained: ClassifySom.Outputs) -> None:
+    """Nothing tells heights above ground; a tile of a survey may be like that, and goes on."""
+    cloud = park(300)
+    first = np.full(300, 2, np.uint8)
+    cloud = cloud.with_attributes({"number_of_returns": first, "return_number": first - 1})
+    with pytest.raises(NothingToDo, match="none has all the features") as caught:
+        ClassifySomApply(points=cloud, map=trained.map).run()
+    instead = caught.value.instead
+    assert (instead.classified["classification"] == 1).all()
+    assert instead.unclassified == 300
+    with pytest.raises(DataError, match="none has all the features"):
+        ClassifySom(points=cloud).run()
 
 
 def test_ignored_points_stay_as_they_are() -> None:

@@ -185,9 +185,14 @@ def means_around(
     if cells.max() >= MOST:
         raise DataError(f"points: they extend over more than {MOST} m: remove stray points")
     keys = cells @ STRIDES + group
+    ctx.progress(0.1)
     own, place = np.unique(keys, return_inverse=True)
-    columns = np.column_stack([np.ones(len(xyz)), np.rint(values * FINE)])
-    held = np.column_stack([np.bincount(place, column) for column in columns.T])  # exact
+    ctx.progress(0.4)
+    held = np.empty((len(own), 1 + values.shape[1]))
+    held[:, 0] = np.bincount(place)
+    for k, column in enumerate(values.T, start=1):
+        held[:, k] = np.bincount(place, np.rint(column * FINE))  # exact
+        ctx.progress(0.4 + 0.2 * k / values.shape[1])
     total = held.copy()
     offsets = _half_ball(reach)
     for done, offset in enumerate(offsets):
@@ -196,7 +201,7 @@ def means_around(
         here = np.flatnonzero(own[at] == own + shift)
         total[here] += held[at[here]]
         total[at[here]] += held[here]
-        ctx.progress((done + 1) / len(offsets))
+        ctx.progress(0.6 + 0.4 * (done + 1) / len(offsets))
     return np.asarray((total[:, 1:] / FINE / total[:, :1])[place])
 
 

@@ -15,10 +15,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from algorithms.classify import _som as som
+from algorithms.shared.threads import in_blocks
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, Raster, Table
 from toolbox.errors import DataError
 
+BLOCK = 200_000  # points between two looks at whether the user cancelled
 NOBODY = -1  # neuron of a point without features
 PIXEL = 0.1  # of pictures, in steps of the lattice
 GAP = 1.0  # between pictures
@@ -87,8 +89,17 @@ class FeatureMap:
         NOBODY and NaN where a feature is NaN.
         """
         best, away = np.full(len(values), NOBODY), np.full(len(values), np.nan)
+
+        def find(first: int, last: int) -> None:
+            best[first:last], away[first:last] = self._neurons(values[first:last])
+
+        in_blocks(find, len(values), BLOCK, ctx)
+        return best, away
+
+    def _neurons(self, values: Floats) -> tuple[Ints, Floats]:
+        best, away = np.full(len(values), NOBODY), np.full(len(values), np.nan)
         known = np.isfinite(values).all(axis=1)
-        found = self.stage_one(values[known], ctx)
+        found = self.stage_one(values[known])
         best[known], away[known] = found.best, found.distance
         for parent in np.unique(self.parent[self.parent != NOBODY]):
             members, parts = np.flatnonzero(best == parent), np.flatnonzero(self.parent == parent)

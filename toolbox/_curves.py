@@ -1,4 +1,4 @@
-"""Storage curves on a matplotlib figure: area and volume over the level."""
+"""Curves on a matplotlib figure: area and volume over the level, planes over the tolerance."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLUMNS = {"level", "unit", "area_m2", "volume_m3"}
+_SWEEP = {"tolerance", "planes", "share", "knee"}
 _AREA, _VOLUME, _OPEN = "#c4742b", "#2f6da8", "#c9c9c9"
 _UNITS = (1.0, ""), (1e3, "1000 "), (1e6, "million ")  # of the axes, below a thousand of them
 
@@ -88,3 +89,53 @@ def _line(
     axes.tick_params(labelsize=6.5, colors="#6a6a6a", length=2.5, width=0.5, pad=2)
     axes.tick_params(axis="x", colors=colour)
     axes.spines[:].set_color("#9a9a9a")
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """How many planes are found with each tolerance, and the share of points on them.
+
+    Attributes
+    ----------
+    tolerances, planes, share : arrays of one shape; metres, numbers, percent
+    knee : tolerance that was chosen, if one was
+    """
+
+    title: str
+    tolerances: NDArray[np.float64]
+    planes: NDArray[np.float64]
+    share: NDArray[np.float64]
+    knee: float | None
+    height: float = 0.7 * WIDTH  # inches
+    key_height: float = 0.3
+
+    @classmethod
+    def of(cls, title: str, table: Table) -> Sweep | None:
+        """The sweep in a table of the columns tolerance, planes, share, knee; None if no such."""
+        frame = table.frame
+        if not (set(frame.columns) >= _SWEEP and len(frame) > 1):
+            return None
+        columns = (frame[name].to_numpy(float) for name in ("tolerance", "planes", "share"))
+        chosen = frame["tolerance"][frame["knee"].to_numpy(bool)]
+        return cls(title, *columns, float(chosen.iloc[0]) if len(chosen) else None)
+
+
+def show_sweep(figure: Figure, sweep: Sweep, place: Place) -> None:
+    """Draw the planes along the left axis and the share along the right one."""
+    left, bottom, width, height = place.map
+    axes = figure.add_axes(fractions(figure, (left, bottom, width - 0.35, height)))
+    beside = axes.twinx()
+    centimetres = 100 * sweep.tolerances
+    axes.plot(centimetres, sweep.planes, color=_AREA, lw=1.4, marker="o", ms=3)
+    beside.plot(centimetres, sweep.share, color=_VOLUME, lw=1.4, marker="o", ms=3)
+    if sweep.knee is not None:
+        axes.axvline(100 * sweep.knee, color=INK, lw=0.8, ls="--")
+    for own, name, colour in ((axes, "planes", _AREA), (beside, "points on planes, %", _VOLUME)):
+        own.set_ylabel(name, fontsize=7.5, color=colour)
+        own.tick_params(labelsize=6.5, colors="#6a6a6a", length=2.5, width=0.5, pad=2)
+        own.tick_params(axis="y", colors=colour)
+        own.spines[:].set_color("#9a9a9a")
+    axes.set_ylim(bottom=0)
+    axes.set_xlabel("tolerance, cm; dashed: the knee", fontsize=7.5, color=INK)
+    axes.set_title(sweep.title, fontsize=10, color=INK, loc="left", pad=6, fontweight="bold")
+    axes.grid(color="#e4e4e4", lw=0.5)

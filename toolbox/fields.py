@@ -133,7 +133,7 @@ class Field:
     def scaled(self, value: Any, metre: float) -> Any:
         """A length in metres in the unit of the data, of which `metre` make one metre."""
         power = LENGTHS.get(self.unit or "")
-        if power is None or self.kind.is_layer:
+        if power is None or value is None or self.kind.is_layer:
             return value
         factor = metre**power
         scaled = tuple(_times(item, factor) for item in self.items(value))

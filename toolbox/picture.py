@@ -14,7 +14,7 @@ import numpy as np
 from pyproj import CRS
 
 from toolbox._bars import Bars, Profile, show_bars, show_profile
-from toolbox._curves import Curve, show_curve
+from toolbox._curves import Curve, Sweep, show_curve, show_sweep
 from toolbox._images import Bounds, Image, cloud_image, raster_image
 from toolbox._maps import Panel, arrange, in_proportion, show
 from toolbox.data import PointCloud, Raster, Table, Vector
@@ -26,7 +26,7 @@ _DPI = 140
 _MOST_BANDS = 6
 _MARGIN = 0.12  # of a map of vectors, so that the scale bar hides none
 
-Drawn = Panel | Bars | Profile | Curve
+Drawn = Panel | Bars | Profile | Curve | Sweep
 
 
 def draw(
@@ -43,8 +43,8 @@ def draw(
     elevation or its intensity. A vector layer lies over the map before it, if that is in the
     same CRS and overlaps it, and has a map of its own otherwise, in the colours of its `kind` or
     `offset`; points with line, station and offset have a profile too. A table of the columns low,
-    high and count is a histogram, one of level, unit, area_m2 and volume_m3 a storage curve; other
-    tables are left out.
+    high and count is a histogram, one of level, unit, area_m2 and volume_m3 a storage curve, one
+    of tolerance, planes, share and knee the curve of these; other tables are left out.
 
     Parameters
     ----------
@@ -90,6 +90,8 @@ def png(layers: Mapping[str, PointCloud | Raster | Vector | Table], *, record: s
                 show_profile(figure, panel, place)
             case Curve():
                 show_curve(figure, panel, place)
+            case Sweep():
+                show_sweep(figure, panel, place)
             case Panel():
                 show(figure, panel, place)
     texts = {"Software": None} | ({CHUNK: checked(record)} if record else {})
@@ -140,8 +142,8 @@ def _of_image(title: str, crs: CRS | None, image: Image) -> Panel:
     return Panel(title, crs, in_proportion(image.bounds), image, ())
 
 
-def _of_table(title: str, table: Table) -> Bars | Curve | None:
-    return Bars.of(title, table) or Curve.of(title, table)
+def _of_table(title: str, table: Table) -> Bars | Curve | Sweep | None:
+    return Bars.of(title, table) or Curve.of(title, table) or Sweep.of(title, table)
 
 
 def _add_vector(panels: list[Drawn], title: str, layer: Vector) -> None:

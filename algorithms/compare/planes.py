@@ -24,7 +24,7 @@ from algorithms.compare.classes import counterparts
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
 from toolbox.errors import DataError
-from toolbox.outcomes import CORRECT_NEGATIVE, CORRECT_POSITIVE, NO_REFERENCE, TYPE_1, TYPE_2
+from toolbox.outcomes import FOUND_ALONE, IN_BOTH, IN_NEITHER, NO_REFERENCE, REFERENCE_ALONE
 from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import Attribute
 
@@ -51,8 +51,8 @@ class ComparePlanes:
 
     Planes of fewer than `min_points` are not judged; their points still count in the other sets.
 
-    The attribute `error` of the differences is 0 in both, 1 in neither, 2 in E alone, 3 in O alone
-    or in two planes that are no pair, 4 without a reference point.
+    The attribute `difference` of the differences is 0 in both, 1 in neither, 2 in E alone, 3 in O
+    alone or in two planes that are no pair, 4 without a reference point.
     """
 
     points: PointCloud = source("Points with the planes to judge")
@@ -73,7 +73,7 @@ class ComparePlanes:
     @outputs
     class Outputs:
         table: Table = sink("All planes, each reference plane, and each invented one")
-        differences: PointCloud = sink("The points with the attribute error")
+        differences: PointCloud = sink("The points with the attribute difference")
         correctness: float | None = sink("Points of pairs over those of found planes", unit="%")
         completeness: float | None = sink(
             "Points of pairs over those of reference planes", unit="%"
@@ -115,8 +115,8 @@ class ComparePlanes:
             xyz, said[known], true[known], overlap=self.min_overlap, fewest=self.min_points
         )
         ctx.progress(0.9)
-        error = np.full(len(said), NO_REFERENCE, np.uint8)
-        error[known] = made.error
+        difference = np.full(len(said), NO_REFERENCE, np.uint8)
+        difference[known] = made.difference
         rows, metre = made.rows, self.points.metre
         for row in rows:
             row["offset"] = None if row["offset"] is None else row["offset"] / metre
@@ -125,7 +125,8 @@ class ComparePlanes:
         return self.Outputs(
             table=Table.from_rows(rows),
             differences=self.points.with_attributes(
-                {"error": error}, descriptions={"error": "2 in E alone, 3 in O alone"}
+                {"difference": difference},
+                descriptions={"difference": "2 in E alone, 3 in O alone"},
             ),
             correctness=whole["correctness"],
             completeness=whole["completeness"],
@@ -198,10 +199,10 @@ class Sets(NamedTuple):
 
 
 class Compared(NamedTuple):
-    """Rows of the table, offsets in the unit of the points, and the error of each point."""
+    """Rows of the table, offsets in the unit of the points, and the difference of each point."""
 
     rows: list[Row]
-    error: NDArray[np.uint8]
+    difference: NDArray[np.uint8]
 
 
 def compare(
@@ -247,9 +248,9 @@ def compare(
         rows.append(row)
     for k in np.flatnonzero(judged_o & (pair < 0)):
         rows.append(_row("invented", found[k], None, Sets(int(o[k]), 0, 0)))
-    error = np.where(said == nothing, TYPE_1, TYPE_2)
-    error = np.where((said == nothing) & (true == none), CORRECT_NEGATIVE, error)
-    return Compared(rows, np.where(in_pair, CORRECT_POSITIVE, error).astype(np.uint8))
+    wrong = np.where(said == nothing, REFERENCE_ALONE, FOUND_ALONE)
+    wrong = np.where((said == nothing) & (true == none), IN_NEITHER, wrong)
+    return Compared(rows, np.where(in_pair, IN_BOTH, wrong).astype(np.uint8))
 
 
 def _totals(said: Ints, true: Ints, nothing: int, none: int, both: NDArray[np.bool_]) -> Any:
@@ -298,4 +299,4 @@ def between(xyz: Floats, reference: Floats) -> tuple[float, float]:
         middle.append(centre)
     sine = float(np.linalg.norm(np.cross(normals[0], normals[1])))
     angle = math.degrees(math.atan2(sine, abs(float(normals[0] @ normals[1]))))
-    return angle, abs(float(normals[0] @ middle[0]))
+    return angle, abs(float(normals[0] @ (middle[0] - middle[1])))

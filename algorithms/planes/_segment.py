@@ -67,21 +67,30 @@ def segment(xyz: Floats, rules: Rules, *, ctx: Context = QUIET) -> Segments:
     DataError
         There are fewer than three points, or all are on a line.
     """
+    return segment_cells(cells_of(xyz, ctx=ctx.part(0.0, 0.2)), rules, ctx=ctx.part(0.2, 1.0))
+
+
+def cells_of(xyz: Floats, *, ctx: Context = QUIET) -> Cells:
+    """Points that can lie on a plane, sorted into cells; see :func:`segment`."""
     require_finite(xyz)
     if len(xyz) < 3:
         raise DataError(f"points: a plane needs 3 points, there are {len(xyz)}")
     if is_line(xyz[:: -(-len(xyz) // LOOK)]) and is_line(xyz):
         raise DataError(f"points: all {len(xyz)} are on a line or at one place, not on a plane")
-    cells = sort_into_cells(xyz, ctx=ctx.part(0.0, 0.2))
+    return sort_into_cells(xyz, ctx=ctx)
+
+
+def segment_cells(cells: Cells, rules: Rules, *, ctx: Context = QUIET) -> Segments:
+    """The planes of points that are sorted into cells; see :func:`segment`."""
     least = 1e-9 * float(np.abs(cells.xyz).max())  # of points without noise
     rules = replace(
         rules,
         tolerance=rules.tolerance or max(NOISES * cells.noise, least),
         gap=rules.gap or max(GAPS * cells.apart, 4 * least),
     )
-    patches, trials = _patches(cells, rules, ctx.part(0.2, 0.8))
-    owner = _owners(cells, patches, rules, ctx.part(0.8, 1.0))
-    ids = np.empty(len(xyz), np.int32)
+    patches, trials = _patches(cells, rules, ctx.part(0.0, 0.7))
+    owner = _owners(cells, patches, rules, ctx.part(0.7, 1.0))
+    ids = np.empty(len(owner), np.int32)
     ids[cells.order] = owner
     planes = _fitted(cells, owner, patches)
     ctx.progress(1.0)

@@ -148,18 +148,22 @@ class PlanesExtract:
         )
 
     def _rules(self) -> Rules:
-        angle = math.radians(self.orientation_angle)
-        near, far = math.sin(angle), math.cos(angle)
-        steep = {"any": (0.0, 1.0), "vertical": (0.0, near), "horizontal": (far, 1.0)}
         return Rules(
             tolerance=0.0 if self.tolerance == "auto" else self.tolerance,
             angle=math.radians(self.max_angle),
             gap=0.0 if self.max_gap == "auto" else self.max_gap,
             min_points=self.min_points,
             min_extent=self.min_extent,
-            steep=steep.get(self.orientation, (near, far)),
+            steep=steepness(self.orientation, self.orientation_angle),
             connected=self.connected,
             confidence=self.confidence,
             max_trials=self.max_trials,
             seed=self.seed,
         )
+
+
+def steepness(orientation: Orientation, degrees: float) -> tuple[float, float]:
+    """Least and largest size of the third part of the normals of planes of an orientation."""
+    upright, level = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    limits = {"any": (0.0, 1.0), "vertical": (0.0, upright), "horizontal": (level, 1.0)}
+    return limits.get(orientation, (upright, level))

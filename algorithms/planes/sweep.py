@@ -1,0 +1,153 @@
+"""Which tolerance suits a scan: the planes that are found with each of several.
+
+References
+----------
+Çömert, R. and Avdan, U. (RANSAC façade planes from terrestrial scans): table 1, from 26 planes at
+2 cm to 11 at 6 cm, of which the first is taken after which their number stays the same.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from algorithms.planes._search import Rules
+from algorithms.planes._segment import NOISES, cells_of, segment_cells
+from algorithms.planes.extract import Orientation, steepness
+from algorithms.shared.ground import is_withheld
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Table
+from toolbox.spec import outputs, param, sink, source, tool
+
+OF_NOISE = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0)  # tolerances by default
+SETTLED_PLANES, SETTLED_SHARE = 0.02, 0.002  # changes that are none: of the number, of all points
+
+
+@tool("planes.sweep")
+class PlanesSweep:
+    """Find planes with several tolerances, to see which suits the scan.
+
+    With a tolerance below the noise of the scan only the middle of a wall is found, or the wall in
+    pieces; one that is too large takes in what lies beside it. Between the two there is a range
+    in which little changes. The knee is the first tolerance after which the next one changes
+    the number of planes by no more than 2 % and the share of points on planes by no more than
+    0.2 points in a hundred. There is none if they go on changing, as on bent surfaces.
+
+    By default tolerances from one to ten times the noise of the scan are tried. The other settings
+    are those of planes.extract.
+    """
+
+    points: PointCloud = source("Points of a scan, or of several put together")
+    tolerances: tuple[float, ...] | None = param(
+        "Tolerances to try; by default multiples of the noise", default=None, unit="m", gt=0
+    )
+    max_angle: float = param(
+        "Largest angle between a plane and the normals of its points",
+        default=20.0,
+        unit="deg",
+        gt=0,
+        le=90,
+    )
+    min_points: int = param("Fewest points of a plane", default=100, unit="1", ge=3)
+    min_extent: float = param(
+        "Shortest side of the rectangle around a plane", default=0.1, unit="m", ge=0
+    )
+    max_gap: float | None = param(
+        "Widest gap within a plane; by the points unless given", default=None, unit="m", gt=0
+    )
+    orientation: Orientation = param("Planes to look for", default="any")
+    orientation_angle: float = param(
+        "How far from upright or level a plane may be to be called so",
+        default=10.0,
+        unit="deg",
+        gt=0,
+        lt=45,
+    )
+    seed: int = param("Seed of the random draws", default=0, unit="1", ge=0)
+
+    @outputs
+    class Outputs:
+        table: Table = sink("One row per tolerance: planes, share of points on them, distances")
+        knee: float | None = sink("First tolerance after which little changes", unit="m")
+        auto: float = sink("Tolerance that planes.extract takes by itself", unit="m")
+        noise: float = sink("Standard deviation of points about small planes", unit="m")
+
+    def check(self) -> Iterator[tuple[str, str]]:
+        """One tolerance is no choice."""
+        if self.tolerances is not None and len(set(self.tolerances)) < 2:
+            yield "tolerances", f"give at least two, got {list(self.tolerances)}"
+
+    def halo(self) -> float:
+        """Planes are of any size."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> PlanesSweep.Outputs:
+        """Find the planes with each tolerance."""
+        cloud, used = self.points, ~is_withheld(self.points)
+        xyz = cloud.xyz if used.all() else cloud.xyz[used]
+        cells = cells_of(xyz, ctx=ctx.part(0.0, 0.1))
+        least = 1e-9 * float(np.abs(cells.xyz).max())
+        tries = self.tolerances or [k * max(cells.noise, least) for k in OF_NOISE]
+        rows: list[dict[str, Any]] = []
+        for number, tolerance in enumerate(sorted(set(tries))):
+            part = ctx.part(0.1 + 0.9 * number / len(tries), 0.1 + 0.9 * (number + 1) / len(tries))
+            found = segment_cells(cells, self._rules(tolerance), ctx=part)
+            rows.append(
+                {
+                    "tolerance": tolerance / cloud.metre,
+                    "planes": len(found.planes),
+                    "share": 100 * float((found.ids > 0).mean()),
+                    "largest": int(np.bincount(found.ids, minlength=2)[1]),
+                    "trials": found.trials,
+                    "knee": False,
+                }
+            )
+        place = knee([row["planes"] for row in rows], [row["share"] for row in rows])
+        if place is None:
+            log.warning("the number of planes and their points go on changing: there is no knee")
+        else:
+            rows[place]["knee"] = True
+        ctx.progress(1.0)
+        return self.Outputs(
+            table=Table.from_rows(rows),
+            knee=None if place is None else sorted(set(tries))[place],
+            auto=NOISES * cells.noise,
+            noise=cells.noise,
+        )
+
+    def _rules(self, tolerance: float) -> Rules:
+        return Rules(
+            tolerance=tolerance,
+            angle=math.radians(self.max_angle),
+            gap=self.max_gap or 0.0,
+            min_points=self.min_points,
+            min_extent=self.min_extent,
+            steep=steepness(self.orientation, self.orientation_angle),
+            seed=self.seed,
+        )
+
+
+def knee(planes: Sequence[int], shares: Sequence[float] | None = None) -> int | None:
+    """The place of the first tolerance after which the next one changes little; None of none.
+
+    Parameters
+    ----------
+    planes : numbers of planes by rising tolerance
+    shares : of points on them, percent; not looked at unless given
+
+    Examples
+    --------
+    >>> knee([26, 18, 16, 14, 13, 12, 12, 11])  # 5.0 cm in table 1 of Çömert and Avdan
+    5
+    """
+    for place in range(len(planes) - 1):
+        change = abs(planes[place + 1] - planes[place])
+        if change > SETTLED_PLANES * planes[place] or not planes[place]:
+            continue
+        if shares and abs(shares[place + 1] - shares[place]) > 100 * SETTLED_SHARE:
+            continue
+        return place
+    return None

@@ -68,8 +68,8 @@ def test_counts_by_hand() -> None:
     assert counts == [80, 80, 70, 10, 10]
     assert row.correctness == row.completeness == pytest.approx(87.5)
     assert out.iou == pytest.approx(100 * 70 / 90)
-    error = out.differences["error"]
-    assert [int((error == code).sum()) for code in range(4)] == [70, 10, 10, 10]
+    difference = out.differences["difference"]
+    assert [int((difference == code).sum()) for code in range(4)] == [70, 10, 10, 10]
     assert (out.found, out.missed, out.invented, out.split) == (1, 0, 0, 0)
 
 

@@ -81,6 +81,7 @@ TILED = [
         {"max_distance": 6.0, "positive": "1,2,3", "reference": "sparse"},
     ),
 ]
+AMPLE = {"classify.buildings"}  # their halo is of ground.classify, whose heights they do not show
 SLACK = {  # of numbers that are not whole; classes have none
     "classify.som_apply": 0.002,  # distance from a neuron: ground.classify tells heights
     "ground.csf": 0.01,  # metres of height: a cloth at rest may still creep
@@ -393,6 +394,8 @@ def test_too_small_a_halo_is_noticed(
     halo = reach(spec, settings, strip)
     if halo == 0:
         pytest.skip("the tool asks for none")
+    if share and spec.id in AMPLE:
+        pytest.skip("what needs all of it cannot be seen")
     with pytest.raises(AssertionError):
         check_tiles(spec, settings, strip, share * halo)
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from algorithms.ground.classify import HALO as GROUND_HALO
 from algorithms.ground.classify import above, find_terrain, verdict
 from algorithms.shared.covariance import covariance_features
-from algorithms.shared.ground import Candidates
+from algorithms.shared.ground import Candidates, is_withheld
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.errors import DataError
@@ -49,12 +49,16 @@ class Scene:
     radius : of the neighbourhood in which planes are looked for, in the unit of the points
     context : points up to this far away share what they look like, in that unit
     ctx : progress and cancellation
+    flat : metres from a plane up to which points lie on it
+    ground_classes : classes that are ground; None to look for ground
     """
 
     cloud: PointCloud
     radius: float
     context: float
     ctx: Context = QUIET
+    flat: float = FLAT
+    ground_classes: tuple[int, ...] | None = None
 
     def feature(self, name: str) -> Floats:
         """Values of shape (n,): one of MADE, or an attribute of the points."""
@@ -73,12 +77,16 @@ class Scene:
 
         NaN where there is no terrain near, or no point that could be ground.
         """
-        candidates = Candidates.of(self.cloud, "last", None)
-        ground = np.zeros(len(self.cloud), bool)
+        cloud, ctx = self.cloud, self.ctx.part(0.0, 0.4)
+        if self.ground_classes is not None:
+            ground = np.isin(cloud["classification"], self.ground_classes) & ~is_withheld(cloud)
+            found = find_terrain(_frozen(self.xyz[ground]), metre=cloud.metre, ctx=ctx)
+            return ground, above(self.xyz, found)[0]
+        candidates = Candidates.of(cloud, "last", None)
+        ground = np.zeros(len(cloud), bool)
         if not candidates.chosen.any():
             return ground, np.full(len(ground), np.nan)
-        metre = self.cloud.metre
-        found = find_terrain(candidates.xyz, metre=metre, ctx=self.ctx.part(0.0, 0.4))
+        found = find_terrain(candidates.xyz, metre=cloud.metre, ctx=ctx)
         ground[candidates.chosen] = verdict(candidates.xyz, found)[0]
         return ground, above(self.xyz, found)[0]
 
@@ -104,7 +112,7 @@ class Scene:
                 *(np.count_nonzero(shapeless), len(shapeless)),
             )
         values = {
-            "planarity": np.where(off_plane <= FLAT, 1.0, 0.0),
+            "planarity": np.where(off_plane <= self.flat, 1.0, 0.0),
             "roughness": np.where(shapeless, self.radius / metre, off_plane),
             "returns": penetrating(self.cloud).astype(np.float64),
         }
@@ -203,6 +211,12 @@ def means_around(
         total[at[here]] += held[here]
         ctx.progress(0.6 + 0.4 * (done + 1) / len(offsets))
     return np.asarray((total[:, 1:] / FINE / total[:, :1])[place])
+
+
+def _frozen(xyz: Floats) -> Floats:
+    """Read-only: kernels would be compiled for writable coordinates once more."""
+    xyz.flags.writeable = False
+    return xyz
 
 
 def _half_ball(reach: float) -> NDArray[np.int64]:

@@ -1,0 +1,343 @@
+"""Buildings: points, outlines and heights.
+
+A roof stands above the ground, lies on planes, and lets no pulse through. Points for which this
+holds, judged by what is around them, are joined to regions; what lies in a region, up to the roof,
+is building.
+
+References
+----------
+Demir, N. and Acar, U.: buildings after the ground, with a smallest size, in TerraScan.
+Zhang, K., Yan, J. and Chen, S.-C. (2006). Automatic construction of building footprints from
+airborne LIDAR data. IEEE Transactions on Geoscience and Remote Sensing 44(9), 2523-2533: roofs by
+planes, footprints, main directions.
+Rottensteiner, F. and Briese, C. (2002). A new method for building extraction in urban areas from
+high-resolution LIDAR data. ISPRS Archives 34(3A), 295-301: height, roughness, then size.
+
+How well it does, and what it takes for a building: docs/explanation/urban-classes.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Literal
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
+from scipy.spatial import cKDTree
+
+from algorithms.classify import _evidence
+from algorithms.classify._squared import squared
+from algorithms.shared.alpha_shape import alpha_shape
+from algorithms.shared.ground import taking_part
+from algorithms.shared.polygons import Polygons
+from toolbox.context import QUIET, Context, log
+from toolbox.data import Lattice, PointCloud, Vector
+from toolbox.errors import DataError, NothingToDo
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import ClassList, Share
+
+BUILDING, OTHER = np.uint8(_evidence.BUILDING), np.uint8(1)
+FOOT = 0.5  # metres above ground from which points in an outline are building
+EAVES = 0.4  # metres beyond the outline in which points of the roof may lie
+TOP = 1.0  # metres, cells in which the highest point of a roof is looked for
+SIMPLE = 0.5  # metres that squared walls may be from the points
+BESIDE, LEVEL, ENDS, OVER_GROUND = 1.5, 0.75, 3.0, 3.0  # metres: see `bridges`
+HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
+COLUMNS = ("area", "perimeter", "points", "ground", "eave", "ridge", "mean", "height", "squared")
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Shapes = NDArray[Any]
+
+
+@tool("classify.buildings")
+class ClassifyBuildings:
+    """Classify buildings, and draw their outlines with heights.
+
+    Classify the ground first. Of the points at least `min_height` above it, roofs are those around
+    which at least `planarity` of the points lie on planes, and less than twice that share lets the
+    pulse through. They are joined to regions as an alpha shape; what is narrower than `alpha` is
+    cut off, and regions from `smallest` to `largest` are buildings. All points in them up to the
+    roof become class 6, walls and dormers as well, but neither ground nor branches above. Without
+    returns planarity alone decides, and twice as much is asked for.
+
+    What meets ground at roof level at two ends is a bridge, and is left out.
+
+    Outlines are `squared`: straight walls, at right angles where they nearly are; or `alpha`, as
+    the points have it. Both run half a point spacing outside of the outermost points of the roof,
+    so they show roofs, not walls. Their attributes are area, perimeter, number of roof points,
+    elevations of ground, eave, ridge and mean roof, height of the ridge above the ground, in the
+    unit of the data, and whether the walls were squared.
+
+    Other points keep their class, and become 1 if it was 6.
+    """
+
+    points: PointCloud = source("Points with classified ground")
+    min_height: float = param("Lowest roof above ground", default=2.0, unit="m", gt=0, le=20)
+    smallest: float = param("Smallest building", default=10.0, unit="m2", gt=0, le=100)
+    largest: float | None = param("Largest building", default=None, unit="m2", gt=0)
+    planarity: float = param(
+        "Least share of points on planes around a roof point",
+        default=0.1,
+        unit="1",
+        ge=0,
+        le=1,
+    )
+    flat: float = param(
+        "How far from a plane its points may be, as standard deviation",
+        default=_evidence.FLAT,
+        unit="m",
+        gt=0,
+        le=1,
+    )
+    radius: float = param(
+        "Radius in which a plane is looked for; raise it for sparse points",
+        default=1.0,
+        unit="m",
+        gt=0,
+        le=10,
+    )
+    context: float = param(
+        "Points this near share what they look like", default=3.0, unit="m", ge=0, le=20
+    )
+    alpha: float = param(
+        "Radius of the disc that rolls around a roof; gaps of twice that are closed",
+        default=1.5,
+        unit="m",
+        gt=0,
+        le=20,
+    )
+    outline: Literal["squared", "alpha"] = param("How outlines are drawn", default="squared")
+    ground_classes: ClassList = param("Classes that are ground", default=ClassList([2]))
+    ignore: ClassList | None = param(
+        "Classes that take no part and stay as they are", default=ClassList([7, 9, 18])
+    )
+
+    @outputs
+    class Outputs:
+        classified: PointCloud = sink("The same points with buildings as class 6")
+        outlines: Vector = sink("Outlines of roofs with heights")
+        building_share: float = sink("Share of points that became building", unit="1")
+
+    def check(self) -> Iterator[tuple[str, str]]:
+        """Sizes must fit."""
+        if self.largest is not None and self.largest < self.smallest:
+            yield "largest", f"must be >= smallest ({self.smallest:g}), got {self.largest:g}"
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """Ground must have been classified."""
+        if "classification" not in self.points:
+            yield "points", f"{self.points.name} has no classification; classify ground first"
+
+    def halo(self) -> float:
+        """Beyond this nothing changes points; outlines longer than twice that may be cut."""
+        return HALO
+
+    def run(self, ctx: Context = QUIET) -> ClassifyBuildings.Outputs:
+        """Find roof points, join them, and take what belongs to them."""
+        cloud, metre = self.points, self.points.metre
+        part = taking_part(cloud, self.ignore)
+        scene = self._scene(part, ctx.part(0.0, 0.6))
+        roof = self._roof(scene)
+        shapes = self._regions(scene, roof, ctx.part(0.6, 0.8))
+        found = np.zeros(len(cloud), bool)
+        found[part] = up_to_the_roof(scene, roof, shapes, metre)
+        ctx.progress(0.9)
+        frame = self._frame(scene, roof, shapes)
+        ctx.progress(1.0)
+        return self._packed(found, part, frame)
+
+    def _scene(self, part: Mask, ctx: Context) -> _evidence.Scene:
+        """The points that take part, with their surroundings."""
+        cloud = self.points if part.all() else self.points.select(part)
+        if not np.isin(cloud["classification"], self.ground_classes).any():
+            nobody = np.zeros(len(self.points), bool)
+            raise NothingToDo(
+                f"points: none is of class {self.ground_classes}; classify ground first",
+                instead=self._packed(nobody, part, self._frame(None, nobody, np.empty(0, object))),
+            )
+        if not _evidence.has_several_returns(cloud):
+            log.warning("no pulse has several returns: dense crowns may be taken for roofs")
+        return _evidence.Scene(
+            cloud,
+            self.radius,
+            self.context,
+            ctx,
+            flat=self.flat / cloud.metre,
+            ground_classes=self.ground_classes,
+        )
+
+    def _roof(self, scene: _evidence.Scene) -> Mask:
+        """Points that look like a roof."""
+        ground, height = scene.terrain
+        least = self.planarity * (1 if _evidence.has_several_returns(scene.cloud) else 2)
+        flat = scene.around["planarity"] >= least
+        return ~ground & (height >= self.min_height / scene.cloud.metre) & flat & solid(scene)
+
+    def _regions(self, scene: _evidence.Scene, roof: Mask, ctx: Context) -> Shapes:
+        """Polygons around roofs, of a size that buildings have."""
+        try:
+            shape = alpha_shape(
+                scene.xyz[roof, :2],
+                self.alpha,
+                hole_threshold=self.smallest,
+                region_threshold=self.smallest,
+                ctx=ctx,
+            )
+        except DataError:  # no roof point, or hardly any
+            return np.empty(0, object)
+        shapes = without_spikes(shape.polygons, self.alpha)
+        shapes = shapes[shapely.area(shapes) >= self.smallest]
+        if self.largest is not None:
+            shapes = shapes[shapely.area(shapes) <= self.largest]
+        return shapes[~bridges(scene, roof, shapes)]
+
+    def _frame(self, scene: _evidence.Scene | None, roof: Mask, shapes: Shapes) -> Any:
+        """One row per building."""
+        import geopandas
+
+        rows, made = [], []
+        for shape in shapes:
+            assert scene is not None
+            inside = np.flatnonzero(roof)[_within(shape, scene.xyz[roof, :2])]
+            spacing = np.sqrt(shape.area / len(inside))
+            drawn, straight = shape.buffer(spacing / 2, join_style="mitre"), False
+            if self.outline == "squared":
+                drawn, straight = squared(drawn, SIMPLE * scene.cloud.metre)
+            made.append(drawn)
+            rows.append(
+                {"area": drawn.area, "perimeter": drawn.length, "points": len(inside)}
+                | heights(scene, inside, shape)
+                | {"squared": straight}
+            )
+        columns = [*COLUMNS, "geometry"]
+        return geopandas.GeoDataFrame(
+            rows, columns=columns if not rows else None, geometry=made, crs=self.points.crs
+        )
+
+    def _packed(self, found: Mask, part: Mask, frame: Any) -> ClassifyBuildings.Outputs:
+        cloud = self.points
+        old = cloud["classification"]
+        classes = np.where(part & (old == BUILDING), OTHER, old)
+        classes = np.where(found, BUILDING, classes).astype(np.uint8)
+        return self.Outputs(
+            classified=cloud.with_attributes({"classification": classes}),
+            outlines=Vector(frame, geometry_type="Polygon"),
+            building_share=Share.of_points(found, cloud.core),
+        )
+
+
+def without_spikes(shapes: Shapes, width: float) -> Shapes:
+    """Polygons without what is narrower than a width: branches and fences beside a roof."""
+    core = shapely.buffer(shapes, -width / 2, join_style="mitre")
+    return np.asarray(shapely.get_parts(shapely.buffer(core, width / 2, join_style="mitre")))
+
+
+def _within(shape: Any, xy: Floats) -> Mask:
+    """Which points lie in a polygon, by one look at its box first."""
+    west, south, east, north = shape.bounds
+    found = (xy[:, 0] >= west) & (xy[:, 0] <= east) & (xy[:, 1] >= south) & (xy[:, 1] <= north)
+    found[found] = Polygons.of(np.array([shape])).hold(xy[found])
+    return np.asarray(found)
+
+
+def up_to_the_roof(scene: _evidence.Scene, roof: Mask, shapes: Shapes, metre: float) -> Mask:
+    """Points in outlines that are not above the roof, and points of the roof just outside.
+
+    Parameters
+    ----------
+    scene : n points
+    roof : array of shape (n,), those that look like a roof
+    shapes : polygons around them
+    metre : length of one metre in the unit of the points
+
+    Returns
+    -------
+    array of shape (n,)
+    """
+    xyz = scene.xyz
+    if not len(shapes):
+        return np.zeros(len(xyz), bool)
+    ground, height = scene.terrain
+    inside = Polygons.of(shapes).hold(xyz)
+    wider = shapely.get_parts(shapely.union_all(shapely.buffer(shapes, EAVES * metre)))
+    beside = Polygons.of(wider).hold(xyz)
+    below = xyz[:, 2] <= highest_around(xyz, roof & inside, TOP * metre)
+    return np.asarray(~ground & (height > FOOT) & ((inside & below) | (beside & solid(scene))))
+
+
+def solid(scene: _evidence.Scene) -> Mask:
+    """Points around which more lie on planes than let the pulse through, weighed against others."""
+    flat = scene.around["planarity"] / _evidence.ON_PLANES
+    return np.asarray((flat > 0) & (flat >= scene.around["returns"] / _evidence.LET_THROUGH))
+
+
+def highest_around(xyz: Floats, some: Mask, cell: float) -> Floats:
+    """Highest of some points in the cell of each point and those around it; -inf without any."""
+    lattice = Lattice.cover((*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0)), cell)
+    row, col = lattice.indices(xyz[:, 0], xyz[:, 1])
+    top = np.full(lattice.shape, -np.inf)
+    np.maximum.at(top, (row[some], col[some]), xyz[some, 2])
+    return np.asarray(maximum_filter(top, 3, mode="constant", cval=-np.inf)[row, col])
+
+
+def bridges(scene: _evidence.Scene, roof: Mask, shapes: Shapes) -> Mask:
+    """Regions that stay level while the ground below rises to meet them, at two ends or more.
+
+    At an end, points nearer to the ground than a roof lie beside the region, at its level. A low
+    roof has those as well, but below its middle; a house on a slope at one end only.
+    """
+    height, metre, z = scene.terrain[1], scene.cloud.metre, scene.xyz[:, 2] / scene.cloud.metre
+    found = np.zeros(len(shapes), bool)
+    if not len(shapes):
+        return found
+    tops, others = np.flatnonzero(roof), np.flatnonzero(~roof & (height < height[roof].min()))
+    away, nearest = map(np.asarray, cKDTree(scene.xyz[tops, :2]).query(scene.xyz[others, :2]))
+    others = others[(away <= BESIDE * metre) & (np.abs(z[tops[nearest]] - z[others]) <= LEVEL)]
+    regions = shapely.STRtree(shapes)
+    own, region = regions.query(points_at(scene, tops), predicate="within")
+    low, beside = regions.query(
+        points_at(scene, others), predicate="dwithin", distance=BESIDE * metre
+    )
+    for number in np.unique(beside):
+        deck, ends = tops[own[region == number]], others[low[beside == number]]
+        ends = ends[z[ends] >= np.median(z[deck]) - LEVEL]
+        if np.median(height[deck]) < OVER_GROUND or not len(ends):
+            continue
+        discs = shapely.union_all(shapely.buffer(points_at(scene, ends), metre))
+        found[number] = np.count_nonzero(_length(shapely.get_parts(discs)) >= ENDS * metre) >= 2
+    if found.any():
+        log.info("%d regions meet ground at both ends: bridges", np.count_nonzero(found))
+    return found
+
+
+def points_at(scene: _evidence.Scene, which: NDArray[np.int64]) -> Shapes:
+    """Points of the plane, as shapely has them."""
+    return np.asarray(shapely.points(scene.xyz[which, :2]))
+
+
+def _length(shapes: Shapes) -> Floats:
+    """The longer side of the boxes around shapes."""
+    box = shapely.bounds(shapes)
+    return np.asarray((box[:, 2:] - box[:, :2]).max(axis=1))
+
+
+def heights(scene: _evidence.Scene, inside: NDArray[np.int64], shape: Any) -> dict[str, float]:
+    """Elevations of a roof and of the ground below it, and how high the ridge is above that.
+
+    The eave is the tenth percentile of the roof points near the outline, the ridge the highest
+    hundredth of all, so that neither a gutter nor a chimney decides.
+    """
+    z, metre = scene.xyz[inside, 2], scene.cloud.metre
+    ground = float(np.median(z - scene.terrain[1][inside] * metre))
+    edge = shapely.dwithin(points_at(scene, inside), shape.boundary, metre)
+    ridge = float(np.percentile(z, 99))
+    return {
+        "ground": ground,
+        "eave": float(np.percentile(z[edge] if edge.any() else z, 10)),
+        "ridge": ridge,
+        "mean": float(z.mean()),
+        "height": ridge - ground,
+    }

@@ -1,0 +1,259 @@
+"""classify.buildings: known roofs, trees and bridges, outlines, heights, tiles, bad input."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from algorithms.classify._squared import main_direction, squared
+from algorithms.classify.buildings import ClassifyBuildings
+from algorithms.compare.areas import CompareAreas
+from algorithms.ground.classify import GroundClassify
+from algorithms.samples.scene import SamplesScene
+from toolbox.data import PointCloud, Vector
+from toolbox.errors import DataError, NothingToDo, ParameterError
+
+Floats = NDArray[np.float64]
+UTM = CRS(32635)
+
+
+def village(
+    density: float = 8.0, *, seed: int = 0, several: bool = True, unit: float = 1.0
+) -> PointCloud:
+    """60 x 40 m of gentle slope: a gabled house, a flat shed of 9 m2, a tree, a low wall, truth."""
+    rng = np.random.default_rng(seed)
+    n = int(60 * 40 * density)
+    x, y = rng.uniform((0, 0), (60, 40), (n, 2)).T
+    ground = 0.02 * x + 100
+    z, truth = ground + rng.normal(0, 0.02, n), np.full(n, 2)
+    house = (abs(x - 15) < 6) & (abs(y - 12) < 4)
+    z[house] = (106 + 0.5 * (4 - abs(y - 12)) + rng.normal(0, 0.02, n))[house]
+    shed = (abs(x - 40) < 1.5) & (abs(y - 10) < 1.5)
+    z[shed] = 104 + rng.normal(0, 0.02, shed.sum())
+    truth[house | shed] = 6
+    wall = (abs(y - 35) < 0.3) & (x < 30)
+    z[wall] = ground[wall] + 1.5
+    truth[wall] = 1
+    tree = (np.hypot(x - 42, y - 27) < 5) & (rng.random(n) < 0.8)
+    z[tree] += rng.uniform(2, 12, tree.sum())
+    truth[tree] = 5
+    count, number = np.ones(n, int), np.ones(n, int)
+    count[tree] = 3 if several else 1
+    number[tree] = rng.integers(1, 4, tree.sum()) if several else 1
+    classes = np.where(truth == 2, 2, 1)
+    xyz = np.column_stack([x + 500_000, y + 4_600_000, z]) * unit
+    attributes = {
+        "classification": classes.astype(np.uint8),
+        "return_number": number.astype(np.uint8),
+        "number_of_returns": count.astype(np.uint8),
+        "truth": truth.astype(np.uint8),
+    }
+    return PointCloud(xyz, attributes, crs=UTM, name="village.laz")
+
+
+def agreement(out: Any) -> float:
+    """IoU of the points found with the true ones."""
+    found, true = out.classified["classification"] == 6, out.classified["truth"] == 6
+    return float((found & true).sum() / (found | true).sum())
+
+
+def test_a_house_is_found_with_its_outline_and_heights() -> None:
+    out = ClassifyBuildings(points=village()).run()
+    (row,) = out.outlines.frame.to_dict("records")
+    house = shapely.box(500_009, 4_600_008, 500_021, 4_600_016)
+    both = row["geometry"].intersection(house).area
+    assert both / row["geometry"].union(house).area > 0.95
+    assert row["squared"]
+    assert len(row["geometry"].exterior.coords) == 5
+    assert row["area"] == pytest.approx(96, rel=0.04)
+    assert row["ground"] == pytest.approx(100.3, abs=0.1)
+    assert row["eave"] == pytest.approx(106, abs=0.3)
+    assert row["ridge"] == pytest.approx(108, abs=0.1)
+    assert row["mean"] == pytest.approx(107, abs=0.1)
+    assert row["height"] == pytest.approx(7.7, abs=0.15)
+    found = out.classified["classification"] == 6
+    assert row["points"] <= found.sum() <= 1.05 * row["points"]
+    assert out.building_share == found.mean()
+
+
+def test_the_smallest_building_decides_about_the_shed() -> None:
+    points = village()
+    with_shed = ClassifyBuildings(points=points, smallest=5.0, outline="alpha").run()
+    assert len(with_shed.outlines) == 2
+    assert agreement(with_shed) > 0.99
+    none_so_large = ClassifyBuildings(points=points, smallest=5.0, largest=50.0).run()
+    assert len(none_so_large.outlines) == 1
+    assert none_so_large.outlines.frame.area.max() < 12
+    assert ClassifyBuildings(points=points, min_height=9.0).run().building_share == 0
+
+
+def test_without_returns_planes_decide(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        out = ClassifyBuildings(points=village(several=False)).run()
+    assert "no pulse has several returns" in caplog.text
+    assert len(out.outlines) == 1
+    assert agreement(out) > 0.9
+
+
+def test_other_classes_stay_and_old_buildings_go() -> None:
+    points = village()
+    old = points["classification"].copy()
+    tree, wall = points["truth"] == 5, points["truth"] == 1
+    old[tree], old[wall] = 6, 17
+    out = ClassifyBuildings(points=points.with_attributes({"classification": old})).run()
+    classes = out.classified["classification"]
+    assert (classes[tree] == 1).mean() > 0.99
+    assert (classes[wall] == 17).all()
+    ignored = points.with_attributes({"classification": np.where(old == 1, 7, old)})
+    assert ClassifyBuildings(points=ignored).run().building_share == 0
+
+
+def test_branches_over_a_roof_are_no_building_but_walls_are() -> None:
+    points = village()
+    rng = np.random.default_rng(1)
+    branch = rng.uniform((9, 8, 110), (12, 16, 114), (300, 3))
+    wall = np.column_stack([np.full(80, 9.0), rng.uniform(8, 16, 80), rng.uniform(101, 106, 80)])
+    more = np.vstack([branch, wall]) + np.array([500_000, 4_600_000, 0])
+    attributes = {name: points[name] for name in points.names}
+    for name, value in {"classification": 1, "return_number": 1, "number_of_returns": 3}.items():
+        extra = np.full(len(more), value, np.uint8)
+        if name != "classification":
+            extra[len(branch) :] = 1
+        attributes[name] = np.concatenate([attributes[name], extra])
+    truth = np.r_[np.full(300, 5), np.full(80, 6)].astype(np.uint8)
+    attributes["truth"] = np.concatenate([attributes["truth"], truth])
+    cloud = PointCloud(np.vstack([points.xyz, more]), attributes, crs=UTM)
+    classes = ClassifyBuildings(points=cloud).run().classified["classification"]
+    assert (classes[-380:-80] != 6).mean() > 0.95
+    assert (classes[-80:] == 6).mean() > 0.95
+
+
+def test_a_deck_between_two_banks_is_a_bridge(caplog: pytest.LogCaptureFixture) -> None:
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform((0, 0), (80, 40), (25_600, 2)).T
+    ground = 100 - np.clip(20 - abs(x - 40), 0, 8)  # a cutting
+    deck = abs(y - 20) < 4
+    z = np.where(deck, 100.0, ground) + rng.normal(0, 0.02, len(x))
+    classes = np.where(deck & (ground < 99.5), 1, 2).astype(np.uint8)
+    points = PointCloud(np.column_stack([x, y, z]), {"classification": classes}, crs=UTM)
+    with caplog.at_level(logging.INFO, "toolbox"):
+        out = ClassifyBuildings(points=points).run()
+    assert len(out.outlines) == 0
+    assert "1 regions meet ground at both ends" in caplog.text
+    raised = points.with_xyz(points.xyz + np.where(classes == 1, 3.0, 0.0)[:, None] * [0, 0, 1])
+    assert len(ClassifyBuildings(points=raised).run().outlines) == 1
+
+
+def test_any_order_and_part_of_the_points_gives_the_same() -> None:
+    points = village()
+    whole = ClassifyBuildings(points=points).run()
+    order = np.random.default_rng(3).permutation(len(points))
+    mixed = ClassifyBuildings(points=points.select(order)).run()
+    np.testing.assert_array_equal(
+        mixed.classified["classification"], whole.classified["classification"][order]
+    )
+    assert shapely.equals_exact(
+        mixed.outlines.frame.geometry[0].normalize(),
+        whole.outlines.frame.geometry[0].normalize(),
+        1e-6,
+    )
+
+
+def test_feet_give_the_house_of_metres() -> None:
+    feet = village(unit=3937 / 1200).with_crs(CRS(2263))
+    out, metres = (ClassifyBuildings(points=p).run() for p in (feet, village()))
+    same = out.classified["classification"] == metres.classified["classification"]
+    assert same.mean() > 0.999
+    in_feet, in_metres = (o.outlines.frame.iloc[0] for o in (out, metres))
+    assert in_feet.area == pytest.approx(in_metres.area * (3937 / 1200) ** 2, rel=1e-3)
+    assert in_feet["height"] == pytest.approx(in_metres["height"] * 3937 / 1200, rel=1e-3)
+
+
+def test_bad_input_is_named() -> None:
+    points = village()
+    with pytest.raises(ParameterError, match=r"largest: must be >= smallest \(20\), got 10"):
+        ClassifyBuildings(points=points, smallest=20.0, largest=10.0)
+    bare = PointCloud(points.xyz, crs=UTM, name="bare.laz")
+    with pytest.raises(DataError, match=r"bare\.laz has no classification; classify ground"):
+        ClassifyBuildings(points=bare).run()
+    raw = points.with_attributes({"classification": np.ones(len(points), np.uint8)})
+    with pytest.raises(NothingToDo, match="points: none is of class 2; classify ground") as error:
+        ClassifyBuildings(points=raw).run()
+    assert len(error.value.instead.outlines) == 0
+    assert error.value.instead.building_share == 0
+
+
+# Outlines ------------------------------------------------------------------------------------
+
+
+def jagged(shape: Any, step: float = 0.5, by: float = 0.15) -> Any:
+    """An outline as points have it: a corner every `step`, off by up to `by`."""
+    rng = np.random.default_rng(0)
+    ring = shape.exterior
+    places = [ring.interpolate(s) for s in np.arange(0, ring.length - step, step)]
+    return shapely.Polygon(
+        [(p.x + rng.uniform(-by, by), p.y + rng.uniform(-by, by)) for p in places]
+    )
+
+
+@pytest.mark.parametrize("turn", [0, 17, 45, 80])
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [(0, 0), (12, 0), (12, 8), (0, 8)],
+        [(0, 0), (15, 0), (15, 6), (7, 6), (7, 12), (0, 12)],
+        [(0, 0), (15, 0), (15, 6), (10, 6), (10, 9), (5, 9), (5, 6), (0, 6)],
+    ],
+)
+def test_walls_get_their_right_angles_back(corners: list[tuple[float, float]], turn: float) -> None:
+    shape = shapely.affinity.rotate(shapely.Polygon(corners), turn)
+    shape = shapely.affinity.translate(shape, 500_000, 4_600_000)
+    made, straight = squared(jagged(shape), 0.5)
+    assert straight
+    assert len(made.exterior.coords) == len(corners) + 1
+    assert made.intersection(shape).area / made.union(shape).area > 0.95
+    steps = np.diff(np.asarray(made.exterior.coords), axis=0)
+    cosine = (steps[1:] * steps[:-1]).sum(axis=1) / np.prod(np.hypot(*steps.T[:, None])[:, :-1])
+    assert np.abs(cosine).max() < 1e-6
+
+
+def test_a_slanted_wall_stays_and_a_circle_is_left_alone() -> None:
+    slanted = shapely.Polygon([(0, 0), (20, 0), (20, 6), (14, 12), (0, 12)])
+    made, straight = squared(jagged(slanted), 0.5)
+    assert straight
+    assert made.intersection(slanted).area / made.union(slanted).area > 0.95
+    silo = shapely.Point(0, 0).buffer(10)
+    made, straight = squared(silo, 0.5)
+    assert made.intersection(silo).area / made.union(silo).area > 0.85
+    assert main_direction(shapely.box(0, 0, 9, 3)) == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_a_synthetic_town_is_mapped() -> None:
+    made = SamplesScene(kind="town", size=200.0, density=8.0).run()
+    out = ClassifyBuildings(points=GroundClassify(points=made.points).run().classified).run()
+    found, true = (c["classification"] == 6 for c in (out.classified, made.points))
+    assert (found & true).sum() / (found | true).sum() > 0.98
+    frame = made.features.frame
+    houses = frame[frame.kind == "building"].copy()
+    houses["geometry"] = shapely.force_2d(houses.geometry.to_numpy())
+    scored = CompareAreas(areas=out.outlines, reference=Vector(houses), min_area=50.0).run()
+    assert scored.completeness > 97
+    assert scored.similarity > 96
+    assert scored.object_completeness == scored.object_correctness == 100
+
+
+@pytest.mark.slow
+def test_roofs_of_a_real_city(data: Callable[[str], Path]) -> None:
+    points = PointCloud.open(data("ign_urban_50m") / "77055_627755.laz")
+    out = ClassifyBuildings(points=GroundClassify(points=points).run().classified).run()
+    found, true = (c["classification"] == 6 for c in (out.classified, points))
+    assert (found & true).sum() / (found | true).sum() > 0.95

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from algorithms.corridor._rules import KINDS, SEVERITIES, Rule
-from algorithms.corridor._sag import Conductor
+from algorithms.corridor._sag import Conductor, State
 from algorithms.corridor._surroundings import Line, Object, Scene
 from toolbox.data import Figure, Report, Rows, Section, Table
 
@@ -28,6 +28,14 @@ COLOURS = {
     "ground": "#c9b48a", "water": "#7fb2e0", "rail": "#6b6b6b", "road": "#8c8c8c",
 }  # fmt: skip
 SIGNS = {"critical": "#d40000", "warning": "#f08000", "watch": "#d8c000"}
+LISTED = (
+    *("object_id", "severity", "kind", "rule", "clearance", "required", "sd", "probability"),
+    *("state", "span_id", "wire_id", "station", "height", "points"),
+)
+LIST_CAPTION = (
+    "Lengths in metres, places as in the data. sd is the standard deviation of the clearance; the "
+    "clearance of a falling tree is what is left between it and the wire, below 0 where it reaches"
+)
 STYLES = ("-", "--", ":", "-.")
 
 Floats = NDArray[np.float64]
@@ -51,7 +59,7 @@ def report_of(
     sections = [
         Section("Objects, the most urgent first", _list(listed)),
         Section("Map", [_map(scene, line, rules, objects)] if line.spans else []),
-        Section("Spans", [Rows(_rounded(spans.frame), "Least distances in space, m")]),
+        Section("Spans", [Rows(_span_list(spans), "Least distances in space, m")]),
         Section("Profiles", list(_profiles(scene, line, rules, objects))),
         Section("Rules", [Rows(_rule_table(rules), "Distances in metres")]),
         Section("Wires", [_wires_text(line, conductor)]),
@@ -80,13 +88,16 @@ def _summary(line: Line, rules: Sequence[Rule], objects: Sequence[Object]) -> st
 def _list(listed: pd.DataFrame) -> list[Rows | str]:
     if not len(listed):
         return ["Nothing breaks a rule."]
-    frame = pd.DataFrame(listed.drop(columns=["geometry", "source", "direction"]))
-    frame.insert(0, "x", listed.geometry.x)
-    frame.insert(1, "y", listed.geometry.y)
-    frame.insert(2, "z", listed.geometry.z)
-    order = ["object_id", "severity", "kind", "rule", "clearance", "required"]
-    frame = frame[[*order, *(name for name in frame if name not in order)]]
-    return [Rows(_rounded(frame), "Lengths in metres, places as in the data", MOST_OBJECTS)]
+    frame = pd.DataFrame(listed[list(LISTED)])
+    for axis in "xyz":
+        frame[axis] = getattr(listed.geometry, axis)
+    return [Rows(_rounded(frame), LIST_CAPTION, MOST_OBJECTS)]
+
+
+def _span_list(spans: Table) -> Table:
+    """The table of spans without columns that say nothing."""
+    frame = spans.frame
+    return _rounded(frame.drop(columns=[name for name in frame if frame[name].isna().all()]))
 
 
 def _rounded(frame: pd.DataFrame) -> Table:
@@ -108,8 +119,8 @@ def _rule_table(rules: Sequence[Rule]) -> Table:
 
 
 def _wires_text(line: Line, conductor: Conductor | None) -> str:
-    names = ", ".join(state.name for state in line.states)
-    text = f"States of the wires: {names}."
+    states = ", ".join(_told(state) for state in line.states)
+    text = f"States of the wires: {states}."
     if conductor is not None:
         text += (
             f" Conductor {conductor.name}: diameter {conductor.diameter * 1e3:.2f} mm, weight "
@@ -119,6 +130,13 @@ def _wires_text(line: Line, conductor: Conductor | None) -> str:
         if not conductor.confirmed:
             text += " Not confirmed: look these up in the data sheet of the conductor."
     return text
+
+
+def _told(state: State) -> str:
+    """A state with its numbers."""
+    wind = f" by {abs(state.wind):g} m/s" if state.wind else ""
+    warm = f" at {state.temperature:g} C" if state.wind and state.temperature is not None else ""
+    return state.name + wind + warm
 
 
 def _left_out(scene: Scene) -> str:
@@ -195,7 +213,9 @@ def _mark(
 
 def _legend(axes: Axes) -> None:
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
+        axes.legend(
+            loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False, markerscale=2
+        )
 
 
 def _profiles(
@@ -216,7 +236,7 @@ def _profile(
     scene: Scene, line: Line, rules: Sequence[Rule], objects: Sequence[Object], span: int
 ) -> Figure:
     """A span from the side: wires in each state, what is around them, objects."""
-    canvas, axes = _canvas(10.0, 3.8)
+    canvas, axes = _canvas(11.0, 4.2)
     own = np.flatnonzero(line.span == span)
     axis = max((line.curves[0][k] for k in own), key=lambda curve: curve.length)
     along, beside = axis.along(scene.xyz)
@@ -225,7 +245,7 @@ def _profile(
         some = near & (scene.kind == number)
         if some.any():
             x, y = _pixels(along[some], scene.xyz[some, 2], PIXEL)
-            axes.plot(x, y, ".", markersize=1.2, color=COLOURS[kind], label=kind, zorder=1)
+            axes.plot(x, y, ".", markersize=1.5, color=COLOURS[kind], label=kind, zorder=1)
     for number, state in enumerate(line.states):
         for k in own:
             places = line.curves[number][k].points(np.linspace(0.0, line.curves[0][k].length, 100))

@@ -300,8 +300,7 @@ class CorridorClearance:
             states.append(State(f"{hottest:.0f} C", hottest))
         if self.wind is not None:
             for side, wind in (("left", self.wind), ("right", -self.wind)):
-                name = f"wind {self.wind:g} m/s to the {side}"
-                states.append(State(name, self.wind_temperature, wind))
+                states.append(State(f"blown {side}", self.wind_temperature, wind))
         return states
 
     def _line(self, states: Sequence[State], conductor: Conductor | None) -> Line:

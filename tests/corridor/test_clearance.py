@@ -294,7 +294,7 @@ def test_hot_and_windy_wires_come_nearer() -> None:
     states = {"conductor": "Drake", "survey_temperature": 15.0, "temperature": 90.0, "wind": 20.0}
     result = run(points, distance=5.0, **states)
     frame = result["objects"].frame
-    assert set(frame.state) == {"90 C", "wind 20 m/s to the left"}
+    assert set(frame.state) == {"90 C", "blown left"}
     assert len(result["spans"]) == 4
     by_state = result["spans"].frame.set_index("state")
     assert by_state.sag["90 C"] > by_state.sag["survey"] + 1.5

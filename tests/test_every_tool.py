@@ -20,9 +20,12 @@ from numpy.typing import NDArray
 from process_schema import PROCESS
 from pyproj import CRS
 
+from algorithms.corridor._catenary import Catenary
+from algorithms.corridor._lines import wire_layer
+from algorithms.corridor._spans import Wire
 from toolbox import catalog, reference
 from toolbox.context import Context
-from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
+from toolbox.data import Lattice, PointCloud, Raster, Report, Table, Vector
 from toolbox.data.crs import vertical_unit
 from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.fields import Field, Spec
@@ -178,6 +181,8 @@ def job(
 
 def layers(spec: Spec, points: PointCloud | None) -> dict[str, Any]:
     """Other sources: a slope below all points, or a polygon among them, in their unit."""
+    if "wires" in spec.sources:
+        return wires_above(points or PointCloud(np.zeros((0, 3)), {}, crs=CRS(32635)), spec)
     if spec.id == "points.clip" and points is not None:
         triangle = np.array([[500_010, 4_600_001], [500_700, 4_600_020], [500_020, 4_600_030]])
         shape = shapely.Polygon(triangle * points.metre)
@@ -200,6 +205,15 @@ def strip_edges(points: PointCloud) -> NDArray[np.float64]:
     return np.array([499_900, 4_599_900, 501_000, 4_600_100]) * points.metre
 
 
+def wires_above(points: PointCloud, spec: Spec) -> dict[str, Any]:
+    """One wire along the block, above its ground and through its roofs; also as the reference."""
+    metre = points.metre
+    curve = Catenary(500_000.3, 4_600_020.4, 1.0, 0.0, 480.0, 20.0, 64.0, 1 / 3000.0)
+    wire = Wire(curve, (-1, -1), (0.0, curve.length), 1, 1, 1)
+    layer = wire_layer([wire], np.zeros(3), metre, points.crs)
+    return {name: layer for name in ("wires", "reference") if name in spec.sources}
+
+
 @functools.cache
 def trained_map() -> Table:
     """A self-organising map of level ground, trees and a roof, with all features."""
@@ -218,6 +232,8 @@ def values(layer: Any) -> Any:
     """What two equal results have in common, as plain arrays."""
     if isinstance(layer, PointCloud):
         return {"xyz": layer.xyz} | {name: layer[name] for name in layer.names}
+    if isinstance(layer, Report):
+        return layer.html()
     if hasattr(layer, "frame"):
         return layer.frame.to_dict()
     return getattr(layer, "values", layer)
@@ -315,7 +331,9 @@ def test_order_of_points_does_not_matter(spec: Spec, block: PointCloud) -> None:
 
 
 def _numbers(found: Any) -> Any:
-    """Tables are compared by the numbers in them."""
+    """Tables are compared by the numbers in them, pages by their length."""
+    if isinstance(found, str):
+        return len(found)
     if not isinstance(found, dict):
         return np.asarray(np.nan if found is None else found, float)
     cells = [cell for column in found.values() for cell in column.values()]

@@ -307,7 +307,8 @@ class CorridorClearance:
         """The wires in each state, in metres from an origin near by."""
         frame = self.wires.frame
         bounds = shapely.total_bounds(frame.geometry.to_numpy()) if len(frame) else np.zeros(4)
-        origin = np.array([*np.floor(bounds[:2]), 0.0])
+        metre = self.points.metre  # whole metres: the same place whatever the unit
+        origin = np.array([*np.floor(bounds[:2] / metre), 0.0]) * metre
         surveyed = catenaries_of(self.wires, origin) if len(frame) else []
         curves = [surveyed]
         for state in states[1:]:

@@ -79,8 +79,12 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         return (True, "") if bridge.find_python() else (False, bridge.MISSING)
 
     def checkParameterValues(self, parameters: Any, context: Any) -> tuple[bool, str]:
-        """Numbers outside their limits, in the words of the tool; then what QGIS finds."""
-        found = {}
+        """Unknown names and numbers outside their limits, in the words of the tool.
+
+        QGIS would pass over the former. What it finds itself comes after.
+        """
+        known = {definition.name() for definition in self.parameterDefinitions()}
+        found = {name.lower(): "unknown parameter" for name in sorted(parameters.keys() - known)}
         for field in self.tool["inputs"]:
             value = _plain_number(parameters.get(field["name"].upper()))
             if value is not None and any(

@@ -94,7 +94,7 @@ def _style_raster(layer: Any, colours: dict[str, Any]) -> None:
     named = not bracket or attribute == "z" or "height" in attribute or "elevation" in attribute
     height = named and layer.bandCount() <= 4 and not any(word in name for word in NO_HEIGHT)
     _ramp(layer, colours["relief"] if height else VIRIDIS, low, high)
-    if height:  # also for profiles and the 3D view, in which it is the ground
+    if height and layer.elevationProperties() is not None:  # QGIS 3.24: for profiles and 3D
         layer.elevationProperties().setEnabled(True)
 
 

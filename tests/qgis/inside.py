@@ -1,0 +1,408 @@
+"""Checks that run in the Python of QGIS, in one start of it: ``inside.py PROFILE CLOUD FOLDER``.
+
+Prints a JSON object: for each function ``check_...`` an empty text, or what went wrong.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+import threading
+import time
+import traceback
+from pathlib import Path
+
+from qgis.core import (
+    NULL,
+    QgsApplication,
+    QgsCoordinateReferenceSystem,
+    QgsFeature,
+    QgsGeometry,
+    QgsProcessingContext,
+    QgsProcessingException,
+    QgsProcessingFeatureSourceDefinition,
+    QgsProcessingFeedback,
+    QgsProject,
+    QgsProperty,
+    QgsRasterLayer,
+    QgsRectangle,
+    QgsReferencedRectangle,
+    QgsVectorFileWriter,
+    QgsVectorLayer,
+)
+
+PROFILE, CLOUD, FOLDER = sys.argv[1], sys.argv[2], Path(sys.argv[3])
+sys.path.insert(0, str(Path(PROFILE) / "python" / "plugins"))
+
+app = QgsApplication([], False)
+app.initQgis()
+
+from lidar_toolbox import bridge, parameters, styling  # noqa: E402
+from lidar_toolbox.algorithm import ToolAlgorithm  # noqa: E402
+from lidar_toolbox.plugin import Provider  # noqa: E402
+
+provider = Provider()
+QgsApplication.processingRegistry().addProvider(provider)
+COLOURS = provider.listed["colours"]
+
+
+class Feedback(QgsProcessingFeedback):
+    """Keeps what it is told."""
+
+    def __init__(self) -> None:
+        super().__init__(False)
+        self.said: list[str] = []
+        self.percents: list[float] = []
+        self.progressChanged.connect(self.percents.append)
+
+    def pushInfo(self, text: str) -> None:
+        self.said.append(text)
+
+    def pushWarning(self, text: str) -> None:
+        self.said.append(text)
+
+    def reportError(self, text: str, fatal: bool = False) -> None:
+        self.said.append(text)
+
+
+def context() -> QgsProcessingContext:
+    made = QgsProcessingContext()
+    made.setProject(QgsProject.instance())
+    return made
+
+
+def run(tool: str, feedback: Feedback | None = None, **values: object) -> dict[str, object]:
+    algorithm = provider.algorithm(tool.replace(".", "").replace("_", ""))
+    feedback = feedback or Feedback()
+    ctx = context()
+    fine, text = algorithm.checkParameterValues(values, ctx)
+    assert fine, text
+    results, ok = algorithm.create().run(values, ctx, feedback)
+    assert ok, feedback.said
+    return results
+
+
+def out(name: str) -> str:
+    return str(FOLDER / f"ergebnis ü {name}")
+
+
+def square(name: str = "squares") -> QgsVectorLayer:
+    """A layer in memory: two squares, each with a severity."""
+    layer = QgsVectorLayer("Polygon?crs=EPSG:32635&field=severity:string", name, "memory")
+    for x, severity in ((500010, "critical"), (500040, "low")):
+        feature = QgsFeature(layer.fields())
+        feature.setGeometry(QgsGeometry.fromRect(QgsRectangle(x, 4500010, x + 15, 4500025)))
+        feature.setAttribute("severity", severity)
+        assert layer.dataProvider().addFeature(feature)
+    return layer
+
+
+# Checks ------------------------------------------------------------------------------------------
+
+
+def check_every_tool_follows_the_conventions() -> None:
+    assert len(provider.algorithms()) == len(provider.listed["tools"]) > 20
+    for algorithm in provider.algorithms():
+        name = algorithm.name()
+        made = algorithm.create()
+        count = len(made.parameterDefinitions()) + len(made.outputDefinitions())
+        assert count >= len(made.tool["inputs"]) + len(made.tool["outputs"]), name
+        assert re.fullmatch("[a-z0-9]+", name), name
+        assert re.fullmatch("[a-z0-9]+", made.groupId()), name
+        assert not made.displayName().endswith("."), name
+        assert made.shortDescription().endswith("."), name
+        assert "<h3>Outputs</h3>" in made.shortHelpString(), name
+        assert "lidar" in made.tags(), name
+        assert made.tool["id"] in made.tags(), name
+        assert os.path.isfile(made.helpUrl().replace("file://", "").replace("%20", " ")) or (
+            "%" in made.helpUrl()
+        ), made.helpUrl()
+        assert not made.icon().isNull(), name
+        assert made.canExecute()[0], name
+        for definition in made.parameterDefinitions():
+            assert definition.name() == definition.name().upper(), name
+            assert definition.help(), (name, definition.name())
+            assert type(definition.clone()) is type(definition), (name, definition.name())
+
+
+def field(type: str, **more: object) -> dict[str, object]:
+    says = {"name": type, "type": type, "label": type, "help": type, "many": False}
+    return says | {"required": False, "nullable": True, "rule": ""} | more
+
+
+FIELDS = [
+    field("number", ge=0, default=3.0),
+    field("integer"),
+    field("length"),
+    field("boolean", default=False, nullable=False),
+    field("choice", choices=["a", "b"], default="b"),
+    field("text"),
+    field("range"),
+    field("extent"),
+    field("position"),
+    field("crs"),
+    field("pointcloud"),
+    field("raster"),
+    field("vector"),
+    field("table"),
+    field("file"),
+    field("text", name="texts", many=True),
+    field("choice", name="choices", many=True, choices=["a", "b", "c"]),
+    field("pointcloud", name="clouds", many=True),
+    field("vector", name="vectors", many=True),
+]
+EVERYTHING = {"id": "all.types", "algorithm": "alltypes", "inputs": FIELDS, "outputs": []}
+
+
+def read(**values: object) -> dict[str, object]:
+    """The values that a tool of all types would be given."""
+    algorithm = ToolAlgorithm(EVERYTHING, COLOURS).create()
+    feedback = Feedback()
+    reader = parameters.Reader(algorithm, FIELDS, values, context(), feedback)
+    found = {f["name"]: reader.input(f) for f in FIELDS}
+    found["said"] = feedback.said
+    return {name: value for name, value in found.items() if value is not parameters.UNSET}
+
+
+def check_values_of_every_type() -> None:
+    given = {"NUMBER": "2.5", "INTEGER": 5.5, "LENGTH": 12, "BOOLEAN": "no", "CHOICE": "a"}
+    given |= {"TEXT": "2,9,14-16", "RANGE": "0,0.2", "EXTENT": "1,3,2,4", "POSITION": "5,6"}
+    given |= {"CRS": "EPSG:2154", "TEXTS": " a ; b;", "CHOICES": ["a", "c"], "FILE": CLOUD}
+    got = read(**given)
+    assert got == {
+        "number": 2.5, "integer": 5.5, "length": 12.0, "boolean": "no", "choice": "a",
+        "text": "2,9,14-16", "range": [0.0, 0.2], "extent": [1.0, 2.0, 3.0, 4.0],
+        "position": [5.0, 6.0], "crs": "EPSG:2154", "texts": ["a", "b"], "choices": ["a", "c"],
+        "file": CLOUD, "said": [],
+    }, got  # fmt: skip
+    assert read(INTEGER=5.0, BOOLEAN=True)["integer"] == 5
+    assert read(NUMBER=QgsProperty.fromExpression("1 + 2"))["number"] == 3.0
+    assert read(CRS="local")["crs"] == "local"
+
+
+def check_what_is_left_empty_is_not_given() -> None:
+    names = [f["name"].upper() for f in FIELDS]
+    for nothing in (None, NULL, ""):
+        got = read(**dict.fromkeys(names, nothing))
+        # what has a default and may be none was cleared
+        assert got == {"number": None, "choice": None, "said": []}, got
+    assert read() == {"said": []}
+
+
+def check_layers_of_every_type() -> None:
+    layer = square()
+    QgsProject.instance().addMapLayer(layer)
+    package = out("two.gpkg")
+    for name in ("first", "second"):
+        options = QgsVectorFileWriter.SaveVectorOptions()
+        options.layerName, options.driverName = name, "GPKG"
+        if name == "second":
+            options.actionOnExistingFile = QgsVectorFileWriter.CreateOrOverwriteLayer
+        transform = QgsProject.instance().transformContext()
+        QgsVectorFileWriter.writeAsVectorFormatV2(layer, package, transform, options)
+    second = f"{package}|layername=second"
+    got = read(POINTCLOUD=CLOUD, VECTOR=layer.id(), TABLE=second, CLOUDS=[CLOUD, CLOUD])
+    assert got["pointcloud"] == CLOUD
+    assert got["clouds"] == [CLOUD, CLOUD]
+    assert got["table"] == {"path": package, "layer": "second"}
+    exported = got["vector"]["path"] if isinstance(got["vector"], dict) else got["vector"]
+    assert QgsVectorLayer(exported).featureCount() == 2
+    # selected features alone
+    layer.select([1])
+    chosen = QgsProcessingFeatureSourceDefinition(layer.id(), True)
+    exported = read(VECTOR=chosen)["vector"]
+    exported = exported["path"] if isinstance(exported, dict) else exported
+    assert QgsVectorLayer(exported).featureCount() == 1
+    # a layer of a GeoPackage in the project, then filtered
+    loaded = QgsVectorLayer(second, "loaded", "ogr")
+    QgsProject.instance().addMapLayer(loaded)
+    assert read(VECTOR=loaded)["vector"] == {"path": package, "layer": "second"}
+    loaded.setSubsetString("severity = 'low'")
+    exported = read(VECTOR=loaded)["vector"]
+    exported = exported["path"] if isinstance(exported, dict) else exported
+    assert exported != package
+    assert QgsVectorLayer(exported).featureCount() == 1
+    assert read(POINTCLOUD=[CLOUD, CLOUD])["pointcloud"] == [CLOUD, CLOUD]
+    assert read(POINTCLOUD=str(Path(CLOUD).parent))["pointcloud"] == str(Path(CLOUD).parent)
+
+
+def check_a_layer_without_a_file_is_refused() -> None:
+    layer = QgsRasterLayer(
+        "url=http://localhost/none&layers=a&styles=&format=image/png", "w", "wms"
+    )
+    said = ""
+    try:
+        parameters.source_of(layer)
+    except QgsProcessingException as err:
+        said = str(err)
+    assert "save it to a file first" in said
+
+
+def check_what_is_drawn_on_the_map_comes_in_the_coordinates_of_the_data() -> None:
+    degrees = QgsReferencedRectangle(
+        QgsRectangle(27.0001, 40.6501, 27.0003, 40.6503), QgsCoordinateReferenceSystem("EPSG:4326")
+    )
+    got = read(POINTCLOUD=CLOUD, EXTENT=degrees, POSITION="27.0,40.65 [EPSG:4326]")
+    assert abs(got["extent"][0] - 500008.5) < 2, got
+    assert abs(got["position"][0] - 500000) < 1, got
+    assert 4499000 < got["extent"][1] < 4501000, got
+    assert got["said"] == []
+    plain = str(FOLDER / "a.xyz")
+    Path(plain).write_text("1 2 3\n")
+    got = read(POINTCLOUD=plain, EXTENT=degrees)
+    assert abs(got["extent"][0] - 27.0001) < 1e-9
+    assert "taken as coordinates of the data" in got["said"][0]
+
+
+def check_a_number_outside_its_limits_is_refused_before_the_run() -> None:
+    algorithm = ToolAlgorithm(EVERYTHING, COLOURS).create()
+    fine, text = algorithm.checkParameterValues({"NUMBER": -1}, context())
+    assert (fine, "number: must be" in text) == (False, True), text
+    assert algorithm.checkParameterValues({"NUMBER": NULL}, context())[0]
+    fine, text = algorithm.checkParameterValues({"NUMBR": 1}, context())
+    assert (fine, "numbr: unknown parameter" in text) == (False, True), text
+
+
+def check_layers_are_loaded_in_colours() -> None:
+    ctx = context()
+    algorithm = provider.algorithm("surfacegrid").create()
+    dtm = out("dtm.tif")
+    details = QgsProcessingContext.LayerDetails("DTM", QgsProject.instance(), "SURFACE")
+    ctx.addLayerToLoadOnCompletion(dtm, details)
+    ctx.addLayerToLoadOnCompletion(out("never made.tif"), details)
+    feedback = Feedback()
+    values = {"POINTS": CLOUD, "CELL": 2.0, "CLASSES": "2", "SURFACE": dtm, "METHOD": "mean"}
+    results, ok = algorithm.run(values, ctx, feedback)
+    assert ok, feedback.said
+    assert results["SURFACE"] == dtm
+    assert 0 < results["FILLED_SHARE"] <= 1
+    assert feedback.percents[-1] == 100
+    assert list(ctx.layersToLoadOnCompletion()) == [dtm]
+    layer = QgsRasterLayer(dtm, "dtm")
+    ctx.layerToLoadOnCompletionDetails(dtm).postProcessor().postProcessLayer(layer, ctx, feedback)
+    items = layer.renderer().shader().rasterShaderFunction().colorRampItemList()
+    assert [item.color.name() for item in items] == COLOURS["relief"]
+    if layer.elevationProperties() is not None:
+        assert layer.elevationProperties().isEnabled()
+    shade = out("shade.tif")
+    run("surface.hillshade", SURFACE=dtm, HILLSHADE=shade)
+    layer = QgsRasterLayer(shade, "shade")
+    styling.style(layer, COLOURS)
+    assert type(layer.renderer()).__name__ == "QgsSingleBandGrayRenderer"
+    layer = square()
+    styling.style(layer, COLOURS)
+    colours = {c.value(): c.symbol().color().name() for c in layer.renderer().categories()}
+    assert colours == {"critical": "#b2182b", "low": "#fddc7a"}
+
+
+def check_a_tool_of_each_group_and_all_kinds_of_output() -> None:
+    done: set[str] = set()
+
+    def go(tool: str, **values: object) -> dict[str, object]:
+        made = run(tool, **values)
+        for name, value in values.items():
+            if isinstance(value, str) and "ergebnis" in value and name in made:
+                assert os.path.exists(value), (tool, name)
+                assert made[name] == value, (tool, name, made)
+        done.add(tool.partition(".")[0])
+        return made
+
+    go("samples.scene", SIZE=40.0, DENSITY=2.0, POINTS=out("scene.laz"))
+    ground = out("ground.laz")
+    go("ground.classify", POINTS=CLOUD, CLASSIFIED=ground)
+    made = go(
+        "compare.classes", POINTS=ground, REFERENCE=CLOUD, TABLE=out("t.gpkg"),
+        CONFUSION=out("c.csv"), PAGE=out("p.html"), COUNTS=out("n.csv"), PICTURE=out("p.png"),
+    )  # fmt: skip
+    assert 0 <= made["TYPE_1"] <= 100
+    assert QgsVectorLayer(made["TABLE"]).featureCount() > 3
+    assert {"PAGE", "COUNTS", "PICTURE"} <= made.keys()
+    assert os.path.getsize(made["PAGE"]) > 1000
+    go("features.local", POINTS=CLOUD, DESCRIBED=out("f.laz"), FEATURES=["planarity", "nz"])
+    go("planes.fit", POINTS=CLOUD, MAX_DISTANCE=0.2)
+    layer = square()
+    QgsProject.instance().addMapLayer(layer)
+    go("points.clip", POINTS=CLOUD, POLYGONS=layer.id(), CLIPPED=out("k.laz"))
+    go("points.merge", POINTS=[CLOUD], MERGED=out("m.laz"))
+    go(
+        "surface.grid",
+        POINTS=CLOUD,
+        SURFACE=out("s.tif"),
+        CELL=2.0,
+        METHOD="max",
+        TILE="30",
+        WORKERS=1,
+    )
+    go("surface.contours", SURFACE=out("s.tif"), INTERVAL=0.5, CONTOURS=out("c.gpkg"))
+    go(
+        "shoreline.alpha_shape", POINTS=CLOUD, ALPHA="auto", SHAPES=out("a.gpkg"),
+        OUTLINES=out("a.dxf"),
+    )  # fmt: skip
+    assert done >= {
+        "samples",
+        "ground",
+        "compare",
+        "features",
+        "planes",
+        "points",
+        "surface",
+        "shoreline",
+    }
+
+
+def check_shipped_models_run() -> None:
+    made = run("models.terrain", POINTS=CLOUD, CELL=2.0, DTM=out("m_dtm.tif"), NDSM=out("n.tif"))
+    assert set(made) >= {"DTM", "NDSM"}
+    assert QgsRasterLayer(made["NDSM"], "n").isValid()
+
+
+def check_cancel_stops_within_a_second() -> None:
+    feedback = Feedback()
+    asked: list[float] = []
+
+    def stop() -> None:
+        time.sleep(2.5)
+        asked.append(time.monotonic())
+        feedback.cancel()
+
+    threading.Thread(target=stop).start()
+    algorithm = provider.algorithm("samplesscene").create()
+    result = out("cancelled.laz")
+    values = {"KIND": "town", "DENSITY": 100.0, "POINTS": result}
+    _, ok = algorithm.run(values, context(), feedback)
+    took = time.monotonic() - asked[0]
+    assert not ok
+    assert "Cancelled." in "".join(feedback.said)
+    assert took < 2.0, took  # the machine of the tests may be busy
+    assert not os.path.exists(result)
+
+
+def check_the_environment_of_the_child_is_clean() -> None:
+    os.environ.update({"PYTHONHOME": "/x", "PROJ_LIB": "/x", "QT_PLUGIN_PATH": "/x", "OURS": "1"})
+    os.environ["GDAL_NUM_THREADS"] = "2"
+    env = bridge.clean_environment()
+    for name in ("PYTHONHOME", "PROJ_LIB", "QT_PLUGIN_PATH"):
+        del os.environ[name]
+        assert name not in env
+    assert (env["OURS"], env["GDAL_NUM_THREADS"]) == ("1", "2")
+    assert env["PYTHONNOUSERSITE"] == "1"
+
+
+def main() -> None:
+    found = {}
+    for name, check in list(globals().items()):
+        if name.startswith("check_"):
+            began = time.monotonic()
+            try:
+                check()
+                found[name] = ""
+            except BaseException:
+                found[name] = traceback.format_exc()
+            print(f"{name}: {time.monotonic() - began:.1f} s", file=sys.stderr)
+    print("\nRESULT " + json.dumps(found), flush=True)
+    os._exit(0)  # what QGIS does at the end is not ours to test
+
+
+main()

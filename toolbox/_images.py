@@ -16,6 +16,7 @@ from toolbox.data.crs import vertical_unit
 from toolbox.outcomes import (
     CORRECT_NEGATIVE,
     CORRECT_POSITIVE,
+    DIFFERENCES,
     NO_REFERENCE,
     OUTCOMES,
     TYPE_1,
@@ -63,6 +64,8 @@ POINT_CLASSES: Classes = {code: (name, _OF_CLASSES[code]) for code, name in CLAS
 """Name and colour of the point classes."""
 ERRORS: Classes = {code: (name, _OF_OUTCOMES[code]) for code, name in OUTCOMES.items()}
 """Name and colour of the values of the attribute "error"."""
+DIFFERING: Classes = {code: (name, _OF_OUTCOMES[code]) for code, name in DIFFERENCES.items()}
+"""Name and colour of the values of the attribute "difference"."""
 
 OTHER = ("#5b8def", "#e5a93c", "#58b2a3", "#c46bb0", "#93b245", "#d9755b", "#7a72c9", "#9c8567")
 """Colours in turn, of what has none of its own."""
@@ -180,8 +183,9 @@ def cloud_image(cloud: PointCloud) -> Image:
         ramp = Ramp.about_zero(shown, _label(name.replace("_", " "), _unit_of(cloud, name)))
         return Image(_colours(shown, ramp), lattice.bounds, ramp)
     height = _gathered(cloud.xyz[:, 2], top)
-    for name, table in (("error", ERRORS), ("classification", POINT_CLASSES)):
-        if name in cloud and (name == "error" or np.any(cloud[name])):
+    tables = {"error": ERRORS, "difference": DIFFERING, "classification": POINT_CLASSES}
+    for name, table in tables.items():
+        if name in cloud and (name != "classification" or np.any(cloud[name])):
             shown = _gathered(cloud[name], top)
             classes = _table(_codes(shown), table)
             rgba = _lit(_class_colours(shown, classes), height, lattice.cell, strength=0.35)

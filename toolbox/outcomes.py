@@ -20,3 +20,16 @@ OUTCOMES: Mapping[int, str] = MappingProxyType(
     }
 )
 """Name of each value."""
+
+IN_BOTH, IN_NEITHER, REFERENCE_ALONE, FOUND_ALONE = range(4)
+
+DIFFERENCES: Mapping[int, str] = MappingProxyType(
+    {
+        IN_BOTH: "In both",
+        IN_NEITHER: "In neither",
+        REFERENCE_ALONE: "In the reference alone",
+        FOUND_ALONE: "Found alone, or elsewhere",
+        NO_REFERENCE: "No reference",
+    }
+)
+"""The same for things that are found, such as planes: values of the attribute "difference"."""

@@ -36,7 +36,11 @@ NUMBERS = [(s, f) for s in TOOLS for f in s.inputs.values() if f.kind.word in ("
 LIMITED = [(s, f) for s, f in NUMBERS if f.limits]
 POINT_TOOLS = [s for s in TOOLS if "points" in s.sources]
 FAST = {"samples.scene": {"size": 50.0, "density": 2.0}}  # settings that make a tool quick
-REFERENCE = {"compare.classes": {"reference_attribute": "truth"}}  # settings that a tool needs
+REFERENCE: dict[str, dict[str, Any]] = {  # settings that a tool needs
+    "compare.classes": {"reference_attribute": "truth"},
+    "compare.planes": {"attribute": "classification", "reference_attribute": "truth"},
+    "planes.openings": {"attribute": "classification", "plane": 2},
+}
 WEST, TILE = 500_002.0, 300.0  # metres, three tiles in the strip; no cell begins where they do
 SMALL = Raster(np.eye(4), Affine(1, 0, 0, 0, -1, 4), crs=CRS(32635))
 SQUARES = Vector(

@@ -27,6 +27,7 @@ BLOCK, LEAVES = 500_000, 5_000  # points and cells between two looks at whether 
 THIN = 12.0  # least side of a cell over the noise, so that its normal is worth something
 THICK = 0.1  # least variance over the middle one, above which points are no plane
 SAME = 1.5  # variance about a plane in a large piece over that in a small one, at most
+ROUNDING = 1e-9  # of coordinates, as a share of the largest
 LOOKED_AT = 5_000  # cells that tell the noise
 NOISY, SPARSE = 0.9, 0.95  # shares of them with less noise, and with closer points
 
@@ -146,13 +147,14 @@ def _scales(xyz: Floats, keys: NDArray[np.uint64]) -> tuple[float, float]:
     kernels.at_two_scales(some, xyz, keys, starts, levels, found)
     middle, least, middle_above, least_above = found.T
     flat = (least < THICK * middle) & (least_above < THICK * middle_above)
-    plane = flat & (least_above < SAME * least)
+    plane = flat & (least_above <= SAME * least + (ROUNDING * float(np.abs(xyz).max())) ** 2)
     count = np.diff(starts)[some]
-    if not plane.any():
+    if not flat.any():
         return 0.0, 0.0
-    noise = math.sqrt(np.quantile(least[plane], NOISY))
+    # Where all is bent, the flattest quarter tells most.
+    noise = np.quantile(least[plane], NOISY) if plane.any() else np.quantile(least[flat], 0.25)
     apart = np.sqrt(12 * middle[flat] / count[flat])  # evenly spread over a square
-    return noise, float(np.quantile(apart, SPARSE))
+    return math.sqrt(noise), float(np.quantile(apart, SPARSE))
 
 
 def _sorted(keys: NDArray[np.uint64], xyz: Floats) -> Ints:

@@ -13,6 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from algorithms.planes._search import axes_of
+from algorithms.planes._segment import parts_of
 from algorithms.planes.fit import UP, figures
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.plane_fit import Plane
@@ -87,7 +88,7 @@ def outline(uv: Floats, alpha: float, *, ctx: Context = QUIET) -> Any:
     """
     shape = alpha_shape(uv, alpha, ctx=ctx)
     if not len(shape.polygons):
-        shape = alpha_shape(uv, "all_points", ctx=ctx)
+        shape = alpha_shape(uv, "all_points")
     parts = list(shape.polygons)
     return parts[0] if len(parts) == 1 else shapely.multipolygons(parts)
 
@@ -105,15 +106,13 @@ def drawn(
     alpha : see :func:`outline`
     ctx : progress and cancellation
     """
-    order = np.argsort(ids, kind="stable")
-    ends = np.cumsum(np.bincount(ids, minlength=len(planes) + 1))
     rows, shapes = [], []
-    for number, plane in enumerate(planes, start=1):
-        own = xyz[order[ends[number - 1] : ends[number]]]
+    parts = parts_of(ids, len(planes))
+    for number, (plane, part) in enumerate(zip(planes, parts, strict=True), start=1):
+        own = xyz[part]
         view = View.of(plane.turned(UP), own)
-        flat = outline(
-            view.flat(own), alpha, ctx=ctx.part((number - 1) / len(planes), number / len(planes))
-        )
+        step = ctx.part((number - 1) / len(planes), number / len(planes))
+        flat = outline(view.flat(own), alpha, ctx=step)
         rows.append({"plane_id": number} | _numbers(view, own, flat))
         shapes.append(view.raised(flat))
     solid = geopandas.GeoDataFrame(rows, geometry=shapes, columns=None if rows else ["plane_id"])

@@ -86,6 +86,12 @@ class Patch:
     axes: Floats
     squares: Ints
 
+    @property
+    def wider(self) -> Ints:
+        """The squares, and all that touch them."""
+        row, column = (1 << 31) * np.array([-1, 0, 1])[:, None], np.array([-1, 0, 1])
+        return np.unique(self.squares + (row + column).reshape(-1, 1))
+
     def under(self, xyz: Floats, gap: float) -> float:
         """Share of points of shape (n, 3) that lie over or under squares of the patch."""
         return float(kernels.over(xyz, self.axes, gap, self.squares).mean())
@@ -293,7 +299,7 @@ class Search:
     def _take(self, patch: Patch) -> None:
         cells, rules = self.cells, self.rules
         kernels.take(
-            patch.plane, patch.axes, 1.5 * rules.tolerance, rules.gap, patch.squares, cells.xyz,
+            patch.plane, patch.axes, 1.5 * rules.tolerance, rules.gap, patch.wider, cells.xyz,
             cells.starts, cells.reach, self.group, self.free, self.weights, self.counts,
         )  # fmt: skip
         self.weights[~self.cells.flat] = 0.0

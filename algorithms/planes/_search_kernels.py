@@ -341,7 +341,7 @@ def assign(  # type: ignore[no-untyped-def]
 ):
     """Give points near a patch to its plane, unless another is nearer.
 
-    Points on the plane of their cell, if that is another one, are left.
+    Points nearer to the plane of their cell, if that is another one, are left.
 
     Parameters
     ----------
@@ -363,7 +363,7 @@ def assign(  # type: ignore[no-untyped-def]
                 away = plane[0] * x + plane[1] * y + plane[2] * z - plane[3]
                 if abs(away) <= limit and abs(away) < nearest[i]:
                     aside = n[0] * (x - c[0]) + n[1] * (y - c[1]) + n[2] * (z - c[2])
-                    if other and abs(aside) <= limit:
+                    if other and abs(aside) < abs(away):
                         continue
                     if _within(squares, _square(xyz[i], axes, gap)):
                         nearest[i], owner[i] = abs(away), number

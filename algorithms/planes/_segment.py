@@ -149,7 +149,7 @@ def _nearest(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> 
     owner = np.zeros(len(cells.xyz), np.int32)
     for number, patch in enumerate(patches):
         kernels.assign(
-            patch.plane, patch.axes, rules.tolerance, rules.gap, patch.squares, cosine,
+            patch.plane, patch.axes, rules.tolerance, rules.gap, patch.wider, cosine,
             number + 1, cells.xyz, cells.starts, cells.reach, group, cells.centres, cells.normals,
             cells.flat, nearest, owner,
         )  # fmt: skip

@@ -26,8 +26,9 @@ from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import Attribute
 
 MIDDLE = 0.8  # share of a side along which its edge is looked for, away from the corners
-EDGE = 0.9  # share of the rows of points that end before the edge
+EDGE = 0.95  # share of the rows of points that end before the edge
 FEWEST_ROWS = 5
+COLUMNS = ("kind", "width", "height", "area", "sill", "set_back", "seen", "rectangle")
 FULL = 0.8  # area of a gap over that of the rectangle around it, if it is one
 DOOR_HEIGHT, DOOR_SILL = 1.8, 0.3  # metres: least height, and most above the foot of the wall
 
@@ -45,8 +46,8 @@ class PlanesOpenings:
     with nothing behind is a shadow of what stands in front; so is a dark room behind a pane that
     sends nothing back, and openings of that kind are not found.
 
-    A gap that fills most of a level rectangle becomes one; each of its edges is where nine of
-    ten rows of points on the wall end. Others keep their outline.
+    A gap that fills most of a level rectangle becomes one; each of its edges is where 95 of
+    100 rows of points on the wall end. Others keep their outline.
 
     Points farther behind the facade than `recess` and within its outline were seen through an
     opening. They get the number of the nearest in opening_id, and `behind` 1; planes of which they
@@ -117,7 +118,7 @@ class PlanesOpenings:
         given_up = [k for k, size in sizes.items() if 2 * int((behind & (ids == k)).sum()) > size]
         kept = np.where(behind | np.isin(ids, given_up), 0, ids).astype(np.int32)
         ctx.progress(0.7)
-        columns = {
+        columns: dict[str, NDArray[Any]] = {
             str(self.attribute): kept,
             "opening_id": opening.astype(np.int32),
             "behind": behind.astype(np.uint8),
@@ -142,7 +143,7 @@ class PlanesOpenings:
         numbers, counts = np.unique(ids[ids > 0], return_counts=True)
         if self.plane is not None:
             if self.plane not in numbers:
-                raise DataError(f"plane: no point of {self.attribute} is on plane {self.plane}")
+                raise DataError(f"points: none is on plane {self.plane} by {self.attribute}")
             return self.plane
         for k in numbers[np.argsort(-counts, kind="stable")].tolist():
             ctx.progress(0.0)
@@ -154,7 +155,7 @@ class PlanesOpenings:
         """Openings in space, and with the facade in its own coordinates."""
         metre = self.points.metre
         rows = [{"opening_id": k} | row for k, row in enumerate(made.rows(front, metre), start=1)]
-        columns = ["opening_id", *Openings.COLUMNS]
+        columns = ["opening_id", *COLUMNS]
         flat = list(made.shapes)
         solid = geopandas.GeoDataFrame(
             rows,
@@ -174,10 +175,9 @@ class PlanesOpenings:
         """Outlines of the planes that are left, numbered as they were."""
         xyz = self.points.xyz
         numbers, rank = np.unique(np.append(ids, 0), return_inverse=True)
-        rank = rank[:-1].astype(np.int32)
-        parts = parts_of(rank, len(numbers) - 1)
-        planes = [fitted(xyz[part]) for part in parts]
-        frame, _ = drawn(xyz, rank, planes, self.min_width / 2, ctx)
+        ranks = np.asarray(rank[:-1], np.int32)
+        planes = [fitted(xyz[part]) for part in parts_of(ranks, len(numbers) - 1)]
+        frame, _ = drawn(xyz, ranks, planes, self.min_width / 2, ctx)
         frame["plane_id"] = numbers[1:]
         return Vector(frame.set_crs(self.points.crs), name="planes", geometry_type="Polygon Z")
 
@@ -216,8 +216,6 @@ class Openings(NamedTuple):
     shapes: list[Any]
     seen: list[int]
     set_back: list[float]
-
-    COLUMNS = ("kind", "width", "height", "area", "sill", "set_back", "seen", "rectangle")
 
     def rows(self, front: Facade, metre: float) -> Iterator[dict[str, Any]]:
         """What is to be known of each opening; lengths in the unit of the data."""
@@ -282,7 +280,7 @@ def openings(
     shapes, seen, backs = [], [], []
     here = np.flatnonzero(~front.own & (front.behind > 0) & (front.behind <= depth))
     for gap in sorted(gaps, key=lambda gap: gap.bounds):
-        ctx.progress(0.9)
+        ctx.progress(0.8)
         left, bottom, right, top = gap.bounds
         if not (min_width <= right - left <= max_width and top - bottom >= min_width):
             continue
@@ -325,7 +323,7 @@ def _rectangle(gap: Any, uv: Floats, apart: float) -> Any:
 
 
 def _edge(ends: Floats, row: Ints) -> float | None:
-    """Where rows of points end: the place that all but a tenth of them do not reach beyond."""
+    """Where rows of points end: the place that all but a twentieth of them do not reach beyond."""
     rows, number = np.unique(row, return_inverse=True)
     if len(rows) < FEWEST_ROWS:
         return None
@@ -351,7 +349,7 @@ def marked(
     some = some[Polygons.of(shapely.get_parts(within)).hold(front.uv[some])]
     tree = shapely.STRtree(made.shapes)
     places = shapely.points(front.uv[some])
-    nearest = tree.nearest(places)
+    nearest = np.asarray(tree.nearest(places))
     away = shapely.distance(places, np.array(made.shapes)[nearest])
     deep = front.behind[some] > recess
     in_it = deep | (away <= 2 * front.apart)

@@ -1,0 +1,369 @@
+"""planes.extract: planes with known answers, house fronts with truth, real scans, bad input."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import numpy as np
+import pytest
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from algorithms.planes.extract import PlanesExtract
+from algorithms.samples.scene import scene
+from toolbox.data import PointCloud
+from toolbox.data.crs import LOCAL, parse_crs
+from toolbox.errors import DataError, ParameterError
+
+UTM = CRS(32635)
+FAR = np.array([543_210.5, 4_567_890.25, 812.0])
+NOISE = 0.004
+
+Floats = NDArray[np.float64]
+
+
+def patch(
+    corner: Any, along: Any, up: Any, n: int, *, noise: float = NOISE, seed: int = 1
+) -> Floats:
+    """Points spread over a rectangle, with noise square to it."""
+    rng = np.random.default_rng(seed)
+    along, up = np.array(along, float), np.array(up, float)
+    normal = np.cross(along, up)
+    normal /= np.linalg.norm(normal)
+    places = rng.random((n, 2)) @ np.array([along, up])
+    away = rng.normal(0, noise, (n, 1)) * normal
+    return np.asarray(FAR + np.array(corner, float) + places + away)
+
+
+@cache
+def corner() -> Floats:
+    """A floor, two walls square to each other and a roof that falls to the south; 1:2:3:4."""
+    return np.vstack(
+        [
+            patch((0, 0, 0), (8, 0, 0), (0, 6, 0), 4000, seed=1),
+            patch((0, 6, 0), (8, 0, 0), (0, 0, 3), 3000, seed=2),
+            patch((8, 0, 0), (0, 6, 0), (0, 0, 3), 2000, seed=3),
+            patch((0, 3, 4.5), (8, 0, 0), (0, 3, 1.5), 2500, seed=4),
+        ]
+    )
+
+
+OF_CORNER = np.repeat([1, 3, 4, 2], [4000, 3000, 2000, 2500])  # in an order to be translated
+
+
+def extracted(xyz: Floats, crs: CRS | None = UTM, **settings: Any) -> PlanesExtract.Outputs:
+    points = PointCloud(xyz, {"number": np.arange(len(xyz))}, crs=crs, name="a.laz")
+    return PlanesExtract(points=points, **settings).run()
+
+
+def ids_of(out: PlanesExtract.Outputs) -> NDArray[np.int64]:
+    return np.asarray(out.segmented["plane_id"], np.int64)
+
+
+def test_four_planes_and_their_numbers() -> None:
+    out = extracted(corner())
+    assert out.count == 4
+    ids = ids_of(out)
+    sizes = np.bincount(ids)[1:]
+    assert (np.diff(sizes) <= 0).all()
+    for value in range(1, 5):
+        own = ids[value == OF_CORNER]
+        assert (own == np.bincount(own).argmax()).mean() > 0.985
+    frame = out.planes.frame.set_index("plane_id")
+    floor, back, roof, side = (frame.loc[k] for k in (1, 2, 3, 4))
+    assert floor.tilt == pytest.approx(0, abs=0.05)
+    assert back.tilt == pytest.approx(90, abs=0.05)
+    assert abs(back.normal_y) == pytest.approx(1, abs=1e-6)
+    assert abs(side.normal_x) == pytest.approx(1, abs=1e-6)
+    assert roof.tilt == pytest.approx(math.degrees(math.atan(0.5)), abs=0.05)
+    assert roof.azimuth == pytest.approx(180, abs=0.1)
+    for row, area, length, width in (
+        (floor, 48, 8, 6),
+        (back, 24, 8, 3),
+        (roof, 8 * math.hypot(3, 1.5), 8, math.hypot(3, 1.5)),
+    ):
+        assert row.area == pytest.approx(area, rel=0.05)
+        assert (row.length, row.width) == pytest.approx((length, width), abs=0.08)
+        assert row.rms == pytest.approx(NOISE, rel=0.08)
+    assert (roof.lowest - 812, roof.highest - 812) == pytest.approx((4.5, 6.0), abs=0.03)
+    normals = frame[["normal_x", "normal_y", "normal_z"]].to_numpy()
+    assert frame.offset.to_numpy() == pytest.approx(
+        [math.fsum(n * FAR) + n @ c for n, c in zip(normals, CENTRES, strict=True)], abs=0.002
+    )
+    assert list(frame.points) == list(sizes)
+
+
+CENTRES = np.array([(4, 3, 0), (4, 6, 1.5), (4, 4.5, 5.25), (8, 3, 1.5)], float)
+
+
+def test_outlines_lie_in_their_planes_and_the_elevation_in_that_of_the_wall() -> None:
+    out = extracted(corner())
+    for _, row in out.planes.frame.iterrows():
+        corners = shapely.get_coordinates(row.geometry, include_z=True)
+        away = corners @ np.array([row.normal_x, row.normal_y, row.normal_z]) - row.offset
+        assert np.abs(away).max() < 1e-6
+    shown = out.elevation.frame.set_index("plane_id")
+    assert out.elevation.crs is None
+    assert list(shown.kind) == ["facade"]  # nothing else faces north or south upright
+    assert shown.geometry[2].bounds == pytest.approx((0, 0, 8, 3), abs=0.05)
+
+
+def test_elevation_is_seen_from_the_front() -> None:
+    """The door stands back on the right as one looks at the wall from where the ground is."""
+    wall = patch((0, 0, 0), (10, 0, 0), (0, 0, 4), 4000)
+    door = patch((8, 0.3, 0.1), (1, 0, 0), (0, 0, 2), 600, seed=2)
+    ground = patch((-5, -9, 0), (20, 0, 0), (0, 9, 0), 9000, seed=3)
+    frame = extracted(np.vstack([wall, door, ground])).elevation.frame.set_index("kind")
+    assert frame.loc["behind"].depth == pytest.approx(0.3, abs=0.01)
+    assert frame.loc["behind"].geometry.bounds == pytest.approx((8, 0.1, 9, 2.1), abs=0.1)
+
+
+def test_each_point_is_near_its_plane_and_the_nearest_one() -> None:
+    out = extracted(corner())
+    ids, xyz = ids_of(out), corner() - FAR
+    frame = out.planes.frame
+    normals = frame[["normal_x", "normal_y", "normal_z"]].to_numpy()
+    away = np.abs(xyz @ normals.T - (frame.offset.to_numpy() - normals @ FAR))
+    on = ids > 0
+    own = away[np.flatnonzero(on), ids[on] - 1]
+    assert own.max() <= 1.1 * out.used_tolerance
+    assert (own[:, None] <= away[on] + 1e-3).mean() > 0.99
+
+
+@pytest.mark.parametrize(
+    ("orientation", "found"),
+    [("any", {1, 2, 3, 4}), ("vertical", {3, 4}), ("horizontal", {1}), ("sloped", {2})],
+)
+def test_orientation(orientation: Any, found: set[int]) -> None:
+    ids = ids_of(extracted(corner(), orientation=orientation))
+    kinds = {int(np.bincount(OF_CORNER[ids == k]).argmax()) for k in range(1, ids.max() + 1)}
+    assert kinds == found
+    assert ids.max() == len(found)
+
+
+def test_the_same_for_any_order_seed_is_kept_and_large_coordinates() -> None:
+    xyz = corner()
+    first, again = extracted(xyz), extracted(xyz)
+    np.testing.assert_array_equal(ids_of(first), ids_of(again))
+    order = np.random.default_rng(5).permutation(len(xyz))
+    shuffled = extracted(xyz[order])
+    np.testing.assert_array_equal(ids_of(shuffled), ids_of(first)[order])
+    near = extracted(xyz - FAR)
+    assert (ids_of(near) == ids_of(first)).mean() > 0.999  # the coordinates are rounded elsewhere
+    other = extracted(xyz, seed=7)
+    assert other.count == 4
+
+
+def test_a_plane_is_one_patch_unless_asked() -> None:
+    apart = np.vstack(
+        [patch((k, 0, 0), (3, 0, 0), (0, 0, 3), 2000, seed=k) for k in (0, 10)]
+        + [patch((0, -9, 0), (14, 0, 0), (0, 9, 0), 9000)]
+    )
+    assert extracted(apart).count == 3
+    assert extracted(apart, connected=False).count == 2
+    assert extracted(apart, max_gap=8.0).count == 2
+
+
+def test_steps_of_a_wall_are_planes_of_their_own() -> None:
+    """A door 5 cm behind the wall; with a tolerance of that size it is taken for the wall."""
+    wall = patch((0, 0, 0), (4, 0, 0), (0, 0, 3), 6000)
+    inside = (wall - FAR)[:, 0] > 3
+    wall[inside] += [0, 0.05, 0]
+    out = extracted(wall)
+    assert out.count == 2
+    ids = ids_of(out)
+    assert (ids[inside] == 2).mean() > 0.98
+    assert (ids[~inside] == 1).mean() > 0.98
+    assert extracted(wall, tolerance=0.06).count == 1
+
+
+def test_limits_leave_small_planes_out() -> None:
+    xyz = np.vstack([corner(), patch((20, 0, 0), (0.3, 0, 0), (0, 0, 2), 300)])
+    assert extracted(xyz).count == 5
+    assert extracted(xyz, min_points=400).count == 4
+    assert extracted(xyz, min_extent=0.5).count == 4
+
+
+def test_noise_is_found_and_a_tolerance_below_it_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    for noise in (0.002, 0.01):
+        wall = patch((0, 0, 0), (8, 0, 0), (0, 0, 6), 20_000, noise=noise)
+        out = extracted(wall)
+        assert out.noise == pytest.approx(noise, rel=0.25)
+        assert out.used_tolerance == pytest.approx(3.5 * out.noise)
+        assert out.count == 1
+        assert out.share > 0.995
+    assert not caplog.records
+    extracted(wall, tolerance=0.01)
+    assert "planes fall to pieces" in caplog.text
+
+
+def test_planes_without_noise() -> None:
+    grid = np.array([(x, y, 0.25 * x) for x in range(20) for y in range(20)], float)
+    out = extracted(grid + FAR)
+    assert out.count == 1
+    assert out.share == 1.0
+
+
+def test_millimetres_and_feet() -> None:
+    mm = extracted(1000 * (corner() - FAR), crs=parse_crs("local:mm"))
+    metres = extracted(corner() - FAR, crs=LOCAL)
+    np.testing.assert_array_equal(ids_of(mm), ids_of(metres))
+    assert mm.noise == pytest.approx(metres.noise, rel=1e-6)
+    assert 0.001 < mm.noise < 0.01
+    assert list(mm.planes.frame.area) == pytest.approx(list(1e6 * metres.planes.frame.area))
+
+
+def test_unit_missing_is_said() -> None:
+    with pytest.raises(DataError, match=r"no CRS; .*local:mm for millimetres"):
+        extracted(corner() - FAR, crs=None)
+
+
+def test_regular_planes() -> None:
+    """Walls that lean by half a degree, and a window front in line with one of them."""
+    lean = math.tan(math.radians(0.1))
+    xyz = np.vstack(
+        [
+            patch((0, 0, 0), (8, 0, 0), (0, 0, 3), 6000),
+            patch((0, 0, 0), (6 * lean, 6, 0), (0, 0, 6), 3000, seed=2),
+            patch((12, 0, 0), (2, 0, 0), (0, 2 * lean, 2), 1000, seed=3),
+        ]
+    )
+    loose, tidy = extracted(xyz), extracted(xyz, regularise=True)
+    assert (loose.count, tidy.count) == (3, 2)
+    normals = tidy.planes.frame[["normal_x", "normal_y", "normal_z"]].to_numpy()
+    assert abs(normals[0] @ normals[1]) < 1e-12
+    before = loose.planes.frame[["normal_x", "normal_y", "normal_z"]].to_numpy()
+    assert abs(before[0] @ before[1]) > 1e-5
+    far = extracted(xyz, regularise=True, regular_angle=0.01)
+    assert far.count == 3
+
+
+def test_withheld_points_and_attributes() -> None:
+    xyz = corner()
+    columns: dict[str, NDArray[Any]] = {
+        "intensity": np.arange(len(xyz)).astype(np.uint16),
+        "red": np.full(len(xyz), 300, np.uint16),
+        "withheld": (np.arange(len(xyz)) < 4000).astype(np.uint8),
+    }
+    out = PlanesExtract(points=PointCloud(xyz, columns, crs=UTM)).run()
+    assert out.count == 3
+    assert not ids_of(out)[:4000].any()
+    for name, values in columns.items():
+        np.testing.assert_array_equal(out.segmented[name], values)
+
+
+# Bad input --------------------------------------------------------------------------------------
+
+
+def test_too_few_points_lines_and_places() -> None:
+    with pytest.raises(DataError, match="needs 3 points, there are 2"):
+        extracted(FAR + np.zeros((2, 3)))
+    line = FAR + np.arange(500)[:, None] * [1.0, 0.5, 0.25]
+    with pytest.raises(DataError, match="all 500 are on a line"):
+        extracted(line)
+    with pytest.raises(DataError, match="at one place"):
+        extracted(FAR + np.zeros((500, 3)))
+    with pytest.raises(DataError, match="finite numbers, got y = nan at point 3"):
+        extracted(np.where(np.arange(1500).reshape(-1, 3) == 10, np.nan, corner()[:500]))
+    with pytest.raises(ParameterError, match="tolerance: must be > 0"):
+        extracted(corner(), tolerance=0.0)
+
+
+def test_no_plane_at_all() -> None:
+    cloud = FAR + np.random.default_rng(1).uniform(0, 10, (3000, 3))
+    out = extracted(cloud, tolerance=0.01)
+    assert out.count == 0
+    assert not ids_of(out).any()
+    assert len(out.planes) == len(out.elevation) == 0
+
+
+def test_duplicates_change_nothing() -> None:
+    xyz = corner()
+    once, twice = extracted(xyz, min_points=100), extracted(np.vstack([xyz, xyz]), min_points=200)
+    assert twice.count == once.count
+    same = ids_of(twice)
+    np.testing.assert_array_equal(same[: len(xyz)], same[len(xyz) :])
+
+
+# House fronts with truth ------------------------------------------------------------------------
+
+
+def truth_of(data: Any) -> tuple[NDArray[np.int64], geopandas.GeoDataFrame]:
+    """The true plane of each point, faces that are one plane and touch joined, and the faces."""
+    rows = [dict(p, geometry=s) for s, p in data.features if "plane_id" in p]
+    faces = geopandas.GeoDataFrame(rows).set_index("plane_id")
+    joined = np.arange(faces.index.max() + 1)
+    fronts = faces[faces.kind == "balcony"]
+    for one, a in fronts.iterrows():
+        for other, b in fronts.iterrows():
+            normal = np.array([a.normal_x, a.normal_y, a.normal_z])
+            alike = abs(normal @ [b.normal_x, b.normal_y, b.normal_z]) > 1 - 1e-9
+            if other > one and alike and abs(a.offset - b.offset) < 1e-6:
+                gap = np.linalg.norm(
+                    shapely.get_coordinates(a.geometry, include_z=True)[:, None]
+                    - shapely.get_coordinates(b.geometry, include_z=True),
+                    axis=2,
+                ).min()
+                joined[other] = joined[one] if gap < 0.01 else other
+    return joined[data.attributes["plane_id"].astype(np.int64)], faces
+
+
+def check_front(seed: int, size: float, density: float) -> tuple[float, float, float]:
+    """Correctness, completeness and IoU of the wall; asserts on all larger planes."""
+    data = scene("facade", size=size, density=density, seed=seed)
+    true, faces = truth_of(data)
+    cloud = PointCloud(data.xyz, {}, crs=UTM)
+    out = PlanesExtract(points=cloud).run()
+    ids = ids_of(out)
+    count = np.zeros((out.count + 1, true.max() + 1), np.int64)
+    np.add.at(count, (ids, true), 1)
+    frame = out.planes.frame.set_index("plane_id")
+    for face in np.flatnonzero(count.sum(axis=0) >= 200):
+        row = faces.loc[face]
+        if shapely.length(row.geometry) < 3.2 or row.kind in ("reveal", "glass"):
+            continue  # no larger than half a square metre, or too few points
+        best = int(count[1:, face].argmax()) + 1
+        assert count[best, face] > 0.8 * count[:, face].sum(), (seed, row.kind)
+        found = frame.loc[best]
+        normal = np.array([row.normal_x, row.normal_y, row.normal_z])
+        own = np.array([found.normal_x, found.normal_y, found.normal_z])
+        angle = math.degrees(math.asin(min(1.0, float(np.linalg.norm(np.cross(own, normal))))))
+        middle = data.xyz[ids == best].mean(axis=0)
+        off = abs(normal @ middle - row.offset)
+        size_of = math.sqrt(found.area)
+        assert angle < 0.05 or math.radians(angle) * size_of < 0.003, (seed, row.kind, angle)
+        assert off < 0.002, (seed, row.kind, off)
+    wall = int(faces.index[faces.kind == "wall"][0])
+    best = int(count[1:, wall].argmax()) + 1
+    both = count[best, wall]
+    o, e = count[best].sum(), count[:, wall].sum()
+    return both / o, both / e, both / (o + e - both)
+
+
+def test_a_front_against_its_truth() -> None:
+    correctness, completeness, iou = check_front(1, 20.0, 400.0)
+    assert correctness > 0.98
+    assert completeness > 0.98
+    assert iou > 0.965
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(10))
+def test_ten_fronts(seed: int) -> None:
+    correctness, completeness, iou = check_front(seed, 20.0 + seed, 900.0)
+    assert correctness > 0.995
+    assert completeness > 0.995
+    assert iou > 0.99
+
+
+# Real scans -------------------------------------------------------------------------------------
+
+
+def real(data_folder: Path, name: str, crs: str) -> PlanesExtract.Outputs:
+    cloud = PointCloud.open(data_folder / name, assume_crs=parse_crs(crs))
+    return PlanesExtract(points=cloud).run()

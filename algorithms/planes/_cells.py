@@ -152,7 +152,7 @@ def _scales(xyz: Floats, keys: NDArray[np.uint64]) -> tuple[float, float]:
     if not flat.any():
         return 0.0, 0.0
     # Where all is bent, the flattest quarter tells most.
-    noise = np.quantile(least[plane], NOISY) if plane.any() else np.quantile(least[flat], 0.25)
+    noise = np.quantile(least_above[plane], NOISY) if plane.any() else np.quantile(least[flat], 0.25)
     apart = np.sqrt(12 * middle[flat] / count[flat])  # evenly spread over a square
     return math.sqrt(noise), float(np.quantile(apart, SPARSE))
 

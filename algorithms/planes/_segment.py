@@ -18,7 +18,7 @@ from toolbox.context import QUIET, Context
 from toolbox.errors import DataError
 
 GAPS = 4.0  # widest gap of a plane over the distance of neighbours
-NOISES = 3.5  # tolerance over the noise: 99.95 % of the points of a plane
+NOISES = 3.3  # tolerance over the noise: 99.9 % of the points of a plane
 FEW = 5_000  # points that tell how wide a plane is
 NEAR = 3.0  # distance of planes over the tolerance, if one may be the noise of the other
 PASSES = 4  # searches among the points that are left

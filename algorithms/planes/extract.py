@@ -42,7 +42,7 @@ class PlanesExtract:
     each point goes to the nearest plane within the tolerance of which it is, or to none. Planes
     are numbered by their points, the one with the most is 1.
 
-    A tolerance of auto is 3.5 times the noise of the scan, the standard deviation of the points
+    A tolerance of auto is 3.3 times the noise of the scan, the standard deviation of the points
     about small planes. It is in the outputs, and a warning says when a tolerance is so small that
     planes fall to pieces. A gap of auto is four times the distance of neighbours where it is large.
 

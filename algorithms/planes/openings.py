@@ -272,7 +272,7 @@ def openings(
     Lengths are in the unit of the points.
     """
     uv = front.uv[front.own]
-    wall = outline(uv, max_width / 2, ctx=ctx.part(0.0, 0.4))
+    wall = outline(uv, max_width, ctx=ctx.part(0.0, 0.4))
     parts = alpha_shape(uv, min_width / 2, ctx=ctx.part(0.4, 0.8)).polygons
     gaps = shapely.get_parts(shapely.difference(wall, shapely.union_all(list(parts))))
     # Narrow necks between gaps, where points lie a little farther apart, do not join them.

@@ -23,7 +23,7 @@ from toolbox.data import PointCloud, Table
 from toolbox.spec import outputs, param, sink, source, tool
 
 OF_NOISE = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0)  # tolerances by default
-SETTLED_PLANES, SETTLED_SHARE = 0.02, 0.002  # changes that are none: of the number, of all points
+SETTLED_PLANES, SETTLED_SHARE = 0.02, 0.001  # changes that are none: of the number, of all points
 
 
 @tool("planes.sweep")
@@ -34,7 +34,7 @@ class PlanesSweep:
     pieces; one that is too large takes in what lies beside it. Between the two there is a range
     in which little changes. The knee is the first tolerance after which the next one changes
     the number of planes by no more than 2 % and the share of points on planes by no more than
-    0.2 points in a hundred. There is none if they go on changing, as on bent surfaces.
+    0.1 points in a hundred. There is none if they go on changing, as on bent surfaces.
 
     By default tolerances from one to ten times the noise of the scan are tried. The other settings
     are those of planes.extract.

@@ -194,7 +194,7 @@ def test_noise_is_found_and_a_tolerance_below_it_is_told(caplog: pytest.LogCaptu
         wall = patch((0, 0, 0), (8, 0, 0), (0, 0, 6), 20_000, noise=noise)
         out = extracted(wall)
         assert out.noise == pytest.approx(noise, rel=0.25)
-        assert out.used_tolerance == pytest.approx(3.5 * out.noise)
+        assert out.used_tolerance == pytest.approx(3.3 * out.noise)
         assert out.count == 1
         assert out.share > 0.995
     assert not caplog.records
@@ -338,6 +338,9 @@ def check_front(seed: int, size: float, density: float) -> tuple[float, float, f
         size_of = math.sqrt(found.area)
         assert angle < 0.05 or math.radians(angle) * size_of < 0.003, (seed, row.kind, angle)
         assert off < 0.002, (seed, row.kind, off)
+    assert (2 * count[1:].max(axis=1) > count[1:].sum(axis=1)).all(), "invented"
+    pieces = (count[1:] > 0.1 * count.sum(axis=0)).sum(axis=0)
+    assert (pieces[count.sum(axis=0) >= 200] <= 1).all(), "split"
     wall = int(faces.index[faces.kind == "wall"][0])
     best = int(count[1:, wall].argmax()) + 1
     both = count[best, wall]

@@ -1,0 +1,193 @@
+"""planes.openings: openings of known size, shadows that are none, and what is seen behind."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from algorithms.planes.extract import PlanesExtract
+from algorithms.planes.openings import PlanesOpenings
+from algorithms.samples.scene import scene
+from toolbox.data import PointCloud
+from toolbox.errors import DataError, ParameterError
+
+UTM = CRS(32635)
+FAR = np.array([543_210.5, 4_567_890.25, 812.0])
+WALL, WINDOW, DOOR, CURTAIN, GROUND, SHADOW = 1, 2, 3, 4, 5, 6
+OPEN = {WINDOW: (2.0, 1.0, 3.2, 2.4), DOOR: (5.0, 0.1, 6.0, 2.2)}  # left, bottom, right, top
+DARK = (7.5, 1.0, 8.5, 2.0)  # a shadow
+
+Floats = NDArray[np.float64]
+
+
+def flat(box: tuple[float, ...], density: float, depth: float, rng: np.random.Generator) -> Floats:
+    """Points on an upright rectangle, some way behind the wall."""
+    left, bottom, right, top = box
+    n = round(density * (right - left) * (top - bottom))
+    places = rng.random((n, 2)) * [right - left, top - bottom] + [left, bottom]
+    away = depth + rng.normal(0, 0.003, n)
+    return np.column_stack([places[:, 0], away, places[:, 1]])
+
+
+@cache
+def front(turn: float = 0.0, metre: float = 1.0) -> PointCloud:
+    """A wall of 10 by 4 m with a window, a door and a shadow, a curtain, a box and the ground."""
+    rng = np.random.default_rng(1)
+    wall = flat((0, 0, 10, 4), 1500, 0, rng)
+    for box in (*OPEN.values(), DARK):
+        inside = (wall[:, 0] > box[0]) & (wall[:, 0] < box[2])
+        wall = wall[~(inside & (wall[:, 2] > box[1]) & (wall[:, 2] < box[3]))]
+    parts = {
+        WALL: wall,
+        WINDOW: flat(OPEN[WINDOW], 80, 0.15, rng),
+        DOOR: flat(OPEN[DOOR], 1500, 0.2, rng),
+        CURTAIN: flat((1.9, 1.0, 3.3, 2.4), 800, 0.7, rng),
+        GROUND: np.column_stack([*(rng.random((2, 40_000)) * [[10], [-8]]), np.zeros(40_000)]),
+        SHADOW: flat(DARK, 1500, -1.0, rng),
+    }
+    xyz = np.vstack(list(parts.values()))
+    kind = np.repeat(list(parts), [len(part) for part in parts.values()])
+    c, s = math.cos(turn), math.sin(turn)
+    turned = np.column_stack([xyz[:, :2] @ np.array([[c, s], [-s, c]]), xyz[:, 2]])
+    columns = {"plane_id": kind.astype(np.int32), "kind": kind.astype(np.uint8)}
+    crs = UTM if metre == 1.0 else CRS(2992)
+    return PointCloud((turned + FAR) * metre, columns, crs=crs)
+
+
+def found(cloud: PointCloud, **settings: Any) -> PlanesOpenings.Outputs:
+    return PlanesOpenings(points=cloud, **settings).run()
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.5, 3.0])
+def test_a_window_and_a_door(turn: float) -> None:
+    out = found(front(turn))
+    frame = out.openings.frame.set_index("kind")
+    assert sorted(frame.index) == ["door", "window"]
+    for kind, number in (("window", WINDOW), ("door", DOOR)):
+        left, bottom, right, top = OPEN[number]
+        row = frame.loc[kind]
+        assert (row.width, row.height) == pytest.approx((right - left, top - bottom), abs=0.02)
+        assert row.sill == pytest.approx(bottom, abs=0.02)
+        assert row.rectangle
+        corners = shapely.get_coordinates(row.geometry, include_z=True) - FAR
+        along = corners[:, :2] @ [math.cos(turn), math.sin(turn)]
+        assert (along.min(), along.max()) == pytest.approx((left, right), abs=0.015)
+        assert (corners[:, 2].min(), corners[:, 2].max()) == pytest.approx((bottom, top), abs=0.015)
+        away = corners[:, :2] @ [-math.sin(turn), math.cos(turn)]
+        assert np.abs(away).max() < 0.001
+    assert frame.set_back["window"] == pytest.approx(0.15, abs=0.005)
+    assert frame.set_back["door"] == pytest.approx(0.2, abs=0.005)
+    assert out.openings.crs == UTM
+
+
+def test_the_elevation_has_the_openings_as_holes_from_the_left() -> None:
+    out = found(front(3.0))  # the front faces north-west there, so left is in the east
+    shown = out.elevation.frame.set_index("kind")
+    assert shown.geometry["window"].bounds == pytest.approx(OPEN[WINDOW], abs=0.03)
+    assert shown.geometry["door"].bounds == pytest.approx(OPEN[DOOR], abs=0.03)
+    wall = shown.geometry["facade"]
+    assert wall.area == pytest.approx(40 - 1.2 * 1.4 - 2.1, rel=0.01)  # a shadow is wall
+    assert not wall.contains(shown.geometry["window"].centroid)
+    assert out.elevation.crs is None
+
+
+def test_curtains_are_left_out_and_panes_stay() -> None:
+    cloud = front()
+    out = found(cloud)
+    kind, ids = cloud["kind"], out.cleaned["plane_id"]
+    assert not ids[kind == CURTAIN].any()
+    assert (out.cleaned["behind"][kind == CURTAIN] == 1).all()
+    assert not out.cleaned["behind"][kind != CURTAIN].any()
+    for number in (WALL, WINDOW, DOOR, GROUND, SHADOW):
+        assert (ids[kind == number] == number).all()
+    assert (out.behind, out.given_up) == (int((kind == CURTAIN).sum()), 1)
+    opening = out.openings.frame.set_index("kind").opening_id
+    assert (out.cleaned["opening_id"][kind == WINDOW] == opening["window"]).mean() > 0.99
+    assert (out.cleaned["opening_id"][kind == CURTAIN] == opening["window"]).all()
+    assert (out.cleaned["opening_id"][kind == DOOR] == opening["door"]).mean() > 0.99
+    assert not out.cleaned["opening_id"][kind == GROUND].any()
+    assert set(out.planes.frame.plane_id) == {WALL, WINDOW, DOOR, GROUND, SHADOW}
+
+
+def test_feet() -> None:
+    metres, feet = found(front()), found(front(metre=1 / 0.3048))
+    assert list(feet.openings.frame.kind) == list(metres.openings.frame.kind)
+    assert list(feet.openings.frame.width * 0.3048) == pytest.approx(
+        list(metres.openings.frame.width), abs=1e-4
+    )
+    np.testing.assert_array_equal(feet.cleaned["plane_id"], metres.cleaned["plane_id"])
+
+
+def test_limits() -> None:
+    assert found(front(), min_width=1.1).count == 1  # the door is a metre wide
+    assert found(front(), max_width=1.1).count == 1
+    assert found(front(), min_points=2000).count == 1  # behind the window are fewer
+    with pytest.raises(ParameterError, match="max_width: is below min_width"):
+        found(front(), min_width=1.0, max_width=0.5)
+
+
+def test_another_outline_than_a_rectangle() -> None:
+    """A round window keeps its shape."""
+    cloud = front()
+    away = np.hypot(*(cloud.xyz - FAR)[:, [0, 2]].T - np.array([[8.0], [3.0]]))
+    some = cloud.select(~((cloud["kind"] == WALL) & (away < 0.6)))
+    behind = flat((7.6, 2.6, 8.4, 3.4), 300, 0.2, np.random.default_rng(3)) + FAR
+    xyz = np.vstack([some.xyz, behind])
+    ids = np.append(some["plane_id"], np.full(len(behind), 7))
+    out = found(PointCloud(xyz, {"plane_id": ids}, crs=UTM))
+    frame = out.openings.frame
+    assert out.count == 3
+    (row,) = (row for row in frame.itertuples() if not row.rectangle)
+    assert row.area == pytest.approx(math.pi * 0.36, rel=0.1)
+
+
+def test_no_openings_and_no_facade(caplog: pytest.LogCaptureFixture) -> None:
+    cloud = front()
+    out = found(cloud.select(np.isin(cloud["kind"], [WALL, GROUND])))
+    assert out.count == len(out.openings) == 0
+    assert "has no openings" in caplog.text
+    with pytest.raises(DataError, match="no upright plane"):
+        found(cloud.select(cloud["kind"] == GROUND))
+    with pytest.raises(DataError, match="none is on plane 99"):
+        found(cloud, plane=99)
+
+
+@pytest.mark.slow
+def test_a_front_with_truth() -> None:
+    """No curtain is left, all openings are found, edges in sight within 3 cm."""
+    data = scene("facade", size=30.0, density=900.0, seed=3)
+    kinds = {p["plane_id"]: p["kind"] for _, p in data.features if "plane_id" in p}
+    out = PlanesExtract(points=PointCloud(data.xyz, crs=UTM)).run()
+    made = found(out.segmented)
+    true = np.array([kinds[k] for k in data.attributes["plane_id"]])
+    assert (out.segmented["plane_id"][true == "curtain"] > 0).any()
+    assert not made.cleaned["plane_id"][true == "curtain"].any()
+    for kind in ("wall", "door", "glass", "roof", "van", "ground", "balcony"):
+        assert not made.cleaned["behind"][true == kind].any(), kind
+    truth = [s for s, p in data.features if p["kind"] == "opening"]
+    assert made.count == len(truth)
+    along = np.array([math.cos(math.radians(17)), math.sin(math.radians(17))])
+    boxes = [_box(shape, along) for shape in made.openings.frame.geometry]
+    off = []
+    for shape in truth:
+        box = _box(shape, along)
+        best = min(boxes, key=lambda other: float(np.abs(other[[1, 3]] - box[[1, 3]]).sum()))
+        off.append(np.abs(best - box))
+    sides = np.array(off)[:, [0, 1, 3]]  # bottoms may be behind balconies and the van
+    assert sides[:, 1].max() < 0.5
+    assert np.median(sides) < 0.01
+    assert (sides < 0.03).mean() > 0.95
+
+
+def _box(shape: Any, along: Floats) -> Floats:
+    """Left, and right, bottom and top of a shape on the front."""
+    xyz = shapely.get_coordinates(shape, include_z=True)
+    u = xyz[:, :2] @ along
+    return np.array([u.min(), u.max(), xyz[:, 2].min(), xyz[:, 2].max()])

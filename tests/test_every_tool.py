@@ -62,6 +62,7 @@ LAYERS = {  # sources of tools that read no points
 }
 IN_STRIP: dict[str, dict[str, Any]] = {  # settings that suit the strip
     "features.local": {"neighbours": None, "radius": 3.0},
+    "classify.vegetation_by_returns": {"difference": 0.1, "spread": 9.0, "building_classes": None},
     "ground.csf": {"cloth_resolution": 1.0},
     "points.denoise": {"reach": 5.0},
     "points.thin": {"method": "random", "cell": 7.0},
@@ -88,7 +89,7 @@ TILED = [
         {"max_distance": 6.0, "positive": "1,2,3", "reference": "sparse"},
     ),
 ]
-AMPLE = {"classify.buildings"}  # their halo is of ground.classify, whose heights they do not show
+AMPLE = {"classify.buildings", "classify.vegetation_by_returns"}  # half their halo may do, here
 SLACK = {  # of numbers that are not whole; classes have none
     "classify.som_apply": 0.002,  # distance from a neuron: ground.classify tells heights
     "ground.csf": 0.01,  # metres of height: a cloth at rest may still creep
@@ -117,7 +118,8 @@ def block() -> PointCloud:
     for east, half in [(50, 8), (154, 10)]:  # one across the edge of a tile
         z[(abs(x - east) < half) & (abs(y - 20) < half)] += 8
     xyz = np.column_stack([x + 500_000.3, y + 4_600_000.4, z])
-    return PointCloud(xyz, columns(rng, n), crs=CRS(32635), name="block.laz")
+    attributes = columns(rng, n) | {"gps_time": in_pairs(x)}
+    return PointCloud(xyz, attributes, crs=CRS(32635), name="block.laz")
 
 
 @pytest.fixture(scope="module")
@@ -142,6 +144,7 @@ def strip() -> PointCloud:
     xyz = np.vstack([np.column_stack([x, y, z])[~water | (y < 6)], birds()])
     attributes = columns(rng, len(xyz))
     attributes["classification"][-len(birds()) :] = 1
+    attributes["gps_time"] = in_pairs(xyz[:, 0])
     xyz += np.array([WEST, 4_600_000, 0])
     return PointCloud(xyz, attributes, crs=CRS(32635), name="strip.laz")
 
@@ -155,6 +158,11 @@ def birds() -> NDArray[np.float64]:
     one, eight = [[298.2, 17, 160]], [[596 + i, 14, 120] for i in range(8)]
     six = [[303.1, 17 + i / 50, 160] for i in range(6)]
     return np.array([*one, *six, *eight], float)
+
+
+def in_pairs(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """GPS times that two points share which are neighbours in x."""
+    return np.asarray(np.argsort(np.argsort(x)) // 2, float)
 
 
 def columns(rng: np.random.Generator, n: int) -> dict[str, Any]:

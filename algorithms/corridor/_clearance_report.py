@@ -66,16 +66,18 @@ def report_of(
         Section("Left out", [_left_out(scene)]),
     ]
     shown = [section for section in sections if section.blocks]
-    summary = _summary(line, rules, objects)
+    summary = _summary(scene, line, rules, objects)
     return Report("Clearances of a power line", shown, summary=summary, name="clearance")
 
 
-def _summary(line: Line, rules: Sequence[Rule], objects: Sequence[Object]) -> str:
+def _summary(scene: Scene, line: Line, rules: Sequence[Rule], objects: Sequence[Object]) -> str:
     if not line.spans:
         return "There are no wires, so nothing is too close to one."
     counts = {word: sum(rules[o.rule].severity == word for o in objects) for word in SEVERITIES}
     found = ", ".join(f"{count} {word}" for word, count in counts.items())
     text = f"{len(objects)} objects in {len(line.spans)} spans: {found}."
+    if not np.isfinite(scene.height).any():
+        text += "\nNo point is ground: heights are not known, and falling trees not looked for."
     doubtful = [rule.id for rule in rules if not rule.confirmed]
     if doubtful:
         text += (

@@ -168,9 +168,13 @@ def _is_missing(value: Any) -> bool:
 
 
 def _is_number(value: Any) -> bool:
-    if _is_missing(value) or isinstance(value, bool | str):
+    """A column with a word in it holds its numbers as texts."""
+    if _is_missing(value) or isinstance(value, bool):
         return False
-    return math.isfinite(value) and value >= 0
+    try:
+        return math.isfinite(float(value)) and float(value) >= 0
+    except ValueError:
+        return False
 
 
 def _voltages(row: Mapping[Any, Any]) -> tuple[float, float]:

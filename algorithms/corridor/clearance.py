@@ -62,6 +62,7 @@ from algorithms.corridor._sag import (
 from algorithms.corridor._surroundings import Line, Object, Scene
 from algorithms.ground.classify import find_terrain, height_above
 from algorithms.shared.ground import is_withheld
+from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Report, Table, Vector
 from toolbox.errors import DataError
@@ -71,6 +72,10 @@ from toolbox.values import ClassList
 SPAN_COLUMNS = (
     *("span_id", "state", "temperature", "wind", "from_tower", "to_tower", "wires", "length"),
     *("sag", "swing", "clearance", "clearance_sd", *KINDS, "objects"),
+)
+CURVE = (
+    *("azimuth", "x0", "y0", "span", "z_start", "z_end", "curvature", "v0", "v1", "swing"),
+    *("wire_id", "span_id", "from_tower", "to_tower"),
 )
 LINE = (13, 14, 15, 16)  # classes: wire guard, conductor, tower, connector
 NO_CLASS = (0, 1)
@@ -216,6 +221,8 @@ class CorridorClearance:
         if missing := [name for name in WIRE_COLUMNS if name not in self.wires.names]:
             shown = ", ".join(missing[:5]) + (", ..." if len(missing) > 5 else "")
             yield "wires", f"no column {shown}; take the wires of corridor.extract"
+        else:
+            yield from _bad_wires(self.wires)
         if self.towers and (lacking := {"arms", "width"} - set(self.towers.names)):
             yield "towers", f"no column {', '.join(sorted(lacking))}"
         if self.distance is not None and self.rule_table is not None:
@@ -328,6 +335,7 @@ class CorridorClearance:
     def _scene(self, line: Line, ctx: Context) -> Scene:
         """Points in metres, what they are, and how high above the ground."""
         cloud, metre = self.points, self.points.metre
+        require_finite(cloud.xyz)
         classes = np.asarray(cloud["classification"])
         kind = np.full(len(cloud), KINDS.index("other"), np.int8)
         for name, codes in (
@@ -452,6 +460,7 @@ class CorridorClearance:
             )
         if lone:
             log.warning("%d points break a rule, but are too few for an object", lone)
+            scene.left_out["break a rule, but are too few for an object"] = lone
         return objects
 
     def _object_layer(
@@ -518,6 +527,18 @@ class CorridorClearance:
                 "object_id": "0 for none",
             },
         )
+
+
+def _bad_wires(wires: Vector) -> Iterator[tuple[str, str]]:
+    """Curves must have an extent and be bent; their covariance need not be known."""
+    for number, row in enumerate(wires.frame[list(CURVE)].to_dict("records"), start=1):
+        for name, value in row.items():
+            positive = name in ("span", "curvature")
+            number_like = isinstance(value, int | float) and math.isfinite(value)
+            if not number_like or (positive and value <= 0):
+                rule = "a number above 0" if positive else "a number"
+                yield "wires", f"row {number}: {name} must be {rule}, got {value!r}"
+                return
 
 
 def _none() -> Violations:

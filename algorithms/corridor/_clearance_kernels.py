@@ -7,7 +7,7 @@ import math
 from numba import njit
 
 # Columns of the array of wires, metres: see `Catenary`.
-X, Y, EX, EY, LENGTH, Z_START, Z_END, K, U0, Z0, V0, V1, SWING, TOP = range(14)
+X, Y, EX, EY, LENGTH, Z_START, Z_END, K, U0, Z0, V0, V1, SWING, TOP, ASIDE, STEEP = range(16)
 STARTS = 24  # places along a wire that are looked at where its distance may have several minima
 ROUNDS = 60
 
@@ -105,6 +105,22 @@ def _measure(w, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _at_least(w, x, y, z):  # type: ignore[no-untyped-def]
+    """Squares that those of the distance in space and in plan are not below.
+
+    A wire whose slopes are at most s is no nearer to a point than its distance square to the axis
+    over sqrt(1 + s^2); beyond an end, that to the end along the axis comes to it.
+    """
+    dx, dy = x - w[X], y - w[Y]
+    p, q = dx * w[EX] + dy * w[EY], dy * w[EX] - dx * w[EY]
+    u = min(max(p, 0.0), w[LENGTH])
+    v, height = _place(w, u)
+    past, beside, above = (p - u) ** 2, (v - q) ** 2, (height - z) ** 2
+    aside, steep = w[ASIDE] ** 2, w[STEEP] ** 2
+    return past + (beside + above) / (1 + aside + steep), past + beside / (1 + aside)
+
+
+@njit(cache=True, nogil=True)
 def distances(first, last, xyz, wire, result):  # type: ignore[no-untyped-def]
     """What `_measure` gives for each point and one wire, into an array of shape (n, 4)."""
     for i in range(first, last):
@@ -116,7 +132,7 @@ def distances(first, last, xyz, wire, result):  # type: ignore[no-untyped-def]
 # fmt: off
 @njit(cache=True, nogil=True)
 def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks,  # type: ignore[no-untyped-def]
-          own, real, least, who):
+          far, own, real, least, who):
     # fmt: on
     """Find the worst broken rule of each point, and the nearest point of each kind to each wire.
 
@@ -125,9 +141,10 @@ def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks
     xyz, kind : n points and their kinds; a kind below zero takes no part
     cells : west, south, size, columns and rows of the lattice of candidates
     starts, candidates : the wires that are near each of its cells
-    wires : array of shape (m, 14)
+    wires : array of shape (m, 16)
     rules : array of shape (r, 4): direction, threshold, within, rank of severity
     masks : array of shape (r,), bits of the kinds that a rule holds for
+    far : array of shape (kinds, 2): distances in space and in plan from which no rule matters
     own : array of shape (n, 2): the wire and rule of each point, -1 for none
     real : array of shape (n, 6): measure and its ratio to the threshold, distance in space,
         vertical and horizontal distance, and u
@@ -144,6 +161,12 @@ def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks
         cell = row * columns + column
         for j in range(starts[cell], starts[cell + 1]):
             k = candidates[j]
+            space, flat = _at_least(wires[k], xyz[i, 0], xyz[i, 1], xyz[i, 2])
+            if (
+                space >= max(far[kind[i], 0], least[k, kind[i]]) ** 2
+                and flat >= far[kind[i], 1] ** 2
+            ):
+                continue
             space, vertical, flat, u = _measure(wires[k], xyz[i, 0], xyz[i, 1], xyz[i, 2])
             if space < least[k, kind[i]]:
                 least[k, kind[i]], who[k, kind[i]] = space, i

@@ -13,7 +13,7 @@ from scipy.special import ndtr
 
 from algorithms.corridor import _clearance_kernels as kernels
 from algorithms.corridor._catenary import Catenary
-from algorithms.corridor._rules import DIRECTIONS, KINDS, SEVERITIES, Rule
+from algorithms.corridor._rules import DIRECTIONS, KINDS, SEVERITIES, Rule, reach_of
 from algorithms.shared.threads import in_blocks
 from toolbox.context import QUIET, Context
 
@@ -71,6 +71,14 @@ class Near:
         lattice = np.array([west, south, cell, columns, rows])
         return cls(lattice, starts.astype(np.int64), found % len(owners))
 
+    def has(self, xy: Floats) -> NDArray[np.bool_]:
+        """Whether there is a wire near each of several places of shape (n, 2)."""
+        west, south, cell, columns, rows = self.lattice
+        column, row = np.floor((xy[:, 0] - west) / cell), np.floor((xy[:, 1] - south) / cell)
+        inside = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
+        own = np.where(inside, row * columns + column, 0).astype(np.int64)
+        return np.asarray(inside & (self.starts[own + 1] > self.starts[own]))
+
 
 @dataclass(frozen=True)
 class Violations:
@@ -117,12 +125,18 @@ class Least:
 
 
 def rows_of(curves: Sequence[Catenary]) -> Floats:
-    """Wires as the kernels take them, array of shape (m, 14)."""
-    return np.array([
-        (c.x, c.y, c.ex, c.ey, c.length, c.z_start, c.z_end, c.curvature, c.u0, c.z0, c.v0, c.v1,
-         c.swing, max(c.z_start, c.z_end))
-        for c in curves
-    ], float).reshape(-1, 14)  # fmt: skip
+    """Wires as the kernels take them, array of shape (m, 16)."""
+    return np.array([_row_of(curve) for curve in curves], float).reshape(-1, 16)
+
+
+def _row_of(c: Catenary) -> tuple[float, ...]:
+    slopes = [math.sinh(c.curvature * (u - c.u0)) for u in (0.0, c.length)]
+    chord = (c.z_end - c.z_start) / c.length
+    aside = max(abs(c.v1 + c.swing * (chord - slope)) for slope in slopes)
+    return (
+        *(c.x, c.y, c.ex, c.ey, c.length, c.z_start, c.z_end, c.curvature, c.u0, c.z0, c.v0, c.v1),
+        *(c.swing, max(c.z_start, c.z_end), aside, max(map(abs, slopes))),
+    )
 
 
 def distances(xyz: Floats, curve: Catenary) -> Floats:
@@ -160,14 +174,15 @@ def own_points(
     if not (some >= 0).any() or reach <= 0:
         return mine
     near, wires = Near.of([curves], reach), rows_of(curves)
+    far = np.full((len(KINDS), 2), (reach * 1.001, 0.0))
     ends = cKDTree(np.concatenate([c.points(np.array([0.0, c.length])) for c in curves]))
 
     def work(first: int, last: int) -> None:
         own, real = np.empty((last - first, 2), np.int64), np.empty((last - first, 6))
         kernels.check(
             0, last - first, xyz[first:last], some[first:last], near.lattice, near.starts,
-            near.candidates, wires, np.empty((0, 4)), np.empty(0, np.int64), own, real,
-            *_nothing(len(wires)),
+            near.candidates, wires, np.empty((0, 4)), np.empty(0, np.int64), far, own, real,
+            np.zeros((len(wires), len(KINDS))), np.empty((0, 0), np.int64),
         )  # fmt: skip
         space = real[:, 2]
         mine[first:last] = space <= radius
@@ -204,6 +219,7 @@ def find_violations(
     masks = np.array(
         [sum(r.holds_for(name) << k for k, name in enumerate(KINDS)) for r in rules], np.int64
     )
+    far = np.array([_farthest(rules, kind) for kind in KINDS])
     found: dict[int, tuple[Ints, Ints, Floats]] = {}
     least: dict[int, list[tuple[Floats, Ints]]] = {}
 
@@ -220,7 +236,7 @@ def find_violations(
             )
             kernels.check(
                 0, size, xyz[first:last], kind[first:last], near.lattice, near.starts,
-                near.candidates, rows, numbers, masks, own, real, *table,
+                near.candidates, rows, numbers, masks, far, own, real, *table,
             )  # fmt: skip
             tables.append((table[0], np.where(table[1] >= 0, table[1] + first, -1)))
             broken = own[:, 1] >= 0
@@ -246,6 +262,15 @@ def find_violations(
         real[:, 4], real[:, 5], sd, ndtr((limit - real[:, 0]) / sd),
     )  # fmt: skip
     return violations, _merged([least[k] for k in order], len(curves), len(curves[0]))
+
+
+def _farthest(rules: Sequence[Rule], kind: str) -> tuple[float, float]:
+    """Distances in space and in plan from which no rule matters to a kind of points."""
+    own = [rule for rule in rules if rule.holds_for(kind)]
+    return (
+        max((r.threshold for r in own if r.direction == "3-D"), default=0.0),
+        reach_of([r for r in own if r.direction != "3-D"]) * 1.001,
+    )
 
 
 def _nothing(wires: int) -> tuple[Floats, Ints]:

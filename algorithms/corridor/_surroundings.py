@@ -42,16 +42,18 @@ class Line:
 
 @dataclass(frozen=True)
 class Scene:
-    """The points in metres from the origin of the line.
+    """The points around the line, in metres from its origin.
 
     Attributes
     ----------
+    index : array of shape (n,), of the points in the cloud
     xyz : array of shape (n, 3)
     kind : array of shape (n,), index into KINDS, -1 for points that take no part
     height : array of shape (n,), above the ground
     left_out : how many points take no part, and why
     """
 
+    index: Ints
     xyz: Floats
     kind: NDArray[np.int8]
     height: Floats

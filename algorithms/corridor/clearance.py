@@ -28,10 +28,12 @@ from scipy.special import ndtr
 
 from algorithms.corridor._clearance_report import report_of
 from algorithms.corridor._distances import (
+    BLOCK,
     TAKES_NO_PART,
     TREE,
     UNCLASSIFIED,
     Least,
+    Near,
     Violations,
     clearance_sd,
     distances,
@@ -80,6 +82,7 @@ CURVE = (
 LINE = (13, 14, 15, 16)  # classes: wire guard, conductor, tower, connector
 NO_CLASS = (0, 1)
 OTHER_GROUND = {"water": 9, "rail": 10, "road": 11}
+FARTHEST_TREE = 60.0  # metres to the side from which a tree may fall on a wire
 BESIDE_TOWER = 1.0  # metres around the arms of a tower
 LEAST_REACH = 10.0  # metres to the side up to which the least clearances are looked for
 HEIGHT = "HeightAboveGround"
@@ -270,7 +273,7 @@ class CorridorClearance:
         ctx.progress(1.0)
         near = [o.space for o in objects if o.rule < len(rules)]
         return self.Outputs(
-            violations=self._violation_cloud(violations, objects, line, used),
+            violations=self._violation_cloud(scene, violations, objects, line, used),
             objects=layer,
             spans=spans,
             report=page,
@@ -336,6 +339,7 @@ class CorridorClearance:
         """Points in metres, what they are, and how high above the ground."""
         cloud, metre = self.points, self.points.metre
         require_finite(cloud.xyz)
+        index = self._near(line)
         classes = np.asarray(cloud["classification"])
         kind = np.full(len(cloud), KINDS.index("other"), np.int8)
         for name, codes in (
@@ -354,8 +358,11 @@ class CorridorClearance:
             "classes of the line (13 to 16)": int((of_line & ~noise & ~withheld).sum()),
         }
         kind[withheld | noise | of_line] = TAKES_NO_PART
-        xyz = (cloud.xyz - line.origin) / metre
-        height = self._heights(cloud, kind == KINDS.index("ground"), ctx.part(0.0, 0.5))
+        kind = kind[index]
+        height = self._heights(index, kind == KINDS.index("ground"), ctx.part(0.0, 0.5))
+        xyz = cloud.xyz[index]
+        xyz -= line.origin
+        xyz /= metre
         if line.spans:
             mine = own_points(
                 xyz, kind, line.curves[0], radius=self.wire_radius, attachment=self.attachment,
@@ -364,18 +371,32 @@ class CorridorClearance:
             mine |= self._beside_towers(xyz, kind, line.origin, metre)
             kind[mine] = TAKES_NO_PART
             left_out["without a class, on a wire or at a support"] = int(mine.sum())
-        return Scene(xyz, kind, height, left_out)
+        return Scene(index, xyz, kind, height, left_out)
 
-    def _heights(self, cloud: PointCloud, ground: NDArray[np.bool_], ctx: Context) -> Floats:
-        """Metres above the ground; NaN where not known."""
+    def _near(self, line: Line) -> Ints:
+        """Indices of the points to look at, near the wires in plan."""
+        if not line.spans:
+            return np.empty(0, np.int64)
+        reach = max(reach_of(self._rules()), FARTHEST_TREE if self.falling else LEAST_REACH)
+        cells, cloud = Near.of(line.curves, reach), self.points
+        found = []
+        for first in range(0, len(cloud), BLOCK):
+            xy = (cloud.xyz[first : first + BLOCK, :2] - line.origin[:2]) / cloud.metre
+            found.append(first + np.flatnonzero(cells.has(xy)))
+        return np.concatenate(found or [np.empty(0, np.int64)])
+
+    def _heights(self, index: Ints, ground: NDArray[np.bool_], ctx: Context) -> Floats:
+        """Metres above the ground of some points; NaN where not known."""
+        cloud = self.points
         if HEIGHT in cloud:
-            return np.asarray(cloud[HEIGHT], float) / cloud.metre
+            return np.asarray(cloud[HEIGHT], float)[index] / cloud.metre
         if not ground.any():
             log.warning("no point is ground: heights are not known, falling trees not looked for")
-            return np.full(len(cloud), np.nan)
-        bare = cloud.xyz[ground]
-        bare.flags.writeable = False
-        return height_above(cloud.xyz, find_terrain(bare, metre=cloud.metre, ctx=ctx))
+            return np.full(len(index), np.nan)
+        places = cloud.xyz[index]
+        bare = places[ground]
+        bare.flags.writeable = places.flags.writeable = False  # as the kernels are compiled for
+        return height_above(places, find_terrain(bare, metre=cloud.metre, ctx=ctx))
 
     def _beside_towers(
         self, xyz: Floats, kind: NDArray[np.int8], origin: Floats, metre: float
@@ -480,23 +501,28 @@ class CorridorClearance:
                 "height": one.height, "points": len(one.points), "confirmed": rule.confirmed,
                 "source": rule.source,
             })  # fmt: skip
-        places = shapely.points(self.points.xyz[[one.nearest for one in objects]])
+        places = shapely.points(self.points.xyz[scene.index[[one.nearest for one in objects]]])
         frame = geopandas.GeoDataFrame(
             rows, columns=OBJECT_COLUMNS, geometry=places, crs=self.points.crs
         )
         return Vector(frame, geometry_type="Point Z")
 
     def _violation_cloud(
-        self, found: Violations, objects: Sequence[Object], line: Line, rules: Sequence[Rule]
+        self,
+        scene: Scene,
+        found: Violations,
+        objects: Sequence[Object],
+        line: Line,
+        rules: Sequence[Rule],
     ) -> PointCloud:
         """The points that break a rule, in their order."""
         order = np.argsort(found.point, kind="stable")
-        number = np.zeros(len(self.points), np.uint32)
+        number = np.zeros(len(scene.index), np.uint32)
         for k, one in enumerate(objects, start=1):
             number[one.points] = k
         severity = np.array([SEVERITIES.index(rule.severity) + 1 for rule in rules], np.uint8)
         wire = found.wire[order]
-        cloud = self.points.select(found.point[order])
+        cloud = self.points.select(scene.index[found.point[order]])
         return cloud.with_attributes(
             {
                 "clearance": found.measure[order].astype(np.float32),

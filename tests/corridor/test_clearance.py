@@ -131,6 +131,44 @@ def test_vertical_and_horizontal_rules_look_in_their_strip_alone() -> None:
     np.testing.assert_allclose(found.measure, [5.0, 2.5], atol=0.002)
 
 
+def test_no_point_is_passed_over() -> None:
+    """Every point against every wire, rule and state, one by one."""
+    rng = np.random.default_rng(4)
+    blown = [replace(c, swing=0.4) for c in (LEVEL, SLOPING)]
+    curves = [[LEVEL, SLOPING], blown]
+    places = [c.points(rng.uniform(0, c.length, 1000)) for wires in curves for c in wires]
+    xyz = np.concatenate(places) + rng.normal(0, 9, (4000, 3))
+    kind = rng.integers(0, 3, 4000).astype(np.int8)
+    rules = [
+        rule(id="a", kind="tree", threshold=9.0, severity="warning"),
+        rule(id="b", kind="building", direction="vertical", threshold=12.0, within=4.0),
+        rule(id="c", kind="any", direction="horizontal", threshold=3.0, within=7.0),
+    ]
+    wanted = {}
+    for state, wires in enumerate(curves):
+        for wire, curve in enumerate(wires):
+            for i, (space, vertical, plan, _) in enumerate(distances(xyz, curve)):
+                name = KINDS[kind[i]]
+                options = (
+                    (1, "a", space, 9.0, name == "tree"),
+                    (0, "b", abs(vertical), 12.0, name == "building" and plan <= 4),
+                    (0, "c", plan, 3.0, abs(vertical) <= 7),
+                )
+                for rank, one, value, limit, holds in options:
+                    if holds and value < limit:
+                        key = (rank, value / limit, one, wire, state)
+                        wanted[i] = min(wanted.get(i, key), key)
+    found, least = find_violations(xyz, kind, curves, rules, reach=12.0, point_sd=0.1)
+    assert 100 < len(found) < 3000
+    assert {
+        int(p): (rules[r].id, int(w), int(s))
+        for p, r, w, s in zip(found.point, found.rule, found.wire, found.state, strict=True)
+    } == {i: key[2:] for i, key in wanted.items()}
+    for number in range(3):
+        brute = distances(xyz[kind == number], blown[1])[:, 0].min()
+        assert least.distance[1, 1, number] == pytest.approx(brute, abs=1e-9)
+
+
 def test_probability_is_one_half_at_the_limit_and_follows_the_normal_law() -> None:
     low = float(LEVEL.height(np.array(150.0)))
     sure = replace(LEVEL, covariance=np.zeros((3, 3)))

@@ -31,7 +31,7 @@ FATTEST = 30.0  # metres: least c of a wire
 JOIN, JOIN_ASIDE, JOIN_HEIGHT = 14.0, 3.0, 1.5  # metres, between wires that meet at a support
 PARALLEL, BESIDE = math.radians(6.0), 15.0  # and metres, of wires of one line
 CUSP, CUSP_SIGMAS, CUSP_GAIN = -0.02, 8.0, 0.15  # slope, and evidence for a cusp
-CUSP_MARGIN = 8.0  # metres from the ends
+CUSP_MARGIN, WINDOW = 8.0, 25.0  # metres: from the ends; half of a neighbourhood
 ALONG, ACROSS = 10.0, 12.0  # metres between what belongs to one support
 LEAST_BODY, ENOUGH_BODY, MUCH_BODY = (
     0.1,
@@ -113,7 +113,7 @@ class Scene:
 
 def pieces_of(scene: Scene, curves: Sequence[tuple[Floats, Ints]]) -> list[Piece]:
     """Those of the curves that look like wires, with catenaries through their points."""
-    strong, weak = [], []
+    strong, weak, straight = [], [], []
     for curve, points in curves:
         length = curve[kernels.HI] - curve[kernels.LO]
         clear = clearness(scene, curve, len(points))
@@ -127,6 +127,7 @@ def pieces_of(scene: Scene, curves: Sequence[tuple[Floats, Ints]]) -> list[Piece
         if len(points) < LEAST_POINTS or catenary.rms > ROUGH:
             continue
         if is_straight(catenary):
+            straight.append(catenary)
             continue
         fine = curve[kernels.RMS] < FINE and len(points) >= MANY and clear >= 0.9
         sure = clear >= CLEAR_STRONG and length >= (SHORT if fine else STRONG)
@@ -134,7 +135,7 @@ def pieces_of(scene: Scene, curves: Sequence[tuple[Floats, Ints]]) -> list[Piece
     wires = connected(strong, weak)
     arcs = joined(scene, [arc for piece in wires for arc in arcs_of(scene, piece)])
     scene.take(arc.curve for arc in arcs)
-    return [arc for arc in arcs if not carries(scene, arc.curve)]
+    return [arc for arc in arcs if not carries(scene, arc.curve, straight)]
 
 
 def clearness(scene: Scene, curve: Floats, count: int) -> float:
@@ -159,22 +160,36 @@ def is_straight(curve: Catenary) -> bool:
     return curve.sag + STRAIGHT_SIGMAS * curve.sigmas()["sag"] < curve.length**2 / (8 * TIGHTEST_C)
 
 
-def carries(scene: Scene, curve: Catenary) -> bool:
+def carries(scene: Scene, curve: Catenary, straight: Sequence[Catenary]) -> bool:
     """Whether something hangs from a curve all along, as from a bridge cable or over a railway.
 
-    Points just below it in its vertical plane, and not beside that, are hangers or a contact wire.
+    It is a straight wire below it in its plane, or hangers: points at all depths in its plane and
+    not beside that. Another wire below is at one depth.
     """
     width, depth, step = BLADE
+    for other in straight:
+        u, _ = curve.along(other.points(np.array([0.0, other.length])))
+        shared = min(u.max(), curve.length) - max(u.min(), 0.0)
+        if shared > 0.5 * curve.length:
+            at = curve.points(np.linspace(max(u.min(), 0.0), min(u.max(), curve.length), 9))
+            _, v, z = other.residuals(at)
+            if np.abs(v).max() < width and 0.2 < np.median(z) < depth:
+                return True
     near, _ = scene.air.around(curve, depth + width)
     near = near[scene.free[near]]
     u, v, z = curve.residuals(scene.air.xyz[near])
     below = (z < -2 * scene.tolerance) & (z > -depth)
     bins = max(1, round(curve.length / step))
     place = np.clip((u / curve.length * bins).astype(np.int64), 0, bins - 1)
-    blade = np.bincount(place[below & (np.abs(v) < width)], minlength=bins)
+    blade = below & (np.abs(v) < width)
+    for k in range(bins):  # what is at one depth is another wire
+        here = np.flatnonzero(blade & (place == k))
+        if len(here):
+            blade[here[np.abs(z[here] - np.median(z[here])) < width]] = False
+    hung = np.bincount(place[blade], minlength=bins)
     beside = below & (np.abs(v) > 2 * width) & (np.abs(v) < 4 * width)
     around = np.bincount(place[beside], minlength=bins)
-    return bool(np.mean((blade >= 2) & (blade > around)) > CARRYING)
+    return bool(np.mean((hung >= 2) & (hung > around)) > CARRYING)
 
 
 def connected(strong: list[Piece], weak: list[Piece]) -> list[Piece]:
@@ -292,30 +307,37 @@ class Hint:
 def cusps(points: Floats, curve: Catenary) -> list[float]:
     """Distances u at which arcs of one wire meet although it was followed as one.
 
-    Where two arcs of one tension meet, the height over the common arc has a kink.
+    There the heights have a kink beside a parabola: that of the whole, or of the neighbourhood if
+    there are several cusps.
     """
     u, v, z = curve.residuals(points)
     good = np.hypot(v, z) < 1.0
     u, z = u[good], z[good]
+    found: list[float] = []
     if len(u) < 12 or np.ptp(u) < 3 * CUSP_MARGIN:
-        return []
+        return found
     at = np.arange(u.min() + CUSP_MARGIN, u.max() - CUSP_MARGIN, 1.0)
+    if (place := cusp_at(u, z, at)) is not None:
+        found.append(place)
+    for middle in np.arange(at[0], at[-1], 0.5 * WINDOW):
+        near = np.abs(u - middle) < WINDOW
+        inner = at[np.abs(at - middle) < 0.5 * WINDOW]
+        if np.count_nonzero(near) < 12 or not len(inner):
+            continue
+        place = cusp_at(u[near], z[near], inner)
+        if place is not None and all(abs(place - other) > WINDOW / 2 for other in found):
+            found.append(place)
+    return sorted(found)
+
+
+def cusp_at(u: Floats, z: Floats, at: Floats) -> float | None:
+    """The place of the clearest kink downwards, if it is certain."""
     slope, square, total = kinks(u, z, at)
-    gain = slope**2 * square
-    gain[slope > CUSP] = 0.0
+    gain = np.where(slope > CUSP, 0.0, slope**2 * square)
     k = int(np.argmax(gain))
     sigma = math.sqrt(max(total - gain[k], 1e-12) / max(len(u) - 4, 1))
     certain = gain[k] > CUSP_GAIN * total and math.sqrt(gain[k]) > CUSP_SIGMAS * sigma
-    if not certain:
-        return []
-    found = [float(at[k])]
-    for side in (points[good][u <= at[k]], points[good][u > at[k]]):
-        part = fit(side, spread=1.0)
-        if part is not None:
-            for inner in cusps(side, part):
-                place = part.points(np.array([inner]))
-                found.append(float(curve.along(place)[0][0]))
-    return sorted(found)
+    return float(at[k]) if certain else None
 
 
 def arcs_of(scene: Scene, piece: Piece) -> Iterator[Piece]:

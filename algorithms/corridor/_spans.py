@@ -23,6 +23,7 @@ from algorithms.corridor._network import (
     CUSP_GAIN,
     CUSP_MARGIN,
     CUSP_SIGMAS,
+    ENOUGH_BODY,
     FARTHEST,
     PARALLEL,
     STRAIGHT_SIGMAS,
@@ -103,7 +104,7 @@ def spans_of(
         supports = sorted([*moved, *more], key=lambda s: (s.x, s.y))
     found: list[Wire] = []
     bundle = 0
-    spans = [wires for wires in spans if not are_straight(wires)]
+    spans = [wires for wires in spans if not are_straight(wires) and are_held(wires)]
     for span, wires in enumerate(spans):
         for wire in wires:
             for strand in strands(scene, wire):
@@ -119,6 +120,12 @@ def are_straight(wires: Sequence[Wire]) -> bool:
     weight = 1 / np.array([wire.curve.variance_of_curvature for wire in wires])
     mean = float((weight * curvature).sum() / weight.sum())
     return mean + STRAIGHT_SIGMAS / math.sqrt(weight.sum()) < 1 / TIGHTEST_C
+
+
+def are_held(wires: Sequence[Wire]) -> bool:
+    """Whether wires have a support in the data, or at least one of them is thin for certain."""
+    held = any(number >= 0 for wire in wires for number in wire.supports)
+    return held or min(wire.curve.rms for wire in wires) < ROUGH
 
 
 def with_supports(
@@ -156,6 +163,8 @@ def relocated(
     An arc that was followed beyond its end has taken points of the next one.
     """
     support = supports[number]
+    if support.body >= ENOUGH_BODY:
+        return support
     normal = np.array([-support.across[1], support.across[0]])
     wires = [wire for span in spans for wire in span if number in wire.supports]
     sides: dict[bool, list[tuple[int, int]]] = {False: [], True: []}

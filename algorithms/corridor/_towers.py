@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,12 @@ from algorithms.corridor._spans import Wire
 
 BASE_LATTICE, BASE_POLE = 1.0, 0.4  # metres above the ground that are left to it
 SLIM = 0.7  # metres: half width from which a body is a lattice
-SPLAY_LATTICE, SPLAY_POLE, SLACK = 0.12, 0.02, 0.35  # widening per metre downwards; metres
+SPLAY_LATTICE, SPLAY_POLE, SLACK = 0.12, 0.02, 0.4  # widening per metre downwards; metres
+FOOT, LEG = 3.0, 1.0  # metres: height below which shrubs may grow inside, and width of a face
 BOX = (0.12, 1.2, 5.0)  # half depth of the space of the arms: per metre of height, least, most
 DROP = (0.08, 0.8, 4.0)  # how far below the lowest wire it begins
 OUT = (0.05, 0.5, 2.5)  # how far it goes beyond the outermost wires
-PEAK = (0.25, 1.5, 15.0)  # how far it goes above the highest wire
+PEAK = (0.08, 1.0, 6.0)  # how far it goes above the highest wire
 LOOP = (0.4, 4.0, 1.2, 9.0)  # metres: a jumper hangs this far below, aside of and along its wire
 LOOP_POINTS = 5
 LOOP_WIDTH = 1.3  # of the part of a jumper that is clear of its wire, by its parabola
@@ -97,22 +98,40 @@ def tower_of(scene: Scene, support: Support) -> Tower:
     a, s, z = step @ along, step @ across, air.xyz[near, 2]
     above = scene.height[near]
     waist = support.low - drop
+    middle = centre_of(a, s, z, waist, height)
+    a, s = a - middle[0], s - middle[1]
+    x, y = np.array([x, y]) + middle[0] * along + middle[1] * across
+    left, right = (side - middle[1] for side in support.reach)
+    support = replace(support, x=float(x), y=float(y), reach=(left, right))
     arms = (z > waist) & (z < support.high + peak) & (np.abs(a) < depth)
     arms &= (s > support.reach[0] - out) & (s < support.reach[1] + out)
-    width = waist_of(a, s, z, waist, height)
-    lattice = width > SLIM
-    splay = SPLAY_LATTICE if lattice else SPLAY_POLE
-    spread = width + SLACK + splay * np.maximum(waist - z, 0)
-    body = (np.maximum(np.abs(a), np.abs(s)) < spread) & (z <= waist)
-    body &= above > (BASE_LATTICE if lattice else BASE_POLE)
+    away = np.maximum(np.abs(a), np.abs(s))
+    width = waist_of(away, z, waist, height)
+    splay = SPLAY_LATTICE if width > SLIM else SPLAY_POLE
+    body = (away < width + SLACK + splay * np.maximum(waist - z, 0)) & (z <= waist)
+    if width > SLIM:  # down there it is hollow
+        shin = away[body & (above > FOOT) & (above < 2 * FOOT)]
+        foot = float(np.quantile(shin, 0.9)) if len(shin) else width
+        body &= (above > FOOT) | ((np.abs(away - foot) < LEG) & (above > BASE_LATTICE))
+    body &= above > BASE_POLE
     mine = near[arms | body]
-    top = float(air.xyz[mine, 2].max()) if len(mine) else support.high
+    top = float(np.quantile(air.xyz[mine, 2], 0.995)) if len(mine) else support.high
     return Tower(support, mine, top, width)
 
 
-def waist_of(a: Floats, s: Floats, z: Floats, waist: float, height: float) -> float:
-    """Half width of the body just below the arms."""
-    slice_ = (z < waist) & (z > waist - 0.25 * height)
-    away = np.maximum(np.abs(a[slice_]), np.abs(s[slice_]))
-    away = away[away < 0.12 * height]
-    return float(np.quantile(away, 0.9)) if len(away) >= LOOP_POINTS else 0.3
+def centre_of(
+    a: Floats, s: Floats, z: Floats, waist: float, height: float
+) -> tuple[float, float]:
+    """Where the arms are along the line, and the body below them across it."""
+    near = 0.1 * height
+    arms = (z > waist) & (np.abs(a) < near)
+    neck = (z > waist - 0.15 * height) & (z < waist) & (np.hypot(a, s) < near)
+    along = float(np.median(a[arms])) if np.count_nonzero(arms) >= LOOP_POINTS else 0.0
+    across = float(np.median(s[neck])) if np.count_nonzero(neck) >= LOOP_POINTS else 0.0
+    return along, across
+
+
+def waist_of(away: Floats, z: Floats, waist: float, height: float) -> float:
+    """Half width of a body just below its arms."""
+    near = (z < waist) & (z > waist - 0.25 * height) & (away < 0.1 * height)
+    return float(np.quantile(away[near], 0.85)) if near.sum() >= LOOP_POINTS else 0.3

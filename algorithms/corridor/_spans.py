@@ -149,7 +149,7 @@ def bundles_of(
     for part, between in parts:
         groups.setdefault((min(between), max(between)), []).append(part)
     for key in sorted(groups):
-        for together in of_one_span(groups[key], key):
+        for together in of_one_span(groups[key], key, supports):
             wires = wires_of(scene, together, key, supports)
             if wires:
                 yield wires
@@ -280,7 +280,9 @@ def cut(
         yield Piece(mine, part), (before, after) if same else (after, before)
 
 
-def of_one_span(parts: list[Piece], key: tuple[int, int]) -> list[list[Piece]]:
+def of_one_span(
+    parts: list[Piece], key: tuple[int, int], supports: Sequence[Support]
+) -> list[list[Piece]]:
     """All of them where both supports are known; else those that run beside each other."""
     if key[0] >= 0:
         return [parts]
@@ -288,17 +290,20 @@ def of_one_span(parts: list[Piece], key: tuple[int, int]) -> list[list[Piece]]:
     for i, one in enumerate(parts):
         for j, other in enumerate(parts):
             if i < j and abs(heading(one, 1) @ heading(other, 1)) > math.cos(PARALLEL):
-                link[i, j] = key[1] >= 0 and same_side(one, other)
-                link[i, j] |= runs_beside(one, other) or runs_beside(other, one)
-                link[i, j] |= bool(apart(one, other) < TWIN)
+                link[i, j] = runs_beside(one, other) or runs_beside(other, one)
+                link[i, j] |= apart(one, other) < TWIN
+                if key[1] >= 0:
+                    sides = [side_of(part, supports[key[1]]) for part in (one, other)]
+                    link[i, j] = sides[0] == sides[1]
     count, label = connected_components(coo_array(link), directed=False)
     return [[parts[i] for i in np.flatnonzero(label == k)] for k in range(count)]
 
 
-def same_side(one: Piece, other: Piece) -> bool:
-    """Whether the middles of two pieces at one support lie on the same side of it."""
-    a, b = (p.curve.points(np.array([0.5 * p.curve.length]))[0] for p in (one, other))
-    return bool(np.hypot(*(a - b)[:2]) < 0.5 * (one.curve.length + other.curve.length) + BESIDE)
+def side_of(piece: Piece, support: Support) -> bool:
+    """Whether the middle of a piece lies ahead of the arms of a support."""
+    middle = piece.curve.points(np.array([0.5 * piece.curve.length]))[0, :2]
+    step = middle - (support.x, support.y)
+    return bool(support.across[0] * step[1] - support.across[1] * step[0] > 0)
 
 
 def wires_of(

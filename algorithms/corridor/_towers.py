@@ -119,9 +119,7 @@ def tower_of(scene: Scene, support: Support) -> Tower:
     return Tower(support, mine, top, width)
 
 
-def centre_of(
-    a: Floats, s: Floats, z: Floats, waist: float, height: float
-) -> tuple[float, float]:
+def centre_of(a: Floats, s: Floats, z: Floats, waist: float, height: float) -> tuple[float, float]:
     """Where the arms are along the line, and the body below them across it."""
     near = 0.1 * height
     arms = (z > waist) & (np.abs(a) < near)

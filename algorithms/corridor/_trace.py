@@ -25,7 +25,11 @@ from toolbox.context import QUIET, Context
 CELL = 4.0  # metres, of the plan index
 VOXEL, AROUND = 1.0, 2  # metres; voxels to each side that may crowd a wire
 LINES = 6.0  # as many wires side by side leave a voxel uncrowded
-SPARSEST, DENSEST, PER_DENSITY = 7.0, 14.0, 1.5  # eighths of voxels that one wire fills in 5 m, and per point / m2
+SPARSEST, DENSEST, PER_DENSITY = (
+    7.0,
+    14.0,
+    1.5,
+)  # eighths of voxels that one wire fills in 5 m, and per point / m2
 REACH, TUBE, STEEPEST = 6.0, 0.25, 0.7  # metres, metres, rise over run: of the straight piece
 LEAST_BINS = 4.0  # metres of 12 with points on them, where a wire may begin
 LONGEST = 200_000  # points of one wire

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._follow import follow
 from algorithms.corridor._lines import tower_layer, wire_layer
-from algorithms.corridor._network import STRONG, Scene, Support
+from algorithms.corridor._network import STRONG, Scene, Support, pieces_of
 from algorithms.corridor._spans import Wire
 from algorithms.corridor._towers import Tower, insulators, tower_of
 from algorithms.corridor._trace import Airborne, trace_all, uncrowded
@@ -263,7 +263,9 @@ def require_ground(xyz: Floats, tolerance: float, max_gap: float) -> None:
     curves = trace_all(
         some, voxel[alone], tolerance=tolerance, max_gap=max_gap, least=STRONG, ctx=QUIET
     )
-    if sum(len(points) for _, points in curves) > MOSTLY * len(xyz):
+    height = np.full(len(xyz), np.inf)
+    scene = Scene(all_points, height, some, tolerance, lambda x, y: 0.0, lambda x, y: False)
+    if sum(len(piece.points) for piece in pieces_of(scene, curves)) > MOSTLY * len(xyz):
         raise DataError(
             "points: they are wires without the ground below, from which heights are measured; "
             "give the ground too, or fit the wires with corridor.catenaries"

@@ -161,7 +161,7 @@ def random_design(rng: np.random.Generator) -> Design:
         bend=float(np.radians(rng.uniform(0, 30))),
         relief=float(rng.uniform(0.2, 2.0)),
         hidden=float(rng.uniform(0, 0.06)),
-        outliers=float(rng.uniform(0, 0.001)),
+        outliers=float(rng.uniform(0, OUTLIERS)),
         loops=True,
     )
 
@@ -312,9 +312,7 @@ def _built(
     return SceneData(xyz, attributes, plan.terrain.placed(), features)
 
 
-def _land(
-    design: Design, size: float, width: float, rng: np.random.Generator
-) -> tuple[Plan, Axis]:
+def _land(design: Design, size: float, width: float, rng: np.random.Generator) -> tuple[Plan, Axis]:
     """Hills, a road across, woods on both sides of the cleared strip."""
     leg, half = size / 2, design.bend / 2
     rise, run = float(np.sin(half)), float(np.cos(half))
@@ -455,9 +453,7 @@ def _loop(network: Network, system: System, support: Support, count: int) -> Non
         t = np.linspace(0, 1, 13)[:, None]
         places = a + t * (b - a)
         places[:, 2] -= 0.9 * system.string * (1 - (2 * t[:, 0] - 1) ** 4)
-        network.rod(
-            places, WIRE_RADIUS, CONNECTOR, support.object_id, tower=support.tower_id
-        )
+        network.rod(places, WIRE_RADIUS, CONNECTOR, support.object_id, tower=support.tower_id)
 
 
 def _line(points: Floats) -> shapely.LineString:

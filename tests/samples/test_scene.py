@@ -332,7 +332,7 @@ def test_the_wall_has_its_density_and_its_holes() -> None:
 
 
 def test_an_unknown_kind_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(ParameterError, match="town, corridor, reservoir, facade"):
+    with pytest.raises(ParameterError, match="town, corridor, power_lines, reservoir, facade"):
         scene("village", size=50, density=10, seed=1)
 
 

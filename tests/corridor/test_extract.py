@@ -1,0 +1,255 @@
+"""Power lines of known shape, and what looks like a power line but is none."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from corridor_scenes import CORNER, Floats, bar, cloud, ground, line, pole, tree, wire
+from pyproj import CRS
+
+from algorithms.corridor.extract import CorridorExtract
+from toolbox.data import PointCloud
+from toolbox.errors import DataError
+from toolbox.values import ClassList
+
+DATA = Path(os.environ.get("TOOLBOX_TEST_DATA", "/nowhere"))
+GROUND = ground(200, 60, 8)
+RNG = np.random.default_rng(1)
+
+
+def found(*parts: Floats) -> CorridorExtract.Outputs:
+    return CorridorExtract(points=cloud(*parts)).run()
+
+
+def quality(said: Floats, true: Floats) -> float:
+    return float((said & true).sum() / (said | true).sum())
+
+
+@pytest.fixture(scope="module")
+def three_spans() -> tuple[CorridorExtract.Outputs, list[object]]:
+    curves, wires, poles = line([0, 60, 120, 180], [-1, 0, 1], 9, 400)
+    points = cloud(GROUND, *wires, poles, classes=[2, *[14] * 9, 15])
+    return CorridorExtract(points=points).run(), list(curves)
+
+
+def test_a_distribution_line_is_found_point_by_point(three_spans) -> None:  # type: ignore[no-untyped-def]
+    result, _ = three_spans
+    said, true = result.classified["classification"], result.classified["truth"]
+    assert result.span_count == 3
+    assert result.tower_count == 4
+    assert quality(said == 14, true == 14) > 0.98
+    assert quality(said == 15, true == 15) > 0.8  # of a pole much is hidden in the grass
+
+
+def test_curves_are_within_two_centimetres(three_spans) -> None:  # type: ignore[no-untyped-def]
+    result, curves = three_spans
+    frame = result.wires.frame
+    assert len(frame) == 9
+    for curve in curves:
+        u = np.linspace(0.5, curve.length - 0.5, 50)
+        true = curve.points(u) + CORNER
+        away = [np.abs(_height(shape, true) - true[:, 2]).max() for shape in frame.geometry]
+        assert min(away) < 0.04
+    assert frame.c.between(380, 420).all()
+    assert (abs(frame.c - 400) < 4 * frame.sd_c).all()
+    assert frame.span.between(59, 61).all()
+
+
+def _height(shape, places: Floats) -> Floats:  # type: ignore[no-untyped-def]
+    """Height of a line along x at places near it, far away elsewhere."""
+    corners = np.array(shape.coords)
+    corners = corners[np.argsort(corners[:, 0])]
+    near = abs(np.interp(places[:, 0], *corners[:, :2].T) - places[:, 1]) < 0.3
+    inside = (places[:, 0] > corners[0, 0] - 2) & (places[:, 0] < corners[-1, 0] + 2)
+    return np.where(near & inside, np.interp(places[:, 0], *corners[:, ::2].T), 1e3)
+
+
+def test_a_wire_keeps_its_number_across_the_poles(three_spans) -> None:  # type: ignore[no-untyped-def]
+    result, _ = three_spans
+    frame = result.wires.frame
+    assert frame.wire_id.nunique() == 3
+    assert (frame.groupby("wire_id").span_id.nunique() == 3).all()
+    points = result.classified
+    on_wire = points["classification"] == 14
+    assert set(points["wire_id"][on_wire]) == set(frame.wire_id)
+    assert not points["wire_id"][~on_wire].any()
+    assert set(points["tower_id"][points["classification"] == 15]) <= {1, 2, 3, 4}
+    ends = sorted(zip(frame.from_tower, frame.to_tower, strict=True))
+    assert {tuple(sorted(pair)) for pair in ends} == {(1, 2), (2, 3), (3, 4)}
+
+
+def test_conductors_of_a_bundle_are_told_apart() -> None:
+    _, wires, towers = line([0, 180], [-4, 4], 25, 1200)
+    twins = [part + (0, 0.4, 0) for part in wires]
+    frame = found(GROUND, *wires, *twins, towers).wires.frame
+    assert len(frame) == 4
+    assert frame.bundle_id.nunique() == 2
+    assert frame.c.between(1150, 1250).all()
+
+
+@pytest.mark.parametrize("turn", [0, 1])
+def test_one_span_parallel_to_an_axis(turn: int) -> None:
+    _, wires, towers = line([0, 180], [-4, 0, 4], 25, 1200)
+    parts = [part[:, [1, 0, 2]] if turn else part for part in (GROUND, *wires, towers)]
+    result = found(*parts)
+    assert (result.span_count, result.tower_count, len(result.wires)) == (1, 2, 3)
+
+
+def test_lines_that_cross_keep_apart() -> None:
+    _, low, poles = line([0, 180], [-1, 0, 1], 9, 1500)
+    _, high, towers = line([-90, 90], [-3, 0, 3], 22, 900)
+    plan = np.random.default_rng(2).uniform((-20, -100), (200, 100), (120_000, 2))
+    flat = np.column_stack([plan, np.sin(plan[:, 0] / 40)])
+    across = [np.column_stack([p[:, 1] + 80, p[:, 0], p[:, 2]]) for p in (*high, towers)]
+    frame = found(flat, *low, poles, *across).wires.frame
+    assert sorted(frame.groupby("span_id").size()) == [3, 3]
+
+
+def test_a_gap_is_bridged_and_vertical_drops_do_no_harm() -> None:
+    _, wires, poles = line([0, 60, 120, 180], [-1, 0, 1], 9, 400)
+    gappy = [p[(abs(p[:, 0] - 92) > 8)] for p in wires]
+    drops = [bar((x, y, 5), (x, y, 9), 6, 0.02) for x in (30.0, 90.0) for y in (-1.0, 1.0)]
+    result = found(GROUND, *gappy, poles, *drops)
+    assert result.span_count == 3
+    assert len(result.wires) == 9
+
+
+def sheet(low: float, high: float) -> Floats:
+    """A vertical sheet along the x axis."""
+    x = RNG.uniform(0, 200, 4000)
+    z = np.sin(x / 40) + RNG.uniform(low, high, len(x))
+    return np.column_stack([x, 3 + RNG.normal(0, 0.03, len(x)), z])
+
+
+def gable(ridge: bool) -> Floats:
+    x, y = RNG.uniform(60, 120, 20_000), RNG.uniform(-6, 6, 20_000)
+    roof = np.column_stack([x, y, 9 - 0.66 * abs(y) + RNG.normal(0, 0.03, len(x))])
+    return np.vstack([roof, bar((60, 0, 9.3), (120, 0, 9.3), 6, 0.04)]) if ridge else roof
+
+
+def trees(count: int) -> Floats:
+    heights = RNG.uniform(8, 14, 30)
+    return np.vstack([tree(7 * k, 2, h, 0.28 * h, count, k) for k, h in enumerate(heights)])
+
+
+def tower_crane(per_metre: float) -> Floats:
+    bars = [bar((60 + dx, dy, 0), (60 + dx, dy, 42), per_metre) for dx in (0, 2) for dy in (0, 2)]
+    chords = [(0, 40), (2, 40), (1, 41.6)]
+    bars += [bar((60, y, z), (120, y, z), per_metre) for y, z in chords]
+    bars += [
+        bar((60 + 2 * k, 2 * (k % 2), 40), (62 + 2 * k, 1, 41.6), per_metre) for k in range(30)
+    ]
+    ties = [(100, 41.6), (118, 41.6)]
+    bars += [bar((60, 1, 50), (x, 1, z), per_metre, 0.03) for x, z in ties]
+    return np.vstack(bars)
+
+
+def railway(per_metre: float) -> Floats:
+    """Contact wires held level by droppers from a messenger wire that sags."""
+    parts = []
+    for a in (0, 60, 120):
+        parts.append(bar((a, 0, 6.5), (a + 60, 0, 6.5), per_metre, 0.02))
+        curve, points = wire((a, 0, 8.0), (a + 60, 0, 8.0), 600, per_metre)
+        parts.append(points)
+        for k in range(5, 60, 6):
+            top = float(curve.height(np.array(k)))
+            parts.append(bar((a + k, 0, 6.5), (a + k, 0, top), per_metre, 0.02))
+    for a in (0, 60, 120, 180):
+        parts += [bar((a, -3, 0), (a, -3, 8.5), 10), bar((a, -3, 8), (a, 0, 8), 8)]
+    return np.vstack(parts)
+
+
+def bridge() -> Floats:
+    """Two main cables with hangers to a deck."""
+    parts = []
+    for y in (-6, 6):
+        curve, points = wire((40, y, 40), (160, y, 40), 64, 8, noise=0.12)
+        parts.append(points)
+        for k in range(5, 120, 5):
+            top = float(curve.height(np.array(k)))
+            parts.append(bar((40 + k, y, 10), (40 + k, y, top), 8, 0.04))
+        parts += [bar((x, y, 0), (x, y, 41), 20, 0.6) for x in (40, 160)]
+        parts += [bar((x, y, 10), (near, y, 40), 8, 0.12) for x, near in ((0, 40), (200, 160))]
+    deck = RNG.uniform((0, -7), (200, 7), (22_000, 2))
+    return np.vstack([*parts, np.column_stack([deck, RNG.normal(10, 0.03, len(deck))])])
+
+
+@pytest.mark.parametrize(
+    ("what", "parts"),
+    [
+        ("fence", [sheet(0, 2.5)]),
+        ("high wall", [sheet(0, 5.5)]),
+        ("handrail on a wall", [sheet(0, 4.5), bar((0, 3, 5.6), (200, 3, 5.6), 4, 0.03)]),
+        ("row of trees", [trees(600)]),
+        ("sparse row of trees", [trees(60)]),
+        ("gable", [gable(ridge=False)]),
+        ("gable with a ridge cap", [gable(ridge=True)]),
+        ("tower crane", [tower_crane(6)]),
+        ("sparse tower crane", [tower_crane(2)]),
+        ("railway", [railway(4)]),
+        ("sparse railway", [railway(1.5)]),
+        ("bridge", [bridge()]),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_what_is_no_power_line(what: str, parts: list[Floats]) -> None:
+    below = np.ones(len(GROUND), bool)
+    if "gable" in what:  # nothing is seen below a roof
+        below = ~((abs(GROUND[:, 0] - 90) < 30) & (abs(GROUND[:, 1]) < 6))
+    result = found(GROUND[below], *parts)
+    assert len(result.wires) == 0
+    assert not np.isin(result.classified["classification"], (14, 15)).any()
+
+
+def test_no_line_is_an_empty_result_that_says_so(caplog: pytest.LogCaptureFixture) -> None:
+    result = found(GROUND)
+    assert (result.span_count, result.tower_count) == (0, 0)
+    assert "no power line was found" in caplog.text
+    assert {"wire_id", "sag", "geometry"} <= set(result.wires.frame.columns)
+
+
+def test_wires_without_ground_are_refused() -> None:
+    _, wires, _ = line([0, 180], [-4, 0, 4], 25, 1200)
+    with pytest.raises(DataError, match="without the ground below"):
+        found(*wires)
+
+
+def test_ground_classes_must_occur() -> None:
+    points = cloud(GROUND).with_attributes({"classification": np.ones(len(GROUND), np.uint8)})
+    with pytest.raises(DataError, match="none is of the ground_classes 2"):
+        CorridorExtract(points=points, ground_classes=ClassList([2])).run()
+
+
+def test_feet_give_the_lines_of_metres() -> None:
+    _, wires, poles = line([0, 60, 120], [-1, 1], 9, 400)
+    points = cloud(GROUND, *wires, poles)
+    foot = 1200 / 3937
+    feet = PointCloud(points.xyz / foot, {"truth": points["truth"]}, crs=CRS(2263))
+    metres, other = (CorridorExtract(points=p).run() for p in (points, feet))
+    assert len(metres.wires) == len(other.wires) == 4
+    np.testing.assert_allclose(metres.wires.frame.c, other.wires.frame.c, rtol=0.01)
+    np.testing.assert_allclose(metres.wires.frame.z0, other.wires.frame.z0 * foot, atol=0.05)
+    same = metres.classified["classification"] == other.classified["classification"]
+    assert same.mean() > 0.999
+
+
+def test_a_pole_alone_is_none() -> None:
+    assert found(GROUND, pole(50, 0, 10)).tower_count == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tile", ["12AN2_20", "12BZ1_21"])
+def test_a_real_transmission_line(tile: str) -> None:
+    path = DATA / f"powerline_ahn4/{tile}_as_published.laz"
+    if not path.exists():
+        pytest.skip("needs powerline_ahn4")
+    points = PointCloud.open(path).with_crs(CRS(28992))
+    result = CorridorExtract(points=points).run()
+    said, true = result.classified["classification"] == 14, points["classification"] == 14
+    assert (said & true).sum() / said.sum() > 0.98
+    assert (said & true).sum() / true.sum() > 0.97
+    assert quality(said, true) > 0.95
+    assert (result.span_count, result.tower_count) == (2, 1)

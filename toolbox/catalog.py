@@ -4,6 +4,7 @@ The tools of this distribution are described by `metadata/tools/<id>.json`, and 
 declared in `algorithms/a/b.py`, or the model `models.b` in `algorithms/models/b.yaml`. Any other
 model goes by the path of its file, which ends in .yaml. Tools of other packages join through entry
 points of the group `toolbox.tools`: the name is the tool's id, the value is ``module:Class``.
+Algorithms of QGIS, where it is installed, are tools too, ``qgis:native:buffer``; no list has them.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 NOT_GROUPS = ("shared",)  # folders of algorithms/ that hold no tools
 MODEL = (".yaml", ".yml")  # endings of model files
+QGIS = "qgis:"  # begins the id of an algorithm of QGIS
 _PACKAGE = Path(__file__).parent
 # An installed wheel carries metadata/ inside the package, a checkout has it beside the package.
 METADATA = next(
@@ -86,7 +88,7 @@ def load(id: str, running: tuple[Path, ...] = ()) -> Spec:
 
     Parameters
     ----------
-    id : of a tool or model, or the path of a model file
+    id : of a tool, model or algorithm of QGIS, or the path of a model file
     running : models that are being read, of which this is a step
 
     Raises
@@ -99,6 +101,10 @@ def load(id: str, running: tuple[Path, ...] = ()) -> Spec:
     path = own_files().get(id)
     if id.endswith(MODEL) or (path and path.suffix in MODEL):
         return _model(Path(os.path.realpath(path or id)), running)
+    if id.startswith(QGIS):
+        from toolbox.qgis_steps import load as ask
+
+        return ask(id)
     if id not in ids():
         hint = nearest(id, ids()) or "; 'list' shows all"
         raise ParameterError(f"no tool called {id!r}{hint}")

@@ -40,6 +40,22 @@ def mapping(text: str) -> dict[str, Any]:
     return values
 
 
+def text(values: dict[str, Any]) -> str:
+    """Names and values as YAML that :func:`mapping` reads; texts of several lines keep them."""
+    import yaml
+
+    class Dumper(yaml.SafeDumper):
+        pass
+
+    def shown(dumper: Any, value: str) -> Any:
+        style = "|" if "\n" in value else None
+        return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=style)
+
+    Dumper.add_representer(str, shown)
+    how: dict[str, Any] = {"sort_keys": False, "allow_unicode": True, "width": 100}
+    return str(yaml.dump(values, Dumper=Dumper, **how))
+
+
 def _yaml(text: str) -> Any:
     import yaml
 

@@ -135,6 +135,7 @@ class _Reader:
         if not isinstance(says, Mapping) or not isinstance(says.get("tool"), str):
             self.problems[f"{name}.tool"] = "missing: each step says which tool it runs"
             return None
+        says = {str(key): value for key, value in says.items()}  # {ignore: 7,18} has a number too
         try:
             spec = self.find(says["tool"])
         except ParameterError as err:

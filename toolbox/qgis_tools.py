@@ -24,6 +24,7 @@ PROVIDER = "lidartoolbox"
 SCHEMA = 1  # of the list; the plugin refuses any other
 LAYERS = {"PointCloud": "pointcloud", "Raster": "raster", "Vector": "vector", "Table": "table"}
 SCALARS = {"number", "integer", "boolean", "range", "extent", "position", "CRS"}
+ABBREVIATIONS = {word.lower(): word for word in ("DTM", "DSM", "nDSM", "CHM", "CRS", "RMSE", "IoU")}
 SEPARATOR = ";"  # between several values in one text
 TAGS = ("lidar", "las", "laz", "point cloud")
 
@@ -92,7 +93,7 @@ def _tags(spec: Spec) -> list[str]:
 
 def field(f: Field) -> dict[str, Any]:
     """One input or output: which widget it needs, and what its values must be."""
-    label = f.name.replace("_", " ").capitalize()
+    label = _label(f.name)
     made: dict[str, Any] = {"name": f.name, "type": _type(f), "help": f.help}
     if f.unit and f.unit != "1" and made["type"] != "length":
         label += f" [{f.unit}]"
@@ -105,6 +106,12 @@ def field(f: Field) -> dict[str, Any]:
     if f.role == "param" and not f.required and f.default is not None:
         made["default"] = _default(f)
     return made
+
+
+def _label(name: str) -> str:
+    """A name in words, with abbreviations as they are written."""
+    words = name.capitalize().split("_")
+    return " ".join(ABBREVIATIONS.get(word.lower(), word) for word in words)
 
 
 def _type(f: Field) -> str:
@@ -194,7 +201,7 @@ def _entry(f: Field) -> str:
     if f.many and f.role == "param" and f.kind is not CHOICE:
         says = "; ".join(filter(None, ["several with ; between", says]))
     rule = f" ({says})" if says else ""
-    text = f"<b>{f.name.replace('_', ' ').capitalize()}</b>{unit}: {_inline(f.help + rule)}."
+    text = f"<b>{_label(f.name)}</b>{unit}: {_inline(f.help + rule)}."
     return f"<p>{text}</p>"
 
 

@@ -29,6 +29,8 @@ def qgis(tmp_path_factory: pytest.TempPathFactory) -> Qgis:
     """The plugin, put where its user would put it; the path has a space and an accent."""
     program = qgis_process.find()
     if program is None:
+        if os.environ.get("TOOLBOX_TEST_QGIS") == "required":
+            pytest.fail("QGIS is not installed, and TOOLBOX_TEST_QGIS requires it")
         pytest.skip("QGIS is not installed")
     home = tmp_path_factory.mktemp("Größe ñ")
     home.chmod(0o700)

@@ -1,0 +1,118 @@
+"""Opens the dialog of each tool in QGIS, without a screen, and reads what it holds.
+
+``dialogs.py PROFILE CLOUD RASTER FEATURES`` prints JSON: by tool what differs from the defaults.
+``dialogs.py PROFILE --picture FILE.png TOOL NAME=VALUE ...`` draws the dialog of one tool.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+PROFILE, *WORDS = sys.argv[1:]
+PYTHON = os.environ.get("QGIS_PYTHON", "/usr/share/qgis/python")
+sys.path[:0] = [PYTHON, f"{PYTHON}/plugins", str(Path(PROFILE) / "python" / "plugins")]
+
+import qgis.utils  # noqa: E402
+from qgis.core import QgsApplication, QgsProcessingContext, QgsProcessingFeedback  # noqa: E402
+from qgis.gui import QgsMapCanvas, QgsMessageBar  # noqa: E402
+from qgis.PyQt.QtCore import QTimer  # noqa: E402
+from qgis.PyQt.QtWidgets import QMainWindow  # noqa: E402
+
+app = QgsApplication([], True)
+app.initQgis()
+window = QMainWindow()
+canvas = QgsMapCanvas(window)
+
+
+class Interface:
+    """As much of the window of QGIS as the dialogs ask for."""
+
+    def mainWindow(self) -> Any:
+        return window
+
+    def mapCanvas(self) -> Any:
+        return canvas
+
+    def messageBar(self) -> Any:
+        return QgsMessageBar(window)
+
+    def __getattr__(self, name: str) -> Any:
+        return lambda *args, **more: None
+
+
+qgis.utils.iface = Interface()
+
+from lidar_toolbox import parameters  # noqa: E402
+from lidar_toolbox.plugin import Provider  # noqa: E402
+from processing.core.Processing import Processing  # noqa: E402
+from processing.gui.AlgorithmDialog import AlgorithmDialog  # noqa: E402
+
+for module in list(sys.modules.values()):  # which have taken the window when there was none
+    if getattr(module, "__name__", "").startswith("processing") and hasattr(module, "iface"):
+        module.iface = qgis.utils.iface
+Processing.initialize()
+provider = Provider()
+QgsApplication.processingRegistry().addProvider(provider)
+
+
+def differences(algorithm: Any, given: dict[str, str]) -> list[str]:
+    """What an untouched dialog would send that is not the default."""
+    dialog = AlgorithmDialog(algorithm, False, window)
+    dialog.setParameters(given)
+    values = dialog.createProcessingParameters()
+    tool, feedback = algorithm.tool, QgsProcessingFeedback()
+    ctx = QgsProcessingContext()
+    read = parameters.Reader(algorithm, tool["inputs"], values, ctx, feedback)
+    found = []
+    for field in tool["inputs"]:
+        value, default = read.input(field), field.get("default")
+        if field["required"]:
+            default = given[field["name"].upper()]
+        if isinstance(value, list) and isinstance(default, str):
+            value = ";".join(map(str, value))
+        if value != (parameters.UNSET if default in (None, "") else default):
+            found.append(f"{field['name']}: {value!r} and not {default!r}")
+    for field in tool["outputs"]:
+        if not parameters.is_value(field):
+            written = not parameters.is_missing(values.get(field["name"].upper()))
+            if written != bool(field.get("first")):
+                found.append(f"{field['name']}: written {written}")
+    return found
+
+
+def check() -> None:
+    cloud, raster, features = WORDS
+    layers = {"pointcloud": cloud, "raster": raster, "vector": features, "table": features}
+    found = {}
+    for each in provider.algorithms():
+        algorithm = each.create()
+        needed = [field for field in algorithm.tool["inputs"] if field["required"]]
+        given = {field["name"].upper(): layers[field["type"]] for field in needed}
+        found[algorithm.tool["id"]] = differences(algorithm, given)
+    print("RESULT " + json.dumps(found), flush=True)
+    os._exit(0)
+
+
+def picture(place: str, tool: str, *values: str) -> None:
+    algorithm = provider.algorithm(tool).create()
+    dialog = AlgorithmDialog(algorithm, False, window)
+    dialog.setParameters(dict(text.split("=", 1) for text in values))
+    dialog.resize(860, 620)
+    dialog.show()
+
+    def save() -> None:
+        dialog.grab().save(place)
+        os._exit(0)
+
+    QTimer.singleShot(1500, save)
+    app.exec()
+
+
+if WORDS[0] == "--picture":
+    picture(*WORDS[1:])
+else:
+    check()

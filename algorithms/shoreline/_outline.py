@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -16,6 +16,7 @@ from algorithms.shared.lowest import cells_of
 from algorithms.shoreline._bodies import Grid, window
 from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._shore import BAND, Shore, area_of, shore
+from algorithms.shoreline._smooth import smooth_part
 from algorithms.shoreline._water import Water
 from toolbox.context import QUIET, Context
 
@@ -148,6 +149,7 @@ def draw(
     chosen: Sequence[int],
     least_area: float,
     least_island: float,
+    smoothing: float,
     ctx: Context = QUIET,
 ) -> list[Outline]:
     """Outlines of the chosen bodies.
@@ -157,6 +159,7 @@ def draw(
     points, cells, water : see :func:`algorithms.shoreline._water.find_water`
     chosen : numbers of the bodies to draw
     least_area, least_island : smaller parts and islands are left out, square units of the data
+    smoothing : spacings of points along the shore over which zigzag is evened out
     ctx : progress and cancellation
     """
     of_body = np.zeros(cells.low.size, np.int32)
@@ -168,7 +171,8 @@ def draw(
         part = ctx.part(0.5 + 0.5 * done / len(chosen), 0.5 + 0.5 * (done + 1) / len(chosen))
         made = shore(near, cells, index, water[k].body.cells, of_body, water[k].level, part)
         parts = _parts(made, least_area, least_island)
-        found.append(Outline(done + 1, water[k], made, parts, cells))
+        smooth = _smoothed(made, parts, smoothing / np.sqrt(cells.density))
+        found.append(Outline(done + 1, water[k], smooth, parts, cells))
     ctx.progress(1.0)
     return found
 
@@ -211,3 +215,13 @@ def _parts(made: Shore, least_area: float, least_island: float) -> list[list[int
         if holders:
             parts[min(holders, key=lambda n: shapes[n].area)].append(int(k))
     return parts
+
+
+def _smoothed(made: Shore, parts: list[list[int]], length: float) -> Shore:
+    """The same shore without zigzag; where the data end it stays as it is."""
+    rings = list(made.rings)
+    for part in parts if length else []:
+        smooth = smooth_part([rings[k] for k in part], [made.open[k] for k in part], length)
+        for k, ring in zip(part, smooth, strict=True):
+            rings[k] = ring
+    return replace(made, rings=rings)

@@ -49,6 +49,10 @@ class ShorelineExtract:
     the spacing of points, the slope of the bank and the error of the level. It says nothing about
     water hidden below trees or bridges.
 
+    Corners between single points make a zigzag, which is longer than the shore: `smoothing` takes
+    it out, and hardly moves bends, islands and the area. Sharp corners, as of walls, are rounded by
+    about a spacing.
+
     A river is not level: with `sloped` its surface is a plane, without it is an error, or left out
     where all bodies are asked for.
 
@@ -60,6 +64,10 @@ class ShorelineExtract:
     bodies: Literal["largest", "all"] = param("Bodies to give", default="largest")
     min_area: float = param("Smallest body", default=100.0, unit="m2", gt=0)
     min_island: float = param("Smallest island", default=20.0, unit="m2", ge=0)
+    smoothing: float = param(
+        "Evens the shore out over so many spacings of points; 0 not at all",
+        default=2.0, unit="1", ge=0,
+    )  # fmt: skip
     sloped: bool = param("Allow rivers, whose surface is not level", default=False)
     water_classes: ClassList | None = param("Classes that are water, if known", default=None)
     ignore: ClassList | None = param("Classes to leave out", default=ClassList([7, 18]))
@@ -97,8 +105,9 @@ class ShorelineExtract:
         cells, water = find_water(points, self.min_area, ctx.part(0.3, 0.7))
         chosen = self._chosen(cells, water)
         outlines = draw(
-            points, cells, water, chosen, self.min_area, self.min_island, ctx.part(0.7, 1.0)
-        )
+            points, cells, water, chosen, self.min_area, self.min_island, self.smoothing,
+            ctx.part(0.7, 1.0),
+        )  # fmt: skip
         _warn(outlines)
         return self._packed(outlines)
 

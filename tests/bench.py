@@ -622,13 +622,11 @@ def _beside_gdal_grid(xyz: Any, out: Path) -> None:
     _write_text(xyz, out / "p.csv")
     (west, south, _), (east, north, _) = xyz.min(axis=0), xyz.max(axis=0)
     edges = ["-txe", west, east, "-tye", north, south]
-    command = ["gdal_grid", "-q", "-zfield", "z", "-oo", "X_POSSIBLE_NAMES=x"]
-    command += ["-oo", "Y_POSSIBLE_NAMES=y", "-oo", "AUTODETECT_TYPE=YES"]
-    command += ["--config", "GDAL_NUM_THREADS", "ALL_CPUS", *edges]
+    command = ["gdal_grid", "-q", "--config", "GDAL_NUM_THREADS", "ALL_CPUS", *edges]
 
     def theirs(algorithm: str, cell: float) -> float:
         size = ["-outsize", *(max(1, round(d / cell)) for d in (east - west, north - south))]
-        files = ["-l", "p", out / "p.csv", out / "g.tif"]
+        files = ["-l", "p", out / "p.vrt", out / "g.tif"]
         return _command_seconds([*command, *size, "-a", algorithm, *files])
 
     reading = theirs("average", 1e6)  # into a single cell
@@ -690,6 +688,12 @@ def _write_text(xyz: Any, path: Path) -> None:
     import numpy as np
 
     np.savetxt(path, xyz, "%.3f", delimiter=",", header="x,y,z", comments="")
+    path.with_suffix(".vrt").write_text(
+        f"""<OGRVRTDataSource><OGRVRTLayer name="{path.stem}">
+        <SrcDataSource>{path}</SrcDataSource><GeometryType>wkbPoint25D</GeometryType>
+        <GeometryField encoding="PointFromColumns" x="x" y="y" z="z"/>
+        </OGRVRTLayer></OGRVRTDataSource>"""
+    )
 
 
 def _command_seconds(command: list[Any]) -> float:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
-from toolbox.data import dxf, geopackage
+from toolbox.data import dxf, geopackage, mesh
 from toolbox.data.crs import (
     describe_crs,
     horizontal_part,
@@ -53,7 +53,7 @@ class Vector:
     geometry_type : of an empty layer, which cannot show it: "Point", "Polygon Z", ...
     """
 
-    SUFFIXES: ClassVar[tuple[str, ...]] = (*_DRIVERS, ".dxf", ".parquet")
+    SUFFIXES: ClassVar[tuple[str, ...]] = (*_DRIVERS, ".dxf", ".parquet", ".ply")
 
     def __init__(
         self, frame: geopandas.GeoDataFrame, *, name: str = "", geometry_type: str = "Unknown"
@@ -153,11 +153,11 @@ class Vector:
         reads too. GeoJSON keeps the CRS of the layer in its "crs" member, as GDAL does, although
         RFC 7946 knows WGS 84 alone; an empty one keeps no columns. FlatGeobuf sorts its features in
         space. KML is always in WGS 84, so that a layer is transformed to it. DXF has a unit, but no
-        CRS.
+        CRS. PLY is a mesh of polygons with heights, without a CRS.
 
         Parameters
         ----------
-        path : ends in .gpkg, .geojson, .fgb, .parquet, .shp, .kml or .dxf
+        path : ends in .gpkg, .geojson, .fgb, .parquet, .shp, .kml, .dxf or .ply
         layer : name of the layer in the file; the stem of the file name unless given
         add : keep the other layers of a GeoPackage
         record : how the file was made, as JSON text (see `toolbox.provenance`)
@@ -188,6 +188,8 @@ class Vector:
                 frame.to_parquet(path)
             elif suffix == ".dxf":
                 dxf.write(frame, path, layer or path.stem)
+            elif suffix == ".ply":
+                mesh.write(frame, path)
             else:
                 _write(frame, path, layer or path.stem, self.geometry_type)
                 _check_crs(frame.crs, path, layer or path.stem)

@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from algorithms.planes import _search_kernels as kernels
-from algorithms.planes._cells import Cells, sort_into_cells
+from algorithms.planes._cells import ROUNDING, Cells, sort_into_cells
 from algorithms.planes._search import Patch, Rules, Search, plane_of
 from algorithms.shared.lowest import require_finite
 from algorithms.shared.plane_fit import Plane, is_line
@@ -82,7 +82,7 @@ def cells_of(xyz: Floats, *, ctx: Context = QUIET) -> Cells:
 
 def segment_cells(cells: Cells, rules: Rules, *, ctx: Context = QUIET) -> Segments:
     """The planes of points that are sorted into cells; see :func:`segment`."""
-    least = 1e-9 * float(np.abs(cells.xyz).max())  # of points without noise
+    least = ROUNDING * cells.size  # of points without noise
     rules = replace(
         rules,
         tolerance=rules.tolerance or max(NOISES * cells.noise, least),
@@ -187,7 +187,7 @@ def _fitted(cells: Cells, owner: NDArray[np.int32], patches: list[Patch]) -> lis
     planes = []
     for patch, part in zip(patches, parts_of(owner, len(patches)), strict=True):
         xyz = cells.xyz[part]
-        centre = xyz.mean(axis=0)
+        centre = np.array([xyz[:, axis].mean() for axis in range(3)])
         near = xyz - centre
         second = (near.T @ near)[np.triu_indices(3)]
         sums = np.array([len(xyz), 0.0, 0.0, 0.0, *second])

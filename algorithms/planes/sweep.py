@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from algorithms.planes._cells import ROUNDING
 from algorithms.planes._search import Rules
 from algorithms.planes._segment import NOISES, cells_of, segment_cells
 from algorithms.planes.extract import Orientation, steepness
@@ -89,7 +90,7 @@ class PlanesSweep:
         cloud, used = self.points, ~is_withheld(self.points)
         xyz = cloud.xyz if used.all() else cloud.xyz[used]
         cells = cells_of(xyz, ctx=ctx.part(0.0, 0.1))
-        least = 1e-9 * float(np.abs(cells.xyz).max())
+        least = ROUNDING * cells.size
         tries = self.tolerances or [k * max(cells.noise, least) for k in OF_NOISE]
         rows: list[dict[str, Any]] = []
         for number, tolerance in enumerate(sorted(set(tries))):

@@ -89,7 +89,9 @@ TILED = [
         {"max_distance": 6.0, "positive": "1,2,3", "reference": "sparse"},
     ),
 ]
-AMPLE = {"classify.buildings", "classify.vegetation_by_returns"}  # half their halo may do, here
+AMPLE = {"classify.buildings", "classify.urban", "classify.vegetation_by_returns"}
+"""Tools for which half the halo may do here, though not everywhere."""
+
 SLACK = {  # of numbers that are not whole; classes have none
     "classify.som_apply": 0.002,  # distance from a neuron: ground.classify tells heights
     "ground.csf": 0.01,  # metres of height: a cloth at rest may still creep

@@ -1,0 +1,189 @@
+"""What is left of a town once ground and buildings are known: water, plants of three heights, rest.
+
+How well it does: docs/explanation/urban-classes.md.
+
+References
+----------
+Demir, N. and Acar, U.: ground, then buildings, then vegetation.
+LAS 1.4 R15 (ASPRS 2019), table 17: the classes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.classify import _evidence
+from algorithms.classify._heights import by_height
+from algorithms.classify.buildings import FOOT, solid
+from algorithms.shared.ground import taking_part
+from algorithms.shared.polygons import Polygons, polygons
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Vector
+from toolbox.data.crs import crs_conflict
+from toolbox.errors import NothingToDo
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import ClassList, Share
+
+GROUND, BUILDING, WATER, REST = (np.uint8(k) for k in (2, 6, 9, 1))
+
+Mask = NDArray[np.bool_]
+
+
+@tool("classify.urban")
+class ClassifyUrban:
+    """Classify water, vegetation and the rest where ground and buildings are known.
+
+    Ground (2) and buildings (6) stay; run ground.classify and classify.buildings first, or
+    models.urban_classes, which does all. Of the others, and of the ground, what lies in polygons of
+    `water` and not half a metre above the ground becomes water (9), except for bodies whose
+    attribute evidence is level alone, which in a town may be squares. Of what is left, points
+    around which at least `planarity` of the points lie on planes, and less than twice that share
+    lets the pulse through, are cars, walls and the like: class 1. All else is low (3), medium (4)
+    or high vegetation (5) by its height above the ground, whose limits are `low` and `high`.
+
+    Wires, poles and rough objects become vegetation. The attribute confidence says from 0 to 1 how
+    clear the evidence is between vegetation and what is built, and is 1 for ground and water.
+    """
+
+    points: PointCloud = source("Points with classified ground and buildings")
+    water: Vector | None = source("Polygons of water, as of shoreline.extract", default=None)
+    low: float = param("Vegetation below this height is low", default=0.5, unit="m", ge=0)
+    high: float = param("Vegetation from this height on is high", default=1.5, unit="m", ge=0)
+    planarity: float = param(
+        "Least share of points on planes around what is no vegetation",
+        default=0.1,
+        unit="1",
+        ge=0,
+        le=1,
+    )
+    flat: float = param(
+        "How far from a plane its points may be, as standard deviation",
+        default=_evidence.FLAT,
+        unit="m",
+        gt=0,
+        le=1,
+    )
+    radius: float = param(
+        "Radius in which a plane is looked for; raise it for sparse points",
+        default=1.0,
+        unit="m",
+        gt=0,
+        le=10,
+    )
+    context: float = param(
+        "Points this near share what they look like", default=3.0, unit="m", ge=0, le=20
+    )
+    ignore: ClassList | None = param(
+        "Classes that take no part and stay as they are", default=ClassList([7, 18])
+    )
+
+    @outputs
+    class Outputs:
+        classified: PointCloud = sink("The same points with classes 1 to 6 and 9, and confidence")
+        vegetation_share: float = sink("Share of points that are vegetation", unit="1")
+        building_share: float = sink("Share of points that are building", unit="1")
+        water_share: float = sink("Share of points that are water", unit="1")
+        rest_share: float = sink("Share of points that are none of the known classes", unit="1")
+
+    def check(self) -> Iterator[tuple[str, str]]:
+        """Heights rise."""
+        if self.low > self.high:
+            yield "low", f"must be <= high ({self.high:g}), got {self.low:g}"
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """Ground must have been classified, and water lie in the same place."""
+        name = self.points.name or "the cloud"
+        if "classification" not in self.points:
+            yield "points", f"{name} has no classification; classify ground first"
+        if self.water is not None and (
+            text := crs_conflict(self.water.crs, self.points.crs, heights=False)
+        ):
+            yield "water", f"{self.water.name or 'the layer'} {text} of {name}"
+
+    def halo(self) -> float:
+        """That of the terrain and of what is around a point."""
+        return _evidence.HALO
+
+    def run(self, ctx: Context = QUIET) -> ClassifyUrban.Outputs:
+        """Judge what is neither ground nor building."""
+        cloud = self.points
+        part = taking_part(cloud, self.ignore)
+        chosen = cloud if part.all() else cloud.select(part)
+        classes = np.array(cloud["classification"], np.uint8)
+        confidence = np.zeros(len(cloud), np.float32)
+        if not (chosen["classification"] == GROUND).any():
+            raise NothingToDo(
+                f"points: none is of class {GROUND}; classify ground first",
+                instead=self._packed(classes, confidence),
+            )
+        if not _evidence.has_several_returns(chosen):
+            log.warning("no pulse has several returns: dense crowns may be taken for objects")
+        scene = _evidence.Scene(
+            chosen,
+            self.radius,
+            self.context,
+            ctx.part(0.0, 0.9),
+            flat=self.flat / cloud.metre,
+            ground_classes=(int(GROUND),),
+        )
+        classes[part] = self._judged(scene)
+        confidence[part] = np.where(np.isin(classes[part], (GROUND, WATER)), 1.0, clear(scene))
+        ctx.progress(1.0)
+        return self._packed(classes, confidence)
+
+    def _judged(self, scene: _evidence.Scene) -> NDArray[np.uint8]:
+        """Class of each point."""
+        cloud, (ground, height) = scene.cloud, scene.terrain
+        classes = np.array(cloud["classification"], np.uint8)
+        built = classes == BUILDING
+        low = ~built & (ground | (height < FOOT))
+        wet = np.zeros(len(cloud), bool)
+        if self.water is not None:
+            wet[low] = Polygons.of(polygons(sure(self.water), "water")).hold(cloud.xyz[low])
+        left = ~ground & ~built & ~wet
+        plant = ~(solid(scene) & (scene.around["planarity"] >= self.planarity))
+        kinds = by_height(height * cloud.metre, self.low, self.high)
+        classes[left] = np.where(plant & np.isfinite(height), kinds, REST)[left]
+        classes[wet] = WATER
+        return classes
+
+    def _packed(
+        self, classes: NDArray[np.uint8], confidence: NDArray[np.float32]
+    ) -> ClassifyUrban.Outputs:
+        core = self.points.core
+
+        def share(*kinds: int) -> Share:
+            return Share.of_points(np.isin(classes, kinds), core)
+
+        return self.Outputs(
+            classified=self.points.with_attributes(
+                {"classification": classes, "confidence": confidence},
+                descriptions={"confidence": "0 doubtful to 1 clear"},
+            ),
+            vegetation_share=share(3, 4, 5),
+            building_share=share(int(BUILDING)),
+            water_share=share(int(WATER)),
+            rest_share=share(int(REST)),
+        )
+
+
+def sure(water: Vector) -> Vector:
+    """Water without bodies that shoreline.extract knows by nothing but their level."""
+    frame = water.frame
+    if "evidence" not in frame:
+        return water
+    doubtful = frame["evidence"] == "level"
+    if doubtful.any():
+        log.info("%d bodies of water are known by their level alone: left out", doubtful.sum())
+    return Vector(frame[~doubtful], name=water.name, geometry_type=water.geometry_type)
+
+
+def clear(scene: _evidence.Scene) -> NDArray[np.float64]:
+    """How far apart the evidence for plants and for what is built is, from 0 to 1, shape (n,)."""
+    flat = scene.around["planarity"] / _evidence.ON_PLANES
+    torn = scene.around["returns"] / _evidence.LET_THROUGH
+    total = flat + torn
+    return np.asarray(np.abs(flat - torn) / np.where(total > 0, total, 1.0))

@@ -1,0 +1,179 @@
+"""classify.urban and models.urban_classes: known scenes, water, real cities, bad input."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import numpy as np
+import pytest
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS
+
+import toolbox
+from algorithms.classify.urban import ClassifyUrban
+from algorithms.samples.scene import SamplesScene
+from toolbox.data import PointCloud, Vector
+from toolbox.errors import DataError, NothingToDo, ParameterError
+
+UTM = CRS(32635)
+
+
+def block(*, seed: int = 0) -> PointCloud:
+    """50 x 40 m of lawn with a tree, hedges of 1 and 0.4 m, a car, a roof and a pond; truth."""
+    rng = np.random.default_rng(seed)
+    n = 16_000
+    x, y = rng.uniform((0, 0), (50, 40), (n, 2)).T
+    z, truth, count = rng.normal(0, 0.02, n), np.full(n, 2), np.ones(n, int)
+    for cls, where, low, high in [
+        (5, np.hypot(x - 10, y - 10) < 5, 1.6, 12),
+        (4, abs(y - 20) < 1, 0.5, 1.4),
+        (3, abs(y - 25) < 1, 0.25, 0.45),
+    ]:
+        plant = where & (rng.random(n) < 0.9)
+        z[plant], truth[plant], count[plant] = rng.uniform(low, high, plant.sum()), cls, 2
+    car = (abs(x - 40) < 2.2) & (abs(y - 10) < 1)
+    roof = (abs(x - 40) < 5) & (abs(y - 33) < 4)
+    for cls, where, height in [(1, car, 1.5), (6, roof, 7.0)]:
+        z[where], truth[where] = height + rng.normal(0, 0.02, where.sum()), cls
+    truth[(np.hypot(x - 10, y - 34) < 4) & (truth == 2)] = 9
+    classes = np.where(np.isin(truth, (2, 6)), truth, 1)
+    classes[truth == 9] = 2
+    return PointCloud(
+        np.column_stack([x + 500_000, y + 4_600_000, z + 50]),
+        {
+            "classification": classes.astype(np.uint8),
+            "number_of_returns": count.astype(np.uint8),
+            "return_number": np.where(count > 1, rng.integers(1, 3, n), 1).astype(np.uint8),
+            "truth": truth.astype(np.uint8),
+        },
+        crs=UTM,
+        name="block.laz",
+    )
+
+
+def pond(**columns: Any) -> Vector:
+    shape = shapely.Point(500_010, 4_600_034).buffer(4, quad_segs=64)
+    return Vector(geopandas.GeoDataFrame(columns, geometry=[shape], crs=UTM), name="pond.gpkg")
+
+
+def recalls(out: Any) -> dict[int, float]:
+    """Share of the points of each class that have it."""
+    found, truth = out.classified["classification"], out.classified["truth"]
+    return {int(k): float((found[truth == k] == k).mean()) for k in np.unique(truth)}
+
+
+def test_each_class_is_found() -> None:
+    out = ClassifyUrban(points=block(), water=pond()).run()
+    found = recalls(out)
+    assert found[2] == found[6] == 1
+    assert found[9] > 0.999
+    assert found[5] > 0.99
+    assert found[4] > 0.95
+    assert found[3] > 0.95
+    assert found[1] > 0.95
+    classes, confidence = out.classified["classification"], out.classified["confidence"]
+    assert out.vegetation_share == np.isin(classes, (3, 4, 5)).mean()
+    assert out.water_share == (classes == 9).mean()
+    assert (confidence[np.isin(classes, (2, 9))] == 1).all()
+    assert confidence.min() >= 0
+    assert confidence[classes == 5].mean() > 0.5
+
+
+def test_heights_part_the_vegetation() -> None:
+    out = ClassifyUrban(points=block(), low=0.2, high=1.45).run()
+    classes, truth = out.classified["classification"], out.classified["truth"]
+    assert (classes[truth == 3] == 4).mean() > 0.95
+    assert not (classes == 3).any()
+    feet = block()
+    feet = feet.with_xyz(feet.xyz * 3937 / 1200).with_crs(CRS(2263))
+    metres = ClassifyUrban(points=block()).run().classified["classification"]
+    same = ClassifyUrban(points=feet).run().classified["classification"] == metres
+    assert same.mean() > 0.999
+
+
+def test_water_is_low_and_sure() -> None:
+    points = block()
+    boat = np.flatnonzero(points["truth"] == 9)[:40]
+    xyz = points.xyz.copy()
+    xyz[boat, 2] += 2.0
+    classes = points["classification"].copy()
+    classes[boat] = 1
+    raised = points.with_xyz(xyz).with_attributes({"classification": classes})
+    out = ClassifyUrban(points=raised, water=pond(evidence=["few returns, level"])).run()
+    found = out.classified["classification"]
+    assert not (found[boat] == 9).any()
+    assert (found == 9).sum() > 300
+    square = ClassifyUrban(points=points, water=pond(evidence=["level"])).run()
+    assert square.water_share == 0
+
+
+def test_bad_input_is_named() -> None:
+    points = block()
+    with pytest.raises(ParameterError, match=r"low: must be <= high \(1\.5\), got 2"):
+        ClassifyUrban(points=points, low=2.0)
+    bare = PointCloud(points.xyz, crs=UTM, name="bare.laz")
+    with pytest.raises(DataError, match=r"bare\.laz has no classification; classify ground first"):
+        ClassifyUrban(points=bare).run()
+    far = Vector(
+        geopandas.GeoDataFrame(geometry=[shapely.box(0, 0, 1, 1)], crs=2154), name="f.gpkg"
+    )
+    with pytest.raises(DataError, match=r"water: f\.gpkg is in EPSG:2154"):
+        ClassifyUrban(points=points, water=far).run()
+    raw = points.with_attributes({"classification": np.ones(len(points), np.uint8)})
+    with pytest.raises(NothingToDo, match="none is of class 2; classify ground first") as error:
+        ClassifyUrban(points=raw).run()
+    assert error.value.instead.rest_share == 1
+
+
+def agreement(found: NDArray[Any], truth: NDArray[Any]) -> tuple[float, float, float, float]:
+    """Overall accuracy and IoU of ground, building, vegetation, among points of these classes."""
+    known = np.isin(truth, (2, 3, 4, 5, 6))
+
+    def joint(classes: NDArray[Any]) -> NDArray[Any]:
+        return np.where(np.isin(classes, (3, 4, 5)), 5, classes)[known]
+
+    one, other = joint(found), joint(truth)
+    each = [
+        ((one == k) & (other == k)).sum() / ((one == k) | (other == k)).sum() for k in (2, 6, 5)
+    ]
+    return float((one == other).mean()), *map(float, each)
+
+
+def modelled(points: PointCloud, **settings: Any) -> Any:
+    """The model on points whose classes it does not know."""
+    bare = points.with_attributes({"classification": np.zeros(len(points), np.uint8)})
+    return toolbox.run("models.urban_classes", {"points": bare, **settings})
+
+
+@pytest.mark.slow
+def test_a_town_from_raw_points() -> None:
+    made = SamplesScene(kind="town", size=200.0, density=8.0).run()
+    found = modelled(made.points)
+    classes, truth = found["classified"]["classification"], made.points["classification"]
+    overall, ground, building, plants = agreement(classes, truth)
+    assert overall > 0.95
+    assert ground > 0.94
+    assert building > 0.98
+    assert plants > 0.75
+    assert (classes[truth == 9] == 9).mean() > 0.9
+    assert len(found["outlines"]) == (made.features.frame.kind == "building").sum()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "least"),
+    [
+        ("77050_627755", (0.97, 0.97, 0.95, 0.95)),
+        ("77055_627755", (0.97, 0.97, 0.95, 0.80)),
+        ("77060_627760", (0.91, 0.93, 0.86, 0.74)),
+    ],
+)
+def test_real_tiles(name: str, least: tuple[float, ...], data: Callable[[str], Path]) -> None:
+    points = PointCloud.open(data("ign_urban_50m") / f"{name}.laz")
+    classes = modelled(points, water=False)["classified"]["classification"]
+    found = agreement(classes, points["classification"])
+    assert all(value > limit for value, limit in zip(found, least, strict=True)), found

@@ -166,9 +166,10 @@ def _png(canvas: Canvas) -> bytes:
 
 def _map(scene: Scene, line: Line, rules: Sequence[Rule], objects: Sequence[Object]) -> Figure:
     """Wires, objects, and what stands around them, in metres."""
-    canvas, axes = _canvas(10.0, 7.0)
     ends = np.concatenate([c.points(np.array([0.0, c.length]))[:, :2] for c in line.curves[0]])
     low, high = ends.min(axis=0) - BESIDE, ends.max(axis=0) + BESIDE
+    tall = float((high - low)[1] / (high - low)[0])
+    canvas, axes = _canvas(10.0, min(max(8.5 * tall + 0.7, 3.0), 10.0))
     inside = ((scene.xyz[:, :2] >= low) & (scene.xyz[:, :2] <= high)).all(axis=1)
     size = max(MAP_PIXEL, float((high - low).max()) / 900)
     for number, kind in reversed(list(enumerate(KINDS))):
@@ -189,8 +190,8 @@ def _map(scene: Scene, line: Line, rules: Sequence[Rule], objects: Sequence[Obje
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     _legend(axes)
-    axes.set_xlabel(f"m east of {line.origin[0]:.0f}")
-    axes.set_ylabel(f"m north of {line.origin[1]:.0f}")
+    axes.set_xlabel(f"m from x = {line.origin[0]:.0f}")
+    axes.set_ylabel(f"m from y = {line.origin[1]:.0f}")
     return Figure(_png(canvas), "Wires in plan, and objects with their number in the list")
 
 

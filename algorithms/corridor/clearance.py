@@ -390,6 +390,8 @@ class CorridorClearance:
         cloud = self.points
         if HEIGHT in cloud:
             return np.asarray(cloud[HEIGHT], float)[index] / cloud.metre
+        if not len(index):
+            return np.empty(0)
         if not ground.any():
             log.warning("no point is ground: heights are not known, falling trees not looked for")
             return np.full(len(index), np.nan)

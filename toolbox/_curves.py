@@ -115,9 +115,11 @@ class Sweep:
         frame = table.frame
         if not (set(frame.columns) >= _SWEEP and len(frame) > 1):
             return None
-        columns = (frame[name].to_numpy(float) for name in ("tolerance", "planes", "share"))
-        chosen = frame["tolerance"][frame["knee"].to_numpy(bool)]
-        return cls(title, *columns, float(chosen.iloc[0]) if len(chosen) else None)
+        tolerances, planes, share = (
+            frame[name].to_numpy(float) for name in ("tolerance", "planes", "share")
+        )
+        chosen = tolerances[frame["knee"].to_numpy(bool)]
+        return cls(title, tolerances, planes, share, float(chosen[0]) if len(chosen) else None)
 
 
 def show_sweep(figure: Figure, sweep: Sweep, place: Place) -> None:

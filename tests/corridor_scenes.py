@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -67,7 +68,7 @@ def line(
 ) -> tuple[list[Catenary], list[Floats], Floats]:  # fmt: skip
     """Wires along the x axis between poles: curves, their points, and points of the poles."""
     curves, points = [], []
-    for k, (a, b) in enumerate(zip(stations[:-1], stations[1:], strict=True)):
+    for k, (a, b) in enumerate(itertools.pairwise(stations)):
         for offset in offsets:
             made = wire((a, offset, height), (b, offset, height), c, per_metre, seed=k)
             curves.append(made[0])

@@ -85,7 +85,7 @@ class CompareSpans:
             ctx.progress(number / len(true))
             near = sorted(tree.query(line.buffer(self.max_distance)).tolist())
             row = {"span": truth[self.span].iloc[number], "length": line.length / metre}
-            best = {"found": "missed", "share": 0.0, "wire": None}
+            best: dict[str, Any] = {"found": "missed", "share": 0.0, "wire": None}
             squares: Floats = np.zeros(0)
             for k in near:
                 here, height = _beside(places, found[k], self.max_distance)

@@ -108,7 +108,7 @@ def catenaries_of(layer: Vector, origin: Floats) -> list[Catenary]:
                 row["rms"],
                 int(row["points"]),
                 covariance,
-            )  # fmt: skip
+            )
         )
     return found
 

@@ -113,7 +113,9 @@ class Scene:
 
 def pieces_of(scene: Scene, curves: Sequence[tuple[Floats, Ints]]) -> list[Piece]:
     """Those of the curves that look like wires, with catenaries through their points."""
-    strong, weak, straight = [], [], []
+    strong: list[Piece] = []
+    weak: list[Piece] = []
+    straight: list[Catenary] = []
     for curve, points in curves:
         length = curve[kernels.HI] - curve[kernels.LO]
         clear = clearness(scene, curve, len(points))
@@ -421,7 +423,7 @@ def clusters(hints: Sequence[Hint]) -> Iterator[list[Hint]]:
     link = near & near.T & alike
     _, label = connected_components(coo_array(link), directed=False)
     for number in range(label.max() + 1):
-        yield [hints[i] for i in np.flatnonzero(label == number)]
+        yield [hints[i] for i in np.flatnonzero(label == number).tolist()]
 
 
 def support_of(scene: Scene, pieces: Sequence[Piece], group: Sequence[Hint]) -> Support | None:
@@ -437,10 +439,10 @@ def support_of(scene: Scene, pieces: Sequence[Piece], group: Sequence[Hint]) -> 
     forward = way @ mean > 0
     here, there = np.flatnonzero(forward), np.flatnonzero(~forward)
     pairs, bend = 0, 0.0
-    for i in here:
+    for i in here.tolist():
         match = [
             j
-            for j in there
+            for j in there.tolist()
             if abs(side[j] - side[i]) < 3.0 and abs(place[j, 2] - place[i, 2]) < 3.0
         ]
         if match:

@@ -6,6 +6,7 @@ sparse to follow show as heaps of points at one offset and height along it.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -232,16 +233,16 @@ def overlooked(scene: Scene, wires: Sequence[Wire]) -> Iterator[Support]:
         return
     gain, total = np.sum(gains, axis=0), sum(totals)
     k = int(np.argmax(gain))
-    slope = float(np.median([slope[k] for slope in slopes]))
+    median = float(np.median([each[k] for each in slopes]))
     sigma = math.sqrt(max(total - gain[k], 1e-12) / count)
     certain = gain[k] > CUSP_GAIN * total and math.sqrt(gain[k]) > CUSP_SIGMAS * sigma
     agreed = np.mean([g[k] > CUSP_GAIN * t for g, t in zip(gains, totals, strict=True)])
-    if not certain or agreed < AGREED or slope > LEAST_CUSP:
+    if not certain or agreed < AGREED or median > LEAST_CUSP:
         return
     places = np.array(
         [w.curve.points(w.curve.along(first.points(at[k : k + 1]))[0])[0] for w in wires]
     )
-    support = support_at(scene, places, np.array([first.ex, first.ey]), bool(slope < CUSP))
+    support = support_at(scene, places, np.array([first.ex, first.ey]), median < CUSP)
     if support is not None:
         yield support
 
@@ -253,7 +254,7 @@ def cut(
     curve = piece.curve
     stops = []
     for number, support in enumerate(supports):
-        u, v = curve.along(np.array([[support.x, support.y, 0.0]]))
+        u, _ = curve.along(np.array([[support.x, support.y, 0.0]]))
         gap = max(-u[0], u[0] - curve.length, 0.0)
         if gap > FARTHEST:
             continue
@@ -269,7 +270,7 @@ def cut(
     stops.sort()
     u, _ = curve.along(scene.wires.xyz[piece.points])
     edges = [(-math.inf, -1), *stops, (math.inf, -1)]
-    for (low, before), (high, after) in zip(edges[:-1], edges[1:], strict=True):
+    for (low, before), (high, after) in itertools.pairwise(edges):
         mine = piece.points[(u > low) & (u <= high)]
         if len(mine) < 4:
             continue
@@ -322,9 +323,10 @@ def wires_of(
         if curve is not None:
             own.append((mine, curve))
     shape = max((c for _, c in own), key=lambda c: c.count * c.length, default=None)
-    for mine, curve in own:
-        if shape is not None and curve.length < 0.5 * shape.length:
-            curve = fit(scene.wires.xyz[mine], spread=2.0, curvature=shape.curvature) or curve
+    for mine, first in own:
+        curve = first
+        if shape is not None and first.length < 0.5 * shape.length:
+            curve = fit(scene.wires.xyz[mine], spread=2.0, curvature=shape.curvature) or first
         found.append(Wire(curve, ordered(curve, key, supports), (0.0, curve.length)))
     found = alike([to_supports(wire, supports) for wire in found])
     return found + recovered(scene, found)
@@ -526,7 +528,8 @@ def matched(
         for side in (here, there)
     )
     away = np.linalg.norm(a[:, None] - b[None], axis=2)
-    for i, j in zip(*linear_sum_assignment(np.minimum(away, 10 * LINKED)), strict=True):
+    rows, columns = linear_sum_assignment(np.minimum(away, 10 * LINKED))
+    for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
         if away[i, j] < LINKED:
             yield here[i][0], there[j][0]
 

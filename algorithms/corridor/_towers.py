@@ -6,7 +6,6 @@ The ground and what lies on it, such as the blocks of the foundation, is not tow
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -20,7 +20,7 @@ from algorithms.corridor import _trace_kernels as kernels
 from algorithms.corridor._catenary import Catenary
 from algorithms.shared.lowest import blocks
 from algorithms.shared.threads import side_by_side
-from toolbox.context import QUIET, Context
+from toolbox.context import Context
 
 CELL = 4.0  # metres, of the plan index
 VOXEL, AROUND = 1.0, 2  # metres; voxels to each side that may crowd a wire

@@ -124,7 +124,7 @@ def _gather(  # type: ignore[no-untyped-def]
     is known.
     """
     most = WIDEST * tolerance
-    pieces = max(1, int(math.ceil((high - low) / cell)))
+    pieces = max(1, math.ceil((high - low) / cell))
     for p in range(pieces):
         a = low + (high - low) * p / pieces
         b = low + (high - low) * (p + 1) / pieces
@@ -254,6 +254,28 @@ def _keep_near(curve, found, count, tolerance, xyz):  # type: ignore[no-untyped-
     return kept
 
 
+@helper
+def _begin(  # type: ignore[no-untyped-def]
+    seed, heading, xyz, start, west, south, cell, rows, cols, reach, tolerance, curve, found, spread
+):
+    """A first curve through the points around a seed; their number, 0 if they are too few."""
+    flat = math.sqrt(heading[0] ** 2 + heading[1] ** 2)
+    curve[:] = 0.0
+    curve[X], curve[Y] = xyz[seed, 0], xyz[seed, 1]
+    curve[EX], curve[EY] = heading[0] / flat, heading[1] / flat
+    curve[HALF] = 1.0
+    curve[Z0], curve[Z0 + 1] = xyz[seed, 2], heading[2] / flat
+    count = _gather(
+        curve, -reach, reach, tolerance, spread, xyz, start, west, south, cell, rows, cols, found, 0
+    )
+    if count < 4 or not _fit(curve, found, count, tolerance, xyz, spread, 5):
+        return 0
+    count = _keep_near(curve, found, count, tolerance, xyz)
+    if count < 4 or not _fit(curve, found, count, tolerance, xyz, spread, 2):
+        return 0
+    return count
+
+
 @njit(cache=True, nogil=True)
 def trace(  # type: ignore[no-untyped-def]
     seed,
@@ -275,25 +297,17 @@ def trace(  # type: ignore[no-untyped-def]
 
     `curve` and `found` are filled in.
     """
-    flat = math.sqrt(heading[0] ** 2 + heading[1] ** 2)
-    curve[:] = 0.0
-    curve[X], curve[Y] = xyz[seed, 0], xyz[seed, 1]
-    curve[EX], curve[EY] = heading[0] / flat, heading[1] / flat
-    curve[HALF] = 1.0
-    curve[Z0], curve[Z0 + 1] = xyz[seed, 2], heading[2] / flat
     spread = np.zeros((2, 3, 3))
-    count = _gather(
-        curve, -reach, reach, tolerance, spread, xyz, start, west, south, cell, rows, cols, found, 0
-    )
-    if count < 4 or not _fit(curve, found, count, tolerance, xyz, spread, 5):
-        return 0
-    count = _keep_near(curve, found, count, tolerance, xyz)
-    if count < 4 or not _fit(curve, found, count, tolerance, xyz, spread, 2):
+    count = _begin(
+        seed, heading, xyz, start, west, south, cell, rows, cols, reach, tolerance, curve, found,
+        spread,
+    )  # fmt: skip
+    if count == 0:
         return 0
     gaps = np.zeros(2)  # looked into without finding anything, behind and ahead
-    for _ in range(MOST_STEPS):
-        if gaps.min() == np.inf:
-            break
+    steps = 0
+    while gaps.min() < np.inf and steps < MOST_STEPS:
+        steps += 1
         for side in range(2):
             if gaps[side] == np.inf:
                 continue
@@ -367,7 +381,7 @@ def tube(  # type: ignore[no-untyped-def]
     """
     x0, y0, ex, ey, u0, z0, k, chord, slope, v0, v1, swing = shape
     count = 0
-    pieces = max(1, int(math.ceil((high - low) / cell)))
+    pieces = max(1, math.ceil((high - low) / cell))
     for p in range(pieces):
         a = low + (high - low) * p / pieces
         b = low + (high - low) * (p + 1) / pieces

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from algorithms.corridor._follow import follow
 from algorithms.corridor._lines import tower_layer, wire_layer
 from algorithms.corridor._network import STRONG, Scene, Support, pieces_of
 from algorithms.corridor._spans import Wire
+from algorithms.corridor._thesis import Settings, Variance, voxel_lines
 from algorithms.corridor._towers import Tower, insulators, tower_of
 from algorithms.corridor._trace import Airborne, trace_all, uncrowded
 from algorithms.ground.classify import Terrain, find_terrain, height_above
@@ -45,6 +47,7 @@ SEEN_CELL = 2.0  # metres
 MOSTLY = 0.5  # of the points
 TUBE, TUBE_LEAST, TUBE_MOST = 2.6, 0.12, 0.45  # of the scatter of a wire; metres
 
+Method = Literal["catenary", "thesis"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -62,6 +65,9 @@ class CorridorExtract:
     `wires` has one catenary per conductor and span, as a line in three dimensions; `towers` one
     point per tower, at its foot. A span needs the whole of its wires, so the tool looks at the
     whole cloud.
+
+    Method `thesis` follows a published chain of voxels, to compare with. Its pylons hold all points
+    in their bounds, and it finds no wires below `thesis_height`.
     """
 
     points: PointCloud = source("Points of a corridor, with the ground below the line")
@@ -81,6 +87,21 @@ class CorridorExtract:
         ge=0.05,
         le=2.0,
     )
+    method: Method = param(
+        "How to find wires: catenary, or voxels as in the thesis of Muş (2019)", default="catenary"
+    )
+    thesis_height: float = param(
+        "Method thesis: keep points this far above the ground", default=20.0, unit="m", ge=1.0
+    )
+    thesis_voxel: float = param("Method thesis: size of the voxels", default=3.0, unit="m", ge=0.5)
+    thesis_variance: Variance = param(
+        "Method thesis: variance of height of voxels to keep; high as printed, low works",
+        default="low",
+    )
+    thesis_gap: float = param(
+        "Method thesis: farthest voxel that may go on a line", default=20.0, unit="m", gt=0
+    )
+    seed: int = param("Method thesis: seed of the random samples", default=0, unit="1", ge=0)
     ignore: ClassList | None = param(
         "Classes that take no part and stay as they are, such as noise 7,18", default=None
     )
@@ -114,6 +135,7 @@ class CorridorExtract:
             min_height=self.min_height / cloud.metre,
             max_gap=self.max_gap / cloud.metre,
             tolerance=self.tolerance / cloud.metre,
+            thesis=self._thesis() if self.method == "thesis" else None,
             ctx=ctx,
         )
         if not line.wires:
@@ -126,6 +148,13 @@ class CorridorExtract:
             span_count=len(spans),
             tower_count=len(line.towers),
         )
+
+    def _thesis(self) -> Settings:
+        metre = self.points.metre
+        return Settings(
+            self.thesis_height / metre, self.thesis_voxel / metre, self.thesis_variance,
+            self.thesis_gap / metre, self.seed,
+        )  # fmt: skip
 
     def _classified(self, line: Line) -> PointCloud:
         old = _classes(self.points)
@@ -188,6 +217,7 @@ def find_line(
     min_height: float = 4.0,
     max_gap: float = 60.0,
     tolerance: float = 0.25,
+    thesis: Settings | None = None,
     ctx: Context = QUIET,
 ) -> Line:
     """Wires and towers among points.
@@ -198,6 +228,7 @@ def find_line(
     part : array of shape (n,), points that take part
     ground : array of shape (n,), points that may be ground
     metre : length of one metre in the unit of the points
+    thesis : settings of that method; None for the other
     min_height, max_gap, tolerance : see :class:`CorridorExtract`, metres
     ctx : progress and cancellation
 
@@ -224,6 +255,8 @@ def find_line(
     air = Airborne.of((xyz[index] - origin) / metre)
     height = above[index][air.order]
     seen, density = footprint((xyz[part, :2] - origin[:2]) / metre)
+    if thesis is not None:
+        return by_thesis(nothing, xyz, index, air, height, thesis, tolerance, max_gap, ctx)
     high = air.select(height > min_height)
     alone, voxel = uncrowded(high, density)
     ctx.progress(0.45)
@@ -246,6 +279,25 @@ def find_line(
         confidence[points] = 0.5 + 0.5 * one_tower.support.body
     ctx.progress(1.0)
     return Line(wires, towers, strings, origin, part, wire, span, tower, confidence)
+
+
+def by_thesis(
+    nothing: Line, xyz: Floats, index: Ints, air: Airborne, height: Floats, settings: Settings,
+    tolerance: float, max_gap: float, ctx: Context,
+) -> Line:  # fmt: skip
+    """Wires and pylons by voxels, and catenaries through the wires found."""
+    high, pylon = voxel_lines(air.xyz, height, settings, ctx.part(0.45, 0.9))
+    own = index[air.order]
+    nothing.tower[own] = pylon
+    nothing.wire[own[high]] = 1
+    scene = Scene(air, height, air.select(high), tolerance, lambda x, y: 0.0, lambda x, y: False)
+    _, voxel = uncrowded(scene.wires, 1.0)
+    wires, _ = follow(scene, voxel, max_gap, ctx.part(0.9, 1.0))
+    for one in wires:
+        near, _, _ = on_wire(scene, one)
+        points = own[near[high[near]]]
+        nothing.wire[points], nothing.span[points] = one.wire, one.span
+    return replace(nothing, wires=wires)
 
 
 def require_ground(xyz: Floats, tolerance: float, max_gap: float) -> None:
@@ -314,18 +366,21 @@ def dressed(
     scene.free[:] = True
     scene.take(wire.curve for wire in wires)
     strings = [insulators(scene, wires, k, support) for k, support in enumerate(supports)]
-    ended = []
-    for wire in wires:
-        low, high = (strings[k] if k >= 0 else 0.0 for k in wire.supports)
-        if 3 * (low + high) < wire.curve.length:
-            curve = wire.curve.between(low, wire.curve.length - high)
-            known = (max(wire.known[0] - low, 0.0), min(wire.known[1] - low, curve.length))
-            wire = replace(wire, curve=curve, known=known)
-        ended.append(wire)
+    ended = [without_strings(wire, strings) for wire in wires]
     scene.free[:] = True
     for wire in ended:
         scene.free[on_wire(scene, wire)[0]] = False
     return ended, [tower_of(scene, support) for support in supports], strings
+
+
+def without_strings(wire: Wire, strings: Sequence[float]) -> Wire:
+    """A wire that begins and ends at its insulators."""
+    low, high = (strings[k] if k >= 0 else 0.0 for k in wire.supports)
+    if 3 * (low + high) >= wire.curve.length:
+        return wire
+    curve = wire.curve.between(low, wire.curve.length - high)
+    known = (max(wire.known[0] - low, 0.0), min(wire.known[1] - low, curve.length))
+    return replace(wire, curve=curve, known=known)
 
 
 def on_wire(scene: Scene, wire: Wire) -> tuple[Ints, Floats, float]:

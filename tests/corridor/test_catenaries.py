@@ -41,7 +41,7 @@ def test_a_part_of_a_catenary_is_the_same_curve() -> None:
 
 def test_a_fit_finds_the_wire_in_spite_of_outliers() -> None:
     true, points = wire((0, 0, 20), (200, 10, 35), 900, per_metre=3)
-    stray = points[::10] + (0, 0.4, -0.6)
+    stray = points[::10] + np.array([0, 0.4, -0.6])
     curve = fit(np.vstack([points, stray]))
     assert curve is not None
     assert curve.c == pytest.approx(900, rel=0.01)

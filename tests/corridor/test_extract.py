@@ -10,6 +10,7 @@ import pytest
 from corridor_scenes import CORNER, Floats, bar, cloud, ground, line, pole, tree, wire
 from pyproj import CRS
 
+from algorithms.corridor._thesis import otsu
 from algorithms.corridor.extract import CorridorExtract
 from toolbox.data import PointCloud
 from toolbox.errors import DataError
@@ -83,7 +84,7 @@ def test_a_wire_keeps_its_number_across_the_poles(three_spans) -> None:  # type:
 
 def test_conductors_of_a_bundle_are_told_apart() -> None:
     _, wires, towers = line([0, 180], [-4, 4], 25, 1200)
-    twins = [part + (0, 0.4, 0) for part in wires]
+    twins = [part + np.array([0, 0.4, 0]) for part in wires]
     frame = found(GROUND, *wires, *twins, towers).wires.frame
     assert len(frame) == 4
     assert frame.bundle_id.nunique() == 2
@@ -253,3 +254,20 @@ def test_a_real_transmission_line(tile: str) -> None:
     assert (said & true).sum() / true.sum() > 0.97
     assert quality(said, true) > 0.95
     assert (result.span_count, result.tower_count) == (2, 1)
+
+
+def test_the_thesis_finds_high_wires_with_low_variance_only() -> None:
+    _, wires, towers = line([0, 90, 180], [-6, 0, 6], 32, 900, per_metre=8)
+    points = cloud(GROUND, *wires, towers, classes=[2, *[14] * 6, 15])
+    shares = {}
+    for variance in ("low", "high"):
+        result = CorridorExtract(points=points, method="thesis", thesis_variance=variance).run()
+        said, true = result.classified["classification"] == 14, points["truth"] == 14
+        shares[variance] = quality(said, true)
+    assert shares["low"] > 0.6
+    assert shares["high"] < 0.2
+
+
+def test_the_threshold_of_otsu_parts_two_groups() -> None:
+    values = np.concatenate([RNG.normal(1, 0.2, 500), RNG.normal(5, 0.5, 300)])
+    assert 1.6 < otsu(values) < 3.8

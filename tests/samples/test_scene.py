@@ -15,8 +15,14 @@ from algorithms.samples.scene import KINDS, SceneData, scene
 from toolbox.context import Context
 from toolbox.errors import Cancelled, ParameterError
 
-SIZES = {"town": (200, 5), "corridor": (300, 15), "reservoir": (200, 5), "facade": (20, 300)}
-AIRBORNE = ("town", "corridor", "reservoir")
+SIZES = {
+    "town": (200, 5),
+    "corridor": (300, 15),
+    "power_lines": (300, 15),
+    "reservoir": (200, 5),
+    "facade": (20, 300),
+}
+AIRBORNE = ("town", "corridor", "power_lines", "reservoir")
 
 
 @cache
@@ -59,7 +65,7 @@ def test_the_same_seed_gives_the_same_scene(kind: str) -> None:
 @pytest.mark.parametrize("kind", AIRBORNE)
 def test_density_is_near_the_request(kind: str) -> None:
     size, density = SIZES[kind]
-    area = size * (min(size, 120.0) if kind == "corridor" else size)
+    area = size * (min(size, 120.0) if kind in ("corridor", "power_lines") else size)
     assert len(survey(kind).xyz) / area == pytest.approx(density, rel=0.2)
 
 

@@ -48,6 +48,7 @@ qgis.utils.iface = Interface()
 
 from lidar_toolbox import parameters  # noqa: E402
 from lidar_toolbox.plugin import Provider  # noqa: E402
+from lidar_toolbox.settings import OptionsFactory, base_python  # noqa: E402
 from processing.core.Processing import Processing  # noqa: E402
 from processing.gui.AlgorithmDialog import AlgorithmDialog  # noqa: E402
 
@@ -93,8 +94,24 @@ def check() -> None:
         needed = [field for field in algorithm.tool["inputs"] if field["required"]]
         given = {field["name"].upper(): layers[field["type"]] for field in needed}
         found[algorithm.tool["id"]] = differences(algorithm, given)
+    found["settings page"] = settings_page()
     print("RESULT " + json.dumps(found), flush=True)
     os._exit(0)
+
+
+def settings_page() -> list[str]:
+    """What is wrong with it: it must name the Python of the tools, and know what it has."""
+    page = OptionsFactory().createWidget(window)
+    named = page.found.text()
+    page.test()
+    wrong = [] if "lidar-toolbox " in page.found.text() else [page.found.text()]
+    page.python.setFilePath("/no/python")
+    page.test()
+    wrong += [] if "No Python environment" in page.found.text() else [page.found.text()]
+    page.python.setFilePath("")
+    page.apply()
+    wrong += [] if page.found.text() and "python" in named else [named]
+    return wrong if base_python() else ["no Python to make an environment with"]
 
 
 def picture(place: str, tool: str, *values: str) -> None:

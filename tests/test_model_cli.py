@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import re
 from pathlib import Path
 
@@ -136,3 +137,29 @@ def test_boxes_do_not_overlap_and_arrows_point_down(many: Path) -> None:
     nodes, edges = diagram.graph(model)
     assert len(nodes) == 1 + 20 + 2
     assert len(routes) == len(edges) == 24
+
+
+def test_results_of_a_repeated_step_are_printed_one_by_one(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """For people, as one JSON object, and as an event."""
+    path = tmp_path / "pyramid.yaml"
+    path.write_text(
+        "id: my.pyramid\ntitle: P\ninputs:\n  points: {type: PointCloud, help: P}\nsteps:\n"
+        "  grid: {tool: surface.grid, repeat: cell, cell: [5, 9], points: {from: inputs.points}}\n"
+        "outputs:\n  dtm: {from: grid.surface}\n  share: {from: grid.filled_share}\n"
+    )
+    xyz = np.random.default_rng(1).uniform(0, 40, (400, 3)) * [1, 1, 0.01]
+    PointCloud(xyz, crs=CRS(32635)).save(tmp_path / "a.laz")
+    argv = ["run", str(path), "--points", str(tmp_path / "a.laz"), "--overwrite"]
+    argv += ["--dtm", str(tmp_path / "d.tif")]
+    assert main(argv) == 0
+    assert f"dtm 2: {tmp_path / 'd_2.tif'}\nshare 1: " in capsys.readouterr().out
+    files = [str(tmp_path / f"d_{number}.tif") for number in (1, 2)]
+    assert main([*argv, "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["outputs"] == {"dtm": files}
+    assert len(said["statistics"]["share"]) == 2
+    monkeypatch.setattr("sys.stdin", None)
+    assert main([*argv, "--events", "jsonl"]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["outputs"]["dtm"] == files

@@ -60,7 +60,10 @@ class Console:
             self._print_value(name, value, _unit(description["outputs"].get(name, {})))
 
     def _print_value(self, name: str, value: Any, unit: str) -> None:
-        if hasattr(value, "text"):
+        if isinstance(value, tuple):  # of a repeated step
+            for number, item in enumerate(value, start=1):
+                self._print_value(f"{name} {number}", item, unit)
+        elif hasattr(value, "text"):
             print(value.text())
         elif hasattr(value, "save"):
             print(f"{name}: {_kind(value)}, not saved (--{name} PATH)")
@@ -127,7 +130,12 @@ class _Handler(logging.Handler):
 
 
 def as_json(value: Any) -> Any:
-    """A result as JSON: paths as text, tables as records, other unsaved layers as null."""
+    """A result as JSON: paths as text, tables as records, other unsaved layers as null.
+
+    Those of a repeated step are a list.
+    """
+    if isinstance(value, tuple):
+        return [as_json(item) for item in value]
     if isinstance(value, Path):
         return str(value)
     if hasattr(value, "records"):
@@ -139,11 +147,18 @@ def as_json(value: Any) -> Any:
 
 def values_by_kind(values: Mapping[str, Any], outputs: Mapping[str, Any]) -> dict[str, Any]:
     """Files that were written and layers under "outputs", numbers and texts under "statistics"."""
-    layers = {n for n, v in outputs.items() if isinstance(v, Path) or hasattr(v, "save")}
+    layers = {name for name, value in outputs.items() if _is_layer(value)}
     return {
         "outputs": {name: value for name, value in values.items() if name in layers},
         "statistics": {name: value for name, value in values.items() if name not in layers},
     }
+
+
+def _is_layer(value: Any) -> bool:
+    """Whether it is a file that was written, or a layer; or several of these."""
+    if isinstance(value, tuple):
+        return any(map(_is_layer, value))
+    return isinstance(value, Path) or hasattr(value, "save")
 
 
 def _kind(layer: Any) -> str:

@@ -358,6 +358,28 @@ def check_shipped_models_run() -> None:
     assert QgsRasterLayer(made["NDSM"], "n").isValid()
 
 
+def check_several_results_of_a_repeated_step_go_to_a_folder() -> None:
+    model = FOLDER / "pyramid.yaml"
+    model.write_text(
+        "id: my.pyramid\ntitle: P\ninputs:\n  points: {type: PointCloud, help: P}\nsteps:\n"
+        "  grid: {tool: surface.grid, repeat: cell, cell: [2, 5], points: {from: inputs.points}}\n"
+        "outputs:\n  dtm: {from: grid.surface}\n  share: {from: grid.filled_share}\n"
+    )
+    points = field("pointcloud", name="points", required=True)
+    many = {"help": "h", "many": True}
+    dtm = many | {"name": "dtm", "label": "DTM", "type": "raster", "suffixes": [".tif"]}
+    share = many | {"name": "share", "label": "Share", "type": "number"}
+    tool = {"id": str(model), "algorithm": "p", "inputs": [points], "outputs": [dtm, share]}
+    algorithm, feedback = ToolAlgorithm(tool, COLOURS).create(), Feedback()
+    values = {"POINTS": CLOUD, "DTM": out("folder")}
+    results, ok = algorithm.run(values, context(), feedback)
+    assert ok, feedback.said
+    assert results["DTM"] == out("folder")
+    assert [os.path.basename(path) for path in results["DTM_FILES"]] == ["dtm_1.tif", "dtm_2.tif"]
+    assert all(os.path.dirname(path) == out("folder") for path in results["DTM_FILES"])
+    assert len(results["SHARE"].split("; ")) == 2
+
+
 def check_cancel_stops_within_a_second() -> None:
     feedback = Feedback()
     asked: list[float] = []

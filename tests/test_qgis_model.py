@@ -74,6 +74,13 @@ def test_round_trip(tmp_path: Path, capsys: Capture) -> None:
     first, between, second = (tmp_path / n for n in ("a.yaml", "ä b.model3", "ä b.yaml"))
     first.write_text(EVERYTHING, "utf-8")
     assert main(["model", "to-qgis", str(first), str(between)]) == 0
+    children = model3.value(between.read_text("utf-8"))["children"]
+    assert children["part"]["alg_id"] == "lidartoolbox:pointsclip"
+    plain = {step: children[step]["params"] for step in ("part", "plane", "clean")}
+    extent = plain["part"]["EXTENT"]  # QGIS says both x first
+    assert extent == [{"source": 2, "static_value": "0.0,10.0,-5.25,1000000.0"}]
+    assert plain["clean"]["IGNORE"][0]["static_value"] == "7,18"
+    assert plain["clean"]["HEIGHT_GAP"][0]["static_value"] is None
     assert main(["model", "from-qgis", str(between)]) == 0
     assert main(["model", "check", str(second)]) == 0, capsys.readouterr()
     one, two = load(first), load(second)

@@ -740,6 +740,7 @@ def _reservoir(seed: int, size: float, density: float) -> Iterator[str]:
             f"{truth.intersection(found).area / truth.union(found).area:.4f} "
             f"RMS {np.sqrt((away**2).mean()):.2f} m "
             f"level {water.level[best] - known['level']:+.4f} m "
+            f"perimeter {found.length / truth.length:.3f} "
             f"islands {water.islands[best]} of {len(truth.interiors)}"
         )
     if len(used) < len(shapes):

@@ -443,6 +443,13 @@ def test_a_choice_between_steps(load: Load, cloud: PointCloud) -> None:
     assert made.outputs["m"].optional
 
 
+def test_inputs_that_no_step_uses(load: Load) -> None:
+    more = CHOICE + "\nby: {type: number, unit: m, default: 2.0, help: A step}"
+    made = load(chain(WAYS.replace("by: 20", "by: {from: inputs.by}"), inputs=more))
+    assert made.idle({}) == ["by"]
+    assert made.idle({"way": "down"}) == []
+
+
 def test_a_choice_that_does_not_say_all(load: Load) -> None:
     more = CHOICE.replace("down]", "down, off]")
     found = problems(load, chain(WAYS, "n: {from: c.top}", more))

@@ -273,7 +273,8 @@ def _show_vector(axes: Axes, vector: Vector, *, over: bool) -> None:
         _fill(axes, polygons)
     axes.add_collection(LineCollection(lines, colors=_LINE, linewidths=0.8))
     points = shapely.get_coordinates(parts[kind == 0])
-    axes.plot(*points.T, "o", ms=3, mfc=_LINE, mec="white", mew=0.5, ls="none")
+    size, edge = (3, 0.5) if len(points) <= _FEW else (1.2, 0)  # many, as corners of a line
+    axes.plot(*points.T, "o", ms=size, mfc=_LINE, mec="white", mew=edge, ls="none")
 
 
 def _show_coloured(axes: Axes, vector: Vector, colours: NDArray[Any]) -> None:

@@ -69,6 +69,8 @@ class Console:
             print(f"{name}: {_kind(value)}, not saved (--{name} PATH)")
         elif isinstance(value, float):
             print(f"{name}: {value:.6g}{unit}")
+        elif value is None:
+            print(f"{name}: none")
         else:
             print(f"{name}: {value}{unit if isinstance(value, int) else ''}")
 

@@ -11,7 +11,7 @@ from pyproj import CRS
 
 from toolbox import catalog, sources, targets
 from toolbox.cache import Cache
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import parse_crs
 from toolbox.errors import ParameterError
 from toolbox.fields import Spec
@@ -79,6 +79,9 @@ def run(
     reads = {name: value for name, value in given.items() if name in spec.sources}
     writes = targets.of_run(wanted, spec)
     settings = _checked(spec, given, writes, tiling, overwrite=overwrite)
+    for name in spec.idle(settings):
+        if given.get(name) is not None:
+            log.warning("%s: is not used by any step that runs", name)
     spec = spec.under(settings)
     crs = _crs(assume_crs, id)
     record = None

@@ -210,6 +210,10 @@ class Spec:
         """What is run under these settings; a model may read less then."""
         return self
 
+    def idle(self, settings: Mapping[str, Any]) -> list[str]:
+        """Inputs that nothing uses under these settings; only a model has such."""
+        return []
+
     @property
     def between(self) -> Mapping[str, Field]:
         """Results of the steps of a model, by step.output; a plain tool has none."""

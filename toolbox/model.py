@@ -150,6 +150,12 @@ class Model(Spec):
         """The steps that run under these settings; one whose condition is not known yet does."""
         return _active(self.steps, self._known(settings))
 
+    def idle(self, settings: Mapping[str, Any]) -> list[str]:
+        """Inputs that no step uses which runs under these settings."""
+        used = {name for step in self.active(settings) for name in step.needs}
+        used |= {step.when.name for step in self.steps.values() if step.when}
+        return [name for name in self.inputs if f"{INPUTS}.{name}" not in used]
+
     def halo(self, settings: Mapping[str, Any]) -> float:
         """The longest way in metres from the sources to a result."""
         return max(self.reach(settings).values(), default=0.0)

@@ -80,6 +80,7 @@ class PlanesFit:
         offset: float = sink(
             "Distance of the plane from the zero of the coordinates, along the normal", unit="m"
         )
+        height: float = sink("Height of the plane in the middle of its points", unit="m")
         tilt: float = sink("Angle between the plane and the level", unit="deg")
         azimuth: float = sink(
             "Where the plane falls to, from north clockwise; NaN if it is level", unit="deg"
@@ -139,6 +140,7 @@ class Figures(NamedTuple):
     normal_y: float
     normal_z: float
     offset: float
+    height: float
     tilt: float
     azimuth: float
     rms: float
@@ -213,6 +215,7 @@ def figures(plane: Plane, away: Floats) -> Figures:
         normal_y=north,
         normal_z=up,
         offset=plane.offset,
+        height=float(plane.centre[2] + plane.origin[2]),
         tilt=math.degrees(math.atan2(level, abs(up))),
         azimuth=azimuth if level > LEVEL else math.nan,
         rms=math.sqrt(squares / len(away)),

@@ -17,6 +17,7 @@ from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import ClassList, Range, Share
 
 ROUNDING = 1e-6  # 5.2 - 5.0 is a little more than 0.2 in binary; files hold no finer coordinates
+FEW = 0.001  # share of the points, below which a band begins at what may be an error
 Returns = Literal["all", "first", "last", "only", "intermediate", "first_of_many", "last_of_many"]
 
 
@@ -67,13 +68,25 @@ class PointsFilter:
             columns = {name: self.points[name] for name in self.where.names}
             keep &= self.where.mask(columns, len(self.points))
         if self.elevation_above_lowest and keep.any():
-            height = self.points["z"] - self.points["z"][keep].min()
-            low, high = self.elevation_above_lowest
-            keep &= (height >= low - ROUNDING) & (height <= high + ROUNDING)
+            keep &= self._in_band(keep, *self.elevation_above_lowest)
         if not keep.any():
             log.warning("no point meets all conditions")
         ctx.progress(1.0)
         return self._outputs(keep)
+
+    def _in_band(self, others: NDArray[np.bool_], low: float, high: float) -> NDArray[np.bool_]:
+        """Points of the band above the lowest one that meets the other conditions."""
+        lowest = self.points["z"][others].min()
+        height = self.points["z"] - lowest
+        band = (height >= low - ROUNDING) & (height <= high + ROUNDING)
+        within, among = int((band & others).sum()), int(others.sum())
+        if within < FEW * among:
+            log.warning(
+                "only %d of %d points lie in the band above the lowest, which is at %.2f: it may "
+                "be an error below the ground, or lower ground elsewhere",
+                within, among, lowest,
+            )  # fmt: skip
+        return band
 
     def _of_returns(self) -> NDArray[np.bool_]:
         numbers = self.points["return_number"], self.points["number_of_returns"]

@@ -22,6 +22,8 @@ from toolbox.errors import DataError
 from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import Share
 
+MISSCALED = 10.0  # a limit so many times below all intensities is for another scale
+
 
 @tool("points.filter_intensity")
 class PointsFilterIntensity:
@@ -86,6 +88,12 @@ class PointsFilterIntensity:
             keep &= intensity <= high
         if len(keep) and not keep.any():
             log.warning("no intensity lies within the limits")
+        elif low and len(keep) and low * MISSCALED <= intensity.min():
+            log.warning(
+                "minimum: %g is far below all intensities, which begin at %g: nothing is removed; "
+                "are they on another scale? otsu finds a limit",
+                low, intensity.min(),
+            )  # fmt: skip
         ctx.progress(1.0)
         kept = self.points.select(keep)
         removed = Share.of_points(~keep, self.points.core)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import shapely
@@ -24,6 +24,7 @@ Floats = NDArray[np.float64]
 Row = dict[str, Any]
 
 
+SPACINGS, LEAST_SMOOTHING = 2.0, 1.0  # of points, and m: zigzag that is taken out by itself
 ALIKE = 20.0  # m of a shore along which errors are taken to be alike
 
 
@@ -149,7 +150,7 @@ def draw(
     chosen: Sequence[int],
     least_area: float,
     least_island: float,
-    smoothing: float,
+    smoothing: float | Literal["auto"],
     ctx: Context = QUIET,
 ) -> list[Outline]:
     """Outlines of the chosen bodies.
@@ -159,19 +160,21 @@ def draw(
     points, cells, water : see :func:`algorithms.shoreline._water.find_water`
     chosen : numbers of the bodies to draw
     least_area, least_island : smaller parts and islands are left out, square units of the data
-    smoothing : spacings of points along the shore over which zigzag is evened out
+    smoothing : length of zigzag that is taken out, in the unit of the data
     ctx : progress and cancellation
     """
     of_body = np.zeros(cells.low.size, np.int32)
     for k, one in enumerate(water, 1):
         of_body[one.body.cells] = k
     near, index = _band(points, cells, [water[k] for k in chosen], ctx.part(0.0, 0.5))
+    length = max(SPACINGS / np.sqrt(cells.density), LEAST_SMOOTHING * cells.metre)
+    length = length if smoothing == "auto" else smoothing
     found = []
     for done, k in enumerate(chosen):
         part = ctx.part(0.5 + 0.5 * done / len(chosen), 0.5 + 0.5 * (done + 1) / len(chosen))
         made = shore(near, cells, index, water[k].body.cells, of_body, water[k].level, part)
         parts = _parts(made, least_area, least_island)
-        smooth = _smoothed(made, parts, smoothing / np.sqrt(cells.density))
+        smooth = _smoothed(made, parts, length)
         found.append(Outline(done + 1, water[k], smooth, parts, cells))
     ctx.progress(1.0)
     return found

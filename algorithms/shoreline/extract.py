@@ -50,8 +50,8 @@ class ShorelineExtract:
     water hidden below trees or bridges.
 
     Corners between single points make a zigzag, which is longer than the shore: `smoothing` takes
-    it out, and hardly moves bends, islands and the area. Sharp corners, as of walls, are rounded by
-    about a spacing.
+    out what is shorter than some times its length, and hardly moves bends, islands and the area.
+    With auto it is two spacings of points, and at least 1 m. It rounds sharp corners, as of walls.
 
     A river is not level: with `sloped` its surface is a plane, without it is an error, or left out
     where all bodies are asked for.
@@ -64,10 +64,9 @@ class ShorelineExtract:
     bodies: Literal["largest", "all"] = param("Bodies to give", default="largest")
     min_area: float = param("Smallest body", default=100.0, unit="m2", gt=0)
     min_island: float = param("Smallest island", default=20.0, unit="m2", ge=0)
-    smoothing: float = param(
-        "Evens the shore out over so many spacings of points; 0 not at all",
-        default=2.0, unit="1", ge=0,
-    )  # fmt: skip
+    smoothing: float | Literal["auto"] = param(
+        "Length of zigzag to take out; 0 for none", default="auto", unit="m", ge=0
+    )
     sloped: bool = param("Allow rivers, whose surface is not level", default=False)
     water_classes: ClassList | None = param("Classes that are water, if known", default=None)
     ignore: ClassList | None = param("Classes to leave out", default=ClassList([7, 18]))

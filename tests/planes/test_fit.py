@@ -96,6 +96,7 @@ def test_the_rectangle_lies_in_the_plane_around_its_points() -> None:
     feature = out.plane.frame.iloc[0]
     corners = np.array(feature.geometry.exterior.coords)
     away = corners @ normal_of(out) - out.offset
+    assert out.height == out.plane.frame["centre_z"][0]
     assert np.abs(away).max() < 1e-6
     sides = np.linalg.norm(np.diff(corners, axis=0), axis=1)
     assert sorted(sides)[::2] == pytest.approx([30, 40], abs=0.3)

@@ -86,6 +86,17 @@ def test_return_numbers_that_are_all_zero_are_no_returns() -> None:
     assert len(PointsFilter(points=points).run().kept) == 5
 
 
+def test_a_band_above_an_error_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    z = np.concatenate([np.linspace(5, 6, 2000), [-90.0]])
+    points = PointCloud(np.column_stack([z, z, z]), {}, crs=CRS(32635))
+    with caplog.at_level("WARNING", "toolbox"):
+        PointsFilter(points=points, elevation_above_lowest=Range(0, 0.5)).run()
+        assert "only 1 of 2001 points lie in the band above the lowest" in caplog.text
+        caplog.clear()
+        PointsFilter(points=points.select(z > 0), elevation_above_lowest=Range(0, 0.5)).run()
+        assert not caplog.text
+
+
 def test_invalid_return_numbers_are_left_out_and_said(caplog: pytest.LogCaptureFixture) -> None:
     number, count = np.array([0, 1, 3]), np.array([0, 1, 2])
     with caplog.at_level("WARNING", "toolbox"):

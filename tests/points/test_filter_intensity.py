@@ -37,6 +37,14 @@ def test_default_is_the_threshold_of_the_shoreline_study() -> None:
     assert (out.threshold, out.removed_share) == (40, pytest.approx(0.4))
 
 
+def test_a_limit_for_another_scale_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("WARNING", "toolbox"):
+        PointsFilterIntensity(points=cloud([399, 41])).run()
+        assert not caplog.text
+        PointsFilterIntensity(points=cloud([400, 65535])).run()
+    assert "40 is far below all intensities, which begin at 400" in caplog.text
+
+
 def test_limits_on_both_sides() -> None:
     job = PointsFilterIntensity(points=cloud([1, 2, 3, 4]), minimum=2.0, maximum=3.0)
     assert list(job.run().kept["intensity"]) == [2, 3]

@@ -78,7 +78,7 @@ class PointsFilter:
         """Points of the band above the lowest one that meets the other conditions."""
         lowest = self.points["z"][others].min()
         height = self.points["z"] - lowest
-        band = (height >= low - ROUNDING) & (height <= high + ROUNDING)
+        band: NDArray[np.bool_] = (height >= low - ROUNDING) & (height <= high + ROUNDING)
         within, among = int((band & others).sum()), int(others.sum())
         if within < FEW * among:
             log.warning(

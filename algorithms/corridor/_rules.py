@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -195,6 +195,18 @@ def _rule(row: Mapping[Any, Any], voltage: float) -> Rule:
         row["severity"], str(row["confirmed"]).lower() == "true",
         "" if _is_missing(note) else str(note),
     )  # fmt: skip
+
+
+def grown(rules: Sequence[Rule], growth: float) -> list[Rule]:
+    """What trees must keep now to keep the rules when they have grown by some metres."""
+    return [
+        replace(
+            rule, id=f"{rule.id}+{growth:g}m", kind="tree", threshold=rule.threshold + growth,
+            severity=SEVERITIES[-1], note=f"After {growth:g} m of growth",
+        )
+        for rule in rules
+        if rule.holds_for("tree")
+    ]  # fmt: skip
 
 
 def reach_of(rules: Sequence[Rule]) -> float:

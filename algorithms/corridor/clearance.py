@@ -48,6 +48,7 @@ from algorithms.corridor._rules import (
     OBJECTS,
     SEVERITIES,
     Rule,
+    grown,
     reach_of,
     rule_set,
     rules_of,
@@ -154,6 +155,10 @@ class CorridorClearance:
         le=50.0,
     )  # fmt: skip
     min_points: int = param("Fewest points of an object", default=3, unit="1", ge=1, le=10_000)
+    growth: float | None = param(
+        "How much trees may grow until the next visit; what is too close then is watched",
+        default=None, unit="m", gt=0.0, le=20.0,
+    )  # fmt: skip
     falling: bool = param("Whether to look for trees that may fall on a wire", default=True)
     conductor: str | None = param("Name of the conductor, such as Drake", default=None)
     survey_temperature: float | None = param(
@@ -284,15 +289,20 @@ class CorridorClearance:
 
     def _in_metres(self) -> CorridorClearance:
         """The same job with lengths in metres, not in the unit of the data."""
-        names = ("distance", "wire_radius", "attachment", "object_gap", "ruling_span", "point_sd")
+        names = (
+            *("distance", "wire_radius", "attachment", "object_gap", "growth", "ruling_span"),
+            "point_sd",
+        )
         given = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
         changed: Any = {name: value / self.points.metre for name, value in given.items()}
         return replace(self, **changed)
 
     def _rules(self) -> list[Rule]:
         if self.distance is not None:
-            return single(self.distance)
-        return rules_of(self.rule_table or rule_set(self.rules), self.voltage)
+            rules = single(self.distance)
+        else:
+            rules = rules_of(self.rule_table or rule_set(self.rules), self.voltage)
+        return [*rules, *grown(rules, self.growth)] if self.growth else rules
 
     def _conductor(self) -> Conductor | None:
         return conductor_of(self.conductor, self.conductor_table) if self.conductor else None

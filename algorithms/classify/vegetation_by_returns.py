@@ -17,7 +17,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, maximum_filter, minimum_filter
+from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
 from algorithms.classify._canny import TRUNCATE, canny
@@ -32,7 +32,6 @@ from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import ClassList, Share
 
 REACH = 20  # cells that a weak edge may go on
-ON_EDGE = 0.5  # metres that a return may lie above or below the building that it comes from
 PULSE = 50.0  # metres between the returns of a pulse, in plan
 NEEDED = ("return_number", "number_of_returns")
 
@@ -47,8 +46,8 @@ class ClassifyVegetationByReturns:
     Where the first return of a pulse is more than `difference` above its last, all its returns but
     the last become vegetation. At the edge of a roof, too, a pulse has one return from the roof and
     one from the ground. So the points of `building_classes` are put into a raster, and returns
-    within `buffer` of the edges that the Canny operator finds in it, at the height of the building,
-    are left out. Classify the buildings first.
+    within `buffer` of the edges that the Canny operator finds in it, and in space of a point of the
+    building, are left out. Classify the buildings first.
 
     That sees tall plants only, and only where a pulse got through. With `spread` points that are
     neither ground nor building become vegetation if they are so near to one that is.
@@ -187,7 +186,7 @@ class ClassifyVegetationByReturns:
         return candidate, above
 
     def _on_edges(self, cloud: PointCloud, candidate: Mask) -> Mask:
-        """Points within reach of an edge of a building, as high as the building there."""
+        """Points within reach of an edge of a building, and of a point of it in space."""
         on_edge = np.zeros(len(cloud), bool)
         if not self.building_classes:
             return on_edge
@@ -203,14 +202,10 @@ class ClassifyVegetationByReturns:
         surface = filled(np.where(top > -np.inf, top, lowest)) / self.difference
         edges = canny(surface, self.sigma, self.weak, self.strong, REACH)
         near = distance_transform_edt(~edges) * self.cell <= self.buffer + self.cell / 2
-        size = 2 * math.ceil(self.buffer / self.cell) + 1
-        bottom = np.full(lattice.shape, np.inf)
-        np.minimum.at(bottom, (row[built], col[built]), xyz[built, 2])
-        high = maximum_filter(top, size, mode="constant", cval=-np.inf)
-        deep = minimum_filter(bottom, size, mode="constant", cval=np.inf)
-        slack = ON_EDGE * cloud.metre
-        r, c, z = row[candidate], col[candidate], xyz[candidate, 2]
-        on_edge[candidate] = near[r, c] & (z <= high[r, c] + slack) & (z >= deep[r, c] - slack)
+        some = np.flatnonzero(candidate)
+        some = some[near[row[some], col[some]]]
+        away, _ = cKDTree(xyz[built]).query(xyz[some])
+        on_edge[some] = away <= self.buffer
         return on_edge
 
     def _spread(self, cloud: PointCloud, plant: Mask, above: Floats) -> tuple[Mask, Floats]:

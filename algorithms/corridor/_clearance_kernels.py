@@ -129,6 +129,19 @@ def distances(first, last, xyz, wire, result):  # type: ignore[no-untyped-def]
             result[i, k] = measures[k]
 
 
+@njit(cache=True, nogil=True)
+def _judged(rule, space, tall, flat):  # type: ignore[no-untyped-def]
+    """What a rule measures, and how much of what it allows is left; infinite if it is kept."""
+    value, other = space, 0.0
+    if rule[0] == 1:
+        value, other = tall, flat
+    elif rule[0] == 2:
+        value, other = flat, tall
+    if value >= rule[1] or other > rule[2]:
+        return value, math.inf
+    return value, max(value / rule[1], other / rule[2] if other > 0 else 0.0)
+
+
 # fmt: off
 @njit(cache=True, nogil=True)
 def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks,  # type: ignore[no-untyped-def]
@@ -146,8 +159,8 @@ def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks
     masks : array of shape (r,), bits of the kinds that a rule holds for
     far : array of shape (kinds, 2): distances in space and in plan from which no rule matters
     own : array of shape (n, 2): the wire and rule of each point, -1 for none
-    real : array of shape (n, 6): measure and its ratio to the threshold, distance in space,
-        vertical and horizontal distance, and u
+    real : array of shape (n, 6): measure and its ratio to the threshold, or that of the other
+        distance to `within` if it is larger; distance in space, vertical and horizontal, and u
     least, who : arrays of shape (m, kinds): least distance in space, and the point that has it
     """
     columns, rows = int(cells[3]), int(cells[4])
@@ -176,14 +189,10 @@ def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks
             for r in range(len(rules)):
                 if not masks[r] >> kind[i] & 1:
                     continue
-                value = space
-                if rules[r, 0] == 1:
-                    value = abs(vertical) if flat <= rules[r, 2] else math.inf
-                elif rules[r, 0] == 2:
-                    value = flat if abs(vertical) <= rules[r, 2] else math.inf
-                if value >= rules[r, 1]:
+                value, ratio = _judged(rules[r], space, abs(vertical), flat)
+                old = own[i, 1]
+                if math.isinf(ratio):
                     continue
-                ratio, old = value / rules[r, 1], own[i, 1]
                 if old >= 0 and (rules[old, 3], real[i, 1]) <= (rules[r, 3], ratio):
                     continue
                 own[i, 0], own[i, 1] = k, r

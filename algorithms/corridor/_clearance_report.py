@@ -30,6 +30,7 @@ COLOURS = {
 SIGNS = {"critical": "#d40000", "warning": "#f08000", "watch": "#d8c000"}
 LISTED = (
     *("object_id", "severity", "kind", "rule", "clearance", "required", "sd", "probability"),
+    "distance",
     *("state", "span_id", "wire_id", "station", "height", "points"),
 )
 LIST_CAPTION = (

@@ -89,6 +89,8 @@ class Violations:
     point : index
     wire, rule, state : indices; the state is that in which the rule is broken worst
     measure : distance in the direction of the rule, metres
+    ratio : of it to the threshold, or of the other distance to `within` if that is larger: 0 is
+        worst, 1 the limit
     space, vertical, flat, u : other distances from that wire in that state, and where it is nearest
     sd : standard deviation of the distance, metres
     probability : that the rule is broken
@@ -99,6 +101,7 @@ class Violations:
     rule: Ints
     state: Ints
     measure: Floats
+    ratio: Floats
     space: Floats
     vertical: Floats
     flat: Floats
@@ -257,10 +260,7 @@ def find_violations(
     real = np.concatenate([found[k][2] for k in order] or [np.empty((0, 6))])
     sd = clearance_sd(curves, worst[:, 2], worst[:, 0], real[:, 5], point_sd)
     limit = numbers[worst[:, 1], 1]
-    violations = Violations(
-        point, worst[:, 0], worst[:, 1], worst[:, 2], real[:, 0], real[:, 2], real[:, 3],
-        real[:, 4], real[:, 5], sd, ndtr((limit - real[:, 0]) / sd),
-    )  # fmt: skip
+    violations = Violations(point, *worst.T, *real.T, sd, ndtr((limit - real[:, 0]) / sd))
     return violations, _merged([least[k] for k in order], len(curves), len(curves[0]))
 
 

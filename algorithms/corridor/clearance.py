@@ -445,7 +445,7 @@ class CorridorClearance:
         sd = clearance_sd(line.curves, state[hit], wire[hit], u[hit], self.point_sd)
         return Violations(
             tops[hit], wire[hit], np.zeros(len(nan), np.int64), state[hit], left[hit],
-            nan, nan, nan, u[hit], sd, ndtr(-left[hit] / sd),
+            left[hit], nan, nan, nan, u[hit], sd, ndtr(-left[hit] / sd),
         )  # fmt: skip
 
     def _objects(
@@ -460,9 +460,7 @@ class CorridorClearance:
         found = parted(xyz, found, may_part, tops)
         found[falls] = found.max(initial=-1) + 1 + np.arange(int(falls.sum()))
         rank = np.array([SEVERITIES.index(rule.severity) for rule in rules])[violations.rule]
-        limit = np.array([rule.threshold for rule in rules])[violations.rule]
-        ratio = np.where(falls, violations.measure, violations.measure / np.maximum(limit, 1e-9))
-        order = np.lexsort((*xyz.T, ratio, rank))  # the worst first, and always the same
+        order = np.lexsort((*xyz.T, violations.ratio, rank))  # the worst first, and always the same
         first = np.sort(np.unique(found[order], return_index=True)[1])
         members = _members(found)
         objects, lone = [], 0
@@ -581,7 +579,7 @@ def _bad_wires(wires: Vector) -> Iterator[tuple[str, str]]:
 
 def _none() -> Violations:
     whole, real = np.empty(0, np.int64), np.empty(0)
-    return Violations(whole, whole, whole, whole, *([real] * 7))
+    return Violations(whole, whole, whole, whole, *([real] * 8))
 
 
 def _joined(one: Violations, other: Violations) -> Violations:

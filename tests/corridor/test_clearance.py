@@ -209,6 +209,22 @@ def test_a_wire_that_cannot_stretch_keeps_its_heated_length() -> None:
     assert (hot.z_start, hot.z_end) == (SLOPING_CALM.z_start, SLOPING_CALM.z_end)
 
 
+def test_the_length_without_tension_grows_with_temperature_alone() -> None:
+    """Tension is summed along the wire, in place of the formula."""
+
+    def rest(curve: Catenary) -> float:
+        u = np.linspace(0.0, curve.length, 100_001)
+        line = curve.points(u)
+        pieces = np.linalg.norm(np.diff(line, axis=0), axis=1)
+        tension = DRAKE.weight * (line[:, 2] - curve.z0 + curve.c)
+        pull = float((pieces * (tension[1:] + tension[:-1]) / 2).sum())
+        return float(pieces.sum()) - pull / DRAKE.stiffness
+
+    hot = in_state(SLOPING_CALM, DRAKE, State("hot", 80.0), surveyed=10.0)
+    grown = rest(hot) / rest(SLOPING_CALM) - 1
+    assert grown == pytest.approx(70 * DRAKE.expansion, rel=1e-5)
+
+
 SLOPING_CALM = replace(SLOPING, swing=0.0, v1=0.0, v0=0.0)
 
 

@@ -123,19 +123,16 @@ def pieces_of(scene: Scene, curves: Sequence[tuple[Floats, Ints]]) -> list[Piece
         if clear < CLEAR or slope > STEEPEST:
             continue
         catenary = fit(scene.wires.xyz[points], spread=2 * scene.tolerance)
-        if catenary is None or is_no_wire(catenary, curve):
-            continue
-        piece = Piece(points, catenary)
-        if len(points) < LEAST_POINTS or catenary.rms > ROUGH:
-            continue
-        if is_straight(catenary):
-            straight.append(catenary)
+        if catenary is None or len(points) < LEAST_POINTS:
             continue
         fine = curve[kernels.RMS] < FINE and len(points) >= MANY and clear >= 0.9
         sure = clear >= CLEAR_STRONG and length >= (SHORT if fine else STRONG)
-        (strong if sure else weak).append(piece)
-    wires = connected(strong, weak)
-    arcs = joined(scene, [arc for piece in wires for arc in arcs_of(scene, piece)])
+        for arc in arcs_of(scene, Piece(points, catenary)):
+            if is_straight(arc.curve):
+                straight.append(arc.curve)
+            elif arc.curve.c > FATTEST and arc.curve.rms < ROUGH:
+                (strong if sure else weak).append(arc)
+    arcs = joined(scene, connected(strong, weak))
     scene.take(arc.curve for arc in arcs)
     return [arc for arc in arcs if not carries(scene, arc.curve, straight)]
 
@@ -148,13 +145,6 @@ def clearness(scene: Scene, curve: Floats, count: int) -> float:
     air = scene.air
     kernels.profile(curve, length / bins, TUBE, air.xyz, air.start, *air.grid, tubed, shelled)
     return float(np.mean((tubed > 0) & (2 * tubed >= shelled)))
-
-
-def is_no_wire(catenary: Catenary, curve: Floats) -> bool:
-    """Whether a curve opens downwards for certain, or is bent more than any wire."""
-    sigma = catenary.rms / math.sqrt(max(catenary.count, 1))
-    drop = -float(curve[kernels.Z0 + 2])
-    return catenary.c < FATTEST or drop > max(0.1, 6 * sigma)
 
 
 def is_straight(curve: Catenary) -> bool:

@@ -53,6 +53,7 @@ ALIKE = 0.3  # share of the sag by which wires of a span may differ
 AGREED = 0.6  # of the wires must show an overlooked support each
 MARGIN_SHARE = 0.2  # of a span at each end that holds no overlooked support
 LEAST_CUSP = -0.003  # slope: of all wires together
+STUB = 12.0  # metres: what is shorter and has one support went beyond the end of its arc
 LINKED = 3.0  # metres between a wire and its continuation at a support
 
 Floats = NDArray[np.float64]
@@ -105,7 +106,11 @@ def spans_of(
         supports = sorted([*moved, *more], key=lambda s: (s.x, s.y))
     found: list[Wire] = []
     bundle = 0
-    spans = [wires for wires in spans if not are_straight(wires) and are_held(wires)]
+    spans = [
+        [wire for wire in wires if min(wire.supports) >= 0 or wire.curve.length > STUB]
+        for wires in spans
+    ]
+    spans = [wires for wires in spans if wires and not are_straight(wires) and are_held(wires)]
     for span, wires in enumerate(spans):
         for wire in wires:
             for strand in strands(scene, wire):

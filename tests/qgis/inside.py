@@ -6,6 +6,7 @@ Prints a JSON object: for each function ``check_...`` an empty text, or what wen
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import sys
@@ -340,22 +341,22 @@ def check_a_tool_of_each_group_and_all_kinds_of_output() -> None:
         "shoreline.alpha_shape", POINTS=CLOUD, ALPHA="auto", SHAPES=out("a.gpkg"),
         OUTLINES=out("a.dxf"),
     )  # fmt: skip
-    assert done >= {
-        "samples",
-        "ground",
-        "compare",
-        "features",
-        "planes",
-        "points",
-        "surface",
-        "shoreline",
-    }
+    go("classify.urban", POINTS=CLOUD, CLASSIFIED=out("u.laz"))
+    wire = FOLDER / "wire.xyz"  # states no CRS
+    arc = [(x, 20 + 400 * (math.cosh((x - 40) / 400) - 1)) for x in range(80)]
+    wire.write_text("".join(f"{500000 + x} 4500000 {z:.3f}\n" for x, z in arc))
+    made = go("corridor.catenaries", POINTS=str(wire), ASSUME_CRS="EPSG:32635", WIRES=out("w.gpkg"))
+    assert QgsVectorLayer(made["WIRES"]).crs().authid() == "EPSG:32635"
+    groups = {tool["id"].partition(".")[0] for tool in provider.listed["tools"]} - {"models"}
+    assert groups - done == set(), "run a tool of this group too"
 
 
 def check_shipped_models_run() -> None:
     made = run("models.terrain", POINTS=CLOUD, CELL=2.0, DTM=out("m_dtm.tif"), NDSM=out("n.tif"))
     assert set(made) >= {"DTM", "NDSM"}
     assert QgsRasterLayer(made["NDSM"], "n").isValid()
+    made = run("models.urban_classes", POINTS=CLOUD, WATER=False, CLASSIFIED=out("mu.laz"))
+    assert os.path.getsize(made["CLASSIFIED"]) > 1000
 
 
 def check_several_results_of_a_repeated_step_go_to_a_folder() -> None:

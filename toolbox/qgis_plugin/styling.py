@@ -39,6 +39,7 @@ SEVERITIES = {
     "#fddc7a": ("minor", "low", "notice", "watch", "advisory"),
     "#74a67a": ("none", "ok", "safe", "clear", "info"),
 }
+SEVERITY_CODES = [[1, "critical", "#b2182b"], [2, "warning", "#ef8a62"], [3, "watch", "#fddc7a"]]
 KINDS = {"agree": "#d4d4d4", "commission": "#d7261e", "omission": "#2166d1"}
 
 
@@ -165,13 +166,14 @@ def _between(first: str, last: str, share: float) -> str:
 
 
 def _style_points(layer: Any, colours: dict[str, Any]) -> None:
-    """By what the tool found: its errors, else the classes."""
+    """By what the tool found: severities or errors, else the classes."""
     from qgis.core import QgsPointCloudCategory, QgsPointCloudClassifiedRenderer
 
     names = {a.name().lower(): a.name() for a in layer.attributes().attributes()}
-    for name in ("error", "classification"):
+    looked = {"severity": SEVERITY_CODES} | colours
+    for name in ("severity", "error", "classification"):
         if name in names:
-            looks = colours[name]
+            looks = looked[name]
             made = [QgsPointCloudCategory(code, QColor(c), label) for code, label, c in looks]
             layer.setRenderer(QgsPointCloudClassifiedRenderer(names[name], made))
             return

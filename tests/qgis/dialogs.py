@@ -111,7 +111,11 @@ def settings_page() -> list[str]:
     page.python.setFilePath("")
     page.apply()
     wrong += [] if page.found.text() and "python" in named else [named]
-    return wrong if base_python() else ["no Python to make an environment with"]
+    try:
+        wrong += [] if os.access(base_python(), os.X_OK) else ["no Python for an environment"]
+    except RuntimeError as err:  # there need not be one, but it says what to do
+        wrong += [] if "install one" in str(err) else [str(err)]
+    return wrong
 
 
 def picture(place: str, tool: str, *values: str) -> None:

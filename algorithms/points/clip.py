@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared.lowest import require_finite
-from algorithms.shared.polygons import Polygons, Shapes, polygons
+from algorithms.shared.polygons import Polygons, Shapes, geometries, polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
 from toolbox.errors import DataError
@@ -89,6 +89,9 @@ class PointsClip:
             meets = self.where.mask(columns, len(layer))
             layer = Vector(layer.frame[meets], name=layer.name)
         found = polygons(layer, "polygons")
+        missing = len(layer) - len(geometries(layer))
+        if missing and self.points.origin is None:  # said once, and not for each tile
+            log.warning("polygons: %d of %s have no geometry and are left out", missing, layer.name)
         if not len(found):
             which = f"meets {self.where}" if self.where else "has a geometry"
             raise DataError(f"polygons: none of {layer.name} {which}")

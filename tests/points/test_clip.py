@@ -94,6 +94,13 @@ def test_nothing_inside_is_an_empty_cloud_and_a_warning(caplog: pytest.LogCaptur
     assert "no point is inside" in caplog.text
 
 
+def test_features_without_geometry_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    shapes = layer(shapely.box(0, 0, 1, 1), shapely.Polygon())
+    with caplog.at_level("WARNING", "toolbox"):
+        assert count(polygons=shapes) == 4
+    assert "polygons: 1 of area.gpkg have no geometry" in caplog.text
+
+
 def test_something_to_clip_by_is_needed() -> None:
     with pytest.raises(DataError, match="extent: neither a rectangle nor polygons"):
         PointsClip(points=cloud())

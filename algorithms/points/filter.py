@@ -86,7 +86,7 @@ class PointsFilter:
                 "be an error below the ground, or lower ground elsewhere",
                 within, among, lowest,
             )  # fmt: skip
-        return band
+        return np.asarray(band)
 
     def _of_returns(self) -> NDArray[np.bool_]:
         numbers = self.points["return_number"], self.points["number_of_returns"]

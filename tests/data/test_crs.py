@@ -11,9 +11,12 @@ from pyproj import CRS
 
 from toolbox.data.crs import (
     LOCAL,
+    LOCALS,
     crs_conflict,
+    crs_text,
     describe_crs,
     horizontal_part,
+    is_local,
     length_problem,
     metres_per_unit,
     parse_crs,
@@ -262,3 +265,26 @@ def test_real_files_in_feet(data: Callable[[str], Path]) -> None:
 def test_real_prj_file(data: Callable[[str], Path]) -> None:
     text = data("ign_buildings_bdtopo/bdtopo_buildings.prj").read_text()
     assert same_crs(parse_crs(text), CRS(2154))
+
+
+@pytest.mark.parametrize(
+    ("word", "metres", "unit"),
+    [
+        ("local", 1.0, "metre"),
+        ("local:mm", 0.001, "millimetre"),
+        ("local:cm", 0.01, "centimetre"),
+        ("LOCAL:FT", 0.3048, "foot"),
+    ],
+)
+def test_local_coordinates_have_a_unit(word: str, metres: float, unit: str) -> None:
+    crs = parse_crs(word)
+    assert metres_per_unit(crs) == pytest.approx(metres, rel=1e-15)
+    assert vertical_unit(crs) == unit
+    assert length_problem(crs) is None
+    assert is_local(crs)
+    assert describe_crs(crs) == f"local coordinates in {unit}s"
+    assert crs_text(crs) == word.lower()
+    others = [other for name, other in LOCALS.items() if name != word.lower()]
+    assert not any(same_crs(crs, other) for other in others)
+    assert crs_conflict(crs, others[0], heights=True)
+    assert not is_local(CRS(32635))

@@ -5,6 +5,7 @@ The house stands in its own frame: x along the front, y into the house, z up, fr
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,6 +35,7 @@ NOISE = 0.004  # standard deviation along the beam, m
 STAND, EYE = 12.0, 1.7  # of the scanner, in front of the house and above the ground, m
 SECTOR = np.radians(65.0)  # of a scan, to both sides
 RISE = (np.radians(-20.0), np.radians(42.0))  # lowest and highest elevation of a scan
+JUTTING, BUSH, LEAVES = 5, 6, 120  # of eight bays; leaves of a bush
 REACH = (-1.5, 1.2)  # y between which balconies, reveals and curtains lie
 RAYS_PER_BLOCK = 400_000
 
@@ -82,7 +84,9 @@ class House:
         self.face(kind, (x1, y1, z1), w, d, **options)
 
 
-def facade(*, size: float, density: float, seed: int, ctx: Context = QUIET) -> SceneData:
+def facade(
+    *, size: float, density: float, seed: int, noise: float = NOISE, ctx: Context = QUIET
+) -> SceneData:
     """A front of `size` metres, `density` points per square metre of wall in sight; see `scene`."""
     rng = np.random.default_rng(seed)
     house = _house(size, rng)
@@ -100,7 +104,7 @@ def facade(*, size: float, density: float, seed: int, ctx: Context = QUIET) -> S
                 openings, np.searchsorted(openings["bay"], np.arange(len(start))),
             )  # fmt: skip
             met = face >= 0
-            noisy = distance[met] + rng.normal(0, NOISE, met.sum())
+            noisy = distance[met] + rng.normal(0, noise, met.sum())
             xyz = station + noisy[:, None] * directions[met]
             columns = _columns(faces[face[met]], directions[met], distance[met], rng)
             columns["gps_time"] = 3.0e8 + 600.0 * number + time[met]
@@ -143,9 +147,14 @@ def _house(size: float, rng: np.random.Generator) -> House:
 
 
 def _bay(house: House, bay: int) -> None:
-    """Below a window, or a door in every fourth bay; above a window, or a balcony with a door."""
+    """Below a window, or a door in every fourth bay; above a window, or a balcony with a door.
+
+    The sixth of eight bays juts out below instead, and a bush stands before the seventh.
+    """
     middle, rng = (bay + 0.5) * BAY, house.rng
-    if bay % 4 == 1:
+    if bay % 8 == JUTTING:
+        _jutting(house, bay, middle)
+    elif bay % 4 == 1:
         _opening(house, bay, (middle - 0.55, middle + 0.55, 0.05, 2.15), "door")
     else:
         _opening(house, bay, (middle - 0.6, middle + 0.6, 0.9, 2.3), "window")
@@ -157,6 +166,26 @@ def _bay(house: House, bay: int) -> None:
     else:
         width = rng.uniform(0.45, 0.75)
         _opening(house, bay, (middle - width, middle + width, 3.7, 5.1), "window")
+    if bay % 8 == BUSH:
+        _bush(house, bay, middle + 1.2)
+
+
+def _jutting(house: House, bay: int, middle: float) -> None:
+    """A bay window of three faces, 0.6 m deep and 2.7 m high, with a flat roof between them."""
+    places = [(-1.2, 0.0), (-0.7, -0.6), (0.7, -0.6), (1.2, 0.0)]
+    for (x1, y1), (x2, y2) in itertools.pairwise(places):
+        side = (x2 - x1, y2 - y1, 0)
+        house.face("bay", (middle + x1, y1, 0), side, (0, 0, 2.7), bay=bay, shade=27000)
+    house.face("bay", (middle - 0.7, -0.6, 2.7), (1.4, 0, 0), (0, 0.6, 0), bay=bay, shade=20000)
+
+
+def _bush(house: House, bay: int, x: float) -> None:
+    """Leaves of 8 cm in a ball, each a face of its own."""
+    rng = np.random.default_rng(bay)  # of its own, so that the rest of the house stays the same
+    for _ in range(LEAVES):
+        place = rng.normal((x, -0.6, 0.6), 0.18)
+        e, f = np.linalg.qr(rng.normal(size=(3, 2)))[0].T * 0.08
+        house.face("clutter", place, e, f, bay=bay, cls=UNCLASSIFIED, shade=9000)
 
 
 def _opening(house: House, bay: int, frame: tuple[float, float, float, float], kind: str) -> None:

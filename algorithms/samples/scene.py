@@ -51,6 +51,13 @@ class SamplesScene:
         ge=0.1,
         le=1000,
     )
+    noise: float = param(
+        "Standard deviation of the ranges of a scanner, for a facade",
+        default=0.004,
+        unit="m",
+        ge=0,
+        le=0.1,
+    )
     seed: int = param("Seed of the random numbers", default=0, unit="1", ge=0)
     crs: CRS = param("Projected CRS in metres to place the survey in", default=CRS(32635))
 
@@ -72,7 +79,14 @@ class SamplesScene:
 
     def run(self, ctx: Context = QUIET) -> SamplesScene.Outputs:
         """Make the survey and put it into layers."""
-        made = scene(self.kind, size=self.size, density=self.density, seed=self.seed, ctx=ctx)
+        made = scene(
+            self.kind,
+            size=self.size,
+            density=self.density,
+            seed=self.seed,
+            noise=self.noise,
+            ctx=ctx,
+        )
         heights, west, north, cell = made.terrain
         lattice = Lattice(west, north, cell, *heights.shape)
         terrain = Raster.from_lattice(
@@ -90,7 +104,15 @@ class SamplesScene:
         )
 
 
-def scene(kind: str, *, size: float, density: float, seed: int, ctx: Context = QUIET) -> SceneData:
+def scene(
+    kind: str,
+    *,
+    size: float,
+    density: float,
+    seed: int,
+    noise: float = 0.004,
+    ctx: Context = QUIET,
+) -> SceneData:
     """A survey as a LAS file would hold it, and the truth behind it.
 
     Parameters
@@ -99,6 +121,7 @@ def scene(kind: str, *, size: float, density: float, seed: int, ctx: Context = Q
     size : side of the square, length of the corridor or of the house front, metres
     density : points per square metre of the scene, for a facade of wall in sight
     seed : the same seed gives the same scene
+    noise : standard deviation of the ranges of the scanner of a facade, metres
 
     Returns
     -------
@@ -113,4 +136,5 @@ def scene(kind: str, *, size: float, density: float, seed: int, ctx: Context = Q
     """
     if kind not in KINDS:
         raise ParameterError("scene", {"kind": f"must be one of {', '.join(KINDS)}, got {kind!r}"})
-    return KINDS[kind](size=size, density=density, seed=seed, ctx=ctx)
+    more = {"noise": noise} if kind == "facade" else {}
+    return KINDS[kind](size=size, density=density, seed=seed, ctx=ctx, **more)

@@ -351,3 +351,17 @@ def test_progress_rises_and_cancel_stops(kind: str) -> None:
     assert min(seen) >= 0
     with pytest.raises(Cancelled):
         scene(kind, size=50, density=10, seed=1, ctx=Context(stop=lambda: True))
+
+
+def test_a_long_front_has_a_bay_a_bush_and_the_noise_that_is_asked_for() -> None:
+    spread = []
+    for noise in (0.0, 0.01):
+        data = scene("facade", size=30, density=100, seed=1, noise=noise)
+        kinds = {p["plane_id"]: p for _, p in data.features if "plane_id" in p}
+        seen = {kinds[k]["kind"] for k in np.unique(data.attributes["plane_id"])}
+        assert seen >= {"bay", "clutter", "wall", "curtain", "glass", "roof", "ground"}
+        wall = next(p for p in kinds.values() if p["kind"] == "wall")
+        own = data.xyz[data.attributes["plane_id"] == wall["plane_id"]]
+        spread.append(np.std(own @ [wall[f"normal_{axis}"] for axis in "xyz"] - wall["offset"]))
+    assert spread[0] < 0.0005  # coordinates are whole millimetres
+    assert 0.006 < spread[1] < 0.01  # along the beam, which is not square to the wall

@@ -260,7 +260,12 @@ def find_violations(
     real = np.concatenate([found[k][2] for k in order] or [np.empty((0, 6))])
     sd = clearance_sd(curves, worst[:, 2], worst[:, 0], real[:, 5], point_sd)
     limit = numbers[worst[:, 1], 1]
-    violations = Violations(point, *worst.T, *real.T, sd, ndtr((limit - real[:, 0]) / sd))
+    wire, rule, state = worst.T
+    measure, ratio, space, vertical, flat, u = real.T
+    likely = ndtr((limit - measure) / sd)
+    violations = Violations(
+        point, wire, rule, state, measure, ratio, space, vertical, flat, u, sd, likely
+    )
     return violations, _merged([least[k] for k in order], len(curves), len(curves[0]))
 
 

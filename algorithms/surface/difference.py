@@ -45,7 +45,8 @@ class SurfaceDifference:
         one, other = self.surface, self.base
         for name, raster in (("surface", one), ("base", other)):
             if len(raster.values) != 1:
-                yield name, f"{_named(raster)} has {len(raster.values)} bands; choose one with the option band"
+                bands = f"{len(raster.values)} bands; choose one with the option band"
+                yield name, f"{_named(raster)} has {bands}"
             elif text := infinity_problem(raster):
                 yield name, f"{_named(raster)} {text}"
         if text := crs_conflict(other.crs, one.crs, heights=True):

@@ -342,7 +342,8 @@ def check_front(
         edge = math.radians(angle) * found.width / 2
         assert angle < 0.05 or edge < 0.003, (seed, row.kind, angle)
         assert off < 0.002, (seed, row.kind, off)
-    assert (2 * count[1:].max(axis=1) > count[1:].sum(axis=1)).all(), "invented"
+    size, own = count[1:].sum(axis=1), count[1:].max(axis=1)
+    assert (2 * own > size)[size >= 200].all(), "invented"
     pieces = (count[1:] > 0.1 * count.sum(axis=0)).sum(axis=0)
     assert (pieces[count.sum(axis=0) >= 200] <= 1).all(), "split"
     wall = int(faces.index[faces.kind == "wall"][0])

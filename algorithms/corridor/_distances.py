@@ -262,9 +262,9 @@ def find_violations(
     limit = numbers[worst[:, 1], 1]
     wire, rule, state = worst.T
     measure, ratio, space, vertical, flat, u = real.T
-    likely = ndtr((limit - measure) / sd)
+    probability = np.asarray(ndtr((limit - measure) / sd))
     violations = Violations(
-        point, wire, rule, state, measure, ratio, space, vertical, flat, u, sd, likely
+        point, wire, rule, state, measure, ratio, space, vertical, flat, u, sd, probability
     )
     return violations, _merged([least[k] for k in order], len(curves), len(curves[0]))
 

@@ -11,6 +11,7 @@ from toolbox.data import PointCloud
 from toolbox.errors import DataError
 
 How = Literal["gps_time", "order"]
+RETURNS = ("return_number", "number_of_returns")
 KEYS = ("gps_time", "point_source_id", "scanner_channel", "number_of_returns")
 MANY = 0.5  # share of points in pulses with several first or last returns that is too many
 
@@ -36,7 +37,7 @@ def pulses(cloud: PointCloud, how: How) -> tuple[Ints, Ints, Ints]:
     DataError
         The times do not tell pulses apart.
     """
-    number, count = (cloud[name].astype(np.int64) for name in KEYS_OF_RETURNS)
+    number, count = (cloud[name].astype(np.int64) for name in RETURNS)
     some = np.flatnonzero((count >= 2) & (number >= 1) & (number <= count))
     number, count = number[some], count[some]
     pulse = _by_time(cloud, some) if how == "gps_time" else _by_order(number, count)
@@ -53,9 +54,6 @@ def pulses(cloud: PointCloud, how: How) -> tuple[Ints, Ints, Ints]:
     first, last = np.full(total, -1), np.full(total, -1)
     first[pulse[is_first]], last[pulse[is_last]] = some[is_first], some[is_last]
     return some[whole], first[pulse[whole]], last[pulse[whole]]
-
-
-KEYS_OF_RETURNS = ("return_number", "number_of_returns")
 
 
 def _by_time(cloud: PointCloud, some: Ints) -> Ints:

@@ -145,18 +145,17 @@ class ClassifyBuildings:
         found = np.zeros(len(cloud), bool)
         found[part] = up_to_the_roof(scene, roof, shapes, metre)
         ctx.progress(0.9)
-        frame = self._frame(scene, roof, shapes)
+        rows = [self._row(scene, roof, shape) for shape in shapes]
         ctx.progress(1.0)
-        return self._packed(found, part, frame)
+        return self._packed(found, part, rows)
 
     def _scene(self, part: Mask, ctx: Context) -> _evidence.Scene:
         """The points that take part, with their surroundings."""
         cloud = self.points if part.all() else self.points.select(part)
         if not np.isin(cloud["classification"], self.ground_classes).any():
-            nobody = np.zeros(len(self.points), bool)
             raise NothingToDo(
                 f"points: none is of class {self.ground_classes}; classify ground first",
-                instead=self._packed(nobody, part, self._frame(None, nobody, np.empty(0, object))),
+                instead=self._packed(np.zeros(len(part), bool), part, []),
             )
         if not _evidence.has_several_returns(cloud):
             log.warning("no pulse has several returns: dense crowns may be taken for roofs")
@@ -194,31 +193,28 @@ class ClassifyBuildings:
             shapes = shapes[shapely.area(shapes) <= self.largest]
         return shapes[~bridges(scene, roof, shapes)]
 
-    def _frame(self, scene: _evidence.Scene | None, roof: Mask, shapes: Shapes) -> Any:
-        """One row per building."""
-        import geopandas
-
-        rows, made = [], []
-        for shape in shapes:
-            assert scene is not None
-            inside = np.flatnonzero(roof)[_within(shape, scene.xyz[roof, :2])]
-            spacing = np.sqrt(shape.area / len(inside))
-            drawn, straight = shape.buffer(spacing / 2, join_style="mitre"), False
-            if self.outline == "squared":
-                drawn, straight = squared(drawn, SIMPLE * scene.cloud.metre)
-            made.append(drawn)
-            rows.append(
-                {"area": drawn.area, "perimeter": drawn.length, "points": len(inside)}
-                | heights(scene, inside, shape)
-                | {"squared": straight}
-            )
-        columns = [*COLUMNS, "geometry"]
-        return geopandas.GeoDataFrame(
-            rows, columns=columns if not rows else None, geometry=made, crs=self.points.crs
+    def _row(self, scene: _evidence.Scene, roof: Mask, shape: Any) -> dict[str, Any]:
+        """One building, with its outline drawn."""
+        inside = np.flatnonzero(roof)[_within(shape, scene.xyz[roof, :2])]
+        spacing = np.sqrt(shape.area / len(inside))
+        drawn, straight = shape.buffer(spacing / 2, join_style="mitre"), False
+        if self.outline == "squared":
+            drawn, straight = squared(drawn, SIMPLE * scene.cloud.metre)
+        return (
+            {"area": drawn.area, "perimeter": drawn.length, "points": len(inside)}
+            | heights(scene, inside, shape)
+            | {"squared": straight, "geometry": drawn}
         )
 
-    def _packed(self, found: Mask, part: Mask, frame: Any) -> ClassifyBuildings.Outputs:
+    def _packed(
+        self, found: Mask, part: Mask, rows: list[dict[str, Any]]
+    ) -> ClassifyBuildings.Outputs:
+        import geopandas
+
         cloud = self.points
+        frame = geopandas.GeoDataFrame(
+            rows, columns=[*COLUMNS, "geometry"], geometry="geometry", crs=cloud.crs
+        )
         old = cloud["classification"]
         classes = np.where(part & (old == BUILDING), OTHER, old)
         classes = np.where(found, BUILDING, classes).astype(np.uint8)

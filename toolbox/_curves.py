@@ -115,11 +115,9 @@ class Sweep:
         frame = table.frame
         if not (set(frame.columns) >= _SWEEP and len(frame) > 1):
             return None
-        tolerances, planes, share = (
-            frame[name].to_numpy(float) for name in ("tolerance", "planes", "share")
-        )
-        chosen = tolerances[frame["knee"].to_numpy(bool)]
-        return cls(title, tolerances, planes, share, float(chosen[0]) if len(chosen) else None)
+        steps, planes, share = (frame[n].to_numpy(float) for n in ("tolerance", "planes", "share"))
+        chosen = frame["tolerance"][frame["knee"].to_numpy(bool)]
+        return cls(title, steps, planes, share, float(chosen.iloc[0]) if len(chosen) else None)
 
 
 def show_sweep(figure: Figure, sweep: Sweep, place: Place) -> None:

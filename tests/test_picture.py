@@ -19,7 +19,7 @@ from pyproj import CRS
 from toolbox._bars import Bars, Profile
 from toolbox._curves import Curve
 from toolbox._features import feature_colours, feature_key
-from toolbox._images import _RELIEF, ERRORS, POINT_CLASSES, Ramp, cloud_image, raster_image
+from toolbox._images import ERRORS, POINT_CLASSES, RELIEF, Ramp, cloud_image, raster_image
 from toolbox._maps import _EMPTY
 from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import LOCAL, parse_crs
@@ -196,7 +196,7 @@ def test_checkpoints_are_coloured_by_their_error_and_whole(tmp_path: Path) -> No
 
 def test_no_data_has_a_colour_of_its_own() -> None:
     empty = np.array(to_rgba(_EMPTY)[:3])
-    for colours in (_RELIEF, "viridis", "RdBu_r"):
+    for colours in (RELIEF, "viridis", "RdBu_r"):
         ramp = Ramp(colours, 0, 1, "").colour_map()(np.linspace(0, 1, 100))[:, :3]
         assert np.abs(ramp - empty).max(axis=1).min() > 0.05
 

@@ -48,6 +48,7 @@ def lattice_around(
     cell: float,
     *,
     bytes_per_cell: int = 8,
+    count: int | None = None,
     parameter: str | None = None,
 ) -> Lattice:
     """The cells of the points and one more on each side.
@@ -57,6 +58,7 @@ def lattice_around(
     xyz : array of shape (n, 3)
     cell : in the unit of the points
     bytes_per_cell : memory that the caller is going to need, for the message
+    count : points that there are, where `xyz` are but the corners of their box
     parameter : what sets the cell, for the message; None if the user cannot set it
 
     Raises
@@ -68,7 +70,8 @@ def lattice_around(
     high = np.array([xyz[:, axis].max() for axis in (0, 1)])
     with np.errstate(over="ignore"):
         cells = float(np.prod((high - low) / cell + 3))
-    if cells > min(MAX_CELLS, max(FEW_CELLS, MAX_CELLS_PER_POINT * len(xyz))):
+    count = len(xyz) if count is None else count
+    if cells > min(MAX_CELLS, max(FEW_CELLS, MAX_CELLS_PER_POINT * count)):
         ways = ["remove stray points", "cut the data into tiles"]
         ways += [f"raise {parameter}"] if parameter else []
         raise DataError(

@@ -156,14 +156,15 @@ def grid(points: Returns, ctx: Context = QUIET) -> Grid:
     """Count points into cells whose size follows from their density."""
     metre = points.metre
     corners = points.origin + UNIT * np.array([f(points.packed, axis=0) for f in (np.min, np.max)])
-    coarse = lattice_around(corners, COARSE * metre)
+    coarse = lattice_around(corners, COARSE * metre, count=len(points))
     counts = np.zeros(coarse.rows * coarse.cols, np.int64)
     for some in points.blocks():
         counts += np.bincount(cells_of(points.xyz(some), coarse), minlength=len(counts))
         ctx.progress(0.2 * some.stop / len(points))
     density = float(np.percentile(counts[counts > 0], 75)) / coarse.cell**2
     size = math.sqrt(PER_CELL / density) / metre
-    lattice = lattice_around(corners, min(max(size, SMALLEST_CELL), LARGEST_CELL) * metre)
+    size = min(max(size, SMALLEST_CELL), LARGEST_CELL)
+    lattice = lattice_around(corners, size * metre, count=len(points))
     low, bright = np.full(lattice.shape, np.inf, np.float32), np.zeros(lattice.shape, np.float32)
     count, water = np.zeros(lattice.shape, np.int32), np.zeros(lattice.shape, np.int32)
     base = float(corners[0, 2])

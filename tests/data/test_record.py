@@ -47,7 +47,7 @@ LAYERS: list[tuple[Callable[[], Any], str, dict[str, Any]]] = [
     *((cloud, suffix, {}) for suffix in PointCloud.SUFFIXES),
     (raster, ".tif", {}),
     (raster, ".TIFF", {"cog": True}),
-    *((vector, suffix, {}) for suffix in Vector.SUFFIXES),
+    *((vector, suffix, {}) for suffix in Vector.SUFFIXES if suffix != ".ply"),  # a mesh
     *((table, suffix, {}) for suffix in Table.SUFFIXES),
 ]
 layers = pytest.mark.parametrize(

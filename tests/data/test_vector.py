@@ -18,9 +18,8 @@ from toolbox.data.vector import Vector
 from toolbox.errors import DataError
 
 X, Y = 700000.0, 6600000.0
-KEEPING = [
-    suffix for suffix in Vector.SUFFIXES if suffix not in (".kml", ".dxf")
-]  # KML moves to WGS 84, DXF has no CRS
+FLAT = [suffix for suffix in Vector.SUFFIXES if suffix != ".ply"]  # a mesh holds polygons alone
+KEEPING = [suffix for suffix in FLAT if suffix not in (".kml", ".dxf")]  # other CRS, and none
 
 
 def points(crs: CRS | str | None = "EPSG:2154+5720") -> geopandas.GeoDataFrame:
@@ -63,7 +62,7 @@ def test_geopackage_as_older_qgis_wants_it(tmp_path: Path) -> None:
     assert pyogrio.list_layers(tmp_path / "roofs.gpkg").tolist() == [["other", "Point Z"]]
 
 
-@pytest.mark.parametrize("suffix", Vector.SUFFIXES)
+@pytest.mark.parametrize("suffix", FLAT)
 def test_same_bytes_on_every_run(tmp_path: Path, suffix: str) -> None:
     """No file says when it was written: GDAL would write the time or the day into two of them."""
     files = []
@@ -175,7 +174,7 @@ def test_what_a_format_cannot_hold(
 
 
 def test_folder_is_missing(tmp_path: Path) -> None:
-    for suffix in Vector.SUFFIXES:
+    for suffix in FLAT:
         with pytest.raises(DataError, match="cannot be written"):
             Vector(points("EPSG:2154")).save(tmp_path / "none" / f"a{suffix}")
 

@@ -35,6 +35,7 @@ FOR_PLANE = 30  # points that a slope is found from
 MOST_SAMPLES = 500_000  # points that tell the level of one body
 ROUNDS = 2
 FALL = 0.15  # m, from end to end of a body that is no lake
+LISTED = 10  # bodies that are told of one by one
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
 STRAIGHT = 0.5  # share of the variance of its surface that a plane explains
 
@@ -193,13 +194,13 @@ def sloping(cells: Grid, water: Water) -> str:
 
 
 def tell(cells: Grid, found: Sequence[Water]) -> None:
-    """Log what was found, and by what."""
+    """Log what was found, and by what; of very many bodies the largest."""
     metre = cells.metre
     log.info(
         "%d water bodies in cells of %.2f m, land has %.1f points per m2",
         len(found), cells.lattice.cell / metre, cells.density * metre**2,
     )  # fmt: skip
-    for one in found:
+    for one in found[:LISTED]:
         log.info(
             "%s: level %.3f, standard error %.3f, single points %.3f; by %s: returns %.0f %% of "
             "those of its shore, intensities separate by %.2f (1 is fully)",

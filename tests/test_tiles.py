@@ -161,6 +161,7 @@ def test_a_folder_gets_a_file_for_each_file_with_its_own_header(
         toolbox.run("points.filter", values, tiling=tiling)
 
 
+@pytest.mark.slow
 def test_other_formats_and_feet(tiling: Tiling, tmp_path: Path) -> None:
     """A text file has no header; lengths are metres whatever the unit."""
     cloud = ground(np.random.default_rng(1), 0, 0, None)
@@ -213,6 +214,7 @@ def test_copc_in_tiles(
     np.testing.assert_array_equal(PointCloud.open(out).xyz, whole["kept"].xyz)
 
 
+@pytest.mark.slow
 def test_a_tile_with_nothing_to_do(survey: Path, tiling: Tiling, tmp_path: Path) -> None:
     """Far from all ground lie points that no step after the filter has any use for."""
     path = tmp_path / "chain.yaml"
@@ -286,6 +288,7 @@ def test_files_of_one_name_are_not_written_over_each_other(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_points_on_the_edge_of_tiles_count_once(tiling: Tiling, tmp_path: Path) -> None:
     xy = np.mgrid[0:12, 0:12].reshape(2, -1).T + np.array([500_000.0, 4_600_000])
     PointCloud(np.column_stack([xy, xy[:, 0]]), crs=CRS(32635)).save(tmp_path / "a.laz")
@@ -391,6 +394,7 @@ def test_options_that_mean_nothing(given: dict[str, Any], problem: str) -> None:
         Tiling.parse(given)
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_is_not_there(survey: Path, tiling: Tiling, tmp_path: Path) -> None:
     values = {"points": survey, "where": "z < 20", "kept": tmp_path / "k.laz"}
     for address in ("tcp://127.0.0.1:9", "nonsense"):

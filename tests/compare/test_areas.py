@@ -163,6 +163,7 @@ def polygon(x: int, y: int, width: int, height: int, hollow: bool) -> Any:
     return made.difference(box(x + 1, y + 1, x + width / 2 + 1, y + height / 2)) if hollow else made
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(st.lists(shape, max_size=8), st.lists(shape, max_size=8))
 def test_sums_are_those_of_unions(own: list[Any], other: list[Any]) -> None:

@@ -327,6 +327,7 @@ def test_the_order_of_the_points_does_not_matter() -> None:
     np.testing.assert_array_equal(ground_mask(xyz, first)[order], ground_mask(xyz[order], second))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(THREADS < 2, reason="one thread only")
 def test_the_number_of_threads_does_not_matter() -> None:
     xyz = town()

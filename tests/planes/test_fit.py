@@ -183,6 +183,7 @@ def test_trials_follow_from_the_share_and_end_at_the_limit() -> None:
     assert fitted(np.vstack([on, scattered(4500)]), max_trials=100).trials == 100
 
 
+@pytest.mark.slow
 @given(st.permutations(range(60)), st.integers(0, 5))
 def test_order_of_points_does_not_matter_and_seeds_are_kept(order: list[int], seed: int) -> None:
     xyz = np.vstack([plane_points((0.1, 0.2, 1), 40, 0.05), scattered(20)])

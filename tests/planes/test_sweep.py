@@ -79,6 +79,7 @@ def test_feet() -> None:
     assert feet.knee == pytest.approx(metres.knee)
 
 
+@pytest.mark.slow
 def test_no_knee_is_said(caplog: pytest.LogCaptureFixture) -> None:
     rng = np.random.default_rng(2)
     ball = rng.normal(size=(20_000, 3))

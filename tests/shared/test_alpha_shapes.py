@@ -112,6 +112,7 @@ def test_order_of_points_makes_no_difference(points: list[tuple[int, int]], rand
         np.testing.assert_array_equal(one.points, other.points)
 
 
+@pytest.mark.slow
 @given(spanning)
 def test_auto_is_the_first_radius_with_one_region_of_all_points(
     points: list[tuple[int, int]],

@@ -62,6 +62,7 @@ def test_of_equally_near_points_the_place_decides_not_the_index() -> None:
         np.testing.assert_array_equal(xyz[order][places], xyz[index[order]])
 
 
+@pytest.mark.slow
 def test_many_points_at_one_place() -> None:
     """Neighbours are other points at distance 0, and the search does not look at all of them."""
     xyz = np.vstack([np.zeros((30_000, 3)), np.ones((3, 3))])

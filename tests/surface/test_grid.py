@@ -347,6 +347,7 @@ def test_tiles_are_the_whole_to_the_last_bit(settings: dict[str, Any]) -> None:
         np.testing.assert_array_equal(tile.values[:, :, core], surface.values[:, :, core])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["linear", "natural", "idw", "nearest"])
 @pytest.mark.parametrize("uncertainty", [False, True])
 def test_halo_is_enough_and_not_too_much_where_points_are_few(

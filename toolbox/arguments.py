@@ -10,6 +10,12 @@ from toolbox import documents
 from toolbox.errors import ParameterError
 
 Description = Mapping[str, Any]
+SHAPES = {  # what a value of several numbers looks like
+    "extent": "XMIN,YMIN,XMAX,YMAX",
+    "position": "X,Y",
+    "direction": "X,Y,Z",
+    "range": "LOW,HIGH",
+}
 SEVERAL = "PointCloud"  # type of a layer that is also read from several files
 
 
@@ -62,7 +68,7 @@ def _add_input(group: Any, name: str, field: Description) -> None:
         how = {"nargs": "+"}
     elif schema.get("type") == "boolean":
         how = {"nargs": "?", "const": "true"}
-    kind = says["type"].upper().replace(" ", "_")
+    kind = SHAPES.get(says["type"], says["type"].upper().replace(" ", "_"))
     _add(group, name, metavar=kind, help=field["description"] + rule + default, **how)
     _add_options(group, name, field)
 

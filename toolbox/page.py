@@ -7,8 +7,8 @@ from typing import Any
 
 from toolbox.data import Figure, PointCloud, Raster, Report, Rows, Section, Table, Vector
 from toolbox.data.report import Block
-from toolbox.fields import Field, Spec
-from toolbox.picture import has_something_to_see, png
+from toolbox.fields import Spec
+from toolbox.picture import drawable, png
 from toolbox.provenance import Record
 
 MOST_FEATURES = 50  # whose attributes are listed
@@ -23,11 +23,12 @@ def page(spec: Spec, found: Mapping[str, Any], record: Record | None) -> Report:
     found : what it gave, by name
     record : how that was made
     """
+    numbers, layers, sizes = _values(spec, found), drawable(found), _sizes(spec, found)
     sections = [
-        _section("Results", [Rows(_values(spec, found))] if any(_numbers(spec, found)) else []),
-        _section("Map", [_map(found)] if any(map(has_something_to_see, found.values())) else []),
+        _section("Results", [Rows(numbers)] if len(numbers) else []),
+        _section("Map", [Figure(png(layers), ", ".join(layers))] if layers else []),
         *(section for name, value in found.items() for section in _of_layer(spec, name, value)),
-        _section("Layers", [Rows(_sizes(spec, found))] if len(_sizes(spec, found)) else []),
+        _section("Layers", [Rows(sizes)] if len(sizes) else []),
         _section("How it was made", [record.text()] if record else []),
     ]
     shown = [section for section in sections if section.blocks]
@@ -38,30 +39,18 @@ def _section(title: str, blocks: list[Block]) -> Section:
     return Section(title, tuple(blocks))
 
 
-def _numbers(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[Field, Any]]:
-    """The results that are no layers, and what they are."""
-    for name, value in found.items():
-        field = spec.results[name]
-        if not field.kind.is_layer and value is not None:
-            yield field, value
-
-
 def _values(spec: Spec, found: Mapping[str, Any]) -> Table:
     """One row for each number or text."""
+    fields = spec.results
     return Table.from_rows(
-        {"result": field.help, "value": str(_short(value)), "unit": field.unit}
-        for field, value in _numbers(spec, found)
+        {"result": fields[name].help, "value": str(_short(value)), "unit": fields[name].unit}
+        for name, value in found.items()
+        if value is not None and not fields[name].kind.is_layer
     )
 
 
 def _short(value: Any) -> Any:
     return f"{value:.6g}" if isinstance(value, float) else value
-
-
-def _map(found: Mapping[str, Any]) -> Figure:
-    """All layers that can be drawn."""
-    layers = {name: value for name, value in found.items() if has_something_to_see(value)}
-    return Figure(png(layers), ", ".join(layers))
 
 
 def _of_layer(spec: Spec, name: str, value: Any) -> Iterator[Section]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pyproj import CRS
@@ -105,6 +106,17 @@ def has_something_to_see(layer: object) -> bool:
     if isinstance(layer, Table):
         return _of_table("", layer) is not None
     return isinstance(layer, Raster) or (isinstance(layer, PointCloud | Vector) and len(layer) > 0)
+
+
+def drawable(found: Mapping[str, Any]) -> dict[str, Any]:
+    """The layers among the results of a run that hold anything to see, by title."""
+    layers: dict[str, Any] = {}
+    for name, value in found.items():
+        several = isinstance(value, tuple)  # of a repeated step
+        layers |= (
+            {f"{name} {i}": item for i, item in enumerate(value, 1)} if several else {name: value}
+        )
+    return {title: layer for title, layer in layers.items() if has_something_to_see(layer)}
 
 
 def _panels(

@@ -19,7 +19,7 @@ from toolbox.errors import DataError
 from toolbox.fields import Spec
 from toolbox.kinds import Kind, find, parsed_options
 from toolbox.page import page
-from toolbox.picture import draw, has_something_to_see
+from toolbox.picture import draw, drawable
 from toolbox.provenance import Record
 from toolbox.shown import COUNTS, PAGE, PICTURE, SHOWN
 
@@ -197,7 +197,7 @@ def write(
     """
     shown: dict[str, Any] = {}
     if PICTURE in targets:
-        shown[PICTURE] = dict(_drawable(found))
+        shown[PICTURE] = drawable(found)
     if PAGE in targets:
         shown[PAGE] = page(spec, found, record and record.of(PAGE, None, {}))
     if COUNTS in targets and record:
@@ -251,19 +251,6 @@ def _pieces(
     if found_problems := problems(numbered, [], overwrite=overwrite):
         raise DataError(id, found_problems)
     return pieces
-
-
-def _drawable(found: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """The layers that hold anything to see."""
-    for name, value in found.items():
-        layers = (
-            {f"{name} {i}": layer for i, layer in enumerate(value, start=1)}
-            if isinstance(value, tuple)
-            else {name: value}
-        )
-        for title, layer in layers.items():
-            if has_something_to_see(layer):
-                yield title, layer
 
 
 def _save_all(

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.ground.classify import HALO as GROUND_HALO
-from algorithms.ground.classify import above, find_terrain, verdict
+from algorithms.ground.classify import find_terrain, height_above, verdict
 from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
 from toolbox.context import QUIET, Context, log
@@ -81,14 +81,14 @@ class Scene:
         if self.ground_classes is not None:
             ground = np.isin(cloud["classification"], self.ground_classes) & ~is_withheld(cloud)
             found = find_terrain(_frozen(self.xyz[ground]), metre=cloud.metre, ctx=ctx)
-            return ground, above(self.xyz, found)[0]
+            return ground, height_above(self.xyz, found)
         candidates = Candidates.of(cloud, "last", None)
         ground = np.zeros(len(cloud), bool)
         if not candidates.chosen.any():
             return ground, np.full(len(ground), np.nan)
         found = find_terrain(candidates.xyz, metre=cloud.metre, ctx=ctx)
         ground[candidates.chosen] = verdict(candidates.xyz, found)[0]
-        return ground, above(self.xyz, found)[0]
+        return ground, height_above(self.xyz, found)
 
     @functools.cached_property
     def around(self) -> Mapping[str, Floats]:

@@ -9,6 +9,7 @@ from numba import njit
 
 from algorithms.shared._delaunay_kernels import in_circle, is_ghost, locate, orient
 from algorithms.shared.compiling import helper
+from algorithms.shared.sets import root
 
 
 class Limits(NamedTuple):
@@ -279,14 +280,6 @@ def _fill_gap(mesh, t, facet, head, following):  # type: ignore[no-untyped-def]
         i = following[i]
 
 
-@helper
-def _root(group, v):  # type: ignore[no-untyped-def]
-    while group[v] != v:
-        group[v] = group[group[v]]
-        v = group[v]
-    return v
-
-
 @njit(cache=True, nogil=True)
 def join_patches(mesh, z, real, step, rise, first, last, group, walls, n):  # type: ignore[no-untyped-def]
     """Put vertices below `real` that an edge joins into one group, unless it is a wall.
@@ -305,7 +298,7 @@ def join_patches(mesh, z, real, step, rise, first, last, group, walls, n):  # ty
             up = z[b] - z[a]
             run = np.sqrt((xy[b, 0] - xy[a, 0]) ** 2 + (xy[b, 1] - xy[a, 1]) ** 2)
             if b < real and abs(up) <= max(step, rise * run):
-                one, other = _root(group, a), _root(group, b)
+                one, other = root(group, a), root(group, b)
                 group[max(one, other)] = min(one, other)
                 continue
             downwards = b < real and up < 0
@@ -318,7 +311,7 @@ def join_patches(mesh, z, real, step, rise, first, last, group, walls, n):  # ty
 def patches_of(mesh, first, last, group, boxes):  # type: ignore[no-untyped-def]
     """Name the patch of each vertex, and widen its box (west, south, -east, -north)."""
     for v in range(first, last):
-        group[v] = g = _root(group, v)
+        group[v] = g = root(group, v)
         x, y = mesh.xy[v, 0], mesh.xy[v, 1]
         boxes[g, 0], boxes[g, 1] = min(boxes[g, 0], x), min(boxes[g, 1], y)
         boxes[g, 2], boxes[g, 3] = min(boxes[g, 2], -x), min(boxes[g, 3], -y)

@@ -213,7 +213,7 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
     ValueError
         A coordinate is not a finite number.
     """
-    residual, allowed = above(xyz, terrain)
+    residual, allowed = _residuals(xyz, terrain)
     deepest = BELOW * allowed + 1.0
     ground = (residual <= allowed) & (residual >= -deepest)
     limit = np.where(residual > 0, allowed, deepest)
@@ -221,8 +221,8 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
     return ground, np.where(np.isfinite(residual), confidence, 1.0)
 
 
-def above(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats]:
-    """Metres of points above the terrain, and how many of them its slope allows ground to have.
+def height_above(xyz: Floats, terrain: Terrain) -> Floats:
+    """Metres of points above the terrain.
 
     Parameters
     ----------
@@ -231,13 +231,18 @@ def above(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats]:
 
     Returns
     -------
-    arrays of shape (n,), NaN where there is no terrain
+    array of shape (n,), NaN where there is no terrain
 
     Raises
     ------
     ValueError
         A coordinate is not a finite number.
     """
+    return _residuals(xyz, terrain)[0]
+
+
+def _residuals(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats]:
+    """Metres of points above the terrain, and how many of them its slope allows ground to have."""
     require_finite(xyz)
     cell = terrain.lattice.cell
     residual, allowed = np.empty(len(xyz)), np.empty(len(xyz))
@@ -255,11 +260,6 @@ def above(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats]:
         allowed,
     )
     return residual, allowed
-
-
-def height_above(xyz: Floats, terrain: Terrain) -> Floats:
-    """Height of points of shape (n, 3) above the terrain, in metres; NaN where there is none."""
-    return above(xyz, terrain)[0]
 
 
 def aligned_lattice(xyz: Floats, metre: float) -> Lattice:

@@ -7,6 +7,7 @@ from numba import njit
 
 from algorithms.shared._covariance_kernels import eigen
 from algorithms.shared.compiling import helper
+from algorithms.shared.sorting import first_at
 
 LEVELS = 20  # of the octree: a millionth of its side
 FEWEST = 8  # points that make a normal
@@ -37,18 +38,6 @@ def _spread(bits):  # type: ignore[no-untyped-def]
     return (bits | bits << np.uint64(2)) & np.uint64(0x1249249249249249)
 
 
-@helper
-def _first_at(sorted_keys, key, start, stop):  # type: ignore[no-untyped-def]
-    """The first place in a run of sorted keys whose key is not below a key."""
-    while start < stop:
-        middle = (start + stop) >> 1
-        if sorted_keys[middle] < key:
-            start = middle + 1
-        else:
-            stop = middle
-    return start
-
-
 @njit(cache=True, nogil=True)
 def leaves(sorted_keys, most, deepest, starts, levels):  # type: ignore[no-untyped-def]
     """Split cells until they hold at most `most` points or are `deepest` levels down.
@@ -69,7 +58,7 @@ def leaves(sorted_keys, most, deepest, starts, levels):  # type: ignore[no-untyp
         base = (sorted_keys[start] >> shift) & ~np.uint64(7)
         end = stop
         for child in range(7, -1, -1):  # the first child is to come off the stack first
-            begin = _first_at(sorted_keys, (base | np.uint64(child)) << shift, start, end)
+            begin = first_at(sorted_keys, (base | np.uint64(child)) << shift, start, end)
             if begin < end:
                 held[waiting, 0], held[waiting, 1], held[waiting, 2] = begin, end, level + 1
                 waiting += 1
@@ -105,8 +94,8 @@ def _above(keys, start, stop, level):  # type: ignore[no-untyped-def]
         return start, stop
     shift = np.uint64(3 * (LEVELS - level))
     base = keys[start] >> shift
-    first = _first_at(keys, base << shift, 0, start)
-    return first, _first_at(keys, (base + np.uint64(1)) << shift, stop, len(keys))
+    first = first_at(keys, base << shift, 0, start)
+    return first, first_at(keys, (base + np.uint64(1)) << shift, stop, len(keys))
 
 
 @njit(cache=True, nogil=True)

@@ -7,8 +7,10 @@ import math
 import numpy as np
 from numba import njit
 
-from algorithms.planes._cells_kernels import LEVELS, _first_at
+from algorithms.planes._cells_kernels import LEVELS
 from algorithms.shared.compiling import helper
+from algorithms.shared.sets import root
+from algorithms.shared.sorting import first_at
 
 GROUP = 32  # cells that are looked at together
 
@@ -43,8 +45,8 @@ def _around(keys, levels, cell, up):  # type: ignore[no-untyped-def]
         return cell, cell + 1
     shift = np.uint64(3 * (LEVELS - level))
     base = keys[cell] >> shift
-    start = _first_at(keys, base << shift, 0, cell)
-    stop = _first_at(keys, (base + np.uint64(1)) << shift, cell, len(keys))
+    start = first_at(keys, base << shift, 0, cell)
+    stop = first_at(keys, (base + np.uint64(1)) << shift, cell, len(keys))
     return start, stop
 
 
@@ -157,24 +159,11 @@ def hits(some, cells, keys, levels, weights, member):  # type: ignore[no-untyped
         own = 0.0
         for up in range(levels[cell] + 1):
             start, stop = _around(keys, levels, cell, up)
-            inside = _first_of(cells, stop) - _first_of(cells, start)
+            inside = first_at(cells, stop, 0, len(cells)) - first_at(cells, start, 0, len(cells))
             share = inside / (stop - start)
             own += share * share
         total += own / (levels[cell] + 1)
     return total / len(some)
-
-
-@helper
-def _first_of(values, value):  # type: ignore[no-untyped-def]
-    """The first place in rising numbers that is not below one."""
-    start, stop = 0, len(values)
-    while start < stop:
-        middle = (start + stop) >> 1
-        if values[middle] < value:
-            start = middle + 1
-        else:
-            stop = middle
-    return start
 
 
 @njit(cache=True, nogil=True)
@@ -256,25 +245,17 @@ def pieces(squares, groups):  # type: ignore[no-untyped-def]
         _join(parent, groups[pair, 0], groups[pair, 1])
     for i in range(len(squares)):
         for step in (1, (1 << 31) - 1, 1 << 31, (1 << 31) + 1):
-            j = _first_of(squares, squares[i] + step)
+            j = first_at(squares, squares[i] + step, 0, len(squares))
             if j < len(squares) and squares[j] == squares[i] + step:
                 _join(parent, i, j)
     for i in range(len(squares)):
-        parent[i] = _root(parent, i)
+        parent[i] = root(parent, i)
     return parent
 
 
 @helper
-def _root(parent, i):  # type: ignore[no-untyped-def]
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
-@helper
 def _join(parent, i, j):  # type: ignore[no-untyped-def]
-    a, b = _root(parent, i), _root(parent, j)
+    a, b = root(parent, i), root(parent, j)
     if a < b:
         parent[b] = a
     elif b < a:
@@ -316,7 +297,7 @@ def over(xyz, axes, gap, squares):  # type: ignore[no-untyped-def]
 
 @helper
 def _within(squares, key):  # type: ignore[no-untyped-def]
-    j = _first_of(squares, key)
+    j = first_at(squares, key, 0, len(squares))
     return j < len(squares) and squares[j] == key
 
 

@@ -46,12 +46,7 @@ class PointsFilter:
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The points need what the conditions look at."""
-        if self.classes and "classification" not in self.points:
-            yield "classes", f"{self.points.name} has no classification"
-        if self.returns != "all" and not {"return_number", "number_of_returns"} <= {
-            *self.points.names
-        }:
-            yield "returns", f"{self.points.name} has no return numbers"
+        yield from choice_problems(self.points, self.classes, self.returns)
 
     def halo(self) -> float:
         """Each point is judged by itself, unless the lowest point of all decides."""
@@ -59,14 +54,7 @@ class PointsFilter:
 
     def run(self, ctx: Context = QUIET) -> PointsFilter.Outputs:
         """Keep the points."""
-        keep = np.ones(len(self.points), bool)
-        if self.classes:
-            keep &= np.isin(self.points["classification"], self.classes)
-        if self.returns != "all":
-            keep &= self._of_returns()
-        if self.where:
-            columns = {name: self.points[name] for name in self.where.names}
-            keep &= self.where.mask(columns, len(self.points))
+        keep = self._chosen()
         if self.elevation_above_lowest and keep.any():
             keep &= self._in_band(keep, *self.elevation_above_lowest)
         if not keep.any():
@@ -88,10 +76,9 @@ class PointsFilter:
             )  # fmt: skip
         return np.asarray(band)
 
-    def _of_returns(self) -> NDArray[np.bool_]:
-        numbers = self.points["return_number"], self.points["number_of_returns"]
+    def _chosen(self) -> NDArray[np.bool_]:
         try:
-            return return_mask(*numbers, self.returns)
+            return chosen(self.points, self.classes, self.returns, self.where)
         except NothingToDo as err:
             err.instead = self._outputs(np.zeros(len(self.points), bool))
             raise
@@ -99,6 +86,36 @@ class PointsFilter:
     def _outputs(self, keep: NDArray[np.bool_]) -> PointsFilter.Outputs:
         kept = self.points.select(keep)
         return self.Outputs(kept=kept, removed_share=Share.of_points(~keep, self.points.core))
+
+
+def choice_problems(
+    cloud: PointCloud, classes: ClassList | None, returns: Returns
+) -> Iterator[tuple[str, str]]:
+    """What the cloud lacks for a choice of points, by parameter."""
+    if classes and "classification" not in cloud:
+        yield "classes", f"{cloud.name} has no classification"
+    if returns != "all" and not {"return_number", "number_of_returns"} <= {*cloud.names}:
+        yield "returns", f"{cloud.name} has no return numbers"
+
+
+def chosen(
+    cloud: PointCloud, classes: ClassList | None, returns: Returns, where: Expression | None
+) -> NDArray[np.bool_]:
+    """True for the points that meet all three; array of shape (n,).
+
+    Raises
+    ------
+    NothingToDo
+        See :func:`return_mask`.
+    """
+    keep = np.ones(len(cloud), bool)
+    if classes:
+        keep &= np.isin(cloud["classification"], classes)
+    if returns != "all":
+        keep &= return_mask(cloud["return_number"], cloud["number_of_returns"], returns)
+    if where:
+        keep &= where.mask({name: cloud[name] for name in where.names}, len(cloud))
+    return keep
 
 
 def return_mask(number: NDArray[Any], count: NDArray[Any], returns: Returns) -> NDArray[np.bool_]:

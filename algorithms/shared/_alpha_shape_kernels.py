@@ -13,6 +13,7 @@ from numba import njit
 
 from algorithms.shared._delaunay_kernels import orient
 from algorithms.shared.compiling import helper
+from algorithms.shared.sets import root
 
 
 @njit(cache=True, nogil=True)
@@ -81,15 +82,6 @@ def patches(neighbours, kept):  # type: ignore[no-untyped-def]
     return patch, count
 
 
-@helper
-def _root(parent, i):  # type: ignore[no-untyped-def]
-    """The number of the set that i is in; shortens the way for those who ask next."""
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
 @njit(cache=True, nogil=True)
 def one_piece(neighbours, radii, order, node, nodes, pieces, slack):  # type: ignore[no-untyped-def]
     """The radius at which the triangles first are one piece, when added one by one.
@@ -109,7 +101,7 @@ def one_piece(neighbours, radii, order, node, nodes, pieces, slack):  # type: ig
         for k in range(3):
             n = neighbours[t, k]
             if n >= 0 and node[n] >= 0:
-                a, b = _root(parent, node[t]), _root(parent, node[n])
+                a, b = root(parent, node[t]), root(parent, node[n])
                 if a != b:
                     parent[a] = b
                     pieces -= 1

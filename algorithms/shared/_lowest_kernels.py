@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from algorithms.shared.compiling import helper
+from algorithms.shared.sorting import first_at
 
 GROUP, MOST = 3.0, 12  # metres, points: of a group of low outliers
 SUPPORTER = 3  # points of a group that one supporter farther away weighs
@@ -108,25 +109,12 @@ def judge(tops, places, low, cells, cell, reach, metre, alone):  # type: ignore[
     for p in range(len(places)):
         row, col = places[p]
         own = row * tops.shape[1] + col
-        k = _first_of(cells, own)
+        k = first_at(cells, own, 0, len(cells))
         while k < len(low) and cells[k] == own and low[k, 2] <= tops[row, col, 2] + STEP * metre:
             alone[k] = _is_alone(tops, low[k], row, col, low, cells, cell, reach, metre)
             if not alone[k]:
                 break
             k += 1
-
-
-@helper
-def _first_of(cells, wanted):  # type: ignore[no-untyped-def]
-    """Where the sorted cells reach the wanted one. np.searchsorted takes long to compile."""
-    first, last = 0, len(cells)
-    while first < last:
-        middle = (first + last) >> 1
-        if cells[middle] < wanted:
-            first = middle + 1
-        else:
-            last = middle
-    return first
 
 
 @helper
@@ -138,8 +126,8 @@ def _is_alone(tops, point, row, col, low, cells, cell, reach, metre):  # type: i
     cone, plane, dense = SUPPORTER * cone, SUPPORTER * plane, 0
     around = int(np.ceil(GROUP * metre / cell))
     for r in range(max(0, row - around), min(rows, row + around + 1)):
-        begin = _first_of(cells, r * cols + max(0, col - around))
-        end = _first_of(cells, r * cols + min(cols, col + around + 1))
+        begin = first_at(cells, r * cols + max(0, col - around), 0, len(cells))
+        end = first_at(cells, r * cols + min(cols, col + around + 1), 0, len(cells))
         for k in range(begin, end):
             away = np.sqrt((low[k, 0] - x) ** 2 + (low[k, 1] - y) ** 2)
             if away <= GROUP * metre:

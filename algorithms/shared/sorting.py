@@ -1,8 +1,10 @@
-"""Sorting within kernels."""
+"""Sorting and searching within kernels."""
 
 from __future__ import annotations
 
 from numba import njit
+
+from algorithms.shared.compiling import helper
 
 
 @njit(cache=True, nogil=True)
@@ -14,3 +16,18 @@ def sort_few(values):  # type: ignore[no-untyped-def]
             values[j] = values[j - 1]
             j -= 1
         values[j] = value
+
+
+@helper
+def first_at(rising, value, start, stop):  # type: ignore[no-untyped-def]
+    """The first place of start..stop whose value is not below one; stop if there is none.
+
+    np.searchsorted takes long to compile.
+    """
+    while start < stop:
+        middle = (start + stop) >> 1
+        if rising[middle] < value:
+            start = middle + 1
+        else:
+            stop = middle
+    return start

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.compare.surfaces import measures
-from algorithms.points.filter import Returns
-from algorithms.surface._samples import choice_problems, chosen, samples, why_none
+from algorithms.points.filter import Returns, choice_problems, chosen
+from algorithms.surface._samples import samples, why_none
 from algorithms.surface.grid import STATISTICS, grid
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table

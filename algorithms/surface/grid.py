@@ -21,12 +21,12 @@ from typing import Any, Literal, NamedTuple, cast, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.points.filter import Returns
+from algorithms.points.filter import Returns, choice_problems, chosen
 from algorithms.shared.places import averaged
 from algorithms.shared.polygons import polygons
 from algorithms.surface import _near as near
 from algorithms.surface import _outlines as shapes
-from algorithms.surface._samples import choice_problems, chosen, samples, why_none
+from algorithms.surface._samples import samples, why_none
 from algorithms.surface._statistics import Statistic, per_cell
 from algorithms.surface._tin import STEPS, Tin
 from toolbox.context import QUIET, Context, log

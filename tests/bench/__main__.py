@@ -1,0 +1,21 @@
+"""Run the measurements that are named, or all."""
+
+from __future__ import annotations
+
+import sys
+
+from tests.bench.corridor import corridor
+from tests.bench.files import damaged, memory, reading, roundtrip, startup
+from tests.bench.gridding import gridding
+from tests.bench.ground import cloth, filters, isprs, terrain
+from tests.bench.shorelines import shorelines
+from tests.bench.speed import speed
+
+ALL = (
+    *(startup, reading, memory, isprs, filters, cloth, terrain, damaged, roundtrip, speed),
+    *(gridding, shorelines, corridor),
+)
+BENCHES = {b.__name__: b for b in ALL}
+
+for name in sys.argv[1:] or BENCHES:
+    BENCHES[name]()

@@ -1,0 +1,142 @@
+"""Starting, reading, writing, and files that are odd or damaged."""
+
+from __future__ import annotations
+
+import json
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from tests.bench.measuring import DATA, PEAK, ROOT, ROUNDS, alternately, folder, say, toolbox
+
+
+def startup() -> None:
+    """Wall time of the verbs that must answer at once; aim below 0.3 s."""
+    for arguments in (["list"], ["describe", "ground.csf"], ["run", "ground.csf", "--help"]):
+        seconds = statistics.median(toolbox(*arguments)["seconds"] for _ in range(ROUNDS))
+        say(f"startup  {' '.join(arguments):24} {seconds:.3f} s")
+
+
+def reading() -> None:
+    """Reading and writing LAZ against plain laspy; aims 1.15 and 1.25."""
+    import laspy
+
+    from toolbox.data import PointCloud
+
+    path = DATA / "autzen_ept/autzen_south_5M.laz"
+    ours, theirs = alternately(lambda: PointCloud.open(path).xyz, lambda: laspy.read(path).xyz)
+    say(f"reading  {ours:.2f} s, laspy {theirs:.2f} s, ratio {ours / theirs:.2f}")
+    cloud, las = PointCloud.open(path), laspy.read(path)
+    with folder() as out:
+        ours, theirs = alternately(
+            lambda: cloud.save(out / "a.laz"), lambda: las.write(out / "b.laz")
+        )
+    say(f"writing  {ours:.2f} s, laspy {theirs:.2f} s, ratio {ours / theirs:.2f}")
+
+
+def memory() -> None:
+    """Peak memory per point of reading with coordinates, in processes of their own."""
+    path = DATA / "autzen_ept/autzen_south_5M.laz"
+    code = f"import sys; {{}}; print({PEAK})"
+    opened = "from toolbox.data import PointCloud; c = PointCloud.open(sys.argv[1]); c.xyz"
+    plain = "import laspy; c = laspy.read(sys.argv[1]); xyz = c.xyz"
+    small = DATA / "feet/autzen_trim.laz"
+    for name, work in [("ours", opened), ("laspy", plain)]:
+        peaks = [
+            int(subprocess.check_output([sys.executable, "-c", code.format(work), file], cwd=ROOT))
+            for file in (path, small)
+        ]
+        grown = 1024 * (peaks[0] - peaks[1]) / (5_050_000 - 110_000)
+        say(f"memory   {name:6} {peaks[0] / 1024:.0f} MiB at the peak, {grown:.0f} bytes per point")
+
+
+def damaged() -> None:
+    """Every odd or damaged file: outcome, seconds and the memory of the process."""
+    for path in sorted((DATA / "robustness").glob("*.la[sz]")):
+        code = (
+            "import sys\nfrom toolbox.cli import main\n"
+            "code = main(['info', sys.argv[1], '--json'])\n"
+            f"print({PEAK} // 1024, code, file=sys.stderr)"
+        )
+        start = time.perf_counter()
+        done = subprocess.run(
+            [sys.executable, "-c", code, str(path)],
+            capture_output=True, text=True, cwd=ROOT, check=False,
+        )  # fmt: skip
+        *messages, last = done.stderr.strip().splitlines()
+        points = next(
+            (r["value"] for r in json.loads(done.stdout or "[]") if r["property"] == "points"), "-"
+        )
+        mib, exit_code = last.split()
+        note = messages[0][:90] if messages else ""
+        say(
+            f"damaged  {path.name:32} exit {exit_code}  {points:>6} points  "
+            f"{time.perf_counter() - start:.1f} s  {mib} MiB  {note}"
+        )
+
+
+def roundtrip() -> None:
+    """Every readable cloud through PointCloud.open and save; what comes back differently."""
+    from toolbox.data import PointCloud
+    from toolbox.errors import DataError
+
+    same = 0
+    endings = (".las", ".laz", ".txt.gz", ".csv.gz", ".ply", ".ply.gz", ".pcd")
+    paths = sorted(p for p in DATA.rglob("*") if p.name.lower().endswith(endings))
+    with folder() as out:
+        for path in paths:
+            suffix = ".ply" if ".ply" in path.name or path.suffix == ".pcd" else path.suffix
+            suffix = ".txt.gz" if suffix == ".gz" else suffix
+            try:
+                cloud = PointCloud.open(path)
+                cloud.save(out / f"a{suffix}")
+                differences = list(_differences(cloud, path, out / f"a{suffix}"))
+            except DataError as err:
+                differences = [str(err)]
+            same += not differences
+            for text in differences:
+                say(f"roundtrip  {path.parent.name}/{path.name}: {text[:150]}")
+    say(f"roundtrip  {same} of {len(paths)} files came back without a difference")
+
+
+def _differences(cloud: Any, path: Path, copy: Path) -> Iterator[str]:
+    import laspy
+    import numpy as np
+
+    from toolbox.data import PointCloud
+    from toolbox.data.crs import same_crs
+
+    back = PointCloud.open(copy)
+    if not np.array_equal(cloud.xyz, back.xyz):
+        yield f"coordinates differ by up to {abs(cloud.xyz - back.xyz).max():.1g}"
+    lost = [n for n in cloud.names if n not in back or not _equal(cloud[n], back[n])]
+    if lost:
+        yield f"attributes differ: {', '.join(lost)}"
+    if not same_crs(cloud.crs, back.crs):
+        yield "the CRS differs"
+    if path.suffix.lower() in (".las", ".laz") and path.parent.name != "robustness":
+        one, two = laspy.read(path), laspy.read(copy)
+        if one.points.array.tobytes() != two.points.array.tobytes():
+            yield "raw point records differ"
+        records = [
+            {
+                (v.user_id, v.record_id, v.record_data_bytes())
+                for v in las.vlrs
+                if "copc" not in v.user_id
+            }
+            for las in (one, two)
+        ]
+        if records[0] != records[1]:
+            yield "VLRs differ"
+        if "copc" in {vlr.user_id for vlr in one.vlrs}:
+            yield "COPC records are left out, the copy is plain LAZ"
+
+
+def _equal(one: Any, two: Any) -> bool:
+    import numpy as np
+
+    return bool(np.array_equal(one, two, equal_nan=one.dtype.kind == "f"))

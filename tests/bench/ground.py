@@ -1,0 +1,168 @@
+"""Ground filters: errors on known truth, and beside the package of the cloth simulation."""
+
+from __future__ import annotations
+
+import os
+import statistics
+import time
+from typing import Any
+
+from tests.bench.measuring import DATA, alternately, folder, say, toolbox
+
+# Zhang et al. (2016), table 2 and section 4: settings by group, and total errors in percent.
+CSF_GROUPS = {
+    "12": (2, True, 2.97), "21": (3, False, 3.42), "23": (2, True, 4.79), "31": (3, False, 1.61),
+    "42": (3, False, 1.58), "51": (3, False, 3.08), "54": (3, False, 3.18), "61": (1, True, 1.49),
+}  # fmt: skip
+
+
+def isprs() -> None:
+    """ground.csf and compare.classes on the ISPRS samples with the paper's settings."""
+    errors = []
+    with folder() as out:
+        for sample, (rigidness, smooth, paper) in CSF_GROUPS.items():
+            made = out / f"{sample}.laz"
+            settings = ["--rigidness", rigidness, "--smooth_slopes", str(smooth).lower()]
+            source = ["--points", DATA / f"isprs_samples/samp{sample}.txt.gz"]
+            source += ["--points.columns", "x,y,z,label", "--assume-crs", "EPSG:32632"]
+            first = toolbox("run", "ground.csf", *source, *settings, "--classified", made, "--json")
+            found = toolbox(
+                *["run", "compare.classes", "--points", made, "--reference_attribute", "label"],
+                *["--reference_positive", "0", "--json"],
+            )["statistics"]
+            errors.append((found["total_error"], paper))
+            say(
+                f"isprs    samp{sample}  Type I {found['type_1']:6.2f}  Type II "
+                f"{found['type_2']:6.2f}  total {found['total_error']:5.2f} %  kappa "
+                f"{100 * found['kappa']:5.1f}  paper {paper:.2f} %  {first['seconds']:.1f} s"
+            )
+    ours, papers = (statistics.mean(column) for column in zip(*errors, strict=True))
+    say(f"isprs    mean total error {ours:.2f} %, paper {papers:.2f} %")
+
+
+def filters() -> None:
+    """All ground filters with their defaults, and csf with the paper's settings, on known truth."""
+    from pyproj import CRS
+
+    from toolbox.data import PointCloud
+
+    samples, tiles = {}, {}
+    for name in CSF_GROUPS:
+        path = DATA / f"isprs_samples/samp{name}.txt.gz"
+        cloud = PointCloud.open(path, columns=("x", "y", "z", "label")).with_crs(CRS(32632))
+        samples[name] = cloud, cloud["label"] == 0
+    for path in sorted((DATA / "ign_urban_50m").glob("*.laz")):
+        cloud = PointCloud.open(path)
+        tiles[path.stem] = cloud, cloud["classification"] == 2
+    for id, make in ground_filters().items():
+        _errors(id, make, samples, {})
+        _errors(id, make, tiles, {})
+    groups = {n: {"rigidness": r, "smooth_slopes": s} for n, (r, s, _) in CSF_GROUPS.items()}
+    _errors("ground.csf by group", ground_filters()["ground.csf"], samples, groups)
+
+
+def ground_filters() -> dict[str, Any]:
+    from toolbox import catalog
+
+    return {id: catalog.load(id).make for id in catalog.own_ids() if id.startswith("ground.")}
+
+
+def _errors(
+    title: str, make: Any, clouds: dict[str, Any], settings: dict[str, dict[str, Any]]
+) -> None:
+    """One line of errors per cloud, and their means."""
+    from algorithms.compare.classes import Counts
+
+    rows = []
+    for name, (cloud, true) in clouds.items():
+        found = make(points=cloud, **settings.get(name, {})).run().classified
+        counts = Counts.of(found["classification"] == 2, true)
+        rows.append((counts.type_1, counts.type_2, counts.total_error, counts.kappa))
+    means = tuple(statistics.mean(column) for column in zip(*rows, strict=True))
+    for name, (type_1, type_2, total, kappa) in zip([*clouds, "mean"], [*rows, means], strict=True):
+        say(
+            f"filters  {title:28} {name:12} Type I {type_1:6.2f}  Type II {type_2:6.2f}  "
+            f"total {total:5.2f} %  kappa {100 * kappa:5.1f}"
+        )
+
+
+def cloth() -> None:
+    """ground.csf against the package cloth-simulation-filter, in processor time of one thread."""
+    import numba
+
+    from algorithms.samples.scene import SamplesScene
+    from toolbox.data import PointCloud
+
+    os.environ["OMP_NUM_THREADS"] = "1"
+    try:
+        import CSF  # type: ignore[import-not-found]
+    except ImportError:
+        say("cloth    the package cloth-simulation-filter is not installed")
+        return
+    numba.set_num_threads(1)
+    clouds = {
+        "autzen": PointCloud.open(DATA / "autzen_ept/autzen_south_5M.laz"),
+        "scene": SamplesScene(size=500.0, density=20.0).run().points,
+    }
+    for name, cloud in clouds.items():
+        xyz, metre = cloud.xyz, cloud.metre
+        ours, theirs = alternately(
+            lambda xyz=xyz, metre=metre: _our_cloth(xyz, metre),  # type: ignore[misc]
+            lambda xyz=xyz, metre=metre: _their_cloth(CSF, xyz, metre),  # type: ignore[misc]
+            *(3, time.process_time),
+        )
+        say(
+            f"cloth    {name:7} {len(xyz) / 1e6:.2f} M points: {ours:.2f} CPU s, "
+            f"package {theirs:.2f} CPU s, ratio {theirs / ours:.1f}"
+        )
+
+
+def _our_cloth(xyz: Any, metre: float) -> Any:
+    from algorithms.ground.csf import cloth_simulation, ground_mask
+
+    cloth = cloth_simulation(xyz, cloth_resolution=metre, rigidness=3, metre=metre)
+    return ground_mask(xyz, cloth, class_threshold=0.5 * metre)
+
+
+def _their_cloth(package: Any, xyz: Any, metre: float) -> Any:
+    """The same with the package, which knows no units and is given metres."""
+    cloth = package.CSF()
+    cloth.params.bSloopSmooth = False
+    cloth.params.rigidness = 3
+    cloth.params.cloth_resolution = 1.0
+    cloth.params.class_threshold = 0.5
+    cloth.setPointCloud(xyz / metre)
+    ground, other = package.VecInt(), package.VecInt()
+    cloth.do_filtering(ground, other, False)
+    return ground
+
+
+def terrain() -> None:
+    """A dense urban tile: ground by CSF, gridded at 0.5 m, against another program's DTM."""
+    import numpy as np
+
+    from toolbox.data import Raster
+
+    tile = "77050_627755"
+    with folder() as out:
+        source = ["--points", DATA / f"ign_urban_50m/{tile}.laz"]
+        toolbox("run", "ground.csf", *source, "--classified", out / "g.laz")
+        for name, points in [("csf", out / "g.laz"), ("true", source[1])]:
+            grid = ["--points", points, "--classes", "2", "--cell", "0.5"]
+            toolbox("run", "surface.grid", *grid, "--surface", out / f"{name}.tif")
+            ours = Raster.open(out / f"{name}.tif")
+            reference = Raster.open(DATA / f"ign_gridding_reference/DTM_{tile}.tif")
+            x, y = (g.ravel() for g in np.meshgrid(*_centres(reference)))
+            difference = ours.sample(x, y, method="nearest") - reference.band().ravel()
+            difference = difference[np.isfinite(difference)]
+            say(
+                f"terrain  {name:5} ground: RMSE {np.sqrt(np.mean(difference**2)):.3f} m, "
+                f"median {np.median(difference):+.3f} m, "
+                f"95 % within {np.quantile(abs(difference), 0.95):.3f} m"
+            )
+
+
+def _centres(raster: Any) -> tuple[Any, Any]:
+    from toolbox.data import Lattice
+
+    return Lattice.of(raster).centres()  # type: ignore[no-any-return]

@@ -14,8 +14,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from algorithms.shared._delaunay_kernels import is_ghost, orient
 
@@ -132,9 +130,9 @@ def sew(
     of, beyond = np.repeat(np.arange(len(seam)), 3), across.flatten()
     pair = np.minimum(of, beyond) * len(seam) + np.maximum(of, beyond)
     joined = (beyond >= 0) & ~np.isin(pair, pair[its])
-    graph = csr_array((joined[joined], (of[joined], beyond[joined])), (len(seam), len(seam)))
-    _, patch = connected_components(graph, directed=False)  # type: ignore[arg-type]
-    fits = np.isin(patch, patch[of[its]]) if len(its) else np.ones(len(seam), bool)
+    fits = (
+        _reached(of[its], across, joined.reshape(-1, 3)) if len(its) else np.ones(len(seam), bool)
+    )
     places, left = np.split(free, [np.count_nonzero(fits)])
     number = np.full(len(seam), -1, np.int32)
     number[fits] = places
@@ -152,6 +150,25 @@ def _edge_keys(triangles: Ints, edges: Edges, *, forward: bool) -> Edges:
     if not forward:
         begin, end = end, begin
     return np.asarray((begin.astype(np.int64) << 32) | end)
+
+
+@njit(cache=True, nogil=True)
+def _reached(start, across, joined):  # type: ignore[no-untyped-def]
+    """Whether each triangle is one of some, or joined to one of them by way of others."""
+    reached, waiting, count = np.zeros(len(across), np.bool_), np.empty(len(across), np.int64), 0
+    for t in start:
+        if not reached[t]:
+            reached[t], waiting[count] = True, t
+            count += 1
+    while count > 0:
+        count -= 1
+        t = waiting[count]
+        for k in range(3):
+            n = across[t, k]
+            if joined[t, k] and not reached[n]:
+                reached[n], waiting[count] = True, n
+                count += 1
+    return reached
 
 
 @njit(cache=True, nogil=True)

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
 
 from algorithms.shared import _lowest_kernels as kernels
 from toolbox.context import Context
@@ -150,6 +149,8 @@ def low_outliers(
 
     Few cells are suspect by their lowest points alone; only what lies low there is looked at.
     """
+    from scipy.ndimage import maximum_filter  # of which the other functions have no need
+
     reach = max(OUTLIER_REACH * metre, 2 * cell)
     tops = xyz[lowest]
     tops[lowest < 0] = np.inf

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from algorithms.shared.polygons import geometries
 from toolbox.context import QUIET, Context
@@ -131,6 +130,8 @@ def with_breaklines(
     -------
     places of shape (m, 2) and their heights of shape (m,)
     """
+    from scipy.spatial import cKDTree  # of which most grids have no need
+
     ends, middles = _pieces(shapes, spacing)
     if not len(middles):
         return xy, values

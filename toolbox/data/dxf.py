@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 import shapely
 
 from toolbox.data.crs import length_problem, metres_per_unit
@@ -88,6 +87,7 @@ def _unit(frame: geopandas.GeoDataFrame) -> int:
 
 
 def _layer_name(row: Mapping[Any, Any], layer: str, path: Path) -> str:
+    import pandas as pd
     from ezdxf.lldxf.validator import is_valid_layer_name
 
     value = row.get(LAYER)
@@ -99,6 +99,8 @@ def _layer_name(row: Mapping[Any, Any], layer: str, path: Path) -> str:
 
 def _texts(row: Mapping[Any, Any], path: Path) -> list[tuple[int, str]]:
     """The attributes that have a value, as extended data."""
+    import pandas as pd
+
     texts = [f"{name}={value}" for name, value in row.items() if not pd.isna(value)]
     sizes = [len(text.encode()) for text in texts]
     if max(sizes, default=0) > _LONGEST or sum(sizes) > _MOST:

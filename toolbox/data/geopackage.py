@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 SUFFIX = ".gpkg"
@@ -16,6 +17,16 @@ _BESIDE = ("-wal", "-shm", "-journal")  # of the SQLite database that it is
 def parts(path: Path) -> tuple[Path, ...]:
     """The file itself, and all that would be written or read with it."""
     return path, *(Path(f"{path}{ending}") for ending in _BESIDE)
+
+
+def tables(path: Path) -> list[str]:
+    """Names of the tables without geometry in a GeoPackage."""
+    query = "SELECT table_name FROM gpkg_contents WHERE data_type = 'attributes'"
+    with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
+        try:
+            return [str(name) for (name,) in database.execute(query)]
+        except sqlite3.Error as error:
+            raise ValueError(str(error)) from error
 
 
 @contextmanager

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 import shapely
 from numpy.typing import NDArray
 
@@ -85,8 +84,8 @@ def _numbers(frame: geopandas.GeoDataFrame) -> dict[str, NDArray[Any]]:
     """The attributes that are numbers and have a name that PLY can hold."""
     columns = {}
     for name, values in frame.drop(columns=frame.geometry.name).items():
-        if not pd.api.types.is_numeric_dtype(values) or not re.fullmatch(r"[!-~]+", str(name)):
+        if values.dtype.kind not in "biuf" or not re.fullmatch(r"[!-~]+", str(name)):
             continue
-        whole = pd.api.types.is_integer_dtype(values) and values.abs().max() < 2**31
+        whole = values.dtype.kind in "iu" and values.abs().max() < 2**31
         columns[str(name)] = values.to_numpy("i4" if whole and not values.hasnans else "f8")
     return {name: values for name, values in columns.items() if name != FEATURE}

@@ -6,13 +6,11 @@ import base64
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
-
-import pandas as pd
+from typing import ClassVar
 
 from toolbox.context import QUIET, Context
 from toolbox.data.record import checked
-from toolbox.data.table import Table, cell_text
+from toolbox.data.table import Table, cell_texts, is_number
 from toolbox.errors import DataError
 
 _MOST_ROWS = 200  # of a table; a report is to be read by people
@@ -59,13 +57,13 @@ class Rows:
     @property
     def columns(self) -> list[tuple[str, bool]]:
         """Name of each column, and whether it holds numbers."""
-        return [(str(name), _is_number(column)) for name, column in self.table.frame.items()]
+        return [(str(name), is_number(column)) for name, column in self.table.frame.items()]
 
     @property
     def cells(self) -> list[list[str]]:
         """The texts of each row that is shown."""
         frame = self.table.frame.head(self.most)
-        columns = [["" if pd.isna(v) else cell_text(v) for v in c] for _, c in frame.items()]
+        columns = [cell_texts(column, missing="") for _, column in frame.items()]
         return [list(row) for row in zip(*columns, strict=True)]
 
 
@@ -147,7 +145,3 @@ class Report:
 
 def _is(kind: type) -> Callable[[object], bool]:
     return lambda block: isinstance(block, kind)
-
-
-def _is_number(column: pd.Series[Any]) -> bool:
-    return pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)

@@ -1,0 +1,112 @@
+"""Files of tables: CSV, JSON, Parquet and GeoPackage, read and written as frames of pandas."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from toolbox.data import geopackage
+from toolbox.data.table import Table, need_pyarrow
+
+
+def read(path: Path, layer: str | None) -> pd.DataFrame:
+    """The rows of a file; ValueError if it does not hold a table."""
+    if path.suffix.lower() == geopackage.SUFFIX:
+        return _read_geopackage(path, layer)
+    readers = {".csv": _read_csv, ".json": _read_json, ".parquet": _read_parquet}
+    return readers[path.suffix.lower()](path)
+
+
+def write(table: Table, path: Path, layer: str | None, *, add: bool) -> None:
+    """Write a table to a file; ValueError if its format cannot hold a value."""
+    if path.suffix.lower() == geopackage.SUFFIX:
+        _write_geopackage(table.frame, path, layer, add=add)
+        return
+    writers = {".csv": _write_csv, ".json": _write_json, ".parquet": _write_parquet}
+    writers[path.suffix.lower()](table, path)
+
+
+def _read_csv(path: Path) -> pd.DataFrame:
+    how = {"dtype_backend": "numpy_nullable", "keep_default_na": False, "na_values": [""]}
+    frame: pd.DataFrame = pd.read_csv(path, **how)  # type: ignore[call-overload]
+    if not isinstance(frame.index, pd.RangeIndex):  # pandas takes the first cells for an index
+        raise ValueError("its rows have more cells than its header")
+    return frame
+
+
+def _read_json(path: Path) -> pd.DataFrame:
+    rows = json.loads(path.read_text(encoding="utf-8"))
+    if not (isinstance(rows, list) and all(isinstance(row, dict) for row in rows)):
+        raise ValueError("a list of records is needed: [{...}, {...}]")
+    return Table.from_rows(rows).frame
+
+
+def _read_parquet(path: Path) -> pd.DataFrame:
+    need_pyarrow()
+    return pd.read_parquet(path, dtype_backend="numpy_nullable")
+
+
+def _write_csv(table: Table, path: Path) -> None:
+    table.frame.to_csv(path, index=False, lineterminator="\n")
+
+
+def _write_json(table: Table, path: Path) -> None:
+    """One record per line; pandas' own writer cuts floats to 15 digits."""
+    lines = [json.dumps(row, ensure_ascii=False, allow_nan=False) for row in table.records()]
+    path.write_text("[\n" + ",\n".join(lines) + "\n]\n", encoding="utf-8")
+
+
+def _write_parquet(table: Table, path: Path) -> None:
+    need_pyarrow()
+    frame = table.frame
+    texts = {name: column.map(_text) for name, column in frame.items() if column.dtype == object}
+    frame.assign(**{str(n): c for n, c in texts.items()}).to_parquet(path, index=False)
+
+
+def _write_geopackage(frame: pd.DataFrame, path: Path, layer: str | None, *, add: bool) -> None:
+    import pyogrio
+
+    for part in () if add else geopackage.parts(path):
+        part.unlink(missing_ok=True)
+    with geopackage.same_date(), _library_errors():
+        pyogrio.write_dataframe(
+            frame, path, layer=layer or path.stem, driver="GPKG", **geopackage.OPTIONS
+        )
+
+
+def _read_geopackage(path: Path, layer: str | None) -> pd.DataFrame:
+    """Not through GDAL, which makes floats of whole numbers where one is missing."""
+    names = geopackage.tables(path)
+    with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
+        if (layer not in names) if layer else len(names) != 1:
+            raise ValueError(f"its tables are {', '.join(names) or 'none'}; name one as layer")
+        table = '"' + (layer or names[0]).replace('"', '""') + '"'
+        columns = database.execute(f"PRAGMA table_info({table})").fetchall()
+        yes_no = [name for _, name, kind, *_ in columns if kind == "BOOLEAN"]
+        frame = pd.read_sql_query(
+            f"SELECT * FROM {table}", database, dtype_backend="numpy_nullable"
+        )
+    key = [name for _, name, *_, is_key in columns if is_key]
+    return frame.drop(columns=key).astype(dict.fromkeys(yes_no, "boolean"))
+
+
+@contextmanager
+def _library_errors() -> Iterator[None]:
+    """Turn what pyogrio raises into a ValueError."""
+    from pyogrio import errors
+
+    try:
+        yield
+    except (errors.DataSourceError, errors.DataLayerError, errors.FieldError) as error:
+        raise ValueError(str(error)) from error
+
+
+def _text(value: Any) -> str | None:
+    """A cell of a column of mixed types, which Parquet does not have."""
+    return None if pd.isna(value) else str(value)

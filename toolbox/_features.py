@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from toolbox._images import LENGTHS, OTHER, Classes, Ramp
@@ -27,7 +26,7 @@ def feature_key(layer: Vector) -> Classes | Ramp | None:
         return Ramp.about_zero(frame[name].to_numpy(float), label)
     if "kind" not in frame:
         return None
-    kinds = [str(kind) for kind in pd.unique(frame["kind"].dropna())]
+    kinds = [str(kind) for kind in frame["kind"].dropna().unique()]
     if not 0 < len(kinds) <= _MOST_KINDS:
         return None
     kinds.sort()
@@ -39,7 +38,7 @@ def feature_key(layer: Vector) -> Classes | Ramp | None:
 def _about_zero(layer: Vector) -> str | None:
     """The attribute that is shown in two colours about zero."""
     columns = layer.frame.dtypes
-    return next((n for n in _ABOUT_ZERO if pd.api.types.is_float_dtype(columns.get(n))), None)
+    return next((n for n in _ABOUT_ZERO if n in columns and columns[n].kind == "f"), None)
 
 
 def feature_colours(layer: Vector, key: Classes | Ramp) -> NDArray[Any]:

@@ -37,7 +37,7 @@ def dealt(xy: Floats) -> tuple[Ints, list[int], Floats]:
     starts : where those of each strip begin, and their end
     bounds : array of shape (strips + 1,), strip k has the x from bounds[k] to below bounds[k + 1]
     """
-    x, strips = xy[:, 0], len(xy) // STRIP
+    x, strips = np.ascontiguousarray(xy[:, 0]), len(xy) // STRIP
     cuts = np.unique(np.sort(x)[np.arange(1, strips) * len(xy) // strips])
     strip = np.searchsorted(cuts, x, side="right").astype(np.uint16)
     order = np.argsort(strip, kind="stable").astype(np.int32)

@@ -79,8 +79,11 @@ def buckets(xy: Array, cells: int, *, ctx: Context = QUIET) -> Buckets:
         size = max(smallest, size * math.sqrt(PER_BUCKET / crowd))
     order = _fill(xy, west, south, size, cols, starts)
     ctx.progress(0.7)
-    sorted_xy = xy[order]
-    ctx.progress(1.0)
+    sorted_xy = np.empty_like(xy)
+    in_blocks(
+        lambda first, last: _gather(xy, order, first, last, sorted_xy),
+        *(len(xy), BLOCK, ctx.part(0.7, 1.0)),
+    )
     return Buckets(sorted_xy, order, starts, west, south, size, rows, cols)
 
 
@@ -104,6 +107,13 @@ def _fill(xy, west, south, size, cols, starts):  # type: ignore[no-untyped-def]
         order[free[square]] = i
         free[square] += 1
     return order
+
+
+@njit(cache=True, nogil=True)
+def _gather(xy, order, first, last, out):  # type: ignore[no-untyped-def]
+    """Fill in the points first..last of the order."""
+    for i in range(first, last):
+        out[i, 0], out[i, 1] = xy[order[i], 0], xy[order[i], 1]
 
 
 def weighted(

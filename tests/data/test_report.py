@@ -40,6 +40,12 @@ def test_texts_and_tables_stand_on_the_page_as_they_are() -> None:
     assert [e.text for e in tree.iter("caption")] == ["A table"]
 
 
+def test_names_stand_out_and_markup_stays_text() -> None:
+    tree = body(report("Use `a<b` of two."))
+    assert [e.text for e in tree.iter("code")] == ["a<b"]
+    assert "".join(list(tree.iter("p"))[-1].itertext()) == "Use a<b of two."
+
+
 def test_rows_that_are_left_out_are_told() -> None:
     tree = body(report(Rows(Table.from_rows({"n": n} for n in range(7)), "Seven", most=2)))
     assert [e.text for e in tree.iter("td")] == ["0", "1"]

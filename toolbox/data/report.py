@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from toolbox.context import QUIET, Context
 from toolbox.data.record import checked
 from toolbox.data.table import Table, cell_texts, is_number
 from toolbox.errors import DataError
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
 
 _MOST_ROWS = 200  # of a table; a report is to be read by people
 
@@ -115,6 +119,7 @@ class Report:
 
         page = Path(__file__).with_name("report.html").read_text(encoding="utf-8")
         environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+        environment.filters["prose"] = _prose
         kinds = {"is_rows": _is(Rows), "is_figure": _is(Figure)}
         safe = checked(record).replace("</", "<\\/") if record else ""
         return environment.from_string(page).render(report=self, record=safe, **kinds)
@@ -141,6 +146,13 @@ class Report:
         except OSError as error:
             raise DataError(f"{path} cannot be written: {error}") from error
         ctx.progress(1.0)
+
+
+def _prose(text: str) -> Markup:
+    """A text for the page, in which `names` stand out."""
+    from markupsafe import Markup, escape
+
+    return Markup(re.sub(r"`([^`\n]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 def _is(kind: type) -> Callable[[object], bool]:

@@ -21,6 +21,9 @@ from tests.bench.measuring import (
     toolbox,
 )
 from tests.bench.peers import GDAL, GRIDDATA, MEASURED, OURS, PEERS
+from tests.bench.speed import SIZES, survey
+
+METHODS = ("mean", "nearest", "idw", "linear", "natural", "cubic")
 
 
 def gridding() -> None:
@@ -44,10 +47,11 @@ def gridding() -> None:
                     say(f"gridding {method:8} {name}: not installed")
                     break
                 _say_ratio(method, name, bar, aim, found)
-        for method in ("linear", "natural", "cubic", "idw", "nearest", "mean"):
+        for method in METHODS:
             _memory_of(f"ours {method}", OURS.format(method), out / "5.npy", peer=False)
         for method in ("linear", "cubic"):
             _memory_of(f"griddata {method}", GRIDDATA.format(method), out / "5.npy", peer=True)
+        _growth(out)
         _beside_gdal_grid(xyz, out)
         _beside_floor(out)
 
@@ -98,6 +102,26 @@ def _memory_of(name: str, code: str, points: Path, *, peer: bool) -> None:
     per_cell = (fine["peak"] - coarse["peak"]) / (fine["cells"] - coarse["cells"])
     per_point = (coarse["peak"] - per_cell * coarse["cells"]) / coarse["points"]
     say(f"gridding memory {name:16} {per_point:5.0f} bytes per point, {per_cell:3.0f} per cell")
+
+
+def _growth(out: Path) -> None:
+    """Processor time per point of a survey that grows at its own density."""
+    import numpy as np
+
+    from toolbox.data import PointCloud
+
+    for millions in SIZES:
+        survey(millions, out / "survey.laz")
+        cloud = PointCloud.open(out / "survey.laz")
+        np.save(out / f"{millions} M.npy", cloud.xyz / cloud.metre)
+    for method in METHODS:
+        spent = []
+        for millions in SIZES:
+            found = _measured(OURS.format(method), out / f"{millions} M.npy", 1.0, peer=False)
+            assert found
+            spent.append(found["cpu"] / found["points"] * 1e6)
+        sizes = ", ".join(f"{s:.2f} at {m} M" for s, m in zip(spent, SIZES, strict=True))
+        say(f"gridding growth {method:8} CPU s per M points: {sizes}; {spent[-1] / spent[0]:.2f}")
 
 
 def _beside_gdal_grid(xyz: Any, out: Path) -> None:
@@ -162,7 +186,7 @@ def _beside_floor(out: Path) -> None:
     total = sum(floor.values())
     parts = ", ".join(f"{name} {seconds:.1f}" for name, seconds in floor.items())
     say(f"gridding floor {total:.1f} CPU s: {parts}")
-    for method in ("mean", "nearest", "idw", "linear", "natural", "cubic"):
+    for method in METHODS:
         options = ["--points", path, "--method", method, "--cell", 0.5, "--json"]
         seconds = toolbox("run", "surface.grid", *options, "--surface", out / f"{method}.tif")
         say(

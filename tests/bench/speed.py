@@ -49,7 +49,7 @@ def _growth() -> None:
     with folder() as out:
         for millions in SIZES:
             path = out / f"{millions}.laz"
-            _survey(millions, path)
+            survey(millions, path)
             cloud, count = PointCloud.open(path), laspy.read(path).header.point_count / 1e6
             reading = statistics.median(
                 timed(lambda path=path: laspy.read(path).xyz, time.process_time)  # type: ignore[misc]
@@ -67,7 +67,7 @@ def _growth() -> None:
         say(f"speed    {id:28} per point, {SIZES[-1]} M over {SIZES[0]} M: {growth:.2f}")
 
 
-def _survey(millions: int, path: Path) -> None:
+def survey(millions: int, path: Path) -> None:
     """Write the west of two copies of a survey side by side, at its own density."""
     import laspy
     import numpy as np

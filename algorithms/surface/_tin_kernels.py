@@ -155,9 +155,9 @@ def _on_facet(xy, values, triangles, t, x, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def linear(xy, values, triangles, facet, first, last, xs, ys, surface):  # type: ignore[no-untyped-def]
-    """Fill in the rows first..last where there is a triangle."""
-    for row in range(first, last):
-        for col in range(len(xs)):
+    """Fill in the columns first..last where there is a triangle."""
+    for row in range(len(ys)):
+        for col in range(first, last):
             t = facet[row, col]
             if t >= 0:
                 surface[row, col] = _on_facet(xy, values, triangles, t, xs[col], ys[row])
@@ -244,14 +244,14 @@ def _rim_centre(xy, triangles, x, y, edge):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def natural(xy, values, triangles, neighbours, limit, facet, first, last, xs, ys, surface, used):  # type: ignore[no-untyped-def]
-    """Fill in the rows first..last: the mean of the neighbours by what the centre takes of them.
+    """Fill in the columns first..last: the mean of the neighbours by what the centre takes of them.
 
     A cell stays empty if a corner of the Voronoi cell of its centre is beyond the limit.
     """
     waiting, rim = np.empty(64, np.int64), np.empty(64, np.int64)
-    for row in range(first, last):
+    for row in range(len(ys)):
         y = ys[row]
-        for col in range(len(xs)):
+        for col in range(first, last):
             t, x = facet[row, col], xs[col]
             if t < 0:
                 continue
@@ -473,9 +473,9 @@ def _across(g, p, pq, qp, q, inner_p, inner_q):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def cubic(xy, values, gradients, triangles, neighbours, limit, facet, first, last, xs, ys, surface):  # type: ignore[no-untyped-def]
-    """Fill in the rows first..last where there is a triangle."""
-    for row in range(first, last):
-        for col in range(len(xs)):
+    """Fill in the columns first..last where there is a triangle."""
+    for row in range(len(ys)):
+        for col in range(first, last):
             t = facet[row, col]
             if t >= 0:
                 surface[row, col] = _on_piece(

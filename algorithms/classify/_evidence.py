@@ -91,29 +91,37 @@ class Scene:
         return ground, height_above(self.xyz, found)
 
     @functools.cached_property
-    def around(self) -> Mapping[str, Floats]:
-        """Means over the points around, on the same side of the ground."""
-        ground, metre = self.terrain[0], self.cloud.metre
+    def planes(self) -> tuple[Floats, Floats]:
+        """How far in metres, as standard deviation, points lie from the plane around each point.
+
+        Array of shape (n,), NaN where there are too few; and the normals, shape (n, 3).
+        """
         found = covariance_features(
             self.xyz,
             neighbours=None,
             radius=self.radius,
-            names=("eigenvalue3", "neighbours"),
+            names=("eigenvalue3", "neighbours", "nx", "ny", "nz"),
             ctx=self.ctx.part(0.4, 0.8),
         )
         count = found["neighbours"].astype(np.float64)
         shapeless = count < ENOUGH
-        # Three points always lie on a plane, so as many less are left to tell how far off it is.
-        freedom = np.where(shapeless, np.nan, count - 3)
-        off_plane = np.sqrt(found["eigenvalue3"] * count / freedom) / metre
         if np.count_nonzero(shapeless) > FEW * len(shapeless):
             log.warning(
                 "%d of %d points lack neighbours to lie on a plane with; raise radius",
                 *(np.count_nonzero(shapeless), len(shapeless)),
             )
+        # Three points always lie on a plane, so as many less are left to tell how far off it is.
+        freedom = np.where(shapeless, np.nan, count - 3)
+        off_plane = np.sqrt(found["eigenvalue3"] * count / freedom) / self.cloud.metre
+        return off_plane, np.column_stack([found[axis] for axis in ("nx", "ny", "nz")])
+
+    @functools.cached_property
+    def around(self) -> Mapping[str, Floats]:
+        """Means over the points around, on the same side of the ground."""
+        ground, metre, off_plane = self.terrain[0], self.cloud.metre, self.planes[0]
         values = {
             "planarity": np.where(off_plane <= self.flat, 1.0, 0.0),
-            "roughness": np.where(shapeless, self.radius / metre, off_plane),
+            "roughness": np.where(np.isnan(off_plane), self.radius / metre, off_plane),
             "returns": penetrating(self.cloud).astype(np.float64),
         }
         means = means_around(

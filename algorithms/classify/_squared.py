@@ -1,8 +1,8 @@
 """Outlines of buildings with straight walls that meet at right angles where they nearly do.
 
-The walls follow two main directions, square to each other, that the longest edges agree on. Edges
-near them are turned into them, and neighbours of one direction become one wall; others stay as they
-are. A wall lies where its points are on average.
+The walls follow two main directions, square to each other, that the longest edges agree on. An edge
+near one of them is turned into it unless that would move its ends too far: long walls keep the
+direction that they have. A wall lies where its points are on average.
 
 References
 ----------
@@ -15,19 +15,52 @@ directions.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 NEAR = np.radians(25)  # edges that are turned into a main direction by at most this
-ALIKE = 0.85  # IoU with the outline below which it is left as it was
-SHORT = 4.0  # times the tolerance: slanted edges that are shorter are no walls
-SLANTED, CUT = 2, 3  # kinds of edges beside 0, along the main direction, and 1, across it
-PARALLEL = 1e-3  # sine of the angle between walls that meet nowhere near
+AGREE = np.radians(10)  # edges at a larger angle do not speak for the same direction
+SHORT = 4.0  # times the tolerance: slanted edges that are shorter are corners cut off, no walls
+FAR = 2.0  # times the tolerance, how far corners may be from the outline
+ALONG, ACROSS, SLANTED = range(3)  # kinds of edges, by the main direction
+PARALLEL = 1e-9  # sine of the angle between walls that meet nowhere
 
 Floats = NDArray[np.float64]
+
+
+class Wall(NamedTuple):
+    """A straight wall.
+
+    Attributes
+    ----------
+    kind : ALONG, ACROSS or SLANTED
+    chain : array of shape (n, 2), the part of the outline that it stands for
+    normal : array of shape (2,), square to the wall, of length 1
+    away : how far from the origin it lies, along the normal
+    """
+
+    kind: int
+    chain: Floats
+    normal: Floats
+    away: float
+
+    @classmethod
+    def of(cls, chain: Floats, kind: int) -> Wall:
+        """The wall at the mean of a part of the outline."""
+        if kind == SLANTED:
+            east, north = chain[-1] - chain[0]
+            normal = np.array([-north, east]) / np.hypot(east, north)
+        else:
+            normal = np.array([0.0, 1.0] if kind == ALONG else [1.0, 0.0])
+        middle, length = (chain[1:] + chain[:-1]) / 2, np.hypot(*np.diff(chain, axis=0).T)
+        return cls(kind, chain, normal, float(np.average(middle @ normal, weights=length)))
+
+    def nearest(self, point: Floats) -> Floats:
+        """The place on the wall that is nearest to a point."""
+        return np.asarray(point + (self.away - point @ self.normal) * self.normal)
 
 
 def squared(outline: Any, tolerance: float) -> tuple[Any, bool]:
@@ -36,31 +69,37 @@ def squared(outline: Any, tolerance: float) -> tuple[Any, bool]:
     Parameters
     ----------
     outline : shapely polygon
-    tolerance : how far the walls may be from the outline, roughly, in its unit
+    tolerance : how far walls may be turned away from the outline, in its unit
 
     Returns
     -------
     shapely polygon, valid; and whether its walls were squared
+        Nothing of it is farther from the outline than twice the tolerance.
     """
     plain = outline.simplify(tolerance)
     if plain.is_empty or not plain.is_valid or plain.geom_type != "Polygon":
         return outline, False
     angle = main_direction(plain)
-    short = SHORT * tolerance
-    shells = [wall_corners(np.asarray(ring.coords)[:-1], angle, short) for ring in rings(plain)]
-    if shells[0] is None:
+    made = [
+        wall_corners(corners(ring), corners(few), angle, tolerance)
+        for ring, few in zip(rings(outline), rings(plain), strict=True)
+    ]
+    if min(map(len, made)) < 3:
         return plain, False
-    made = shapely.Polygon(shells[0], [hole for hole in shells[1:] if hole is not None])
-    if not made.is_valid:
+    found = shapely.Polygon(made[0], made[1:])
+    if not found.is_valid or found.hausdorff_distance(outline) > FAR * tolerance:
         return plain, False
-    shared = made.intersection(outline).area
-    alike = shared / (made.area + outline.area - shared)
-    return (made, True) if alike >= ALIKE else (plain, False)
+    return found, True
 
 
 def rings(polygon: Any) -> list[Any]:
     """The outer ring, and the holes."""
     return [polygon.exterior, *polygon.interiors]
+
+
+def corners(ring: Any) -> Floats:
+    """Corners of a ring, each once, array of shape (n, 2)."""
+    return np.asarray(ring.coords)[:-1]
 
 
 def main_direction(polygon: Any) -> float:
@@ -69,71 +108,95 @@ def main_direction(polygon: Any) -> float:
     edge = np.concatenate(steps) @ [1, 1j]
     length = np.abs(edge)
     turned = (edge / np.where(length > 0, length, 1)) ** 4  # equal for directions 90 degrees apart
-    return float(np.angle((length * turned).sum()) / 4 % (np.pi / 2))
+    off = np.abs(np.angle(turned[:, None] / turned)) / 4
+    agree = np.maximum(0, 1 - off / AGREE)
+    best = agree[(agree @ length).argmax()]
+    return float(np.angle((best * length * turned).sum()) / 4 % (np.pi / 2))
 
 
-def wall_corners(corners: Floats, angle: float, short: float = 0.0) -> Floats | None:
-    """Corners of a ring whose walls follow the main direction; None if no ring is left.
+def wall_corners(ring: Floats, few: Floats, angle: float, tolerance: float) -> Floats:
+    """Corners of a ring whose walls follow the main direction.
 
     Parameters
     ----------
-    corners : array of shape (n, 2), each once
+    ring : corners of the outline, array of shape (n, 2)
+    few : those between which it is nearly straight, in the same order, array of shape (m, 2)
     angle : of the main direction, in radians
-    short : slanted edges below this length are corners cut off, or steps between parallel walls
+    tolerance : how far edges may be turned away from the outline
+
+    Returns
+    -------
+    array of shape (k, 2)
     """
-    origin = corners.mean(axis=0)
+    origin = ring.mean(axis=0)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    start = (corners - origin) @ turn
-    edge = np.roll(start, -1, axis=0) - start
-    kinds = _without_cut_corners([_kind(step) for step in edge], np.hypot(*edge.T) < short)
-    kept = np.flatnonzero(np.array(kinds) != CUT)
-    start, edge, kinds = start[kept], edge[kept], [kinds[k] for k in kept]
-    walls = [_wall(start[run], edge[run], kinds[run[0]]) for run in _runs(kinds)]
-    if len(walls) < 4:
-        return None
-    found = []
-    for (normal, away), (other, farther) in zip(walls, walls[1:] + walls[:1], strict=True):
-        both = np.array([normal, other])
-        if abs(np.linalg.det(both)) < PARALLEL:
-            return None
-        found.append(np.linalg.solve(both, [away, farther]))
-    return np.asarray(np.array(found) @ turn.T + origin)
+    edges = [(chain - origin) @ turn for chain in _chains(ring, few)]
+    walls = _walls(edges, tolerance)
+    found = [
+        corner
+        for one, other in zip(walls, walls[1:] + walls[:1], strict=True)
+        for corner in _corners_between(one, other, FAR * tolerance)
+    ]
+    return np.asarray(np.array(found).reshape(-1, 2) @ turn.T + origin)
 
 
-def _without_cut_corners(kinds: list[int], is_short: NDArray[np.bool_]) -> list[int]:
-    """Short slanted edges between two walls go, or become the step from one to the other."""
-    made = list(kinds)
-    for k in np.flatnonzero(is_short):
-        before, after = kinds[k - 1], kinds[(k + 1) % len(kinds)]
-        if kinds[k] == SLANTED and SLANTED not in (before, after):
-            made[k] = CUT if before != after else 1 - before
-    return made
+def _chains(ring: Floats, few: Floats) -> list[Floats]:
+    """Parts of a ring from each of some of its corners to the next, both included."""
+    at = {tuple(corner): number for number, corner in enumerate(ring)}
+    begins = [at[tuple(corner)] for corner in few]
+    ends = [*begins[1:], begins[0]]
+    count = len(ring)
+    return [
+        ring[np.arange(i, i + (j - i) % count + 1) % count]
+        for i, j in zip(begins, ends, strict=True)
+    ]
 
 
-def _kind(step: Floats) -> int:
-    """0 along the main direction, 1 across it, or SLANTED."""
+def _walls(edges: list[Floats], tolerance: float) -> list[Wall]:
+    """Walls of a ring: neighbours in one line are joined, and corners cut off are left out."""
+    kinds = [_kind(edge[-1] - edge[0], tolerance) for edge in edges]
+    walls: list[Wall] = []
+    for k in _from_a_corner(kinds):
+        wall = Wall.of(edges[k], kinds[k])
+        around = (kinds[k - 1], kinds[(k + 1) % len(kinds)])
+        length = float(np.hypot(*(edges[k][-1] - edges[k][0])))
+        if wall.kind == SLANTED and SLANTED not in around and length < SHORT * tolerance:
+            continue
+        if walls and in_line(walls[-1], wall, tolerance):
+            walls[-1] = Wall.of(np.concatenate([walls[-1].chain, wall.chain]), wall.kind)
+        else:
+            walls.append(wall)
+    return walls
+
+
+def in_line(one: Wall, other: Wall, tolerance: float) -> bool:
+    """Whether two walls are one."""
+    alike = one.kind == other.kind != SLANTED
+    return alike and abs(one.away - other.away) <= tolerance
+
+
+def _kind(step: Floats, tolerance: float) -> int:
+    """ALONG the main direction, ACROSS it, or SLANTED."""
     off = abs(np.arctan2(step[1], step[0]))
-    if min(off, np.pi - off) <= NEAR:
-        return 0
-    return 1 if abs(off - np.pi / 2) <= NEAR else SLANTED
+    for kind, turned in ((ALONG, min(off, np.pi - off)), (ACROSS, abs(off - np.pi / 2))):
+        if turned <= NEAR and np.hypot(*step) / 2 * np.sin(turned) <= tolerance:
+            return kind
+    return SLANTED
 
 
-def _runs(kinds: list[int]) -> list[list[int]]:
-    """Numbers of edges that make one wall: neighbours in one main direction."""
+def _from_a_corner(kinds: list[int]) -> list[int]:
+    """Numbers of the edges of a ring, beginning where one wall ends and another begins."""
     count = len(kinds)
-    begins = [i for i in range(count) if kinds[i] == SLANTED or kinds[i] != kinds[i - 1]]
-    if not begins:
-        return []
-    ends = [*begins[1:], begins[0] + count]
-    return [[k % count for k in range(i, j)] for i, j in zip(begins, ends, strict=True)]
+    first = next((k for k in range(count) if kinds[k] != kinds[k - 1]), 0)
+    return [k % count for k in range(first, first + count)]
 
 
-def _wall(start: Floats, edge: Floats, kind: int) -> tuple[Floats, float]:
-    """Normal of a wall, and how far from the origin it lies, where its edges are on average."""
-    length = np.hypot(*edge.T)
-    if kind == SLANTED:
-        normal = np.array([-edge[0, 1], edge[0, 0]]) / length[0]
-    else:
-        normal = np.array([0.0, 1.0] if kind == 0 else [1.0, 0.0])
-    middle = start + edge / 2
-    return normal, float(np.average(middle @ normal, weights=length))
+def _corners_between(one: Wall, other: Wall, far: float) -> list[Floats]:
+    """Where two walls meet, or a step from one to the other if that is far from their ends."""
+    ends = (one.chain[-1] + other.chain[0]) / 2
+    both = np.array([one.normal, other.normal])
+    if abs(np.linalg.det(both)) > PARALLEL:
+        meeting = np.linalg.solve(both, [one.away, other.away])
+        if np.hypot(*(meeting - ends)) <= far:
+            return [meeting]
+    return [one.nearest(ends), other.nearest(ends)]

@@ -27,11 +27,15 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 from scipy.spatial import cKDTree
 
+from algorithms.classify import _buildings_kernels as kernels
 from algorithms.classify import _evidence
 from algorithms.classify._squared import squared
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.ground import taking_part
+from algorithms.shared.lowest import blocks
+from algorithms.shared.neighbours import PointTree
 from algorithms.shared.polygons import Polygons
+from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Vector
 from toolbox.errors import DataError, NothingToDo
@@ -41,6 +45,10 @@ from toolbox.values import ClassList, Share
 BUILDING, OTHER = np.uint8(_evidence.BUILDING), np.uint8(1)
 FOOT = 0.5  # metres above ground from which points in an outline are building
 EAVES = 0.4  # metres beyond the outline in which points of the roof may lie
+THICK = 2.0  # standard deviations from a plane near by within which a point lies on it
+BESIDE_PLANES = 1.0  # metres from the planes of a roof up to which what is joined to it is building
+TOUCHING = 0.01  # metres, so that points on an outline are inside whatever the rounding
+PER_POINT = 100  # how much longer than others a point takes in which planes are looked for
 TOP = 1.0  # metres, cells in which the highest point of a roof is looked for
 SIMPLE = 0.5  # metres that squared walls may be from the points
 BESIDE, LEVEL, ENDS, OVER_GROUND = 1.5, 0.75, 3.0, 3.0  # metres: see `bridges`
@@ -58,18 +66,20 @@ class ClassifyBuildings:
 
     Classify the ground first. Of the points at least `min_height` above it, roofs are those around
     which at least `planarity` of the points lie on planes, and less than twice that share lets the
-    pulse through. They are joined to regions as an alpha shape; what is narrower than `alpha` is
-    cut off, and regions from `smallest` to `largest` are buildings. All points in them up to the
-    roof become class 6, walls and dormers as well, but neither ground nor branches above. Without
-    returns planarity alone decides, and twice as much is asked for.
+    pulse through. Those on planes are joined to regions as an alpha shape; what is narrower than
+    `alpha` is cut off, and regions from `smallest` to `largest` are buildings. Up to a metre beside
+    them, all that looks like a roof belongs to it. Points there become class 6 up to the roof,
+    walls and dormers as well, but neither ground nor branches above. Without returns planarity
+    alone decides, and twice as much is asked for.
 
     What meets ground at roof level at two ends is a bridge, and is left out.
 
     Outlines are `squared`: straight walls, at right angles where they nearly are; or `alpha`, as
-    the points have it. Both run half a point spacing outside of the outermost points of the roof,
-    so they show roofs, not walls. Their attributes are area, perimeter, number of roof points,
-    elevations of ground, eave, ridge and mean roof, height of the ridge above the ground, in the
-    unit of the data, and whether the walls were squared.
+    the points have it. Both lie where edges of roofs are on average when points lie inside. Maps
+    often show walls: take the `overhang` of the roofs off. Attributes of outlines are area,
+    perimeter, number of points on planes of the roof, elevations of ground, eave, ridge and mean
+    roof, height of the ridge above the ground, in the unit of the data, and whether the walls were
+    squared.
 
     Other points keep their class, and become 1 if it was 6.
     """
@@ -111,6 +121,13 @@ class ClassifyBuildings:
     )
     outline: Literal["squared", "alpha"] = param("How outlines are drawn", default="squared")
     ground_classes: ClassList = param("Classes that are ground", default=ClassList([2]))
+    overhang: float = param(
+        "Roof beyond the walls, taken off the outlines; 0 shows roofs",
+        default=0.0,
+        unit="m",
+        ge=0,
+        le=2,
+    )
     ignore: ClassList | None = param(
         "Classes that take no part and stay as they are", default=ClassList([7, 9, 18])
     )
@@ -141,11 +158,13 @@ class ClassifyBuildings:
         part = taking_part(cloud, self.ignore)
         scene = self._scene(part, ctx.part(0.0, 0.6))
         roof = self._roof(scene)
-        shapes = self._regions(scene, roof, ctx.part(0.6, 0.8))
+        planes = on_planes(scene, roof, ctx.part(0.6, 0.65))
+        shapes = self._buildings(scene, planes, ctx.part(0.65, 0.75))
+        joined = self._regions(scene, roof, ctx.part(0.75, 0.85))
         found = np.zeros(len(cloud), bool)
-        found[part] = up_to_the_roof(scene, roof, shapes, metre)
+        found[part] = up_to_the_roof(scene, roof, around(shapes, joined, metre), metre)
         ctx.progress(0.9)
-        rows = [self._row(scene, roof, shape) for shape in shapes]
+        rows = self._rows(scene, planes, shapes)
         ctx.progress(1.0)
         return self._packed(found, part, rows)
 
@@ -175,11 +194,11 @@ class ClassifyBuildings:
         flat = scene.around["planarity"] >= least
         return ~ground & (height >= self.min_height / scene.cloud.metre) & flat & solid(scene)
 
-    def _regions(self, scene: _evidence.Scene, roof: Mask, ctx: Context) -> Shapes:
-        """Polygons around roofs, of a size that buildings have."""
+    def _regions(self, scene: _evidence.Scene, some: Mask, ctx: Context) -> Shapes:
+        """Polygons around points of roofs, not smaller than buildings are."""
         try:
             shape = alpha_shape(
-                scene.xyz[roof, :2],
+                scene.xyz[some, :2],
                 self.alpha,
                 hole_threshold=self.smallest,
                 region_threshold=self.smallest,
@@ -188,23 +207,40 @@ class ClassifyBuildings:
         except DataError:  # no roof point, or hardly any
             return np.empty(0, object)
         shapes = without_spikes(shape.polygons, self.alpha)
-        shapes = shapes[shapely.area(shapes) >= self.smallest]
+        return shapes[shapely.area(shapes) >= self.smallest]
+
+    def _buildings(self, scene: _evidence.Scene, planes: Mask, ctx: Context) -> Shapes:
+        """Polygons around the planes of roofs, of a size that buildings have."""
+        shapes = self._regions(scene, planes, ctx)
         if self.largest is not None:
             shapes = shapes[shapely.area(shapes) <= self.largest]
-        return shapes[~bridges(scene, roof, shapes)]
+        return shapes[~bridges(scene, planes, shapes)]
 
-    def _row(self, scene: _evidence.Scene, roof: Mask, shape: Any) -> dict[str, Any]:
-        """One building, with its outline drawn."""
-        inside = np.flatnonzero(roof)[_within(shape, scene.xyz[roof, :2])]
-        spacing = np.sqrt(shape.area / len(inside))
-        drawn, straight = shape.buffer(spacing / 2, join_style="mitre"), False
-        if self.outline == "squared":
-            drawn, straight = squared(drawn, SIMPLE * scene.cloud.metre)
-        return (
-            {"area": drawn.area, "perimeter": drawn.length, "points": len(inside)}
-            | heights(scene, inside, shape)
-            | {"squared": straight, "geometry": drawn}
-        )
+    def _rows(self, scene: _evidence.Scene, planes: Mask, shapes: Shapes) -> list[dict[str, Any]]:
+        """Buildings with their outlines drawn; several where only the overhang joins them."""
+        rows, narrow = [], 0
+        for shape in shapes:
+            wider = shape.buffer(TOUCHING * scene.cloud.metre)
+            inside = np.flatnonzero(planes)[_within(wider, scene.xyz[planes, :2])]
+            roof, straight = self._drawn(shape, len(inside) / shape.area)
+            walls = roof.buffer(-self.overhang, join_style="mitre")
+            narrow += walls.is_empty
+            rows += [
+                {"area": drawn.area, "perimeter": drawn.length, "points": len(inside)}
+                | heights(scene, inside, shape)
+                | {"squared": straight, "geometry": drawn}
+                for drawn in shapely.get_parts(roof if walls.is_empty else walls)
+            ]
+        if narrow:
+            log.warning("%d roofs are narrower than twice the overhang: drawn as they are", narrow)
+        return rows
+
+    def _drawn(self, shape: Any, density: float) -> tuple[Any, bool]:
+        """The outline of a roof, and whether it was squared."""
+        roof = shape.buffer(margin(density, self.alpha), join_style="mitre")
+        if self.outline == "alpha":
+            return roof, False
+        return squared(roof, SIMPLE * self.points.metre)
 
     def _packed(
         self, found: Mask, part: Mask, rows: list[dict[str, Any]]
@@ -229,6 +265,64 @@ def without_spikes(shapes: Shapes, width: float) -> Shapes:
     """Polygons without what is narrower than a width: branches and fences beside a roof."""
     core = shapely.buffer(shapes, -width / 2, join_style="mitre")
     return np.asarray(shapely.get_parts(shapely.buffer(core, width / 2, join_style="mitre")))
+
+
+def on_planes(scene: _evidence.Scene, roof: Mask, ctx: Context = QUIET) -> Mask:
+    """Points of a roof that lie on a plane, their own or that of another within the radius.
+
+    What stands beside a roof looks like one to :class:`_evidence.Scene`, which judges by all that
+    is around; but it does not lie on the planes of the roof.
+
+    Returns
+    -------
+    array of shape (n,)
+    """
+    off_plane, normal = scene.planes
+    own = roof & (off_plane <= scene.flat) & np.isfinite(normal).all(axis=1)
+    others = np.flatnonzero(roof & ~own)
+    found = own.copy()
+    if not own.any() or not len(others):
+        return found
+    tree = PointTree.of(scene.xyz[own], ctx=ctx.part(0.0, 0.3))
+    near = np.zeros(len(others), bool)
+    side_by_side(
+        *(kernels.on_planes, blocks(len(others), PER_POINT), scene.xyz[others], tree.xyz),
+        *(normal[own][tree.order], tree.boxes, tree.depth, scene.radius),
+        *(THICK * scene.flat * scene.cloud.metre, near),
+        ctx=ctx.part(0.3, 1.0),
+    )
+    found[others] = near
+    return found
+
+
+def around(shapes: Shapes, joined: Shapes, metre: float) -> Shapes:
+    """Regions of roofs with what is joined to them near their planes: gutters, dormers, walls.
+
+    Parameters
+    ----------
+    shapes : polygons around the planes of roofs
+    joined : polygons around all that looks like a roof
+    metre : length of one metre in the unit of the data
+    """
+    near = shapely.union_all(shapely.buffer(shapes, BESIDE_PLANES * metre))
+    found = shapely.union_all([*shapes, *shapely.intersection(joined, near)])
+    parts = shapely.get_parts(found)
+    return np.asarray(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON])
+
+
+def margin(density: float, alpha: float) -> float:
+    """How far on average a straight edge lies outside of the alpha shape of the points along it.
+
+    Between two points that it touches, a disc of radius r sinks in by h = l^2 / (8 r) for a chord
+    of length l. Where one point is expected in the area l h, no other is in the way: so
+    h = (density sqrt(8 r))^(-2/3), as convex hulls of points have it (Renyi and Sulanke 1963).
+
+    Parameters
+    ----------
+    density : points per area
+    alpha : radius of the disc
+    """
+    return float((density * np.sqrt(8 * alpha)) ** (-2 / 3))
 
 
 def _within(shape: Any, xy: Floats) -> Mask:

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from algorithms.classify._squared import main_direction, squared
-from algorithms.classify.buildings import ClassifyBuildings
+from algorithms.classify.buildings import ClassifyBuildings, margin
 from algorithms.compare.areas import CompareAreas
 from algorithms.ground.classify import GroundClassify
 from algorithms.samples.scene import SamplesScene
+from algorithms.shared.alpha_shape import alpha_shape
 from toolbox.data import PointCloud, Vector
 from toolbox.errors import DataError, NothingToDo, ParameterError
 
@@ -93,6 +94,67 @@ def test_the_smallest_building_decides_about_the_shed() -> None:
     assert len(none_so_large.outlines) == 1
     assert none_so_large.outlines.frame.area.max() < 12
     assert ClassifyBuildings(points=points, min_height=9.0).run().building_share == 0
+
+
+def test_a_hedge_at_the_wall_is_not_in_the_outline() -> None:
+    points = village()
+    x, y = (points.xyz[:, :2] - [500_000, 4_600_000]).T
+    hedge = (x > 21) & (x < 25) & (y > 7) & (y < 17)
+    rough = np.random.default_rng(2).uniform(2.2, 4.0, hedge.sum())
+    xyz = points.xyz.copy()
+    xyz[hedge, 2] = (100 + 0.02 * x)[hedge] + rough
+    truth, classes = points["truth"].copy(), points["classification"].copy()
+    truth[hedge], classes[hedge] = 5, 1
+    made = points.with_xyz(xyz).with_attributes({"truth": truth, "classification": classes})
+    out = ClassifyBuildings(points=made).run()
+    house = shapely.box(500_009, 4_600_008, 500_021, 4_600_016)
+    assert out.outlines.frame.geometry[0].difference(house).area < 3
+    found = out.classified["classification"] == 6
+    assert (found & hedge & (x > 23)).sum() == 0
+    assert found[(truth == 6) & (x < 21)].mean() > 0.98
+
+
+def test_overhang_is_taken_off_the_outlines(caplog: pytest.LogCaptureFixture) -> None:
+    points = village()
+    roof = ClassifyBuildings(points=points).run()
+    walls = ClassifyBuildings(points=points, overhang=0.5).run()
+    (one,), (other,) = roof.outlines.frame.geometry, walls.outlines.frame.geometry
+    assert other.area == pytest.approx(one.area - 0.5 * one.length + 4 * 0.25, rel=1e-6)
+    assert walls.outlines.frame["area"][0] == pytest.approx(other.area)
+    assert walls.building_share == roof.building_share
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        shed = ClassifyBuildings(points=points, smallest=5.0, largest=50.0, overhang=2.0).run()
+    assert "1 roofs are narrower than twice the overhang" in caplog.text
+    assert len(shed.outlines) == 1
+    assert shed.outlines.frame.area[0] > 7
+
+
+@pytest.mark.parametrize(("density", "alpha"), [(4.0, 1.5), (16.0, 1.5), (16.0, 0.8)])
+def test_outlines_are_as_large_as_roofs(density: float, alpha: float) -> None:
+    rng = np.random.default_rng(0)
+    roof = shapely.Polygon([(0, 0), (60, 0), (60, 40), (0, 40)])
+    made = []
+    for turn in (10, 25, 40):
+        shape = shapely.affinity.rotate(roof, turn)
+        cells = np.stack(np.meshgrid(*[np.arange(-30, 90, density**-0.5)] * 2), -1).reshape(-1, 2)
+        xy = cells + rng.uniform(-0.5, 0.5, cells.shape) * density**-0.5
+        xy = xy[shapely.contains_xy(shape, *xy.T)]
+        found = shapely.union_all(alpha_shape(xy, alpha).polygons)
+        assert margin(density, alpha) > 0
+        made.append(found.buffer(margin(density, alpha), join_style="mitre").area - roof.area)
+    assert abs(np.mean(made)) / roof.length < 0.25 * margin(density, alpha)
+
+
+def test_shifted_points_give_the_same() -> None:
+    points = village()
+    moved = points.with_xyz(points.xyz + np.array([300_000, -1_000_000, 0]))
+    out, far = (ClassifyBuildings(points=p, outline="alpha").run() for p in (points, moved))
+    np.testing.assert_array_equal(
+        out.classified["classification"], far.classified["classification"]
+    )
+    one, other = (o.outlines.frame.iloc[0] for o in (out, far))
+    assert one["points"] == other["points"]
+    assert one["area"] == pytest.approx(other["area"], rel=1e-7)
 
 
 def test_without_returns_planes_decide(caplog: pytest.LogCaptureFixture) -> None:
@@ -236,6 +298,34 @@ def test_a_slanted_wall_stays_and_a_circle_is_left_alone() -> None:
     assert main_direction(shapely.box(0, 0, 9, 3)) == pytest.approx(0, abs=1e-9)
 
 
+def test_a_long_wall_keeps_its_direction() -> None:
+    bent = shapely.Polygon([(0, 0), (60, 0), (60, 10), (30, 10), (0, 18)])
+    made, straight = squared(jagged(bent, by=0.05), 0.5)
+    assert straight
+    assert len(made.exterior.coords) == 6
+    assert made.hausdorff_distance(bent) < 0.3
+
+
+def test_walls_in_one_direction_stay_apart() -> None:
+    """Three houses in a row, each 2 m behind the one before: 15 degrees, but steps."""
+    steps = [(8 * k + side, 2 * k) for k in range(3) for side in (0, 8)]
+    row = shapely.Polygon([*steps, (24, 16), (0, 16)])
+    made, straight = squared(jagged(row, by=0.05), 0.5)
+    assert straight
+    assert made.hausdorff_distance(row) < 0.3
+    assert len(made.exterior.coords) == len(row.exterior.coords)
+
+
+def test_a_corner_cut_off_is_put_back() -> None:
+    cut = shapely.Polygon([(0, 0), (12, 0), (12, 7), (11, 8), (0, 8)])
+    made, straight = squared(cut, 0.3)
+    assert straight
+    assert len(made.exterior.coords) == 6
+    made, straight = squared(cut, 0.5)
+    assert straight
+    assert shapely.equals_exact(made.normalize(), shapely.box(0, 0, 12, 8).normalize(), 1e-6)
+
+
 @pytest.mark.slow
 def test_a_synthetic_town_is_mapped() -> None:
     made = SamplesScene(kind="town", size=200.0, density=8.0).run()
@@ -246,8 +336,8 @@ def test_a_synthetic_town_is_mapped() -> None:
     houses = frame[frame.kind == "building"].copy()
     houses["geometry"] = shapely.force_2d(houses.geometry.to_numpy())
     scored = CompareAreas(areas=out.outlines, reference=Vector(houses), min_area=50.0).run()
-    assert scored.completeness > 97
-    assert scored.similarity > 96
+    assert scored.completeness > 99
+    assert scored.similarity > 99
     assert scored.object_completeness == scored.object_correctness == 100
 
 

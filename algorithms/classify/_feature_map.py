@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from algorithms.classify import _som as som
 from algorithms.shared.threads import in_blocks
@@ -180,10 +181,10 @@ class FeatureMap:
         x, y = np.meshgrid(*lattice.centres())
         panel, inside = np.divmod(x, width + GAP)
         pixels = np.stack([inside + low[0], high[1] - y], axis=-1)  # the first row on top
-        away = np.linalg.norm(pixels[:, :, None] - place, axis=3)
-        nearest, picture = away.argmin(axis=2), np.full(x.shape, np.nan, np.float32)
+        away, nearest = map(np.asarray, cKDTree(place).query(pixels))
+        picture = np.full(x.shape, np.nan, np.float32)
         for number, numbers in enumerate(shown):
-            here = (panel == number) & (away.min(axis=2) < 0.62)
+            here = (panel == number) & (away < 0.62)
             extent = np.ptp(numbers)
             level = (numbers - numbers.min()) / extent if extent > 0 else np.zeros(len(numbers))
             picture[here] = level[nearest[here]]

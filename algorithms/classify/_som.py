@@ -20,6 +20,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from algorithms.classify import _som_kernels as kernels
 from algorithms.shared.lowest import blocks
@@ -51,7 +53,7 @@ def places(rows: int, columns: int, shape: Shape) -> Floats:
 
 def distances(place: Floats) -> Floats:
     """Distances between all neurons on the lattice, array of shape (m, m)."""
-    return np.asarray(np.linalg.norm(place[:, None] - place[None], axis=2))
+    return np.asarray(cdist(place, place))
 
 
 @dataclass(frozen=True)
@@ -252,7 +254,7 @@ def topographic_error(found: Winners, place: Floats) -> float:
 
 def u_matrix(weights: Floats, place: Floats) -> Floats:
     """Mean distance of the weights of each neuron from those of its neighbours on the lattice."""
-    beside = (distances(place) <= TOUCHING) & ~np.eye(len(place), dtype=bool)
-    apart = np.linalg.norm(weights[:, None] - weights[None], axis=2)
-    total = beside.sum(axis=1)
-    return np.asarray((apart * beside).sum(axis=1) / np.maximum(total, 1))
+    one, other = cKDTree(place).query_pairs(TOUCHING, output_type="ndarray").T
+    ends, apart = np.r_[one, other], np.linalg.norm(weights[one] - weights[other], axis=1)
+    total, count = (np.bincount(ends, w, len(place)) for w in (np.tile(apart, 2), None))
+    return np.asarray(total / np.maximum(count, 1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -295,6 +296,22 @@ def test_pictures_of_the_map(trained: ClassifySom.Outputs) -> None:
         shown = np.unique(panel[np.isfinite(panel)])
         assert 2 <= len(shown) <= 20
         assert (shown.min(), shown.max()) == (0, 1)
+
+
+def test_pictures_of_a_large_map_need_little_memory() -> None:
+    place = _som.places(40, 40, "hexagonal")
+    many, one = np.zeros(len(place)), np.ones(2)
+    made = FeatureMap(
+        *(("z", "intensity"), 0 * one, one, one, place / 40, place),
+        *(np.full(len(place), -1), many.astype("u1"), many.astype(int), many, 1.0, 3.0),
+    )
+    tracemalloc.start()
+    table, picture = made.table(), made.planes()
+    used = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert used < 200e6
+    assert len(table.frame) == 1600
+    assert len(np.unique(picture.band()[:, 420:820])) > 40
 
 
 def test_a_sample_depends_on_places_alone() -> None:

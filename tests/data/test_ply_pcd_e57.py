@@ -18,7 +18,7 @@ from pypcd4.pypcd4 import PointCloud as PcdFile
 
 from toolbox.data import PointCloud
 from toolbox.data.crs import parse_crs
-from toolbox.data.e57 import _crs
+from toolbox.data.e57 import _crs, _stretched
 from toolbox.errors import DataError
 
 XYZ = np.array([[1.5, 2, 3], [4, 5, 6], [7, 8, 9.25]])
@@ -175,6 +175,20 @@ def test_the_crs_of_an_e57_file(text: str | None, code: int | None) -> None:
     found = _crs(file, "a.e57")
     assert (found and found.to_epsg()) == code
     assert _crs(SimpleNamespace(root=Root()), "a.e57") is None
+
+
+def test_e57_intensity_beyond_its_limits(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Values are kept with single precision, limits with double."""
+    pye57 = pytest.importorskip("pye57")
+    values = np.array([0.1, 0.35, 0.7])
+    data = {f"cartesian{a}": XYZ[:, k] for k, a in enumerate("XYZ")} | {"intensity": values}
+    with pye57.E57(str(tmp_path / "a.e57"), mode="w") as file:
+        file.write_scan_raw(data)
+    assert PointCloud.open(tmp_path / "a.e57")["intensity"].tolist() == [0, 27306, 65535]
+    assert not caplog.records
+    wide = _stretched("intensity", np.array([0.0, 50.0, 200.0]), (0.0, 100.0))
+    assert wide.tolist() == [0, 16384, 65535]
+    assert "intensity goes from 0 to 200, beyond the limits" in caplog.text
 
 
 def test_damaged_e57(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

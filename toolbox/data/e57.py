@@ -15,6 +15,7 @@ from toolbox.errors import DataError
 
 _COLOURS = {"red": "Red", "green": "Green", "blue": "Blue"}
 _FULL = 65535  # 16 bit, as LAS has intensities and colours
+_ROUNDING = 1e-6  # of the range of values, by which they may go beyond it
 
 
 def read_e57(
@@ -24,8 +25,8 @@ def read_e57(
 
     Points that the scanner marked as invalid are left out. `point_source_id` tells the scans
     apart: 1, 2, ... Intensity and colours are stretched from the limits that the file states to
-    16 bit; without limits intensity stays as it is. What only some scans have is left out, and
-    the log says so.
+    16 bit; without limits intensity stays as it is. Limits that values go beyond are widened to
+    these, and what only some scans have is left out; the log says so.
 
     Returns
     -------
@@ -71,11 +72,12 @@ def _scan(file: Any, index: int) -> dict[str, NDArray[Any]]:
         "point_source_id": np.full(len(xyz), index + 1, np.uint16),
     }
     if "intensity" in data:
-        scan["intensity"] = _stretched(data["intensity"], _limits(header, "intensity"))
+        limits = _limits(header, "intensity")
+        scan["intensity"] = _stretched("intensity", data["intensity"], limits)
     for name, field in _COLOURS.items():
         if f"color{field}" in data:
             limits = _limits(header, f"color{field}") or (0.0, 255.0)
-            scan[name] = _stretched(data[f"color{field}"], limits)
+            scan[name] = _stretched(name, data[f"color{field}"], limits)
     return scan
 
 
@@ -88,14 +90,16 @@ def _limits(header: Any, name: str) -> tuple[float, float] | None:
     return (low, high) if low < high else None
 
 
-def _stretched(values: NDArray[Any], limits: tuple[float, float] | None) -> NDArray[Any]:
+def _stretched(name: str, values: NDArray[Any], limits: tuple[float, float] | None) -> NDArray[Any]:
     if limits is None:
         return values
     low, high = limits
-    share = (values.astype(np.float64) - low) / (high - low)
-    if len(share) and (share.min() < 0 or share.max() > 1):
-        raise ValueError(f"a value is outside the stated limits {low:g} to {high:g}")
-    return np.rint(share * _FULL).astype(np.uint16)
+    least, most = float(values.min(initial=low)), float(values.max(initial=high))
+    # Values of single precision go beyond limits of double precision by a little.
+    if min(least - low, high - most) < -_ROUNDING * (high - low):
+        text = "%s goes from %g to %g, beyond the limits that the file states, %g to %g"
+        log.warning(text, name, least, most, low, high)
+    return np.rint((values.astype(np.float64) - least) / (most - least) * _FULL).astype(np.uint16)
 
 
 def _crs(file: Any, name: str) -> CRS | None:

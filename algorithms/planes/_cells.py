@@ -28,6 +28,9 @@ THIN = 12.0  # least side of a cell over the noise, so that its normal is worth 
 THICK = 0.1  # least variance over the middle one, above which points are no plane
 SAME = 1.5  # variance about a plane in a large piece over that in a small one, at most
 ROUNDING = 1e-9  # of coordinates, as a share of the largest
+LARGER = [MOST * 4**k for k in range(1, 5)]  # most points of cells that tell the noise
+CLEARLY = 1.5  # share of cells that are planes over that of smaller cells, to be taken
+ENOUGH = 0.5  # share of cells that are planes, with which no larger ones are looked at
 LOOKED_AT = 5_000  # cells that tell the noise
 NOISY, SPARSE = 0.9, 0.95  # shares of them with less noise, and with closer points
 
@@ -116,7 +119,7 @@ def sort_into_cells(xyz: Floats, *, origin: Floats | None = None, ctx: Context =
     deepest = kernels.LEVELS
     if noise > 0:
         deepest = min(max(0, math.floor(math.log2(side / (THIN * noise)))), deepest)
-    starts, levels = _leaves(found[order], deepest)
+    starts, levels = _leaves(found[order], MOST, deepest)
     ctx.progress(0.6)
     count = len(levels)
     centres, normals = np.empty((count, 3)), np.empty((count, 3))
@@ -134,10 +137,10 @@ def sort_into_cells(xyz: Floats, *, origin: Floats | None = None, ctx: Context =
     )  # fmt: skip
 
 
-def _leaves(keys: NDArray[np.uint64], deepest: int) -> tuple[Ints, Ints]:
+def _leaves(keys: NDArray[np.uint64], most: int, deepest: int) -> tuple[Ints, Ints]:
     """Where the points of each leaf begin, and its level; see the kernel."""
     starts, levels = np.empty(len(keys) + 1, np.int64), np.empty(len(keys), np.int64)
-    count = kernels.leaves(keys, MOST, deepest, starts, levels)
+    count = kernels.leaves(keys, most, deepest, starts, levels)
     starts[count] = len(keys)
     return starts[: count + 1].copy(), levels[:count].copy()
 
@@ -145,10 +148,28 @@ def _leaves(keys: NDArray[np.uint64], deepest: int) -> tuple[Ints, Ints]:
 def _scales(xyz: Floats, keys: NDArray[np.uint64], side: float) -> tuple[float, float]:
     """The noise of sorted points, and how far they are apart; 0 where nothing is flat.
 
+    In a dense scan small cells are no larger than the noise. Larger ones are looked at until half
+    are planes, and taken if clearly more of them are.
+    """
+    share, noise, apart = _scale(xyz, keys, side, MOST)
+    for most in LARGER:
+        if share >= ENOUGH:
+            break
+        made = _scale(xyz, keys, side, most)
+        if made[0] > CLEARLY * share:
+            share, noise, apart = made
+    return noise, apart
+
+
+def _scale(
+    xyz: Floats, keys: NDArray[np.uint64], side: float, most: int
+) -> tuple[float, float, float]:
+    """The share of cells that are planes, their noise, and how far points are apart.
+
     The points of a plane lie as close to it in a large piece as in a small one. Where they do not,
     the surface is bent, or is none.
     """
-    starts, levels = _leaves(keys, kernels.LEVELS)
+    starts, levels = _leaves(keys, most, kernels.LEVELS)
     some = np.linspace(0, len(levels) - 1, min(len(levels), LOOKED_AT)).astype(np.int64)
     found = np.empty((len(some), 4))
     kernels.at_two_scales(some, xyz, keys, starts, levels, found)
@@ -157,13 +178,13 @@ def _scales(xyz: Floats, keys: NDArray[np.uint64], side: float) -> tuple[float, 
     plane = flat & (least_above <= SAME * least + (ROUNDING * side) ** 2)
     count = np.diff(starts)[some]
     if not flat.any():
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     # Where all is bent, the flattest quarter tells most.
     noise = (
         np.quantile(least_above[plane], NOISY) if plane.any() else np.quantile(least[flat], 0.25)
     )
     apart = np.sqrt(12 * middle[flat] / count[flat])  # evenly spread over a square
-    return math.sqrt(noise), float(np.quantile(apart, SPARSE))
+    return float(plane.mean()), math.sqrt(noise), float(np.quantile(apart, SPARSE))
 
 
 def _sorted(keys: NDArray[np.uint64], xyz: Floats) -> Ints:

@@ -80,11 +80,13 @@ class Patch:
     plane : array of shape (4,), normal and offset from the origin of the cells
     axes : array of shape (2, 3), along the plane
     squares : sorted numbers of the squares of a grid on it that hold its points
+    spread : standard deviation of its points about it; the same of all while not known
     """
 
     plane: Floats
     axes: Floats
     squares: Ints
+    spread: float = 1.0
 
     @property
     def wider(self) -> Ints:
@@ -99,10 +101,16 @@ class Patch:
 
 @dataclass
 class Search:
-    """Takes patch after patch out of cells."""
+    """Takes patch after patch out of cells.
+
+    Attributes
+    ----------
+    whole : whether the points of a cell hang together; in large cells of few points they may not
+    """
 
     cells: Cells
     rules: Rules
+    whole: bool = True
     weights: Floats = field(init=False)
     planes: Floats = field(default_factory=lambda: np.empty((0, 4)))
     gains: Floats = field(default_factory=lambda: np.empty(0))
@@ -279,9 +287,9 @@ class Search:
         owner = owner[:count]
         if not rules.connected:
             return cells[np.unique(owner)], squares, axes
-        next_of = np.flatnonzero(owner[1:] == owner[:-1])
+        next_of = np.flatnonzero((owner[1:] == owner[:-1]) & self.whole)
         piece = kernels.pieces(squares, np.column_stack([place[next_of], place[next_of + 1]]))
-        # A cell is of one piece, since its squares are.
+        # A cell is of the piece of its first square.
         first_of = np.unique(owner, return_index=True)
         cell_piece = piece[place[first_of[1]]]
         weight = np.bincount(cell_piece, self.weights[cells[first_of[0]]], minlength=len(squares))

@@ -193,6 +193,32 @@ def sums(cells, xyz, starts, free, plane, middle, limit, found):  # type: ignore
 
 
 @njit(cache=True, nogil=True)
+def weighted(xyz, part, plane, middle, limit, found):  # type: ignore[no-untyped-def]
+    """The sums of :func:`sums` over some points, the nearer to the plane the more they count.
+
+    The weight is Tukey's, (1 - (distance / limit)**2)**2, and 0 beyond the limit.
+    """
+    found[:] = 0.0
+    square = 1.0 / (limit * limit)
+    for i in part:
+        away = plane[0] * xyz[i, 0] + plane[1] * xyz[i, 1] + plane[2] * xyz[i, 2] - plane[3]
+        rest = 1.0 - away * away * square
+        if rest > 0.0:
+            x, y, z = xyz[i, 0] - middle[0], xyz[i, 1] - middle[1], xyz[i, 2] - middle[2]
+            w = rest * rest
+            found[0] += w
+            found[1] += w * x
+            found[2] += w * y
+            found[3] += w * z
+            found[4] += w * x * x
+            found[5] += w * x * y
+            found[6] += w * x * z
+            found[7] += w * y * y
+            found[8] += w * y * z
+            found[9] += w * z * z
+
+
+@njit(cache=True, nogil=True)
 def squares(cells, xyz, starts, free, plane, axes, limit, gap, found, owner):  # type: ignore[no-untyped-def]
     """The squares of a grid on a plane that hold free points of cells near it.
 
@@ -306,6 +332,7 @@ def assign(  # type: ignore[no-untyped-def]
     plane,
     axes,
     limit,
+    spread,
     gap,
     squares,
     cosine,
@@ -326,6 +353,7 @@ def assign(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
+    spread : unit in which distances from the plane are compared with those from others
     squares : sorted, those of the patch
     number : of the plane
     nearest, owner : arrays of shape (n,), distance and number of the nearest plane so far
@@ -342,9 +370,62 @@ def assign(  # type: ignore[no-untyped-def]
             for i in range(starts[cell], starts[cell + 1]):
                 x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
                 away = plane[0] * x + plane[1] * y + plane[2] * z - plane[3]
-                if abs(away) <= limit and abs(away) < nearest[i]:
+                if abs(away) <= limit and abs(away) < spread * nearest[i]:
                     aside = n[0] * (x - c[0]) + n[1] * (y - c[1]) + n[2] * (z - c[2])
                     if other and abs(aside) < abs(away):
                         continue
                     if _within(squares, _square(xyz[i], axes, gap)):
-                        nearest[i], owner[i] = abs(away), number
+                        nearest[i], owner[i] = abs(away) / spread, number
+
+
+@njit(cache=True, nogil=True)
+def near_edges(  # type: ignore[no-untyped-def]
+    plane,
+    axes,
+    tolerance,
+    gap,
+    squares,
+    cosine,
+    number,
+    planes,
+    xyz,
+    starts,
+    reach,
+    group,
+    owner,
+    edge,
+):
+    """Mark points of other planes where these meet a patch: they may be points of the patch.
+
+    How far they are is measured within their own plane, so that their noise does not choose among
+    them. Planes that face almost the same way do not meet.
+
+    Parameters
+    ----------
+    number : of the patch, from 1
+    planes : array of shape (k, 4), of all patches
+    owner : array of shape (n,), number of the plane of each point, 0 of none
+    edge : array of shape (n,) to mark
+    """
+    place = np.empty(3)
+    for g in range(len(group)):
+        if not _meets(group[g], plane, 3.0 * tolerance):
+            continue
+        for cell in range(g * GROUP, min((g + 1) * GROUP, len(reach))):
+            if not _meets(reach[cell], plane, 3.0 * tolerance):
+                continue
+            for i in range(starts[cell], starts[cell + 1]):
+                if owner[i] == 0 or owner[i] == number or edge[i]:
+                    continue
+                own = planes[owner[i] - 1]
+                facing = plane[0] * own[0] + plane[1] * own[1] + plane[2] * own[2]
+                if abs(facing) >= cosine:
+                    continue
+                x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+                noise = own[0] * x + own[1] * y + own[2] * z - own[3]
+                away = plane[0] * x + plane[1] * y + plane[2] * z - plane[3] - facing * noise
+                if abs(away) <= (1.0 + abs(facing)) * tolerance:
+                    step = away / (1.0 - facing * facing)
+                    for a in range(3):  # along its own plane to where that meets the other
+                        place[a] = xyz[i, a] - noise * own[a] - step * (plane[a] - facing * own[a])
+                    edge[i] = _within(squares, _square(place, axes, gap))

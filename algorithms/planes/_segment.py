@@ -18,9 +18,14 @@ from toolbox.context import QUIET, Context
 from toolbox.errors import DataError
 
 GAPS = 4.0  # widest gap of a plane over the distance of neighbours
+STRIP = 3.0  # the same over the tolerance
 NOISES = 3.3  # tolerance over the noise: 99.9 % of the points of a plane
 FEW = 5_000  # points that tell how wide a plane is
 NEAR = 3.0  # distance of planes over the tolerance, if one may be the noise of the other
+ROUNDS = 20  # of a robust fit
+DEVIATION = 1.4826  # standard deviation over the median of the sizes of normal values
+BIWEIGHT = 4.685  # standard deviations beyond which points do not count: 95 % as good as all
+SETTLED = 0.01  # change of distances over their spread, with which a fit is done
 PASSES = 4  # searches among the points that are left
 LOOK = 100_000  # points that tell whether there is more than a line
 
@@ -55,7 +60,7 @@ def segment(xyz: Floats, rules: Rules, *, ctx: Context = QUIET) -> Segments:
     ----------
     xyz : array of shape (n, 3)
     rules : what makes a plane; a tolerance of 0 takes NOISES times the noise, a gap of 0 GAPS
-        times the distance of neighbours
+        times the distance of neighbours, but no less than STRIP times the tolerance
     ctx : progress and cancellation
 
     Returns
@@ -83,16 +88,18 @@ def cells_of(xyz: Floats, *, ctx: Context = QUIET) -> Cells:
 def segment_cells(cells: Cells, rules: Rules, *, ctx: Context = QUIET) -> Segments:
     """The planes of points that are sorted into cells; see :func:`segment`."""
     least = ROUNDING * cells.size  # of points without noise
-    rules = replace(
-        rules,
-        tolerance=rules.tolerance or max(NOISES * cells.noise, least),
-        gap=rules.gap or max(GAPS * cells.apart, 4 * least),
-    )
+    tolerance = rules.tolerance or max(NOISES * cells.noise, least)
+    # A plane that is found later lacks the strip along its edges that the one before has taken.
+    gap = rules.gap or max(GAPS * cells.apart, STRIP * tolerance, 4 * least)
+    rules = replace(rules, tolerance=tolerance, gap=gap)
     patches, trials = _patches(cells, rules, ctx.part(0.0, 0.7))
     owner = _owners(cells, patches, rules, ctx.part(0.7, 1.0))
     ids = np.empty(len(owner), np.int32)
     ids[cells.order] = owner
-    planes = _fitted(cells, owner, patches)
+    planes = [
+        Plane(patch.plane[:3], _on(patch.plane, cells.xyz[part]), cells.origin)
+        for patch, part in zip(patches, parts_of(owner, len(patches)), strict=True)
+    ]
     ctx.progress(1.0)
     return Segments(ids, planes, rules, cells.noise, trials)
 
@@ -102,7 +109,7 @@ def _patches(cells: Cells, rules: Rules, ctx: Context) -> tuple[list[Patch], int
     found: list[Patch] = []
     trials, part = 0, cells
     for number in range(PASSES):
-        search = Search(part, rules)
+        search = Search(part, rules, whole=number == 0)
         made = search.patches(ctx.part(number / PASSES, (number + 1) / PASSES))
         trials += search.trials
         found += made
@@ -114,12 +121,13 @@ def _patches(cells: Cells, rules: Rules, ctx: Context) -> tuple[list[Patch], int
 
 
 def _owners(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> NDArray[np.int32]:
-    """The number of the plane of each sorted point; patches are put in that order.
+    """The number of the plane of each sorted point; patches are fitted to them, in that order.
 
     Those that lose points to others until they are too small are left out, and those that lie in
     the noise of a larger one.
     """
     while True:
+        patches[:] = _all_fitted(cells, patches, _nearest(cells, patches, rules, ctx), rules)
         owner = _nearest(cells, patches, rules, ctx)
         sizes = np.bincount(owner, minlength=len(patches) + 1)[1:]
         order = np.argsort(-sizes, kind="stable")
@@ -135,21 +143,23 @@ def _owners(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> N
             others = (patches[k] for k in keep)
             if not any(_is_noise(patch, xyz, other, rules) for other in others):
                 keep.append(number)
-        patches[:] = [patches[number] for number in keep]
         if len(keep) == len(sizes):
             ranks = np.zeros(len(keep) + 1, np.int32)
             ranks[order + 1] = np.arange(1, len(keep) + 1)
+            made = _all_fitted(cells, patches, owner, rules)
+            patches[:] = [made[k] for k in keep]
             return np.asarray(ranks[owner])
+        patches[:] = [patches[number] for number in keep]
 
 
 def _nearest(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> NDArray[np.int32]:
-    """The number of the patch, from 1, whose plane is nearest to each point; 0 of none."""
+    """The number of the patch, from 1, to which each point is nearest in its spread; 0 of none."""
     group, cosine = kernels.boxes(cells.reach), math.cos(rules.angle)
     nearest = np.full(len(cells.xyz), np.inf, np.float32)
     owner = np.zeros(len(cells.xyz), np.int32)
     for number, patch in enumerate(patches):
         kernels.assign(
-            patch.plane, patch.axes, rules.tolerance, rules.gap, patch.wider, cosine,
+            patch.plane, patch.axes, rules.tolerance, patch.spread, rules.gap, patch.wider, cosine,
             number + 1, cells.xyz, cells.starts, cells.reach, group, cells.centres, cells.normals,
             cells.flat, nearest, owner,
         )  # fmt: skip
@@ -174,6 +184,12 @@ def _width(uv: Floats) -> float:
     return float(np.ptp(turned, axis=0).min())
 
 
+def _on(plane: Floats, xyz: Floats) -> Floats:
+    """The place on a plane that is nearest to the mean of points of shape (n, 3)."""
+    mean = np.array([xyz[:, axis].mean() for axis in range(3)])
+    return np.asarray(mean - (plane[:3] @ mean - plane[3]) * plane[:3])
+
+
 def _is_noise(patch: Patch, xyz: Floats, other: Patch, rules: Rules) -> bool:
     """Whether a patch lies over another one, so close that both cannot have been seen."""
     if abs(patch.plane[:3] @ other.plane[:3]) < math.cos(rules.angle):
@@ -182,16 +198,43 @@ def _is_noise(patch: Patch, xyz: Floats, other: Patch, rules: Rules) -> bool:
     return bool(away < NEAR * rules.tolerance) and other.under(xyz, rules.gap) > 0.5
 
 
-def _fitted(cells: Cells, owner: NDArray[np.int32], patches: list[Patch]) -> list[Plane]:
-    """The plane of least squares of each number."""
-    planes = []
+def _all_fitted(
+    cells: Cells, patches: list[Patch], owner: NDArray[np.int32], rules: Rules
+) -> list[Patch]:
+    """The patches fitted to their points, without those along the edges with others."""
+    edge = np.zeros(len(owner), np.bool_)
+    group, cosine = kernels.boxes(cells.reach), math.cos(rules.angle)
+    planes = np.array([patch.plane for patch in patches]).reshape(-1, 4)
+    for number, patch in enumerate(patches):
+        kernels.near_edges(
+            patch.plane, patch.axes, rules.tolerance, rules.gap, patch.wider, cosine, number + 1,
+            planes, cells.xyz, cells.starts, cells.reach, group, owner, edge,
+        )  # fmt: skip
+    made = []
     for patch, part in zip(patches, parts_of(owner, len(patches)), strict=True):
-        xyz = cells.xyz[part]
-        centre = np.array([xyz[:, axis].mean() for axis in range(3)])
-        near = xyz - centre
-        second = (near.T @ near)[np.triu_indices(3)]
-        sums = np.array([len(xyz), 0.0, 0.0, 0.0, *second])
-        plane = plane_of(sums, centre, patch.plane[:3])
-        normal = patch.plane[:3] if plane is None else plane[:3]
-        planes.append(Plane(normal, centre, cells.origin))
-    return planes
+        inner = part[~edge[part]]
+        some = inner if 2 * len(inner) >= len(part) else part
+        made.append(_fitted(cells.xyz, some, patch, ROUNDING * cells.size) if len(some) else patch)
+    return made
+
+
+def _fitted(xyz: Floats, part: Ints, patch: Patch, least: float) -> Patch:
+    """A patch with the plane of some points, and their spread about it.
+
+    Points far from the plane for its own spread count less and less (Tukey's biweight): the
+    tolerance is the same for all planes, so that those with little noise have points of others.
+    """
+    some = xyz[part[:: 1 + len(part) // FEW]]
+    plane, middle, sums = patch.plane, some.mean(axis=0), np.empty(10)
+    away = some @ plane[:3] - plane[3]
+    for _ in range(ROUNDS):
+        spread = max(DEVIATION * float(np.median(np.abs(away))), least)
+        kernels.weighted(xyz, part, plane, middle, BIWEIGHT * spread, sums)
+        better = plane_of(sums, middle, plane[:3])
+        if better is None:
+            break
+        before, plane = away, better
+        away = some @ plane[:3] - plane[3]
+        if np.abs(away - before).max() < SETTLED * spread:
+            break
+    return replace(patch, plane=plane, spread=spread)

@@ -272,9 +272,12 @@ def openings(
     Lengths are in the unit of the points.
     """
     uv = front.uv[front.own]
-    wall = outline(uv, max_width, ctx=ctx.part(0.0, 0.4))
-    parts = alpha_shape(uv, min_width / 2, ctx=ctx.part(0.4, 0.8)).polygons
-    gaps = shapely.get_parts(shapely.difference(wall, shapely.union_all(list(parts))))
+    parts = shapely.union_all(list(alpha_shape(uv, min_width / 2, ctx=ctx.part(0.0, 0.4)).polygons))
+    # A few points of the ground or of a side wall, in line with the wall, are no part of it.
+    firm = shapely.buffer(shapely.buffer(parts, -min_width / 4), min_width / 4 + front.apart)
+    held = Polygons.of(shapely.get_parts(firm)).hold(uv)
+    wall = outline(uv[held] if held.any() else uv, max_width, ctx=ctx.part(0.4, 0.8))
+    gaps = shapely.get_parts(shapely.difference(wall, parts))
     # Narrow necks between gaps, where points lie a little farther apart, do not join them.
     gaps = shapely.get_parts(shapely.buffer(shapely.buffer(gaps, -min_width / 4), min_width / 4))
     shapes, seen, backs = [], [], []

@@ -116,6 +116,18 @@ def test_curtains_are_left_out_and_panes_stay() -> None:
     assert set(out.planes.frame.plane_id) == {WALL, WINDOW, DOOR, GROUND, SHADOW}
 
 
+def test_a_few_points_in_line_with_the_wall_are_no_wall() -> None:
+    """Three points of the ground beside the wall, and a side wall behind them."""
+    cloud, rng = front(), np.random.default_rng(6)
+    strays = np.array([[10.2, 0, 0], [10.25, 0, 0], [10.3, 0, 0]]) + FAR
+    side = FAR + np.column_stack([np.full(4000, 10.01), rng.random((4000, 2)) * [6, 4]])
+    xyz = np.vstack([cloud.xyz, strays, side])
+    ids = np.concatenate([cloud["plane_id"], np.full(3, WALL), np.full(4000, 9)])
+    out = found(PointCloud(xyz, {"plane_id": ids}, crs=UTM))
+    assert (out.cleaned["plane_id"][-4000:] == 9).all()
+    assert out.count == 2
+
+
 def test_feet() -> None:
     metres, feet = found(front()), found(front(metre=1 / 0.3048))
     assert list(feet.openings.frame.kind) == list(metres.openings.frame.kind)

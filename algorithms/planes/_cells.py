@@ -110,29 +110,28 @@ def sort_into_cells(xyz: Floats, *, origin: Floats | None = None, ctx: Context =
         kernels.keys(first, last, points, low, side, found)
 
     in_blocks(number, len(xyz), BLOCK, ctx.part(0.0, 0.2))
-    order = _sorted(found, points)
+    order, keys = _sorted(found, points)
     near = points[order]
     origin = low if origin is None else origin
     near -= origin
     ctx.progress(0.5)
-    noise, gap = _scales(near, found[order], side)
+    noise, gap = _scales(near, keys, side)
     deepest = kernels.LEVELS
     if noise > 0:
         deepest = min(max(0, math.floor(math.log2(side / (THIN * noise)))), deepest)
-    starts, levels = _leaves(found[order], MOST, deepest)
+    starts, levels = _leaves(keys, MOST, deepest)
     ctx.progress(0.6)
     count = len(levels)
     centres, normals = np.empty((count, 3)), np.empty((count, 3))
     spread, reach = np.empty((count, 2)), np.empty((count, 6))
-    found = found[order]
 
     def describe(first: int, last: int) -> None:
         made = (centres, normals, spread, reach)
-        kernels.describe(first, last, near, found, starts, levels, UP, *made)
+        kernels.describe(first, last, near, keys, starts, levels, UP, *made)
 
     in_blocks(describe, count, LEAVES, ctx.part(0.6, 1.0))
     return Cells(
-        near, order, origin, starts, centres, normals, spread, reach, found[starts[:-1]], levels,
+        near, order, origin, starts, centres, normals, spread, reach, keys[starts[:-1]], levels,
         noise, gap,
     )  # fmt: skip
 
@@ -187,13 +186,13 @@ def _scale(
     return float(plane.mean()), math.sqrt(noise), float(np.quantile(apart, SPARSE))
 
 
-def _sorted(keys: NDArray[np.uint64], xyz: Floats) -> Ints:
-    """The order of keys; of those that are equal by x, y and z."""
-    order = np.argsort(keys, kind="stable")
-    ranked = keys[order]
-    same = ranked[1:] == ranked[:-1]
+def _sorted(found: NDArray[np.uint64], xyz: Floats) -> tuple[Ints, NDArray[np.uint64]]:
+    """The order of keys, of those that are equal by x, y and z; and the keys in it."""
+    order = np.argsort(found, kind="stable")
+    keys = found[order]
+    same = keys[1:] == keys[:-1]
     tied = np.flatnonzero(np.append(same, False) | np.insert(same, 0, False))
     if len(tied):
         some = order[tied]
-        order[tied] = some[np.lexsort((*xyz[some].T[::-1], ranked[tied]))]
-    return order
+        order[tied] = some[np.lexsort((*xyz[some].T[::-1], keys[tied]))]
+    return order, keys

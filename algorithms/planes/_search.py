@@ -21,7 +21,8 @@ Notes in Control and Information Sciences 7, 234-243: scores that only fall are 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,11 +89,17 @@ class Patch:
     squares: Ints
     spread: float = 1.0
 
-    @property
+    @cached_property
     def wider(self) -> Ints:
         """The squares, and all that touch them."""
         row, column = (1 << 31) * np.array([-1, 0, 1])[:, None], np.array([-1, 0, 1])
         return np.unique(self.squares + (row + column).reshape(-1, 1))
+
+    def moved(self, plane: Floats, spread: float) -> Patch:
+        """The same patch with a plane that is a little better."""
+        made = replace(self, plane=plane, spread=spread)
+        made.__dict__["wider"] = self.wider
+        return made
 
     def under(self, xyz: Floats, gap: float) -> float:
         """Share of points of shape (n, 3) that lie over or under squares of the patch."""
@@ -137,6 +144,10 @@ class Search:
             self._draw()
             while (best := self._best()) is not None:
                 cells, plane = self._grown(self.planes[best])
+                if self.weights[cells].sum() < self.rules.min_points:
+                    self.gains[best] = 0.0
+                    self._forget(plane, self.cells.centres[cells].mean(axis=0))
+                    continue
                 if self.worth < self._needed(cells):
                     break
                 self.gains[best] = 0.0

@@ -134,14 +134,11 @@ def _owners(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> N
         parts = parts_of(owner, len(patches))
         keep: list[int] = []
         for number in order.tolist():
-            xyz, patch = cells.xyz[parts[number]], patches[number]
-            if (
-                len(xyz) < rules.min_points
-                or _width(xyz[:: 1 + len(xyz) // FEW] @ patch.axes.T) < rules.min_extent
-            ):
+            part, patch = parts[number], patches[number]
+            some = cells.xyz[part[:: 1 + len(part) // FEW]]
+            if len(part) < rules.min_points or _width(some @ patch.axes.T) < rules.min_extent:
                 continue
-            others = (patches[k] for k in keep)
-            if not any(_is_noise(patch, xyz, other, rules) for other in others):
+            if not any(_is_noise(patch, some, patches[k], rules) for k in keep):
                 keep.append(number)
         if len(keep) == len(sizes):
             ranks = np.zeros(len(keep) + 1, np.int32)
@@ -237,4 +234,4 @@ def _fitted(xyz: Floats, part: Ints, patch: Patch, least: float) -> Patch:
         away = some @ plane[:3] - plane[3]
         if np.abs(away - before).max() < SETTLED * spread:
             break
-    return replace(patch, plane=plane, spread=spread)
+    return patch.moved(plane, spread)

@@ -26,7 +26,7 @@ inputs:
   classes: {type: class list, default: "2,9", help: Classes}
   method: {type: choice, choices: [min, max], default: max, help: Method}
   band: {type: range, default: null, unit: m, help: Band of heights}
-  box: {type: extent, default: [1, 2, 30.5, 40], help: Extent}
+  box: {type: extent, help: Extent}
   seed: {type: position, default: [5.5, 6], help: Place}
   names: {type: attribute, many: true, default: [intensity, red], help: Attributes}
   flag: {type: boolean, default: true, help: Switch}
@@ -80,6 +80,11 @@ def test_round_trip(tmp_path: Path, capsys: Capture) -> None:
     extent = plain["part"]["EXTENT"]  # QGIS says both x first
     assert extent == [{"source": 2, "static_value": "0.0,10.0,-5.25,1000000.0"}]
     assert plain["clean"]["IGNORE"][0]["static_value"] == "7,18"
+    # QGIS hands no default of a model to its steps
+    assert children["top"]["params"]["CELL"] == [
+        {"source": 3, "expression": "coalesce(@CELL, 0.5)"}
+    ]
+    assert children["top"]["params"]["EXTENT"] == [{"source": 0, "parameter_name": "BOX"}]
     assert plain["clean"]["HEIGHT_GAP"][0]["static_value"] is None
     assert main(["model", "from-qgis", str(between)]) == 0
     assert main(["model", "check", str(second)]) == 0, capsys.readouterr()
@@ -136,6 +141,33 @@ def test_conditions_are_settled_when_the_model_is_written(tmp_path: Path, capsys
     assert main(["model", "to-qgis", "ground.csf", str(path)]) == 2
 
 
+def test_values_are_on_a_page_and_defaults_that_differ_are_told(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    path = tmp_path / "v.yaml"
+    path.write_text(
+        "id: my.v\ntitle: V\ninputs:\n  points: {type: PointCloud, help: P}\n"
+        "  box: {type: extent, default: [0, 1, 2, 3], help: B}\n"
+        "  gap: {type: number, unit: m, default: 5, optional: true, help: G}\nsteps:\n"
+        "  grid: {tool: surface.grid, points: {from: inputs.points}, extent: {from: inputs.box},\n"
+        "    max_gap: {from: inputs.gap}}\n"
+        "outputs:\n  dtm: {from: grid.surface}\n  share: {from: grid.filled_share}\n"
+    )
+    assert main(["model", "to-qgis", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert "share is a value: it is on the page of step grid, grid:PAGE" in told
+    assert "box has no default in QGIS: state it, here it is 0.0,1.0,2.0,3.0" in told
+    assert "gap left empty means its default, 5, not none" in told
+    exported = path.with_suffix(".model3")
+    says = model3.value(exported.read_text("utf-8"))
+    assert says["children"]["grid"]["outputs"]["PAGE"]["output_name"] == "PAGE"
+    assert says["parameterDefinitions"]["BOX"]["default"] is None
+    assert says["parameterDefinitions"]["BOX"]["flags"] == 0
+    assert main(["model", "from-qgis", str(exported), str(tmp_path / "again.yaml")]) == 0
+    assert "output grid.page is left out" in capsys.readouterr().out
+    assert list(load(tmp_path / "again.yaml").outputs) == ["dtm"]
+
+
 def test_points_as_layers_or_files() -> None:
     model = catalog.load("models.terrain")
     assert isinstance(model, Model)
@@ -171,6 +203,7 @@ def test_all_that_cannot_be_converted_is_said_at_once(tmp_path: Path, capsys: Ca
         "POINTS": points,
         "CELL": {"source": 3, "expression": "@p_width / 100"},
         "METHOD": {"source": 2, "static_value": "maximum"},
+        "SUPPORT": {"source": 3, "expression": "coalesce(@p, true)"},
         "CLIP": {"source": 2, "static_value": "/data/areas.gpkg"},
         "TILE": {"source": 2, "static_value": "500"},
         "ASSUME_CRS": {"source": 2, "static_value": None},
@@ -179,7 +212,11 @@ def test_all_that_cannot_be_converted_is_said_at_once(tmp_path: Path, capsys: Ca
     children = {
         "lidartoolbox:surfacegrid_1": child("lidartoolbox:surfacegrid", grid),
         "lidartoolbox:gone_1": child("lidartoolbox:gone", {}),
-        "filter": child("lidartoolbox:pointsfilter", {"POINTS": points}, dependencies=branch),
+        "filter": child(
+            "lidartoolbox:pointsfilter",
+            {"POINTS": points, "RETURNS": {"source": 2, "static_value": 99}},
+            dependencies=branch,
+        ),
         "off": child("native:buffer", {}) | {"active": False},
     }
     says = {"model_name": "M", "children": children}
@@ -195,13 +232,15 @@ def test_all_that_cannot_be_converted_is_said_at_once(tmp_path: Path, capsys: Ca
         "surfacegrid_1.tile: is no parameter",
         "gone_1: lidartoolbox:gone is no tool of ours",
         "filter: runs on a condition",
-        "6 problem(s)",
+        "filter.returns: must be one of",
+        "surfacegrid_1.support: is an expression of QGIS, 'coalesce(@p, true)'",
+        "8 problem(s)",
     ):
         assert text in error, text
     assert not path.with_suffix(".yaml").exists()
     for name in list(children)[1:3]:
         del children[name]
-    for name in ("CELL", "METHOD", "CLIP", "TILE"):
+    for name in ("CELL", "METHOD", "SUPPORT", "CLIP", "TILE"):
         del grid[name]
     (child_id,) = [name for name in children if name != "off"]
     children[child_id] = child("lidartoolbox:surfacegrid", grid | {
@@ -217,9 +256,11 @@ def test_all_that_cannot_be_converted_is_said_at_once(tmp_path: Path, capsys: Ca
     }
     assert made["outputs"] == {"dtm": {"from": "surfacegrid_1.surface", "help": "DTM"}}
     assert notes == ["step off is switched off and left out"]
-    for text in ("", "<a", model3.text({"a": 1})):
+    del children[child_id]["alg_id"]
+    for text in ("", "<a", model3.text({"a": 1}), model3.text(says)):
         path.write_text(text)
         assert main(["model", "from-qgis", str(path)]) == 2
+    assert "is damaged: KeyError('alg_id')" in capsys.readouterr().err
     assert main(["model", "from-qgis", str(tmp_path / "none.model3")]) == 2
 
 

@@ -26,6 +26,7 @@ OURS = f"{PROVIDER}:"
 SUFFIX = ".model3"
 INPUT, STEP, CONSTANT, EXPRESSION, _, OUTPUT = range(6)  # what gives a parameter its value
 OPTIONAL = 8  # flag of a parameter
+PAGE = "PAGE"  # the output of our tools that tells all results to people
 FAR = 1.7976931348623157e308
 POINT_FILES = "Point clouds (*.laz *.las *.copc.laz);;All files (*)"
 SOURCES = {"raster": 3, "vector": -1, "table": 5, "pointcloud": 8, "file": 4}  # types of QGIS
@@ -103,6 +104,7 @@ class _Writer:
         for name, reference in self.model.returns.items():
             self._return(name, reference, children)
         inputs = {n: self._definition(f) for n, f in self.model.inputs.items() if self._asked(n)}
+        self._note_defaults(inputs)
         if self.problems:
             raise ParameterError(f"{self.model.id} cannot be a model of QGIS", self.problems)
         fixed = {name for name in self.fixed if self.values[name] is not None}
@@ -123,6 +125,15 @@ class _Writer:
             "designerParameterValues": {},
         }
         return model3.text(made), self.notes
+
+    def _note_defaults(self, inputs: Mapping[str, Any]) -> None:
+        """Where QGIS understands something else by an input that is left empty."""
+        for name, says in inputs.items():
+            value = self.values.get(name)
+            if value is not None and says["default"] is None:
+                self.notes.append(f"{name} has no default in QGIS: state it, here it is {value}")
+            elif value is not None and self.model.inputs[name].optional:
+                self.notes.append(f"{name} left empty means its default, {value}, not none")
 
     def _asked(self, name: str) -> bool:
         """Whether the model of QGIS has this input: something uses it, and it is not fixed."""
@@ -181,10 +192,21 @@ class _Writer:
                 value = constant(step.spec.inputs[name], self.values[word])
                 return {"source": CONSTANT, "static_value": value}
             if owner == INPUTS and word not in self.absent:
-                return {"source": INPUT, "parameter_name": word.upper()}
+                return self._of_input(step, name, word)
             if owner in self.steps:
                 return {"source": STEP, "child_id": owner, "output_name": word.upper()}
         return None
+
+    def _of_input(self, step: Step, name: str, word: str) -> dict[str, Any]:
+        """What the user gives, or the default, which QGIS would not hand to the step."""
+        says = self._definition(self.model.inputs[word])
+        if step.spec.id.startswith(catalog.QGIS) and step.spec.inputs[name].kind is CHOICE:
+            self.problems[f"{step.name}.{name}"] = (
+                "is a choice that QGIS takes by its number; give it in the step itself"
+            )
+        if says["default"] is None:
+            return {"source": INPUT, "parameter_name": says["name"]}
+        return {"source": EXPRESSION, "expression": or_default(says["name"], says["default"])}
 
     def _return(self, name: str, reference: Reference, children: dict[str, Any]) -> None:
         full = next((n for n in reference.names if n.partition(".")[0] in self.steps), None)
@@ -193,20 +215,36 @@ class _Writer:
             return
         owner, _, word = full.partition(".")
         if not self.model.outputs[name].kind.is_layer:
-            self.notes.append(f"{name} is a value, which models of QGIS do not give")
+            self._value(name, owner, children)
             return
-        column = self._column(owner)
-        made = _component(name.upper(), column, list(self.steps).index(owner) + 0.5)
-        more = {"child_id": owner, "output_name": word.upper(), "default_value": None}
-        made["component_description"] = self.model.outputs[name].help
         # QGIS does not make an output that is skipped, even where another step waits for it.
         needed = any(full in step.needs for step in self.steps.values())
-        children[owner]["outputs"][name.upper()] = made | more | {"mandatory": needed}
+        help = self.model.outputs[name].help
+        self._result(children[owner], name.upper(), word.upper(), help, needed)
+
+    def _value(self, name: str, owner: str, children: dict[str, Any]) -> None:
+        """Models of QGIS give layers and files alone; a page of the step tells its values."""
+        if self.steps[owner].spec.id.startswith(catalog.QGIS):
+            self.notes.append(f"{name} is a value, which models of QGIS do not give")
+            return
+        self.notes.append(f"{name} is a value: it is on the page of step {owner}, {owner}:{PAGE}")
+        if PAGE not in children[owner]["outputs"]:
+            help = f"Page with all results of step {owner}"
+            self._result(children[owner], PAGE, PAGE, help, needed=False)
+
+    def _result(self, child: dict[str, Any], name: str, word: str, help: str, needed: bool) -> None:
+        """Let the model give an output of a step."""
+        column, row = self._column(child["id"]), list(self.steps).index(child["id"]) + 0.5
+        made = _component(name, column, row + 0.25 * len(child["outputs"]))
+        made |= {"child_id": child["id"], "output_name": word, "default_value": None}
+        child["outputs"][name] = made | {"component_description": help, "mandatory": needed}
 
     def _definition(self, f: Field) -> dict[str, Any]:
         """An input as QGIS describes a parameter."""
-        default = self.values.get(f.name)
-        neutral = field(f) | {"default": None if default is None else constant(f, default)}
+        default = constant(f, self.values.get(f.name))
+        if f.kind.word == "extent":  # an expression, which would state it, sees no extents
+            default = None
+        neutral = field(f) | {"default": default}
         type, more = _parameter_type(neutral, self.point_layers)
         optional = f.optional and f.name not in self.given
         return {
@@ -264,6 +302,24 @@ def _parameter_type(f: Mapping[str, Any], point_layers: bool) -> tuple[str, dict
     return word, more | ({"options": f["choices"]} if type == "choice" else {})
 
 
+def or_default(name: str, default: Any) -> str:
+    """The expression of QGIS for an input, or its default where nothing is given.
+
+    >>> or_default("METHOD", "it's")
+    "coalesce(@METHOD, 'it''s')"
+    """
+    return f"coalesce(@{name}, {_literal(default)})"
+
+
+def _literal(value: Any) -> str:
+    """A constant in an expression of QGIS."""
+    if isinstance(value, list):
+        return f"array({', '.join(map(_literal, value))})"
+    if isinstance(value, str):
+        return "'" + value.replace("\\", r"\\").replace("'", "''").replace("\n", r"\n") + "'"
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
 def constant(f: Field, value: Any) -> Any:
     """A value as a parameter of QGIS takes it; from_constant is the way back."""
     if value is None:
@@ -300,7 +356,12 @@ def from_qgis(text: str, where: str) -> tuple[dict[str, Any], list[str]]:
         raise ParameterError(f"{where} cannot be read as a model of QGIS: {err}") from None
     if not isinstance(says, dict) or "children" not in says:
         raise ParameterError(f"{where} is no model of QGIS: it has no steps")
-    return _Reader(says, where).model()
+    try:
+        return _Reader(says, where).model()
+    except ParameterError:
+        raise
+    except (AttributeError, LookupError, TypeError, ValueError) as err:  # of another shape
+        raise ParameterError(f"{where} is damaged: {err!r}") from err
 
 
 class _Reader:
@@ -381,9 +442,8 @@ class _Reader:
 
     def _value(self, full: str, f: Field, source: Mapping[str, Any]) -> Any:
         kind = source.get("source")
-        name = str(source.get("expression", "")).strip()
-        if kind == EXPRESSION and name.removeprefix("@") in self.input_names and name[0] == "@":
-            kind, source = INPUT, {"parameter_name": name[1:]}
+        if kind == EXPRESSION and (name := self._input_of(str(source.get("expression")).strip())):
+            kind, source = INPUT, {"parameter_name": name}
         if kind == INPUT:
             name = str(source["parameter_name"])
             self.fields.setdefault(name, f)
@@ -396,6 +456,13 @@ class _Reader:
         says = source.get("expression") or source.get("expression_text") or ""
         self.problems[full] = f"is an expression of QGIS, {str(says)!r}, which has no counterpart"
         return _NOTHING
+
+    def _input_of(self, expression: str) -> str | None:
+        """The input that an expression stands for, with its default or without."""
+        for name, says in (self.says.get("parameterDefinitions") or {}).items():
+            if expression in (f"@{name}", or_default(name, says.get("default"))):
+                return str(name)
+        return None
 
     def _constant(self, full: str, f: Field, value: Any) -> Any:
         """A plain value; what is the default anyway is left out."""
@@ -411,8 +478,8 @@ class _Reader:
         if f.kind.word == "CRS" and not isinstance(value, str):
             self.problems[full] = f"is {value!r}, which has no counterpart"
             return _NOTHING
-        plain = from_constant(f, value)
         try:
+            plain = from_constant(f, value)
             same = not f.required and f.parse(plain) == f.default
         except ValueError as err:
             self.problems[full] = str(err)
@@ -444,7 +511,13 @@ class _Reader:
         found: dict[str, Any] = {}
         for id in self.specs:
             for name, says in (self.children[id].get("outputs") or {}).items():
-                full = f"{self.step_names[id]}.{str(says['output_name']).lower()}"
+                word = str(says["output_name"]).lower()
+                full = f"{self.step_names[id]}.{word}"
+                if word not in self.specs[id].outputs:  # such as a page, which any run may have
+                    self.notes.append(
+                        f"output {full} is left out; ask for it when the model is run"
+                    )
+                    continue
                 help = str(says.get("component_description") or name)
                 found[_unused(_name(name), [*found, *self.input_names.values()])] = {
                     "from": full,
@@ -460,8 +533,9 @@ def from_constant(f: Field, value: Any) -> Any:
     """A value of a parameter of QGIS as our model file says it."""
     if f.kind is CHOICE and not isinstance(value, str):
         places = value if isinstance(value, list) else [value]
-        words = [f.choices[p] if isinstance(p, int) else p for p in places]
-        return words if f.many else words[0]
+        known = dict(enumerate(f.choices))
+        words = [known.get(p, p) if isinstance(p, int) else p for p in places]
+        return words if f.many else next(iter(words), None)
     if not isinstance(value, str):
         return value
     if f.many:

@@ -62,13 +62,8 @@ def test_a_mixed_model_gives_the_same_here_and_in_qgis(
     exported = mixed.with_suffix(".model3")
     assert main(["model", "to-qgis", str(mixed)]) == 0
     theirs = tmp_path / "q slope.tif", tmp_path / "q around.gpkg"
-    # QGIS 3.22 does not hand the defaults of a model to its steps
-    values = [
-        f"POINTS={cloud}",
-        "DISTANCE=1.5",
-        f"slope:SLOPE={theirs[0]}",
-        f"buffer:AROUND={theirs[1]}",
-    ]
+    # the default of the model, which is not that of the step
+    values = [f"POINTS={cloud}", f"slope:SLOPE={theirs[0]}", f"buffer:AROUND={theirs[1]}"]
     done = qgis("run", exported, "--json", "--", *values)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["results"]["slope:SLOPE"] == str(theirs[0])
@@ -102,12 +97,12 @@ def test_a_model_that_qgis_wrote_comes_back(qgis: Qgis, mixed: Path, tmp_path: P
 def test_a_shipped_model_as_a_file_of_qgis(qgis: Qgis, cloud: Path, tmp_path: Path) -> None:
     path, dtm = tmp_path / "t.model3", tmp_path / "dtm.tif"
     assert main(["model", "to-qgis", "models.terrain", str(path)]) == 0
-    values = [f"POINTS={cloud}", "CELL=2", "MAX_GAP=25", f"bottom:DTM={dtm}"]
+    values = [f"POINTS={cloud}", "CELL=2", f"bottom:DTM={dtm}"]
     values += [f"top:DSM={tmp_path / 's.tif'}", f"ground:CLASSIFIED={tmp_path / 'c.laz'}"]
     done = qgis("run", path, "--", *values)
     assert done.returncode == 0, done.stderr
     plain = tmp_path / "plain.tif"
-    argv = ["run", "models.terrain", "--points", str(cloud), "--cell", "2", "--max_gap", "25"]
+    argv = ["run", "models.terrain", "--points", str(cloud), "--cell", "2"]
     assert main([*argv, "--dtm", str(plain)]) == 0
     np.testing.assert_array_equal(Raster.open(dtm).values, Raster.open(plain).values)
 
@@ -121,6 +116,16 @@ def test_algorithms_of_qgis_are_checked_as_tools_are(
     error = capsys.readouterr().err
     assert "buffer.end_cap_style: must be one of Round, Flat, Square, got 'Flt'" in error
     assert "Algorithm native:slpe not found" in error
+
+
+def test_a_choice_of_qgis_is_no_input_of_its_model(
+    qgis: Qgis, mixed: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = MIXED.replace("end_cap_style: Flat", "end_cap_style: {from: inputs.caps}")
+    choice = "  caps: {type: choice, choices: [Round, Flat, Square], help: Caps}\nsteps:"
+    mixed.write_text(text.replace("steps:", choice), "utf-8")
+    assert main(["model", "to-qgis", str(mixed)]) == 2
+    assert "buffer.end_cap_style: is a choice that QGIS takes by" in capsys.readouterr().err
 
 
 def test_a_failing_algorithm_of_qgis_says_why(

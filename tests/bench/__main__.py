@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from tests.bench.corridor import corridor
+from tests.bench.facades import facades
 from tests.bench.files import damaged, memory, reading, roundtrip, startup
 from tests.bench.gridding import gridding
 from tests.bench.ground import cloth, filters, isprs, terrain
@@ -13,7 +14,7 @@ from tests.bench.speed import speed
 
 ALL = (
     *(startup, reading, memory, isprs, filters, cloth, terrain, damaged, roundtrip, speed),
-    *(gridding, shorelines, corridor),
+    *(gridding, shorelines, corridor, facades),
 )
 BENCHES = {b.__name__: b for b in ALL}
 

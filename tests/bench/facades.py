@@ -1,0 +1,156 @@
+"""Planes of synthetic house fronts against their truth, and beside Open3D."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from tests.bench.measuring import alternately, say
+
+FEWEST = 200  # points of a true plane that is judged
+SMALLEST = 0.5  # square metres, of the same
+
+
+def facades() -> None:
+    """Ten fronts with noise of 2 to 10 mm: walls, normals beside their limit, what is wrong."""
+    for seed in range(10):
+        say(f"facades  {_front(seed)}")
+    _beside_open3d()
+
+
+class Match(NamedTuple):
+    """A true plane and the found one with most of its points.
+
+    Attributes
+    ----------
+    true, found, both : points
+    angle : between the normals, degrees
+    limit : standard deviation of the normal of least squares through all true points, degrees
+    offset : of the middle of the points found from the true plane, metres
+    """
+
+    kind: str
+    true: int
+    found: int
+    both: int
+    angle: float
+    limit: float
+    offset: float
+
+
+def _front(seed: int) -> str:
+    """What is told of one front."""
+    from pyproj import CRS
+
+    from algorithms.planes.extract import PlanesExtract
+    from algorithms.samples.scene import scene
+    from toolbox.data import PointCloud
+
+    noise = (0.002, 0.004, 0.006, 0.01)[seed % 4]
+    data = scene("facade", size=26.0 + seed, density=900.0, seed=seed, noise=noise)
+    start = time.process_time()
+    out = PlanesExtract(points=PointCloud(data.xyz, {}, crs=CRS(32635))).run()
+    seconds = time.process_time() - start
+    matches, invented, split = _matched(data, out)
+    wall = max((m for m in matches if m.kind == "wall"), key=lambda m: m.true)
+    shares = (wall.both / wall.found, wall.both / wall.true)
+    whole = wall.both / (wall.found + wall.true - wall.both)
+    found = [m for m in matches if m.both > 0.8 * m.true]
+    worst = max(found, key=lambda m: m.angle)
+    ratio = math.sqrt(sum((m.angle / m.limit) ** 2 for m in found) / len(found))
+    return (
+        f"seed {seed} noise {1e3 * noise:2.0f} mm  wall {100 * shares[0]:.2f} / "
+        f"{100 * shares[1]:.2f} / {100 * whole:.2f}  planes {len(found)} of {len(matches)}, "
+        f"{invented} invented, {split} split  normals {ratio:.2f} times the limit, over 0.05 deg "
+        f"{sum(m.angle > 0.05 for m in found)}, worst {worst.angle:.3f} (limit {worst.limit:.3f})  "
+        f"offset {1e3 * max(m.offset for m in found):.1f} mm  "
+        f"{len(data.xyz) / 1e6:.2f} M points, {seconds:.1f} CPU s"
+    )
+
+
+def _matched(data: Any, out: Any) -> tuple[list[Match], int, int]:
+    """The true planes that are large enough, and how many planes are invented and split."""
+    import numpy as np
+
+    from tests.planes.test_extract import ids_of, truth_of
+
+    true, faces = truth_of(data)
+    ids = ids_of(out)
+    count = np.zeros((out.count + 1, true.max() + 1), np.int64)
+    np.add.at(count, (ids, true), 1)
+    matches = list(_matches(data.xyz, true, ids, count, faces, out.planes.frame))
+    size, top = count[1:].sum(axis=1), count[1:].max(axis=1)
+    pieces = (count[1:] > 0.1 * count.sum(axis=0)).sum(axis=0)
+    large = count.sum(axis=0) >= FEWEST
+    large[0] = False
+    return matches, int((2 * top <= size).sum()), int((pieces[large] > 1).sum())
+
+
+def _matches(xyz: Any, true: Any, ids: Any, count: Any, faces: Any, planes: Any) -> Iterator[Match]:
+    import numpy as np
+    import shapely
+
+    from tests.planes.test_extract import least_error
+
+    planes = planes.set_index("plane_id")
+    for face in np.flatnonzero(count.sum(axis=0) >= FEWEST):
+        if (
+            face == 0
+            or _area(shapely.get_coordinates(faces.geometry[face], include_z=True)) < SMALLEST
+        ):
+            continue
+        best = int(count[1:, face].argmax()) + 1
+        one, other = (row[["normal_x", "normal_y", "normal_z"]].to_numpy(float)
+                      for row in (faces.loc[face], planes.loc[best]))  # fmt: skip
+        middle = xyz[ids == best].mean(axis=0)
+        yield Match(
+            faces.kind[face],
+            *(int(count[:, face].sum()), int(count[best].sum()), int(count[best, face])),
+            angle=math.degrees(math.asin(min(1.0, float(np.linalg.norm(np.cross(one, other)))))),
+            limit=least_error(xyz[true == face], one),
+            offset=float(abs(one @ middle - faces.offset[face])),
+        )
+
+
+def _area(ring: Any) -> float:
+    """Of a polygon in space."""
+    import numpy as np
+
+    sides = ring[1:-1] - ring[0]
+    return float(0.5 * np.linalg.norm(np.cross(sides[:-1], sides[1:]).sum(axis=0)))
+
+
+def _beside_open3d() -> None:
+    """Twelve planes one after another, with all of a thousand draws and with its early stop."""
+    from algorithms.planes import _segment
+    from algorithms.planes._search import Rules
+    from algorithms.samples.scene import scene
+
+    try:
+        import open3d  # type: ignore[import-not-found]
+    except ImportError:
+        say("facades  Open3D is not installed")
+        return
+    xyz = scene("facade", size=40.0, density=900.0, seed=3).xyz
+    xyz -= xyz.mean(axis=0)
+    rules = Rules(tolerance=0, angle=math.radians(20), gap=0, min_points=2000, min_extent=0.1)
+    planes = len(_segment.segment(xyz, rules).planes)
+
+    def theirs(probability: float) -> None:
+        left = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(xyz))
+        for _ in range(planes):
+            _, inside = left.segment_plane(0.012, 3, 1000, probability=probability)
+            left = left.select_by_index(inside, invert=True)
+
+    for name, probability in (("all draws", 1.0), ("early stop", 0.99)):
+        ours, other = alternately(
+            lambda: _segment.segment(xyz, rules),
+            lambda probability=probability: theirs(probability),  # type: ignore[misc]
+            *(2, time.process_time),
+        )
+        say(
+            f"facades  {planes} planes of {len(xyz) / 1e6:.2f} M points: {ours:.2f} CPU s, Open3D "
+            f"with {name} {other:.2f}, ratio {other / ours:.0f}"
+        )

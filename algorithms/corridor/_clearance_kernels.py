@@ -145,7 +145,7 @@ def _judged(rule, space, tall, flat):  # type: ignore[no-untyped-def]
 # fmt: off
 @njit(cache=True, nogil=True)
 def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks,  # type: ignore[no-untyped-def]
-          far, own, real, least, who):
+          far, reach, own, real, least, who):
     # fmt: on
     """Find the worst broken rule of each point, and the nearest point of each kind to each wire.
 
@@ -158,10 +158,12 @@ def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks
     rules : array of shape (r, 4): direction, threshold, within, rank of severity
     masks : array of shape (r,), bits of the kinds that a rule holds for
     far : array of shape (kinds, 2): distances in space and in plan from which no rule matters
+    reach : distance in plan up to which the nearest points are looked for
     own : array of shape (n, 2): the wire and rule of each point, -1 for none
     real : array of shape (n, 6): measure and its ratio to the threshold, or that of the other
         distance to `within` if it is larger; distance in space, vertical and horizontal, and u
-    least, who : arrays of shape (m, kinds): least distance in space, and the point that has it
+    least, who : arrays of shape (m, kinds): least distance in space, and the point that has it, of
+        those within `reach`
     """
     columns, rows = int(cells[3]), int(cells[4])
     for i in range(first, last):
@@ -175,13 +177,13 @@ def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks
         for j in range(starts[cell], starts[cell + 1]):
             k = candidates[j]
             space, flat = _at_least(wires[k], xyz[i, 0], xyz[i, 1], xyz[i, 2])
-            if (
-                space >= max(far[kind[i], 0], least[k, kind[i]]) ** 2
-                and flat >= far[kind[i], 1] ** 2
-            ):
+            limit = far[kind[i], 0]
+            if flat <= reach * reach:
+                limit = max(limit, least[k, kind[i]])
+            if space >= limit * limit and flat >= far[kind[i], 1] ** 2:
                 continue
             space, vertical, flat, u = _measure(wires[k], xyz[i, 0], xyz[i, 1], xyz[i, 2])
-            if space < least[k, kind[i]]:
+            if flat <= reach and space < least[k, kind[i]]:
                 least[k, kind[i]], who[k, kind[i]] = space, i
             if own[i, 1] < 0 and space < real[i, 2]:
                 own[i, 0] = k

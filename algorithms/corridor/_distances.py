@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,10 +112,27 @@ class Violations:
     def __len__(self) -> int:
         return len(self.point)
 
+    @classmethod
+    def none(cls) -> Violations:
+        """No point at all."""
+        whole, real = np.empty(0, np.int64), np.empty(0)
+        return cls(whole, whole, whole, whole, *([real] * 8))
+
+    def select(self, chosen: NDArray[np.bool_]) -> Violations:
+        """Some of them."""
+        return Violations(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+    def joined(self, other: Violations) -> Violations:
+        """These, and others."""
+        return Violations(*(
+            np.concatenate([getattr(self, field.name), getattr(other, field.name)])
+            for field in fields(self)
+        ))  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Least:
-    """The points nearest to each wire: arrays of shape (states, wires, kinds).
+    """The points nearest to each wire of those near it in plan; shape (states, wires, kinds).
 
     Attributes
     ----------
@@ -125,6 +142,12 @@ class Least:
 
     distance: Floats
     point: Ints
+
+    @classmethod
+    def none(cls, states: int, wires: int = 0) -> Least:
+        """No point has been seen yet."""
+        shape = (states, wires, len(KINDS))
+        return cls(np.full(shape, np.inf), np.full(shape, -1, np.int64))
 
 
 def rows_of(curves: Sequence[Catenary]) -> Floats:
@@ -184,7 +207,7 @@ def own_points(
         own, real = np.empty((last - first, 2), np.int64), np.empty((last - first, 6))
         kernels.check(
             0, last - first, xyz[first:last], some[first:last], near.lattice, near.starts,
-            near.candidates, wires, np.empty((0, 4)), np.empty(0, np.int64), far, own, real,
+            near.candidates, wires, np.empty((0, 4)), np.empty(0, np.int64), far, reach, own, real,
             np.zeros((len(wires), len(KINDS))), np.empty((0, 0), np.int64),
         )  # fmt: skip
         space = real[:, 2]
@@ -213,8 +236,7 @@ def find_violations(
     point_sd : standard deviation of a point, metres
     ctx : progress and cancellation
     """
-    near = Near.of(curves, reach)
-    wires = [rows_of(state) for state in curves]
+    near, wires = Near.of(curves, reach), [rows_of(state) for state in curves]
     numbers = np.array([
         (DIRECTIONS.index(r.direction), r.threshold, r.within, SEVERITIES.index(r.severity))
         for r in rules
@@ -224,49 +246,61 @@ def find_violations(
     )
     far = np.array([_farthest(rules, kind) for kind in KINDS])
     found: dict[int, tuple[Ints, Ints, Floats]] = {}
-    least: dict[int, list[tuple[Floats, Ints]]] = {}
+    nearest: dict[int, Least] = {}
 
     def work(first: int, last: int) -> None:
         size = last - first
         worst = np.full((size, 3), -1, np.int64)  # wire, rule, state
         measures = np.full((size, 6), np.inf)
-        tables = []
+        seen = Least.none(len(curves), len(curves[0]))
         for state, rows in enumerate(wires):
-            own, real, table = (
-                np.empty((size, 2), np.int64),
-                np.empty((size, 6)),
-                _nothing(len(rows)),
-            )
+            own, real = np.empty((size, 2), np.int64), np.empty((size, 6))
             kernels.check(
                 0, size, xyz[first:last], kind[first:last], near.lattice, near.starts,
-                near.candidates, rows, numbers, masks, far, own, real, *table,
+                near.candidates, rows, numbers, masks, far, reach, own, real,
+                seen.distance[state], seen.point[state],
             )  # fmt: skip
-            tables.append((table[0], np.where(table[1] >= 0, table[1] + first, -1)))
-            broken = own[:, 1] >= 0
-            rank, before = numbers[own[broken, 1], 3], worst[broken, 1]
-            old = np.where(before >= 0, numbers[before, 3], np.inf) if len(rules) else rank
-            worse = (rank < old) | ((rank == old) & (real[broken, 1] < measures[broken, 1]))
-            chosen = np.flatnonzero(broken)[worse]
-            worst[chosen, :2], worst[chosen, 2] = own[chosen], state
-            measures[chosen] = real[chosen]
+            _keep_worse(worst, measures, own, real, numbers[:, 3], state)
+        seen.point[seen.point >= 0] += first
         bad = np.flatnonzero(worst[:, 1] >= 0)
-        found[first] = bad + first, worst[bad], measures[bad]
-        least[first] = tables
+        found[first], nearest[first] = (bad + first, worst[bad], measures[bad]), seen
 
     in_blocks(work, len(xyz), BLOCK, ctx)
-    order = sorted(found)
-    point = np.concatenate([found[k][0] for k in order] or [np.empty(0, np.int64)])
-    worst = np.concatenate([found[k][1] for k in order] or [np.empty((0, 3), np.int64)])
-    real = np.concatenate([found[k][2] for k in order] or [np.empty((0, 6))])
-    sd = clearance_sd(curves, worst[:, 2], worst[:, 0], real[:, 5], point_sd)
-    limit = numbers[worst[:, 1], 1]
+    least = Least.none(len(curves), len(curves[0]))
+    for first in sorted(nearest):
+        less = nearest[first].distance < least.distance
+        least.distance[less] = nearest[first].distance[less]
+        least.point[less] = nearest[first].point[less]
+    return _violations([found[first] for first in sorted(found)], curves, numbers, point_sd), least
+
+
+def _keep_worse(
+    worst: Ints, measures: Floats, own: Ints, real: Floats, rank: Floats, state: int
+) -> None:
+    """Enter what points break in a state where that is worse than in the states before."""
+    broken = np.flatnonzero(own[:, 1] >= 0)
+    fresh, before = rank[own[broken, 1]], worst[broken, 1]
+    old = np.where(before >= 0, rank[before], np.inf)
+    worse = (fresh < old) | ((fresh == old) & (real[broken, 1] < measures[broken, 1]))
+    chosen = broken[worse]
+    worst[chosen, :2], worst[chosen, 2] = own[chosen], state
+    measures[chosen] = real[chosen]
+
+
+def _violations(
+    blocks: Sequence[tuple[Ints, Ints, Floats]], curves: Sequence[Sequence[Catenary]],
+    numbers: Floats, point_sd: float,
+) -> Violations:  # fmt: skip
+    """Those of all blocks, and how sure they are."""
+    none = (np.empty(0, np.int64), np.empty((0, 3), np.int64), np.empty((0, 6)))
+    point, worst, real = map(np.concatenate, zip(none, *blocks, strict=True))
     wire, rule, state = worst.T
     measure, ratio, space, vertical, flat, u = real.T
-    probability = np.asarray(ndtr((limit - measure) / sd))
-    violations = Violations(
+    sd = clearance_sd(curves, state, wire, u, point_sd)
+    probability = np.asarray(ndtr((numbers[rule, 1] - measure) / sd))
+    return Violations(
         point, wire, rule, state, measure, ratio, space, vertical, flat, u, sd, probability
     )
-    return violations, _merged([least[k] for k in order], len(curves), len(curves[0]))
 
 
 def _farthest(rules: Sequence[Rule], kind: str) -> tuple[float, float]:
@@ -276,22 +310,6 @@ def _farthest(rules: Sequence[Rule], kind: str) -> tuple[float, float]:
         max((r.threshold for r in own if r.direction == "3-D"), default=0.0),
         reach_of([r for r in own if r.direction != "3-D"]) * 1.001,
     )
-
-
-def _nothing(wires: int) -> tuple[Floats, Ints]:
-    shape = (wires, len(KINDS))
-    return np.full(shape, np.inf), np.full(shape, -1, np.int64)
-
-
-def _merged(blocks: Sequence[Sequence[tuple[Floats, Ints]]], states: int, wires: int) -> Least:
-    """The least of all blocks."""
-    distance = np.full((states, wires, len(KINDS)), np.inf)
-    point = np.full(distance.shape, -1, np.int64)
-    for tables in blocks:
-        for state, (near, who) in enumerate(tables):
-            less = near < distance[state]
-            distance[state][less], point[state][less] = near[less], who[less]
-    return Least(distance, point)
 
 
 def clearance_sd(

@@ -82,7 +82,7 @@ def catenaries_of(layer: Vector, origin: Floats) -> list[Catenary]:
 
     Parameters
     ----------
-    layer : with the columns WIRE_COLUMNS
+    layer : with the columns WIRE_COLUMNS; the covariance may be missing
     origin : array of shape (3,), in the unit of the layer
     """
     metre = layer.metre
@@ -107,7 +107,7 @@ def catenaries_of(layer: Vector, origin: Floats) -> list[Catenary]:
                 math.tan(math.radians(row["swing"])),
                 row["rms"],
                 int(row["points"]),
-                covariance,
+                covariance if np.isfinite(covariance).all() else None,
             )
         )
     return found

@@ -2,19 +2,168 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+from scipy.special import ndtr
+
+from algorithms.corridor._distances import (
+    TREE,
+    UNCLASSIFIED,
+    Violations,
+    clearance_sd,
+    fall_in,
+)
+from algorithms.corridor._rules import KINDS, SEVERITIES, Rule
+from algorithms.corridor._surroundings import Line, Object, Scene
+from toolbox.context import QUIET, Context
 
 TOP_CELL = 1.0  # metres, of which the highest point may be the top of a tree
 CROWN = 3.0  # metres: within this no tree has a higher neighbour at its top
 LOWEST_TREE = 3.0  # metres
 WIDEST = 15.0  # metres: a group that is wider is parted tree by tree
+TREES = (TREE, UNCLASSIFIED)  # kinds of points that may be trees
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+def objects_of(
+    scene: Scene, found: Violations, rules: Sequence[Rule], *, gap: float, fewest: int
+) -> tuple[list[Object], int]:
+    """Violations put together to objects, the most urgent first.
+
+    Parameters
+    ----------
+    gap : points that are farther apart are of different objects, metres
+    fewest : points of an object
+
+    Returns
+    -------
+    objects, and the number of points that are too few for one
+    """
+    xyz, height = scene.xyz[found.point], scene.height[found.point]
+    kind = scene.kind[found.point].astype(np.int64)
+    may_part = np.isin(kind, TREES)
+    tops = xyz[may_part][tree_tops(xyz[may_part], height[may_part])]
+    group = parted(xyz, groups(xyz, kind, gap), may_part, tops)
+    rank = np.array([SEVERITIES.index(rule.severity) for rule in rules])[found.rule]
+    order = np.lexsort((*xyz.T, found.ratio, rank))  # the worst first, and always the same
+    first = np.sort(np.unique(group[order], return_index=True)[1])
+    members = _members(group)
+    made = [(worst, members[group[worst]]) for worst in order[first]]
+    objects = [_object(scene, found, worst, own) for worst, own in made if len(own) >= fewest]
+    return objects, sum(len(own) for _, own in made if len(own) < fewest)
+
+
+def _object(scene: Scene, found: Violations, worst: int, own: Ints) -> Object:
+    """The violations `own` as one, of which one is worst."""
+    points = found.point[own]
+    heights = scene.height[points]
+    known = heights[np.isfinite(heights)]
+    return Object(
+        points=points,
+        nearest=int(found.point[worst]),
+        kind=KINDS[scene.kind[found.point[worst]]],
+        rule=int(found.rule[worst]),
+        wire=int(found.wire[worst]),
+        state=int(found.state[worst]),
+        measure=float(found.measure[worst]),
+        space=float(found.space[worst]),
+        vertical=float(found.vertical[worst]),
+        flat=float(found.flat[worst]),
+        u=float(found.u[worst]),
+        sd=float(found.sd[worst]),
+        probability=float(found.probability[worst]),
+        height=float(known.max()) if len(known) else math.nan,
+        falls=math.nan,
+    )
+
+
+def _members(group: Ints) -> list[Ints]:
+    """The indices in each group."""
+    order = np.argsort(group, kind="stable")
+    edges = np.searchsorted(group[order], np.arange(1, int(group.max(initial=-1)) + 1))
+    return np.split(order, edges) if len(group) else []
+
+
+def falling_trees(
+    scene: Scene, line: Line, *, rule: int, gap: float, fewest: int, point_sd: float,
+    ctx: Context = QUIET,
+) -> Violations:  # fmt: skip
+    """Tops of trees that reach a wire if they fall, as violations of a rule.
+
+    Parameters
+    ----------
+    gap, fewest : points that have fewer around them are no trees, metres; see `lonely`
+    """
+    trees = np.flatnonzero(np.isin(scene.kind, TREES) & (scene.height >= LOWEST_TREE))
+    trees = trees[~lonely(scene.xyz[trees], gap, fewest)]
+    tops = trees[tree_tops(scene.xyz[trees], scene.height[trees])]
+    if not len(tops):
+        return Violations.none()
+    left, wire, state, u = fall_in(
+        np.ascontiguousarray(scene.xyz[tops]), scene.height[tops], line.curves, ctx=ctx
+    )
+    hit = left < 0
+    nan = np.full(int(hit.sum()), np.nan)
+    sd = clearance_sd(line.curves, state[hit], wire[hit], u[hit], point_sd)
+    return Violations(
+        tops[hit], wire[hit], np.full(len(nan), rule), state[hit], left[hit], left[hit],
+        nan, nan, nan, u[hit], sd, ndtr(-left[hit] / sd),
+    )  # fmt: skip
+
+
+def with_falls(
+    scene: Scene, objects: Sequence[Object], falls: Violations, rules: Sequence[Rule]
+) -> list[Object]:
+    """Objects that know whether a tree of them may fall on a wire, and all other such trees."""
+    number = np.repeat(np.arange(len(objects)), [len(one.points) for one in objects])
+    points = np.concatenate([one.points for one in objects] or [np.empty(0, np.int64)])
+    may_fall = np.isin(scene.kind[points], TREES)
+    owner = np.full(len(falls), -1)
+    if may_fall.any() and len(falls):
+        near = cKDTree(scene.xyz[points[may_fall], :2]).query(scene.xyz[falls.point, :2])
+        owner = np.where(near[0] <= CROWN, number[may_fall][near[1]], -1)
+    least = np.full(len(objects), np.inf)
+    np.minimum.at(least, owner[owner >= 0], falls.measure[owner >= 0])
+    reaching = [
+        replace(one, falls=float(left)) if left < 0 else one
+        for one, left in zip(objects, least, strict=True)
+    ]
+    alone = np.flatnonzero(owner < 0)
+    order = alone[np.lexsort((*scene.xyz[falls.point[alone]].T, falls.measure[alone]))]
+    trees = [_object(scene, falls, k, np.array([k])) for k in order]
+    trees = [replace(one, falls=one.measure) for one in trees]
+    return sorted([*reaching, *trees], key=lambda one: SEVERITIES.index(rules[one.rule].severity))
+
+
+def lonely(xyz: Floats, gap: float, fewest: int) -> NDArray[np.bool_]:
+    """Which points have, with those in the cells around them, fewer than some.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), metres
+    gap : size of a cell, metres
+    """
+    if not len(xyz):
+        return np.empty(0, bool)
+    cell = np.floor((xyz - xyz.min(axis=0)) / gap).astype(np.int64) + 1
+    steps = np.cumprod([1, *(cell.max(axis=0)[:2] + 2)])  # no cell has two neighbours in one place
+    cells, own, count = np.unique(cell @ steps, return_inverse=True, return_counts=True)
+    around = np.zeros(len(cells), np.int64)
+    for step in itertools.product((-1, 0, 1), repeat=3):
+        wanted = cells + np.array(step) @ steps
+        place = np.minimum(np.searchsorted(cells, wanted), len(cells) - 1)
+        around += np.where(cells[place] == wanted, count[place], 0)
+    return np.asarray(around[own.reshape(-1)] < fewest)
 
 
 def tree_tops(xyz: Floats, height: Floats) -> Ints:

@@ -153,7 +153,8 @@ def in_state(
     Returns
     -------
     Catenary
-        Its covariance has the uncertainty of the curve surveyed and that of the temperature.
+        Its covariance has the uncertainty of the curve surveyed, none if that is not known, and
+        that of the temperature.
     """
     warm = surveyed if state.temperature is None else state.temperature
 
@@ -163,14 +164,13 @@ def in_state(
         )
 
     curvature = bent(curve.curvature, surveyed)
-    covariance = curve.covariance
-    if covariance is not None:
-        step = 1e-3 * curve.curvature
-        by_curve = (bent(curve.curvature + step, surveyed) - curvature) / step
-        by_degree = curvature - bent(curve.curvature, surveyed + 1.0)
-        turn = np.diag([1.0, 1.0, by_curve])
-        covariance = turn @ covariance @ turn
-        covariance[2, 2] += (by_degree * surveyed_sd) ** 2
+    step = 1e-3 * curve.curvature
+    by_curve = (bent(curve.curvature + step, surveyed) - curvature) / step
+    by_degree = curvature - bent(curve.curvature, surveyed + 1.0)
+    turn = np.diag([1.0, 1.0, by_curve])
+    known = np.zeros((3, 3)) if curve.covariance is None else curve.covariance
+    covariance = turn @ known @ turn
+    covariance[2, 2] += (by_degree * surveyed_sd) ** 2
     swing = wind_load(conductor, state.wind) / conductor.weight
     return replace(curve, curvature=curvature, swing=swing, covariance=covariance)
 
@@ -181,10 +181,12 @@ def _curvature(
     """Vertical curvature of a wire that is warmer by some degrees, in the wind."""
     span, rise = curve.length, curve.z_end - curve.z_start
     weight, load = conductor.weight, math.hypot(conductor.weight, wind_load(conductor, wind))
-    before = (ruling_span, 0.0) if ruling_span else _in_plane(span, rise, curve.swing)
     tilt = wind_load(conductor, wind) / weight
-    after = (ruling_span, 0.0) if ruling_span else _in_plane(span, rise, tilt)
-    start = weight / curve.curvature  # horizontal tension; the load in the survey is tilted too
+    swung, blown = _in_plane(span, rise, curve.swing), _in_plane(span, rise, tilt)
+    before, after = (swung, blown) if not ruling_span else ((ruling_span, 0.0),) * 2
+    # Tension across the load, which may be tilted in the survey too; of it, the part that points
+    # along the span makes the curvature seen from the side.
+    start = weight / curve.curvature * swung[0] / span
     loaded = weight * math.hypot(1.0, 0.0 if ruling_span else curve.swing)
     rest = _length(start / loaded, *before) - _stretch(start, loaded, *before, conductor.stiffness)
     rest *= 1 + conductor.expansion * warmer
@@ -201,7 +203,7 @@ def _curvature(
             f"{warmer:+g} degrees warmer with this conductor"
         )
     tension = float(brentq(misfit, low, high, xtol=1e-6))
-    return weight / tension
+    return weight / tension * blown[0] / span
 
 
 def _in_plane(span: float, rise: float, swing: float) -> tuple[float, float]:

@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from algorithms.corridor._catenary import Catenary
+from algorithms.corridor._distances import BLOCK, TAKES_NO_PART, UNCLASSIFIED, Near, own_points
+from algorithms.corridor._lines import catenaries_of
+from algorithms.corridor._rules import KINDS
 from algorithms.corridor._sag import State
+from algorithms.ground.classify import find_terrain, height_above
+from algorithms.shared.ground import is_withheld
+from algorithms.shared.lowest import require_finite
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Vector
+
+LINE = (13, 14, 15, 16)  # classes: wire guard, conductor, tower, connector
+KNOWN = {"unclassified": (0, 1), "water": (9,), "rail": (10,), "road": (11,)}  # kinds and classes
+HEIGHT = "HeightAboveGround"
+BESIDE_TOWER = 1.0  # metres around the body of a tower
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -62,7 +78,11 @@ class Scene:
 
 @dataclass(frozen=True)
 class Object:
-    """Points that are one thing, and the one of them that breaks its rule worst, in metres."""
+    """Points that are one thing, and the one of them that breaks its rule worst, in metres.
+
+    `falls` is what is left between its highest tree and a wire if the tree falls; NaN if no tree
+    of it reaches one. The others are as in `Violations`.
+    """
 
     points: Ints
     nearest: int
@@ -78,3 +98,106 @@ class Object:
     sd: float
     probability: float
     height: float
+    falls: float
+
+
+def line_of(wires: Vector) -> Line:
+    """The wires of a layer as they were surveyed, in metres from an origin near by."""
+    frame, metre = wires.frame, wires.metre
+    # Whole metres: the same place whatever the unit.
+    corner = np.floor(frame[["x0", "y0"]].min() / metre) if len(frame) else (0.0, 0.0)
+    origin = np.array([*corner, 0.0]) * metre
+    columns = ("wire_id", "span_id", "from_tower", "to_tower")
+    numbers = [frame[name].to_numpy(np.int64) for name in columns]
+    return Line(origin, [State("survey")], [catenaries_of(wires, origin)], *numbers)
+
+
+def scene_of(
+    cloud: PointCloud, line: Line, *, classes: Mapping[str, Sequence[int]], ignore: Sequence[int],
+    reach: float, wire_radius: float, attachment: float, towers: Vector | None = None,
+    ctx: Context = QUIET,
+) -> Scene:  # fmt: skip
+    """Points near the wires in metres, what they are, and how high above the ground.
+
+    Parameters
+    ----------
+    classes : of trees, buildings and ground, by kind
+    ignore : classes that take no part
+    reach : to the side of the wires, metres
+    wire_radius, attachment : points without a class that are as near to a wire or to its end are
+        of the line, metres
+    towers : points without a class around their bodies are of them, unless `attachment` is 0
+    """
+    require_finite(cloud.xyz)
+    if not line.spans:
+        return Scene(np.empty(0, np.int64), np.empty((0, 3)), np.empty(0, np.int8), np.empty(0), {})
+    index = _near(cloud, line, reach)
+    kind, left_out = _kinds(cloud, classes, ignore)
+    kind = kind[index]
+    height = _heights(cloud, index, kind == KINDS.index("ground"), ctx.part(0.0, 0.5))
+    xyz = cloud.xyz[index]
+    xyz -= line.origin
+    xyz /= cloud.metre
+    mine = own_points(
+        xyz, kind, line.curves[0], radius=wire_radius, attachment=attachment, ctx=ctx.part(0.5, 1.0)
+    )
+    if towers is not None and len(towers) and attachment > 0:
+        mine |= _at_towers(xyz, kind, towers, line.origin)
+    kind[mine] = TAKES_NO_PART
+    left_out["without a class, on a wire or at a support"] = int(mine.sum())
+    return Scene(index, xyz, kind, height, left_out)
+
+
+def _near(cloud: PointCloud, line: Line, reach: float) -> Ints:
+    """Indices of the points near the wires in plan."""
+    cells = Near.of(line.curves, reach)
+    found = [np.empty(0, np.int64)]
+    for first in range(0, len(cloud), BLOCK):
+        xy = (cloud.xyz[first : first + BLOCK, :2] - line.origin[:2]) / cloud.metre
+        found.append(first + np.flatnonzero(cells.has(xy)))
+    return np.concatenate(found)
+
+
+def _kinds(
+    cloud: PointCloud, classes: Mapping[str, Sequence[int]], ignore: Sequence[int]
+) -> tuple[NDArray[np.int8], dict[str, int]]:
+    """Index into KINDS of each point, and how many points take no part, and why."""
+    given = np.asarray(cloud["classification"])
+    kind = np.full(len(cloud), KINDS.index("other"), np.int8)
+    for name, codes in (*KNOWN.items(), *classes.items()):
+        kind[np.isin(given, codes)] = KINDS.index(name)
+    withheld, noise, of_line = is_withheld(cloud), np.isin(given, ignore), np.isin(given, LINE)
+    kind[withheld | noise | of_line] = TAKES_NO_PART
+    ignored = ", ".join(map(str, ignore))
+    left_out = {
+        "withheld": int(withheld.sum()),
+        f"of ignored classes ({ignored})": int((noise & ~withheld).sum()),
+        "of the line (classes 13 to 16)": int((of_line & ~noise & ~withheld).sum()),
+    }
+    return kind, left_out
+
+
+def _heights(cloud: PointCloud, index: Ints, ground: NDArray[np.bool_], ctx: Context) -> Floats:
+    """Metres above the ground of some points; NaN where not known."""
+    if HEIGHT in cloud:
+        return np.asarray(cloud[HEIGHT], float)[index] / cloud.metre
+    if not ground.any():
+        log.warning("no point is ground: heights are not known, falling trees not looked for")
+        return np.full(len(index), np.nan)
+    places = cloud.xyz[index]
+    bare = places[ground]
+    bare.flags.writeable = places.flags.writeable = False  # as the kernels are compiled for
+    return height_above(places, find_terrain(bare, metre=cloud.metre, ctx=ctx))
+
+
+def _at_towers(
+    xyz: Floats, kind: NDArray[np.int8], towers: Vector, origin: Floats
+) -> NDArray[np.bool_]:
+    """Points without a class around the body of a tower."""
+    feet = (shapely.get_coordinates(towers.frame.geometry.to_numpy()) - origin[:2]) / towers.metre
+    radius = towers.frame["width"].to_numpy(float) / 2 + BESIDE_TOWER
+    mine = np.zeros(len(xyz), bool)
+    some = np.flatnonzero(kind == UNCLASSIFIED)
+    away, nearest = cKDTree(feet).query(xyz[some, :2])
+    mine[some] = away <= np.nan_to_num(radius, nan=BESIDE_TOWER)[nearest]
+    return mine

@@ -6,15 +6,19 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import geopandas
 import numpy as np
 import pandas as pd
 import pytest
+import shapely
+from numpy.typing import NDArray
 from pyproj import CRS
+from scipy.optimize import brentq, root
 
 import toolbox
 from algorithms.corridor._catenary import Catenary
 from algorithms.corridor._distances import distances, fall_in, find_violations
-from algorithms.corridor._lines import wire_layer
+from algorithms.corridor._lines import catenaries_of, wire_layer
 from algorithms.corridor._objects import groups, tree_tops
 from algorithms.corridor._rules import KINDS, Rule, rule_set, rules_of, shipped
 from algorithms.corridor._sag import (
@@ -24,6 +28,7 @@ from algorithms.corridor._sag import (
     conductor_temperature,
     cooling,
     in_state,
+    wind_load,
 )
 from algorithms.corridor._spans import Wire
 from toolbox.data import PointCloud, Table, Vector
@@ -487,3 +492,127 @@ def test_wrong_settings_are_named() -> None:
     lines = Vector(layer(LEVEL).frame[["wire_id", "geometry"]], name="lines.kml")
     with pytest.raises(DataError, match="wires: no column span_id"):
         toolbox.run("corridor.clearance", {"points": points, "wires": lines})
+
+
+def elastic_chain(curve: Catenary, unstretched: float, load: Any, pull: Any) -> NDArray[np.float64]:
+    """A wire under a load per metre, piece by piece, from a guess of the pull at its start."""
+
+    def line(pull: NDArray[np.float64]) -> NDArray[np.float64]:
+        middle = (np.arange(2000) + 0.5) * unstretched / 2000
+        tension = pull - np.outer(middle, load)
+        size = np.linalg.norm(tension, axis=1)
+        steps = tension * ((1 / size + 1 / DRAKE.stiffness) * unstretched / 2000)[:, None]
+        return np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+
+    end = np.array([curve.length, 0.0, curve.z_end - curve.z_start])
+
+    def missed(pull: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(line(pull)[-1] - end)
+
+    return line(root(missed, pull, tol=1e-9).x)
+
+
+@pytest.mark.parametrize("rise", [0.0, 60.0, 100.0])
+def test_a_steep_wire_in_wind_hangs_as_a_chain_of_small_pieces(rise: float) -> None:
+    curve = Catenary(0, 0, 1, 0, 300.0, 40.0, 40.0 + rise, 1 / 900)
+    calm = np.array([0.0, 0.0, -DRAKE.weight])
+    weight = DRAKE.weight * 900
+    pull = np.array([weight, 0.0, -weight * math.sinh(curve.u0 / 900)])
+
+    def sag(line: NDArray[np.float64]) -> float:
+        return float((rise * line[:, 0] / 300 - line[:, 2]).max())
+
+    def too_slack(size: float) -> float:
+        return sag(elastic_chain(curve, size, calm, pull)) - curve.sag
+
+    stretch = 1 - weight / DRAKE.stiffness
+    low, high = curve.arc * (stretch - 4e-4), curve.arc * (stretch + 2e-4)
+    unstretched = brentq(too_slack, low, high, xtol=1e-7)
+    load = calm + np.array([0.0, wind_load(DRAKE, 30.0), 0.0])
+    line = elastic_chain(curve, unstretched, load, pull + np.array([0.0, 10.0, 0.0]))
+    blown = in_state(curve, DRAKE, State("wind", None, 30.0), surveyed=15.0)
+    assert blown.sag == pytest.approx(sag(line), abs=0.02)
+    offsets = blown.offset(np.linspace(0, 300, 1001))
+    assert offsets.max() == pytest.approx(line[:, 1].max(), abs=0.02)
+
+
+def test_an_uncertain_temperature_counts_where_the_fit_is_of_unknown_quality() -> None:
+    frame = layer(LEVEL).frame.assign(var_start=np.nan)
+    (curve,) = catenaries_of(Vector(frame), np.array([EAST, NORTH, 0.0]))
+    assert curve.covariance is None
+    hot = in_state(curve, DRAKE, State("hot", 80.0), surveyed=15.0, surveyed_sd=5.0)
+    sure = replace(curve, covariance=np.zeros((3, 3)))
+    other = in_state(sure, DRAKE, State("hot", 80.0), surveyed=15.0, surveyed_sd=5.0)
+    middle = np.array([150.0])
+    assert hot.height_sigma(middle) == pytest.approx(other.height_sigma(middle))
+    assert hot.height_sigma(middle)[0] > 0.1
+
+
+def test_lone_points_in_the_air_are_no_falling_trees_and_hide_none() -> None:
+    ground, noise = flat(), [(150.0, 16.0, 39.0), (60.0, -15.0, 40.0), (62.0, -40.0, 35.0)]
+    points = cloud([*blob(150, 15, 34.0), *noise, *ground], [1] * 8 + [2] * len(ground))
+    frame = run(points, distance=5.0)["objects"].frame
+    assert frame.rule.to_list() == ["falling"]
+    assert frame.height.to_list() == pytest.approx([34.0], abs=0.05)
+
+
+def test_a_tree_that_is_too_near_also_tells_whether_it_may_fall_on_the_wire() -> None:
+    ground = flat()
+    trees = [*blob(150, 15, 34.0), *blob(60, -16, 9.0)]
+    points = cloud([*trees, *ground], [5] * 10 + [2] * len(ground))
+    result = run(points, rules="thesis")
+    frame = result["objects"].frame.sort_values("station")
+    assert frame.rule.to_list() == ["thesis-30"] * 2
+    low = float(LEVEL.height(np.array(150.0)))
+    assert frame.falls.isna().to_list() == [True, False]
+    assert frame.falls.iloc[1] == pytest.approx(math.hypot(15, low) - 34.0, abs=0.1)
+    assert len(result["violations"]) == 10
+
+
+def test_least_clearances_of_a_span_are_those_of_what_is_not_far_to_the_side() -> None:
+    """What is farther may be there without having been looked at."""
+    low = float(LEVEL.height(np.array(150.0)))
+    for beside, seen in ((9.9, True), (10.1, False)):
+        (tree,) = run(cloud(blob(150, beside, low), 5), distance=5.0)["spans"].frame.tree
+        assert tree == pytest.approx(9.9, abs=0.01) if seen else pd.isna(tree)
+
+
+def test_the_least_clearance_is_that_in_space_whatever_the_rule() -> None:
+    low = float(LEVEL.height(np.array(150.0)))
+    points = [(150.0, 2.9, low), (150.0, 1.0, low - 3.5), (150.0, 1.0, low - 3.6)]
+    table = Table(pd.DataFrame([row(kind="building", direction="horizontal", threshold=3.0,
+                                    within=5.0)]))  # fmt: skip
+    result = run(cloud(points, 6), rule_table=table, object_gap=6.0)
+    assert result["objects"].frame.clearance.to_list() == pytest.approx([1.0], abs=0.01)
+    assert result["least_clearance"] == pytest.approx(2.9, abs=0.01)
+
+
+def test_towers_keep_what_is_around_their_bodies_alone() -> None:
+    foot = {"arms": [24.0], "width": [4.0]}
+    place = [shapely.Point(EAST + 150, NORTH + 10, 0)]
+    towers = Vector(geopandas.GeoDataFrame(foot, geometry=place, crs=32635))
+    low = float(LEVEL.height(np.array(150.0)))
+    tree, body = blob(150, 0, low - 3.0), blob(150, 8.0, low)
+    for points, count in ((tree, 1), (body, 0)):
+        result = run(cloud(points, 1), distance=9.0, towers=towers)
+        assert result["object_count"] == count
+    areas = Vector(towers.frame.set_geometry(towers.frame.buffer(2.0)))
+    with pytest.raises(DataError, match="towers: must hold points alone"):
+        run(cloud(tree, 1), towers=areas)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        ("points", math.nan, "points must be a number, got nan"),
+        ("curvature", 50.0, "curvature must be above 0 and below 0.2, got 50.0"),
+        ("span", 0.0, "span must be above 0, got 0.0"),
+        ("swing", 90.0, "swing must be above -90 and below 90, got 90.0"),
+        ("span_id", 1.5, "span_id must be a whole number, got 1.5"),
+        ("var_curv", -1.0, "var_curv must be at least 0, got -1.0"),
+    ],
+)
+def test_wrong_wires_are_named(column: str, value: float, message: str) -> None:
+    wires = Vector(layer(LEVEL).frame.assign(**{column: value}))
+    with pytest.raises(DataError, match=f"wires: row 1: {message}"):
+        toolbox.run("corridor.clearance", {"points": cloud(blob(0, 0, 9), 5), "wires": wires})

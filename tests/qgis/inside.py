@@ -64,6 +64,9 @@ class Feedback(QgsProcessingFeedback):
     def pushWarning(self, text: str) -> None:
         self.said.append(text)
 
+    def pushConsoleInfo(self, text: str) -> None:
+        self.said.append(text)
+
     def reportError(self, text: str, fatal: bool = False) -> None:
         self.said.append(text)
 
@@ -173,7 +176,7 @@ def check_values_of_every_type() -> None:
     given |= {"CRS": "EPSG:2154", "TEXTS": " a ; b;", "CHOICES": ["a", "c"], "FILE": CLOUD}
     got = read(**given)
     assert got == {
-        "number": 2.5, "integer": 5.5, "length": 12.0, "boolean": "no", "choice": "a",
+        "number": "2.5", "integer": 5.5, "length": 12.0, "boolean": "no", "choice": "a",
         "text": "2,9,14-16", "range": [0.0, 0.2], "extent": [1.0, 2.0, 3.0, 4.0],
         "position": [5.0, 6.0], "crs": "EPSG:2154", "texts": ["a", "b"], "choices": ["a", "c"],
         "file": CLOUD, "said": [],
@@ -257,13 +260,78 @@ def check_what_is_drawn_on_the_map_comes_in_the_coordinates_of_the_data() -> Non
     assert "taken as coordinates of the data" in got["said"][0]
 
 
-def check_a_number_outside_its_limits_is_refused_before_the_run() -> None:
+def check_what_is_wrong_is_left_to_the_tool_to_say() -> None:
     algorithm = ToolAlgorithm(EVERYTHING, COLOURS).create()
-    fine, text = algorithm.checkParameterValues({"NUMBER": -1}, context())
-    assert (fine, "number: must be" in text) == (False, True), text
-    assert algorithm.checkParameterValues({"NUMBER": NULL}, context())[0]
     fine, text = algorithm.checkParameterValues({"NUMBR": 1}, context())
     assert (fine, "numbr: unknown parameter" in text) == (False, True), text
+    needed = EVERYTHING | {"inputs": [field("pointcloud", required=True)]}
+    assert not ToolAlgorithm(needed, COLOURS).create().checkParameterValues({}, context())[0]
+    assert algorithm.checkParameterValues({"NUMBER": NULL}, context())[0]
+    none = "/no/file.laz"
+    wrong = {"NUMBER": "abc", "INTEGER": "1.5", "LENGTH": "nan", "CHOICE": "c", "RANGE": "3"}
+    wrong |= {"EXTENT": "1,2,3", "POSITION": "5", "POINTCLOUD": none, "RASTER": none}
+    wrong |= {"VECTOR": none, "CLOUDS": [none, CLOUD], "CRS": "EPSG:0"}
+    assert algorithm.checkParameterValues(wrong, context())[0]
+    got = read(**wrong)
+    assert got.pop("said") == []
+    assert got == {name.lower(): value for name, value in wrong.items()}, got
+    assert read(CHOICES="a, d;b")["choices"] == ["a", "d", "b"]
+
+
+def check_no_file_is_written_over_for_a_layer_of_it() -> None:
+    taken = out("taken.gpkg")
+    Path(taken).write_text("layers of somebody")
+    output = {"name": "made", "type": "vector", "label": "Made", "help": "h", "many": False}
+    output["suffixes"] = [".gpkg"]
+    algorithm = ToolAlgorithm(EVERYTHING | {"outputs": [output]}, COLOURS).create()
+    database = "ogr:dbname='{}' table=\"a\" (geom)"
+    new = out("new.gpkg")
+    for place, expected in (
+        (database.format(taken), "its other layers would be lost"),
+        ("postgis:dbname='x' table=\"b\"", "must be a file"),
+        (database.format(new), {"path": new, "layer": "a"}),
+        (taken, taken),  # a plain file: the dialog has asked
+    ):
+        reader = parameters.Reader(algorithm, [], {"MADE": place}, context(), Feedback())
+        try:
+            got = reader.output(output)
+        except QgsProcessingException as err:
+            got = str(err)
+        assert got == expected or str(expected) in got, got
+
+
+def check_another_version_of_the_toolbox_is_told() -> None:
+    program = FOLDER / "old python"
+    event = json.dumps({"event": "error", "message": "no tool called 'samples.scene'"})
+    told = f"case \"$*\" in *--version) echo lidar-toolbox 0.0.9;; *) echo '{event}'; exit 2;; esac"
+    program.write_text(f"#!/bin/sh\n{told}\n")
+    program.chmod(0o755)
+    feedback = Feedback()
+    os.environ[bridge.PYTHON] = str(program)
+    try:
+        _, ok = provider.algorithm("samplesscene").create().run({}, context(), feedback)
+        os.environ[bridge.PYTHON] = "/no/python"
+        assert "at /no/python" in provider.algorithm("samplesscene").create().canExecute()[1]
+    finally:
+        del os.environ[bridge.PYTHON]
+    assert not ok
+    assert any("has version 0.0.9" in text for text in feedback.said), feedback.said
+
+
+def check_what_a_library_prints_is_shown() -> None:
+    program = FOLDER / "chatty python"
+    odd = ("plain text", '{"event": "progress"}', '["event"]', "{}")
+    result = json.dumps({"event": "result", "outputs": {}})
+    lines = "\n".join(f"echo '{line}'" for line in (*odd, result))
+    program.write_text(f"#!/bin/sh\n{lines}\n")
+    program.chmod(0o755)
+    feedback = Feedback()
+    os.environ[bridge.PYTHON] = str(program)
+    try:
+        assert bridge.run("a.b", [], {}, feedback) == {}
+    finally:
+        del os.environ[bridge.PYTHON]
+    assert [text for text in feedback.said if text in odd] == list(odd), feedback.said
 
 
 def check_layers_are_loaded_in_colours() -> None:
@@ -321,6 +389,8 @@ def check_a_tool_of_each_group_and_all_kinds_of_output() -> None:
     assert QgsVectorLayer(made["TABLE"]).featureCount() > 3
     assert {"PAGE", "COUNTS", "PICTURE"} <= made.keys()
     assert os.path.getsize(made["PAGE"]) > 1000
+    made = go("points.info", POINTS=CLOUD, TABLE=out("i.csv"), PICTURE=out("i.png"))
+    assert "PICTURE" not in made  # there is nothing to draw
     go("features.local", POINTS=CLOUD, DESCRIBED=out("f.laz"), FEATURES=["planarity", "nz"])
     go("planes.fit", POINTS=CLOUD, MAX_DISTANCE=0.2)
     layer = square()

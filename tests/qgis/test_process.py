@@ -31,7 +31,7 @@ def test_a_run_in_a_polluted_environment(
 ) -> None:
     """What launchers of QGIS set would break our Python; the path has a space and an accent."""
     program, note = recorder
-    (tmp_path / "numpy.py").write_text("raise SystemExit('the wrong numpy')\n")
+    (tmp_path / "laspy.py").write_text("raise SystemExit('the wrong laspy')\n")
     proj = tmp_path / "proj"
     proj.mkdir()
     (proj / "proj.db").write_text("not a database")
@@ -55,15 +55,21 @@ def test_a_wrong_value_fails_with_the_sentence_of_the_command_line(
     qgis: Qgis, cloud: Path, tmp_path: Path, capsys: object
 ) -> None:
     surface = tmp_path / "a.tif"
-    for name, value in (("classes", "2,x"), ("cell", "-2")):
-        values = [f"POINTS={cloud}", f"{name.upper()}={value}", f"SURFACE={surface}"]
-        done = qgis("run", "lidartoolbox:surfacegrid", "--", *values)
-        argv = ["run", "surface.grid", "--points", str(cloud), f"--{name}", value]
-        assert main([*argv, "--surface", str(surface)]) == 2
+    for name, value, why in (
+        ("classes", "2,x", "must be"),
+        ("cell", "-2", "must be"),
+        ("method", "idww", "did you mean 'idw'"),
+        ("points", "/no/file.laz", "there is no file"),
+        ("colour", "red", "unknown parameter"),
+    ):
+        given = {"points": str(cloud), "surface": str(surface)} | {name: value}
+        words = [f"{key.upper()}={text}" for key, text in given.items()]
+        done = qgis("run", "lidartoolbox:surfacegrid", "--", *words)
+        assert main(["run", "surface.grid", *(f"--{k}={v}" for k, v in given.items())]) == 2
         told = capsys.readouterr().err.removeprefix("error: ").strip()  # type: ignore[attr-defined]
         assert done.returncode == 1
         assert told in done.stderr
-        assert f"{name}: must be" in told
+        assert f"{name}: {why}" in told or why in told
         assert not surface.exists()
 
 
@@ -72,6 +78,7 @@ def test_without_an_environment_it_says_what_to_do(qgis: Qgis, cloud: Path) -> N
     done = qgis("run", "lidartoolbox:pointsinfo", "--", *values, LIDAR_TOOLBOX_PYTHON="/no/python")
     assert done.returncode == 1
     assert "No Python environment" in done.stderr
+    assert "at /no/python" in done.stderr
     assert "python -m toolbox qgis install" in done.stderr
 
 

@@ -10,10 +10,9 @@ from qgis.PyQt.QtCore import QUrl
 from qgis.PyQt.QtGui import QIcon
 
 from . import bridge
-from .parameters import TYPES, UNSET, Reader, definition, is_missing, is_value
+from .parameters import TYPES, UNSET, Reader, definition, is_plain, is_value
 from .styling import Styler
 
-SIGNS = {"gt": float.__gt__, "ge": float.__ge__, "lt": float.__lt__, "le": float.__le__}
 FILES = "_FILES"  # ends the name of the output that lists several layers
 
 
@@ -76,27 +75,22 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
                 self.addOutput(QgsProcessingOutputMultipleLayers(name, label))
 
     def canExecute(self) -> tuple[bool, str]:
-        return (True, "") if bridge.find_python() else (False, bridge.MISSING)
+        return (True, "") if bridge.find_python() else (False, bridge.missing())
 
     def checkParameterValues(self, parameters: Any, context: Any) -> tuple[bool, str]:
-        """Unknown names and numbers outside their limits, in the words of the tool.
+        """Unknown names, which QGIS would pass over, and what is no value of a parameter.
 
-        QGIS would pass over the former. What it finds itself comes after.
+        Texts and numbers are left to the tool: where they are wrong, it says why.
         """
-        known = {definition.name() for definition in self.parameterDefinitions()}
-        found = {name.lower(): "unknown parameter" for name in sorted(parameters.keys() - known)}
-        for field in self.tool["inputs"]:
-            value = _plain_number(parameters.get(field["name"].upper()))
-            if value is not None and any(
-                not SIGNS[key](value, float(field[key])) for key in SIGNS if key in field
-            ):
-                shown = int(value) if field["type"] == "integer" and value.is_integer() else value
-                found[field["name"]] = f"must be {field['rule']}, got {shown!r}"
-        if found:
-            lines = [f"  {name}: {text}" for name, text in found.items()]
+        definitions = {made.name(): made for made in self.parameterDefinitions()}
+        if unknown := sorted(parameters.keys() - definitions.keys()):
+            lines = [f"  {name.lower()}: unknown parameter" for name in unknown]
             return False, "\n".join([f"{self.tool['id']}: {len(lines)} problem(s)", *lines])
-        ok, text = super().checkParameterValues(parameters, context)
-        return bool(ok), str(text)
+        for name, made in definitions.items():
+            value = parameters.get(name)
+            if not is_plain(value) and not made.checkValueIsAcceptable(value, context):
+                return False, f"Incorrect parameter value for {made.description()}"
+        return True, ""
 
     def processAlgorithm(self, parameters: Any, context: Any, feedback: Any) -> dict[str, Any]:
         read = Reader(self, self.tool["inputs"], parameters, context, feedback)
@@ -110,7 +104,8 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
             if field.get("option") and value is not None:
                 options += [f"--{field['option'].replace('_', '-')}", str(value)]
         result = bridge.run(self.tool["id"], options, values, feedback)
-        result |= {f["name"]: _path(v) for f, v in given if f.get("option") and "suffixes" in f}
+        shown = {f["name"]: _path(v) for f, v in given if f.get("option") and "suffixes" in f}
+        result |= {name: path for name, path in shown.items() if os.path.exists(path)}
         self._keep_what_was_made(result, context)
         return dict(self._results(result, {f["name"]: v for f, v in given}))
 
@@ -149,13 +144,3 @@ def _same(place: Any) -> str:
 
 def _path(value: Any) -> Any:
     return value["path"] if isinstance(value, dict) else value
-
-
-def _plain_number(value: Any) -> float | None:
-    """A number as it was given; None for nothing, and for what QGIS is still to work out."""
-    if is_missing(value) or isinstance(value, bool):
-        return None
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        return None

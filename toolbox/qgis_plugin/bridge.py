@@ -33,19 +33,30 @@ OURS = {"GDAL_CACHEMAX", "GDAL_NUM_THREADS", "PROJ_NETWORK", "CPL_TMPDIR"}
 GRACE = 5.0  # seconds that a tool has to stop in good order
 POLL = 0.05
 TAIL = 60  # lines of standard error that are kept
-MISSING = (
-    "No Python environment for the LiDAR Toolbox was found. Choose or create one in Settings > "
-    f"Options > LiDAR Toolbox, run 'python -m toolbox qgis install', or set {PYTHON}."
+CHECK = "from toolbox.qgis_tools import listing; print('lidar-toolbox', listing()['toolbox'])"
+WAYS = (
+    "Choose or create one in Settings > Options > LiDAR Toolbox, run "
+    f"'python -m toolbox qgis install', or set {PYTHON}."
 )
 
 
 def find_python() -> str | None:
     """The Python of the tools: never that of QGIS, which lacks their libraries."""
-    said = os.environ.get(PYTHON) or QgsSettings().value(SETTING, "")
-    if said:
-        return str(said) if os.path.isfile(said) else None
+    if said := _named():
+        return said if os.path.isfile(said) else None
     usual = [str(_installed().get("python", "")), str(python_of(own_environment()))]
     return next((path for path in usual if os.path.isfile(path)), None)
+
+
+def _named() -> str:
+    """The Python that the variable or the settings page names, if any."""
+    return str(os.environ.get(PYTHON) or QgsSettings().value(SETTING, "") or "")
+
+
+def missing() -> str:
+    """What to say and to do where there is no Python."""
+    where = f" at {said}" if (said := _named()) else ""
+    return f"No Python environment for the LiDAR Toolbox was found{where}. {WAYS}"
 
 
 def own_environment() -> Path:
@@ -98,8 +109,8 @@ def command(*words: str) -> list[str]:
     """
     python = find_python()
     if python is None:
-        raise QgsProcessingException(MISSING)
-    return [python, "-s", "-X", "utf8", "-u", "-m", "toolbox", *words]
+        raise QgsProcessingException(missing())
+    return [python, "-s", "-X", "utf8", "-u", *words]
 
 
 def hidden() -> dict[str, Any]:
@@ -107,21 +118,22 @@ def hidden() -> dict[str, Any]:
     return {"creationflags": 0x08000000} if os.name == "nt" else {"start_new_session": True}
 
 
-def ask(*words: str) -> Any:
-    """The answer of a short command, which prints JSON.
+def said(words: list[str]) -> str:
+    """What a command prints.
 
     Raises
     ------
-    QgsProcessingException
-        It failed, with what it said.
+    RuntimeError
+        It failed, with its last lines.
     """
     done = subprocess.run(
-        command(*words), env=clean_environment(), stdin=subprocess.DEVNULL, capture_output=True,
+        words, env=clean_environment(), stdin=subprocess.DEVNULL, capture_output=True,
         encoding="utf-8", errors="replace", check=False, **hidden(),
     )  # fmt: skip
     if done.returncode:
-        raise QgsProcessingException(done.stderr.strip().removeprefix("error: "))
-    return json.loads(done.stdout)
+        last = "\n".join((done.stderr or done.stdout).strip().splitlines()[-5:])
+        raise RuntimeError(f"{os.path.basename(words[0])} failed:\n{last}")
+    return done.stdout.strip()
 
 
 def run(tool: str, options: list[str], values: dict[str, Any], feedback: Any) -> dict[str, Any]:
@@ -139,7 +151,7 @@ def run(tool: str, options: list[str], values: dict[str, Any], feedback: Any) ->
     QgsProcessingException
         It failed, with the sentence of the tool, or was cancelled.
     """
-    words = command("run", tool, "--params", "-", "--events", "jsonl", *options)
+    words = command("-m", "toolbox", "run", tool, "--params", "-", "--events", "jsonl", *options)
     feedback.pushCommandInfo(" ".join(words))
     try:
         child = _Child(words, feedback)
@@ -150,7 +162,23 @@ def run(tool: str, options: list[str], values: dict[str, Any], feedback: Any) ->
         child.wait()
     finally:
         child.close()
+    if child.result is None and child.stop_at is None:
+        _tell_of_another_version(feedback)
     return child.outputs()
+
+
+def _tell_of_another_version(feedback: Any) -> None:
+    """Why a tool may not know what the plugin asks for."""
+    try:
+        there = said(command("-m", "toolbox", "--version")).rpartition(" ")[2]
+    except (OSError, RuntimeError):  # it has told already what is wrong
+        return
+    here = json.loads((HERE / "tools.json").read_text(encoding="utf-8"))["toolbox"]
+    if there != here:
+        feedback.pushWarning(
+            f"The Python of the tools has version {there}, and this plugin is of {here}. "
+            "Run 'python -m toolbox qgis install' there."
+        )
 
 
 class _Child:
@@ -210,12 +238,13 @@ class _Child:
 
     def _take(self, line: str) -> None:
         try:
-            event = json.loads(line)
-            kind = event["event"]
+            self._follow(json.loads(line))
         except (ValueError, KeyError, TypeError):  # a library that prints
             if line.strip():
                 self.feedback.pushConsoleInfo(line.rstrip())
-            return
+
+    def _follow(self, event: dict[str, Any]) -> None:
+        kind = event["event"]
         if kind == "progress":
             self.feedback.setProgress(float(event["value"]))
         elif kind == "log":

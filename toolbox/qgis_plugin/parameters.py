@@ -18,6 +18,7 @@ from qgis.core import (
     QgsProcessingParameterFile,
     QgsUnitTypes,
 )
+from qgis.PyQt.QtCore import QUrl
 
 from .lasheader import las_crs
 
@@ -253,21 +254,25 @@ class Reader:
         read = getattr(self.algorithm, f"parameterAs{kind}")
         return read(self.parameters, name, self.context, *more)
 
-    def _number(self, field: dict[str, Any], name: str, raw: Any) -> float:
-        return float(self._as("Double", name))
+    def _number(self, field: dict[str, Any], name: str, raw: Any) -> Any:
+        """QGIS takes the default for a text that is no number; the tool refuses it."""
+        return raw if isinstance(raw, str) else float(self._as("Double", name))
 
     _length = _number
 
-    def _integer(self, field: dict[str, Any], name: str, raw: Any) -> float:
+    def _integer(self, field: dict[str, Any], name: str, raw: Any) -> Any:
         """QGIS would cut 5.5 to 5; the tool refuses it."""
-        number = float(self._as("Double", name))
-        return int(number) if number.is_integer() else number
+        number = self._number(field, name, raw)
+        return int(number) if isinstance(number, float) and number.is_integer() else number
 
     def _boolean(self, field: dict[str, Any], name: str, raw: Any) -> Any:
         """QGIS takes the word "no" for true; the tool reads it."""
         return raw if isinstance(raw, str) else self._as("Bool", name)
 
     def _choice(self, field: dict[str, Any], name: str, raw: Any) -> Any:
+        """QGIS passes over a word that is no choice; the tool refuses it."""
+        if isinstance(raw, str):
+            return [word.strip() for word in re.split("[,;]", raw)] if field["many"] else raw
         return self._as("EnumStrings" if field["many"] else "EnumString", name)
 
     def _text(self, field: dict[str, Any], name: str, raw: Any) -> Any:
@@ -281,7 +286,10 @@ class Reader:
 
     def _range(self, field: dict[str, Any], name: str, raw: Any) -> Any:
         numbers = self._as("Range", name)
-        return UNSET if all(map(math.isnan, numbers)) else numbers
+        if all(map(math.isfinite, numbers)):
+            return numbers
+        empty = not isinstance(raw, str) or re.search("nan|none", raw.lower())  # as QGIS says it
+        return UNSET if empty else raw
 
     def _crs(self, field: dict[str, Any], name: str, raw: Any) -> Any:
         crs = self._as("Crs", name)
@@ -289,12 +297,16 @@ class Reader:
             return str(raw)  # such as "local"; the tool says whether it knows it
         return crs.authid() or crs.toWkt(QgsCoordinateReferenceSystem.WKT_PREFERRED)
 
-    def _extent(self, field: dict[str, Any], name: str, raw: Any) -> list[float]:
+    def _extent(self, field: dict[str, Any], name: str, raw: Any) -> Any:
         box = self._as("Extent", name, self._target_crs(self._as("ExtentCrs", name), field))
+        if box.isNull() and isinstance(raw, str):
+            return raw  # no rectangle; the tool says so
         return [box.xMinimum(), box.yMinimum(), box.xMaximum(), box.yMaximum()]
 
-    def _position(self, field: dict[str, Any], name: str, raw: Any) -> list[float]:
+    def _position(self, field: dict[str, Any], name: str, raw: Any) -> Any:
         place = self._as("Point", name, self._target_crs(self._as("PointCrs", name), field))
+        if place.isEmpty() and isinstance(raw, str):
+            return raw
         return [place.x(), place.y()]
 
     def _target_crs(self, stated: Any, field: dict[str, Any]) -> QgsCoordinateReferenceSystem:
@@ -339,16 +351,21 @@ class Reader:
         values = list(raw) if isinstance(raw, (list, tuple)) else [raw]
         if all(map(is_place, values)):
             return [_place(value) for value in values]
-        return [source_of(layer) for layer in self._as("LayerList", name)]
+        layers = self._as("LayerList", name)
+        if len(layers) < len(values) and is_plain(values):
+            return values  # the tool says which file is not there
+        return [source_of(layer) for layer in layers]
 
     def _layer(self, name: str, type: str, raw: Any) -> Any:
-        if isinstance(raw, (list, tuple)) and raw and all(map(is_place, raw)):
+        if isinstance(raw, (list, tuple)) and is_plain(raw):
             return list(raw)
         if is_place(raw):  # as it is: QGIS need not open it, nor build an index beside it
             return _place(raw)
+        layer = self._as("Layer", name)
+        if layer is None and isinstance(raw, str):
+            return raw  # the tool says that there is no such file
         if type in ("vector", "table"):
             return self._features(name)
-        layer = self._as("Layer", name)
         if layer is None:
             raise QgsProcessingException(f"{name}: {raw} is no layer and no file")
         return source_of(layer)
@@ -361,7 +378,13 @@ class Reader:
         return {"path": path, "layer": layer} if layer else path
 
     def output(self, field: dict[str, Any]) -> Any:
-        """Where an output goes, or UNSET if it is skipped."""
+        """Where an output goes, or UNSET if it is skipped.
+
+        Raises
+        ------
+        QgsProcessingException
+            It is no file of its own.
+        """
         name = field["name"].upper()
         if field["many"]:
             folder = self._as("String", name) if name in self.parameters else ""
@@ -373,6 +396,13 @@ class Reader:
         if not path:
             return UNSET
         database = re.fullmatch(r"ogr:dbname='(.+?)' table=\"(.+?)\".*", path)
+        if database and os.path.exists(database[1]):
+            raise QgsProcessingException(
+                f"{field['label']}: {database[1]} exists, and its other layers would be lost: "
+                "tools write whole files. Choose a new GeoPackage."
+            )
+        if not database and re.match("[a-z]{2,}:", path):
+            raise QgsProcessingException(f"{field['label']}: must be a file, got {path}")
         return {"path": database[1], "layer": database[2]} if database else path
 
     def _in_folder(self, folder: str, field: dict[str, Any]) -> str:
@@ -383,6 +413,13 @@ class Reader:
 def is_missing(value: Any) -> bool:
     """QGIS says NULL for what is left empty."""
     return value is None or value == NULL or (isinstance(value, str) and value == "") or value == []
+
+
+def is_plain(value: Any) -> bool:
+    """Whether it is text or a number, or several of these: what a tool reads itself."""
+    if isinstance(value, (list, tuple)):
+        return bool(value) and all(map(is_plain, value))
+    return isinstance(value, (str, int, float)) and value != ""
 
 
 def _place(value: str) -> Any:
@@ -398,9 +435,9 @@ def source_of(layer: Any) -> str:
     QgsProcessingException
         There is none, as for a layer of a server.
     """
-    path: str = layer.source().split("|")[0]
-    for prefix in ("file://", "vpc://"):
-        path = path.removeprefix(prefix)
+    path: str = layer.source().split("|")[0].removeprefix("vpc://")
+    if path.startswith("file:"):
+        path = QUrl(path).toLocalFile()
     if not os.path.exists(path):
         raise QgsProcessingException(
             f"Layer '{layer.name()}' is no file on this computer; save it to a file first."

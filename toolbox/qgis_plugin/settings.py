@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
 from typing import Any
 
-from qgis.core import QgsApplication, QgsSettings, QgsTask
+from qgis.core import QgsApplication, QgsMessageLog, QgsSettings, QgsTask
 from qgis.gui import QgsFileWidget, QgsOptionsPageWidget, QgsOptionsWidgetFactory
 from qgis.PyQt.QtGui import QIcon
 from qgis.PyQt.QtWidgets import QFormLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout
@@ -15,8 +14,11 @@ from qgis.PyQt.QtWidgets import QFormLayout, QLabel, QLineEdit, QPushButton, QVB
 from . import bridge
 
 PACKAGE = "lidar-toolbox"
-PYTHONS = ("python3.13", "python3.12", "python3.11", "python3", "python")
-NEEDED = "import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))"
+PYTHONS = ("python3.14", "python3.13", "python3.12", "python3.11", "python3", "python", "py")
+# Where they are on macOS: a program that was not started from a terminal has a short search path.
+FOLDERS = ("/opt/homebrew/bin", "/usr/local/bin")
+# The launcher "py" of Windows is no Python itself.
+NEEDED = "import sys, venv, ensurepip; assert sys.version_info >= (3, 11); print(sys.executable)"
 
 
 class OptionsFactory(QgsOptionsWidgetFactory):
@@ -68,8 +70,8 @@ class OptionsPage(QgsOptionsPageWidget):
         """Say which toolbox the chosen Python has."""
         self.apply()
         try:
-            words = bridge.command("--version")
-            self.found.setText(f"{words[0]}: {_said(words)}")
+            words = bridge.command("-c", bridge.CHECK)
+            self.found.setText(f"{words[0]}: {bridge.said(words)}")
         except Exception as err:
             self.found.setText(str(err))
 
@@ -85,11 +87,14 @@ class OptionsPage(QgsOptionsPageWidget):
         QgsApplication.taskManager().addTask(self.task)
 
     def _created(self, error: Any, python: Any = None) -> None:
-        if error is not None:
-            self.found.setText(str(error))
-            return
-        self.python.setFilePath(python)
-        self.test()
+        if error is None:
+            QgsSettings().setValue(bridge.SETTING, python)
+        text = str(error or f"{python} runs the tools now")
+        try:
+            self.python.setFilePath(python or self.python.filePath())
+            self.found.setText(text)
+        except RuntimeError:  # the page was closed meanwhile
+            QgsMessageLog.logMessage(text, "LiDAR Toolbox")
 
 
 def create_environment(task: Any, package: str = PACKAGE) -> str:
@@ -102,41 +107,23 @@ def create_environment(task: Any, package: str = PACKAGE) -> str:
     """
     home = bridge.own_environment()
     python = str(bridge.python_of(home))
-    _said([base_python(), "-m", "venv", "--clear", str(home)])
-    _said([python, "-m", "pip", "install", "--disable-pip-version-check", package])
+    bridge.said([base_python(), "-m", "venv", "--clear", str(home)])
+    bridge.said([python, "-m", "pip", "install", "--disable-pip-version-check", package])
     return python
 
 
 def base_python() -> str:
-    """A Python 3.11 or later on the search path: never that of QGIS.
+    """A Python 3.11 or later: never that of QGIS.
 
     Raises
     ------
     RuntimeError
         There is none.
     """
-    env = bridge.clean_environment()
-    for name in PYTHONS:
-        path = shutil.which(name, path=env.get("PATH"))
-        if path:
-            words = [path, "-c", NEEDED]
-            done = subprocess.run(
-                words, env=env, capture_output=True, check=False, **bridge.hidden()
-            )
-            if done.returncode == 0:
-                return path
-    raise RuntimeError(
-        "No Python 3.11 or later with venv was found; install one, or choose it here."
-    )
-
-
-def _said(words: list[str]) -> str:
-    """What a command prints; RuntimeError with its last lines if it fails."""
-    done = subprocess.run(
-        words, env=bridge.clean_environment(), stdin=subprocess.DEVNULL, capture_output=True,
-        encoding="utf-8", errors="replace", check=False, **bridge.hidden(),
-    )  # fmt: skip
-    if done.returncode:
-        last = "\n".join((done.stderr or done.stdout).strip().splitlines()[-5:])
-        raise RuntimeError(f"{os.path.basename(words[0])} failed:\n{last}")
-    return done.stdout.strip()
+    folders = os.pathsep.join([bridge.clean_environment().get("PATH", os.defpath), *FOLDERS])
+    for path in filter(None, (shutil.which(name, path=folders) for name in PYTHONS)):
+        try:
+            return bridge.said([path, "-c", NEEDED])
+        except (OSError, RuntimeError):  # an older one, or one without venv
+            continue
+    raise RuntimeError("No Python 3.11 or later with venv was found; install one first.")

@@ -65,7 +65,9 @@ def test_the_plugin_imports_qgis_and_the_standard_library_alone() -> None:
 def test_package_is_what_the_plugin_site_takes(tmp_path: Path, capsys: Capture) -> None:
     path = tmp_path / "plugin.zip"
     assert main(["qgis", "package", str(path)]) == 0
-    assert "plugin.zip" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "plugin.zip" in told
+    assert "fill in email, homepage, tracker, repository in " in told
     with zipfile.ZipFile(path) as archive:
         names = archive.namelist()
         meta = archive.read("lidar_toolbox/metadata.txt").decode()
@@ -77,8 +79,13 @@ def test_package_is_what_the_plugin_site_takes(tmp_path: Path, capsys: Capture) 
     }
     assert not any("environment.json" in name for name in names)
     assert f"\nversion={__version__}\n" in meta
-    for key in ("name", "description", "about", "qgisMinimumVersion", "author", "email", "icon"):
+    for key in (
+        "name", "description", "about", "qgisMinimumVersion", "author", "email", "icon",
+        "homepage", "tracker", "repository", "tags",
+    ):  # fmt: skip
         assert f"\n{key}=" in meta
+    assert "\nqgisMaximumVersion=4" in meta
+    assert "\nsupportsQt6=True\n" in meta  # for builds of QGIS 3 with Qt 6
     assert "\nhasProcessingProvider=yes\n" in meta
     assert len(tools["tools"]) == len(catalog.ids())
     assert path.stat().st_size < 1_000_000
@@ -136,6 +143,57 @@ def test_install_and_doctor(
     for text in ("QGIS was not found", "tools.json", "not switched on", "no Python /no/python"):
         assert text in seen.out
     assert "4 thing(s) to mend" in seen.err
+
+
+def test_doctor_asks_the_python_that_the_plugin_would_start(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("LIDAR_TOOLBOX_PYTHON", raising=False)
+    profile = tmp_path / "p"
+    argv = ["qgis", "doctor", "--profile", str(profile)]
+    assert main(["qgis", "install", "--profile", str(profile)]) == 0
+    ini, own = profile / "QGIS/QGIS3.ini", profile / "lidar_toolbox_env/bin/python"
+    chosen = "[lidar_toolbox]\npython={}\n[PythonPlugins]\nlidar_toolbox=true\n"
+    ini.write_text(chosen.format(r"/no/pyth\xf6n"))
+    main(argv)
+    told = capsys.readouterr().out
+    assert "there is no Python /no/pythön" in told
+    assert "set another in Settings > Options" in told
+    program = tmp_path / "bare"  # has the toolbox and not its libraries
+    program.write_text(
+        "#!/bin/sh\necho \"ModuleNotFoundError: No module named 'numpy'\" >&2; exit 1\n"
+    )
+    program.chmod(0o755)
+    ini.write_text(chosen.format(program))
+    main(argv)
+    assert f"{program}: ModuleNotFoundError: No module named 'numpy'" in capsys.readouterr().out
+    ini.write_text(chosen.format(tmp_path / "text").replace("python=/", "other=/"))
+    (profile / "python/plugins/lidar_toolbox/environment.json").unlink()
+    own.parent.mkdir(parents=True)
+    own.write_text("no program")
+    main(argv)
+    assert f"{own} does not start" in capsys.readouterr().out
+
+
+def test_both_settings_of_a_profile_are_switched_and_nothing_else_is_lost(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    new = tmp_path / "QGIS4" / "profiles" / "default"
+    assert main(["qgis", "install", "--profile", str(new)]) == 0
+    assert [path.name for path in (new / "QGIS").iterdir()] == ["QGIS4.ini"]
+    both = tmp_path / "both"
+    (both / "QGIS").mkdir(parents=True)
+    for name in ("QGIS3.ini", "QGIS4.ini"):
+        (both / "QGIS" / name).write_bytes(b"[a]\nold=\xe9\n")
+    assert main(["qgis", "install", "--profile", str(both)]) == 0
+    for name in ("QGIS3.ini", "QGIS4.ini"):
+        text = (both / "QGIS" / name).read_bytes()
+        assert text == b"[a]\nold=\xe9\n\n[PythonPlugins]\nlidar_toolbox=true\n"
+    assert main(["qgis", "uninstall", "--profile", str(both)]) == 0
+    assert list((both / "python/plugins").iterdir()) == []
+    assert (both / "QGIS/QGIS4.ini").read_bytes() == b"[a]\nold=\xe9\n\n[PythonPlugins]\n"
+    assert main(["qgis", "uninstall", "--profile", str(both)]) == 3
+    assert "the plugin is not in" in capsys.readouterr().err
 
 
 def test_the_usual_profile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     verbs = parser.add_subparsers(dest="what", required=True)
     helps = {
         "install": "put the plugin into a QGIS profile and let it use this Python",
+        "uninstall": "take the plugin out of a QGIS profile",
         "package": "write the plugin as a zip, as plugins.qgis.org takes it",
         "doctor": "say what is found, what is missing, and how to mend it",
     }
@@ -22,14 +23,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
         verb: verbs.add_parser(verb, help=text, description=text, allow_abbrev=False)
         for verb, text in helps.items()
     }
-    for verb in ("install", "doctor"):
+    for verb in ("install", "uninstall", "doctor"):
         made[verb].add_argument("--profile", metavar="DIR", help="the profile (that of QGIS)")
     made["package"].add_argument("file", nargs="?", help=f"lidar_toolbox-{__version__}.zip")
 
 
 def run(args: argparse.Namespace, _: object) -> None:
     """Do what was asked for."""
-    verbs = {"install": _install, "package": _package, "doctor": _doctor}
+    verbs = {"install": _install, "uninstall": _uninstall, "package": _package, "doctor": _doctor}
     print(verbs[args.what](args))
 
 
@@ -40,11 +41,23 @@ def _install(args: argparse.Namespace) -> str:
     return f"{home}: installed. Start QGIS anew; the tools are in the Processing toolbox."
 
 
+def _uninstall(args: argparse.Namespace) -> str:
+    from toolbox.qgis_install import uninstall
+
+    return f"{uninstall(_profile(args))}: removed"
+
+
 def _package(args: argparse.Namespace) -> str:
-    from toolbox.qgis_install import FOLDER, package
+    from toolbox.qgis_install import FOLDER, SOURCE, package, placeholders
 
     path = Path(args.file or f"{FOLDER}-{__version__}.zip")
-    return f"{path}: {package(path)} files"
+    told = f"{path}: {package(path)} files"
+    if names := placeholders():
+        told += (
+            f"\nBefore it goes to plugins.qgis.org, fill in {', '.join(names)} "
+            f"in {SOURCE / 'metadata.txt'}: these are placeholders."
+        )
+    return told
 
 
 def _doctor(args: argparse.Namespace) -> str:

@@ -20,9 +20,13 @@ from toolbox.qgis_tools import listing
 
 SOURCE = Path(__file__).parent / "qgis_plugin"
 FOLDER = "lidar_toolbox"
-PLUGINS, INI = Path("python/plugins"), Path("QGIS/QGIS3.ini")
+PLUGINS, SETTINGS = Path("python/plugins"), Path("QGIS")
 ENVIRONMENT = "environment.json"
+OWN = "lidar_toolbox_env"  # the environment that the settings page of the plugin creates
 PACKED = (".py", ".txt", ".svg", "LICENSE")
+PLACEHOLDER = re.compile("lidar-toolbox/lidar-toolbox|lidar-toolbox@")  # there is no such address
+# What must run in the Python of the tools: their libraries must be there too.
+CHECK = "from toolbox.qgis_tools import listing; print('lidar-toolbox', listing()['toolbox'])"
 PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title>
 <style>body {{font: 15px sans-serif; max-width: 46em; margin: 2em auto; line-height: 1.45}}</style>
@@ -67,6 +71,12 @@ def package(path: Path) -> int:
     return len(made)
 
 
+def placeholders() -> list[str]:
+    """What metadata.txt says of where the plugin comes from that is to be filled in."""
+    lines = contents()["metadata.txt"].splitlines()
+    return [line.partition("=")[0] for line in lines if PLACEHOLDER.search(line)]
+
+
 def install(profile: Path) -> Path:
     """Put the plugin into a profile, switch it on there, and let it use this Python.
 
@@ -88,14 +98,55 @@ def install(profile: Path) -> Path:
             if home.exists():
                 home.rename(old)
             new.rename(home)
-        ini = profile / INI
-        ini.parent.mkdir(parents=True, exist_ok=True)
-        text = ini.read_text(encoding="utf-8") if ini.exists() else ""
-        if (enabled := switched_on(text)) != text:
-            ini.write_text(enabled, encoding="utf-8")
+        for ini in settings_files(profile):
+            if (enabled := switched_on(text := _settings(ini))) != text:
+                _replace(ini, enabled)
     except OSError as err:
         raise DataError(f"{err.filename or home}: cannot be written: {err.strerror}") from err
     return home
+
+
+def uninstall(profile: Path) -> Path:
+    """Take the plugin out of a profile.
+
+    Raises
+    ------
+    DataError
+        It is not there, or cannot be removed.
+    """
+    home = profile / PLUGINS / FOLDER
+    if not home.is_dir():
+        raise DataError(f"the plugin is not in {home.parent}")
+    try:
+        shutil.rmtree(home)
+        for ini in settings_files(profile):
+            if f"\n{FOLDER}=" in (text := _settings(ini)):
+                _replace(ini, re.sub(rf"(?m)^{FOLDER}=.*\n?", "", text))
+    except OSError as err:
+        raise DataError(f"{err.filename or home}: cannot be removed: {err.strerror}") from err
+    return home
+
+
+def settings_files(profile: Path) -> list[Path]:
+    """The settings of a profile, of QGIS 3 or 4 or both; that which QGIS will make if none is."""
+    folder = profile / SETTINGS
+    found = [path for path in (folder / "QGIS3.ini", folder / "QGIS4.ini") if path.is_file()]
+    return found or [folder / ("QGIS4.ini" if "QGIS4" in profile.parts else "QGIS3.ini")]
+
+
+def _settings(ini: Path) -> str:
+    return ini.read_text(encoding="utf-8", errors="surrogateescape") if ini.is_file() else ""
+
+
+def _replace(ini: Path, text: str) -> None:
+    """Write settings of QGIS as a whole or not at all."""
+    ini.parent.mkdir(parents=True, exist_ok=True)
+    new = ini.with_name(f".{ini.name}-{os.getpid()}")
+    try:
+        new.write_text(text, encoding="utf-8", errors="surrogateescape")
+        new.replace(ini)
+    finally:
+        new.unlink(missing_ok=True)
 
 
 def switched_on(ini: str) -> str:
@@ -177,11 +228,10 @@ def findings(profile: Path) -> Iterator[Finding]:
         return
     yield Finding(f"plugin {home}")
     yield _tools(home, again)
-    ini = profile / INI
-    text = ini.read_text(encoding="utf-8") if ini.is_file() else ""
-    on = switched_on(text) == text
-    yield Finding("switched on") if on else Finding(f"not switched on in {ini}", again)
-    yield _python(home, again)
+    inis = settings_files(profile)
+    off = [ini for ini in inis if switched_on(text := _settings(ini)) != text]
+    yield Finding(f"not switched on in {off[0]}", again) if off else Finding("switched on")
+    yield _python(profile, again)
 
 
 def _program() -> Finding:
@@ -205,26 +255,55 @@ def _tools(home: Path, again: str) -> Finding:
     return Finding(f"{len(tools['tools'])} tools")
 
 
-def _python(home: Path, again: str) -> Finding:
-    """The Python that the plugin would start, if the settings page does not name another."""
-    said = os.environ.get("LIDAR_TOOLBOX_PYTHON")
+def _python(profile: Path, again: str) -> Finding:
+    """The Python that the plugin would start."""
     try:
-        known = json.loads((home / ENVIRONMENT).read_text(encoding="utf-8"))
+        known = json.loads((profile / PLUGINS / FOLDER / ENVIRONMENT).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         known = {}
-    python = said or known.get("python") or ""
+    python, by = _named(profile)
+    mend = f"set another in {by}" if by else again
+    own = profile / OWN / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    usual = (str(known.get("python", "")), str(own))
+    python = python or next(filter(os.path.isfile, usual), usual[0])
     if not python:
-        return Finding("no Python is set for the tools", again)
-    if shutil.which(python) is None:
-        return Finding(f"there is no Python {python}", again)
+        return Finding("no Python is set for the tools", mend)
+    if not os.path.isfile(python):
+        return Finding(f"there is no Python {python}", mend)
     env = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     env["PYTHONPATH"] = known.get("root", "")
-    words = [python, "-s", "-m", "toolbox", "--version"]
-    done = subprocess.run(words, env=env, capture_output=True, text=True, check=False)
+    try:
+        done = subprocess.run(
+            [python, "-s", "-c", CHECK], env=env, capture_output=True, text=True, check=False
+        )
+    except OSError as err:
+        return Finding(f"{python} does not start: {err.strerror}", mend)
     if done.returncode:
         last = (done.stderr.strip().splitlines() or ["it does not start"])[-1]
-        return Finding(f"{python}: {last}", again)
+        return Finding(f"{python}: {last}", mend)
     found = done.stdout.strip()
     if found != f"lidar-toolbox {__version__}":
-        return Finding(f"{python} has {found}, this is {__version__}", again)
+        return Finding(f"{python} has {found}, this is {__version__}", mend)
     return Finding(f"Python {python} with {found}")
+
+
+def _named(profile: Path) -> tuple[str, str]:
+    """The Python that somebody has chosen, and where."""
+    if said := os.environ.get("LIDAR_TOOLBOX_PYTHON"):
+        return said, "LIDAR_TOOLBOX_PYTHON"
+    for ini in settings_files(profile):
+        section = re.search(r"(?ms)^\[lidar_toolbox\]$(.*?)(?=^\[|\Z)", _settings(ini))
+        line = section and re.search(r"(?m)^python=(.+)$", section[1])
+        if line:
+            return _unescaped(line[1].strip()), "Settings > Options > LiDAR Toolbox"
+    return "", ""
+
+
+def _unescaped(value: str) -> str:
+    r"""A text of the settings of QGIS.
+
+    >>> _unescaped(r'"C:\\Pyth\xf6n, 3\\python.exe"')
+    'C:\\Pythön, 3\\python.exe'
+    """
+    plain = re.sub(r"\\x([0-9a-fA-F]{1,4})", lambda found: chr(int(found[1], 16)), value.strip('"'))
+    return plain.replace("\\\\", "\\")

@@ -14,10 +14,12 @@ import pytest
 from affine import Affine
 from pyproj import CRS
 
-from toolbox import qgis_process, qgis_steps
+import toolbox
+from toolbox import provenance, qgis_process, qgis_steps
 from toolbox.context import QUIET
 from toolbox.data import Raster
 from toolbox.errors import Cancelled, DataError, ParameterError
+from toolbox.replay import replay
 
 
 def parameter(name: str, type: str, default: object = None, **raw: object) -> dict[str, object]:
@@ -28,6 +30,7 @@ def parameter(name: str, type: str, default: object = None, **raw: object) -> di
 
 
 HELP = {
+    "qgis_version": "3.40.6-Bratislava",
     "algorithm_details": {"name": "Fake", "short_description": None},
     "parameters": {
         "INPUT": parameter("INPUT", "raster"),
@@ -58,7 +61,7 @@ def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         f'cd "{tmp_path}"\n'
         'if [ "$1" = help ]; then cat help.json; exit; fi\n'
         'printf "%s\\n" "$@" > given; echo $$ > pid\n'
-        "if [ -e wait ]; then exec sleep 60; fi\n"
+        "if [ -e wait ]; then sleep 60 & echo $! > child; wait; fi\n"
         'if [ -e fail ]; then echo "ERROR:	No luck" >&2; exit 1; fi\n'
         'for word; do case "$word" in INPUT=*) from="${word#*=}";; OUTPUT=*) to="${word#*=}";;'
         " esac; done\n"
@@ -110,13 +113,59 @@ def test_wrong_values_and_failures(program: Path, raster: Raster) -> None:
 def test_cancel_ends_the_program(program: Path, raster: Raster) -> None:
     job = qgis_steps.load("qgis:fake:three").build({"input": raster})
     program.with_name("wait").touch()
-    pid = program.with_name("pid")
-    ctx = replace(QUIET, stop=lambda: pid.exists() and bool(pid.read_text().strip()))
+    pid, child = program.with_name("pid"), program.with_name("child")
+    ctx = replace(QUIET, stop=lambda: child.exists() and bool(child.read_text().strip()))
     began = time.monotonic()
     with pytest.raises(Cancelled):
         job.run(ctx)
     assert time.monotonic() - began < 10
-    assert not psutil.pid_exists(int(pid.read_text()))
+    for number in (pid, child):  # what QGIS has started must not go on
+        assert not _runs(int(number.read_text()))
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+def test_a_record_names_the_version_of_qgis(
+    program: Path, raster: Raster, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    source, product = tmp_path / "r.tif", tmp_path / "made.tif"
+    raster.save(source)
+    model = tmp_path / "m.yaml"
+    model.write_text(
+        "id: my.m\ntitle: M\ninputs:\n  raster: {type: Raster, help: R}\n"
+        "steps:\n  one: {tool: 'qgis:fake:five', input: {from: inputs.raster}}\n"
+        "outputs:\n  made: {from: one.output, help: M}\n"
+    )
+    toolbox.run(str(model), {"raster": source, "made": product})
+    record = provenance.read(product)
+    assert record is not None
+    assert record.qgis == "3.40.6"
+    assert "QGIS 3.40.6" in record.text()
+    assert replay(product) == []
+    help = program.with_name("help.json")
+    help.write_text(help.read_text().replace("3.40.6", "3.44.0"))
+    qgis_steps.load.cache_clear()
+    assert replay(product) == []
+    assert "was made with QGIS 3.40.6; this is 3.44.0" in caplog.text
+    toolbox.run("surface.hillshade", {"surface": source, "hillshade": tmp_path / "h.tif"})
+    other = provenance.read(tmp_path / "h.tif")
+    assert other is not None
+    assert "qgis" not in json.loads(other.to_json())
+
+
+def test_no_library_of_ours_reaches_qgis(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("PYTHONPATH", "PROJ_LIB", "GDAL_DATA", "LD_LIBRARY_PATH", "CONDA_PREFIX"):
+        monkeypatch.setenv(name, "/conda")
+    monkeypatch.setenv("GDAL_NUM_THREADS", "2")
+    env = qgis_process.environment("/opt/bin/qgis_process")
+    assert "/conda" not in env.values()
+    assert env["GDAL_NUM_THREADS"] == "2"
+    assert env["PATH"].startswith("/opt/bin")
 
 
 def test_without_qgis(monkeypatch: pytest.MonkeyPatch) -> None:

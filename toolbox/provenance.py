@@ -6,9 +6,10 @@ to run the tool again (see `toolbox.replay`), and nothing that differs from one 
 no times, users, computers, folders, or number of processes or tiles. So two runs on the same
 inputs give the same bytes, wherever they take place.
 
-Of the software it names the version of this toolbox alone. Versions of numpy or GDAL differ
-between computers although the products do not; they are in the lock file or the environment of
-whoever needs them, and a replay says whether they made a difference.
+Of the software it names the version of this toolbox, and that of QGIS where its algorithms took
+part. Versions of numpy or GDAL differ between computers although the products do not; they are in
+the lock file or the environment of whoever needs them, and a replay says whether they made a
+difference.
 """
 
 from __future__ import annotations
@@ -95,6 +96,7 @@ class Record:
     tool : id of the tool or model
     title : what it does, in a few words
     model : the file of a model that is not part of the toolbox
+    qgis : version of the QGIS whose algorithms took part, or "", which the text leaves out
     output, number : which output of the tool the file is, and which layer of several, from 1
     file : of a folder of files, one for each file of a survey: the name of the one it belongs to
     options : how it was written, such as cog
@@ -114,6 +116,7 @@ class Record:
     tool: str
     title: str
     model: Input | None = None
+    qgis: str = ""
     output: str = ""
     number: int | None = None
     file: str = ""
@@ -158,7 +161,7 @@ class Record:
     def entry(self) -> dict[str, Any]:
         """The record as JSON values, without its ancestors."""
         values = dataclasses.asdict(self)
-        for name in ("version", "ancestors", "omitted", "leads"):
+        for name in ("version", "ancestors", "omitted", "leads", *(() if self.qgis else ("qgis",))):
             values.pop(name)
         return {MEMBER: self.version, **_plain(values)}
 
@@ -242,6 +245,7 @@ def record_of(
         tool=spec.id,
         title=spec.title,
         model=describe_files([model]) if model else None,
+        qgis=qgis_of(spec),
         parameters={
             name: _parameter(field, settings.get(name, field.default))
             for name, field in spec.inputs.items()
@@ -253,6 +257,13 @@ def record_of(
         ancestors=ancestors,
         omitted=omitted,
     )
+
+
+def qgis_of(spec: Spec) -> str:
+    """The version of the QGIS whose algorithms a tool or model runs, or ""."""
+    if not isinstance(spec, Model):
+        return getattr(spec.make, "qgis_version", "")
+    return next(filter(None, (qgis_of(step.spec) for step in spec.steps.values())), "")
 
 
 def describe_inputs(
@@ -530,6 +541,8 @@ def _words(record: Record) -> Iterator[str]:
     number += f" ({record.file})" if record.file else ""
     yield f"{record.output}{number} of {record.tool}: {record.title}"
     yield f"lidar-toolbox {record.version}"
+    if record.qgis:
+        yield f"QGIS {record.qgis}"
     if record.crs:
         yield f"CRS {_short(record.crs)}"
     yield from _listed("written with", record.options)

@@ -21,6 +21,12 @@ PLACES = {
     "win32": [r"C:\OSGeo4W\bin"],
 }
 VARIABLE = "QGIS_PROCESS"
+NO_WINDOW = 0x08000000 if sys.platform == "win32" else 0  # of a console
+# What an environment such as conda sets for its own libraries, which are not those of QGIS.
+FOREIGN = (
+    "PYTHON", "VIRTUAL_ENV", "CONDA_PREFIX", "PROJ_LIB", "PROJ_DATA", "GDAL_DATA",
+    "GDAL_DRIVER_PATH", "LD_LIBRARY_PATH", "DYLD_",
+)  # fmt: skip
 ABSENT = (
     "QGIS was not found: there is no qgis_process on the search path. Install QGIS, or let "
     f"{VARIABLE} name the program."
@@ -63,7 +69,7 @@ def call(words: Sequence[str], *, env: Mapping[str, str] | None = None) -> str:
     done = subprocess.run(
         [program, *words], env=environment(program) if env is None else dict(env),
         stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", errors="replace",
-        check=False,
+        check=False, creationflags=NO_WINDOW,
     )  # fmt: skip
     if done.returncode:
         raise DataError(f"qgis_process {' '.join(words[:2])}: {reason(done.stderr)}")
@@ -83,12 +89,11 @@ def ask(words: Sequence[str]) -> Any:
 
 
 def environment(program: str) -> dict[str, str]:
-    """Ours, without a window, and without what would lead the Python of QGIS to our libraries.
+    """Ours, without a window, and without what would lead QGIS and its Python to our libraries.
 
     That Python takes its libraries from beside the first `python3` on the search path.
     """
-    foreign = ("PYTHON", "VIRTUAL_ENV")
-    env = {name: value for name, value in os.environ.items() if not name.startswith(foreign)}
+    env = {name: value for name, value in os.environ.items() if not name.startswith(FOREIGN)}
     env["PATH"] = os.pathsep.join([str(Path(program).parent), env.get("PATH", os.defpath)])
     env["QT_QPA_PLATFORM"] = "offscreen"
     return env

@@ -6,6 +6,7 @@ lower case; choices are the words that QGIS shows. Lengths are in the unit of th
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import json
@@ -18,6 +19,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
+import psutil
 from pyproj import CRS
 
 from toolbox import kinds, qgis_process
@@ -72,6 +74,7 @@ def load(id: str) -> Spec:
     says = told["algorithm_details"]
     inputs, outputs = _inputs(told), _outputs(told)
     about = {"algorithm": algorithm, "parameters": told["parameters"]}
+    about["qgis_version"] = told["qgis_version"].partition("-")[0]  # without its name
     made: Any = type("QgisStep", (_QgisStep,), about)
     spec = Spec(id, says["name"], says["short_description"] or "", made, inputs, outputs)
     made.spec = spec
@@ -152,6 +155,7 @@ class _QgisStep:
     spec: ClassVar[Spec]
     algorithm: ClassVar[str]
     parameters: ClassVar[Mapping[str, Any]]
+    qgis_version: ClassVar[str]
 
     def __init__(self, **values: Any) -> None:
         if problems := self.spec.problems(values):
@@ -242,18 +246,29 @@ def _run(words: list[str], ctx: Context) -> str:
             stdin=subprocess.DEVNULL,
             stdout=out,
             stderr=err,
-            start_new_session=True,
+            start_new_session=True,  # Ctrl-C is ours to pass on
+            creationflags=qgis_process.NO_WINDOW,
         )
         try:
             while process.poll() is None:
                 ctx.progress(0.2)
                 time.sleep(POLL)
         finally:
-            if process.poll() is None:
-                process.kill()
-                process.wait()
+            _end(process)
         out.seek(0)
         err.seek(0)
         if process.returncode:
             raise DataError(f"QGIS {words[1]}: {qgis_process.reason(err.read())}")
         return out.read()
+
+
+def _end(process: subprocess.Popen[Any]) -> None:
+    """End a program that still runs, and what it has started, such as those of GDAL."""
+    if process.poll() is not None:
+        return
+    with contextlib.suppress(psutil.NoSuchProcess):
+        started = psutil.Process(process.pid).children(recursive=True)
+        process.kill()
+        for child in started:
+            child.kill()
+    process.wait()

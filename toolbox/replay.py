@@ -60,6 +60,8 @@ def replay(path: str | Path, *, inputs: Path | None = None, ctx: Context = QUIET
     finder = _Finder(record, inputs or path.absolute().parent, deep=inputs is not None)
     values, tool = finder.values(ctx.part(0, FIND)), str(finder.model or record.tool)
     _check(path, record, tool)
+    if record.qgis and record.qgis != (here := provenance.qgis_of(catalog.load(tool))):
+        log.warning("%s was made with QGIS %s; this is %s", path, record.qgis, here)
     with tempfile.TemporaryDirectory(prefix="toolbox-replay-") as folder:
         made = _made_again(record, tool, values, Path(folder) / path.name, ctx.part(FIND, COMPARE))
         if _same_files(path, made, kind_of(record.output, catalog.load(tool)).parts):

@@ -247,10 +247,11 @@ class CorridorClearance:
             alone = [one.nearest for one in objects if one.rule == len(rules) - 1]
             new = np.isin(falls.point, alone) & ~np.isin(falls.point, found.point)
             found = found.joined(falls.select(new))
-        ctx.progress(0.9)
         spans = span_table(scene, line, least, objects, metric.point_sd)
         layer = object_layer(self.points, scene, line, rules, objects)
-        page = report_of(scene, line, rules, objects, layer.frame, spans, conductor)
+        page = report_of(
+            scene, line, rules, objects, layer.frame, spans, conductor, ctx.part(0.9, 1.0)
+        )
         ctx.progress(1.0)
         return self.Outputs(
             violations=violation_cloud(self.points, scene, line, rules, found, objects),

@@ -616,3 +616,15 @@ def test_wrong_wires_are_named(column: str, value: float, message: str) -> None:
     wires = Vector(layer(LEVEL).frame.assign(**{column: value}))
     with pytest.raises(DataError, match=f"wires: row 1: {message}"):
         toolbox.run("corridor.clearance", {"points": cloud(blob(0, 0, 9), 5), "wires": wires})
+
+
+def test_the_page_shows_a_long_line_in_sheets_and_every_span() -> None:
+    curves = [replace(LEVEL, x=300.0 * k) for k in range(12)]
+    page = run(cloud(blob(3150, 0, 20), 5), *curves, distance=5.0)["report"]
+    blocks = {section.title: section.blocks for section in page.sections}
+    captions = [block.caption for block in blocks["Map"]]
+    assert [text[-31:] for text in captions] == [
+        f"sheet {k} of 3, from west to east" [-31:] for k in (1, 2, 3)
+    ]  # fmt: skip
+    assert len(blocks["Profiles"]) == 12
+    assert blocks["Profiles"][0].caption.startswith("Span 11, 300 m, 1 wires, 1 objects; closest")

@@ -9,12 +9,14 @@ are compared within a buffer around each other.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from toolbox.context import QUIET, Context
 from toolbox.data import Table, Vector
@@ -31,10 +33,12 @@ class CompareSpans:
     """Compare the wires of a power line with reference wires, span by span.
 
     Both are lines in three dimensions, one per conductor and span, as corridor.extract makes them.
-    A reference wire is found in full if one wire lies within `max_distance` of it over the share
-    `full` of its length, and does not go on for more than 5 m and a tenth; it is found in part if
-    any wire covers some of it, and missed otherwise. A wire is invented if no more than half of it
-    lies near a reference wire. A span counts as its worst wire, but is missed only if all are.
+    Each wire is given to one reference wire, so that they agree best. A reference wire is found in
+    full if its wire lies within `max_distance` of it over the share `full` of its length, and does
+    not go on for more than 5 m and a tenth; it is found in part if any wire covers some of it, and
+    missed otherwise. A wire is invented if no more than half of it lies near reference wires, and
+    doubled if more than half of it lies near those that other wires have found in full. A span
+    counts as its worst wire, but is missed only if all are.
 
     Heights are compared at the same place in plan.
     """
@@ -52,19 +56,20 @@ class CompareSpans:
 
     @outputs
     class Outputs:
-        table: Table = sink("One row per reference wire, and one per invented wire")
+        table: Table = sink("One row per reference wire, and one per invented or doubled wire")
         spans: Table = sink("One row per reference span: its wires in full, in part, missed")
         in_full: int = sink("Spans found in full", unit="1")
         in_part: int = sink("Spans found in part", unit="1")
         missed: int = sink("Spans missed", unit="1")
         invented: int = sink("Wires that there are not", unit="1")
+        doubled: int = sink("Wires found a second time", unit="1")
         height_rms: float | None = sink("Height of wires found over the true ones, RMS", unit="m")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """Both must be lines with heights."""
         for name in ("wires", "reference"):
             shapes = getattr(self, name).frame.geometry
-            if not all(shape.geom_type == "LineString" and shape.has_z for shape in shapes):
+            if not ((shapes.geom_type == "LineString") & shapes.has_z).all():
                 yield name, "must hold lines in three dimensions (LineString Z) alone"
         if self.span not in (columns := self.reference.frame.columns.drop("geometry")):
             yield "span", f"no column {self.span!r}; there are {', '.join(columns)}"
@@ -76,34 +81,26 @@ class CompareSpans:
     def run(self, ctx: Context = QUIET) -> CompareSpans.Outputs:
         """Compare every wire with those near it."""
         metre = self.reference.metre
-        truth = self.reference.frame
         found = [_places(line, STEP * metre) for line in self.wires.frame.geometry]
-        true = [_places(line, STEP * metre) for line in truth.geometry]
-        rows, used = [], np.zeros(len(found))
-        tree = shapely.STRtree([shapely.LineString(places) for places in found])
-        for number, (places, line) in enumerate(zip(true, truth.geometry, strict=True)):
-            ctx.progress(number / len(true))
-            near = sorted(tree.query(line.buffer(self.max_distance)).tolist())
-            row = {"span": truth[self.span].iloc[number], "length": line.length / metre}
-            best: dict[str, Any] = {"found": "missed", "share": 0.0, "wire": None}
-            squares: Floats = np.zeros(0)
-            for k in near:
-                here, height = _beside(places, found[k], self.max_distance)
-                there, _ = _beside(found[k], places, self.max_distance)
-                used[k] += there.mean()
-                share = float(here.mean())
-                over = len(found[k]) * (1 - float(there.mean())) * STEP
-                if share > best["share"]:
-                    runs_on = over > OVERRUN + OVERRUN_SHARE * row["length"]
-                    state = "in full" if share >= self.full and not runs_on else "in part"
-                    best = {"found": state, "share": share, "wire": int(k)}
-                    squares = height[here] / metre
-            rows.append(row | best | _heights(squares))
-        for k in np.flatnonzero(used <= 0.5):
-            length = self.wires.frame.geometry.iloc[k].length / metre
-            rows.append({"length": length, "found": "invented", "wire": int(k)})
-        ctx.progress(1.0)
+        true = [_places(line, STEP * metre) for line in self.reference.frame.geometry]
+        pairs = _pairs(true, found, self.max_distance, ctx)
+        chosen = _one_to_one(pairs, len(found))
+        rows = []
+        names = self.reference.frame[self.span]
+        for number, (name, places, own) in enumerate(zip(names, true, pairs, strict=True)):
+            mine = chosen.get(number, max(own, key=lambda k: own[k].share, default=None))
+            row: dict[str, Any] = {"span": name, "length": _length(places) / metre}
+            row |= {"found": "missed", "share": 0.0, "wire": None} | _heights(np.zeros(0))
+            if mine is not None:
+                pair, overrun = own[mine], OVERRUN + OVERRUN_SHARE * row["length"]
+                whole = number in chosen and pair.share >= self.full and pair.over <= overrun
+                row |= {"found": "in full" if whole else "in part", "share": pair.share}
+                row |= {"wire": mine} | _heights(pair.height / metre)
+            rows.append(row)
         spans = _by_span(rows)
+        in_full = [row["found"] == "in full" for row in rows]
+        more = _unwanted(pairs, in_full, chosen, found)
+        rows += [{"length": _length(found[k]) / metre, "found": more[k], "wire": k} for k in more]
         states = [row["found"] for row in spans]
         errors = [row["rms"] ** 2 for row in rows if row.get("rms") is not None]
         return self.Outputs(
@@ -112,9 +109,83 @@ class CompareSpans:
             in_full=states.count("in full"),
             in_part=states.count("in part"),
             missed=states.count("missed"),
-            invented=int((used <= 0.5).sum()),
+            invented=list(more.values()).count("invented"),
+            doubled=list(more.values()).count("doubled"),
             height_rms=math.sqrt(float(np.mean(errors))) * metre if errors else None,
         )
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """A true wire and a wire near it.
+
+    Attributes
+    ----------
+    share : of the true wire that lies near the other
+    agreement : the same, but a place counts the less the farther it is
+    over : metres by which the other goes on
+    height : of the other above the true wire, where it is near
+    beside : array of shape (m,), which places of the other lie near the true wire
+    """
+
+    share: float
+    agreement: float
+    over: float
+    height: Floats
+    beside: NDArray[np.bool_]
+
+
+def _pairs(
+    true: Sequence[Floats], found: Sequence[Floats], reach: float, ctx: Context
+) -> list[dict[int, _Pair]]:
+    """For each true wire those that are near some of it, by their numbers."""
+    pairs: list[dict[int, _Pair]] = [{} for _ in true]
+    tree = shapely.STRtree([shapely.LineString(places) for places in found])
+    for i, places in enumerate(true):
+        ctx.progress(i / len(true))
+        for k in sorted(tree.query(shapely.LineString(places).buffer(reach)).tolist()):
+            away, height = _beside(places, found[k])
+            beside = _beside(found[k], places)[0] <= reach
+            here = away <= reach
+            if here.any():
+                agreement = float(np.clip(1 - away / reach, 1e-6, 1)[here].sum() / len(here))
+                over = float((~beside).sum()) * STEP
+                pairs[i][k] = _Pair(float(here.mean()), agreement, over, height[here], beside)
+    ctx.progress(1.0)
+    return pairs
+
+
+def _one_to_one(pairs: Sequence[Mapping[int, _Pair]], found: int) -> dict[int, int]:
+    """The wire of each true wire, so that all together agree best."""
+    agreement = np.zeros((len(pairs), found))
+    for i, own in enumerate(pairs):
+        for k, pair in own.items():
+            agreement[i, k] = pair.agreement
+    chosen = zip(*linear_sum_assignment(agreement, maximize=True), strict=True)
+    return {int(i): int(k) for i, k in chosen if agreement[i, k] > 0}
+
+
+def _unwanted(
+    pairs: Sequence[Mapping[int, _Pair]], in_full: Sequence[bool], chosen: Mapping[int, int],
+    found: Sequence[Floats],
+) -> dict[int, str]:  # fmt: skip
+    """Wires that are invented or doubled, by their numbers."""
+    near = [np.zeros(len(places), bool) for places in found]
+    again = [np.zeros(len(places), bool) for places in found]
+    for own, whole in zip(pairs, in_full, strict=True):
+        for k, pair in own.items():
+            near[k] |= pair.beside
+            if whole:
+                again[k] |= pair.beside
+    taken = set(chosen.values())
+    invented = {k: "invented" for k in range(len(found)) if near[k].mean() <= 0.5}
+    others = (k for k in range(len(found)) if k not in invented and k not in taken)
+    return invented | {k: "doubled" for k in others if again[k].mean() > 0.5}
+
+
+def _length(places: Floats) -> float:
+    """Length in plan."""
+    return float(np.hypot(*np.diff(places[:, :2], axis=0).T).sum())
 
 
 def _places(line: shapely.LineString, step: float) -> Floats:
@@ -125,8 +196,8 @@ def _places(line: shapely.LineString, step: float) -> Floats:
     return np.column_stack([np.interp(at, along, corners[:, k]) for k in range(3)])
 
 
-def _beside(places: Floats, line: Floats, reach: float) -> tuple[NDArray[np.bool_], Floats]:
-    """Whether a line is near each of several places, and how far above it there.
+def _beside(places: Floats, line: Floats) -> tuple[Floats, Floats]:
+    """How far a line is from each of several places, and how far above it there.
 
     Parameters
     ----------
@@ -137,8 +208,7 @@ def _beside(places: Floats, line: Floats, reach: float) -> tuple[NDArray[np.bool
     along = shapely.line_locate_point(plan, shapely.points(places[:, :2]))
     steps = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T))])
     height = np.interp(along, steps, line[:, 2]) - places[:, 2]
-    away = shapely.distance(plan, shapely.points(places[:, :2]))
-    return np.hypot(away, height) <= reach, height
+    return np.hypot(shapely.distance(plan, shapely.points(places[:, :2])), height), height
 
 
 def _heights(difference: Floats) -> dict[str, float | None]:

@@ -64,3 +64,30 @@ def test_bad_layers_and_columns_are_named() -> None:
         CompareSpans(wires=Vector(flat), reference=TRUTH)
     with pytest.raises(DataError, match="span: no column 'span'; there are span_id"):
         CompareSpans(wires=TRUTH, reference=TRUTH, span="span")
+
+
+def test_one_wire_of_a_bundle_does_not_count_for_two() -> None:
+    bundle = layer((0, 99, 0, 0), (0, 99, 0.4, 0))
+    result = CompareSpans(wires=layer((0, 99, 0.38, 0)), reference=bundle).run()
+    assert (result.in_full, result.in_part, result.invented) == (0, 1, 0)
+    assert result.table.frame.found.tolist() == ["in part", "in full"]
+    both = CompareSpans(wires=layer((0, 99, 0.39, 0), (0, 99, 0.02, 0)), reference=bundle).run()
+    assert (both.in_full, both.doubled) == (1, 0)
+    assert both.table.frame.wire.tolist() == [1, 0]
+    part = CompareSpans(wires=layer((0, 99, 0, 0), (0, 60, 0.4, 0)), reference=bundle).run()
+    assert (part.in_part, part.doubled, part.invented) == (1, 0, 0)
+
+
+def test_a_wire_found_twice_is_told_but_pieces_are_not() -> None:
+    one = layer((0, 99, 0, 0))
+    twice = CompareSpans(wires=layer((0, 99, 0, 0), (0, 99, 0.1, 0)), reference=one).run()
+    assert (twice.in_full, twice.invented, twice.doubled) == (1, 0, 1)
+    assert twice.table.frame.wire.tolist() == [0, 1]
+    pieces = CompareSpans(wires=layer((0, 48, 0, 0), (52, 99, 0, 0)), reference=one).run()
+    assert (pieces.in_full, pieces.in_part, pieces.doubled) == (0, 1, 0)
+
+
+def test_features_without_geometry_are_named() -> None:
+    nothing = Vector(TRUTH.frame.set_geometry([None] * len(TRUTH)))
+    with pytest.raises(DataError, match="wires: must hold lines"):
+        CompareSpans(wires=nothing, reference=TRUTH)

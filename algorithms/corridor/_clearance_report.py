@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 MOST_PROFILES, MOST_OBJECTS, MOST_SPANS, MOST_NUMBERS = 100, 200, 400, 30
 BESIDE = 20.0  # metres to both sides of a span that its profile shows
-SHEET, MOST_SHEETS = 1500.0, 20  # length of a sheet of the map, metres; longer if there were more
+SHEET, MOST_SHEETS = 800.0, 20  # length of a sheet of the map, metres; longer if there were more
 PIXEL = (0.4, 0.2)  # metres along and up: of what is in one of these, one point is drawn
 MAP_PIXEL = 1.0  # metres
 COLOURS = {
@@ -246,7 +246,7 @@ def _sheet(
     low, high = seen.min(axis=0) - BESIDE, seen.max(axis=0) + BESIDE
     low[side], high[side] = first - BESIDE, last + BESIDE
     wide, tall = high - low
-    canvas, axes = _canvas(10.0, min(max(8.5 * tall / wide + 0.7, 3.0), 10.0))
+    canvas, axes = _canvas(10.0, min(max(8.5 * tall / wide + 0.7, 2.0), 10.0))
     canvas.set_layout_engine("constrained")
     _surroundings(axes, across, low, high)
     _draw_wires(axes, wires)

@@ -94,6 +94,17 @@ def test_parts_of_one_file_formats() -> None:
     assert Vector.parts("b/a.gpkg")[:2] == (Path("b/a.gpkg"), Path("b/a.gpkg-wal"))
 
 
+def test_kml_draws_lines_at_their_heights_and_areas_on_the_ground(tmp_path: Path) -> None:
+    """Without an altitudeMode, a wire would be drawn on the ground."""
+    line = shapely.LineString([(500_000, 4_000_000, 90), (500_100, 4_000_000, 80)])
+    area = shapely.force_3d(line.buffer(5), 85.0)
+    for shape, heights in ((line, True), (area, False), (shapely.force_2d(line), False)):
+        frame = geopandas.GeoDataFrame(geometry=[shape], crs=32635)
+        Vector(frame).save(tmp_path / "a.kml")
+        text = (tmp_path / "a.kml").read_text()
+        assert ("<altitudeMode>absolute</altitudeMode>" in text) == heights
+
+
 def test_kml_is_in_wgs84_with_the_heights_kept(tmp_path: Path) -> None:
     Vector(points()).save(tmp_path / "a.kml")
     found = Vector.open(tmp_path / "a.kml")

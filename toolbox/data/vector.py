@@ -152,7 +152,8 @@ class Vector:
         The same layer makes the same bytes. GeoPackage is written in version 1.3, which older QGIS
         reads too. GeoJSON keeps the CRS of the layer in its "crs" member, as GDAL does, although
         RFC 7946 knows WGS 84 alone; an empty one keeps no columns. FlatGeobuf sorts its features in
-        space. KML is always in WGS 84, so that a layer is transformed to it. DXF has a unit, but no
+        space. KML is always in WGS 84, so that a layer is transformed to it; its points and lines
+        with heights are at these, outlines on the ground. DXF has a unit, but no
         CRS. PLY is a mesh of polygons with heights, without a CRS.
 
         Parameters
@@ -336,5 +337,7 @@ def _for_kml(frame: geopandas.GeoDataFrame, path: Path) -> geopandas.GeoDataFram
     if frame.has_z.any() and vertical_unit(frame.crs) not in ("metre", ""):
         unit = vertical_unit(frame.crs)
         raise DataError(f"{path}: KML heights are in metres, and those of the layer in {unit}")
-    plane = frame.set_crs(horizontal_part(frame.crs), allow_override=True)
-    return plane.to_crs(_WGS84)
+    plane = frame.set_crs(horizontal_part(frame.crs), allow_override=True).to_crs(_WGS84)
+    if (frame.has_z & ~frame.geom_type.str.contains("Polygon", na=True)).any():
+        plane["altitudeMode"] = "absolute"  # or wires would be drawn on the ground
+    return plane

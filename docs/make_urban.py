@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import geopandas
 import numpy as np
 import shapely
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -21,7 +22,8 @@ from pyproj import CRS
 from scipy.spatial import cKDTree
 
 import toolbox
-from algorithms.classify.buildings import ClassifyBuildings
+from algorithms.classify._evidence import Scene
+from algorithms.classify.buildings import ClassifyBuildings, margin, on_planes, without_spikes
 from algorithms.classify.ndvi import ClassifyNdvi
 from algorithms.classify.vegetation_by_ndvi import ClassifyVegetationByNdvi
 from algorithms.classify.vegetation_by_returns import ClassifyVegetationByReturns
@@ -29,6 +31,7 @@ from algorithms.compare.areas import CompareAreas
 from algorithms.ground.classify import GroundClassify
 from algorithms.points.height_above_ground import PointsHeightAboveGround
 from algorithms.samples.scene import SamplesScene
+from algorithms.shared.alpha_shape import alpha_shape
 from toolbox.data import PointCloud, Raster, Vector
 from toolbox.values import Extent
 
@@ -153,23 +156,84 @@ def maps() -> Iterator[tuple[str, PointCloud, Vector, Vector | None]]:
 
 
 def building_figures() -> None:
+    ways: dict[str, dict[str, Any]] = {
+        "squared": {"outline": "squared"},
+        "alpha": {"outline": "alpha"},
+        "squared, overhang 0.2 m": {"outline": "squared", "overhang": 0.2},
+    }
     for name, points, reference, coverage in maps():
         ground = GroundClassify(points=points).run().classified
-        x0, y0, _, x1, y1, _ = points.bounds
-        for how in ("squared", "alpha"):
-            outlines = ClassifyBuildings(points=ground, outline=how).run().outlines
-            layer = Vector(outlines.frame.set_crs(reference.crs, allow_override=True))
-            k = CompareAreas(
-                areas=layer,
-                reference=reference,
-                coverage=coverage,
-                extent=Extent(x0, y0, x1, y1),
-                min_area=50.0,
-                repair=True,
-            ).run()
-            found = f"{k.completeness:.1f} / {k.similarity:.1f}"
-            objects = f"{k.object_completeness:.0f} / {k.object_correctness:.0f}"
-            say(f"| {name}, {how} | {found} | {objects} |")
+        for how, settings in ways.items():
+            outlines = ClassifyBuildings(points=ground, **settings).run().outlines
+            say(f"| {name}, {how} | {map_scores(points, outlines, reference, coverage)} |")
+        if not name.startswith("town"):
+            given = class_six(points, reference.crs)
+            say(f"| {name}, class 6 as given | {map_scores(points, given, reference, coverage)} |")
+            false_area(name, ground, reference, coverage)
+
+
+def class_six(points: PointCloud, crs: Any) -> Vector:
+    """Outlines of the points that the provider calls buildings, drawn as our own."""
+    xy = points.xyz[points["classification"] == 6, :2]
+    made = alpha_shape(xy, 1.5, hole_threshold=10.0, region_threshold=10.0).polygons
+    shapes = without_spikes(made, 1.5)
+    density = len(xy) / shapely.area(shapes).sum()
+    drawn = shapely.buffer(shapes, margin(density, 1.5), join_style="mitre")
+    return Vector(geopandas.GeoDataFrame(geometry=drawn, crs=crs))
+
+
+def false_area(name: str, ground: PointCloud, reference: Vector, coverage: Vector | None) -> None:
+    """What the area consists of that the map does not have, in cells of 0.1 m."""
+    alpha, own = (
+        shapely.union_all(
+            ClassifyBuildings(points=ground, outline=how).run().outlines.frame.geometry.to_numpy()
+        )
+        for how in ("alpha", "squared")
+    )
+    true = shapely.union_all(shapely.make_valid(reference.frame.geometry.to_numpy()))
+    x0, y0, _, x1, y1, _ = ground.bounds
+    region = shapely.box(x0, y0, x1, y1)
+    if coverage is not None:
+        region &= shapely.union_all(coverage.frame.geometry.to_numpy())
+    false = (own & region) - true
+    shapely.prepare(false)
+    cells = np.stack(np.meshgrid(np.arange(x0, x1, 0.1), np.arange(y0, y1, 0.1)), -1).reshape(-1, 2)
+    cells = cells[shapely.contains_xy(false, *cells.T)]
+    scene = Scene(ground, 1.0, 3.0, ground_classes=(2,))
+    height = scene.terrain[1]
+    plane = on_planes(scene, height > 2)
+    around = cKDTree(ground.xyz[:, :2]).query_ball_point(cells, 0.5)
+    top = np.array([max(near, key=lambda k: ground.xyz[k, 2], default=-1) for near in around])
+    away = shapely.distance(shapely.points(cells), true)
+    shapely.prepare(alpha)
+    causes = {
+        "beyond the points, by squaring": ~shapely.contains_xy(alpha, *cells.T),
+        "on ground, or lower than 2 m": ~(height[top] > 2) | (top < 0),
+        "rough": ~plane[top],
+        "plane of a roof, up to 0.6 m from the map": away <= 0.6,
+        "plane of a roof, farther from it": away > 0.6,
+    }
+    cause = np.select([*causes.values()], range(len(causes)))
+    say(f"{name}: {false.area:.0f} m2 too much")
+    for number, text in enumerate(causes):
+        say(f"| {text} | {np.mean(cause == number):.0%} |")
+
+
+def map_scores(
+    points: PointCloud, outlines: Vector, reference: Vector, coverage: Vector | None
+) -> str:
+    """Completeness and correctness by area and by object."""
+    x0, y0, _, x1, y1, _ = points.bounds
+    k = CompareAreas(
+        areas=Vector(outlines.frame.set_crs(reference.crs, allow_override=True)),
+        reference=reference,
+        coverage=coverage,
+        extent=Extent(x0, y0, x1, y1),
+        min_area=50.0,
+        repair=True,
+    ).run()
+    found = f"{k.completeness:.1f} / {k.similarity:.1f}"
+    return f"{found} | {k.object_completeness:.0f} / {k.object_correctness:.0f}"
 
 
 def with_wall_returns(points: PointCloud, houses: Any, seed: int = 0) -> PointCloud:

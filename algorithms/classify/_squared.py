@@ -20,15 +20,29 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.polygon import orient
 
 NEAR = np.radians(25)  # edges that are turned into a main direction by at most this
 AGREE = np.radians(10)  # edges at a larger angle do not speak for the same direction
 SHORT = 4.0  # times the tolerance: slanted edges that are shorter are corners cut off, no walls
-FAR = 2.0  # times the tolerance, how far corners may be from the outline
+ROUND = 1.8  # times the radius of the disc: the same in inner corners, into which it does not get
 ALONG, ACROSS, SLANTED = range(3)  # kinds of edges, by the main direction
 PARALLEL = 1e-9  # sine of the angle between walls that meet nowhere
 
 Floats = NDArray[np.float64]
+
+
+class Limits(NamedTuple):
+    """How far walls may be from an outline, and how long slanted edges are that cut corners off."""
+
+    tolerance: float
+    outer: float
+    inner: float
+
+    @property
+    def far(self) -> float:
+        """From the middle of an edge that cuts off a right angle to its corner, at most."""
+        return self.inner / 2
 
 
 class Wall(NamedTuple):
@@ -63,31 +77,34 @@ class Wall(NamedTuple):
         return np.asarray(point + (self.away - point @ self.normal) * self.normal)
 
 
-def squared(outline: Any, tolerance: float) -> tuple[Any, bool]:
+def squared(outline: Any, tolerance: float, disc: float = 0.0) -> tuple[Any, bool]:
     """An outline with straight walls, or without unnecessary corners if that does not fit.
 
     Parameters
     ----------
     outline : shapely polygon
     tolerance : how far walls may be turned away from the outline, in its unit
+    disc : radius of the disc that rolled around it, and cut inner corners off by up to 1.4 of that
 
     Returns
     -------
     shapely polygon, valid; and whether its walls were squared
-        Nothing of it is farther from the outline than twice the tolerance.
+        Nothing of it is farther from the outline than a corner that was cut off.
     """
+    outline = orient(outline)
     plain = outline.simplify(tolerance)
     if plain.is_empty or not plain.is_valid or plain.geom_type != "Polygon":
         return outline, False
     angle = main_direction(plain)
+    limits = Limits(tolerance, SHORT * tolerance, max(SHORT * tolerance, ROUND * disc))
     made = [
-        wall_corners(corners(ring), corners(few), angle, tolerance)
+        wall_corners(corners(ring), corners(few), angle, limits)
         for ring, few in zip(rings(outline), rings(plain), strict=True)
     ]
     if min(map(len, made)) < 3:
         return plain, False
     found = shapely.Polygon(made[0], made[1:])
-    if not found.is_valid or found.hausdorff_distance(outline) > FAR * tolerance:
+    if not found.is_valid or found.hausdorff_distance(outline) > limits.far:
         return plain, False
     return found, True
 
@@ -114,15 +131,15 @@ def main_direction(polygon: Any) -> float:
     return float(np.angle((best * length * turned).sum()) / 4 % (np.pi / 2))
 
 
-def wall_corners(ring: Floats, few: Floats, angle: float, tolerance: float) -> Floats:
+def wall_corners(ring: Floats, few: Floats, angle: float, limits: Limits) -> Floats:
     """Corners of a ring whose walls follow the main direction.
 
     Parameters
     ----------
-    ring : corners of the outline, array of shape (n, 2)
+    ring : corners of the outline, array of shape (n, 2), the building on the left
     few : those between which it is nearly straight, in the same order, array of shape (m, 2)
     angle : of the main direction, in radians
-    tolerance : how far edges may be turned away from the outline
+    limits : how far walls may be from the outline
 
     Returns
     -------
@@ -131,11 +148,11 @@ def wall_corners(ring: Floats, few: Floats, angle: float, tolerance: float) -> F
     origin = ring.mean(axis=0)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     edges = [(chain - origin) @ turn for chain in _chains(ring, few)]
-    walls = _walls(edges, tolerance)
+    walls = _walls(edges, limits)
     found = [
         corner
         for one, other in zip(walls, walls[1:] + walls[:1], strict=True)
-        for corner in _corners_between(one, other, FAR * tolerance)
+        for corner in _corners_between(one, other, limits.far)
     ]
     return np.asarray(np.array(found).reshape(-1, 2) @ turn.T + origin)
 
@@ -152,17 +169,19 @@ def _chains(ring: Floats, few: Floats) -> list[Floats]:
     ]
 
 
-def _walls(edges: list[Floats], tolerance: float) -> list[Wall]:
-    """Walls of a ring: neighbours in one line are joined, and corners cut off are left out."""
-    kinds = [_kind(edge[-1] - edge[0], tolerance) for edge in edges]
+def _walls(edges: list[Floats], limits: Limits) -> list[Wall]:
+    """Walls of a ring: neighbours in one line are joined, and edges that cut corners left out."""
+    steps = [edge[-1] - edge[0] for edge in edges]
+    kinds = [_kind(step, limits.tolerance) for step in steps]
     walls: list[Wall] = []
     for k in _from_a_corner(kinds):
+        before, after = k - 1, (k + 1) % len(edges)
         wall = Wall.of(edges[k], kinds[k])
-        around = (kinds[k - 1], kinds[(k + 1) % len(kinds)])
-        length = float(np.hypot(*(edges[k][-1] - edges[k][0])))
-        if wall.kind == SLANTED and SLANTED not in around and length < SHORT * tolerance:
-            continue
-        if walls and in_line(walls[-1], wall, tolerance):
+        if wall.kind == SLANTED and SLANTED not in (kinds[before], kinds[after]):
+            is_outer = np.linalg.det([steps[before], steps[after]]) > 0
+            if np.hypot(*steps[k]) < (limits.outer if is_outer else limits.inner):
+                continue
+        if walls and in_line(walls[-1], wall, limits.tolerance):
             walls[-1] = Wall.of(np.concatenate([walls[-1].chain, wall.chain]), wall.kind)
         else:
             walls.append(wall)

@@ -240,7 +240,7 @@ class ClassifyBuildings:
         roof = shape.buffer(margin(density, self.alpha), join_style="mitre")
         if self.outline == "alpha":
             return roof, False
-        return squared(roof, SIMPLE * self.points.metre)
+        return squared(roof, SIMPLE * self.points.metre, self.alpha)
 
     def _packed(
         self, found: Mask, part: Mask, rows: list[dict[str, Any]]

@@ -354,6 +354,19 @@ def test_a_corner_cut_off_is_put_back() -> None:
     assert shapely.equals_exact(made.normalize(), shapely.box(0, 0, 12, 8).normalize(), 1e-6)
 
 
+@pytest.mark.parametrize("backwards", [False, True])
+def test_an_inner_corner_is_put_back_though_a_disc_does_not_get_there(backwards: bool) -> None:
+    shape = shapely.Polygon([(0, 0), (15, 0), (15, 6), (7, 6), (7, 12), (0, 12)])
+    rolled = shape.buffer(2.0, join_style="mitre").buffer(-2.0)
+    rolled = rolled.reverse() if backwards else rolled
+    made, straight = squared(rolled, 0.5, 2.0)
+    assert straight
+    assert len(made.exterior.coords) == 7
+    assert made.symmetric_difference(shape).area < 1.5
+    without, _ = squared(rolled, 0.5)
+    assert len(without.exterior.coords) > 7
+
+
 @pytest.mark.slow
 def test_a_synthetic_town_is_mapped() -> None:
     made = SamplesScene(kind="town", size=200.0, density=8.0).run()

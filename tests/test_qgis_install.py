@@ -47,6 +47,9 @@ def test_fields_say_which_widget_they_need(listed: dict[str, dict[str, object]])
     assert field("compare.classes", "table", "outputs")["type"] == "table"
     assert field("compare.classes", "kappa", "outputs")["type"] == "number"
     assert field("surface.grid", "tile")["option"] == "tile"
+    assert field("surface.grid", "resume")["default"] is False
+    shown = {name: field("surface.grid", name)["advanced"] for name in ("points", "cell", "power")}
+    assert shown == {"points": False, "cell": False, "power": True}
     assert not [f for f in listed["surface.hillshade"]["inputs"] if f["name"] == "tile"]  # type: ignore[attr-defined]
     first = [f["name"] for f in listed["compare.classes"]["outputs"] if f.get("first")]  # type: ignore[attr-defined]
     assert first == ["table"]

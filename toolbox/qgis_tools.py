@@ -27,6 +27,7 @@ SCALARS = {"number", "integer", "boolean", "range", "extent", "position", "CRS"}
 ABBREVIATIONS = {word.lower(): word for word in ("DTM", "DSM", "nDSM", "CHM", "CRS", "RMSE", "IoU")}
 SEPARATOR = ";"  # between several values in one text
 TAGS = ("lidar", "las", "laz", "point cloud")
+SHOWN_AT_ONCE = 12  # inputs of a dialog; what comes later, and need not be given, is "advanced"
 
 
 def listing() -> dict[str, Any]:
@@ -81,7 +82,7 @@ def tool(spec: Spec) -> dict[str, Any]:
         "summary": f"{spec.title}.",
         "help": help_page(spec),
         "tags": _tags(spec),
-        "inputs": [field(f) for f in spec.inputs.values()] + general(spec),
+        "inputs": _inputs(spec) + general(spec),
         "outputs": [*_results(spec), *SHOWN_OUTPUTS],
     }
 
@@ -89,6 +90,11 @@ def tool(spec: Spec) -> dict[str, Any]:
 def _tags(spec: Spec) -> list[str]:
     words = re.findall(r"[a-z]{3,}", f"{spec.id} {spec.title}".lower())
     return list(dict.fromkeys([*TAGS, spec.id, *words]))
+
+
+def _inputs(spec: Spec) -> list[dict[str, Any]]:
+    made = [field(f) for f in spec.inputs.values()]
+    return [f | {"advanced": n >= SHOWN_AT_ONCE and not f["required"]} for n, f in enumerate(made)]
 
 
 def field(f: Field) -> dict[str, Any]:
@@ -154,17 +160,21 @@ def general(spec: Spec) -> list[dict[str, Any]]:
         made.append(_option("workers", "Workers", "integer", "Processes that work on tiles", ge=1))
         says = "Memory that each worker may use, such as 4GB"
         made.append(_option("memory", "Memory of a worker", "text", says))
+        says = "Keep what is done, and take over what an earlier run has kept, unless it changed"
+        made.append(_option("resume", "Resume", "boolean", says) | {"default": False})
     return made
 
 
 def _option(name: str, label: str, type: str, help: str, **limits: float) -> dict[str, Any]:
-    made = {"name": name, "label": label, "type": type, "help": help, "option": name}
+    made: dict[str, Any] = {"name": name, "label": label, "type": type, "help": help}
     rule = " and ".join(f">= {limit:g}" for limit in limits.values())
+    made |= {"option": name, "advanced": True}
     return made | {"many": False, "required": False, "nullable": True, "rule": rule, **limits}
 
 
 def _file(name: str, label: str, help: str, suffixes: tuple[str, ...]) -> dict[str, Any]:
-    made = {"name": name, "label": label, "type": "file", "help": help, "option": name}
+    made: dict[str, Any] = {"name": name, "label": label, "type": "file", "help": help}
+    made |= {"option": name, "advanced": True}
     return made | {"many": False, "suffixes": list(suffixes)}
 
 

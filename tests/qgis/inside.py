@@ -41,7 +41,7 @@ app = QgsApplication([], False)
 app.initQgis()
 
 from lidar_toolbox import bridge, parameters, styling  # noqa: E402
-from lidar_toolbox.algorithm import ToolAlgorithm  # noqa: E402
+from lidar_toolbox.algorithm import ToolAlgorithm, option_words  # noqa: E402
 from lidar_toolbox.plugin import Provider  # noqa: E402
 
 provider = Provider()
@@ -334,6 +334,15 @@ def check_what_a_library_prints_is_shown() -> None:
     assert [text for text in feedback.said if text in odd] == list(odd), feedback.said
 
 
+def check_options_of_every_run_become_words() -> None:
+    flag = {"option": "resume", "type": "boolean"}
+    words = [option_words(flag, value) for value in (True, "true", False, "no", None)]
+    assert words == [["--resume"], ["--resume"], [], [], []], words
+    crs = {"option": "assume_crs", "type": "crs"}
+    assert option_words(crs, "EPSG:2154") == ["--assume-crs", "EPSG:2154"]
+    assert option_words(crs, None) == []
+
+
 def check_layers_are_loaded_in_colours() -> None:
     ctx = context()
     algorithm = provider.algorithm("surfacegrid").create()
@@ -405,6 +414,7 @@ def check_a_tool_of_each_group_and_all_kinds_of_output() -> None:
         METHOD="max",
         TILE="30",
         WORKERS=1,
+        RESUME=True,
     )
     go("surface.contours", SURFACE=out("s.tif"), INTERVAL=0.5, CONTOURS=out("c.gpkg"))
     go(

@@ -101,8 +101,7 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         values = {field["name"]: value for field, value in given if not field.get("option")}
         options = ["--overwrite"]  # the dialog has asked
         for field, value in given:
-            if field.get("option") and value is not None:
-                options += [f"--{field['option'].replace('_', '-')}", str(value)]
+            options += option_words(field, value) if field.get("option") else []
         result = bridge.run(self.tool["id"], options, values, feedback)
         shown = {f["name"]: _path(v) for f, v in given if f.get("option") and "suffixes" in f}
         result |= {name: path for name, path in shown.items() if os.path.exists(path)}
@@ -132,6 +131,14 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         for place in kept:
             styler = Styler.of(self.colours)
             context.layerToLoadOnCompletionDetails(place).setPostProcessor(styler)
+
+
+def option_words(field: dict[str, Any], value: Any) -> list[str]:
+    """The words for an option of every run."""
+    word = f"--{field['option'].replace('_', '-')}"
+    if field["type"] == "boolean":
+        return [word] if str(value).lower() in ("true", "yes", "1") else []
+    return [] if value is None else [word, str(value)]
 
 
 def _same(place: Any) -> str:

@@ -104,7 +104,7 @@ def definition(field: dict[str, Any]) -> Any:
         return getattr(qgis.core, f"QgsProcessingOutput{word}")(name, label)
     made = _destination(field) if "suffixes" in field else _input(field)
     made.setHelp(_tip(field))
-    if field.get("option"):
+    if field.get("advanced"):
         made.setFlags(made.flags() | QgsProcessingParameterDefinition.FlagAdvanced)
     return made
 

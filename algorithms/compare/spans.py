@@ -18,7 +18,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector
 from toolbox.spec import outputs, param, sink, source, tool
 
@@ -38,7 +38,8 @@ class CompareSpans:
     not go on for more than 5 m and a tenth; it is found in part if any wire covers some of it, and
     missed otherwise. A wire is invented if no more than half of it lies near reference wires, and
     doubled if more than half of it lies near those that other wires have found in full. A span
-    counts as its worst wire, but is missed only if all are.
+    counts as its worst wire, but is missed only if all are. Lines of the reference that have no
+    span, such as towers, are left out.
 
     Heights are compared at the same place in plan.
     """
@@ -81,12 +82,15 @@ class CompareSpans:
     def run(self, ctx: Context = QUIET) -> CompareSpans.Outputs:
         """Compare every wire with those near it."""
         metre = self.reference.metre
+        reference = self.reference.frame.dropna(subset=self.span)
+        if left_out := len(self.reference) - len(reference):
+            log.warning("%d lines of the reference have no %s: left out", left_out, self.span)
         found = [_places(line, STEP * metre) for line in self.wires.frame.geometry]
-        true = [_places(line, STEP * metre) for line in self.reference.frame.geometry]
+        true = [_places(line, STEP * metre) for line in reference.geometry]
         pairs = _pairs(true, found, self.max_distance, ctx)
         chosen = _one_to_one(pairs, len(found))
         rows = []
-        names = self.reference.frame[self.span]
+        names = reference[self.span]
         for number, (name, places, own) in enumerate(zip(names, true, pairs, strict=True)):
             mine = chosen.get(number, max(own, key=lambda k: own[k].share, default=None))
             row: dict[str, Any] = {"span": name, "length": _length(places) / metre}

@@ -67,7 +67,7 @@ def conductor_of(name: str, table: Table | None = None) -> Conductor:
     DataError
         The table does not have it, or one of its values is missing or not above zero.
     """
-    table = table or Table.open(SHIPPED)
+    table = Table.open(SHIPPED) if table is None else table
     if missing := [column for column in NEEDED if column not in table.frame.columns]:
         raise DataError(f"{table.name}: no column {', '.join(missing)}; a conductor needs them")
     rows = {str(row["name"]).lower(): row for row in table.frame.to_dict("records")}

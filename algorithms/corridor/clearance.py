@@ -277,7 +277,8 @@ class CorridorClearance:
         if self.distance is not None:
             rules = single(self.distance)
         else:
-            rules = rules_of(self.rule_table or rule_set(self.rules), self.voltage)
+            table = rule_set(self.rules) if self.rule_table is None else self.rule_table
+            rules = rules_of(table, self.voltage)
         return [*rules, *grown(rules, self.growth)] if self.growth else rules
 
     def _conductor(self) -> Conductor | None:

@@ -91,3 +91,11 @@ def test_features_without_geometry_are_named() -> None:
     nothing = Vector(TRUTH.frame.set_geometry([None] * len(TRUTH)))
     with pytest.raises(DataError, match="wires: must hold lines"):
         CompareSpans(wires=nothing, reference=TRUTH)
+
+
+def test_lines_without_a_span_are_no_wires(caplog: pytest.LogCaptureFixture) -> None:
+    frame = TRUTH.frame.astype({"span_id": float})
+    frame.loc[0, "span_id"] = np.nan
+    result = CompareSpans(wires=TRUTH, reference=Vector(frame)).run()
+    assert (result.in_full, result.in_part, result.missed, result.invented) == (3, 0, 0, 1)
+    assert "1 lines of the reference have no span_id: left out" in caplog.text

@@ -22,6 +22,7 @@ from algorithms.corridor._lines import catenaries_of, wire_layer
 from algorithms.corridor._objects import groups, tree_tops
 from algorithms.corridor._rules import KINDS, Rule, rule_set, rules_of, shipped
 from algorithms.corridor._sag import (
+    SHIPPED,
     Conductor,
     State,
     conductor_of,
@@ -339,6 +340,16 @@ def test_what_is_of_the_line_or_noise_is_no_violation_and_told() -> None:
     assert run(cloud(on_wire + at_end, 5), distance=5.0)["object_count"] == 2
 
 
+def test_too_few_points_are_no_object_but_violations_and_told() -> None:
+    low = float(LEVEL.height(np.array(150.0)))
+    for count, objects in ((2, 0), (3, 1)):
+        result = run(cloud(blob(150, 0, low - 3.0, count), 5), distance=5.0)
+        assert result["object_count"] == objects
+        assert result["violations"]["object_id"].tolist() == [objects] * count
+        told = "2 points break a rule, but are too few for an object" in result["report"].html()
+        assert told == (objects == 0)
+
+
 def test_points_without_a_class_keep_the_rules_for_trees_and_buildings() -> None:
     table = Table(pd.DataFrame([row(kind="building"), row(id="b", kind="ground")]))
     low = float(LEVEL.height(np.array(150.0)))
@@ -474,6 +485,15 @@ def test_wrong_tables_are_named() -> None:
         rules_of(rule_set("ekaty"), 5000)
 
 
+def test_empty_tables_are_not_replaced_by_those_of_the_toolbox() -> None:
+    points, none = cloud(blob(0, 0, 9), 5), Table(pd.DataFrame([row()]).iloc[:0], name="my.csv")
+    with pytest.raises(DataError, match=r"rule_table: my\.csv: there are no rules"):
+        run(points, rule_table=none)
+    no_wire = Table(pd.read_csv(SHIPPED).iloc[:0], name="wires.csv")
+    with pytest.raises(DataError, match=r"conductor: wires\.csv: no conductor 'Drake'; there are"):
+        run(points, conductor="Drake", conductor_table=no_wire)
+
+
 def test_wrong_settings_are_named() -> None:
     points = cloud(blob(0, 0, 9), 5)
     for settings, message in (
@@ -567,6 +587,16 @@ def test_a_tree_that_is_too_near_also_tells_whether_it_may_fall_on_the_wire() ->
     assert frame.falls.isna().to_list() == [True, False]
     assert frame.falls.iloc[1] == pytest.approx(math.hypot(15, low) - 34.0, abs=0.1)
     assert len(result["violations"]) == 10
+
+
+@pytest.mark.parametrize(("aside", "objects"), [(2.5, 1), (3.5, 2)])
+def test_a_top_is_of_the_object_that_is_no_farther_than_a_crown(aside: float, objects: int) -> None:
+    low, ground = float(LEVEL.height(np.array(150.0))), flat()
+    crown, top = blob(150, 4.0, low + 1.0), blob(150, 4.0 + aside, low + 6.0)
+    points = cloud([*crown, *top, *ground], [5] * 10 + [2] * len(ground))
+    frame = run(points, distance=5.0)["objects"].frame
+    assert frame.rule.to_list() == ["distance", "falling"][:objects]
+    assert frame.falls.to_numpy()[-1] == pytest.approx(-5.0, abs=0.5)
 
 
 def test_least_clearances_of_a_span_are_those_of_what_is_not_far_to_the_side() -> None:

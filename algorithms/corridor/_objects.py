@@ -122,9 +122,15 @@ def falling_trees(
 
 
 def with_falls(
-    scene: Scene, objects: Sequence[Object], falls: Violations, rules: Sequence[Rule]
-) -> list[Object]:
-    """Objects that know whether a tree of them may fall on a wire, and all other such trees."""
+    scene: Scene, objects: Sequence[Object], found: Violations, falls: Violations,
+    rules: Sequence[Rule],
+) -> tuple[list[Object], Violations]:  # fmt: skip
+    """Objects that know whether a tree of them may fall on a wire, and all other such trees.
+
+    Returns
+    -------
+    objects, and violations of all rules, of which a point breaks one
+    """
     number = np.repeat(np.arange(len(objects)), [len(one.points) for one in objects])
     points = np.concatenate([one.points for one in objects] or [np.empty(0, np.int64)])
     may_fall = np.isin(scene.kind[points], TREES)
@@ -138,11 +144,13 @@ def with_falls(
         replace(one, falls=float(left)) if left < 0 else one
         for one, left in zip(objects, least, strict=True)
     ]
-    alone = np.flatnonzero(owner < 0)
-    order = alone[np.lexsort((*scene.xyz[falls.point[alone]].T, falls.measure[alone]))]
-    trees = [_object(scene, falls, k, np.array([k])) for k in order]
+    alone = falls.select(owner < 0)
+    order = np.lexsort((*scene.xyz[alone.point].T, alone.measure))
+    trees = [_object(scene, alone, k, np.array([k])) for k in order]
     trees = [replace(one, falls=one.measure) for one in trees]
-    return sorted([*reaching, *trees], key=lambda one: SEVERITIES.index(rules[one.rule].severity))
+    known = found.joined(alone.select(~np.isin(alone.point, found.point)))
+    rank = [SEVERITIES.index(rule.severity) for rule in rules]
+    return sorted([*reaching, *trees], key=lambda one: rank[one.rule]), known
 
 
 def lonely(xyz: Floats, gap: float, fewest: int) -> NDArray[np.bool_]:

@@ -18,8 +18,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from algorithms.corridor._catenary import TIGHTEST
 from algorithms.corridor._clearance_layers import object_layer, span_table, violation_cloud
 from algorithms.corridor._clearance_report import report_of
@@ -236,17 +234,14 @@ class CorridorClearance:
         if lone:
             log.warning("%d points break a rule, but are too few for an object", lone)
             scene.left_out["break a rule, but are too few for an object"] = lone
-        nearest = min(found.space, default=math.nan)
+        nearest = float(found.space.min(initial=math.inf))
         if self.falling:
+            rules = [*rules, FALLING]
             falls = falling_trees(
-                scene, line, rule=len(rules), point_sd=metric.point_sd, **settings,
+                scene, line, rule=len(rules) - 1, point_sd=metric.point_sd, **settings,
                 ctx=ctx.part(0.8, 0.9),
             )  # fmt: skip
-            rules = [*rules, FALLING]
-            objects = with_falls(scene, objects, falls, rules)
-            alone = [one.nearest for one in objects if one.rule == len(rules) - 1]
-            new = np.isin(falls.point, alone) & ~np.isin(falls.point, found.point)
-            found = found.joined(falls.select(new))
+            objects, found = with_falls(scene, objects, found, falls, rules)
         spans = span_table(scene, line, least, objects, metric.point_sd)
         layer = object_layer(self.points, scene, line, rules, objects)
         page = report_of(
@@ -260,7 +255,7 @@ class CorridorClearance:
             report=page,
             object_count=len(objects),
             critical_count=sum(rules[o.rule].severity == SEVERITIES[0] for o in objects),
-            least_clearance=None if math.isnan(nearest) else nearest * self.points.metre,
+            least_clearance=nearest * self.points.metre if math.isfinite(nearest) else None,
         )
 
     def _in_metres(self) -> CorridorClearance:

@@ -622,13 +622,12 @@ def test_towers_keep_what_is_around_their_bodies_alone() -> None:
     place = [shapely.Point(EAST + 150, NORTH + 10, 0)]
     towers = Vector(geopandas.GeoDataFrame(foot, geometry=place, crs=32635))
     low = float(LEVEL.height(np.array(150.0)))
-    tree, body = blob(150, 0, low - 3.0), blob(150, 8.0, low)
-    for points, count in ((tree, 1), (body, 0)):
-        result = run(cloud(points, 1), distance=9.0, towers=towers)
+    for y, count in ((0.0, 1), (6.9, 1), (7.1, 0)):  # half the width, and 1 m
+        result = run(cloud(blob(150, y, low - 3.0), 1), distance=9.0, towers=towers)
         assert result["object_count"] == count
     areas = Vector(towers.frame.set_geometry(towers.frame.buffer(2.0)))
     with pytest.raises(DataError, match="towers: must hold points alone"):
-        run(cloud(tree, 1), towers=areas)
+        run(cloud(blob(150, 0, low), 1), towers=areas)
 
 
 @pytest.mark.parametrize(

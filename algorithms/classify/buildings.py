@@ -25,10 +25,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
-from scipy.spatial import cKDTree
 
 from algorithms.classify import _buildings_kernels as kernels
 from algorithms.classify import _evidence
+from algorithms.classify._bridges import bridges
+from algorithms.classify._plan import Plan
 from algorithms.classify._squared import squared
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.ground import taking_part
@@ -51,7 +52,6 @@ TOUCHING = 0.01  # metres, so that points on an outline are inside whatever the 
 PER_POINT = 100  # how much longer than others a point takes in which planes are looked for
 TOP = 1.0  # metres, cells in which the highest point of a roof is looked for
 SIMPLE = 0.5  # metres that squared walls may be from the points
-BESIDE, LEVEL, ENDS, OVER_GROUND = 1.5, 0.75, 3.0, 3.0  # metres: see `bridges`
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
 COLUMNS = ("area", "perimeter", "points", "ground", "eave", "ridge", "mean", "height", "squared")
 
@@ -162,7 +162,7 @@ class ClassifyBuildings:
         shapes = self._buildings(scene, planes, ctx.part(0.65, 0.75))
         joined = self._regions(scene, roof, ctx.part(0.75, 0.85))
         found = np.zeros(len(cloud), bool)
-        found[part] = up_to_the_roof(scene, roof, around(shapes, joined, metre), metre)
+        found[part] = up_to_the_roof(scene, roof, with_what_is_joined(shapes, joined, metre), metre)
         ctx.progress(0.9)
         rows = self._rows(scene, planes, shapes)
         ctx.progress(1.0)
@@ -218,10 +218,9 @@ class ClassifyBuildings:
 
     def _rows(self, scene: _evidence.Scene, planes: Mask, shapes: Shapes) -> list[dict[str, Any]]:
         """Buildings with their outlines drawn; several where only the overhang joins them."""
-        rows, narrow = [], 0
+        rows, narrow, plan = [], 0, Plan.of(scene.xyz, planes)
         for shape in shapes:
-            wider = shape.buffer(TOUCHING * scene.cloud.metre)
-            inside = np.flatnonzero(planes)[_within(wider, scene.xyz[planes, :2])]
+            inside = plan.within(shape.buffer(TOUCHING * scene.cloud.metre))
             roof, straight = self._drawn(shape, len(inside) / shape.area)
             walls = roof.buffer(-self.overhang, join_style="mitre")
             narrow += walls.is_empty
@@ -295,7 +294,7 @@ def on_planes(scene: _evidence.Scene, roof: Mask, ctx: Context = QUIET) -> Mask:
     return found
 
 
-def around(shapes: Shapes, joined: Shapes, metre: float) -> Shapes:
+def with_what_is_joined(shapes: Shapes, joined: Shapes, metre: float) -> Shapes:
     """Regions of roofs with what is joined to them near their planes: gutters, dormers, walls.
 
     Parameters
@@ -323,14 +322,6 @@ def margin(density: float, alpha: float) -> float:
     alpha : radius of the disc
     """
     return float((density * np.sqrt(8 * alpha)) ** (-2 / 3))
-
-
-def _within(shape: Any, xy: Floats) -> Mask:
-    """Which points lie in a polygon, by one look at its box first."""
-    west, south, east, north = shape.bounds
-    found = (xy[:, 0] >= west) & (xy[:, 0] <= east) & (xy[:, 1] >= south) & (xy[:, 1] <= north)
-    found[found] = Polygons.of(np.array([shape])).hold(xy[found])
-    return np.asarray(found)
 
 
 def up_to_the_roof(scene: _evidence.Scene, roof: Mask, shapes: Shapes, metre: float) -> Mask:
@@ -373,47 +364,6 @@ def highest_around(xyz: Floats, some: Mask, cell: float) -> Floats:
     return np.asarray(maximum_filter(top, 3, mode="constant", cval=-np.inf)[row, col])
 
 
-def bridges(scene: _evidence.Scene, roof: Mask, shapes: Shapes) -> Mask:
-    """Regions that stay level while the ground below rises to meet them, at two ends or more.
-
-    At an end, points nearer to the ground than a roof lie beside the region, at its level. A low
-    roof has those as well, but below its middle; a house on a slope at one end only.
-    """
-    height, metre, z = scene.terrain[1], scene.cloud.metre, scene.xyz[:, 2] / scene.cloud.metre
-    found = np.zeros(len(shapes), bool)
-    if not len(shapes):
-        return found
-    tops, others = np.flatnonzero(roof), np.flatnonzero(~roof & (height < height[roof].min()))
-    away, nearest = map(np.asarray, cKDTree(scene.xyz[tops, :2]).query(scene.xyz[others, :2]))
-    others = others[(away <= BESIDE * metre) & (np.abs(z[tops[nearest]] - z[others]) <= LEVEL)]
-    regions = shapely.STRtree(shapes)
-    own, region = regions.query(points_at(scene, tops), predicate="within")
-    low, beside = regions.query(
-        points_at(scene, others), predicate="dwithin", distance=BESIDE * metre
-    )
-    for number in np.unique(beside):
-        deck, ends = tops[own[region == number]], others[low[beside == number]]
-        ends = ends[z[ends] >= np.median(z[deck]) - LEVEL]
-        if np.median(height[deck]) < OVER_GROUND or not len(ends):
-            continue
-        discs = shapely.union_all(shapely.buffer(points_at(scene, ends), metre))
-        found[number] = np.count_nonzero(_length(shapely.get_parts(discs)) >= ENDS * metre) >= 2
-    if found.any():
-        log.info("%d regions meet ground at both ends: bridges", np.count_nonzero(found))
-    return found
-
-
-def points_at(scene: _evidence.Scene, which: NDArray[np.int64]) -> Shapes:
-    """Points of the plane, as shapely has them."""
-    return np.asarray(shapely.points(scene.xyz[which, :2]))
-
-
-def _length(shapes: Shapes) -> Floats:
-    """The longer side of the boxes around shapes."""
-    box = shapely.bounds(shapes)
-    return np.asarray((box[:, 2:] - box[:, :2]).max(axis=1))
-
-
 def heights(scene: _evidence.Scene, inside: NDArray[np.int64], shape: Any) -> dict[str, float]:
     """Elevations of a roof and of the ground below it, and how high the ridge is above that.
 
@@ -422,7 +372,8 @@ def heights(scene: _evidence.Scene, inside: NDArray[np.int64], shape: Any) -> di
     """
     z, metre = scene.xyz[inside, 2], scene.cloud.metre
     ground = float(np.median(z - scene.terrain[1][inside] * metre))
-    edge = shapely.dwithin(points_at(scene, inside), shape.boundary, metre)
+    middle = shapely.get_parts(shape.buffer(-metre))
+    edge = ~Polygons.of(middle).hold(scene.xyz[inside])
     ridge = float(np.percentile(z, 99))
     return {
         "ground": ground,

@@ -142,6 +142,21 @@ def test_points_lie_on_planes_near_them() -> None:
     assert not on_planes(scene, off > 0).any()
 
 
+def test_a_narrow_middle_does_not_hide_the_eaves() -> None:
+    """Two high roofs joined by a passage: what lies a metre inside is in two parts."""
+    points = village()
+    x, y, z = (points.xyz - [500_000, 4_600_000, 0]).T
+    houses = ((abs(x - 15) < 6) | (abs(x - 33) < 6)) & (abs(y - 12) < 4)
+    passage = (x >= 21) & (x <= 27) & (abs(y - 12) < 0.95)
+    made = np.where(houses, 106 + 1.5 * (4 - abs(y - 12)), np.where(passage, 107.9, z))
+    classes = np.where(houses | passage, 1, points["classification"]).astype(np.uint8)
+    cloud = points.with_xyz(np.column_stack([points.xyz[:, :2], made]))
+    out = ClassifyBuildings(points=cloud.with_attributes({"classification": classes})).run()
+    (row,) = out.outlines.frame.to_dict("records")
+    assert row["geometry"].buffer(-1.3).geom_type == "MultiPolygon"
+    assert row["eave"] == pytest.approx(106.2, abs=0.2)
+
+
 def test_overhang_is_taken_off_the_outlines(caplog: pytest.LogCaptureFixture) -> None:
     points = village()
     roof = ClassifyBuildings(points=points).run()

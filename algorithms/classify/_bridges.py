@@ -1,0 +1,78 @@
+"""Bridges among what looks like roofs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from algorithms.classify._evidence import Scene
+from algorithms.classify._plan import Plan
+from toolbox.context import log
+
+BESIDE = 1.5  # metres from a deck in which ground lies at its ends
+LEVEL = 0.75  # metres that ground may be above or below a deck there
+ENDS = 3.0  # metres, length of an end
+OVER_GROUND = 3.0  # metres, height of a deck
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Shapes = NDArray[Any]
+
+
+def bridges(scene: Scene, roof: Mask, shapes: Shapes) -> Mask:
+    """Regions that stay level while the ground below rises to meet them, at two ends or more.
+
+    At an end, points nearer to the ground than a roof lie beside the region, at its level. A low
+    roof has those as well, but below its middle; a house on a slope at one end only.
+
+    Parameters
+    ----------
+    scene : n points
+    roof : array of shape (n,), those of roofs
+    shapes : polygons around them, array of shape (m,)
+
+    Returns
+    -------
+    array of shape (m,)
+    """
+    height, metre, z = scene.terrain[1], scene.cloud.metre, scene.xyz[:, 2] / scene.cloud.metre
+    found = np.zeros(len(shapes), bool)
+    if not len(shapes):
+        return found
+    low = low_beside(scene, roof)
+    point, beside = shapely.STRtree(shapes).query(
+        shapely.points(scene.xyz[low, :2]), predicate="dwithin", distance=BESIDE * metre
+    )
+    plan = Plan.of(scene.xyz, roof)
+    for number in np.unique(beside):
+        deck, ends = plan.within(shapes[number]), low[point[beside == number]]
+        ends = ends[z[ends] >= np.median(z[deck]) - LEVEL]
+        if np.median(height[deck]) < OVER_GROUND or not len(ends):
+            continue
+        discs = shapely.union_all(shapely.buffer(shapely.points(scene.xyz[ends, :2]), metre))
+        found[number] = np.count_nonzero(_length(shapely.get_parts(discs)) >= ENDS * metre) >= 2
+    if found.any():
+        log.info("%d regions meet ground at both ends: bridges", np.count_nonzero(found))
+    return found
+
+
+def low_beside(scene: Scene, roof: Mask) -> NDArray[np.int64]:
+    """Indices of points lower above ground than any roof, at the level of the nearest of a roof."""
+    height, metre, z = scene.terrain[1], scene.cloud.metre, scene.xyz[:, 2] / scene.cloud.metre
+    tops, low = np.flatnonzero(roof), np.flatnonzero(~roof & (height < height[roof].min()))
+    tree = cKDTree(scene.xyz[tops, :2])
+    found = tree.query(scene.xyz[low, :2], distance_upper_bound=BESIDE * metre)
+    away, nearest = map(np.asarray, found)
+    near = np.isfinite(away)
+    low, nearest = low[near], nearest[near]
+    return np.asarray(low[np.abs(z[tops[nearest]] - z[low]) <= LEVEL])
+
+
+def _length(shapes: Shapes) -> Floats:
+    """The longer side of the boxes around shapes."""
+    box = shapely.bounds(shapes)
+    return np.asarray((box[:, 2:] - box[:, :2]).max(axis=1))

@@ -1,0 +1,44 @@
+"""Points seen from above, to find those in one polygon after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.shared.polygons import Polygons
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Points from west to east: of many polygons, each looks at its own strip only.
+
+    Attributes
+    ----------
+    xy : array of shape (m, 2), x rising
+    index : array of shape (m,), of each among all points
+    """
+
+    xy: Floats
+    index: Ints
+
+    @classmethod
+    def of(cls, xyz: Floats, some: NDArray[np.bool_]) -> Plan:
+        """Sort some of n points."""
+        index = np.flatnonzero(some)
+        index = index[np.argsort(xyz[index, 0], kind="stable")]
+        return cls(np.ascontiguousarray(xyz[index, :2]), index)
+
+    def within(self, shape: Any) -> Ints:
+        """Rising indices of the points in a polygon."""
+        west, south, east, north = shape.bounds
+        first, last = np.searchsorted(self.xy[:, 0], (west, np.nextafter(east, np.inf)))
+        y = self.xy[first:last, 1]
+        near = first + np.flatnonzero((y >= south) & (y <= north))
+        held = Polygons.of(np.array([shape])).hold(self.xy[near])
+        return np.sort(self.index[near[held]])

@@ -35,6 +35,7 @@ from toolbox.context import QUIET, Context
 BATCH = 256  # draws between two looks at whether they are enough
 SOME = 200  # cells from which the chance of a draw is found
 ROUNDS = 10  # of fitting a plane to its cells
+LEAST = 0.5  # share of the fewest points of a plane that lie in flat cells that face its way
 FITS = 3  # of a patch to its points
 ALIKE = math.cos(math.radians(3.0))  # of the angle between planes that are almost the same
 
@@ -133,6 +134,7 @@ class Search:
         self.group = kernels.boxes(cells.reach)
         self.rng = np.random.default_rng(self.rules.seed)
         self.cosine = math.cos(self.rules.angle)
+        self.least = (LEAST if self.whole else 1.0) * self.rules.min_points
         self.worth = 0.0  # draws so far, each counted by the points that were there in its time
 
     def patches(self, ctx: Context = QUIET) -> list[Patch]:
@@ -144,7 +146,7 @@ class Search:
             self._draw()
             while (best := self._best()) is not None:
                 cells, plane = self._grown(self.planes[best])
-                if self.weights[cells].sum() < self.rules.min_points:
+                if self.weights[cells].sum() < self.least:
                     self.gains[best] = 0.0
                     self._forget(plane, self.cells.centres[cells].mean(axis=0))
                     continue
@@ -264,7 +266,7 @@ class Search:
                 return None
             cells, squares, axes = piece
             sums, middle = self._sums(cells, plane)
-            if sums[0] < self.rules.min_points:
+            if sums[0] < self.least:
                 self._forget(plane, middle)
                 return None
             better = plane_of(sums, middle, plane[:3])
@@ -272,7 +274,20 @@ class Search:
                 return None
             patch = Patch(plane, axes, squares)
             plane, cells = better, self._support(better)
+        if sums[0] < self.rules.min_points and self._count(patch) < self.rules.min_points:
+            self._forget(plane, middle)
+            return None
         return patch
+
+    def _count(self, patch: Patch) -> int:
+        """The free points of a patch, in cells of any kind."""
+        cells, rules = self.cells, self.rules
+        return int(
+            kernels.near(
+                patch.plane, patch.axes, rules.tolerance, rules.gap, patch.squares, cells.xyz,
+                cells.starts, cells.reach, self.group, self.free,
+            )
+        )  # fmt: skip
 
     def _forget(self, plane: Floats, middle: Floats) -> None:
         """Drop the planes that are almost the same around the middle of a piece too small."""

@@ -313,6 +313,23 @@ def take(plane, axes, limit, gap, squares, xyz, starts, reach, group, free, weig
 
 
 @njit(cache=True, nogil=True)
+def near(plane, axes, limit, gap, squares, xyz, starts, reach, group, free):  # type: ignore[no-untyped-def]
+    """The number of free points near a patch."""
+    count = 0
+    for g in range(len(group)):
+        if not _meets(group[g], plane, limit):
+            continue
+        for cell in range(g * GROUP, min((g + 1) * GROUP, len(reach))):
+            if not _meets(reach[cell], plane, limit):
+                continue
+            for i in range(starts[cell], starts[cell + 1]):
+                away = plane[0] * xyz[i, 0] + plane[1] * xyz[i, 1] + plane[2] * xyz[i, 2] - plane[3]
+                if free[i] and abs(away) <= limit:
+                    count += _within(squares, _square(xyz[i], axes, gap))
+    return count
+
+
+@njit(cache=True, nogil=True)
 def over(xyz, axes, gap, squares):  # type: ignore[no-untyped-def]
     """Which places of shape (n, 3) lie over squares of a patch."""
     found = np.empty(len(xyz), np.bool_)

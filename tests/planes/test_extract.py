@@ -436,6 +436,7 @@ def test_ten_fronts(seed: int) -> None:
     [
         ("facade_pcl_cornice/region_growing_tutorial.pcd", "local:mm", (0.001, 0.005), 0.7),
         ("tls_plane_target/plane.laz", "local", (0.002, 0.008), 0.9),
+        ("facade_street_corner/street_thinned.las", "local", (0.03, 0.07), 0.7),
         ("vaihingen_roofs/test3.txt.gz", "local", (0.02, 0.06), 0.75),
     ],
 )
@@ -446,3 +447,11 @@ def test_real_scans(
     assert noise[0] < out.noise < noise[1]
     assert out.share > share
     assert (out.planes.frame.rms <= out.used_tolerance * out.segmented.metre).all()
+
+
+def test_a_wall_of_few_points(data: Callable[[str], Path]) -> None:
+    """Six cells hold all of the wall beside the street, some of them trees or rooms too."""
+    path = data("facade_street_corner/street_thinned.las")
+    out = PlanesExtract(points=PointCloud.open(path, assume_crs=LOCAL)).run()
+    frame = out.planes.frame
+    assert frame.points[frame.tilt > 89].max() > 170

@@ -13,6 +13,7 @@ import geopandas
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from algorithms.planes._outlines import UPRIGHT, View, drawn, outline
 from algorithms.planes._segment import parts_of
@@ -28,7 +29,14 @@ from toolbox.values import Attribute
 MIDDLE = 0.8  # share of a side along which its edge is looked for, away from the corners
 EDGE = 0.95  # share of the rows of points that end before the edge
 FEWEST_ROWS = 5
-COLUMNS = ("kind", "width", "height", "area", "sill", "set_back", "seen", "rectangle")
+COLUMNS = (
+    *("kind", "width", "height", "area", "sill", "set_back", "seen"),
+    *("edge_seen", "hidden", "rectangle"),
+)
+BEHIND = 2 / 3  # depth over the distance of neighbours, beyond which a point is behind the wall
+SIDES = ("left", "bottom", "right", "top")
+BESIDE = 4.0  # distance of a point from an edge that is seen, over that of neighbours
+EMPTY = 1.5  # the same behind the opening: one in thirty random half circles has none
 FULL = 0.8  # area of a gap over that of the rectangle around it, if it is one
 DOOR_HEIGHT, DOOR_SILL = 1.8, 0.3  # metres: least height, and most above the foot of the wall
 
@@ -48,6 +56,11 @@ class PlanesOpenings:
 
     A gap that fills most of a level rectangle becomes one; each of its edges is where 95 of
     100 rows of points on the wall end. Others keep their outline.
+
+    Where something stands in front, such as a balcony, the gap ends at its shadow. An edge is seen
+    where points lie on both sides: on the wall outside, and behind it inside, no farther away than
+    `recess` or what their density tells. `edge_seen` is the share of the outline that is, and
+    `hidden` names the sides of a rectangle of which less than half is. They may be elsewhere.
 
     Points farther behind the facade than `recess` and within its outline were seen through an
     opening. They get the number of the nearest in opening_id, and `behind` 1; planes of which they
@@ -210,16 +223,19 @@ class Openings(NamedTuple):
     shapes : polygons, from left to right
     seen : points behind each
     set_back : how far what is in each lies behind the wall, the median
+    edges : share of each outline that is seen, and the names of sides that are not
     """
 
     wall: Any
     shapes: list[Any]
     seen: list[int]
     set_back: list[float]
+    edges: list[tuple[float, str]]
 
     def rows(self, front: Facade, metre: float) -> Iterator[dict[str, Any]]:
         """What is to be known of each opening; lengths in the unit of the data."""
-        for shape, seen, back in zip(self.shapes, self.seen, self.set_back, strict=True):
+        known = zip(self.shapes, self.seen, self.set_back, self.edges, strict=True)
+        for shape, seen, back, (edge_seen, hidden) in known:
             left, bottom, right, top = shape.bounds
             beside = (front.uv[:, 0] > left - 1 * metre) & (front.uv[:, 0] < right + 1 * metre)
             sill = bottom - float(front.uv[front.own & beside, 1].min(initial=bottom))
@@ -232,6 +248,8 @@ class Openings(NamedTuple):
                 "sill": sill,
                 "set_back": back,
                 "seen": seen,
+                "edge_seen": edge_seen,
+                "hidden": hidden,
                 "rectangle": len(shape.exterior.coords) == 5,
             }
 
@@ -280,7 +298,7 @@ def openings(
     gaps = shapely.get_parts(shapely.difference(wall, parts))
     # Narrow necks between gaps, where points lie a little farther apart, do not join them.
     gaps = shapely.get_parts(shapely.buffer(shapely.buffer(gaps, -min_width / 4), min_width / 4))
-    shapes, seen, backs = [], [], []
+    shapes, seen, backs, edges = [], [], [], []
     here = np.flatnonzero(~front.own & (front.behind > 0) & (front.behind <= depth))
     for gap in sorted(gaps, key=lambda gap: gap.bounds):
         ctx.progress(0.8)
@@ -288,16 +306,47 @@ def openings(
         if not (min_width <= right - left <= max_width and top - bottom >= min_width):
             continue
         inside = here[Polygons.of(np.array([gap])).hold(front.uv[here])]
-        inside = inside[front.behind[inside] > 2 * front.apart / 3]
+        inside = inside[front.behind[inside] > BEHIND * front.apart]
         if len(inside) < fewest:
             continue
         shape = _rectangle(gap, uv, front.apart) or gap
         shapes.append(shape)
         seen.append(len(inside))
+        edges.append(_edge_seen(shape, front, inside, recess))
         near = front.behind[inside] <= recess
         backs.append(float(np.median(front.behind[inside[near]])) if near.any() else math.nan)
     ctx.progress(1.0)
-    return Openings(wall, shapes, seen, backs)
+    return Openings(wall, shapes, seen, backs, edges)
+
+
+def _edge_seen(shape: Any, front: Facade, inside: Ints, recess: float) -> tuple[float, str]:
+    """The share of an outline with points on both sides, and sides mostly without; see the class.
+
+    Parameters
+    ----------
+    inside : points behind the opening
+    """
+    left, bottom, right, top = shape.bounds
+    rim = BESIDE * front.apart
+    u, v = front.uv.T
+    beside = (u > left - rim) & (u < right + rim) & (v > bottom - rim) & (v < top + rim)
+    beside &= (front.behind >= -recess) & (front.behind <= BEHIND * front.apart)
+    around = front.uv[beside]
+    around = around[~Polygons.of(np.array([shape])).hold(around)]
+    ring = shape.exterior
+    steps = np.arange(front.apart / 2, ring.length, front.apart)
+    places = shapely.get_coordinates(shapely.line_interpolate_point(ring, steps))
+    reach = max(recess, EMPTY * math.sqrt(shape.area / len(inside)))
+    seen = np.zeros(len(places), bool)
+    if len(around):
+        seen |= KDTree(around).query(places)[0] <= rim
+        seen &= KDTree(front.uv[inside]).query(places)[0] <= reach
+    hidden = []
+    for side, name in enumerate(SIDES):
+        on = np.abs(places[:, side % 2] - shape.bounds[side]) < front.apart / 4
+        if len(ring.coords) == 5 and seen[on].mean() < 0.5:
+            hidden.append(name)
+    return float(seen.mean()), ", ".join(hidden)
 
 
 def _rectangle(gap: Any, uv: Floats, apart: float) -> Any:

@@ -401,6 +401,39 @@ def test_city_block(tmp_path: Path, data: Callable[[str], Path]) -> None:
     assert read(tmp_path / "a.png").std() > 0.1
 
 
+# Planes -----------------------------------------------------------------------------------------
+
+
+def walls(upright: bool = True) -> PointCloud:
+    """A wall that faces north, with ground before it; or lying on its back."""
+    rng = np.random.default_rng(1)
+    u, v = rng.random((2, 20_000))
+    zero = np.zeros(20_000)
+    wall = np.column_stack([10 * u, zero, 5 * v])
+    ground = np.column_stack([10 * u, 8 * v, zero])
+    xyz = np.vstack([wall if upright else wall[:, [0, 2, 1]] + [0, 20, 0], ground])
+    place = np.array([500.0, 900.0, 30.0])
+    number = np.repeat(np.array([1, 2], np.int32), 20_000)
+    return PointCloud(place + xyz, {"plane_id": number}, crs=LAMBERT)
+
+
+def test_planes_have_their_colours_and_walls_are_seen_from_the_front(tmp_path: Path) -> None:
+    image, flat = cloud_image(walls()), cloud_image(walls(upright=False))
+    assert (image.above, flat.above) == (False, True)
+    assert not isinstance(image.key, Ramp)
+    assert [name for name, _ in image.key.values()] == ["Plane 1", "Plane 2"]
+    shown = image.rgba[..., 3] > 0
+    blue = shown & (image.rgba[..., 2] > image.rgba[..., 0])  # of plane 1, the other one is orange
+    aside, above = np.radians([25, 20])  # of the eye
+    seen = 50 * np.cos(aside) * np.cos(above) / (80 * np.sin(above))
+    assert blue.sum() / (shown & ~blue).sum() == pytest.approx(seen, rel=0.1)
+    assert np.argwhere(blue)[:, 0].mean() < np.argwhere(shown & ~blue)[:, 0].mean()
+    outline = Vector(geopandas.GeoDataFrame(geometry=[shapely.box(0, 0, 9, 9)], crs=LAMBERT))
+    draw({"a": walls(), "b": outline}, tmp_path / "a.png")
+    draw({"a": walls()}, tmp_path / "b.png")
+    assert read(tmp_path / "a.png").shape[1] > 1.5 * read(tmp_path / "b.png").shape[1]
+
+
 # Features by kind and by offset ---------------------------------------------------------------
 
 
@@ -428,6 +461,12 @@ def test_kinds_have_their_colours_and_a_key(tmp_path: Path) -> None:
     red = np.isclose(with_key[..., :3], to_rgba("#d7261e")[:3], atol=0.01).all(axis=-1)
     assert 0.08 < red.mean() < 0.4
     assert not np.isclose(plain[..., :3], to_rgba("#d7261e")[:3], atol=0.01).all(axis=-1).any()
+
+
+def test_the_offset_of_a_plane_is_not_that_of_a_line() -> None:
+    frame = kinds("a", "b").frame.drop(columns="kind").assign(offset=[1.5, -2.5])
+    assert isinstance(feature_key(Vector(frame)), Ramp)
+    assert feature_key(Vector(frame.assign(normal_x=[0.0, 1.0]))) is None
 
 
 def test_kinds_that_are_too_many_or_missing() -> None:

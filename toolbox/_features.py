@@ -38,6 +38,8 @@ def feature_key(layer: Vector) -> Classes | Ramp | None:
 def _about_zero(layer: Vector) -> str | None:
     """The attribute that is shown in two colours about zero."""
     columns = layer.frame.dtypes
+    if "normal_x" in columns:
+        return None  # the offset is that of a plane
     return next((n for n in _ABOUT_ZERO if n in columns and columns[n].kind == "f"), None)
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from toolbox._oblique import PLANE, oblique
 from toolbox.asprs import CLASSES
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit
@@ -125,6 +126,7 @@ class Image:
     rgba: Array
     bounds: Bounds
     key: Ramp | Classes
+    above: bool = True  # whether it is seen from there, as a map
 
 
 def raster_image(raster: Raster, number: int = 1) -> Image:
@@ -175,7 +177,13 @@ def _ramp(name: str, band: Array, label: str) -> Ramp:
 
 
 def cloud_image(cloud: PointCloud) -> Image:
-    """A cloud from above, one colour per pixel, the highest point on top."""
+    """A cloud from above, one colour per pixel, the highest point on top; walls from the front."""
+    if (turned := oblique(cloud)) is not None:
+        return replace(_cloud_image(turned), above=False)
+    return _cloud_image(cloud)
+
+
+def _cloud_image(cloud: PointCloud) -> Image:
     lattice = _pixels(cloud)
     top = _highest(cloud, lattice)
     for name in (name for name in cloud.names if name.startswith("error_")):
@@ -183,19 +191,28 @@ def cloud_image(cloud: PointCloud) -> Image:
         ramp = Ramp.about_zero(shown, _label(name.replace("_", " "), _unit_of(cloud, name)))
         return Image(_colours(shown, ramp), lattice.bounds, ramp)
     height = _gathered(cloud.xyz[:, 2], top)
-    tables = {"error": ERRORS, "difference": DIFFERING, "classification": POINT_CLASSES}
+    tables: dict[str, Classes] = {"error": ERRORS, "difference": DIFFERING}
+    tables |= {PLANE: _planes(cloud), "classification": POINT_CLASSES}
     for name, table in tables.items():
         if name in cloud and (name != "classification" or np.any(cloud[name])):
             shown = _gathered(cloud[name], top)
             classes = _table(_codes(shown), table)
             rgba = _lit(_class_colours(shown, classes), height, lattice.cell, strength=0.35)
-            return Image(rgba, lattice.bounds, classes)
+            known = {c: v for c, v in classes.items() if name != PLANE or c <= len(OTHER)}
+            return Image(rgba, lattice.bounds, known)
     if np.ptp(cloud.xyz[:, 2]) == 0 and "intensity" in cloud:
         shown = _gathered(cloud["intensity"], top)
         ramp = Ramp.over(shown, "gray", "Intensity")
         return Image(_colours(shown, ramp), lattice.bounds, ramp)
     label = _label("Elevation", vertical_unit(cloud.crs))
     return _relief(height, lattice.cell, lattice.bounds, label)
+
+
+def _planes(cloud: PointCloud) -> Classes:
+    """Name and colour of the numbers of planes; the key has room for the largest ones."""
+    numbers = _codes(cloud[PLANE].astype(np.float64)) if PLANE in cloud else []
+    own = {number: (f"Plane {number}", OTHER[(number - 1) % len(OTHER)]) for number in numbers}
+    return own | ({0: ("None", "#c9c9c9")} if 0 in own else {})
 
 
 def _unit_of(cloud: PointCloud, name: str) -> str:

@@ -40,12 +40,12 @@ def draw(
 
     A raster is shown as relief, as colours, or as classes where it holds few integers, named bands
     side by side; a cloud from above, the highest point on top, in the colours of its "error", its
-    classes, its
-    elevation or its intensity. A vector layer lies over the map before it, if that is in the
-    same CRS and overlaps it, and has a map of its own otherwise, in the colours of its `kind` or
-    `offset`; points with line, station and offset have a profile too. A table of the columns low,
-    high and count is a histogram, one of level, unit, area_m2 and volume_m3 a storage curve, one
-    of tolerance, planes, share and knee the curve of these; other tables are left out.
+    planes (from the front if there is a wall), its classes, its elevation or its intensity. A
+    vector layer lies over the map before it, if that is in the same CRS and overlaps it, and has a
+    map of its own otherwise, in the colours of its `kind` or `offset`; points with line, station
+    and offset have a profile too. A table of the columns low, high and count is a histogram, one of
+    level, unit, area_m2 and volume_m3 a storage curve, one of tolerance, planes, share and knee the
+    curve of these; other tables are left out.
 
     Parameters
     ----------
@@ -165,7 +165,13 @@ def _add_vector(panels: list[Drawn], title: str, layer: Vector) -> None:
     if not np.isfinite(bounds).all():
         return
     last = panels[-1] if panels else None
-    if isinstance(last, Panel) and _meet(last.bounds, bounds) and _same_ground(last, layer):
+    above = isinstance(last, Panel) and (last.image is None or last.image.above)
+    if (
+        isinstance(last, Panel)
+        and above
+        and _meet(last.bounds, bounds)
+        and _same_ground(last, layer)
+    ):
         panels[-1] = last.under(title, layer)
     else:
         panels.append(

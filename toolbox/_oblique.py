@@ -1,0 +1,57 @@
+"""Clouds with walls as they are seen from the street: from above, walls are lines."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolbox.data import PointCloud
+
+PLANE = "plane_id"
+_MOST, _SOME = 10, 2000  # planes that are looked at, and points of each
+_UPRIGHT = math.sin(math.radians(10.0))  # third part of the normal of a wall, at most
+_ASIDE, _ABOVE = math.radians(25.0), math.radians(20.0)  # where the eye is, seen from the wall
+
+Floats = NDArray[np.float64]
+
+
+def oblique(cloud: PointCloud) -> PointCloud | None:
+    """The same points in the coordinates of a view: right, up, and towards the eye.
+
+    The eye is before the upright plane with the most points, on the side with more points, a
+    little aside and above, so that ground, side walls and roofs are seen too.
+
+    Returns
+    -------
+    None if the points have no plane_id, or none of their largest planes is upright
+    """
+    if PLANE not in cloud:
+        return None
+    xyz = cloud.xyz - cloud.xyz[0]
+    wall = _wall(xyz, cloud[PLANE])
+    if wall is None:
+        return None
+    normal, centre = wall
+    side = 1.0 if np.median((xyz - centre) @ normal) >= 0 else -1.0
+    heading = math.atan2(side * normal[1], side * normal[0]) + _ASIDE
+    level = np.array([math.cos(heading), math.sin(heading), 0.0])
+    right = np.array([-level[1], level[0], 0.0])
+    eye = math.cos(_ABOVE) * level + [0.0, 0.0, math.sin(_ABOVE)]
+    view = xyz @ np.array([right, np.cross(eye, right), eye]).T
+    kept = {name: cloud[name] for name in cloud.names}
+    return PointCloud(view - view.min(axis=0), kept, crs=cloud.crs, descriptions=cloud.descriptions)
+
+
+def _wall(xyz: Floats, ids: NDArray[np.int64]) -> tuple[Floats, Floats] | None:
+    """Normal and centre of the upright plane with the most points."""
+    numbers, counts = np.unique(ids[ids > 0], return_counts=True)
+    for number in numbers[np.argsort(-counts, kind="stable")[:_MOST]]:
+        own = xyz[ids == number]
+        some = own[:: 1 + len(own) // _SOME]
+        centre = some.mean(axis=0)
+        normal = np.linalg.eigh((some - centre).T @ (some - centre))[1][:, 0]
+        if len(some) > 3 and abs(normal[2]) <= _UPRIGHT:
+            return normal, centre
+    return None

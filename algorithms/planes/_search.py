@@ -164,14 +164,15 @@ class Search:
     def _draw(self) -> None:
         """Draw more planes, and score them."""
         cells, rules = self.cells, self.rules
-        planes = np.empty((BATCH, 4))
+        size = min(BATCH, rules.max_trials - self.trials)
+        planes = np.empty((size, 4))
         running = np.cumsum(self.weights)
         kernels.draw(
-            self.rng.random((BATCH, 4)), running, cells.keys, cells.levels, cells.centres,
+            self.rng.random((size, 4)), running, cells.keys, cells.levels, cells.centres,
             cells.normals, self.weights, self.cosine, np.array(rules.steep), planes,
         )  # fmt: skip
-        self.trials += BATCH
-        self.worth += BATCH / running[-1]
+        self.trials += size
+        self.worth += size / running[-1]
         planes = planes[~np.isnan(planes[:, 0])]
         gains = self._scores(planes)
         if len(planes) and gains.max() > self.gains.max(initial=0.0):

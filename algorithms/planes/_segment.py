@@ -70,7 +70,8 @@ def segment(xyz: Floats, rules: Rules, *, ctx: Context = QUIET) -> Segments:
     Raises
     ------
     DataError
-        There are fewer than three points, or all are on a line.
+        There are fewer than three points, or all are on a line; the tolerance or the gap is too
+        small for floats.
     """
     return segment_cells(cells_of(xyz, ctx=ctx.part(0.0, 0.2)), rules, ctx=ctx.part(0.2, 1.0))
 
@@ -88,6 +89,15 @@ def cells_of(xyz: Floats, *, ctx: Context = QUIET) -> Cells:
 def segment_cells(cells: Cells, rules: Rules, *, ctx: Context = QUIET) -> Segments:
     """The planes of points that are sorted into cells; see :func:`segment`."""
     least = ROUNDING * cells.size  # of points without noise
+    for name, given, lowest in (
+        ("tolerance", rules.tolerance, least),
+        ("max_gap", rules.gap, 4 * least),
+    ):
+        if 0 < given < lowest:
+            raise DataError(
+                f"{name}: {given:g} is too small for points that reach over {cells.size:g}; "
+                f"at least {lowest:g} in their unit"
+            )
     tolerance = rules.tolerance or max(NOISES * cells.noise, least)
     # A plane that is found later lacks the strip along its edges that the one before has taken.
     gap = rules.gap or max(GAPS * cells.apart, STRIP * tolerance, 4 * least)
@@ -109,14 +119,15 @@ def _patches(cells: Cells, rules: Rules, ctx: Context) -> tuple[list[Patch], int
     found: list[Patch] = []
     trials, part = 0, cells
     for number in range(PASSES):
-        search = Search(part, rules, whole=number == 0)
+        left = replace(rules, max_trials=rules.max_trials - trials)
+        search = Search(part, left, whole=number == 0)
         made = search.patches(ctx.part(number / PASSES, (number + 1) / PASSES))
         trials += search.trials
         found += made
-        left = search.free
-        if not made or np.count_nonzero(left) < rules.min_points:
+        free = search.free
+        if not made or np.count_nonzero(free) < rules.min_points:
             break
-        part = sort_into_cells(part.xyz[left], origin=np.zeros(3))
+        part = sort_into_cells(part.xyz[free], origin=np.zeros(3))
     return found, trials
 
 

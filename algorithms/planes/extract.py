@@ -129,6 +129,11 @@ class PlanesExtract:
                 "planes fall to pieces",
                 *(tolerance / cloud.metre, BELOW, found.noise / cloud.metre),
             )
+        if not found.planes:
+            log.warning(
+                "no plane was found; look at min_points, min_extent, max_gap, orientation and the "
+                "unit of the points"
+            )
         if self.regularise:
             found = regular(xyz, found, math.radians(self.regular_angle))
         ids = np.zeros(len(cloud), np.int32)

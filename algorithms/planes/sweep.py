@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -56,8 +56,8 @@ class PlanesSweep:
     min_extent: float = param(
         "Shortest side of the rectangle around a plane", default=0.1, unit="m", ge=0
     )
-    max_gap: float | None = param(
-        "Widest gap within a plane; by the points unless given", default=None, unit="m", gt=0
+    max_gap: float | Literal["auto"] = param(
+        "Widest gap within a plane; auto by the points", default="auto", unit="m", gt=0
     )
     orientation: Orientation = param("Planes to look for", default="any")
     orientation_angle: float = param(
@@ -123,7 +123,7 @@ class PlanesSweep:
         return Rules(
             tolerance=tolerance,
             angle=math.radians(self.max_angle),
-            gap=self.max_gap or 0.0,
+            gap=0.0 if self.max_gap == "auto" else self.max_gap,
             min_points=self.min_points,
             min_extent=self.min_extent,
             steep=steepness(self.orientation, self.orientation_angle),

@@ -324,10 +324,24 @@ def test_too_few_points_lines_and_places() -> None:
         extracted(corner(), tolerance=0.0)
 
 
-def test_no_plane_at_all() -> None:
+def test_lengths_below_rounding_are_errors() -> None:
+    with pytest.raises(DataError, match="tolerance: 1e-300 is too small for points"):
+        extracted(corner(), tolerance=1e-300)
+    with pytest.raises(DataError, match="max_gap: 1e-09 is too small for points"):
+        extracted(corner(), max_gap=1e-9)
+
+
+def test_draws_are_no_more_than_allowed() -> None:
+    assert extracted(corner(), max_trials=1).trials == 1
+    rng = np.random.default_rng(1)
+    assert extracted(FAR + rng.random((5000, 3)), tolerance=0.02, max_trials=600).trials <= 600
+
+
+def test_no_plane_at_all(caplog: pytest.LogCaptureFixture) -> None:
     cloud = FAR + np.random.default_rng(1).uniform(0, 10, (3000, 3))
     out = extracted(cloud, tolerance=0.01)
     assert out.count == 0
+    assert "no plane was found" in caplog.text
     assert not ids_of(out).any()
     assert len(out.planes) == len(out.elevation) == 0
 

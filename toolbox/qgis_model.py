@@ -436,7 +436,8 @@ class _Reader:
 
     def _of_no_input(self, full: str, sources: list[dict[str, Any]]) -> None:
         """What QGIS says of an option of runs, or of an output that is not kept, if anything."""
-        said = [s for s in sources if s.get("static_value") not in (None, "") or s["source"] != 2]
+        empty = (None, "", False)
+        said = [s for s in sources if s["source"] != CONSTANT or s.get("static_value") not in empty]
         if said:
             self.problems[full] = "is no parameter of the tool; say it when the model is run"
 
@@ -469,7 +470,7 @@ class _Reader:
         if isinstance(value, Foreign):
             self.problems[full] = f"is a {value.type}, which has no counterpart"
             return _NOTHING
-        if value in (None, "", {}):
+        if value in (None, "", {}) or (f.kind.word == "range" and not _numbers(value)):
             cleared = value is None and f.optional and not f.required and f.default is not None
             return None if cleared else _NOTHING
         if f.kind.is_layer:
@@ -543,11 +544,21 @@ def from_constant(f: Field, value: Any) -> Any:
         whole, number = f.kind.word == "integer", f.kind.word == "number"
         return [int(p) if whole else float(p) if number else p for p in parts]
     if f.kind.word in ("extent", "position", "range"):
-        numbers = [float(n) for n in re.findall(r"[-+0-9.eE]+", value.partition("[")[0])]
+        numbers = _numbers(value)
         if f.kind.word == "extent" and len(numbers) == len(Extent._fields):
             return [numbers[i] for i in (0, 2, 1, 3)]
         return numbers
     return value
+
+
+def _numbers(value: Any) -> list[float]:
+    """The numbers in a text of QGIS, which may end in a CRS; "None,None" holds none.
+
+    >>> _numbers("1,-2.5e3 [EPSG:2154]"), _numbers("None,nan")
+    ([1.0, -2500.0], [])
+    """
+    found = re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", str(value).partition("[")[0])
+    return [float(number) for number in found]
 
 
 def _is_list(f: Field, values: list[Any]) -> bool:

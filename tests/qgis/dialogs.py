@@ -1,6 +1,8 @@
 """Opens the dialog of each tool in QGIS, without a screen, and reads what it holds.
 
-``dialogs.py PROFILE CLOUD RASTER FEATURES`` prints JSON: by tool what differs from the defaults.
+``dialogs.py PROFILE CLOUD RASTER FEATURES FOLDER`` prints JSON: by tool what differs from the
+defaults. Into FOLDER go models of one tool each, as the model designer makes them of its untouched
+dialog.
 ``dialogs.py PROFILE --picture FILE.png TOOL NAME=VALUE ...`` draws the dialog of one tool.
 """
 
@@ -17,7 +19,12 @@ PYTHON = os.environ.get("QGIS_PYTHON", "/usr/share/qgis/python")
 sys.path[:0] = [PYTHON, f"{PYTHON}/plugins", str(Path(PROFILE) / "python" / "plugins")]
 
 import qgis.utils  # noqa: E402
-from qgis.core import QgsApplication, QgsProcessingContext, QgsProcessingFeedback  # noqa: E402
+from qgis.core import (  # noqa: E402
+    QgsApplication,
+    QgsProcessingContext,
+    QgsProcessingFeedback,
+    QgsProcessingModelAlgorithm,
+)
 from qgis.gui import QgsMapCanvas, QgsMessageBar  # noqa: E402
 from qgis.PyQt.QtCore import QTimer  # noqa: E402
 from qgis.PyQt.QtWidgets import QMainWindow  # noqa: E402
@@ -51,6 +58,8 @@ from lidar_toolbox.plugin import Provider  # noqa: E402
 from lidar_toolbox.settings import OptionsFactory, base_python  # noqa: E402
 from processing.core.Processing import Processing  # noqa: E402
 from processing.gui.AlgorithmDialog import AlgorithmDialog  # noqa: E402
+from processing.gui.BatchAlgorithmDialog import BatchAlgorithmDialog  # noqa: E402
+from processing.modeler.ModelerParametersDialog import ModelerParametersDialog  # noqa: E402
 
 for module in list(sys.modules.values()):  # which have taken the window when there was none
     if getattr(module, "__name__", "").startswith("processing") and hasattr(module, "iface"):
@@ -86,7 +95,7 @@ def differences(algorithm: Any, given: dict[str, str]) -> list[str]:
 
 
 def check() -> None:
-    cloud, raster, features = WORDS
+    cloud, raster, features, folder = WORDS
     layers = {"pointcloud": cloud, "raster": raster, "vector": features, "table": features}
     found = {}
     for each in provider.algorithms():
@@ -94,9 +103,19 @@ def check() -> None:
         needed = [field for field in algorithm.tool["inputs"] if field["required"]]
         given = {field["name"].upper(): layers[field["type"]] for field in needed}
         found[algorithm.tool["id"]] = differences(algorithm, given)
+        BatchAlgorithmDialog(each.create(), window)
+        design(each.create(), Path(folder) / f"{each.name()}.model3")
     found["settings page"] = settings_page()
     print("RESULT " + json.dumps(found), flush=True)
     os._exit(0)
+
+
+def design(algorithm: Any, path: Path) -> None:
+    """Write a model of one step."""
+    model = QgsProcessingModelAlgorithm(algorithm.name(), "tests")
+    model.setProvider(QgsApplication.processingRegistry().providerById("model"))
+    model.addChildAlgorithm(ModelerParametersDialog(algorithm, model).createAlgorithm())
+    assert model.toFile(str(path))
 
 
 def settings_page() -> list[str]:

@@ -16,6 +16,8 @@ from shapely.geometry import box
 
 from toolbox import catalog
 from toolbox.data import Raster, Vector
+from toolbox.errors import ParameterError
+from toolbox.qgis_model import from_qgis
 
 SCRIPT = Path(__file__).with_name("dialogs.py")
 
@@ -26,7 +28,9 @@ def test_an_untouched_dialog_sends_the_defaults(qgis: Qgis, cloud: Path, tmp_pat
     Raster(np.ones((6, 6)), place, crs=CRS(32635)).save(raster)
     squares = gpd.GeoDataFrame({"a": [1]}, geometry=[box(0, 0, 5, 5)], crs=32635)
     Vector(squares).save(features)
-    done = qgis.python(SCRIPT, qgis.home / "profiles" / "default", cloud, raster, features)
+    profile, designed = qgis.home / "profiles" / "default", tmp_path / "designed"
+    designed.mkdir()
+    done = qgis.python(SCRIPT, profile, cloud, raster, features, designed)
     found = re.search(r"(?m)^RESULT (.*)$", done.stdout)
     if found is None and "No module named 'processing'" in done.stderr:
         pytest.skip("the Processing plugin of QGIS is elsewhere; set QGIS_PYTHON")
@@ -35,3 +39,8 @@ def test_an_untouched_dialog_sends_the_defaults(qgis: Qgis, cloud: Path, tmp_pat
     assert tools.pop("settings page") == []
     assert sorted(tools) == catalog.ids()
     assert {tool: wrong for tool, wrong in tools.items() if wrong} == {}
+    for path in designed.iterdir():
+        with pytest.raises(ParameterError) as said:
+            from_qgis(path.read_text("utf-8"), path.name)
+        assert said.value.problems == {"outputs": "the model gives nothing"}, path
+    assert len(list(designed.iterdir())) == len(tools)

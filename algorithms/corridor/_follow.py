@@ -7,8 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.corridor._network import Scene, Support, pieces_of, supports_of
+from algorithms.corridor._arcs import arcs_of
+from algorithms.corridor._network import Scene, curves_of, wires_among
 from algorithms.corridor._spans import Wire, spans_of
+from algorithms.corridor._supports import Support, supports_of
 from algorithms.corridor._trace import trace_all
 from toolbox.context import Context
 
@@ -30,8 +32,9 @@ def follow(
         scene.wires, voxel, tolerance=scene.tolerance, max_gap=max_gap, least=SHORTEST,
         ctx=ctx.part(0.0, 0.7),
     )  # fmt: skip
-    pieces = pieces_of(scene, curves)
+    arcs, runs = arcs_of(scene, curves_of(scene, curves))
+    pieces = wires_among(scene, arcs)
     ctx.progress(0.8)
     if not pieces:
         return [], []
-    return spans_of(scene, pieces, supports_of(scene, pieces), ctx.part(0.8, 1.0))
+    return spans_of(scene, pieces, supports_of(scene, pieces, runs), ctx.part(0.8, 1.0))

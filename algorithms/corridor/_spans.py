@@ -20,11 +20,6 @@ from scipy.sparse.csgraph import connected_components
 
 from algorithms.corridor._catenary import Catenary, fit
 from algorithms.corridor._network import (
-    CUSP,
-    CUSP_GAIN,
-    CUSP_MARGIN,
-    CUSP_SIGMAS,
-    ENOUGH_BODY,
     FARTHEST,
     PARALLEL,
     STRAIGHT_SIGMAS,
@@ -32,14 +27,11 @@ from algorithms.corridor._network import (
     TWIN,
     Piece,
     Scene,
-    Support,
     apart,
     heading,
-    kinks,
     runs_beside,
-    support_at,
-    within,
 )
+from algorithms.corridor._supports import Support
 from toolbox.context import Context
 
 BESIDE = 15.0  # metres
@@ -47,12 +39,7 @@ FEW, EIGHTHS = 6, 4  # points, and eighths of the span with any, of a wire found
 SLIM, ROUGH = 0.3, 0.12  # metres: radius of a heap, scatter of one wire
 BIN, SMOOTH, NEIGHBOURS = 0.05, 0.07, 0.2  # metres: to tell the conductors of a bundle apart
 ENOUGH, VALLEY, PEAK = 40, 0.6, 0.25  # points; depth of a valley between, height of a lower peak
-ROUNDS, SETTLED = 10, 0.6  # metres
-FARTHEST_OFF, SHIFT_GAIN = 12.0, 0.9  # metres; share of the squares that a shift must leave
 ALIKE = 0.3  # share of the sag by which wires of a span may differ
-AGREED = 0.6  # of the wires must show an overlooked support each
-MARGIN_SHARE = 0.2  # of a span at each end that holds no overlooked support
-LEAST_CUSP = -0.003  # slope: of all wires together
 STUB = 12.0  # metres: what is shorter and has one support went beyond the end of its arc
 LINKED = 3.0  # metres between a wire and its continuation at a support
 
@@ -86,24 +73,8 @@ class Wire:
 def spans_of(
     scene: Scene, pieces: Sequence[Piece], supports: Sequence[Support], ctx: Context
 ) -> tuple[list[Wire], list[Support]]:
-    """Pieces cut at the supports, joined where they are parts of one wire, and fitted anew.
-
-    Supports that show only in several wires together are added.
-    """
-    for number in range(ROUNDS):
-        ctx.progress(number / ROUNDS)
-        spans = list(bundles_of(scene, pieces, supports))
-        moved = [relocated(scene, spans, supports, k) for k in range(len(supports))]
-        if any(
-            math.dist((a.x, a.y), (b.x, b.y)) > SETTLED
-            for a, b in zip(moved, supports, strict=True)
-        ):
-            supports = moved
-            continue
-        more = [found for wires in spans for found in overlooked(scene, wires)]
-        if not more:
-            break
-        supports = sorted([*moved, *more], key=lambda s: (s.x, s.y))
+    """Pieces cut at the supports, joined where they are parts of one wire, and fitted anew."""
+    spans = list(bundles_of(scene, pieces, supports))
     found: list[Wire] = []
     bundle = 0
     spans = [
@@ -159,97 +130,6 @@ def bundles_of(
             wires = wires_of(scene, together, key, supports)
             if wires:
                 yield wires
-
-
-def relocated(
-    scene: Scene, spans: Sequence[Sequence[Wire]], supports: Sequence[Support], number: int
-) -> Support:
-    """A support moved to where the arcs on its two sides fit best.
-
-    An arc that was followed beyond its end has taken points of the next one.
-    """
-    support = supports[number]
-    if support.body >= ENOUGH_BODY:
-        return support
-    normal = np.array([-support.across[1], support.across[0]])
-    wires = [wire for span in spans for wire in span if number in wire.supports]
-    sides: dict[bool, list[tuple[int, int]]] = {False: [], True: []}
-    for k, wire in enumerate(wires):
-        middle = wire.curve.points(np.array([0.5 * wire.curve.length]))[0, :2]
-        ahead = bool((middle - (support.x, support.y)) @ normal > 0)
-        sides[ahead].append((k, wire.supports.index(number)))
-    if not sides[False] or not sides[True]:
-        return support
-    at = np.arange(-FARTHEST_OFF, FARTHEST_OFF + 0.1, 0.5)
-    total = np.zeros(len(at))
-    for i, j in matched(wires, sides[False], sides[True]):
-        near = [
-            scene.wires.around(
-                wires[k].curve, 2 * scene.tolerance, -5.0, wires[k].curve.length + 5.0
-            )[0]
-            for k in (i, j)
-        ]
-        xyz = scene.wires.xyz[np.union1d(*near)]
-        along = (xyz[:, :2] - (support.x, support.y)) @ normal
-        total += broken(along, xyz[:, 2], at)
-    best = int(np.argmin(total))
-    if total[best] > SHIFT_GAIN * total[len(at) // 2] or not np.isfinite(total[best]):
-        return support
-    x, y = np.array([support.x, support.y]) + at[best] * normal
-    return replace(support, x=float(x), y=float(y), ground=float(scene.ground(x, y)))
-
-
-def broken(u: Floats, z: Floats, at: Floats) -> Floats:
-    """Sum of squares of heights beside two parabolas that meet at each of several places."""
-    result = np.zeros(len(at))
-    for k, place in enumerate(at):
-        for side in (u <= place, u > place):
-            if np.count_nonzero(side) > 4 and np.ptp(u[side]) > 5.0:
-                t = (u[side] - u[side].mean()) / np.ptp(u[side])
-                base, _ = np.linalg.qr(np.vander(t, 3))
-                result[k] += ((z[side] - base @ (base.T @ z[side])) ** 2).sum()
-            else:
-                result[k] += 1e-3 * np.count_nonzero(side)
-    return result
-
-
-def overlooked(scene: Scene, wires: Sequence[Wire]) -> Iterator[Support]:
-    """A support within a span, where all its wires together have a kink.
-
-    In a valley wires pull up at their support, and hardly bend there: one alone shows nothing.
-    """
-    first = wires[0].curve
-    margin = max(CUSP_MARGIN, MARGIN_SHARE * first.length)
-    at = np.arange(margin, first.length - margin, 1.0)
-    if len(at) < CUSP_MARGIN:
-        return
-    totals, gains, slopes, count = [], [], [], 0
-    for wire in wires:
-        points, _ = scene.wires.around(wire.curve, 2 * scene.tolerance)
-        u, _, z = wire.curve.residuals(scene.wires.xyz[points])
-        if len(u) < 8:
-            continue
-        slope, square, left = kinks(u, z, wire.curve.along(first.points(at))[0])
-        gains.append(np.where(slope < 0, slope**2 * square, 0.0))
-        totals.append(left)
-        slopes.append(slope)
-        count += len(u)
-    if not slopes:
-        return
-    gain, total = np.sum(gains, axis=0), sum(totals)
-    k = int(np.argmax(gain))
-    median = float(np.median([each[k] for each in slopes]))
-    sigma = math.sqrt(max(total - gain[k], 1e-12) / count)
-    certain = gain[k] > CUSP_GAIN * total and math.sqrt(gain[k]) > CUSP_SIGMAS * sigma
-    agreed = np.mean([g[k] > CUSP_GAIN * t for g, t in zip(gains, totals, strict=True)])
-    if not certain or agreed < AGREED or median > LEAST_CUSP:
-        return
-    places = np.array(
-        [w.curve.points(w.curve.along(first.points(at[k : k + 1]))[0])[0] for w in wires]
-    )
-    support = support_at(scene, places, np.array([first.ex, first.ey]), median < CUSP)
-    if support is not None:
-        yield support
 
 
 def cut(
@@ -392,7 +272,7 @@ def recovered(scene: Scene, wires: list[Wire]) -> list[Wire]:
     for wire in wires:
         taken[air.around(wire.curve, 2.5 * scene.tolerance, -2.0, wire.curve.length + 2)[0]] = True
     middles = curve.points(np.arange(0.0, curve.length + BESIDE, BESIDE))
-    box = np.unique(np.concatenate([within(air, place[:2], BESIDE) for place in middles]))
+    box = np.unique(np.concatenate([air.within(place[:2], BESIDE) for place in middles]))
     u, v, z = curve.residuals(air.xyz[box])
     margin = min(3.0, 0.1 * curve.length)
     keep = (u > margin) & (u < curve.length - margin) & ~taken[box]

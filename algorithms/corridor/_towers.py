@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.corridor._network import Scene, Support, within
+from algorithms.corridor._network import Scene
 from algorithms.corridor._spans import Wire
+from algorithms.corridor._supports import Support
 
 BASE_LATTICE, BASE_POLE = 1.0, 0.4  # metres above the ground that are left to it
 SLIM = 0.7  # metres: half width from which a body is a lattice
@@ -23,7 +24,8 @@ BOX = (0.12, 1.2, 5.0)  # half depth of the space of the arms: per metre of heig
 DROP = (0.08, 0.8, 4.0)  # how far below the lowest wire it begins
 OUT = (0.05, 0.5, 2.5)  # how far it goes beyond the outermost wires
 PEAK = (0.08, 1.0, 6.0)  # how far it goes above the highest wire
-LOOP = (0.4, 4.0, 1.2, 9.0)  # metres: a jumper hangs this far below, aside of and along its wire
+LOOP = (0.4, 4.0, 1.2)  # metres: a jumper hangs this far below and aside of its wire
+STRING = (0.15, 0.0, 9.0)  # how far from the tower: per metre of height, least, most
 LOOP_POINTS = 5
 LOOP_WIDTH = 1.3  # of the part of a jumper that is clear of its wire, by its parabola
 
@@ -66,15 +68,16 @@ def insulators(scene: Scene, wires: Sequence[Wire], number: int, support: Suppor
     one string to the end of the other.
     """
     found = []
+    reach = scaled(STRING, support.high - support.ground)
     for wire in wires:
         for end in (0, 1):
             if wire.supports[end] != number:
                 continue
-            near = within(scene.air, np.array([support.x, support.y]), 30.0)
+            near = scene.air.within(np.array([support.x, support.y]), 30.0)
             near = near[scene.free[near]]
             u, v, z = wire.curve.residuals(scene.air.xyz[near])
             along = wire.curve.length - u if end else u
-            below, deepest, aside, reach = LOOP
+            below, deepest, aside = LOOP
             loop = (z < -below) & (z > -deepest) & (np.abs(v) < aside)
             loop &= (along > 0.8) & (along < reach)
             if np.count_nonzero(loop) >= LOOP_POINTS:
@@ -91,7 +94,7 @@ def tower_of(scene: Scene, support: Support) -> Tower:
     depth, drop = scaled(BOX, height), scaled(DROP, height)
     out, peak = scaled(OUT, height), scaled(PEAK, height)
     reach = max(-support.reach[0], support.reach[1]) + out + depth
-    near = within(air, np.array([x, y]), reach)
+    near = air.within(np.array([x, y]), reach)
     near = near[scene.free[near]]
     step = air.xyz[near, :2] - (x, y)
     a, s, z = step @ along, step @ across, air.xyz[near, 2]

@@ -104,6 +104,18 @@ class Airborne:
         order = np.argsort(found[:count])
         return found[:count][order], away[:count][order]
 
+    def within(self, spot: Floats, reach: float) -> Ints:
+        """Indices of the points in the cells that a square around a place touches."""
+        r0, r1 = (int((spot[1] + d - self.south) // CELL) for d in (-reach, reach))
+        c0, c1 = (int((spot[0] + d - self.west) // CELL) for d in (-reach, reach))
+        r0, r1, c0, c1 = max(r0, 0), min(r1, self.rows - 1), max(c0, 0), min(c1, self.cols - 1)
+        if c0 > c1 or r0 > r1:
+            return np.zeros(0, np.int64)
+        rows = np.arange(r0, r1 + 1) * self.cols
+        return np.concatenate(
+            [np.arange(self.start[r + c0], self.start[r + c1 + 1]) for r in rows.tolist()]
+        )
+
     @functools.cached_property
     def _scratch(self) -> tuple[Ints, Floats]:
         """Room for the answer of a kernel."""

@@ -25,10 +25,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.corridor._arcs import arcs_of
 from algorithms.corridor._follow import follow
 from algorithms.corridor._lines import tower_layer, wire_layer
-from algorithms.corridor._network import STRONG, Scene, Support, pieces_of
+from algorithms.corridor._network import STRONG, Scene, curves_of, wires_among
 from algorithms.corridor._spans import Wire
+from algorithms.corridor._supports import Support
 from algorithms.corridor._thesis import Settings, Variance, voxel_lines
 from algorithms.corridor._towers import Tower, insulators, tower_of
 from algorithms.corridor._trace import Airborne, trace_all, uncrowded
@@ -317,7 +319,8 @@ def require_ground(xyz: Floats, tolerance: float, max_gap: float) -> None:
     )
     height = np.full(len(xyz), np.inf)
     scene = Scene(all_points, height, some, tolerance, lambda x, y: 0.0, lambda x, y: False)
-    if sum(len(piece.points) for piece in pieces_of(scene, curves)) > MOSTLY * len(xyz):
+    arcs, _ = arcs_of(scene, curves_of(scene, curves))
+    if sum(len(arc.points) for arc in wires_among(scene, arcs)) > MOSTLY * len(xyz):
         raise DataError(
             "points: they are wires without the ground below, from which heights are measured; "
             "give the ground too, or fit the wires with corridor.catenaries"

@@ -1,0 +1,432 @@
+"""Where the supports of a line stand: all its wires are cut into arcs at the same places.
+
+Between two supports the wires of a line hang as arcs of about one curvature, which the whole line
+has in common, for its conductors are of one kind under one tension. Of all the ways to cut the
+line the one is taken in which the arcs fit best, at a price for each cut, by dynamic programming
+(Bellman 1961). What sticks out of the wires at one place, such as an arm, makes a cut there
+cheaper. In a valley, where wires pull up at their support and hardly bend there, and where points
+are few, that finds what no wire shows alone.
+
+References
+----------
+Bellman, R. (1961). On the approximation of curves by line segments using dynamic programming.
+CACM 4(6), 284.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from algorithms.corridor import _arcs_kernels as kernels
+from algorithms.corridor._catenary import fit
+from algorithms.corridor._network import BESIDE, FARTHEST, PARALLEL, TWIN, Piece, Scene
+
+STEP, MOST_STEPS = 1.0, 1000  # metres between stations
+JUMP, HOLE = 0.5, 2.0  # metres by which heights jump, and without points, where they may
+BRIDGE, MATE, RISE = 25.0, 0.4, 0.06  # metres between tracks of one wire: along, aside, and up
+STICKS = 0.2  # metres off its neighbours, of what is no part of a wire
+REACH, MANY = 15.0, 12  # metres and points before and after
+COARSE = 3  # steps, to find the common curvature
+TIGHT, SLACK, RATIO = 1 / 3000, 1 / 100, 1.3  # 1 / metre: curvatures to try, and their ratio
+SPREAD = 0.3  # of the curvature of a line, by which wires and spans differ
+SHORTEST = 20.0  # metres between two supports
+NOISE, BLUR, SWAY = 0.03, 0.02, 0.1  # metres: least scatter of a point; of many, up and aside
+CUT, CUT_EACH = 15.0, 10.0  # squares of sigmas: price of a cut, and for each wire
+CLEAR, CHANCE = (
+    15.0,
+    5.0,
+)  # squares of sigmas: certain hardware; what a cut gains by chance per wire
+BAY, ASIDE, BELOW, ABOVE = 0.75, 1.0, 0.6, 1.2  # metres around the wires where hardware shows
+CLOSE, WIDE = 1.5, 6.0  # metres from a station, where the usual number of points is counted
+STUB = 12.0  # metres: what goes on so far beyond the outermost support
+MEET = 0.1  # metres by which arcs may miss each other at a support
+SHIFT = 5.0  # metres by which a cut may be moved to where they meet
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Run:
+    """Curves of wires of one heading, and stations along them.
+
+    Attributes
+    ----------
+    pieces : the curves
+    x, y, ex, ey : origin and unit vector of the axis
+    step, steps : between stations, metres, and their number less one
+    cuts : distances along the axis at which the wires are held
+    """
+
+    pieces: Sequence[Piece]
+    x: float
+    y: float
+    ex: float
+    ey: float
+    step: float
+    steps: int
+    cuts: Floats
+
+    @classmethod
+    def of(cls, pieces: Sequence[Piece]) -> Run:
+        ends = np.vstack([piece.ends for piece in pieces])
+        first = max(pieces, key=lambda piece: piece.curve.length).curve
+        ways = np.array([[p.curve.ex, p.curve.ey] for p in pieces])
+        ways *= np.sign(ways @ (first.ex, first.ey))[:, None]
+        ex, ey = (ways * [[p.curve.length] for p in pieces]).sum(axis=0)
+        ex, ey = ex / math.hypot(ex, ey), ey / math.hypot(ex, ey)
+        u = ends[:, 0] * ex + ends[:, 1] * ey
+        v = ends[:, 1] * ex - ends[:, 0] * ey
+        low, middle = u.min() - STEP, float(np.median(v))
+        length = np.ptp(u) + 2 * STEP
+        step = max(STEP, length / MOST_STEPS)
+        x, y = low * ex - middle * ey, low * ey + middle * ex
+        return cls(pieces, x, y, ex, ey, step, math.ceil(length / step), np.zeros(0))
+
+    def places(self, u: Floats) -> Floats:
+        """Places on the axis in plan, array of shape (n, 2)."""
+        return np.column_stack([self.x + u * self.ex, self.y + u * self.ey])
+
+    def along(self, xyz: Floats) -> tuple[Floats, Floats]:
+        """Distance along and to the left of the axis."""
+        dx, dy = xyz[:, 0] - self.x, xyz[:, 1] - self.y
+        return dx * self.ex + dy * self.ey, dy * self.ex - dx * self.ey
+
+
+@dataclass(frozen=True)
+class Binned:
+    """What is seen of the tracks between stations, arrays of shape (steps, tracks)."""
+
+    step: float  # metres between stations
+    tall: Floats  # 1 / variance of heights; 0 where nothing is seen
+    flat: Floats  # the same of offsets
+    u: Floats
+    z: Floats
+    v: Floats
+
+
+def arcs_of(scene: Scene, curves: Sequence[Piece]) -> tuple[list[Piece], list[Run]]:
+    """Curves cut at the supports that they were followed across, and the runs that they form."""
+    tracks = [track for curve in curves for track in tracks_of(scene, curve)]
+    arcs, runs = [], []
+    for number, pieces in enumerate(runs_of(tracks)):
+        run = Run.of(pieces)
+        run = replace(run, pieces=chained(scene, run))
+        run = replace(run, cuts=cuts_of(scene, run))
+        runs.append(run)
+        for piece in run.pieces:
+            arcs += cut_up(scene, run, piece, number)
+    return arcs, runs
+
+
+def cut_up(scene: Scene, run: Run, piece: Piece, number: int) -> Iterator[Piece]:
+    """The arcs of one track; none of what goes a short way beyond the outermost supports."""
+    if not len(run.cuts):
+        yield replace(piece, arc=(number, 0))
+        return
+    u, _ = run.along(scene.wires.xyz[piece.points])
+    arc = np.searchsorted(run.cuts, u)
+    for k in np.unique(arc).tolist():
+        points = piece.points[arc == k]
+        beyond = (k == 0 and run.cuts[0] < STUB) or (
+            k == len(run.cuts) and run.step * run.steps - run.cuts[-1] < STUB
+        )
+        curve = fit(scene.wires.xyz[points], spread=2 * scene.tolerance)
+        if curve is not None and not beyond:
+            yield replace(piece, points=points, curve=curve, arc=(number, k))
+
+
+def runs_of(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
+    """Curves that run beside each other, or go on in each other, together."""
+    ends = np.array([piece.ends for piece in pieces])
+    way = np.array([[p.curve.ex, p.curve.ey] for p in pieces])
+    length = np.array([p.curve.length for p in pieces])
+    link = np.zeros((len(pieces), len(pieces)), bool)
+    for i in range(len(pieces)):
+        step = ends[:, :, :2] - ends[i, 0, :2]
+        u = np.sort(step @ way[i], axis=1)
+        gap = np.maximum(u[:, 0] - length[i], -u[:, 1])
+        low, high = np.maximum(u[:, 0], 0.0), np.minimum(u[:, 1], length[i])
+        middle = 0.5 * (low + high)
+        share = (middle - (step @ way[i])[:, 0]) / ((step @ way[i]) @ [-1.0, 1.0])
+        place = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
+        own = ends[i, 0] + (middle / length[i])[:, None] * (ends[i, 1] - ends[i, 0])
+        away = place - own
+        v = away[:, 1] * way[i, 0] - away[:, 0] * way[i, 1]
+        link[i] = np.abs(way @ way[i]) > math.cos(PARALLEL)
+        link[i] &= (gap < FARTHEST) & (np.abs(v) < BESIDE) & (np.abs(away[:, 2]) < BESIDE)
+    _, label = connected_components(coo_array(link), directed=False)
+    for number in range(label.max() + 1 if len(pieces) else 0):
+        yield [pieces[i] for i in np.flatnonzero(label == number)]
+
+
+def tracks_of(scene: Scene, piece: Piece) -> Iterator[Piece]:
+    """A curve with what lies near it, parted where it changes over to another wire.
+
+    A curve that is followed across supports leaves the wire there by as much as the wire kinks.
+    Where it changes over, the heights jump.
+    """
+    near, _ = scene.wires.around(piece.curve, 2.4 * scene.tolerance)
+    _, aside, _ = piece.curve.residuals(scene.wires.xyz[near])
+    points = np.union1d(piece.points, near[np.abs(aside) < scene.tolerance])
+    u, _, z = piece.curve.residuals(scene.wires.xyz[points])
+    order = np.argsort(u, kind="stable")
+    points, u, z = points[order], u[order], z[order]
+    edges = [0]
+    for k in (np.flatnonzero((np.abs(np.diff(z)) > JUMP / 2) | (np.diff(u) > HOLE)) + 1).tolist():
+        before = np.arange(max(k - MANY, edges[-1]), k)
+        after = np.arange(k, min(k + MANY, len(u)))
+        before, after = before[u[before] > u[k - 1] - REACH], after[u[after] < u[k] + REACH]
+        if min(len(before), len(after)) < 3:
+            continue
+        middle = 0.5 * (u[k - 1] + u[k])
+        ends = [np.polyval(np.polyfit(u[i] - middle, z[i], 1), 0.0) for i in (before, after)]
+        if abs(ends[1] - ends[0]) > JUMP:
+            edges.append(k)
+    for low, high in itertools.pairwise([*edges, len(u)]):
+        mine = np.sort(points[low:high])
+        curve = fit(scene.wires.xyz[mine], spread=2.0)
+        if curve is not None:
+            yield replace(piece, points=mine, curve=curve)
+
+
+def chained(scene: Scene, run: Run) -> list[Piece]:
+    """Tracks of one wire made one where they overlap, or one goes on where another ends."""
+    chains: list[tuple[Piece, Floats]] = []  # with places along the run, offsets and heights
+    tracks = []
+    for piece in run.pieces:
+        xyz = scene.wires.xyz[piece.points]
+        tracks.append((piece, np.column_stack([*run.along(xyz), xyz[:, 2]])))
+    for piece, own in sorted(tracks, key=lambda track: float(track[1][:, 0].min())):
+        best, least = -1, math.inf
+        for k, (_, other) in enumerate(chains):
+            end, begin = other[:, 0].max(), own[:, 0].min()
+            gap = max(begin - end, 0.0)
+            if gap > BRIDGE:
+                continue
+            middle = 0.5 * (begin + min(end, own[:, 0].max()))
+            aside, up = np.abs(beside(other, middle) - beside(own, middle))
+            near = MATE if begin > end - REACH else TWIN / 4
+            if aside < near and up < near + RISE * gap and aside + up < least:
+                best, least = k, aside + up
+        if best < 0:
+            chains.append((piece, own))
+            continue
+        one, other = chains[best]
+        points = np.union1d(one.points, piece.points)
+        whole = replace(one, points=points, sure=one.sure or piece.sure)
+        chains[best] = whole, np.vstack([other, own])
+    return [piece for piece, _ in chains]
+
+
+def beside(track: Floats, u: float) -> Floats:
+    """Offset and height of a track at a place along it, from the points nearest to it."""
+    near = track[np.argsort(np.abs(track[:, 0] - u), kind="stable")[:MANY]]
+    near = near[np.abs(near[:, 0] - u) < np.abs(near[0, 0] - u) + REACH]
+    if len(near) < 3:
+        return np.asarray(near[:, 1:].mean(axis=0))
+    return np.asarray(np.polyfit(near[:, 0] - u, near[:, 1:], 1)[1])
+
+
+def binned(scene: Scene, run: Run, step: float) -> Binned:
+    """Mean place, height and offset of the points of each track between stations."""
+    steps = math.ceil(run.step * run.steps / step)
+    parts = Binned(step, *(np.zeros((steps, len(run.pieces))) for _ in range(5)))
+    for k, piece in enumerate(run.pieces):
+        xyz = scene.wires.xyz[piece.points]
+        u, v = run.along(xyz)
+        cell = np.clip((u / step).astype(np.int64), 0, steps - 1)
+        count = np.maximum(np.bincount(cell, minlength=steps), 1e-9)
+        for part, values in ((parts.u, u), (parts.z, xyz[:, 2]), (parts.v, v)):
+            part[:, k] = np.bincount(cell, values, steps) / count
+        for part, values, blur in ((parts.tall, xyz[:, 2], BLUR), (parts.flat, v, SWAY)):
+            variance = scatter(u, values) ** 2
+            part[:, k] = np.where(count > 0.5, count / (variance + count * blur**2), 0.0)
+        seen = np.flatnonzero(count > 0.5)
+        if len(seen) > 4:  # not what sticks out of the wire, such as an arm
+            off = np.abs(astray(parts.u[seen, k], parts.z[seen, k]))
+            peak = (off > STICKS) & (off >= np.append(off[1:], 0)) & (off >= np.append(0, off[:-1]))
+            parts.tall[seen[1:-1][peak], k] = parts.flat[seen[1:-1][peak], k] = 0.0
+    return parts
+
+
+def astray(u: Floats, z: Floats) -> Floats:
+    """How far each value but the first and last is off the line between its neighbours."""
+    share = (u[1:-1] - u[:-2]) / np.maximum(u[2:] - u[:-2], 1e-6)
+    return z[1:-1] - (1 - share) * z[:-2] - share * z[2:]
+
+
+def scatter(u: Floats, z: Floats) -> float:
+    """Standard deviation of heights along a wire, from that of each between its neighbours."""
+    if len(u) < 5:
+        return 2 * NOISE
+    order = np.argsort(u, kind="stable")
+    usual = np.median(np.abs(astray(u[order], z[order])))
+    return max(float(usual) / (0.6745 * math.sqrt(1.5)), NOISE)
+
+
+def hardware(scene: Scene, run: Run, parts: Binned, stations: Floats) -> Floats:
+    """How sure it is, in squares of sigmas, that something sticks out of the wires at stations.
+
+    There are more points around the wires than on either side of the station: twice the logarithm
+    of the ratio of likelihoods of two Poisson distributions.
+    """
+    shape = np.full((4, len(stations)), np.nan)  # left, right, low, high
+    for k in range(parts.u.shape[1]):
+        seen = parts.tall[:, k] > 0
+        u = parts.u[seen, k]
+        cover = (stations >= u[0]) & (stations <= u[-1])
+        v, z = (np.interp(stations[cover], u, part[seen, k]) for part in (parts.v, parts.z))
+        for row, which, values in zip(range(4), (np.fmin, np.fmax) * 2, (v, v, z, z), strict=True):
+            shape[row, cover] = which(shape[row, cover], values)
+    if np.isnan(shape).all():
+        return np.zeros(len(stations))
+    reach = float(np.nanmax(np.abs(shape[:2]))) + ASIDE + 6.0
+    spots = run.places(stations[::5])
+    box = np.unique(np.concatenate([scene.air.within(spot, reach) for spot in spots]))
+    u, v = run.along(scene.air.xyz[box])
+    z = scene.air.xyz[box, 2]
+    known = np.flatnonzero(~np.isnan(shape[0]))
+    left, right, low, high = (np.interp(u, stations[known], values[known]) for values in shape)
+    inside = (v > left - ASIDE) & (v < right + ASIDE) & (z > low - BELOW) & (z < high + ABOVE)
+    inside &= (u > stations[known[0]] - WIDE) & (u < stations[known[-1]] + WIDE)
+    u = np.sort(u[inside])
+
+    def count(a: float, b: float) -> Floats:
+        return np.asarray(
+            np.searchsorted(u, stations + b) - np.searchsorted(u, stations + a), float
+        )
+
+    here = count(-BAY, BAY)
+    share = 2 * BAY / (WIDE - CLOSE)
+    usual = np.maximum(np.maximum(count(-WIDE, -CLOSE), count(CLOSE, WIDE)) * share, 1.0)
+    more = 2 * (here * np.log(np.maximum(here, 1.0) / usual) - (here - usual))
+    spread = max(1.0, float(np.median(more)) / 0.4549)  # more than by chance
+    return np.where(here > usual, more / spread, 0.0)
+
+
+def cuts_of(scene: Scene, run: Run) -> Floats:
+    """Places along a run at which its wires are held, in order."""
+    coarse = binned(scene, run, COARSE * run.step)
+    usual = CUT + CUT_EACH * tracks_at(coarse)
+    bends = TIGHT * RATIO ** np.arange(math.log(SLACK / TIGHT) / math.log(RATIO))
+    bend = min(bends, key=lambda bend: solved(coarse, bend, usual)[0])
+    fine = binned(scene, run, run.step)
+    stations = run.step * np.arange(run.steps + 1)
+    shown = hardware(scene, run, fine, stations)
+    bare = np.maximum(1 - shown / CLEAR, 0.0)
+    price = CUT * bare + (CHANCE + (CUT_EACH - CHANCE) * bare) * tracks_at(fine)
+    edges = solved(fine, bend, price)[1]
+    edges = agreed(fine, edges, bend, price)
+    return np.array([
+        settled(fine, edges[k - 1], edges[k], edges[k + 1], bend, stations, shown)
+        for k in range(1, len(edges) - 1)
+    ])  # fmt: skip
+
+
+def misfits(parts: Binned, low: Ints, high: Ints, bend: float) -> Floats:
+    """Squares of sigmas by which each track is off an arc, array of shape (arcs, tracks)."""
+    found = np.empty((len(low), parts.u.shape[1]))
+    kernels.misfits(
+        parts.tall, parts.flat, parts.u / parts.step, parts.z, parts.v, low, high,
+        bend * parts.step**2, SPREAD * bend * parts.step**2, found,
+    )  # fmt: skip
+    return found
+
+
+def agreed(parts: Binned, edges: Ints, bend: float, price: Floats) -> Ints:
+    """The cuts that no track pays more than twice its share of: one may follow another wire."""
+    shares = price / np.maximum(tracks_at(parts), 1)
+    while len(edges) > 2:
+        price_here, most = price[edges[1:-1]], 2 * shares[edges[1:-1], None]
+        arcs = misfits(parts, edges[:-1], edges[1:], bend)
+        gain = misfits(parts, edges[:-2], edges[2:], bend) - arcs[:-1] - arcs[1:]
+        spare = np.minimum(gain, most).sum(axis=1) - price_here
+        worst = int(np.argmin(spare))
+        if spare[worst] >= 0:
+            break
+        edges = np.delete(edges, worst + 1)
+    return edges
+
+
+def tracks_at(parts: Binned) -> Floats:
+    """Number of tracks that go on across each station."""
+    seen = parts.tall > 0
+    behind = np.maximum.accumulate(seen, axis=0)
+    ahead = np.maximum.accumulate(seen[::-1], axis=0)[::-1]
+    across = np.zeros(len(seen) + 1)
+    across[1:-1] = (behind[:-1] & ahead[1:]).sum(axis=1)
+    return across
+
+
+def solved(parts: Binned, bend: float, price: Floats) -> tuple[float, Ints]:
+    """Least cost, and the stations at which the tracks are cut for it, with both ends."""
+    steps = len(parts.u)
+    total, before = np.empty(steps + 1), np.zeros(steps + 1, np.int64)
+    kernels.cuts(
+        parts.tall, parts.flat, parts.u / parts.step, parts.z, parts.v, price,
+        bend * parts.step**2, SPREAD * bend * parts.step**2,
+        max(2, round(SHORTEST / parts.step)), total, before,
+    )  # fmt: skip
+    edges = [steps]
+    while edges[-1] > 0:
+        edges.append(int(before[edges[-1]]))
+    return float(total[-1]), np.array(edges[::-1])
+
+
+def settled(
+    parts: Binned, low: int, at: int, high: int, bend: float, stations: Floats,
+    shown: Floats,
+) -> float:  # fmt: skip
+    """A cut moved to where the arcs on both sides meet, and where hardware shows."""
+    places = stations[at] + np.arange(-SHIFT, SHIFT + 0.1, 0.25)
+    places = places[(places > stations[low] + 1.0) & (places < stations[high] - 1.0)]
+    if not len(places):
+        return float(stations[at])
+    cost = -np.minimum(np.interp(places, stations, shown), CLEAR)
+    for weight, values, usual in ((parts.tall, parts.z, bend), (parts.flat, parts.v, 0.0)):
+        for k in range(values.shape[1]):
+            sides = [
+                arc(
+                    parts.u[a:b, k] - stations[at],
+                    values[a:b, k],
+                    weight[a:b, k],
+                    usual,
+                    SPREAD * bend,
+                )
+                for a, b in ((low, at), (at, high))
+            ]
+            if sides[0] is None or sides[1] is None:
+                continue
+            (one, cov1), (two, cov2) = sides
+            x = places - stations[at]
+            base = np.column_stack([np.ones(len(x)), x, 0.5 * x * x])
+            gap = base @ (two - one)
+            variance = np.einsum("ij,jk,ik->i", base, cov1 + cov2, base) + MEET**2
+            cost += gap**2 / variance
+    return float(places[int(np.argmin(cost))])
+
+
+def arc(
+    x: Floats, values: Floats, weight: Floats, usual: float, spread: float
+) -> tuple[Floats, Floats] | None:
+    """Value, slope and curvature at x = 0 of the arc through values, and their covariance."""
+    used = weight > 0
+    if np.count_nonzero(used) < 3:
+        return None
+    x, values, weight = x[used], values[used], weight[used]
+    base = np.column_stack([np.ones(len(x)), x, 0.5 * x * x])
+    normal = (base * weight[:, None]).T @ base
+    normal[2, 2] += 1 / spread**2
+    right = base.T @ (weight * values)
+    right[2] += usual / spread**2
+    inverse = np.linalg.inv(normal)
+    return inverse @ right, inverse

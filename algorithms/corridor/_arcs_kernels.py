@@ -1,0 +1,112 @@
+"""Compiled loop of :mod:`algorithms.corridor._arcs`."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from algorithms.shared.compiling import helper
+
+TINY = 1e-9
+
+
+@helper
+def _misfit(m, bend, sigma):  # type: ignore[no-untyped-def]
+    """Least sum of squares of a + b x + c x^2 / 2, with c known to be bend within sigma.
+
+    `m` holds the sums of w, w x, w x^2 / 2, w x^2, w x^3 / 2, w x^4 / 4, w y, w x y, w x^2 y / 2
+    and w y^2.
+    """
+    trust = 1.0 / (sigma * sigma)
+    n01, n02, n12 = m[1] / m[0], m[2] / m[0], 0.0
+    y0 = m[6]
+    left = m[9] + bend * bend * trust - y0 * y0 / m[0]
+    d1 = m[3] - n01 * m[1]
+    y1 = m[7] - n01 * y0
+    e12 = m[4] - n01 * m[2]
+    if d1 > TINY * m[3]:
+        n12 = e12 / d1
+        left -= y1 * y1 / d1
+    d2 = m[5] + trust - n02 * m[2] - n12 * e12
+    y2 = m[8] + bend * trust - n02 * y0 - n12 * y1
+    return max(left - y2 * y2 / d2, 0.0)
+
+
+@helper
+def _add(m, w, d, y):  # type: ignore[no-untyped-def]
+    """Add an observation to the sums of `_misfit`."""
+    h = 0.5 * d * d
+    m[0] += w
+    m[1] += w * d
+    m[2] += w * h
+    m[3] += w * d * d
+    m[4] += w * d * h
+    m[5] += w * h * h
+    m[6] += w * y
+    m[7] += w * d * y
+    m[8] += w * h * y
+    m[9] += w * y * y
+
+
+@njit(cache=True, nogil=True)
+def cuts(tall, flat, x, z, v, price, bend, spread, least, total, before):  # type: ignore[no-untyped-def]
+    """Cut tracks into arcs at the same stations so that misfit and price are least in all.
+
+    Parameters
+    ----------
+    tall, flat, x, z, v : arrays of shape (s, t): of what is seen of each track between two
+        stations, 1 / variance of height and offset, place along the tracks, height and offset
+    price : array of shape (s + 1,), of a cut at each station
+    bend, spread : usual curvature of an arc, and how far it may be from that
+    least : fewest steps between two cuts
+    total, before : arrays of shape (s + 1,), filled in: least cost up to each station, and where
+        the last arc up to there begins
+    """
+    steps, tracks = x.shape
+    high, side = np.zeros((tracks, 10)), np.zeros((tracks, 10))
+    part = np.zeros(tracks)
+    total[:] = np.inf
+    total[0] = 0.0
+    for a in range(steps):
+        if total[a] == np.inf:
+            continue
+        high[:], side[:], part[:] = 0.0, 0.0, 0.0
+        cost = 0.0
+        for b in range(a + 1, steps + 1):
+            for t in range(tracks):
+                if tall[b - 1, t] == 0.0:
+                    continue
+                d = x[b - 1, t] - a
+                _add(high[t], tall[b - 1, t], d, z[b - 1, t])
+                _add(side[t], flat[b - 1, t], d, v[b - 1, t])
+                cost -= part[t]
+                part[t] = _misfit(high[t], bend, spread) + _misfit(side[t], 0.0, spread)
+                cost += part[t]
+            if total[a] + cost >= total[steps]:
+                break  # it can only grow
+            if a > 0 and b < steps and b - a < least:
+                continue
+            here = total[a] + cost + (price[b] if b < steps else 0.0)
+            if here < total[b]:
+                total[b] = here
+                before[b] = a
+
+
+@njit(cache=True, nogil=True)
+def misfits(tall, flat, x, z, v, low, high, bend, spread, out):  # type: ignore[no-untyped-def]
+    """Misfit of each track as arcs between the stations low and high, two arrays of shape (k,).
+
+    `out` is an array of shape (k, tracks) and filled in. The other parameters are those of
+    :func:`cuts`.
+    """
+    sums = np.zeros((2, 10))
+    for k in range(len(low)):
+        for t in range(x.shape[1]):
+            sums[:] = 0.0
+            for i in range(low[k], high[k]):
+                if tall[i, t] > 0.0:
+                    _add(sums[0], tall[i, t], x[i, t] - low[k], z[i, t])
+                    _add(sums[1], flat[i, t], x[i, t] - low[k], v[i, t])
+            out[k, t] = 0.0
+            if sums[0, 0] > 0.0:
+                out[k, t] = _misfit(sums[0], bend, spread) + _misfit(sums[1], 0.0, spread)

@@ -1,0 +1,235 @@
+"""Supports: where wires are held between two arcs, or end together, and what stands there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from algorithms.corridor._arcs import Run
+from algorithms.corridor._network import Piece, Scene, heading
+
+ALONG, ACROSS = 10.0, 12.0  # metres between what belongs to one support
+INNER = 8.0  # metres: a wire that goes on for longer on both sides passes a support
+ENOUGH_BODY, MUCH_BODY = 0.4, 0.5  # share of its height at which a support shows points
+SETTLED, UNSETTLED = 1.0, 5.0  # metres along the wires that a body may be off
+ANGLE = 0.02  # change of slope, or of heading, at a support
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Hint:
+    """An end of an arc."""
+
+    place: Floats
+    way: Floats  # unit vector out of the wire
+    slope: float  # upwards that way
+    piece: int
+    held: bool  # another arc of its run begins there
+
+
+@dataclass(frozen=True)
+class Support:
+    """A tower or pole.
+
+    Attributes
+    ----------
+    x, y : of its axis
+    across : unit vector along its arms, from south-west to north-east
+    reach : of its arms to the back and front of `across`, metres
+    low, high : height of its lowest and highest wire
+    ground : height of the terrain
+    body : share of its height at which points show
+    """
+
+    x: float
+    y: float
+    across: tuple[float, float]
+    reach: tuple[float, float]
+    low: float
+    high: float
+    ground: float
+    body: float
+
+
+def hints_of(pieces: Sequence[Piece], runs: Sequence[Run]) -> Iterator[Hint]:
+    """Where arcs are held, and the ends of runs."""
+    whole = {
+        number: run.along(np.vstack([p.ends for p in pieces if p.arc[0] == number]))[0]
+        for number, run in enumerate(runs)
+        if any(p.arc[0] == number for p in pieces)
+    }
+    for number, piece in enumerate(pieces):
+        run, arc = runs[piece.arc[0]], piece.arc[1]
+        reach, ends = whole[piece.arc[0]], run.along(piece.ends)[0]
+        stops = [-np.inf, *run.cuts, np.inf][arc : arc + 2]
+        for end in (0, 1):
+            after = int(ends[end] > ends[1 - end])
+            u, stop = ends[end], stops[after]
+            held = bool(np.isfinite(stop))
+            if not held:
+                stop = reach.max() if after else reach.min()
+            if abs(stop - u) > ALONG:
+                continue
+            at = np.array([piece.curve.length * end])
+            if held:
+                at, _ = piece.curve.along(run.places(np.array([stop])))
+            rise = float(np.diff(piece.curve.height(at + np.array([-0.5, 0.5])))[0])
+            yield Hint(
+                piece.curve.points(at)[0], heading(piece, end), rise if end else -rise, number, held
+            )
+
+
+def supports_of(scene: Scene, pieces: Sequence[Piece], runs: Sequence[Run]) -> list[Support]:
+    """Where wires are held or end together, and what stands there.
+
+    Parameters
+    ----------
+    scene : whose points around the curves are taken
+    """
+    scene.free[:] = True
+    scene.take(piece.curve for piece in pieces)
+    hints = list(hints_of(pieces, runs))
+    found = []
+    for group in clusters(hints):
+        support = support_of(scene, pieces, group)
+        if support is not None:
+            found.append(support)
+    return sorted(found, key=lambda s: (s.x, s.y))
+
+
+def clusters(hints: Sequence[Hint]) -> Iterator[list[Hint]]:
+    """Hints near each other: less far along the wires than across them."""
+    if not hints:
+        return
+    place = np.array([hint.place for hint in hints])
+    way = np.array([hint.way for hint in hints])
+    step = place[None, :, :2] - place[:, None, :2]
+    along = np.abs((step * way[:, None]).sum(axis=2))
+    across = np.abs(step[..., 0] * way[:, None, 1] - step[..., 1] * way[:, None, 0])
+    near = (along < ALONG) & (across < ACROSS)
+    alike = np.abs(way @ way.T) > 0.7
+    link = near & near.T & alike
+    _, label = connected_components(coo_array(link), directed=False)
+    for number in range(label.max() + 1):
+        yield [hints[i] for i in np.flatnonzero(label == number).tolist()]
+
+
+def support_of(scene: Scene, pieces: Sequence[Piece], group: Sequence[Hint]) -> Support | None:
+    """The support at a group of ends and cusps, or None if there is no reason for one."""
+    place = np.array([hint.place for hint in group])
+    way = np.array([hint.way for hint in group])
+    axis = way * np.sign(way @ way[0] + 1e-12)[:, None]
+    mean = axis.mean(axis=0)
+    mean /= np.hypot(*mean)
+    across = np.array([-mean[1], mean[0]])
+    centre = place[:, :2].mean(axis=0)
+    side = (place[:, :2] - centre) @ across
+    forward = way @ mean > 0
+    here, there = np.flatnonzero(forward), np.flatnonzero(~forward)
+    pairs, bend = 0, 0.0
+    for i in here.tolist():
+        match = [
+            j
+            for j in there.tolist()
+            if abs(side[j] - side[i]) < 3.0 and abs(place[j, 2] - place[i, 2]) < 3.0
+        ]
+        if match:
+            pairs += 1
+            turn = abs(way[i, 0] * way[match[0], 1] - way[i, 1] * way[match[0], 0])
+            bend = max(bend, turn, group[i].slope + group[match[0]].slope)
+    mine = {hint.piece for hint in group}
+    others = [piece for k, piece in enumerate(pieces) if k not in mine]
+    passing = sum(passes(piece, centre, across, side, place[:, 2]) for piece in others)
+    if passing > len(mine):
+        return None
+    # The middle between opposite ends, or where the ends are.
+    forth = (place[:, :2] - centre) @ mean
+    if len(here) and len(there):
+        middle = 0.5 * (np.median(forth[here]) + np.median(forth[there]))
+    else:
+        middle = float(np.median(forth))
+    spot = centre + middle * mean
+    low, high = float(place[:, 2].min()), float(place[:, 2].max())
+    bottom = float(scene.ground(spot[0], spot[1]))
+    certain = any(hint.held for hint in group)
+    slack = SETTLED if certain else UNSETTLED
+    body, spot = body_at(scene, spot, mean, (side.min(), side.max()), high - bottom, slack)
+    certain |= pairs >= 2 or (pairs == 1 and (body >= ENOUGH_BODY or bend > ANGLE))
+    if pairs == 0 and not certain:
+        out = mean if len(here) else -mean
+        ends = forth[here if len(here) else there]
+        beyond = all(scene.seen(*(spot + metres * out)) for metres in (7.0, 10.0))
+        certain = len(ends) >= 2 and np.ptp(ends) < 6 and beyond
+        certain |= body >= MUCH_BODY and topped(scene, spot, mean, side, high)
+    if not certain:
+        return None
+    shift = (spot - centre) @ across
+    side = side - shift
+    return Support(
+        float(spot[0]), float(spot[1]), (float(across[0]), float(across[1])),
+        (float(side.min()), float(side.max())), low, high,
+        float(scene.ground(spot[0], spot[1])), body,
+    )  # fmt: skip
+
+
+def topped(scene: Scene, spot: Floats, mean: Floats, side: Floats, high: float) -> bool:
+    """Whether there are points of a body as high as the highest wire."""
+    near = scene.air.within(spot, ALONG + float(np.ptp(side)))
+    near = near[scene.free[near]]
+    step = scene.air.xyz[near, :2] - spot
+    z = scene.air.xyz[near, 2]
+    inside = (np.abs(step @ mean) < 3) & (z > high - 2) & (z < high + 4)
+    return int(inside.sum()) >= 3
+
+
+def passes(piece: Piece, centre: Floats, across: Floats, side: Floats, heights: Floats) -> bool:
+    """Whether a wire goes through the arms of a support as if there was none."""
+    u, _ = piece.curve.along(np.array([[*centre, 0.0]]))
+    if not INNER < u[0] < piece.curve.length - INNER:
+        return False
+    x, y, z = piece.curve.points(u)[0]
+    s = (np.array([x, y]) - centre) @ across
+    beside = side.min() - ACROSS / 2 < s < side.max() + ACROSS / 2
+    return bool(beside and heights.min() - ACROSS / 2 < z < heights.max() + ACROSS / 2)
+
+
+def body_at(
+    scene: Scene,
+    spot: Floats,
+    mean: Floats,
+    sides: tuple[float, float],
+    top: float,
+    slack: float,
+) -> tuple[float, Floats]:
+    """Share of the height at which there are points of a vertical body, and where it stands."""
+    air = scene.air
+    reach = ALONG + abs(sides[1] - sides[0])
+    near = air.within(spot, reach)
+    near = near[scene.free[near]]
+    if not len(near):
+        return 0.0, spot
+    across = np.array([-mean[1], mean[0]])
+    step = air.xyz[near, :2] - spot
+    along, side, height = step @ mean, step @ across, scene.height[near]
+    keep = (np.abs(along) < 6) & (side > sides[0] - 2) & (side < sides[1] + 2)
+    keep &= (height > 1) & (height < top)
+    along, side, height = along[keep], side[keep], height[keep]
+    half = 1.0 if top < 15 else 2.5
+    levels = max(1, int(top - 1))
+    best, at = 0.0, spot
+    for a in np.arange(-slack, slack + 0.5, 1.0):
+        for s in np.arange(math.floor(sides[0]) - 1, sides[1] + 2, 1.0):
+            inside = (np.abs(along - a) < half) & (np.abs(side - s) < half)
+            share = len(np.unique(height[inside].astype(np.int64))) / levels
+            share -= 0.002 * math.hypot(a, s)
+            if share > best:
+                best = share
+                at = spot + np.median(along[inside]) * mean + np.median(side[inside]) * across
+    return min(best, 1.0), at if best >= ENOUGH_BODY else spot

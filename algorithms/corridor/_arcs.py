@@ -38,8 +38,8 @@ COARSE = 3  # steps, to find the common curvature
 TIGHT, SLACK, RATIO = 1 / 3000, 1 / 100, 1.3  # 1 / metre: curvatures to try, and their ratio
 SPREAD = 0.3  # of the curvature of a line, by which wires and spans differ
 SHORTEST = 20.0  # metres between two supports
-NOISE, BLUR, SWAY = 0.03, 0.02, 0.1  # metres: least scatter of a point; of many, up and aside
-CUT, CUT_EACH = 15.0, 10.0  # squares of sigmas: price of a cut, and for each wire
+NOISE, BLUR, SWAY = 0.03, 0.05, 0.15  # metres: least scatter of a point; of many, up and aside
+CUT, CUT_EACH = 10.0, 6.0  # squares of sigmas: price of a cut, and for each wire
 CLEAR, CHANCE = (
     15.0,
     5.0,

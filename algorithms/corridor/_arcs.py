@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -323,7 +324,8 @@ def cuts_of(scene: Scene, run: Run) -> Floats:
     stations = run.step * np.arange(run.steps + 1)
     shown = hardware(scene, run, fine, stations)
     bare = np.maximum(1 - shown / CLEAR, 0.0)
-    price = CUT * bare + (CHANCE + (CUT_EACH - CHANCE) * bare) * tracks_at(fine)
+    wires = maximum_filter1d(tracks_at(fine), 2 * round(SHORTEST / run.step) + 1)
+    price = CUT * bare + (CHANCE + (CUT_EACH - CHANCE) * bare) * wires
     edges = solved(fine, bend, price)[1]
     edges = agreed(fine, edges, bend, price)
     return np.array([

@@ -200,7 +200,7 @@ def heading(piece: Piece, end: int) -> Floats:
     return way * np.array([piece.curve.ex, piece.curve.ey])
 
 
-def continues(one: Piece, other: Piece) -> bool:
+def continues(one: Piece, other: Piece, near: float = TWIN) -> bool:
     """Whether two curves are parts of one wire, side by side in a bundle or one after the other."""
     if abs(heading(one, 1) @ heading(other, 1)) < math.cos(PARALLEL):
         return False
@@ -208,8 +208,8 @@ def continues(one: Piece, other: Piece) -> bool:
     gap = max(u.min() - one.curve.length, -u.max())
     if gap > 0:
         reach = min(FARTHEST, one.curve.length + other.curve.length)
-        return gap < reach and apart(one, other) < TWIN and apart(other, one) < TWIN
-    return apart(one, other) < TWIN
+        return gap < reach and apart(one, other) < near and apart(other, one) < near
+    return apart(one, other) < near
 
 
 def apart(one: Piece, other: Piece) -> float:
@@ -230,7 +230,7 @@ def joined(scene: Scene, pieces: Sequence[Piece]) -> list[Piece]:
     found: list[Piece] = []
     for piece in order:
         for k, one in enumerate(found):
-            if one.arc != piece.arc or not continues(one, piece):
+            if one.arc != piece.arc or not continues(one, piece, TWIN / 2):
                 continue
             both = np.union1d(one.points, piece.points)
             curve = fit(scene.wires.xyz[both], spread=2.0)
@@ -244,10 +244,10 @@ def joined(scene: Scene, pieces: Sequence[Piece]) -> list[Piece]:
 
 
 def agrees(scene: Scene, curve: Catenary, parts: Sequence[Piece]) -> bool:
-    """Whether the heights of all parts are as near to a common curve as to their own."""
+    """Whether all parts are as near to a common curve as to their own."""
     for part in parts:
         xyz = scene.wires.xyz[part.points]
-        own, common = (np.abs(c.residuals(xyz)[2]) for c in (part.curve, curve))
+        own, common = (np.hypot(*c.residuals(xyz)[1:]) for c in (part.curve, curve))
         if np.median(common) > 2 * np.median(own) + 0.05:
             return False
     return True

@@ -39,6 +39,7 @@ FEW, EIGHTHS = 6, 4  # points, and eighths of the span with any, of a wire found
 SLIM, ROUGH = 0.3, 0.12  # metres: radius of a heap, scatter of one wire
 BIN, SMOOTH, NEIGHBOURS = 0.05, 0.07, 0.2  # metres: to tell the conductors of a bundle apart
 ENOUGH, VALLEY, PEAK = 40, 0.6, 0.25  # points; depth of a valley between, height of a lower peak
+SHORT = 0.5  # share of a span, below which a wire is not known by what was followed of it
 ALIKE = 0.3  # share of the sag by which wires of a span may differ
 STUB = 12.0  # metres: what is shorter and has one support went beyond the end of its arc
 LINKED = 3.0  # metres between a wire and its continuation at a support
@@ -195,26 +196,32 @@ def side_of(piece: Piece, support: Support) -> bool:
 def wires_of(
     scene: Scene, parts: list[Piece], key: tuple[int, int], supports: Sequence[Support]
 ) -> list[Wire]:
-    """Join the pieces of each wire of a span, and fit it."""
-    link = np.array(
-        [[i < j and apart(a, b) < TWIN for j, b in enumerate(parts)] for i, a in enumerate(parts)]
-    )
+    """Join the pieces of each wire of a span, and fit it.
+
+    What is known of a wire only along a short way is looked for along the whole span, beside the
+    wire that is known best.
+    """
+    link = np.array([[i < j and one_bundle(a, b) for j, b in enumerate(parts)]
+                     for i, a in enumerate(parts)])  # fmt: skip
     count, label = connected_components(coo_array(link), directed=False)
-    own: list[tuple[Ints, Catenary]] = []
     found = []
     for number in range(count):
         mine = np.unique(np.concatenate([parts[i].points for i in np.flatnonzero(label == number)]))
         curve = fit(scene.wires.xyz[mine], spread=2.0)
         if curve is not None:
-            own.append((mine, curve))
-    shape = max((c for _, c in own), key=lambda c: c.count * c.length, default=None)
-    for mine, first in own:
-        curve = first
-        if shape is not None and first.length < 0.5 * shape.length:
-            curve = fit(scene.wires.xyz[mine], spread=2.0, curvature=shape.curvature) or first
-        found.append(Wire(curve, ordered(curve, key, supports), (0.0, curve.length)))
-    found = alike([to_supports(wire, supports) for wire in found])
-    return found + recovered(scene, found)
+            wire = Wire(curve, ordered(curve, key, supports), (0.0, curve.length))
+            found.append(to_supports(wire, supports))
+    longest = max((wire.known[1] - wire.known[0] for wire in found), default=0.0)
+    short = [wire for wire in found if wire.known[1] - wire.known[0] < SHORT * longest]
+    found = alike([wire for wire in found if all(wire is not other for other in short)])
+    found += recovered(scene, found)
+    return alike([*found, *short])
+
+
+def one_bundle(one: Piece, other: Piece) -> bool:
+    """Whether two pieces are of one wire or bundle; many points tell its conductors apart."""
+    many = min(len(one.points), len(other.points)) >= ENOUGH
+    return apart(one, other) < (TWIN if many else TWIN / 2)
 
 
 def alike(wires: list[Wire]) -> list[Wire]:

@@ -333,6 +333,9 @@ def test_what_is_of_the_line_or_noise_is_no_violation_and_told() -> None:
         result = run(cloud(near, code), distance=5.0)
         assert result["object_count"] == 0
         assert ": 0 critical" in result["report"].summary
+    withheld = run(cloud(near, 5, withheld=np.ones(len(near), np.uint8)), distance=5.0)
+    assert withheld["object_count"] == 0
+    assert "5 points withheld" in withheld["report"].html()
     on_wire, at_end = blob(150, 0, low + 0.3), blob(299, 0, 28.0)
     assert run(cloud(on_wire + at_end, 1), distance=5.0)["object_count"] == 0
     page = run(cloud(on_wire + at_end, 1), distance=5.0)["report"].html()
@@ -403,13 +406,16 @@ def test_feet_and_metres_agree() -> None:
     foot = 1200 / 3937
     low = float(LEVEL.height(np.array(150.0)))
     metres = cloud(blob(150, 0, low - 4.0), 5)
-    feet = PointCloud(
-        metres.xyz / foot, {"classification": metres["classification"]}, crs=CRS(2263)
-    )
+    columns = {
+        "classification": metres["classification"],
+        "HeightAboveGround": np.full(len(metres), 12.0 / foot),
+    }
+    feet = PointCloud(metres.xyz / foot, columns, crs=CRS(2263))
     wires = layer(LEVEL, crs=2263, metre=1 / foot)
     result = toolbox.run("corridor.clearance", {"points": feet, "wires": wires, "distance": 5.0})
     assert result["least_clearance"] == pytest.approx(4.0, abs=1e-6)
     assert result["objects"].frame.clearance[0] == pytest.approx(4.0, abs=1e-6)
+    assert result["objects"].frame.height[0] == pytest.approx(12.0)
 
 
 def test_no_wires_is_an_empty_answer() -> None:
@@ -554,6 +560,15 @@ def test_a_steep_wire_in_wind_hangs_as_a_chain_of_small_pieces(rise: float) -> N
     assert blown.sag == pytest.approx(sag(line), abs=0.02)
     offsets = blown.offset(np.linspace(0, 300, 1001))
     assert offsets.max() == pytest.approx(line[:, 1].max(), abs=0.02)
+
+
+def test_wires_that_were_surveyed_in_wind_stay_as_they_are_in_the_same_wind() -> None:
+    steep = Catenary(0, 0, 1, 0, 300.0, 40.0, 140.0, 1 / 900)
+    blown = in_state(steep, DRAKE, State("wind", None, 30.0), surveyed=15.0)
+    again = in_state(blown, DRAKE, State("wind", None, 30.0), surveyed=15.0)
+    assert again.curvature == pytest.approx(blown.curvature, rel=1e-9)
+    calm = in_state(blown, DRAKE, State("calm", None, 0.0), surveyed=15.0)
+    assert calm.curvature == pytest.approx(steep.curvature, rel=1e-9)
 
 
 def test_an_uncertain_temperature_counts_where_the_fit_is_of_unknown_quality() -> None:

@@ -270,6 +270,10 @@ def test_ieee_738_heats_drake_to_100_degrees() -> None:
     """The example of the standard: 1025 A at 40 degrees, 0.61 m/s."""
     wire = Conductor("Drake", 0.02812, 16.0, 1.0, 1.0, (7.283e-5, 8.688e-5))
     assert cooling(0.02812, 100.7, 40.0, 0.61, 0.0) == pytest.approx(83.061, abs=0.5)
+    assert cooling(0.02812, 100.0, 40.0, 0.0, 0.0) == pytest.approx(42.4, abs=0.1)
+    reynolds = 0.02812 * 1.029 * 5.0 / 2.043e-5  # air at 70 degrees, from the tables
+    fast = 0.754 * reynolds**0.6 * 0.0295 * 60.0
+    assert cooling(0.02812, 100.0, 40.0, 5.0, 0.0) == pytest.approx(fast, rel=0.005)
     sun = 22.44 / (0.8 * 0.02812)  # W/m of the example
     found = conductor_temperature(wire, current=1025, air=40, wind=0.61, sun=sun)
     assert found == pytest.approx(100.0, abs=0.5)

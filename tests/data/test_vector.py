@@ -114,6 +114,16 @@ def test_kml_is_in_wgs84_with_the_heights_kept(tmp_path: Path) -> None:
     assert height == 3.25
 
 
+@pytest.mark.parametrize(
+    ("crs", "metres"),
+    [("EPSG:2227", 1200 / 3937), ("EPSG:2227+5703", 1.0), ("EPSG:2154+6360", 1200 / 3937)],
+)
+def test_kml_has_heights_in_metres(tmp_path: Path, crs: str, metres: float) -> None:
+    Vector(points(crs)).save(tmp_path / "a.kml")
+    found = Vector.open(tmp_path / "a.kml").frame.geometry
+    assert [place.z for place in found] == pytest.approx([3.25 * metres, 4 * metres])
+
+
 @pytest.mark.parametrize("crs", [None, LOCAL])
 @pytest.mark.parametrize("suffix", [".gpkg", ".fgb", ".shp", ".parquet"])
 def test_local_coordinates_are_written_without_crs(
@@ -172,7 +182,6 @@ LINE = geopandas.GeoSeries([shapely.Point(0, 0), shapely.LineString([(0, 0), (1,
         (points(LOCAL), ".geojson", "cannot hold the CRS of the layer"),
         (points(CUSTOM), ".geojson", r"cannot hold the CRS .*RGF93.*write a GeoPackage"),
         (points(None), ".kml", "the layer has no CRS to transform it from"),
-        (points("EPSG:2227"), ".kml", "KML heights are in metres.* US survey foot"),
     ],
 )
 def test_what_a_format_cannot_hold(

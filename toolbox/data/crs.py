@@ -119,6 +119,14 @@ def metres_per_unit(crs: CRS | None) -> float:
     return float(horizontal.axis_info[0].unit_conversion_factor)
 
 
+def metres_per_height(crs: CRS) -> float:
+    """Length of a unit of height in metres: if the CRS does not say, that of the plan, or 1.0."""
+    vertical = _vertical_axis(crs)
+    if vertical is not None:
+        return float(vertical.unit_conversion_factor)
+    return 1.0 if horizontal_part(crs).is_geographic else metres_per_unit(crs)
+
+
 def vertical_unit(crs: CRS | None) -> str:
     """Name of the unit of heights: "metre", "foot", "US survey foot", ...; "" if not known."""
     if crs is None:

@@ -16,9 +16,9 @@ from toolbox.data.crs import (
     describe_crs,
     horizontal_part,
     is_local,
+    metres_per_height,
     metres_per_unit,
     same_crs,
-    vertical_unit,
 )
 from toolbox.data.record import (
     own_side_car,
@@ -152,8 +152,8 @@ class Vector:
         The same layer makes the same bytes. GeoPackage is written in version 1.3, which older QGIS
         reads too. GeoJSON keeps the CRS of the layer in its "crs" member, as GDAL does, although
         RFC 7946 knows WGS 84 alone; an empty one keeps no columns. FlatGeobuf sorts its features in
-        space. KML is always in WGS 84, so that a layer is transformed to it; its points and lines
-        with heights are at these, outlines on the ground. DXF has a unit, but no
+        space. KML is always in WGS 84, so that a layer is transformed to it, heights in metres;
+        points and lines are drawn at theirs, outlines on the ground. DXF has a unit, but no
         CRS. PLY is a mesh of polygons with heights, without a CRS.
 
         Parameters
@@ -331,13 +331,17 @@ def _check_names(frame: geopandas.GeoDataFrame, path: Path) -> None:
 
 
 def _for_kml(frame: geopandas.GeoDataFrame, path: Path) -> geopandas.GeoDataFrame:
-    """In longitude and latitude, with the heights as they are."""
+    """In longitude and latitude, with heights in metres."""
+    import shapely
+
     if frame.crs is None:
         raise DataError(f"{path}: KML is in WGS 84, and the layer has no CRS to transform it from")
-    if frame.has_z.any() and vertical_unit(frame.crs) not in ("metre", ""):
-        unit = vertical_unit(frame.crs)
-        raise DataError(f"{path}: KML heights are in metres, and those of the layer in {unit}")
     plane = frame.set_crs(horizontal_part(frame.crs), allow_override=True).to_crs(_WGS84)
+    if (metres := metres_per_height(frame.crs)) != 1.0:
+        upright = frame.has_z.to_numpy()
+        plane.loc[upright, plane.geometry.name] = shapely.transform(
+            plane.geometry[upright], lambda xyz: xyz * (1.0, 1.0, metres), include_z=True
+        )
     if (frame.has_z & ~frame.geom_type.str.contains("Polygon", na=True)).any():
         plane["altitudeMode"] = "absolute"  # or wires would be drawn on the ground
     return plane

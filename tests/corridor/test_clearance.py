@@ -463,6 +463,9 @@ def test_values_of_known_rules() -> None:
     by_id = {r.id: r for r in rules_of(rule_set("ch_lev"), 220)}
     assert by_id["lev-38-direct"].threshold == pytest.approx(4.7)
     assert [r.threshold for r in rules_of(rule_set("thesis"), None)] == [20.0, 30.0]
+    feet = row(unit="ft", threshold=10.0, per_kv=0.01, within=5.0, voltage_max=200.0)
+    (long,) = rules_of(Table(pd.DataFrame([feet])), 100.0)
+    assert (long.threshold, long.within) == pytest.approx((11 * 0.3048, 5 * 0.3048))
 
 
 @pytest.mark.parametrize(

@@ -140,8 +140,9 @@ def test_vertical_and_horizontal_rules_look_in_their_strip_alone() -> None:
     np.testing.assert_allclose(found.measure, [5.0, 2.5], atol=0.002)
 
 
-def test_no_point_is_passed_over() -> None:
+def test_no_point_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every point against every wire, rule and state, one by one."""
+    monkeypatch.setattr("algorithms.corridor._distances.BLOCK", 700)
     rng = np.random.default_rng(4)
     blown = [replace(c, swing=0.4) for c in (LEVEL, SLOPING)]
     curves = [[LEVEL, SLOPING], blown]
@@ -174,8 +175,9 @@ def test_no_point_is_passed_over() -> None:
         for p, r, w, s in zip(found.point, found.rule, found.wire, found.state, strict=True)
     } == {i: key[2:] for i, key in wanted.items()}
     for number in range(3):
-        brute = distances(xyz[kind == number], blown[1])[:, 0].min()
-        assert least.distance[1, 1, number] == pytest.approx(brute, abs=1e-9)
+        brute = distances(xyz, blown[1])[:, 0] + np.where(kind == number, 0.0, np.inf)
+        assert least.distance[1, 1, number] == pytest.approx(brute.min(), abs=1e-9)
+        assert least.point[1, 1, number] == brute.argmin()
 
 
 def test_probability_is_one_half_at_the_limit_and_follows_the_normal_law() -> None:

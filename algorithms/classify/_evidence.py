@@ -33,6 +33,8 @@ LET_THROUGH, ON_PLANES = 0.25, 0.12  # shares around, of vegetation at least and
 HALO = GROUND_HALO + 40.0  # metres, for the largest radius (10) and context (20), and voxels
 FINE = float(1 << 20)  # steps in which features are summed up, so that sums are exact
 MOST = 1 << 20  # voxels along an axis
+# Odd numbers with random bits: two places have one sum of products by chance only.
+KEYS = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB], np.uint64)
 STRIDES = np.array([1 << 42, 1 << 21, 2])  # from the number of a voxel to those beside it
 
 Floats = NDArray[np.float64]
@@ -91,13 +93,15 @@ class Scene:
         return ground, height_above(self.xyz, found)
 
     @functools.cached_property
-    def planes(self) -> tuple[Floats, Floats]:
+    def planes(self) -> tuple[Floats, NDArray[np.float32]]:
         """How far in metres, as standard deviation, points lie from the plane around each point.
 
-        Array of shape (n,), NaN where there are too few; and the normals, shape (n, 3).
+        Array of shape (n,), NaN where there are too few; and the normals, shape (n, 3). Points at
+        one place count once: twins would make a plane of any two places.
         """
+        xyz, place = once_each(self.xyz)
         found = covariance_features(
-            self.xyz,
+            xyz,
             neighbours=None,
             radius=self.radius,
             names=("eigenvalue3", "neighbours", "nx", "ny", "nz"),
@@ -113,7 +117,8 @@ class Scene:
         # Three points always lie on a plane, so as many less are left to tell how far off it is.
         freedom = np.where(shapeless, np.nan, count - 3)
         off_plane = np.sqrt(found["eigenvalue3"] * count / freedom) / self.cloud.metre
-        return off_plane, np.column_stack([found[axis] for axis in ("nx", "ny", "nz")])
+        normals = np.column_stack([found["nx"], found["ny"], found["nz"]])
+        return off_plane[place], normals[place]
 
     @functools.cached_property
     def around(self) -> Mapping[str, Floats]:
@@ -171,6 +176,16 @@ def evidence(scene: Scene) -> NDArray[np.uint8]:
         plant = on_planes < 1
     plant |= height < LOWEST_ROOF
     return np.where(ground, GROUND, np.where(plant, VEGETATION, BUILDING)).astype(np.uint8)
+
+
+def once_each(xyz: Floats) -> tuple[Floats, NDArray[np.int64] | slice]:
+    """Places of points, each once, and which of them each of the n points is at."""
+    keys = np.sort(np.ascontiguousarray(xyz).view(np.uint64) @ KEYS)
+    if (keys[1:] != keys[:-1]).all():
+        return xyz, slice(None)
+    _, first, place = np.unique(xyz, axis=0, return_index=True, return_inverse=True)
+    log.info("%d points share their place with another", len(xyz) - len(first))
+    return xyz[first], place.reshape(-1)
 
 
 def means_around(

@@ -188,6 +188,19 @@ def test_outlines_are_as_large_as_roofs(density: float, alpha: float) -> None:
     assert abs(np.mean(made)) / roof.length < 0.25 * margin(density, alpha)
 
 
+def test_points_given_twice_make_no_roof_of_a_tree() -> None:
+    points = village()
+    twice = PointCloud(
+        np.vstack([points.xyz, points.xyz]),
+        {name: np.concatenate([points[name]] * 2) for name in points.names},
+        crs=UTM,
+    )
+    out, both = (ClassifyBuildings(points=p).run() for p in (points, twice))
+    same = both.classified["classification"] == np.tile(out.classified["classification"], 2)
+    assert same.mean() > 0.999
+    assert len(both.outlines) == 1
+
+
 def test_shifted_points_give_the_same() -> None:
     points = village()
     moved = points.with_xyz(points.xyz + np.array([300_000, -1_000_000, 0]))

@@ -180,12 +180,17 @@ def evidence(scene: Scene) -> NDArray[np.uint8]:
 
 def once_each(xyz: Floats) -> tuple[Floats, NDArray[np.int64] | slice]:
     """Places of points, each once, and which of them each of the n points is at."""
-    keys = np.sort(np.ascontiguousarray(xyz).view(np.uint64) @ KEYS)
-    if (keys[1:] != keys[:-1]).all():
+    keys = np.ascontiguousarray(xyz).view(np.uint64) @ KEYS
+    in_order = np.sort(keys)
+    if (in_order[1:] != in_order[:-1]).all():
         return xyz, slice(None)
-    _, first, place = np.unique(xyz, axis=0, return_index=True, return_inverse=True)
-    log.info("%d points share their place with another", len(xyz) - len(first))
-    return xyz[first], place.reshape(-1)
+    order = np.argsort(keys, kind="stable")
+    is_new = np.ones(len(xyz), bool)
+    is_new[1:] = (xyz[order[1:]] != xyz[order[:-1]]).any(axis=1)
+    place = np.empty(len(xyz), np.int64)
+    place[order] = np.cumsum(is_new) - 1
+    log.info("%d points share their place with another", np.count_nonzero(~is_new))
+    return xyz[order[is_new]], place
 
 
 def means_around(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from algorithms.ground.classify import HALO as GROUND_HALO
 from algorithms.ground.classify import find_terrain, height_above, verdict
+from algorithms.shared.chance import random_keys
 from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
 from toolbox.context import QUIET, Context, log
@@ -33,8 +34,6 @@ LET_THROUGH, ON_PLANES = 0.25, 0.12  # shares around, of vegetation at least and
 HALO = GROUND_HALO + 40.0  # metres, for the largest radius (10) and context (20), and voxels
 FINE = float(1 << 20)  # steps in which features are summed up, so that sums are exact
 MOST = 1 << 20  # voxels along an axis
-# Odd numbers with random bits: two places have one sum of products by chance only.
-KEYS = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB], np.uint64)
 STRIDES = np.array([1 << 42, 1 << 21, 2])  # from the number of a voxel to those beside it
 
 Floats = NDArray[np.float64]
@@ -180,7 +179,7 @@ def evidence(scene: Scene) -> NDArray[np.uint8]:
 
 def once_each(xyz: Floats) -> tuple[Floats, NDArray[np.int64] | slice]:
     """Places of points, each once, and which of them each of the n points is at."""
-    keys = np.ascontiguousarray(xyz).view(np.uint64) @ KEYS
+    keys = random_keys(xyz, 0)
     in_order = np.sort(keys)
     if (in_order[1:] != in_order[:-1]).all():
         return xyz, slice(None)

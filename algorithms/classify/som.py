@@ -27,6 +27,7 @@ from algorithms.classify._feature_map import (
     split,
     trained,
 )
+from algorithms.shared.chance import random_keys
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Raster, Table
@@ -310,14 +311,8 @@ def drawn(xyz: Floats, count: int, seed: int) -> Ints:
     """Indices of `count` of the points, chosen by chance that only their places decide."""
     if len(xyz) <= count:
         return np.arange(len(xyz))
-    bits = np.ascontiguousarray(xyz).view(np.uint64)
-    mixed = np.full(len(xyz), np.uint64(seed))
-    for axis in range(3):  # SplitMix64 (Steele, Lea and Flood 2014)
-        mixed = (mixed ^ bits[:, axis]) + np.uint64(0x9E3779B97F4A7C15)
-        mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        mixed ^= mixed >> np.uint64(31)
-    return np.flatnonzero(mixed <= np.partition(mixed, count - 1)[count - 1])
+    keys = random_keys(xyz, seed)
+    return np.flatnonzero(keys <= np.partition(keys, count - 1)[count - 1])
 
 
 def growing(rows: int, columns: int) -> Iterator[tuple[int, int]]:

@@ -1,4 +1,10 @@
-"""All planes of a cloud, and to which of them each point belongs."""
+"""All planes of a cloud, and to which of them each point belongs.
+
+References
+----------
+Beaton, A. E. and Tukey, J. W. (1974). The fitting of power series, meaning polynomials, illustrated
+on band-spectroscopic data. Technometrics 16(2), 147-185: the weights of the last fit (biweight).
+"""
 
 from __future__ import annotations
 
@@ -229,7 +235,7 @@ def _all_fitted(
 def _fitted(xyz: Floats, part: Ints, patch: Patch, least: float) -> Patch:
     """A patch with the plane of some points, and their spread about it.
 
-    Points far from the plane for its own spread count less and less (Tukey's biweight): the
+    Points far from the plane for its own spread count less and less (biweight): the
     tolerance is the same for all planes, so that those with little noise have points of others.
     """
     some = xyz[part[:: 1 + len(part) // FEW]]

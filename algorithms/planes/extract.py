@@ -39,12 +39,15 @@ class PlanesExtract:
     fitted to its points by least squares, they are taken out, and the next is looked for.
 
     A plane is one patch, without gaps wider than about `max_gap`, unless `connected` is off. Then
-    each point goes to the nearest plane within the tolerance of which it is, or to none. Planes
-    are numbered by their points, the one with the most is 1.
+    each point goes to the plane within the tolerance of which it is, and to which it is nearest for
+    the spread of that plane, or to none. The last fit leaves out points along edges with other
+    planes, and lets those that are far away count less. Planes are numbered by their points, the
+    one with the most is 1.
 
     A tolerance of auto is 3.3 times the noise of the scan, the standard deviation of the points
     about small planes. It is in the outputs, and a warning says when a tolerance is so small that
-    planes fall to pieces. A gap of auto is four times the distance of neighbours where it is large.
+    planes fall to pieces. A gap of auto is four times the distance of neighbours where it is large,
+    and at least three tolerances.
 
     With `regularise` planes that are parallel, or square to each other, but for `regular_angle` are
     made so, the larger one leading, as far as the root mean square distance of their points stays

@@ -9,6 +9,7 @@ on band-spectroscopic data. Technometrics 16(2), 147-185: the weights of the las
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -143,9 +144,11 @@ def _owners(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> N
     Those that lose points to others until they are too small are left out, and those that lie in
     the noise of a larger one.
     """
+    steps = _halves(ctx)
     while True:
-        patches[:] = _all_fitted(cells, patches, _nearest(cells, patches, rules, ctx), rules)
-        owner = _nearest(cells, patches, rules, ctx)
+        owner = _nearest(cells, patches, rules, next(steps))
+        patches[:] = _all_fitted(cells, patches, owner, rules)
+        owner = _nearest(cells, patches, rules, next(steps))
         sizes = np.bincount(owner, minlength=len(patches) + 1)[1:]
         order = np.argsort(-sizes, kind="stable")
         parts = parts_of(owner, len(patches))
@@ -164,6 +167,14 @@ def _owners(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> N
             patches[:] = [made[k] for k in keep]
             return np.asarray(ranks[owner])
         patches[:] = [patches[number] for number in keep]
+
+
+def _halves(ctx: Context) -> Iterator[Context]:
+    """Half of the progress that is left, again and again, if nobody knows how often."""
+    done = 0.0
+    while True:
+        yield ctx.part(done, (1 + done) / 2)
+        done = (1 + done) / 2
 
 
 def _nearest(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> NDArray[np.int32]:

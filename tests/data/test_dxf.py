@@ -58,6 +58,13 @@ def test_attributes_and_layers(tmp_path: Path) -> None:
     assert texts == [["layer=Wall é", "n=1"], ["n=2", "note=a=b"]]
 
 
+def test_kinds_are_layers(tmp_path: Path) -> None:
+    shapes = [shapely.Point(k, 0) for k in range(3)]
+    columns = {"layer": ["a", None, None], "kind": ["door", "door", None]}
+    drawing = drawn(tmp_path / "front.dxf", shapes, **columns)
+    assert [e.dxf.layer for e in drawing.modelspace()] == ["a", "door", "front"]
+
+
 @pytest.mark.parametrize(
     ("crs", "code"),
     [("EPSG:2154", 6), ("EPSG:2227", 21), ("EPSG:2256", 2), ("EPSG:4326", 0), (None, 0)],

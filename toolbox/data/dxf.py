@@ -1,8 +1,9 @@
 """Vector layers as DXF drawings, for CAD.
 
 Points become POINT, lines and rings of polygons LWPOLYLINE, or POLYLINE where they have heights.
-An attribute `layer` names the layer of each; all attributes stand at the entity as extended data
-of the application LIDAR-TOOLBOX, one text `name=value` each. A drawing has a unit, but no CRS.
+An attribute `layer`, or else `kind`, names the layer of each; all attributes stand at the entity as
+extended data of the application LIDAR-TOOLBOX, one text `name=value` each. A drawing has a unit,
+but no CRS.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from ezdxf.document import Drawing
 
 APPLICATION = "LIDAR-TOOLBOX"
-LAYER = "layer"
+LAYER, KIND = "layer", "kind"
 _LONGEST, _MOST = 255, 16_000  # bytes of a text, and of all at one entity
 _UNITS = {
     1.0: 6,
@@ -39,7 +40,7 @@ def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
 
     Parameters
     ----------
-    layer : of features without an attribute `layer`
+    layer : of features without an attribute `layer` or `kind`
 
     Raises
     ------
@@ -90,8 +91,8 @@ def _layer_name(row: Mapping[Any, Any], layer: str, path: Path) -> str:
     import pandas as pd
     from ezdxf.lldxf.validator import is_valid_layer_name
 
-    value = row.get(LAYER)
-    name = layer if value is None or pd.isna(value) else str(value)
+    values = (row.get(name) for name in (LAYER, KIND))
+    name = next((str(value) for value in values if not pd.isna(value)), layer)
     if not is_valid_layer_name(name):
         raise DataError(f"{path}: a DXF layer cannot be called {name!r}")
     return name

@@ -58,7 +58,8 @@ def test_fields_say_which_widget_they_need(listed: dict[str, dict[str, object]])
 def test_the_plugin_imports_qgis_and_the_standard_library_alone() -> None:
     allowed = {*sys.stdlib_module_names, "qgis"}
     for path in SOURCE.glob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        text = path.read_text("utf-8")
+        for node in ast.walk(ast.parse(text, feature_version=(3, 9))):  # that of older QGIS
             if isinstance(node, ast.Import):
                 assert {a.name.partition(".")[0] for a in node.names} <= allowed, path.name
             if isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -202,6 +203,15 @@ def test_both_settings_of_a_profile_are_switched_and_nothing_else_is_lost(
 def test_the_usual_profile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("QGIS_CUSTOM_CONFIG_PATH", str(tmp_path))
     assert qgis_install.default_profile() == tmp_path / "profiles" / "default"
-    (tmp_path / "profiles").mkdir()
-    (tmp_path / "profiles/profiles.ini").write_text("[core]\ndefaultProfile=work\n")
-    assert qgis_install.default_profile() == tmp_path / "profiles" / "work"
+    for name in ("work", "last"):
+        (tmp_path / "profiles" / name).mkdir(parents=True)
+    ini = tmp_path / "profiles/profiles.ini"
+    for text, name in (
+        ("defaultProfile=work\n", "work"),
+        ("defaultProfile=work\nlastProfile=last\n", "last"),
+        ("defaultProfile=work\nlastProfile=last\nselectionPolicy=1\n", "work"),
+        ("defaultProfile=work\nlastProfile=gone\nselectionPolicy=0\n", "work"),
+        ("lastProfile=\n", "default"),
+    ):
+        ini.write_text("[core]\n" + text)
+        assert qgis_install.default_profile() == tmp_path / "profiles" / name

@@ -187,11 +187,11 @@ def default_profile() -> Path:
     """The profile that QGIS opens for this user."""
     homes = [home for home in _homes() if home.is_dir()]
     profiles = (homes or _homes()[:1])[0] / "profiles"
-    try:
-        said = re.search(r"(?m)^defaultProfile=(.+)$", (profiles / "profiles.ini").read_text())
-    except OSError:
-        said = None
-    return profiles / (said[1].strip() if said else "default")
+    text = _settings(profiles / "profiles.ini")
+    said = dict(re.findall(r"(?m)^(defaultProfile|lastProfile|selectionPolicy)=(.+?)\s*$", text))
+    last = said.get("lastProfile", "") if said.get("selectionPolicy", "0") == "0" else ""
+    named = [last, said.get("defaultProfile", "")]
+    return profiles / next((n for n in named if n and (profiles / n).is_dir()), "default")
 
 
 def _homes() -> list[Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import json
 import os
 import re
@@ -16,9 +17,9 @@ from toolbox.errors import DataError
 
 # On Debian 12 the wrapper without .bin passes an option that the program does not know.
 NAMES = ("qgis_process.bin", "qgis_process", "qgis_process-qgis", "qgis_process-qgis-ltr")
-PLACES = {
-    "darwin": [f"/Applications/{app}.app/Contents/MacOS/bin" for app in ("QGIS", "QGIS-LTR")],
-    "win32": [r"C:\OSGeo4W\bin"],
+PLACES = {  # of installations that set no search path; the newest first
+    "darwin": ["/Applications/QGIS*.app/Contents/MacOS/bin"],
+    "win32": [r"C:\Program Files\QGIS *\bin", r"C:\OSGeo4W\bin"],
 }
 VARIABLE = "QGIS_PROCESS"
 NO_WINDOW = 0x08000000 if sys.platform == "win32" else 0  # of a console
@@ -37,7 +38,9 @@ def find() -> str | None:
     """The path of the program, if it is there."""
     if said := os.environ.get(VARIABLE):
         return said if Path(said).is_file() else None
-    folders = [os.environ.get("PATH", os.defpath), *PLACES.get(sys.platform, ())]
+    folders = [os.environ.get("PATH", os.defpath)]
+    for pattern in PLACES.get(sys.platform, ()):
+        folders += sorted(glob.glob(pattern), reverse=True)
     found = (shutil.which(name, path=os.pathsep.join(folders)) for name in NAMES)
     return next(filter(None, found), None)
 

@@ -242,6 +242,19 @@ def check_a_layer_without_a_file_is_refused() -> None:
     except QgsProcessingException as err:
         said = str(err)
     assert "save it to a file first" in said
+    package = out("parts.gpkg")
+    options = QgsVectorFileWriter.SaveVectorOptions()
+    options.layerName, options.driverName = "parts", "GPKG"
+    transform = QgsProject.instance().transformContext()
+    QgsVectorFileWriter.writeAsVectorFormatV2(square(), package, transform, options)
+    part = QgsVectorLayer(f"{package}|layername=parts", "part", "ogr")
+    assert parameters.source_of(part) == {"path": package, "layer": "parts"}
+    part.setSubsetString("severity = 'low'")
+    try:
+        parameters.source_of(part)
+    except QgsProcessingException as err:
+        said = str(err)
+    assert "'part' is filtered" in said
 
 
 def check_what_is_drawn_on_the_map_comes_in_the_coordinates_of_the_data() -> None:

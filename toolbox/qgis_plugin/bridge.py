@@ -88,15 +88,18 @@ def clean_environment() -> dict[str, str]:
         if name in OURS or not (name in FOREIGN_EXACT or name.upper().startswith(FOREIGN))
     }
     if os.name == "nt":  # the folders of QGIS come first there, with libraries of the same names
-        home = os.path.normcase(os.path.normpath(QgsApplication.prefixPath()))
-        top = os.path.dirname(os.path.dirname(home))
+        top = os.path.dirname(os.path.dirname(_plain_path(QgsApplication.prefixPath())))
         folders = env.get("PATH", "").split(os.pathsep)
-        kept = [f for f in folders if not os.path.normcase(os.path.normpath(f)).startswith(top)]
-        env["PATH"] = os.pathsep.join(kept)
+        env["PATH"] = os.pathsep.join(f for f in folders if not _plain_path(f).startswith(top))
     env["PYTHONNOUSERSITE"] = "1"
     if root := _root():
         env["PYTHONPATH"] = root
     return env
+
+
+def _plain_path(path: str) -> str:
+    """A path to compare with others, without short names such as PROGRA~1."""
+    return os.path.normcase(os.path.realpath(path))
 
 
 def command(*words: str) -> list[str]:

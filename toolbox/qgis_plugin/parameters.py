@@ -427,22 +427,28 @@ def _place(value: str) -> Any:
     return {"path": path, "layer": layer} if layer else path
 
 
-def source_of(layer: Any) -> str:
-    """The file behind a layer.
+def source_of(layer: Any) -> Any:
+    """The file behind a layer, or the file and the name of the layer in it.
 
     Raises
     ------
     QgsProcessingException
-        There is none, as for a layer of a server.
+        There is none, as for a layer of a server, or the layer shows a part of it.
     """
-    path: str = layer.source().split("|")[0].removeprefix("vpc://")
+    path, *more = layer.source().split("|")
+    path = path.removeprefix("vpc://")
     if path.startswith("file:"):
         path = QUrl(path).toLocalFile()
     if not os.path.exists(path):
         raise QgsProcessingException(
             f"Layer '{layer.name()}' is no file on this computer; save it to a file first."
         )
-    return path
+    if hasattr(layer, "subsetString") and layer.subsetString():
+        raise QgsProcessingException(
+            f"Layer '{layer.name()}' is filtered, which its file is not; save it to a file first."
+        )
+    names = [part[len("layername=") :] for part in more if part.startswith("layername=")]
+    return {"path": path, "layer": names[0]} if names else path
 
 
 def opens_points() -> bool:

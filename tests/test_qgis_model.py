@@ -106,6 +106,11 @@ def test_round_trip(tmp_path: Path, capsys: Capture) -> None:
         assert again_field.optional == field.optional, name
     assert main(["model", "from-qgis", str(between)]) == 2
     assert "exists" in capsys.readouterr().err
+    says = model3.value(between.read_text("utf-8"))
+    says["parameterDefinitions"]["CELL"]["default"] = 0.25  # somebody did so in the designer
+    made, notes = from_qgis(model3.text(says), "a.model3")
+    assert made["inputs"]["cell"]["default"] == 0.25
+    assert "cell is 0.25 by default, although a step says coalesce(@CELL, 0.5)" in notes
 
 
 def test_what_designer_files_hold_reads_back() -> None:
@@ -204,6 +209,7 @@ def test_all_that_cannot_be_converted_is_said_at_once(tmp_path: Path, capsys: Ca
         "CELL": {"source": 3, "expression": "@p_width / 100"},
         "METHOD": {"source": 2, "static_value": "maximum"},
         "SUPPORT": {"source": 3, "expression": "coalesce(@p, true)"},
+        "POWER": {"source": 3, "expression": "coalesce(@d, 1) + (2)"},
         "CLIP": {"source": 2, "static_value": "/data/areas.gpkg"},
         "TILE": {"source": 2, "static_value": "500"},
         "ASSUME_CRS": {"source": 2, "static_value": None},
@@ -221,6 +227,7 @@ def test_all_that_cannot_be_converted_is_said_at_once(tmp_path: Path, capsys: Ca
     }
     says = {"model_name": "M", "children": children}
     says |= {"parameterDefinitions": {"p": {"description": "P", "flags": 0}, "q": {}}}
+    says["parameterDefinitions"]["d"] = {"default": 1}
     path = tmp_path / "m.model3"
     path.write_text(model3.text(says), "utf-8")
     assert main(["model", "from-qgis", str(path)]) == 2
@@ -234,13 +241,15 @@ def test_all_that_cannot_be_converted_is_said_at_once(tmp_path: Path, capsys: Ca
         "filter: runs on a condition",
         "filter.returns: must be one of",
         "surfacegrid_1.support: is an expression of QGIS, 'coalesce(@p, true)'",
-        "8 problem(s)",
+        "surfacegrid_1.power: is an expression of QGIS, 'coalesce(@d, 1) + (2)'",
+        "9 problem(s)",
     ):
         assert text in error, text
     assert not path.with_suffix(".yaml").exists()
     for name in list(children)[1:3]:
         del children[name]
-    for name in ("CELL", "METHOD", "SUPPORT", "CLIP", "TILE"):
+    del says["parameterDefinitions"]["d"]
+    for name in ("CELL", "METHOD", "SUPPORT", "POWER", "CLIP", "TILE"):
         del grid[name]
     (child_id,) = [name for name in children if name != "off"]
     children[child_id] = child("lidartoolbox:surfacegrid", grid | {

@@ -302,6 +302,11 @@ def _parameter_type(f: Mapping[str, Any], point_layers: bool) -> tuple[str, dict
     return word, more | ({"options": f["choices"]} if type == "choice" else {})
 
 
+OR_DEFAULT = re.compile(
+    r"coalesce\(@(\w+), (?:[-+.\deE]+|true|false|'(?:[^']|'')*'|array\([^@()]*\))\)"
+)
+
+
 def or_default(name: str, default: Any) -> str:
     """The expression of QGIS for an input, or its default where nothing is given.
 
@@ -459,11 +464,16 @@ class _Reader:
         return _NOTHING
 
     def _input_of(self, expression: str) -> str | None:
-        """The input that an expression stands for, with its default or without."""
-        for name, says in (self.says.get("parameterDefinitions") or {}).items():
-            if expression in (f"@{name}", or_default(name, says.get("default"))):
-                return str(name)
-        return None
+        """The input that an expression stands for, alone or with its default."""
+        alone, filled = re.fullmatch(r"@(\w+)", expression), OR_DEFAULT.fullmatch(expression)
+        name = str((alone or filled or [None, ""])[1])
+        says = (self.says.get("parameterDefinitions") or {}).get(name)
+        if says is None or (filled and says.get("default") is None):
+            return None
+        if filled and expression != or_default(name, says["default"]):  # changed in the designer
+            shown = f"{self.input_names[name]} is {says['default']} by default"
+            self.notes.append(f"{shown}, although a step says {expression}")
+        return name
 
     def _constant(self, full: str, f: Field, value: Any) -> Any:
         """A plain value; what is the default anyway is left out."""

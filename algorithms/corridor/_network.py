@@ -16,7 +16,7 @@ from algorithms.corridor._trace import TUBE, Airborne
 CLEAR, CLEAR_STRONG = 0.65, 0.7  # share of a curve along which it stands out from its surroundings
 STRONG = 30.0  # metres from which a curve is a wire by itself
 SHORT, FINE, MANY = 18.0, 0.075, 20  # metres, metres, points: a shorter one must be clear
-TIGHTEST_C, STRAIGHT_SIGMAS = 5000.0, 3.0  # metres: most tension over weight
+TIGHTEST_C, SIGMAS = 5000.0, 3.0  # metres: most tension over weight
 BLADE, CARRYING = (0.3, 5.0, 5.0), 0.4  # half width, depth, step in metres; share of steps
 LEAST_POINTS, ROUGH = 7, 0.2  # metres: scatter of anything that may be wire
 STEEPEST = 0.7  # rise over run of the chord
@@ -119,7 +119,7 @@ def clearness(scene: Scene, curve: Floats, count: int) -> float:
 
 def is_straight(curve: Catenary) -> bool:
     """Whether a curve sags less than the tightest wire, for certain: a rail, a bar or a tie."""
-    return curve.sag + STRAIGHT_SIGMAS * curve.sigmas()["sag"] < curve.length**2 / (8 * TIGHTEST_C)
+    return curve.sag + SIGMAS * curve.sigmas()["sag"] < curve.length**2 / (8 * TIGHTEST_C)
 
 
 def carries(scene: Scene, curve: Catenary, straight: Sequence[Catenary]) -> bool:

@@ -22,7 +22,8 @@ from algorithms.corridor._catenary import Catenary, fit
 from algorithms.corridor._network import (
     FARTHEST,
     PARALLEL,
-    STRAIGHT_SIGMAS,
+    SIGMAS,
+    STRONG,
     TIGHTEST_C,
     TWIN,
     Piece,
@@ -36,7 +37,7 @@ from toolbox.context import Context
 
 BESIDE = 15.0  # metres
 FEW, EIGHTHS = 6, 4  # points, and eighths of the span with any, of a wire found beside another
-SLIM, ROUGH = 0.3, 0.12  # metres: radius of a heap, scatter of one wire
+SLIM, ROUGH, ROUGHEST = 0.3, 0.12, 0.2  # metres: radius of a heap, scatter of one wire
 BIN, SMOOTH, NEIGHBOURS = 0.05, 0.07, 0.2  # metres: to tell the conductors of a bundle apart
 ENOUGH, VALLEY, PEAK = 40, 0.6, 0.25  # points; depth of a valley between, height of a lower peak
 SHORT = 0.5  # share of a span, below which a wire is not known by what was followed of it
@@ -82,28 +83,34 @@ def spans_of(
         [wire for wire in wires if min(wire.supports) >= 0 or wire.curve.length > STUB]
         for wires in spans
     ]
-    spans = [wires for wires in spans if wires and not are_straight(wires) and are_held(wires)]
-    for span, wires in enumerate(spans):
-        for wire in wires:
-            for strand in strands(scene, wire):
-                whole = to_supports(strand, supports)
-                found.append(replace(whole, span=span, bundle=bundle))
-            bundle += 1
+    span = 0
+    for wires in spans:
+        bundles = [strands(scene, wire) for wire in wires]
+        if not are_wires([strand for own in bundles for strand in own]):
+            continue
+        numbered_strands = [(s, bundle + k) for k, own in enumerate(bundles) for s in own]
+        for strand, number in numbered_strands:
+            found.append(replace(to_supports(strand, supports), span=span, bundle=number))
+        bundle, span = bundle + len(bundles), span + 1
     return with_supports(numbered(found, supports), supports)
 
 
-def are_straight(wires: Sequence[Wire]) -> bool:
-    """Whether all wires of a span together sag less than the tightest wires, for certain."""
+def are_wires(wires: Sequence[Wire]) -> bool:
+    """Whether curves of one span sag for certain, and are thin, as wires are.
+
+    Curves without a support in the data must be thinner, and long.
+    """
+    if not wires:
+        return False
     curvature = np.array([wire.curve.curvature for wire in wires])
     weight = 1 / np.array([wire.curve.variance_of_curvature for wire in wires])
-    mean = float((weight * curvature).sum() / weight.sum())
-    return mean + STRAIGHT_SIGMAS / math.sqrt(weight.sum()) < 1 / TIGHTEST_C
-
-
-def are_held(wires: Sequence[Wire]) -> bool:
-    """Whether wires have a support in the data, or at least one of them is thin for certain."""
-    held = any(number >= 0 for wire in wires for number in wire.supports)
-    return held or min(wire.curve.rms for wire in wires) < ROUGH
+    mean, sigma = float((weight * curvature).sum() / weight.sum()), 1 / math.sqrt(weight.sum())
+    if mean + SIGMAS * sigma < 1 / TIGHTEST_C or mean < SIGMAS * sigma:
+        return False
+    rough = [wire.curve.rms for wire in wires]
+    if any(number >= 0 for wire in wires for number in wire.supports):
+        return float(np.median(rough)) < ROUGHEST
+    return min(rough) < ROUGH and max(wire.curve.length for wire in wires) > STRONG
 
 
 def with_supports(

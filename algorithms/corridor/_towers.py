@@ -18,11 +18,11 @@ from algorithms.corridor._supports import Support
 
 BASE_LATTICE, BASE_POLE = 1.0, 0.4  # metres above the ground that are left to it
 SLIM = 0.7  # metres: half width from which a body is a lattice
-SPLAY_LATTICE, SPLAY_POLE, SLACK = 0.12, 0.02, 0.4  # widening per metre downwards; metres
+SPLAY, SLACK = (0.12, 0.02), (0.4, 0.15)  # of lattice and pole: per metre downwards; metres
 FOOT, LEG = 3.0, 1.0  # metres: height below which shrubs may grow inside, and width of a face
 BOX = (0.12, 1.2, 5.0)  # half depth of the space of the arms: per metre of height, least, most
 DROP = (0.08, 0.8, 4.0)  # how far below the lowest wire it begins
-OUT = (0.05, 0.5, 2.5)  # how far it goes beyond the outermost wires
+OUT = (0.1, 0.5, 4.0)  # how far it goes beyond the outermost wires
 PEAK = (0.08, 1.0, 6.0)  # how far it goes above the highest wire
 LOOP = (0.4, 4.0, 1.2)  # metres: a jumper hangs this far below and aside of its wire
 STRING = (0.15, 0.0, 9.0)  # how far from the tower: per metre of height, least, most
@@ -109,8 +109,8 @@ def tower_of(scene: Scene, support: Support) -> Tower:
     arms &= (s > support.reach[0] - out) & (s < support.reach[1] + out)
     away = np.maximum(np.abs(a), np.abs(s))
     width = waist_of(away, z, waist, height)
-    splay = SPLAY_LATTICE if width > SLIM else SPLAY_POLE
-    body = (away < width + SLACK + splay * np.maximum(waist - z, 0)) & (z <= waist)
+    pole = int(width <= SLIM)
+    body = (away < width + SLACK[pole] + SPLAY[pole] * np.maximum(waist - z, 0)) & (z <= waist)
     if width > SLIM:  # down there it is hollow
         shin = away[body & (above > FOOT) & (above < 2 * FOOT)]
         foot = float(np.quantile(shin, 0.9)) if len(shin) else width

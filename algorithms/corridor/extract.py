@@ -45,6 +45,7 @@ from toolbox.values import ClassList
 WIRE, TOWER, OTHER = np.uint8(14), np.uint8(15), np.uint8(1)  # ASPRS classes
 LINE_CLASSES = (13, 14, 15, 16)  # given anew: wire guard, conductor, tower, connector
 OFF_GROUND = 0.4  # metres, from which a point can be of a tower
+COMPANY, ALMOST_ALL = (2.0, 2.0, 1.0), 0.9  # metres, and share of the points with others so near
 SEEN_CELL = 2.0  # metres
 MOSTLY = 0.5  # of the points
 TUBE, TUBE_LEAST, TUBE_MOST = 2.6, 0.12, 0.45  # of the scatter of a wire; metres
@@ -251,6 +252,7 @@ def find_line(
     ctx.progress(0.0)
     if not ground.any():
         return nothing
+    ground = ground & accompanied(xyz, metre)
     terrain = find_terrain(_frozen(xyz[ground]), metre=metre, ctx=ctx.part(0.0, 0.4))
     above = height_above(xyz, terrain)
     index = np.flatnonzero(part & (above > OFF_GROUND))
@@ -325,6 +327,24 @@ def require_ground(xyz: Floats, tolerance: float, max_gap: float) -> None:
             "points: they are wires without the ground below, from which heights are measured; "
             "give the ground too, or fit the wires with corridor.catenaries"
         )
+
+
+def accompanied(xyz: Floats, metre: float) -> NDArray[np.bool_]:
+    """False for points with no other near them, if most have one: many low ones sink the terrain.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    metre : length of one metre in the unit of the points
+    """
+    cell = np.floor((xyz - xyz.min(axis=0)) / (np.array(COMPANY) * metre)).astype(np.int64)
+    size = cell.max(axis=0) + 1
+    _, which, count = np.unique(
+        (cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2],
+        return_inverse=True, return_counts=True,
+    )  # fmt: skip
+    found = count[which] > 1
+    return found if found.mean() > ALMOST_ALL else np.ones(len(xyz), bool)
 
 
 def _frozen(xyz: Floats) -> Floats:

@@ -174,6 +174,13 @@ def lonely(xyz: Floats, gap: float, fewest: int) -> NDArray[np.bool_]:
     return np.asarray(around[own.reshape(-1)] < fewest)
 
 
+def _numbers(cell: Ints) -> Ints:
+    """One number for each cell, which rises as the cells do; `cell` has the shape (n, k)."""
+    low, high = cell.min(axis=0), cell.max(axis=0)
+    sizes = (high - low + 1)[1:]
+    return np.asarray((cell - low) @ np.append(np.cumprod(sizes[::-1])[::-1], 1))
+
+
 def tree_tops(xyz: Floats, height: Floats) -> Ints:
     """Points that are the highest within CROWN in plan, and high enough for a tree.
 
@@ -187,14 +194,19 @@ def tree_tops(xyz: Floats, height: Floats) -> Ints:
     array of indices
     """
     tall = np.flatnonzero(height >= LOWEST_TREE)
-    order = tall[np.lexsort((xyz[tall, 1], xyz[tall, 0], -height[tall]))]
-    cell = np.floor(xyz[order, :2] / TOP_CELL).astype(np.int64)
-    best = np.sort(np.unique(cell, axis=0, return_index=True)[1])  # of each cell the first
-    tops = order[best]
-    rank = np.arange(len(tops))  # the first is the highest
+    if not len(tall):
+        return tall
+    (x, y), z = xyz[tall, :2].T, height[tall]
+    number = _numbers(np.floor(xyz[tall, :2] / TOP_CELL).astype(np.int64))
+    own = np.unique(number, return_inverse=True)[1].reshape(-1)
+    best = np.full(own.max() + 1, -np.inf)
+    np.maximum.at(best, own, z)
+    high = np.flatnonzero(z == best[own])
+    order = high[np.lexsort((y[high], x[high], -z[high]))]  # the highest first, and always the same
+    tops = tall[order[np.sort(np.unique(own[order], return_index=True)[1])]]
     pairs = cKDTree(xyz[tops, :2]).query_pairs(CROWN, output_type="ndarray")
     beaten = np.zeros(len(tops), bool)
-    beaten[np.maximum(rank[pairs[:, 0]], rank[pairs[:, 1]])] = True
+    beaten[pairs.max(axis=1)] = True  # the later of two is the lower
     return tops[~beaten]
 
 
@@ -217,12 +229,12 @@ def groups(xyz: Floats, kind: Ints, gap: float) -> Ints:
     """
     if not len(xyz):
         return np.empty(0, np.int64)
-    cell = np.floor(xyz / (gap / 2)).astype(np.int64)
-    cells, own = np.unique(np.column_stack([kind, cell]), axis=0, return_inverse=True)
-    apart = cells.astype(float)
+    cell = np.column_stack([kind, np.floor(xyz / (gap / 2)).astype(np.int64)])
+    _, first, own = np.unique(_numbers(cell), return_index=True, return_inverse=True)
+    apart = cell[first].astype(float)
     apart[:, 0] *= 10.0  # kinds never meet
     pairs = cKDTree(apart).query_pairs(2.0, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(cells),) * 2)
+    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(apart),) * 2)
     label = connected_components(links, directed=False)[1]
     return np.asarray(label[own.reshape(-1)], np.int64)
 
@@ -251,4 +263,5 @@ def parted(xyz: Floats, group: Ints, may_part: NDArray[np.bool_], tops: Floats) 
     some = wide[group] & may_part
     nearest = np.zeros(len(group), np.int64)
     nearest[some] = 1 + cKDTree(tops[:, :2]).query(xyz[some, :2])[1]
-    return np.unique(np.column_stack([group, nearest]), axis=0, return_inverse=True)[1].reshape(-1)
+    number = _numbers(np.column_stack([group, nearest]))
+    return np.unique(number, return_inverse=True)[1].reshape(-1)

@@ -110,7 +110,7 @@ class CorridorClearance:
         default=5.0, unit="m", ge=0.0, le=20.0,
     )  # fmt: skip
     object_gap: float = param(
-        "Points that are farther apart are of different objects", default=2.0, unit="m", gt=0.0,
+        "Points that are farther apart are of different objects", default=2.0, unit="m", ge=0.1,
         le=50.0,
     )  # fmt: skip
     min_points: int = param("Fewest points of an object", default=3, unit="1", ge=1, le=10_000)

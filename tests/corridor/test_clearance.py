@@ -37,6 +37,8 @@ from toolbox.errors import DataError, ParameterError
 
 EAST, NORTH = 500_000.0, 4_600_000.0
 LEVEL = Catenary(0.0, 0.0, 1.0, 0.0, 300.0, 30.0, 30.0, 1 / 1100.0)
+COVARIANCE = np.diag([4e-4, 4e-4, 1e-14])
+LEVEL_SURE = replace(LEVEL, covariance=COVARIANCE)
 SLOPING = Catenary(10.0, 20.0, 0.6, 0.8, 320.0, 40.0, 52.0, 1 / 900.0, v0=0.1, v1=0.002, swing=0.2)
 SLACK = Catenary(0.0, 0.0, 0.0, 1.0, 60.0, 12.0, 9.0, 1 / 25.0, swing=0.3)
 DRAKE = conductor_of("Drake")
@@ -45,9 +47,7 @@ DRAKE = conductor_of("Drake")
 def layer(*curves: Catenary, crs: int = 32635, metre: float = 1.0) -> Vector:
     """Wires of spans 1, 2, ... near EAST, NORTH, in the unit of the CRS."""
     wires = [
-        Wire(
-            replace(c, covariance=np.diag([4e-4, 4e-4, 1e-14])), (-1, -1), (0.0, c.length), n, n, n
-        )
+        Wire(replace(c, covariance=COVARIANCE), (-1, -1), (0.0, c.length), n, n, n)
         for n, c in enumerate(curves, start=1)
     ]
     return wire_layer(wires, np.array([EAST, NORTH, 0.0]) * metre, metre, CRS(crs))
@@ -326,6 +326,9 @@ def test_objects_with_their_distance_rule_and_height() -> None:
     assert len(found) == 10
     assert set(found["object_id"]) == {1, 2}
     assert found["distance"].min() == pytest.approx(3.0, abs=0.01)
+    assert set(found["rule"]) == {1}
+    sigma = LEVEL_SURE.height_sigma(np.array([80.0]))[0]
+    assert result["spans"].frame.clearance_sd[0] == pytest.approx(math.hypot(0.05, sigma), rel=1e-3)
     spans = result["spans"].frame
     assert spans.tree.to_list() == pytest.approx([3.0], abs=0.01)
     assert spans.ground.to_list() == pytest.approx([low], abs=0.05)
@@ -422,6 +425,8 @@ def test_feet_and_metres_agree() -> None:
     assert result["least_clearance"] == pytest.approx(4.0, abs=1e-6)
     assert result["objects"].frame.clearance[0] == pytest.approx(4.0, abs=1e-6)
     assert result["objects"].frame.height[0] == pytest.approx(12.0)
+    same = run(metres, distance=5.0)["objects"].frame
+    assert result["objects"].frame.sd[0] == pytest.approx(same.sd[0], rel=1e-6)
 
 
 def test_no_wires_is_an_empty_answer() -> None:

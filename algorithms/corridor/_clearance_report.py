@@ -133,6 +133,12 @@ def _rule_table(rules: Sequence[Rule]) -> Table:
 def _wires_text(line: Line, conductor: Conductor | None) -> str:
     states = ", ".join(_told(state) for state in line.states)
     text = f"States of the wires: {states}."
+    if len(line.states) > 1 and line.open_spans:
+        text += (
+            f" Spans {', '.join(map(str, line.open_spans))} end without a tower: hot or in wind "
+            "they are taken as held there, where in truth they hang on. Do not rely on these "
+            "states near such ends."
+        )
     if conductor is not None:
         text += (
             f" Conductor {conductor.name}: diameter {conductor.diameter * 1e3:.2f} mm, weight "

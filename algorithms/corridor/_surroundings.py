@@ -55,6 +55,12 @@ class Line:
         """Numbers of the spans."""
         return [int(number) for number in np.unique(self.span)]
 
+    @property
+    def open_spans(self) -> list[int]:
+        """Numbers of spans of which an end is where the data end, not at a tower."""
+        open_ended = (self.start == 0) | (self.end == 0)
+        return [int(number) for number in np.unique(self.span[open_ended])]
+
 
 @dataclass(frozen=True)
 class Scene:

@@ -219,6 +219,9 @@ class CorridorClearance:
         metric = self._in_metres()
         rules, conductor = metric._rules(), metric._conductor()
         line = metric._in_all_states(line_of(self.wires), conductor)
+        if len(line.states) > 1 and line.open_spans:
+            log.warning("%d spans end without a tower; hot or in wind: held there, where in truth "
+                        "they hang on", len(line.open_spans))  # fmt: skip
         scene = metric._scene(line, rules, ctx.part(0.0, 0.4))
         if not line.spans:
             log.warning("there are no wires, so nothing is too close to one")

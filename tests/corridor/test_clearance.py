@@ -387,6 +387,19 @@ def test_hot_and_windy_wires_come_nearer() -> None:
     assert by_state.clearance_sd["90 C"] > by_state.clearance_sd["survey"]
 
 
+@pytest.mark.parametrize(("towers", "told"), [((1, 2), False), ((1, 0), True)])
+def test_spans_that_end_without_a_tower_are_named_if_they_hang_otherwise(
+    towers: tuple[int, int], told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    wires = Vector(layer(LEVEL).frame.assign(from_tower=towers[0], to_tower=towers[1]))
+    hot = {"conductor": "Drake", "survey_temperature": 15.0, "temperature": 90.0}
+    sources = {"points": cloud(blob(150, 0, 9), 5), "wires": wires, "distance": 5.0}
+    page = toolbox.run("corridor.clearance", sources | hot)["report"].html()
+    assert ("Spans 1 end without a tower" in page) == told
+    assert ("1 spans end without a tower" in caplog.text) == told
+    assert "without a tower" not in toolbox.run("corridor.clearance", sources)["report"].html()
+
+
 def test_falling_trees_are_watched_unless_they_are_too_near_already() -> None:
     ground = flat()
     tall = [*blob(150, 15, 34.0), *blob(60, -16, 15.0), *blob(200, 1.0, 18.0)]

@@ -8,6 +8,7 @@ map did that was trained.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +26,7 @@ BLOCK = 200_000  # points between two looks at whether the user cancelled
 NOBODY = -1  # neuron of a point without features
 PIXEL = 0.1  # of pictures, in steps of the lattice
 GAP = 1.0  # between pictures
+LENGTHS = ("radius", "context")  # columns in metres
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -140,18 +142,17 @@ class FeatureMap:
         """
         frame = table.frame
         names = tuple(c[: -len("_weight")] for c in frame.columns if c.endswith("_weight"))
-        needed = ["parent", "class", "points", "astray", "east", "north", "radius", "context"]
+        needed = ["neuron", "parent", "class", "points", "astray", "east", "north", *LENGTHS]
         needed += [name + part for name in names for part in ("", "_low", "_high")]
         if missing := [c for c in needed if c not in frame.columns] or (
             ["..._weight"] * (not names)
         ):
             raise DataError(f"map: {table.name} is no map of classify.som: no column {missing[0]}")
-        numbers = frame.drop(columns=["parent", "u_matrix"], errors="ignore").astype(float)
-        if not len(frame) or not np.isfinite(numbers.drop(columns="astray").to_numpy()).all():
-            raise DataError(f"map: {table.name} has no rows, or cells that are no numbers")
-        parent = frame["parent"].astype(float).fillna(NOBODY).to_numpy().astype(np.int64)
-        if (parent >= len(frame)).any() or not (parent == NOBODY).any():
-            raise DataError(f"map: {table.name} has parents that are no neurons of it")
+        numbers = frame[[*needed, *(f"{name}_weight" for name in names)]]
+        numbers = numbers.apply(pd.to_numeric, errors="coerce").astype(float)
+        if text := next(_map_problems(numbers, frame["parent"].notna(), names), ""):
+            raise DataError(f"map: {table.name} {text}")
+        parent = numbers["parent"].fillna(NOBODY).to_numpy().astype(np.int64)
 
         def once(part: str) -> Floats:
             return np.array([numbers[name + part].iloc[0] for name in names])
@@ -190,6 +191,31 @@ class FeatureMap:
             picture[here] = level[nearest[here]]
         title = "u-matrix, " + ", ".join(self.names)
         return Raster.from_lattice(picture, lattice, crs=None, descriptions=(title,), units=("1",))
+
+
+def _map_problems(
+    numbers: pd.DataFrame, has_parent: pd.Series[bool], names: tuple[str, ...]
+) -> Iterator[str]:
+    """What is wrong with the columns of a map, which people edit; what follows may not hold."""
+    number = np.arange(len(numbers))
+    cells = numbers.drop(columns=["parent", "astray"]).to_numpy()
+    if not len(numbers) or not np.isfinite(cells).all():
+        yield "has no rows, or cells that are no numbers"
+    if (numbers["neuron"] != number).any():
+        yield "must have all its rows, in the order of the column neuron"
+    for value in numbers["class"][~numbers["class"].isin(range(256))]:
+        yield f"must have whole numbers from 0 to 255 as class, got {value:g}"
+    if not numbers["parent"][has_parent].isin(number[~has_parent]).all():
+        yield "has parents that are no neurons of the first stage"
+    for name in [n + part for n in names for part in ("_low", "_high", "_weight")] + [*LENGTHS]:
+        if numbers[name].nunique() > 1:
+            yield f"must have the same {name} in all rows"
+    one = numbers.iloc[0]
+    if one["radius"] <= 0 or one["context"] < 0:
+        yield "must have a radius above 0 and a context of at least 0"
+    for name in names:
+        if one[f"{name}_weight"] <= 0 or one[f"{name}_high"] < one[f"{name}_low"]:
+            yield f"must have a weight above 0, and a range, for {name}"
 
 
 def trained(

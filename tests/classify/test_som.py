@@ -437,6 +437,17 @@ def test_tables_that_are_no_maps(trained: ClassifySom.Outputs) -> None:
         (Table(frame[["neuron"]]), "no column"),
         (Table(frame.iloc[:0]), "has no rows"),
         (Table(frame.assign(parent=77)), "parents that are no neurons"),
+        (Table(frame.assign(parent=[0, *[None] * (len(frame) - 1)])), "parents that are no neur"),
+        (Table(frame.assign(**{"class": 300})), "numbers from 0 to 255 as class, got 300"),
+        (Table(frame.assign(**{"class": 2.5})), "numbers from 0 to 255 as class, got 2.5"),
+        (Table(frame.assign(**{"class": "roof"})), "cells that are no numbers"),
+        (Table(frame.iloc[::-1]), "must have all its rows, in the order"),
+        (Table(frame.assign(context=np.arange(len(frame)))), "the same context in all rows"),
+        (Table(frame.assign(radius=0.0)), "must have a radius above 0"),
+        (
+            Table(frame.assign(ground_weight=-1.0)),
+            "must have a weight above 0, and a range, for gr",
+        ),
     ]:
         with pytest.raises(DataError, match=text):
             ClassifySomApply(points=park(50), map=table)

@@ -86,13 +86,20 @@ class Cells:
         return self.spread[:, 1] < THICK * self.spread[:, 0]
 
 
-def sort_into_cells(xyz: Floats, *, origin: Floats | None = None, ctx: Context = QUIET) -> Cells:
+def sort_into_cells(
+    xyz: Floats,
+    *,
+    origin: Floats | None = None,
+    noise: float | None = None,
+    ctx: Context = QUIET,
+) -> Cells:
     """Sort points of shape (n, 3) into cells of at most MOST points, or as small as the noise.
 
     Parameters
     ----------
     xyz : finite coordinates
     origin : taken off the coordinates; by default the lowest ones
+    noise : that is known; by default it is found
     ctx : progress and cancellation
 
     Returns
@@ -115,7 +122,7 @@ def sort_into_cells(xyz: Floats, *, origin: Floats | None = None, ctx: Context =
     origin = low if origin is None else origin
     near -= origin
     ctx.progress(0.5)
-    noise, gap = _scales(near, keys, side)
+    noise, gap = _scales(near, keys, side) if noise is None else (noise, 0.0)
     deepest = kernels.LEVELS
     if noise > 0:
         deepest = min(max(0, math.floor(math.log2(side / (THIN * noise)))), deepest)

@@ -134,7 +134,8 @@ def _patches(cells: Cells, rules: Rules, ctx: Context) -> tuple[list[Patch], int
         free = search.free
         if not made or np.count_nonzero(free) < rules.min_points:
             break
-        part = sort_into_cells(part.xyz[free], origin=np.zeros(3))
+        noise = min(cells.noise, rules.tolerance / NOISES)
+        part = sort_into_cells(part.xyz[free], origin=np.zeros(3), noise=noise)
     return found, trials
 
 

@@ -182,6 +182,17 @@ def test_points_of_others_do_not_turn_a_plane() -> None:
     assert row.points == pytest.approx(400, rel=0.1)
 
 
+def test_clutter_does_not_turn_a_plane() -> None:
+    """Things that lie at one side of a slab, within the tolerance that a noisy wall asks for."""
+    rng = np.random.default_rng(4)
+    wall = patch((0, 6, 0), (6, 0, 0), (0, 0, 5), 60_000, noise=0.01)
+    slab = patch((1, 0, 1), (3, 0, 0), (0, 1.2, 0), 1000, seed=9, noise=0.0005)
+    things = FAR + [1, 0, 1] + rng.random((100, 3)) * [3, 0.2, 0.02]
+    out = extracted(np.vstack([wall, slab, things])[rng.permutation(61_100)])
+    assert out.count == 2
+    assert out.planes.frame.tilt[1] < 0.02
+
+
 def test_an_obtuse_edge_does_not_turn_a_plane() -> None:
     """Each point is given to the nearer plane: what is left along the edge lies to one side."""
     slope = math.tan(math.radians(40))

@@ -271,7 +271,7 @@ def facade_of(xyz: Floats, own: NDArray[np.bool_]) -> Facade:
         plane, away = Plane(-plane.normal, plane.centre, plane.origin), -away
     view = View.of(plane, xyz[own])
     uv = view.flat(xyz)
-    area = shapely.convex_hull(shapely.linestrings(uv[own])).area
+    area = float(shapely.area(shapely.convex_hull(shapely.linestrings(uv[own]))))
     return Facade(view, uv, -away, own, math.sqrt(area / own.sum()))
 
 

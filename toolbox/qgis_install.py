@@ -271,7 +271,7 @@ def _python(profile: Path, again: str) -> Finding:
     if not os.path.isfile(python):
         return Finding(f"there is no Python {python}", mend)
     env = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    env["PYTHONPATH"] = known.get("root", "")
+    env |= {"PYTHONPATH": known.get("root", ""), "PYTHONSAFEPATH": "1"}  # as the plugin does
     try:
         done = subprocess.run(
             [python, "-s", "-c", CHECK], env=env, capture_output=True, text=True, check=False

@@ -503,7 +503,16 @@ def check_the_environment_of_the_child_is_clean() -> None:
         del os.environ[name]
         assert name not in env
     assert (env["OURS"], env["GDAL_NUM_THREADS"]) == ("1", "2")
-    assert env["PYTHONNOUSERSITE"] == "1"
+    assert (env["PYTHONNOUSERSITE"], env["PYTHONSAFEPATH"]) == ("1", "1")
+    elsewhere = FOLDER / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "toolbox.py").write_text("raise SystemExit('the wrong toolbox')")
+    here = os.getcwd()
+    os.chdir(elsewhere)
+    try:
+        assert bridge.said(bridge.command("-c", bridge.CHECK)).startswith("lidar-toolbox ")
+    finally:
+        os.chdir(here)
 
 
 def main() -> None:

@@ -91,7 +91,7 @@ def clean_environment() -> dict[str, str]:
         top = os.path.dirname(os.path.dirname(_plain_path(QgsApplication.prefixPath())))
         folders = env.get("PATH", "").split(os.pathsep)
         env["PATH"] = os.pathsep.join(f for f in folders if not _plain_path(f).startswith(top))
-    env["PYTHONNOUSERSITE"] = "1"
+    env |= {"PYTHONNOUSERSITE": "1", "PYTHONSAFEPATH": "1"}  # nothing from where QGIS works
     if root := _root():
         env["PYTHONPATH"] = root
     return env

@@ -117,7 +117,8 @@ class Binned:
 def arcs_of(scene: Scene, curves: Sequence[Piece]) -> tuple[list[Piece], list[Run]]:
     """Curves cut at the supports that they were followed across, and the runs that they form."""
     tracks = [track for curve in curves for track in tracks_of(scene, curve)]
-    arcs, runs = [], []
+    arcs: list[Piece] = []
+    runs: list[Run] = []
     for number, pieces in enumerate(runs_of(tracks)):
         run = Run.of(pieces)
         run = replace(run, pieces=chained(scene, run))
@@ -130,18 +131,14 @@ def arcs_of(scene: Scene, curves: Sequence[Piece]) -> tuple[list[Piece], list[Ru
 
 def cut_up(scene: Scene, run: Run, piece: Piece, number: int) -> Iterator[Piece]:
     """The arcs of one track; none of what goes a short way beyond the outermost supports."""
-    if not len(run.cuts):
-        yield replace(piece, arc=(number, 0))
-        return
     u, _ = run.along(scene.wires.xyz[piece.points])
     arc = np.searchsorted(run.cuts, u)
+    edges = [0.0, *run.cuts, run.step * run.steps]
     for k in np.unique(arc).tolist():
+        stub = len(run.cuts) > 0 and k in (0, len(run.cuts)) and edges[k + 1] - edges[k] < STUB
         points = piece.points[arc == k]
-        beyond = (k == 0 and run.cuts[0] < STUB) or (
-            k == len(run.cuts) and run.step * run.steps - run.cuts[-1] < STUB
-        )
         curve = fit(scene.wires.xyz[points], spread=2 * scene.tolerance)
-        if curve is not None and not beyond:
+        if curve is not None and not stub:
             yield replace(piece, points=points, curve=curve, arc=(number, k))
 
 
@@ -157,7 +154,8 @@ def runs_of(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
         gap = np.maximum(u[:, 0] - length[i], -u[:, 1])
         low, high = np.maximum(u[:, 0], 0.0), np.minimum(u[:, 1], length[i])
         middle = 0.5 * (low + high)
-        share = (middle - (step @ way[i])[:, 0]) / ((step @ way[i]) @ [-1.0, 1.0])
+        begin, end = (step @ way[i]).T
+        share = (middle - begin) / np.where(end == begin, 1.0, end - begin)
         place = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
         own = ends[i, 0] + (middle / length[i])[:, None] * (ends[i, 1] - ends[i, 0])
         away = place - own
@@ -166,7 +164,7 @@ def runs_of(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
         link[i] &= (gap < FARTHEST) & (np.abs(v) < BESIDE) & (np.abs(away[:, 2]) < BESIDE)
     _, label = connected_components(coo_array(link), directed=False)
     for number in range(label.max() + 1 if len(pieces) else 0):
-        yield [pieces[i] for i in np.flatnonzero(label == number)]
+        yield [pieces[i] for i in np.flatnonzero(label == number).tolist()]
 
 
 def tracks_of(scene: Scene, piece: Piece) -> Iterator[Piece]:
@@ -283,6 +281,8 @@ def hardware(scene: Scene, run: Run, parts: Binned, stations: Floats) -> Floats:
     shape = np.full((4, len(stations)), np.nan)  # left, right, low, high
     for k in range(parts.u.shape[1]):
         seen = parts.tall[:, k] > 0
+        if not seen.any():
+            continue
         u = parts.u[seen, k]
         cover = (stations >= u[0]) & (stations <= u[-1])
         v, z = (np.interp(stations[cover], u, part[seen, k]) for part in (parts.v, parts.z))
@@ -321,7 +321,7 @@ def cuts_of(scene: Scene, run: Run) -> Floats:
     bends = TIGHT * RATIO ** np.arange(math.log(SLACK / TIGHT) / math.log(RATIO))
     bend = min(bends, key=lambda bend: solved(coarse, bend, usual)[0])
     fine = binned(scene, run, run.step)
-    stations = run.step * np.arange(run.steps + 1)
+    stations = run.step * np.arange(run.steps + 1, dtype=np.float64)
     shown = hardware(scene, run, fine, stations)
     bare = np.maximum(1 - shown / CLEAR, 0.0)
     wires = maximum_filter1d(tracks_at(fine), 2 * round(SHORTEST / run.step) + 1)
@@ -394,26 +394,19 @@ def settled(
     if not len(places):
         return float(stations[at])
     cost = -np.minimum(np.interp(places, stations, shown), CLEAR)
+    x = places - stations[at]
+    base = np.column_stack([np.ones(len(x)), x, 0.5 * x * x])
+    before, after = slice(low, at), slice(at, high)
     for weight, values, usual in ((parts.tall, parts.z, bend), (parts.flat, parts.v, 0.0)):
-        for k in range(values.shape[1]):
-            sides = [
-                arc(
-                    parts.u[a:b, k] - stations[at],
-                    values[a:b, k],
-                    weight[a:b, k],
-                    usual,
-                    SPREAD * bend,
-                )
-                for a, b in ((low, at), (at, high))
-            ]
-            if sides[0] is None or sides[1] is None:
-                continue
-            (one, cov1), (two, cov2) = sides
-            x = places - stations[at]
-            base = np.column_stack([np.ones(len(x)), x, 0.5 * x * x])
-            gap = base @ (two - one)
-            variance = np.einsum("ij,jk,ik->i", base, cov1 + cov2, base) + MEET**2
-            cost += gap**2 / variance
+        for k in np.flatnonzero((parts.tall[low:high] > 0).any(axis=0)).tolist():
+            one, two = (
+                arc(parts.u[s, k] - stations[at], values[s, k], weight[s, k], usual, SPREAD * bend)
+                for s in (before, after)
+            )
+            if one is not None and two is not None:
+                gap = base @ (two[0] - one[0])
+                variance = np.einsum("ij,jk,ik->i", base, one[1] + two[1], base) + MEET**2
+                cost += gap**2 / variance
     return float(places[int(np.argmin(cost))])
 
 
@@ -430,5 +423,5 @@ def arc(
     normal[2, 2] += 1 / spread**2
     right = base.T @ (weight * values)
     right[2] += usual / spread**2
-    inverse = np.linalg.inv(normal)
-    return inverse @ right, inverse
+    inverse = np.asarray(np.linalg.inv(normal))
+    return np.asarray(inverse @ right), inverse

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 from corridor_scenes import CORNER, Floats, bar, cloud, ground, line, pole, tree, wire
 from pyproj import CRS
 
+from algorithms.corridor._arcs import Binned, agreed, solved
 from algorithms.corridor._thesis import otsu
 from algorithms.corridor.extract import CorridorExtract
 from toolbox.data import PointCloud
@@ -89,6 +92,78 @@ def test_conductors_of_a_bundle_are_told_apart() -> None:
     assert len(frame) == 4
     assert frame.bundle_id.nunique() == 2
     assert frame.c.between(1150, 1250).all()
+
+
+def valley(heights: Sequence[float], per_metre: float) -> tuple[list[Floats], Floats]:
+    """Four wires over poles 45 m apart, whose tops are at these heights."""
+    wires, poles = [], []
+    for k, (a, b) in enumerate(itertools.pairwise(heights)):
+        for y in (-1.0, -0.33, 0.33, 1.0):
+            ends = (45.0 * k, y, a), (45.0 * k + 45, y, b)
+            wires.append(wire(*ends, 400, per_metre, seed=k)[1])
+    for k, top in enumerate(heights):
+        poles.append(pole(45.0 * k, 0.0, top + 0.5))
+    return wires, np.vstack(poles)
+
+
+def places_of(result: CorridorExtract.Outputs) -> Floats:
+    """Where along the x axis the supports are, sorted."""
+    return np.sort(result.towers.frame.geometry.x.to_numpy() - CORNER[0])
+
+
+@pytest.mark.parametrize("per_metre", [4.0, 0.6], ids=["dense", "sparse"])
+def test_poles_in_a_valley_are_found_although_the_wires_hardly_bend(per_metre: float) -> None:
+    wires, poles = valley([14.0, 10.6, 9.0, 10.6, 14.0], per_metre)
+    result = found(GROUND, *wires, poles)
+    assert result.span_count == 4
+    np.testing.assert_allclose(places_of(result), [0, 45, 90, 135, 180], atol=1.5)
+
+
+def test_a_wire_known_along_a_short_way_is_followed_by_the_shape_of_the_others() -> None:
+    _, wires, poles = line([0, 60, 120], [-1, 0, 1], 9, 400)
+    x = wires[0][:, 0]
+    few = (x < 12) | (np.arange(len(x)) % 16 == 0)  # one point in four metres
+    result = found(GROUND, wires[0][few], *wires[1:], poles)
+    frame = result.wires.frame
+    assert len(frame) == 6
+    true = wire((0, -1, 9), (60, -1, 9), 400)[0].points(np.linspace(1, 59, 30)) + CORNER
+    away = [np.abs(_height(shape, true) - true[:, 2]).max() for shape in frame.geometry]
+    assert min(away) < 0.1
+
+
+def test_a_bundle_whose_towers_are_not_in_the_data_is_found() -> None:
+    _, wires, _ = line([0, 180], [-4, 4], 25, 1200)
+    twins = [part + np.array([0, 0.4, 0]) for part in wires]
+    assert len(found(GROUND, *wires, *twins).wires.frame) == 4
+
+
+def test_many_low_points_do_not_make_grass_a_tower() -> None:
+    _, wires, poles = line([0, 60, 120, 180], [-1, 0, 1], 9, 400)
+    rng = np.random.default_rng(5)
+    low = np.column_stack([rng.uniform(-20, 200, 1500), rng.uniform(-30, 30, 1500),
+                           rng.uniform(-13, -3, 1500)])  # fmt: skip
+    points = cloud(GROUND, *wires, poles, low, classes=[2, *[14] * 9, 15, 7])
+    result = CorridorExtract(points=points).run().classified
+    said, true = result["classification"] == 15, points["truth"] == 15
+    assert quality(said, true) > 0.7
+
+
+def arcs_of_tracks(heights: Floats) -> Binned:
+    """Tracks with a point each metre, whose heights are the columns of an array."""
+    u = np.broadcast_to(np.arange(len(heights))[:, None] + 0.5, heights.shape).copy()
+    sure = np.full(heights.shape, 400.0)
+    return Binned(1.0, sure, sure, u, heights, np.zeros(heights.shape))
+
+
+def test_a_single_track_that_changes_over_to_another_wire_makes_no_support() -> None:
+    u = np.arange(100) + 0.5
+    own = 10 + 0.5 * (u % 50 - 25) ** 2 / 400
+    heights = np.column_stack([own] * 4)
+    heights[30:, 3] += 0.8
+    price = np.full(101, 34.0)
+    parts = arcs_of_tracks(heights)
+    edges = solved(parts, 1 / 400, price)[1]
+    assert agreed(parts, edges, 1 / 400, price).tolist() == [0, 50, 100]
 
 
 @pytest.mark.parametrize("turn", [0, 1])

@@ -16,9 +16,10 @@ from algorithms.corridor._network import Scene
 from algorithms.corridor._spans import Wire
 from algorithms.corridor._supports import Support
 
-BASE_LATTICE, BASE_POLE = 1.0, 0.4  # metres above the ground that are left to it
+BASE_LATTICE, BASE_POLE = 1.0, 0.8  # metres above the ground that are left to it
 SLIM = 0.7  # metres: half width from which a body is a lattice
 SPLAY, SLACK = (0.12, 0.02), (0.4, 0.15)  # of lattice and pole: per metre downwards; metres
+THIN = 0.2  # metres: half width of a pole of which little is seen
 FOOT, LEG = 3.0, 1.0  # metres: height below which shrubs may grow inside, and width of a face
 BOX = (0.12, 1.2, 5.0)  # half depth of the space of the arms: per metre of height, least, most
 DROP = (0.08, 0.8, 4.0)  # how far below the lowest wire it begins
@@ -134,4 +135,4 @@ def centre_of(a: Floats, s: Floats, z: Floats, waist: float, height: float) -> t
 def waist_of(away: Floats, z: Floats, waist: float, height: float) -> float:
     """Half width of a body just below its arms."""
     near = (z < waist) & (z > waist - 0.25 * height) & (away < 0.1 * height)
-    return float(np.quantile(away[near], 0.85)) if near.sum() >= LOOP_POINTS else 0.3
+    return float(np.quantile(away[near], 0.85)) if near.sum() >= LOOP_POINTS else THIN

@@ -2,7 +2,7 @@
 
 A roof stands above the ground, lies on planes, and lets no pulse through. Points for which this
 holds, judged by what is around them, are joined to regions; what lies in a region, up to the roof,
-is building.
+is building. Outlines are drawn around those that lie on planes themselves.
 
 References
 ----------
@@ -12,6 +12,8 @@ airborne LIDAR data. IEEE Transactions on Geoscience and Remote Sensing 44(9), 2
 planes, footprints, main directions.
 Rottensteiner, F. and Briese, C. (2002). A new method for building extraction in urban areas from
 high-resolution LIDAR data. ISPRS Archives 34(3A), 295-301: height, roughness, then size.
+Rényi, A. and Sulanke, R. (1963). Über die konvexe Hülle von n zufällig gewählten Punkten.
+Zeitschrift für Wahrscheinlichkeitstheorie 2, 75-84: how far inside of an edge hulls of points stay.
 
 How well it does, and what it takes for a building: docs/explanation/urban-classes.md.
 """
@@ -164,7 +166,7 @@ class ClassifyBuildings:
         found = np.zeros(len(cloud), bool)
         found[part] = up_to_the_roof(scene, roof, with_what_is_joined(shapes, joined, metre), metre)
         ctx.progress(0.9)
-        rows = self._rows(scene, planes, shapes)
+        rows = self._rows(scene, planes, shapes, ctx.part(0.9, 1.0))
         ctx.progress(1.0)
         return self._packed(found, part, rows)
 
@@ -216,10 +218,13 @@ class ClassifyBuildings:
             shapes = shapes[shapely.area(shapes) <= self.largest]
         return shapes[~bridges(scene, planes, shapes)]
 
-    def _rows(self, scene: _evidence.Scene, planes: Mask, shapes: Shapes) -> list[dict[str, Any]]:
+    def _rows(
+        self, scene: _evidence.Scene, planes: Mask, shapes: Shapes, ctx: Context
+    ) -> list[dict[str, Any]]:
         """Buildings with their outlines drawn; several where only the overhang joins them."""
         rows, narrow, plan = [], 0, Plan.of(scene.xyz, planes)
-        for shape in shapes:
+        for done, shape in enumerate(shapes):
+            ctx.progress(done / len(shapes))
             inside = plan.within(shape.buffer(TOUCHING * scene.cloud.metre))
             roof, straight = self._drawn(shape, len(inside) / shape.area)
             walls = roof.buffer(-self.overhang, join_style="mitre")
@@ -231,7 +236,7 @@ class ClassifyBuildings:
                 for drawn in shapely.get_parts(roof if walls.is_empty else walls)
             ]
         if narrow:
-            log.warning("%d roofs are narrower than twice the overhang: drawn as they are", narrow)
+            log.warning("roofs narrower than twice the overhang, drawn as they are: %d", narrow)
         return rows
 
     def _drawn(self, shape: Any, density: float) -> tuple[Any, bool]:
@@ -314,7 +319,7 @@ def margin(density: float, alpha: float) -> float:
 
     Between two points that it touches, a disc of radius r sinks in by h = l^2 / (8 r) for a chord
     of length l. Where one point is expected in the area l h, no other is in the way: so
-    h = (density sqrt(8 r))^(-2/3), as convex hulls of points have it (Renyi and Sulanke 1963).
+    h = (density sqrt(8 r))^(-2/3), as it is with convex hulls (Rényi and Sulanke 1963).
 
     Parameters
     ----------

@@ -167,7 +167,7 @@ def test_overhang_is_taken_off_the_outlines(caplog: pytest.LogCaptureFixture) ->
     assert walls.building_share == roof.building_share
     with caplog.at_level(logging.WARNING, "toolbox"):
         shed = ClassifyBuildings(points=points, smallest=5.0, largest=50.0, overhang=2.0).run()
-    assert "1 roofs are narrower than twice the overhang" in caplog.text
+    assert "narrower than twice the overhang, drawn as they are: 1" in caplog.text
     assert len(shed.outlines) == 1
     assert shed.outlines.frame.area[0] > 7
 

@@ -139,6 +139,7 @@ class PlanesOpenings:
         notes = {"opening_id": "0 of none", "behind": "1 seen through an opening"}
         cleaned = cloud.with_attributes(columns, descriptions=notes)
         layer, elevation = self._layers(front, made, number)
+        del front, made, opening, ids  # outlines need much memory
         planes = self._planes(kept, ctx.part(0.7, 1.0))
         ctx.progress(1.0)
         return self.Outputs(
@@ -146,7 +147,7 @@ class PlanesOpenings:
             openings=layer,
             elevation=elevation,
             planes=planes,
-            count=len(made.shapes),
+            count=len(layer),
             behind=int((behind & cloud.core).sum()),
             given_up=len(given_up),
         )

@@ -15,6 +15,8 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from algorithms.planes._cells import sort_into_cells
+from algorithms.planes._search import Rules, Search
 from algorithms.planes.extract import PlanesExtract
 from algorithms.samples.scene import scene
 from toolbox.data import PointCloud
@@ -215,19 +217,17 @@ def test_noise_of_a_dense_scan() -> None:
     assert (out.count, out.share > 0.995) == (1, True)
 
 
-def test_sparse_points_do_not_hang_together() -> None:
-    """Two panes of few points in one plane, each in the hole of a wall of many."""
-    rng = np.random.default_rng(8)
-    wall = patch((0, 0, 0), (8, 0, 0), (0, 0, 3), 30_000)
-    at = (wall - FAR)[:, [0, 2]]
-    for left in (1, 5):
-        wall = wall[~((abs(at[:, 0] - left - 1) < 1) & (abs(at[:, 1] - 1.5) < 1))]
-        at = (wall - FAR)[:, [0, 2]]
-    panes = [patch((k, 0.15, 0.5), (2, 0, 0), (0, 0, 2), 300, seed=k) for k in (1, 5)]
-    xyz = np.vstack([wall, *panes])
-    out = extracted(xyz[rng.permutation(len(xyz))])
-    assert out.count == 3
-    assert list(out.planes.frame.points[1:]) == pytest.approx([300, 300], abs=15)
+@pytest.mark.parametrize(("whole", "share"), [(True, 1.0), (False, 0.5)])
+def test_points_of_a_sparse_cell_need_not_hang_together(whole: bool, share: float) -> None:
+    """Two groups of points three metres apart in one cell, such as panes of two windows."""
+    rng = np.random.default_rng(3)
+    groups = rng.random((2, 14, 2)) * 0.5 + [[[0.0, 0.0]], [[3.0, 0.0]]]
+    xyz = np.column_stack([groups.reshape(-1, 2), rng.normal(0, 0.001, 28)])
+    cells = sort_into_cells(xyz, origin=np.zeros(3), noise=0.001)
+    assert len(cells.counts) == 1
+    rules = Rules(tolerance=0.01, angle=0.3, gap=0.6, min_points=10, min_extent=0.1)
+    (found,) = Search(cells, rules, whole=whole).patches()
+    assert found.under(xyz, rules.gap) == share
 
 
 def test_steps_of_a_wall_are_planes_of_their_own() -> None:

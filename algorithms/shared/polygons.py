@@ -77,8 +77,8 @@ class Polygons:
 
     @classmethod
     def of(cls, shapes: Shapes) -> Polygons:
-        """Sort valid polygons, which may overlap each other."""
-        edges = _edges(shapes)
+        """Sort valid polygons, or several in one, which may overlap each other."""
+        edges = _edges(shapely.get_parts(shapes))
         if not len(edges):
             nothing = np.zeros(0, np.int32)
             return cls(edges, nothing, np.zeros(1, np.int64), nothing, (0.0, 0.0, 1.0, 0, 0))

@@ -54,6 +54,12 @@ def test_overlapping_polygons_count_once_and_islands_in_holes_count() -> None:
     assert held([SQUARE, island, beside], xy) == [True, False, True, True, False]
 
 
+def test_several_polygons_in_one_are_all_there() -> None:
+    two = shapely.MultiPolygon([shapely.box(0, 0, 1, 1), shapely.box(5, 0, 6, 1)])
+    places = np.array([(0.5, 0.5), (3.0, 0.5), (5.5, 0.5)])
+    assert Polygons.of(np.array([two])).hold(places).tolist() == [True, False, True]
+
+
 def test_no_polygons_and_no_points() -> None:
     assert held([], np.array([[0.0, 0.0]])) == [False]
     assert held([SQUARE], np.empty((0, 2))) == []

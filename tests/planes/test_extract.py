@@ -304,6 +304,16 @@ def test_regular_planes() -> None:
     assert far.count == 3
 
 
+def test_a_plane_stays_with_its_points() -> None:
+    """A long wall that is 1.5 degrees off square would leave them by centimetres."""
+    lean = math.tan(math.radians(1.5))
+    one = patch((0, 0, 0), (8, 0, 0), (0, 0, 3), 6000)
+    other = patch((0, 0, 0), (6 * lean, 6, 0), (0, 0, 3), 3000, seed=2)
+    frame = extracted(np.vstack([one, other]), regularise=True).planes.frame
+    normals = frame[["normal_x", "normal_y"]].to_numpy()
+    assert abs(normals[0] @ normals[1]) == pytest.approx(math.sin(math.radians(1.5)), rel=0.02)
+
+
 def test_withheld_points_and_attributes() -> None:
     xyz = corner()
     columns: dict[str, NDArray[Any]] = {

@@ -190,6 +190,9 @@ def tracks_of(scene: Scene, piece: Piece) -> Iterator[Piece]:
         ends = [np.polyval(np.polyfit(u[i] - middle, z[i], 1), 0.0) for i in (before, after)]
         if abs(ends[1] - ends[0]) > JUMP:
             edges.append(k)
+    if len(edges) == 1:
+        yield replace(piece, points=np.sort(points))
+        return
     for low, high in itertools.pairwise([*edges, len(u)]):
         mine = np.sort(points[low:high])
         curve = fit(scene.wires.xyz[mine], spread=2.0)

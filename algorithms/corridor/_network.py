@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -45,7 +46,7 @@ class Piece:
     sure: bool = True
     arc: tuple[int, int] = (0, 0)
 
-    @property
+    @functools.cached_property
     def ends(self) -> Floats:
         """First and last place, array of shape (2, 3)."""
         return self.curve.points(np.array([0.0, self.curve.length]))

@@ -1,9 +1,9 @@
 """Power lines in a raw cloud: points of wires and towers, and the wires as curves.
 
 A wire is what stands alone in the air and hangs in an arc. Straight pieces of such points are
-followed along parabolas, across gaps. Where arcs of several wires end or meet in a cusp there is a
-support; between two supports each conductor is a catenary, and what lies on it is wire. What stands
-under and around the ends of the wires is tower.
+followed along parabolas, across gaps. All wires of a line are cut into arcs at the same places,
+where its supports are; between two supports each conductor is a catenary, and what lies on it is
+wire. What stands under and around the ends of the wires is tower.
 
 How it works, what it reaches and where it fails: docs/explanation/power-lines.md.
 

@@ -9,7 +9,7 @@ from typing import Any
 from tests.bench.measuring import DATA, say
 
 DENSITIES = (5.0, 8.0, 10.0, 12.0, 16.0, 20.0, 25.0, 30.0, 40.0, 60.0)  # points per square metre
-SEEDS = (range(10), range(200, 210))  # the second was not looked at while the tool was made
+SEEDS = (range(10), range(200, 210))  # the tool was made with the first, not with the second
 
 
 def corridor() -> None:

@@ -352,21 +352,15 @@ def assign(  # type: ignore[no-untyped-def]
     spread,
     gap,
     squares,
-    cosine,
     number,
     xyz,
     starts,
     reach,
     group,
-    centres,
-    normals,
-    flat,
     nearest,
     owner,
 ):
     """Give points near a patch to its plane, unless another is nearer.
-
-    Points nearer to the plane of their cell, if that is another one, are left.
 
     Parameters
     ----------
@@ -381,18 +375,12 @@ def assign(  # type: ignore[no-untyped-def]
         for cell in range(g * GROUP, min((g + 1) * GROUP, len(reach))):
             if not _meets(reach[cell], plane, limit):
                 continue
-            n, c = normals[cell], centres[cell]
-            facing = abs(plane[0] * n[0] + plane[1] * n[1] + plane[2] * n[2])
-            other = flat[cell] and facing < cosine
             for i in range(starts[cell], starts[cell + 1]):
                 x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
                 away = plane[0] * x + plane[1] * y + plane[2] * z - plane[3]
-                if abs(away) <= limit and abs(away) < spread * nearest[i]:
-                    aside = n[0] * (x - c[0]) + n[1] * (y - c[1]) + n[2] * (z - c[2])
-                    if other and abs(aside) < abs(away):
-                        continue
-                    if _within(squares, _square(xyz[i], axes, gap)):
-                        nearest[i], owner[i] = abs(away) / spread, number
+                near = abs(away) <= limit and abs(away) < spread * nearest[i]
+                if near and _within(squares, _square(xyz[i], axes, gap)):
+                    nearest[i], owner[i] = abs(away) / spread, number
 
 
 @njit(cache=True, nogil=True)

@@ -180,14 +180,13 @@ def _halves(ctx: Context) -> Iterator[Context]:
 
 def _nearest(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> NDArray[np.int32]:
     """The number of the patch, from 1, to which each point is nearest in its spread; 0 of none."""
-    group, cosine = kernels.boxes(cells.reach), math.cos(rules.angle)
+    group = kernels.boxes(cells.reach)
     nearest = np.full(len(cells.xyz), np.inf, np.float32)
     owner = np.zeros(len(cells.xyz), np.int32)
     for number, patch in enumerate(patches):
         kernels.assign(
-            patch.plane, patch.axes, rules.tolerance, patch.spread, rules.gap, patch.wider, cosine,
-            number + 1, cells.xyz, cells.starts, cells.reach, group, cells.centres, cells.normals,
-            cells.flat, nearest, owner,
+            patch.plane, patch.axes, rules.tolerance, patch.spread, rules.gap, patch.wider,
+            number + 1, cells.xyz, cells.starts, cells.reach, group, nearest, owner,
         )  # fmt: skip
         ctx.progress(number / len(patches))
     return owner

@@ -272,7 +272,8 @@ def facade_of(xyz: Floats, own: NDArray[np.bool_]) -> Facade:
         plane, away = Plane(-plane.normal, plane.centre, plane.origin), -away
     view = View.of(plane, xyz[own])
     uv = view.flat(xyz)
-    area = float(shapely.area(shapely.convex_hull(shapely.linestrings(uv[own]))))
+    round_trip = np.append(uv[own], uv[own][:1], axis=0)  # a line, also through a single point
+    area = float(shapely.area(shapely.convex_hull(shapely.linestrings(round_trip))))
     return Facade(view, uv, -away, own, math.sqrt(area / own.sum()))
 
 

@@ -25,15 +25,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.corridor._arcs import arcs_of
 from algorithms.corridor._follow import follow
 from algorithms.corridor._lines import tower_layer, wire_layer
-from algorithms.corridor._network import STRONG, Scene, curves_of, wires_among
+from algorithms.corridor._network import Scene
 from algorithms.corridor._spans import Wire
 from algorithms.corridor._supports import Support
 from algorithms.corridor._thesis import Settings, Variance, voxel_lines
 from algorithms.corridor._towers import Tower, insulators, tower_of
-from algorithms.corridor._trace import Airborne, trace_all, uncrowded
+from algorithms.corridor._trace import Airborne, uncrowded
 from algorithms.ground.classify import Terrain, find_terrain, height_above
 from algorithms.shared.ground import may_be_ground, taking_part
 from toolbox.context import QUIET, Context, log
@@ -47,7 +46,9 @@ LINE_CLASSES = (13, 14, 15, 16)  # given anew: wire guard, conductor, tower, con
 OFF_GROUND = 0.4  # metres, from which a point can be of a tower
 COMPANY, ALMOST_ALL = (2.0, 2.0, 1.0), 0.9  # metres, and share of the points with others so near
 SEEN_CELL = 2.0  # metres
-MOSTLY = 0.5  # of the points
+AREA_CELL = 2.0  # metres
+BESIDE, AREA = 6, 0.35  # neighbours of a cell within an area, and the share of such cells
+FEWEST_CELLS, FEWEST_OF_CELL = 50, 1.5  # of which, and how many points in each, an area is judged
 TUBE, TUBE_LEAST, TUBE_MOST = 2.6, 0.12, 0.45  # of the scatter of a wire; metres
 
 Method = Literal["catenary", "thesis"]
@@ -242,7 +243,7 @@ def find_line(
     Raises
     ------
     DataError
-        There are wires but no ground.
+        The points lie along lines, without ground.
     """
     n = len(xyz)
     wire, span, tower = (np.zeros(n, np.uint32) for _ in range(3))
@@ -252,6 +253,7 @@ def find_line(
     ctx.progress(0.0)
     if not ground.any():
         return nothing
+    require_ground((xyz[part, :2] - origin[:2]) / metre)
     ground = ground & accompanied(xyz, metre)
     terrain = find_terrain(_frozen(xyz[ground]), metre=metre, ctx=ctx.part(0.0, 0.4))
     above = height_above(xyz, terrain)
@@ -267,7 +269,6 @@ def find_line(
     scene = Scene(air, height, high.select(alone), tolerance, _elevation(terrain, origin), seen)
     wires, supports = follow(scene, voxel[alone], max_gap, ctx.part(0.45, 0.9))
     if not wires:
-        require_ground((xyz[part] - origin) / metre, tolerance, max_gap)
         return nothing
     wires, towers, strings = dressed(scene, wires, supports)
     own = index[air.order]
@@ -304,28 +305,27 @@ def by_thesis(
     return replace(nothing, wires=wires)
 
 
-def require_ground(xyz: Floats, tolerance: float, max_gap: float) -> None:
-    """Refuse points that are wires and little else: the lowest of them were taken for ground.
+def require_ground(xy: Floats) -> None:
+    """Refuse points, of shape (n, 2) in metres, that lie along lines only: wires without ground.
+
+    The lowest wires would be taken for ground. Seen from above, cells with ground have others
+    around them; those with wires have others before and behind. Points that are few, or so sparse
+    that most cells of ground have one, cannot be judged.
 
     Raises
     ------
     DataError
     """
-    all_points = Airborne.of(xyz)
-    alone, voxel = uncrowded(all_points, footprint(xyz)[1])
-    if alone.mean() < MOSTLY:
-        return
-    some = all_points.select(alone)
-    curves = trace_all(
-        some, voxel[alone], tolerance=tolerance, max_gap=max_gap, least=STRONG, ctx=QUIET
-    )
-    height = np.full(len(xyz), np.inf)
-    scene = Scene(all_points, height, some, tolerance, lambda x, y: 0.0, lambda x, y: False)
-    arcs, _ = arcs_of(scene, curves_of(scene, curves))
-    if sum(len(arc.points) for arc in wires_among(scene, arcs)) > MOSTLY * len(xyz):
+    cell = np.floor((xy - xy.min(axis=0)) / AREA_CELL).astype(np.int64) + 1
+    width = int(cell[:, 1].max()) + 2
+    keys, count = np.unique(cell @ [width, 1], return_counts=True)
+    steps = (width - 1, width, width + 1, 1, -1, 1 - width, -width, -1 - width)
+    beside = sum(np.isin(keys + step, keys, assume_unique=True).astype(int) for step in steps)
+    enough = len(keys) >= FEWEST_CELLS and count.mean() >= FEWEST_OF_CELL
+    if enough and np.mean(beside >= BESIDE) < AREA:
         raise DataError(
-            "points: they are wires without the ground below, from which heights are measured; "
-            "give the ground too, or fit the wires with corridor.catenaries"
+            "points: lie along lines, as wires do, without the ground from which heights are "
+            "measured; give the ground too, or fit the wires with corridor.catenaries"
         )
 
 

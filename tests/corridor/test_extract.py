@@ -290,8 +290,11 @@ def test_no_line_is_an_empty_result_that_says_so(caplog: pytest.LogCaptureFixtur
 
 def test_wires_without_ground_are_refused() -> None:
     _, wires, _ = line([0, 180], [-4, 0, 4], 25, 1200)
-    with pytest.raises(DataError, match="without the ground below"):
+    with pytest.raises(DataError, match="along lines, as wires do, without the ground"):
         found(*wires)
+    _, wires, poles = line([0, 60, 120], [-1, 1], 9, 400)
+    with pytest.raises(DataError, match="without the ground"):
+        found(*wires, poles)
 
 
 def test_ground_classes_must_occur() -> None:

@@ -195,9 +195,21 @@ def _heights(u: Floats, length: float, z_start: float, z_end: float, curvature: 
     return np.asarray(z_start - _hang(u0, curvature) + hung)
 
 
-def _jacobian(u: Floats, length: float, z_start: float, z_end: float, curvature: float) -> Floats:
-    """Change of height with z_start, z_end and curvature, array of shape (n, 3)."""
-    base = _heights(u, length, z_start, z_end, curvature)
+def _jacobian(
+    u: Floats,
+    length: float,
+    z_start: float,
+    z_end: float,
+    curvature: float,
+    *,
+    base: Floats | None = None,
+) -> Floats:
+    """Change of height with z_start, z_end and curvature, array of shape (n, 3).
+
+    `base` are the heights themselves, where they are known.
+    """
+    if base is None:
+        base = _heights(u, length, z_start, z_end, curvature)
     step = 1e-3 * curvature + 1e-9
     bent = _heights(u, length, z_start, z_end, curvature + step)
     raised = _heights(u, length, z_start, z_end + 1e-3, curvature)
@@ -241,15 +253,14 @@ def fit(
     tall = np.array([start(0.0), start(length), usual])
     flat, weight, sigma = np.zeros(3), np.ones(len(u)), spread / CUT
     bends = sways and tall[2] * length**2 / 8 > SWAYS
-    inverse = np.eye(3)
+    height = _heights(u, length, *tall)
     for number in range(ROUNDS):
-        height = _heights(u, length, *tall)
         sag = tall[0] + (tall[1] - tall[0]) * u / length - height
         plan = np.column_stack([np.ones(len(u)), u] + ([sag] if bends else []))
         root = np.sqrt(weight)[:, None]
         found = np.linalg.lstsq(root * plan, root[:, 0] * v, rcond=None)[0]
         flat = np.append(found, [0.0] * (3 - len(found)))
-        steps = _jacobian(u, length, *tall)
+        steps = _jacobian(u, length, *tall, base=height)
         scale = np.array([1.0, 1.0, length**2 / 8])
         scaled = root * steps / scale
         normal = scaled.T @ scaled + np.diag([1e-9, 1e-9, 1e-9])
@@ -261,8 +272,8 @@ def fit(
         change = np.linalg.solve(normal, right) / scale
         tall = tall + change
         tall[2] = np.clip(tall[2], FLATTEST, TIGHTEST)
-        inverse = np.linalg.inv(normal) / np.outer(scale, scale)
-        away_v, away_z = v - plan @ found, z - _heights(u, length, *tall)
+        height = _heights(u, length, *tall)
+        away_v, away_z = v - plan @ found, z - height
         square = away_v**2 + away_z**2
         # The median square of two normal variables is 2 ln 2 times their variance.
         sigma = max(float(np.sqrt(np.median(square[weight > 0]) / math.log(4))), LEAST_SIGMA)
@@ -274,6 +285,7 @@ def fit(
         if np.count_nonzero(weight) < 4:
             return None
     used = weight > 0
+    inverse = np.linalg.inv(normal) / np.outer(scale, scale)
     error = float(np.sqrt((weight * away_z**2).sum() / max(weight.sum() - 3, 1)))
     return Catenary(
         float(x), float(y), float(direction[0]), float(direction[1]), length,

@@ -326,15 +326,16 @@ def heap_of(v: Floats, z: Floats, free: NDArray[np.bool_]) -> tuple[float, float
     if np.count_nonzero(free) < FEW:
         return None
     cells = np.floor(np.column_stack([v[free], z[free]]) / SLIM).astype(np.int64)
-    keys, counts = np.unique(cells, axis=0, return_counts=True)
-    table = {(int(a), int(b)): int(n) for (a, b), n in zip(keys, counts, strict=True)}
-    totals = {
-        (a, b): sum(table.get((a + i, b + j), 0) for i in (0, 1) for j in (0, 1)) for a, b in table
-    }
-    at = max(totals, key=lambda key: totals[key])
-    if totals[at] < FEW:
+    low = cells.min(axis=0)
+    table = np.zeros(cells.max(axis=0) - low + 2, np.int64)  # none beyond BESIDE: it is small
+    np.add.at(table, tuple((cells - low).T), 1)
+    totals = table[:-1, :-1] + table[1:, :-1] + table[:-1, 1:] + table[1:, 1:]
+    totals[table[:-1, :-1] == 0] = 0
+    at = np.array(np.unravel_index(totals.argmax(), totals.shape))
+    if totals[tuple(at)] < FEW:
         return None
-    return (at[0] + 1) * SLIM, (at[1] + 1) * SLIM
+    right, upper = (at + low + 1) * SLIM
+    return float(right), float(upper)
 
 
 # --- conductors of a bundle ----------------------------------------------------------------

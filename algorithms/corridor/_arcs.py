@@ -41,10 +41,8 @@ SPREAD = 0.3  # of the curvature of a line, by which wires and spans differ
 SHORTEST = 20.0  # metres between two supports
 NOISE, BLUR, SWAY = 0.03, 0.05, 0.15  # metres: least scatter of a point; of many, up and aside
 CUT, CUT_EACH = 10.0, 6.0  # squares of sigmas: price of a cut, and for each wire
-CLEAR, CHANCE = (
-    15.0,
-    5.0,
-)  # squares of sigmas: certain hardware; what a cut gains by chance per wire
+CLEAR = 15.0  # squares of sigmas: certain hardware
+CHANCE = 5.0  # squares of sigmas: what a cut gains by chance, for each wire
 BAY, ASIDE, BELOW, ABOVE = 0.75, 1.0, 0.6, 1.2  # metres around the wires where hardware shows
 CLOSE, WIDE = 1.5, 6.0  # metres from a station, where the usual number of points is counted
 STUB = 12.0  # metres: what goes on so far beyond the outermost support

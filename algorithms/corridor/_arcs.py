@@ -43,6 +43,7 @@ NOISE, BLUR, SWAY = 0.03, 0.05, 0.15  # metres: least scatter of a point; of man
 CUT, CUT_EACH = 10.0, 6.0  # squares of sigmas: price of a cut, and for each wire
 CLEAR = 15.0  # squares of sigmas: certain hardware
 CHANCE = 5.0  # squares of sigmas: what a cut gains by chance, for each wire
+MOST_PAID = 1.4  # of its share of the price, by a wire among many
 BAY, ASIDE, BELOW, ABOVE = 0.75, 1.0, 0.6, 1.2  # metres around the wires where hardware shows
 CLOSE, WIDE = 1.5, 6.0  # metres from a station, where the usual number of points is counted
 STUB = 12.0  # metres: what goes on so far beyond the outermost support
@@ -346,13 +347,17 @@ def misfits(parts: Binned, low: Ints, high: Ints, bend: float) -> Floats:
 
 
 def agreed(parts: Binned, edges: Ints, bend: float, price: Floats) -> Ints:
-    """The cuts that no track pays more than twice its share of: one may follow another wire."""
-    shares = price / np.maximum(tracks_at(parts), 1)
+    """The cuts for which enough of the tracks pay: some three of four, of few tracks one less.
+
+    One may follow another wire, or be pushed off by a crane beside it, and would pay for all.
+    """
+    tracks = np.maximum(tracks_at(parts), 1)
+    most = MOST_PAID * price / tracks * (tracks + 1) / tracks
     while len(edges) > 2:
-        price_here, most = price[edges[1:-1]], 2 * shares[edges[1:-1], None]
         arcs = misfits(parts, edges[:-1], edges[1:], bend)
         gain = misfits(parts, edges[:-2], edges[2:], bend) - arcs[:-1] - arcs[1:]
-        spare = np.minimum(gain, most).sum(axis=1) - price_here
+        paid = np.minimum(gain, most[edges[1:-1], None]).sum(axis=1)
+        spare = paid - price[edges[1:-1]]
         worst = int(np.argmin(spare))
         if spare[worst] >= 0:
             break

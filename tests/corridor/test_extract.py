@@ -321,12 +321,23 @@ def test_a_pole_alone_is_none() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tile", ["12AN2_20", "12BZ1_21"])
-def test_a_real_transmission_line(tile: str) -> None:
+@pytest.mark.parametrize(
+    ("tile", "corner"),
+    [
+        ("12AN2_20", (47.3, 40.8)),
+        ("12AN2_20", (50.0, 50.0)),
+        ("12BZ1_21", (42.7, 35.4)),
+        ("12BZ1_21", (50.0, 50.0)),
+    ],
+)
+def test_a_real_transmission_line(tile: str, corner: tuple[float, float]) -> None:
+    """Wherever cells begin: a point far off the line moves them all."""
     path = DATA / f"powerline_ahn4/{tile}_as_published.laz"
     if not path.exists():
         pytest.skip("needs powerline_ahn4")
-    points = PointCloud.open(path).with_crs(CRS(28992))
+    line = PointCloud.open(path).with_crs(CRS(28992))
+    far = line.select([0]).with_xyz(line.xyz.min(axis=0, keepdims=True) - [[*corner, 0.0]])
+    points = PointCloud.concat([line, far])
     result = CorridorExtract(points=points).run()
     said, true = result.classified["classification"] == 14, points["classification"] == 14
     assert (said & true).sum() / said.sum() > 0.98

@@ -84,7 +84,7 @@ def spans_of(
         for wires in spans
     ]
     span = 0
-    for wires in spans:
+    for wires in without_doubles(scene, spans):
         bundles = [strands(scene, wire) for wire in wires]
         if not are_wires([strand for own in bundles for strand in own]):
             continue
@@ -93,6 +93,22 @@ def spans_of(
             found.append(replace(to_supports(strand, supports), span=span, bundle=number))
         bundle, span = bundle + len(bundles), span + 1
     return with_supports(numbered(found, supports), supports)
+
+
+def without_doubles(scene: Scene, spans: Sequence[Sequence[Wire]]) -> list[list[Wire]]:
+    """Spans without wires that lie on those of another span with more points: found twice."""
+    taken = np.zeros(len(scene.wires.xyz), bool)
+    kept: dict[int, list[Wire]] = {}
+    by_points = sorted(range(len(spans)), key=lambda k: -sum(w.curve.count for w in spans[k]))
+    for k in by_points:
+        near = [
+            scene.wires.around(w.curve, 2.5 * scene.tolerance, 0.0, w.curve.length)[0]
+            for w in spans[k]
+        ]
+        pairs = zip(spans[k], near, strict=True)
+        kept[k] = [wire for wire, own in pairs if not 2 * np.count_nonzero(taken[own]) > len(own)]
+        taken[np.concatenate([*near, np.empty(0, np.int64)])] = True
+    return [kept[k] for k in range(len(spans))]
 
 
 def are_wires(wires: Sequence[Wire]) -> bool:

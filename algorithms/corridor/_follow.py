@@ -14,8 +14,6 @@ from algorithms.corridor._supports import Support, supports_of
 from algorithms.corridor._trace import trace_all
 from toolbox.context import Context
 
-SHORTEST = 10.0  # metres of a curve
-
 
 def follow(
     scene: Scene, voxel: NDArray[np.int64], max_gap: float, ctx: Context
@@ -29,7 +27,7 @@ def follow(
     max_gap : longest piece of a wire that may be missing, metres
     """
     curves = trace_all(
-        scene.wires, voxel, tolerance=scene.tolerance, max_gap=max_gap, least=SHORTEST,
+        scene.wires, voxel, tolerance=scene.tolerance, max_gap=max_gap,
         ctx=ctx.part(0.0, 0.7),
     )  # fmt: skip
     arcs, runs = arcs_of(scene, curves_of(scene, curves))

@@ -107,7 +107,8 @@ def without_doubles(scene: Scene, spans: Sequence[Sequence[Wire]]) -> list[list[
         ]
         pairs = zip(spans[k], near, strict=True)
         kept[k] = [wire for wire, own in pairs if not 2 * np.count_nonzero(taken[own]) > len(own)]
-        taken[np.concatenate([*near, np.empty(0, np.int64)])] = True
+        for own in near:
+            taken[own] = True
     return [kept[k] for k in range(len(spans))]
 
 

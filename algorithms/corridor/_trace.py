@@ -24,6 +24,7 @@ from toolbox.context import Context
 
 CELL = 4.0  # metres, of the plan index
 VOXEL, AROUND = 1.0, 2  # metres; voxels to each side that may crowd a wire
+SHORTEST = 10.0  # metres of a curve that is kept
 LINES = 6.0  # as many wires side by side leave a voxel uncrowded
 SPARSEST, DENSEST, PER_DENSITY = (
     7.0,
@@ -175,14 +176,13 @@ def seeds(points: Airborne, voxel: Ints, ctx: Context) -> tuple[Ints, Floats]:
 
 
 def trace_all(
-    points: Airborne, voxel: Ints, *, tolerance: float, max_gap: float, least: float, ctx: Context
+    points: Airborne, voxel: Ints, *, tolerance: float, max_gap: float, ctx: Context
 ) -> list[tuple[Floats, Ints]]:
     """Curves from all seeds that no other curve has covered, and the points of each.
 
     Parameters
     ----------
     points : those that may be wire
-    least : shortest curve worth keeping
     """
     begin, headings = seeds(points, voxel, ctx.part(0, 0.5))
     used = np.zeros(len(points.xyz), bool)
@@ -200,7 +200,7 @@ def trace_all(
         used[seed] = True
         mine = found[:count].copy()
         fresh = mine[~used[mine]]
-        if count and curve[kernels.HI] - curve[kernels.LO] >= least and 2 * len(fresh) > count:
+        if count and curve[kernels.HI] - curve[kernels.LO] >= SHORTEST and 2 * len(fresh) > count:
             used[mine] = True
             curves.append((curve.copy(), np.sort(fresh)))
     return curves

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.corridor._catenary import Catenary
 from algorithms.corridor._network import Scene
 from algorithms.corridor._spans import Wire
 from algorithms.corridor._supports import Support
@@ -24,8 +25,12 @@ FOOT, LEG = 3.0, 1.0  # metres: height below which shrubs may grow inside, and w
 BOX = (0.12, 1.2, 5.0)  # half depth of the space of the arms: per metre of height, least, most
 DROP = (0.08, 0.8, 4.0)  # how far below the lowest wire it begins
 OUT = (0.1, 0.5, 4.0)  # how far it goes beyond the outermost wires
-PEAK = (0.08, 1.0, 6.0)  # how far it goes above the highest wire
+PEAK = (0.08, 1.5, 6.0)  # how far it goes above the highest wire
 LOOP = (0.4, 4.0, 1.2)  # metres: a jumper hangs this far below and aside of its wire
+NEAR = 30.0  # metres around a support
+ARM = (0.04, 0.02, 0.05)  # of the height: half depth, half of what is level, and reach above that
+BESIDE = (0.5, 1.5)  # metres: aside of a wire, clear of the peak and of the next arm
+SHORTEST = 0.04  # length of insulators by which wires pull, of the height, without jumpers
 STRING = (0.15, 0.0, 9.0)  # how far from the tower: per metre of height, least, most
 LOOP_POINTS = 5
 LOOP_WIDTH = 1.3  # of the part of a jumper that is clear of its wire, by its parabola
@@ -62,27 +67,70 @@ def scaled(rule: tuple[float, float, float], height: float) -> float:
     return min(max(share * height, least), most)
 
 
-def insulators(scene: Scene, wires: Sequence[Wire], number: int, support: Support) -> float:
-    """Length of the strings by which wires pull at a support, metres; 0 where they hang from it.
+def strings_of(scene: Scene, wires: Sequence[Wire], supports: Sequence[Support]) -> Floats:
+    """Length of the insulators by which wires pull at their supports, 0 where they hang; metres.
+
+    A wire that pulls at an arm ends at its height, one that hangs is below it. What stands above
+    the arms, as a guard wire, has no insulators.
+
+    Parameters
+    ----------
+    scene : in which points on wires are taken
+    wires : n wires, from support to support
+
+    Returns
+    -------
+    array of shape (n, 2), at the beginning and the end of each wire
+    """
+    found = np.zeros((len(wires), 2))
+    for number, support in enumerate(supports):
+        near = scene.air.within(np.array([support.x, support.y]), NEAR)
+        xyz = scene.air.xyz[near[scene.free[near]]]
+        height = support.high - support.ground
+        ends = [
+            (k, e) for k, wire in enumerate(wires) for e in (0, 1) if wire.supports[e] == number
+        ]
+        around = [around_end(wires[k].curve, e, xyz) for k, e in ends]
+        level, above = np.array([arms_at(*places, height) for places in around]).T
+        if level.sum() <= above.sum():
+            continue
+        tops = np.array([(wires[k].curve.z_start, wires[k].curve.z_end)[e] for k, e in ends])
+        pulls = tops <= tops[level > above].max()
+        length = by_jumpers(around, height) or SHORTEST * height
+        for (k, e), pull in zip(ends, pulls.tolist(), strict=True):
+            found[k, e] = pull * length
+    return found
+
+
+def around_end(curve: Catenary, end: int, xyz: Floats) -> tuple[Floats, Floats, Floats]:
+    """How far points of shape (n, 3) are from an end along a wire, to its left and above it."""
+    u, v, z = curve.residuals(xyz)
+    return curve.length - u if end else u, v, z
+
+
+def arms_at(along: Floats, v: Floats, z: Floats, height: float) -> tuple[int, int]:
+    """How many points of arms there are beside the end of a wire, and how many above it."""
+    depth, level, above = (share * height for share in ARM)
+    beside = (np.abs(along) < depth) & (np.abs(v) > BESIDE[0]) & (np.abs(v) < BESIDE[1])
+    return (
+        int(np.count_nonzero(beside & (np.abs(z) < level))),
+        int(np.count_nonzero(beside & (z > level) & (z < above))),
+    )
+
+
+def by_jumpers(around: Sequence[tuple[Floats, Floats, Floats]], height: float) -> float:
+    """Length of the insulators between the wires and a support, 0 where no jumpers are seen.
 
     Where wires end at both sides of a tower, a jumper leads the current around it, from the end of
     one string to the end of the other.
     """
     found = []
-    reach = scaled(STRING, support.high - support.ground)
-    for wire in wires:
-        for end in (0, 1):
-            if wire.supports[end] != number:
-                continue
-            near = scene.air.within(np.array([support.x, support.y]), 30.0)
-            near = near[scene.free[near]]
-            u, v, z = wire.curve.residuals(scene.air.xyz[near])
-            along = wire.curve.length - u if end else u
-            below, deepest, aside = LOOP
-            loop = (z < -below) & (z > -deepest) & (np.abs(v) < aside)
-            loop &= (along > 0.8) & (along < reach)
-            if np.count_nonzero(loop) >= LOOP_POINTS:
-                found.append(LOOP_WIDTH * float(np.quantile(along[loop], 0.9)))
+    below, deepest, aside = LOOP
+    for along, v, z in around:
+        loop = (z < -below) & (z > -deepest) & (np.abs(v) < aside)
+        loop &= (along > 0.8) & (along < scaled(STRING, height))
+        if np.count_nonzero(loop) >= LOOP_POINTS:
+            found.append(LOOP_WIDTH * float(np.quantile(along[loop], 0.9)))
     return float(np.median(found)) if len(found) >= 2 else 0.0
 
 

@@ -31,7 +31,7 @@ from algorithms.corridor._network import Scene
 from algorithms.corridor._spans import Wire
 from algorithms.corridor._supports import Support
 from algorithms.corridor._thesis import Settings, Variance, voxel_lines
-from algorithms.corridor._towers import Tower, insulators, tower_of
+from algorithms.corridor._towers import Tower, strings_of, tower_of
 from algorithms.corridor._trace import Airborne, uncrowded
 from algorithms.ground.classify import Terrain, find_terrain, height_above
 from algorithms.shared.ground import may_be_ground, taking_part
@@ -386,19 +386,24 @@ def dressed(
     scene: Scene, wires: Sequence[Wire], supports: Sequence[Support]
 ) -> tuple[list[Wire], list[Tower], list[float]]:
     """Wires that end at their insulators, towers, and the length of the insulators of each."""
+    take(scene, wires)
+    strings = strings_of(scene, wires, supports)
+    ended = [without_strings(wire, *own) for wire, own in zip(wires, strings, strict=True)]
+    take(scene, ended)
+    held = np.array([wire.supports for wire in wires])
+    longest = [float(strings[held == number].max()) for number in range(len(supports))]
+    return ended, [tower_of(scene, support) for support in supports], longest
+
+
+def take(scene: Scene, wires: Sequence[Wire]) -> None:
+    """Leave the points that do not lie on wires free."""
     scene.free[:] = True
-    scene.take(wire.curve for wire in wires)
-    strings = [insulators(scene, wires, k, support) for k, support in enumerate(supports)]
-    ended = [without_strings(wire, strings) for wire in wires]
-    scene.free[:] = True
-    for wire in ended:
+    for wire in wires:
         scene.free[on_wire(scene, wire)[0]] = False
-    return ended, [tower_of(scene, support) for support in supports], strings
 
 
-def without_strings(wire: Wire, strings: Sequence[float]) -> Wire:
-    """A wire that begins and ends at its insulators."""
-    low, high = (strings[k] if k >= 0 else 0.0 for k in wire.supports)
+def without_strings(wire: Wire, low: float, high: float) -> Wire:
+    """A wire that begins and ends at its insulators, of these lengths."""
     if 3 * (low + high) >= wire.curve.length:
         return wire
     curve = wire.curve.between(low, wire.curve.length - high)

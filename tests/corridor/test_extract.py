@@ -149,6 +149,28 @@ def test_many_low_points_do_not_make_grass_a_tower() -> None:
     assert quality(result["classification"] == 15, points["truth"] == 15) > 0.85
 
 
+@pytest.mark.parametrize(("string", "arm"), [(0.3, 9.0), (0.0, 9.4)], ids=["pull", "hang"])
+def test_arms_are_of_the_pole_and_wires_below_them_are_not(string: float, arm: float) -> None:
+    """Wires pull at arms of their own height, by insulators in line with them, or hang below."""
+    stations, offsets = (0.0, 60.0, 120.0), (-1.0, 0.0, 1.0)
+    wires = [
+        wire((a + string, y, 9), (b - string, y, 9), 400, seed=int(a))[1]
+        for a, b in itertools.pairwise(stations)
+        for y in offsets
+    ]
+    poles = np.vstack([pole(x, 0, arm + 0.4, half=1.3) for x in stations])
+    points = cloud(GROUND, *wires, poles, classes=[2, *[14] * 6, 15])
+    result = CorridorExtract(points=points).run()
+    said, true = result.classified["classification"], points["truth"]
+    arms = (true == 15) & (abs(points.xyz[:, 2] - CORNER[2] - arm) < 0.3)
+    ends = (true == 14) & (abs((points.xyz[:, 0] - CORNER[0] + 30) % 60 - 30) < 0.25)
+    assert (said[arms] == 15).all()
+    assert (said[ends] == 14).sum() >= 0.9 * ends.sum()
+    assert quality(said == 14, true == 14) > 0.98
+    assert (result.towers.frame.string > 0).all() == bool(string)
+    assert result.wires.frame.span.between(59, 60.1).all()
+
+
 def arcs_of_tracks(heights: Floats) -> Binned:
     """Tracks with a point each metre, whose heights are the columns of an array."""
     u = np.broadcast_to(np.arange(len(heights))[:, None] + 0.5, heights.shape).copy()

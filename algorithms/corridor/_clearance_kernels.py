@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
-# Columns of the array of wires, metres: see `Catenary`.
-X, Y, EX, EY, LENGTH, Z_START, Z_END, K, U0, Z0, V0, V1, SWING, TOP, ASIDE, STEEP = range(16)
+# Columns of the array of wires, metres: see `Catenary`. ASIDE and STEEP are the largest slopes to
+# the side and in height, BEND is the largest second derivative of the height.
+X, Y, EX, EY, LENGTH, Z_START, Z_END, K, U0, Z0, V0, V1, SWING, TOP, ASIDE, STEEP, BEND = range(17)
 STARTS = 24  # places along a wire that are looked at where its distance may have several minima
-ROUNDS = 60
+ROUNDS, EARLY = 60, 12  # of Newton's method, the early ones without halving
+CLOSE = 1e-5  # metres along the wire: a smaller step of Newton's method is the last
 
 
 @njit(cache=True, nogil=True)
 def _place(w, u):  # type: ignore[no-untyped-def]
-    """Offset and height of a wire at u."""
-    half = math.sinh(0.5 * w[K] * (u - w[U0]))
-    z = w[Z0] + 2.0 * half * half / w[K]
+    """Offset and height of a wire at u, and slope and second derivative of the height."""
+    grown = math.expm1(w[K] * (u - w[U0]))
+    rise = 0.5 * (grown + grown / (1.0 + grown))  # sinh, and cosh less one below: exact if small
+    hung = 0.5 * grown * grown / (1.0 + grown)
+    z = w[Z0] + hung / w[K]
     chord = w[Z_START] + (w[Z_END] - w[Z_START]) * u / w[LENGTH]
-    return w[V0] + w[V1] * u + w[SWING] * (chord - z), z
+    return w[V0] + w[V1] * u + w[SWING] * (chord - z), z, rise, w[K] * (1.0 + hung)
 
 
 @njit(cache=True, nogil=True)
@@ -27,9 +32,7 @@ def _slope(w, u, p, q, h, tall):  # type: ignore[no-untyped-def]
 
     `tall` is 1 for the distance in space and 0 for that in plan.
     """
-    bend = w[K] * (u - w[U0])
-    rise, curve = math.sinh(bend), w[K] * math.cosh(bend)
-    v, z = _place(w, u)
+    v, z, rise, curve = _place(w, u)
     chord = (w[Z_END] - w[Z_START]) / w[LENGTH]
     aside = w[V1] + w[SWING] * (chord - rise)
     first = (u - p) + (v - q) * aside + tall * (z - h) * rise
@@ -40,25 +43,20 @@ def _slope(w, u, p, q, h, tall):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _within(w, low, high, start, p, q, h, tall):  # type: ignore[no-untyped-def]
-    """The u between low and high where the distance is least: Newton, kept inside by halving."""
-    first, _ = _slope(w, low, p, q, h, tall)
-    if first >= 0.0:
-        return low
-    first, _ = _slope(w, high, p, q, h, tall)
-    if first <= 0.0:
-        return high
+    """The u between low and high where the distance is least: Newton, kept inside.
+
+    Where that goes to and fro it is halving.
+    """
     u = min(max(start, low), high)
-    for _ in range(ROUNDS):
+    for k in range(ROUNDS):
         first, second = _slope(w, u, p, q, h, tall)
         if first > 0.0:
             high = u
         else:
             low = u
-        step = -first / second if second > 0.0 else math.inf
-        fresh = u + step
-        if not low < fresh < high:
-            fresh = 0.5 * (low + high)
-        if abs(fresh - u) < 1e-7:
+        step = -first / second if second > 0.0 else -math.copysign(math.inf, first)
+        fresh = min(max(u + step, low), high) if k < EARLY else 0.5 * (low + high)
+        if abs(fresh - u) < CLOSE:
             return fresh
         u = fresh
     return u
@@ -72,15 +70,13 @@ def _nearest(w, p, q, h):  # type: ignore[no-untyped-def]
     bent; else it is looked for from several places.
     """
     length = w[LENGTH]
-    ends = max(abs(w[U0]), abs(length - w[U0]))
-    curve = w[K] * math.cosh(w[K] * ends)
     away = max(abs(w[TOP] - h), abs(w[Z0] - h)) + abs(w[SWING] * q)
-    if away * curve < 0.9:
+    if away * w[BEND] < 0.9:
         return _within(w, 0.0, length, p, p, q, h, 1.0)
     best, least = 0, math.inf
     for i in range(STARTS + 1):
         u = length * i / STARTS
-        v, z = _place(w, u)
+        v, z, _, _ = _place(w, u)
         square = (u - p) ** 2 + (v - q) ** 2 + (z - h) ** 2
         if square < least:
             best, least = i, square
@@ -89,19 +85,28 @@ def _nearest(w, p, q, h):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _measure(w, x, y, z):  # type: ignore[no-untyped-def]
-    """Distance in space, vertical and horizontal distance, and u of the nearest place.
-
-    The vertical distance is taken where the wire is nearest in plan, above zero under the wire.
-    """
+def _framed(w, x, y):  # type: ignore[no-untyped-def]
+    """A place in plan along the axis of a wire, and to the left of it."""
     dx, dy = x - w[X], y - w[Y]
-    p, q = dx * w[EX] + dy * w[EY], dy * w[EX] - dx * w[EY]
+    return dx * w[EX] + dy * w[EY], dy * w[EX] - dx * w[EY]
+
+
+@njit(cache=True, nogil=True)
+def _in_space(w, x, y, z):  # type: ignore[no-untyped-def]
+    """Distance in space, and u of the nearest place."""
+    p, q = _framed(w, x, y)
     u = _nearest(w, p, q, z)
-    v, height = _place(w, u)
-    space = math.sqrt((u - p) ** 2 + (v - q) ** 2 + (height - z) ** 2)
-    flat = _within(w, 0.0, w[LENGTH], p, p, q, z, 0.0)
-    v, height = _place(w, flat)
-    return space, height - z, math.hypot(flat - p, v - q), u
+    v, height, _, _ = _place(w, u)
+    return math.sqrt((u - p) ** 2 + (v - q) ** 2 + (height - z) ** 2), u
+
+
+@njit(cache=True, nogil=True)
+def _in_plan(w, x, y, z):  # type: ignore[no-untyped-def]
+    """Vertical and horizontal distance where the wire is nearest in plan; above zero under it."""
+    p, q = _framed(w, x, y)
+    u = _within(w, 0.0, w[LENGTH], p, p, q, z, 0.0)
+    v, height, _, _ = _place(w, u)
+    return height - z, math.hypot(u - p, v - q)
 
 
 @njit(cache=True, nogil=True)
@@ -111,10 +116,9 @@ def _at_least(w, x, y, z):  # type: ignore[no-untyped-def]
     A wire whose slopes are at most s is no nearer to a point than its distance square to the axis
     over sqrt(1 + s^2); beyond an end, that to the end along the axis comes to it.
     """
-    dx, dy = x - w[X], y - w[Y]
-    p, q = dx * w[EX] + dy * w[EY], dy * w[EX] - dx * w[EY]
+    p, q = _framed(w, x, y)
     u = min(max(p, 0.0), w[LENGTH])
-    v, height = _place(w, u)
+    v, height, _, _ = _place(w, u)
     past, beside, above = (p - u) ** 2, (v - q) ** 2, (height - z) ** 2
     aside, steep = w[ASIDE] ** 2, w[STEEP] ** 2
     return past + (beside + above) / (1 + aside + steep), past + beside / (1 + aside)
@@ -122,11 +126,10 @@ def _at_least(w, x, y, z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def distances(first, last, xyz, wire, result):  # type: ignore[no-untyped-def]
-    """What `_measure` gives for each point and one wire, into an array of shape (n, 4)."""
+    """In space, vertical, horizontal, and u, of each point from a wire; shape (n, 4)."""
     for i in range(first, last):
-        measures = _measure(wire, xyz[i, 0], xyz[i, 1], xyz[i, 2])
-        for k in range(4):
-            result[i, k] = measures[k]
+        result[i, 0], result[i, 3] = _in_space(wire, xyz[i, 0], xyz[i, 1], xyz[i, 2])
+        result[i, 1], result[i, 2] = _in_plan(wire, xyz[i, 0], xyz[i, 1], xyz[i, 2])
 
 
 @njit(cache=True, nogil=True)
@@ -142,6 +145,19 @@ def _judged(rule, space, tall, flat):  # type: ignore[no-untyped-def]
     return value, max(value / rule[1], other / rule[2] if other > 0 else 0.0)
 
 
+@njit(cache=True, nogil=True)
+def _matters(kind, old, ratio, rules, masks):  # type: ignore[no-untyped-def]
+    """The distance in space from which no rule is broken worse than `old` is, at its ratio."""
+    farthest = 0.0
+    for r in range(len(rules)):
+        if rules[r, 0] == 0 and masks[r] >> kind & 1:
+            if rules[r, 3] < rules[old, 3]:
+                farthest = max(farthest, rules[r, 1])
+            elif rules[r, 3] == rules[old, 3]:
+                farthest = max(farthest, rules[r, 1] * ratio)
+    return farthest
+
+
 # fmt: off
 @njit(cache=True, nogil=True)
 def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks,  # type: ignore[no-untyped-def]
@@ -154,7 +170,7 @@ def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks
     xyz, kind : n points and their kinds; a kind below zero takes no part
     cells : west, south, size, columns and rows of the lattice of candidates
     starts, candidates : the wires that are near each of its cells
-    wires : array of shape (m, 16)
+    wires : array of shape (m, 17)
     rules : array of shape (r, 4): direction, threshold, within, rank of severity
     masks : array of shape (r,), bits of the kinds that a rule holds for
     far : array of shape (kinds, 2): distances in space and in plan from which no rule matters
@@ -166,30 +182,42 @@ def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks
         those within `reach`
     """
     columns, rows = int(cells[3]), int(cells[4])
+    bounds = np.empty((len(wires), 2))
     for i in range(first, last):
         own[i, 0] = own[i, 1] = -1
         real[i, 2] = math.inf
-        column = int((xyz[i, 0] - cells[0]) // cells[2])
-        row = int((xyz[i, 1] - cells[1]) // cells[2])
-        if kind[i] < 0 or column < 0 or row < 0 or column >= columns or row >= rows:
+        x, y, z, what = xyz[i, 0], xyz[i, 1], xyz[i, 2], kind[i]
+        column, row = int((x - cells[0]) // cells[2]), int((y - cells[1]) // cells[2])
+        if what < 0 or column < 0 or row < 0 or column >= columns or row >= rows:
             continue
-        cell = row * columns + column
-        for j in range(starts[cell], starts[cell + 1]):
-            k = candidates[j]
-            space, flat = _at_least(wires[k], xyz[i, 0], xyz[i, 1], xyz[i, 2])
-            limit = far[kind[i], 0]
-            if flat <= reach * reach:
-                limit = max(limit, least[k, kind[i]])
-            if space >= limit * limit and flat >= far[kind[i], 1] ** 2:
+        near = candidates[starts[row * columns + column] : starts[row * columns + column + 1]]
+        nearest = 0
+        for j in range(len(near)):
+            bounds[j] = _at_least(wires[near[j]], x, y, z)
+            if bounds[j, 0] < bounds[nearest, 0]:
+                nearest = j
+        limit = far[what, 0]
+        for step in range(len(near)):  # the nearest first, so that few others can be worse
+            j = (nearest + step) % len(near)
+            k = near[j]
+            close = bounds[j, 1] < far[what, 1] ** 2
+            farthest = limit
+            if bounds[j, 1] <= reach * reach:
+                farthest = max(limit, least[k, what])
+            if bounds[j, 0] >= farthest * farthest and not close:
                 continue
-            space, vertical, flat, u = _measure(wires[k], xyz[i, 0], xyz[i, 1], xyz[i, 2])
-            if flat <= reach and space < least[k, kind[i]]:
-                least[k, kind[i]], who[k, kind[i]] = space, i
+            space, u = _in_space(wires[k], x, y, z)
+            if space >= farthest and not close:
+                continue
+            vertical, flat = _in_plan(wires[k], x, y, z)
+            if flat <= reach and space < least[k, what]:
+                least[k, what], who[k, what] = space, i
             if own[i, 1] < 0 and space < real[i, 2]:
                 own[i, 0] = k
                 real[i, 2], real[i, 3], real[i, 4], real[i, 5] = space, vertical, flat, u
+                limit = min(limit, space)
             for r in range(len(rules)):
-                if not masks[r] >> kind[i] & 1:
+                if not masks[r] >> what & 1:
                     continue
                 value, ratio = _judged(rules[r], space, abs(vertical), flat)
                 old = own[i, 1]
@@ -200,6 +228,7 @@ def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks
                 own[i, 0], own[i, 1] = k, r
                 real[i, 0], real[i, 1] = value, ratio
                 real[i, 2], real[i, 3], real[i, 4], real[i, 5] = space, vertical, flat, u
+                limit = _matters(what, r, ratio, rules, masks)
 
 
 @njit(cache=True, nogil=True)
@@ -223,6 +252,6 @@ def falls(first, last, xyz, foot, cells, starts, candidates, wires, own, real): 
         cell = row * columns + column
         for j in range(starts[cell], starts[cell + 1]):
             k = candidates[j]
-            space, _, _, u = _measure(wires[k], xyz[i, 0], xyz[i, 1], foot[i])
+            space, u = _in_space(wires[k], xyz[i, 0], xyz[i, 1], foot[i])
             if space < real[i, 0]:
                 own[i], real[i, 0], real[i, 1] = k, space, u

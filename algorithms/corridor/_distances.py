@@ -151,8 +151,8 @@ class Least:
 
 
 def rows_of(curves: Sequence[Catenary]) -> Floats:
-    """Wires as the kernels take them, array of shape (m, 16)."""
-    return np.array([_row_of(curve) for curve in curves], float).reshape(-1, 16)
+    """Wires as the kernels take them, array of shape (m, 17)."""
+    return np.array([_row_of(curve) for curve in curves], float).reshape(-1, 17)
 
 
 def _row_of(c: Catenary) -> tuple[float, ...]:
@@ -162,6 +162,7 @@ def _row_of(c: Catenary) -> tuple[float, ...]:
     return (
         *(c.x, c.y, c.ex, c.ey, c.length, c.z_start, c.z_end, c.curvature, c.u0, c.z0, c.v0, c.v1),
         *(c.swing, max(c.z_start, c.z_end), aside, max(map(abs, slopes))),
+        c.curvature * math.hypot(1.0, max(map(abs, slopes))),
     )
 
 

@@ -7,9 +7,10 @@ import math
 import numpy as np
 from numba import njit
 
-# Columns of the array of wires, metres: see `Catenary`. ASIDE and STEEP are the largest slopes to
-# the side and in height, BEND is the largest second derivative of the height.
-X, Y, EX, EY, LENGTH, Z_START, Z_END, K, U0, Z0, V0, V1, SWING, TOP, ASIDE, STEEP, BEND = range(17)
+# Columns of the array of wires, metres; see `Catenary`, and `rows_of` for the last five.
+X, Y, EX, EY, LENGTH, Z_START, CHORD, K, U0, Z0, V0, V1, SWING, TOP, BEND, FOURTH, FLAT, SPACE = (
+    range(18)
+)
 STARTS = 24  # places along a wire that are looked at where its distance may have several minima
 ROUNDS, EARLY = 60, 12  # of Newton's method, the early ones without halving
 CLOSE = 1e-5  # metres along the wire: a smaller step of Newton's method is the last
@@ -22,7 +23,7 @@ def _place(w, u):  # type: ignore[no-untyped-def]
     rise = 0.5 * (grown + grown / (1.0 + grown))  # sinh, and cosh less one below: exact if small
     hung = 0.5 * grown * grown / (1.0 + grown)
     z = w[Z0] + hung / w[K]
-    chord = w[Z_START] + (w[Z_END] - w[Z_START]) * u / w[LENGTH]
+    chord = w[Z_START] + w[CHORD] * u
     return w[V0] + w[V1] * u + w[SWING] * (chord - z), z, rise, w[K] * (1.0 + hung)
 
 
@@ -33,8 +34,7 @@ def _slope(w, u, p, q, h, tall):  # type: ignore[no-untyped-def]
     `tall` is 1 for the distance in space and 0 for that in plan.
     """
     v, z, rise, curve = _place(w, u)
-    chord = (w[Z_END] - w[Z_START]) / w[LENGTH]
-    aside = w[V1] + w[SWING] * (chord - rise)
+    aside = w[V1] + w[SWING] * (w[CHORD] - rise)
     first = (u - p) + (v - q) * aside + tall * (z - h) * rise
     second = 1.0 + aside * aside - (v - q) * w[SWING] * curve
     second += tall * (rise * rise + (z - h) * curve)
@@ -114,14 +114,19 @@ def _at_least(w, x, y, z):  # type: ignore[no-untyped-def]
     """Squares that those of the distance in space and in plan are not below.
 
     A wire whose slopes are at most s is no nearer to a point than its distance square to the axis
-    over sqrt(1 + s^2); beyond an end, that to the end along the axis comes to it.
+    over sqrt(1 + s^2); beyond an end, that to the end along the axis comes to it. The height is
+    only bounded, by the series of cosh and its remainder, which is several times as fast.
     """
     p, q = _framed(w, x, y)
     u = min(max(p, 0.0), w[LENGTH])
-    v, height, _, _ = _place(w, u)
-    past, beside, above = (p - u) ** 2, (v - q) ** 2, (height - z) ** 2
-    aside, steep = w[ASIDE] ** 2, w[STEEP] ** 2
-    return past + (beside + above) / (1 + aside + steep), past + beside / (1 + aside)
+    square = (u - w[U0]) ** 2
+    low = w[Z0] + w[K] * square * (0.5 + w[K] ** 2 * square * (1 / 24))
+    spare = w[FOURTH] * square**2
+    chord = w[Z_START] + w[CHORD] * u
+    beside = abs(w[V0] + w[V1] * u + w[SWING] * (chord - low) - q) - abs(w[SWING]) * spare
+    above = max(low - z, z - low - spare, 0.0) ** 2
+    beside, past = max(beside, 0.0) ** 2, (p - u) ** 2
+    return past + (beside + above) * w[SPACE], past + beside * w[FLAT]
 
 
 @njit(cache=True, nogil=True)
@@ -158,6 +163,27 @@ def _matters(kind, old, ratio, rules, masks):  # type: ignore[no-untyped-def]
     return farthest
 
 
+@njit(cache=True, nogil=True)
+def _wires_near(x, y, cells, starts, candidates):  # type: ignore[no-untyped-def]
+    """The wires that are near the cell of a place."""
+    column, row = int((x - cells[0]) // cells[2]), int((y - cells[1]) // cells[2])
+    if column < 0 or row < 0 or column >= cells[3] or row >= cells[4]:
+        return candidates[:0]
+    cell = row * int(cells[3]) + column
+    return candidates[starts[cell] : starts[cell + 1]]
+
+
+@njit(cache=True, nogil=True)
+def _bound(wires, near, x, y, z, bounds):  # type: ignore[no-untyped-def]
+    """Fill in what `_at_least` gives for several wires; which of them may be the nearest."""
+    nearest = 0
+    for j in range(len(near)):
+        bounds[j] = _at_least(wires[near[j]], x, y, z)
+        if bounds[j, 0] < bounds[nearest, 0]:
+            nearest = j
+    return nearest
+
+
 # fmt: off
 @njit(cache=True, nogil=True)
 def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks,  # type: ignore[no-untyped-def]
@@ -170,7 +196,7 @@ def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks
     xyz, kind : n points and their kinds; a kind below zero takes no part
     cells : west, south, size, columns and rows of the lattice of candidates
     starts, candidates : the wires that are near each of its cells
-    wires : array of shape (m, 17)
+    wires : array of shape (m, 18)
     rules : array of shape (r, 4): direction, threshold, within, rank of severity
     masks : array of shape (r,), bits of the kinds that a rule holds for
     far : array of shape (kinds, 2): distances in space and in plan from which no rule matters
@@ -181,24 +207,18 @@ def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks
     least, who : arrays of shape (m, kinds): least distance in space, and the point that has it, of
         those within `reach`
     """
-    columns, rows = int(cells[3]), int(cells[4])
     bounds = np.empty((len(wires), 2))
     for i in range(first, last):
         own[i, 0] = own[i, 1] = -1
         real[i, 2] = math.inf
         x, y, z, what = xyz[i, 0], xyz[i, 1], xyz[i, 2], kind[i]
-        column, row = int((x - cells[0]) // cells[2]), int((y - cells[1]) // cells[2])
-        if what < 0 or column < 0 or row < 0 or column >= columns or row >= rows:
+        if what < 0:
             continue
-        near = candidates[starts[row * columns + column] : starts[row * columns + column + 1]]
-        nearest = 0
-        for j in range(len(near)):
-            bounds[j] = _at_least(wires[near[j]], x, y, z)
-            if bounds[j, 0] < bounds[nearest, 0]:
-                nearest = j
+        near = _wires_near(x, y, cells, starts, candidates)
+        nearest = _bound(wires, near, x, y, z, bounds)
         limit = far[what, 0]
         for step in range(len(near)):  # the nearest first, so that few others can be worse
-            j = (nearest + step) % len(near)
+            j = nearest + step if nearest + step < len(near) else nearest + step - len(near)
             k = near[j]
             close = bounds[j, 1] < far[what, 1] ** 2
             farthest = limit
@@ -242,16 +262,9 @@ def falls(first, last, xyz, foot, cells, starts, candidates, wires, own, real): 
     own : array of shape (n,), the wire that it comes nearest to, -1 for none
     real : array of shape (n, 2), distance of that wire from the foot, and u
     """
-    columns, rows = int(cells[3]), int(cells[4])
     for i in range(first, last):
         own[i], real[i, 0] = -1, math.inf
-        column = int((xyz[i, 0] - cells[0]) // cells[2])
-        row = int((xyz[i, 1] - cells[1]) // cells[2])
-        if column < 0 or row < 0 or column >= columns or row >= rows:
-            continue
-        cell = row * columns + column
-        for j in range(starts[cell], starts[cell + 1]):
-            k = candidates[j]
+        for k in _wires_near(xyz[i, 0], xyz[i, 1], cells, starts, candidates):
             space, u = _in_space(wires[k], xyz[i, 0], xyz[i, 1], foot[i])
             if space < real[i, 0]:
                 own[i], real[i, 0], real[i, 1] = k, space, u

@@ -22,12 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-FLATTEST, TIGHTEST = 1e-5, 0.1  # 1 / metre: a wire straighter than this is straight
-ROUNDS = 30
-CUT = 4.685  # standard deviations at which a point loses all weight: 95 % efficient (Tukey)
-LEAST_SIGMA = 0.005  # metres
-KNOWN = 0.1  # standard deviation of a curvature that is given, of itself
-SWAYS = 0.5  # metres of sag from which a swing can be told from an azimuth
+from algorithms.corridor import _catenary_kernels as kernels
 
 Floats = NDArray[np.float64]
 
@@ -195,21 +190,9 @@ def _heights(u: Floats, length: float, z_start: float, z_end: float, curvature: 
     return np.asarray(z_start - _hang(u0, curvature) + hung)
 
 
-def _jacobian(
-    u: Floats,
-    length: float,
-    z_start: float,
-    z_end: float,
-    curvature: float,
-    *,
-    base: Floats | None = None,
-) -> Floats:
-    """Change of height with z_start, z_end and curvature, array of shape (n, 3).
-
-    `base` are the heights themselves, where they are known.
-    """
-    if base is None:
-        base = _heights(u, length, z_start, z_end, curvature)
+def _jacobian(u: Floats, length: float, z_start: float, z_end: float, curvature: float) -> Floats:
+    """Change of height with z_start, z_end and curvature, array of shape (n, 3)."""
+    base = _heights(u, length, z_start, z_end, curvature)
     step = 1e-3 * curvature + 1e-9
     bent = _heights(u, length, z_start, z_end, curvature + step)
     raised = _heights(u, length, z_start, z_end + 1e-3, curvature)
@@ -237,59 +220,24 @@ def fit(
     if len(xyz) < 4:
         return None
     middle = xyz[:, :2].mean(axis=0)
-    direction = np.linalg.svd(xyz[:, :2] - middle, full_matrices=False)[2][0]
+    aside = xyz[:, :2] - middle
+    direction = np.linalg.eigh(aside.T @ aside)[1][:, 1]
     direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
-    u = (xyz[:, :2] - middle) @ direction
+    u = aside @ direction
     length = float(np.ptp(u))
     if length < 1.0:
         return None
     x, y = middle + u.min() * direction
-    u = u - u.min()
-    v = (xyz[:, 1] - y) * direction[0] - (xyz[:, 0] - x) * direction[1]
-    z = xyz[:, 2]
-    start = np.polynomial.Polynomial.fit(u, z, 2)
-    bent = float(start.deriv(2)(0.0)) if length > 10 else FLATTEST
-    usual = float(np.clip(bent, FLATTEST, TIGHTEST)) if curvature is None else curvature
-    tall = np.array([start(0.0), start(length), usual])
-    flat, weight, sigma = np.zeros(3), np.ones(len(u)), spread / CUT
-    bends = sways and tall[2] * length**2 / 8 > SWAYS
-    height = _heights(u, length, *tall)
-    for number in range(ROUNDS):
-        sag = tall[0] + (tall[1] - tall[0]) * u / length - height
-        plan = np.column_stack([np.ones(len(u)), u] + ([sag] if bends else []))
-        root = np.sqrt(weight)[:, None]
-        found = np.linalg.lstsq(root * plan, root[:, 0] * v, rcond=None)[0]
-        flat = np.append(found, [0.0] * (3 - len(found)))
-        steps = _jacobian(u, length, *tall, base=height)
-        scale = np.array([1.0, 1.0, length**2 / 8])
-        scaled = root * steps / scale
-        normal = scaled.T @ scaled + np.diag([1e-9, 1e-9, 1e-9])
-        right = scaled.T @ (root[:, 0] * (z - height))
-        if curvature is not None:  # as one more observation
-            known = (max(sigma, LEAST_SIGMA) / (KNOWN * curvature * scale[2])) ** 2
-            normal[2, 2] += known
-            right[2] += known * (curvature - tall[2]) * scale[2]
-        change = np.linalg.solve(normal, right) / scale
-        tall = tall + change
-        tall[2] = np.clip(tall[2], FLATTEST, TIGHTEST)
-        height = _heights(u, length, *tall)
-        away_v, away_z = v - plan @ found, z - height
-        square = away_v**2 + away_z**2
-        # The median square of two normal variables is 2 ln 2 times their variance.
-        sigma = max(float(np.sqrt(np.median(square[weight > 0]) / math.log(4))), LEAST_SIGMA)
-        limit = min(spread, CUT * sigma)
-        fresh = np.clip(1 - square / limit**2, 0, None) ** 2
-        if number > 3 and np.abs(fresh - weight).max() < 1e-4:
-            break
-        weight = fresh
-        if np.count_nonzero(weight) < 4:
-            return None
-    used = weight > 0
-    inverse = np.linalg.inv(normal) / np.outer(scale, scale)
-    error = float(np.sqrt((weight * away_z**2).sum() / max(weight.sum() - 3, 1)))
+    v = aside[:, 1] * direction[0] - aside[:, 0] * direction[1]
+    shape, covariance = np.empty(kernels.SIZE), np.empty((3, 3))
+    count = kernels.fitted(
+        u - u.min(), v, np.ascontiguousarray(xyz[:, 2]), length, spread, curvature or 0.0, sways,
+        shape, covariance,
+    )  # fmt: skip
+    if not count:
+        return None
+    z_start, z_end, bent, v0, v1, swing, rms, _ = shape.tolist()
     return Catenary(
-        float(x), float(y), float(direction[0]), float(direction[1]), length,
-        float(tall[0]), float(tall[1]), float(tall[2]), float(flat[0]), float(flat[1]),
-        float(flat[2]), float(np.sqrt(square[used].mean())), int(used.sum()),
-        inverse * max(error, LEAST_SIGMA) ** 2,
+        float(x), float(y), float(direction[0]), float(direction[1]), length, z_start, z_end, bent,
+        v0, v1, swing, rms, count, covariance,
     )  # fmt: skip

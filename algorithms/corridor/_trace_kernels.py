@@ -160,7 +160,7 @@ def _gather(  # type: ignore[no-untyped-def]
 
 
 @helper
-def _solve(normal, right, result, inverse):  # type: ignore[no-untyped-def]
+def solve(normal, right, result, inverse):  # type: ignore[no-untyped-def]
     """Solve a symmetric system of three equations, and invert its matrix."""
     a, b, c = normal[0, 0], normal[0, 1], normal[0, 2]
     d, e, f = normal[1, 1], normal[1, 2], normal[2, 2]
@@ -227,7 +227,7 @@ def _fit(curve, found, count, tolerance, xyz, spread, rounds):  # type: ignore[n
             kept = normal[2, 2]
             normal[2, 2] += (sigma / usual) ** 2
             normal[1, 1] += 1e-6
-            _solve(normal, right_v if which == 0 else right_z, result, spread[which])
+            solve(normal, right_v if which == 0 else right_z, result, spread[which])
             normal[1, 1] -= 1e-6
             normal[2, 2] = kept
             base = V0 if which == 0 else Z0

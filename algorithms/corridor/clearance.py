@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from algorithms.corridor._catenary import TIGHTEST
+from algorithms.corridor._catenary_kernels import TIGHTEST
 from algorithms.corridor._clearance_layers import object_layer, span_table, violation_cloud
 from algorithms.corridor._clearance_report import report_of
 from algorithms.corridor._distances import Least, Violations, find_violations

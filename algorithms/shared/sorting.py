@@ -31,3 +31,30 @@ def first_at(rising, value, start, stop):  # type: ignore[no-untyped-def]
         else:
             stop = middle
     return start
+
+
+@helper
+def median(values):  # type: ignore[no-untyped-def]
+    """Median of values, which are put into another order (selection by Hoare 1961, FIND).
+
+    np.median takes seconds to compile.
+    """
+    middle, low, high = len(values) // 2, 0, len(values) - 1
+    while low < high:
+        pivot, i, j = values[(low + high) >> 1], low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i, j = i + 1, j - 1
+        if middle <= j:
+            high = j
+        elif middle >= i:
+            low = i
+        else:
+            break
+    upper = values[middle]
+    return upper if len(values) % 2 else 0.5 * (upper + values[:middle].max())

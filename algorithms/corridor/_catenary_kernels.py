@@ -1,0 +1,175 @@
+"""The compiled rounds of :func:`algorithms.corridor._catenary.fit`. All lengths are metres."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from algorithms.corridor._trace_kernels import solve
+from algorithms.shared.compiling import helper
+from algorithms.shared.sorting import median
+
+FLATTEST, TIGHTEST = 1e-5, 0.1  # 1 / metre: a wire straighter than this is straight
+ROUNDS = 30
+CUT = 4.685  # standard deviations at which a point loses all weight: 95 % efficient (Tukey)
+LEAST_SIGMA = 0.005  # metres
+KNOWN = 0.1  # standard deviation of a curvature that is given, of itself
+SWAYS = 0.5  # metres of sag from which a swing can be told from an azimuth
+RIDGE = 1e-9  # keeps normal matrices regular, beside the weights of points
+# What a fit fills in: heights at both ends, curvature, plan curve, RMS, standard error of a height.
+Z_START, Z_END, CURVATURE, V0, V1, SWING, RMS, ERROR = range(8)
+SIZE = 8
+
+
+@helper
+def _hung(length, z_start, z_end, curvature):  # type: ignore[no-untyped-def]
+    """Where the lowest point is, and its height."""
+    half = math.sinh(0.5 * curvature * length)
+    u0 = length / 2 - math.asinh(0.5 * curvature * (z_end - z_start) / half) / curvature
+    return u0, z_start - 2 * math.sinh(0.5 * curvature * u0) ** 2 / curvature
+
+
+@helper
+def _height(u, u0, z0, curvature):  # type: ignore[no-untyped-def]
+    return z0 + 2 * math.sinh(0.5 * curvature * (u - u0)) ** 2 / curvature
+
+
+@helper
+def _add(row, value, weight, normal, right):  # type: ignore[no-untyped-def]
+    """Add an observation to the normal equations."""
+    for j in range(3):
+        right[j] += weight * row[j] * value
+        for k in range(3):
+            normal[j, k] += weight * row[j] * row[k]
+
+
+@helper
+def _begun(u, z, length, normal, right, result, inverse):  # type: ignore[no-untyped-def]
+    """Heights at both ends and second derivative of the parabola through points."""
+    normal[:], right[:] = 0.0, 0.0
+    for i in range(len(u)):
+        t = 2 * u[i] / length - 1
+        _add((1.0, t, t * t), z[i], 1.0, normal, right)
+    for j in range(3):
+        normal[j, j] += RIDGE
+    solve(normal, right, result, inverse)
+    middle, slope, bend = result[0], result[1], result[2]
+    return middle - slope + bend, middle + slope + bend, 8 * bend / length**2
+
+
+@helper
+def _plan(u, v, length, weight, sways, shape, off, normal, right, result, inverse):  # type: ignore[no-untyped-def]
+    """Fit the plan curve to the offsets v; `off` receives what it leaves of them."""
+    u0, z0 = _hung(length, shape[Z_START], shape[Z_END], shape[CURVATURE])
+    slope = (shape[Z_END] - shape[Z_START]) / length
+    deep = max(shape[CURVATURE] * length**2 / 8, RIDGE) if sways else math.inf
+    normal[:], right[:] = 0.0, 0.0
+    for i in range(len(u)):
+        sag = shape[Z_START] + slope * u[i] - _height(u[i], u0, z0, shape[CURVATURE])
+        _add((1.0, u[i] / length, sag / deep), v[i], weight[i], normal, right)
+    for j in range(3):
+        normal[j, j] += RIDGE
+    solve(normal, right, result, inverse)
+    shape[V0], shape[V1], shape[SWING] = result[0], result[1] / length, result[2] / deep
+    for i in range(len(u)):
+        sag = shape[Z_START] + slope * u[i] - _height(u[i], u0, z0, shape[CURVATURE])
+        off[i] = v[i] - shape[V0] - shape[V1] * u[i] - shape[SWING] * sag
+
+
+@helper
+def _rise(u, z, length, weight, known, sigma, shape, normal, right, result, inverse):  # type: ignore[no-untyped-def]
+    """One step of Gauss and Newton for the heights at both ends and the curvature.
+
+    A curvature that is known of other wires, above 0, is one more observation.
+    """
+    start, end, bent = shape[Z_START], shape[Z_END], shape[CURVATURE]
+    more, scale = 1e-3 * bent + 1e-9, length**2 / 8
+    u0, z0 = _hung(length, start, end, bent)
+    raised_u0, raised_z0 = _hung(length, start, end + 1e-3, bent)
+    bent_u0, bent_z0 = _hung(length, start, end, bent + more)
+    normal[:], right[:] = 0.0, 0.0
+    for i in range(len(u)):
+        if weight[i] > 0:
+            base = _height(u[i], u0, z0, bent)
+            rise = (_height(u[i], raised_u0, raised_z0, bent) - base) / 1e-3
+            bend = (_height(u[i], bent_u0, bent_z0, bent + more) - base) / more
+            _add((1 - rise, rise, bend / scale), z[i] - base, weight[i], normal, right)
+    for j in range(3):
+        normal[j, j] += RIDGE
+    if known > 0:
+        square = (max(sigma, LEAST_SIGMA) / (KNOWN * known * scale)) ** 2
+        normal[2, 2] += square
+        right[2] += square * (known - bent) * scale
+    solve(normal, right, result, inverse)
+    shape[Z_START] += result[0]
+    shape[Z_END] += result[1]
+    shape[CURVATURE] = min(max(bent + result[2] / scale, FLATTEST), TIGHTEST)
+    inverse[2] /= scale
+    inverse[:, 2] /= scale
+
+
+@helper
+def _squares(u, z, length, weight, shape, off, square):  # type: ignore[no-untyped-def]
+    """Squares of distances from the curve, and the standard error of a height."""
+    u0, z0 = _hung(length, shape[Z_START], shape[Z_END], shape[CURVATURE])
+    total, tall, flat, count = 0.0, 0.0, 0.0, 0
+    for i in range(len(u)):
+        away = (z[i] - _height(u[i], u0, z0, shape[CURVATURE])) ** 2
+        square[i] = off[i] ** 2 + away
+        total += weight[i]
+        tall += weight[i] * away
+        if weight[i] > 0:
+            flat += square[i]
+            count += 1
+    shape[RMS] = math.sqrt(flat / count)
+    shape[ERROR] = math.sqrt(tall / max(total - 3, 1.0))
+
+
+@njit(cache=True, nogil=True)
+def fitted(u, v, z, length, spread, known, sways, shape, covariance):  # type: ignore[no-untyped-def]
+    """Fit a catenary to points along, aside and above its axis; how many it rests on, 0 for none.
+
+    Parameters
+    ----------
+    u, v, z : arrays of shape (n,), u from 0 to `length`
+    spread : points farther than this from the first curve lose all weight
+    known : curvature known of other wires, 0 for none
+    sways : whether to look for a swing by wind
+    shape : array of shape (SIZE,), filled in
+    covariance : array of shape (3, 3), filled in: of both heights and the curvature
+    """
+    weight, fresh = np.ones(len(u)), np.empty(len(u))
+    off, square, some = np.empty(len(u)), np.empty(len(u)), np.empty(len(u))
+    normal, right, result, inverse = np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros((3, 3))
+    start, end, bend = _begun(u, z, length, normal, right, result, inverse)
+    bend = min(max(bend, FLATTEST), TIGHTEST) if length > 10 else FLATTEST
+    shape[:] = 0.0
+    shape[Z_START], shape[Z_END], shape[CURVATURE] = start, end, known if known > 0 else bend
+    sways &= shape[CURVATURE] * length**2 / 8 > SWAYS
+    sigma, used = spread / CUT, len(u)
+    for number in range(ROUNDS):
+        _plan(u, v, length, weight, sways, shape, off, normal, right, result, inverse)
+        _rise(u, z, length, weight, known, sigma, shape, normal, right, result, inverse)
+        _squares(u, z, length, weight, shape, off, square)
+        count = 0
+        for i in range(len(u)):
+            if weight[i] > 0:
+                some[count] = square[i]
+                count += 1
+        # The median square of two normal variables is 2 ln 2 times their variance.
+        sigma = max(math.sqrt(median(some[:count]) / math.log(4.0)), LEAST_SIGMA)
+        limit = min(spread, CUT * sigma)
+        left, change = 0, 0.0
+        for i in range(len(u)):
+            fresh[i] = max(1 - square[i] / limit**2, 0.0) ** 2
+            change = max(change, abs(fresh[i] - weight[i]))
+            left += fresh[i] > 0
+        if number > 3 and change < 1e-4:
+            break
+        if left < 4:
+            return 0
+        weight[:], used = fresh, left
+    covariance[:] = inverse * max(shape[ERROR], LEAST_SIGMA) ** 2
+    return used

@@ -193,7 +193,7 @@ def _heights(cloud: PointCloud, index: Ints, ground: NDArray[np.bool_], ctx: Con
     places = cloud.xyz[index]
     bare = places[ground]
     bare.flags.writeable = places.flags.writeable = False  # as the kernels are compiled for
-    return height_above(places, find_terrain(bare, metre=cloud.metre, ctx=ctx))
+    return height_above(places, find_terrain(bare, known=True, metre=cloud.metre, ctx=ctx))
 
 
 def _at_towers(

@@ -135,6 +135,7 @@ class CorridorExtract:
             cloud.xyz,
             part,
             ground,
+            known=self.ground_classes is not None,
             metre=cloud.metre,
             min_height=self.min_height / cloud.metre,
             max_gap=self.max_gap / cloud.metre,
@@ -217,6 +218,7 @@ def find_line(
     part: NDArray[np.bool_],
     ground: NDArray[np.bool_],
     *,
+    known: bool = False,
     metre: float = 1.0,
     min_height: float = 4.0,
     max_gap: float = 60.0,
@@ -231,6 +233,7 @@ def find_line(
     xyz : array of shape (n, 3)
     part : array of shape (n,), points that take part
     ground : array of shape (n,), points that may be ground
+    known : whether they are
     metre : length of one metre in the unit of the points
     thesis : settings of that method; None for the other
     min_height, max_gap, tolerance : see :class:`CorridorExtract`, metres
@@ -255,7 +258,7 @@ def find_line(
         return nothing
     require_ground((xyz[part, :2] - origin[:2]) / metre)
     ground = ground & accompanied(xyz, metre)
-    terrain = find_terrain(_frozen(xyz[ground]), metre=metre, ctx=ctx.part(0.0, 0.4))
+    terrain = find_terrain(_frozen(xyz[ground]), known=known, metre=metre, ctx=ctx.part(0.0, 0.4))
     above = height_above(xyz, terrain)
     index = np.flatnonzero(part & (above > OFF_GROUND))
     air = Airborne.of((xyz[index] - origin) / metre)

@@ -65,7 +65,7 @@ COARSE = ((4, 3.0), (3, 3.0), (2, 3.0))  # level and window of a surface, in cel
 FINE = (*COARSE, (1, 3.0), (0, 3.0), (0, 1.5))
 ENOUGH = 2.0  # points in a window
 STIFF_COARSE, STIFF = 0.25, 1.0  # how much a plane resists to tilt
-ROUNDS = 5
+ROUNDS, ROUNDS_KNOWN = 5, 2  # the latter where the points are known to be ground
 TOLERANCE, SLOPE_TOLERANCE, BELOW = 0.3, 1.0, 3.0  # metres; metres per slope; points below: times
 HALO = 200.0  # metres
 BYTES_PER_CELL = 50
@@ -157,12 +157,15 @@ class Terrain:
     metre: float
 
 
-def find_terrain(xyz: Floats, *, metre: float = 1.0, ctx: Context = QUIET) -> Terrain:
+def find_terrain(
+    xyz: Floats, *, known: bool = False, metre: float = 1.0, ctx: Context = QUIET
+) -> Terrain:
     """A surface through the lowest points that do not stand out all round.
 
     Parameters
     ----------
     xyz : array of shape (n, 3)
+    known : whether all of them are ground, so that none stands out, which takes a fifth of the time
     metre : length of one metre in the unit of the points
     ctx : progress and cancellation
 
@@ -184,8 +187,9 @@ def find_terrain(xyz: Floats, *, metre: float = 1.0, ctx: Context = QUIET) -> Te
     use = without_low_outliers(xyz, CELL * metre, metre, ctx.part(0.0, 0.1))
     lowest = lowest_points(xyz, use, lattice, ctx.part(0.1, 0.15))
     z = np.where(lowest >= 0, xyz[:, 2][lowest] / metre, np.nan).astype(np.float32)
-    candidates = ground_cells(z, ctx.part(0.15, 0.7))
-    heights = robust_surface(z, candidates, FINE, STIFF, ctx.part(0.7, 1.0))
+    candidates = np.isfinite(z) if known else ground_cells(z, ctx.part(0.15, 0.7))
+    rounds = ROUNDS_KNOWN if known else ROUNDS
+    heights = robust_surface(z, candidates, FINE, STIFF, ctx.part(0.7, 1.0), rounds=rounds)
     heights[distance_transform_edt(~candidates) > FAR] = np.nan
     heights.flags.writeable = False
     return Terrain(heights, lattice, metre)
@@ -367,8 +371,9 @@ def slopes(surface: Grid) -> tuple[Grid, Grid]:
 
 
 def robust_surface(
-    z: Grid, candidates: NDArray[np.bool_], levels: Levels, stiff: float, ctx: Context
-) -> Grid:
+    z: Grid, candidates: NDArray[np.bool_], levels: Levels, stiff: float, ctx: Context, *,
+    rounds: int = ROUNDS,
+) -> Grid:  # fmt: skip
     """A surface through the candidates that those far from it lose hold on.
 
     Coarse planes first, finer ones through what they leave; then points far above get little
@@ -379,17 +384,18 @@ def robust_surface(
     z : array of shape (rows, cols), NaN where there is no point
     candidates : array of the same shape
     levels, stiff : see COARSE and STIFF
+    rounds : how often the weights are found anew
 
     Returns
     -------
     array of shape (rows, cols), NaN far from any candidate
     """
     weight = candidates.astype(np.float32)
-    for k in range(ROUNDS + 1):
+    for k in range(rounds + 1):
         surface = planes_through(
-            z, weight, levels, stiff, ctx.part(k / (ROUNDS + 1), (k + 1) / (ROUNDS + 1))
+            z, weight, levels, stiff, ctx.part(k / (rounds + 1), (k + 1) / (rounds + 1))
         )
-        if k < ROUNDS:
+        if k < rounds:
             kernels.reweighted(z, candidates, surface, TOLERANCE, SLOPE_TOLERANCE, BELOW, weight)
     return surface
 

@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from algorithms.corridor._catenary import Catenary
+from algorithms.corridor._drawing import Drawing
 from algorithms.corridor._rules import KINDS, SEVERITIES, Rule
 from algorithms.corridor._sag import Conductor, State
 from algorithms.corridor._surroundings import Line, Object, Scene
 from toolbox.context import QUIET, Context
 from toolbox.data import Figure, Report, Rows, Section, Table
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as Canvas
-
 MOST_PROFILES, MOST_OBJECTS, MOST_SPANS, MOST_NUMBERS = 100, 200, 400, 30
 BESIDE = 20.0  # metres to both sides of a span that its profile shows
 SHEET, MOST_SHEETS = 800.0, 20  # length of a sheet of the map, metres; longer if there were more
-PIXEL = (0.4, 0.2)  # metres along and up: of what is in one of these, one point is drawn
-MAP_PIXEL = 1.0  # metres
+MAP_SIZE, PROFILE_SIZE = (850.0, 930.0), (880.0, 350.0)  # pixels, the former at most
+STRETCH = 10.0  # metres
 COLOURS = {
     "tree": "#4a9c4a", "building": "#b0703c", "other": "#7a5ea8", "unclassified": "#9a9a9a",
     "ground": "#c9b48a", "water": "#7fb2e0", "rail": "#6b6b6b", "road": "#8c8c8c",
@@ -41,8 +37,7 @@ LIST_CAPTION = (
     "falls is by how much a tree reaches beyond the wire when it falls towards it, below 0"
 )
 SPAN_CAPTION = "Least distances in space to what is near the wires in plan, m"
-LABEL = {"pad": 0.4, "facecolor": "white", "edgecolor": "none", "alpha": 0.7}
-STYLES = ("-", "--", ":", "-.")
+LINES, DASHES = "#0040a0", ("", "6 3", "1 3", "6 3 1 3")  # of wires, by state
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -161,25 +156,6 @@ def _left_out(scene: Scene) -> str:
     return "\n".join(f"{count} points {why}" for why, count in scene.left_out.items())
 
 
-def _pixels(across: Floats, up: Floats, size: tuple[float, float]) -> tuple[Floats, Floats]:
-    """One place for all points in a pixel, in the same order whatever that of the points."""
-    cells = np.unique(np.floor(np.column_stack([across / size[0], up / size[1]])), axis=0)
-    return (cells[:, 0] + 0.5) * size[0], (cells[:, 1] + 0.5) * size[1]
-
-
-def _canvas(width: float, height: float) -> tuple[Canvas, Axes]:
-    from matplotlib.figure import Figure as Canvas
-
-    canvas = Canvas(figsize=(width, height))
-    return canvas, canvas.add_subplot()
-
-
-def _png(canvas: Canvas) -> bytes:
-    stream = io.BytesIO()
-    canvas.savefig(stream, format="png")
-    return stream.getvalue()
-
-
 @dataclass(frozen=True)
 class _Across:
     """The points in order along the longer side of the line, to have those of a stretch at once.
@@ -187,24 +163,30 @@ class _Across:
     Attributes
     ----------
     side : 0 if that is x, 1 if it is y
-    order : array of shape (n,), indices of points
-    along : array of shape (n,), their coordinates on that side, rising
+    order : array of shape (n,), indices of points, stretch by stretch of STRETCH metres
+    low : where the first stretch begins
+    starts : where each stretch begins in that order
     """
 
     scene: Scene
     side: int
     order: Ints
-    along: Floats
+    low: float
+    starts: Ints
 
     @classmethod
     def of(cls, scene: Scene, line: Line) -> _Across:
         side = int(np.ptp(_ends(line), axis=0).argmax()) if line.spans else 0
-        order = np.argsort(scene.xyz[:, side], kind="stable")
-        return cls(scene, side, order, scene.xyz[order, side])
+        along = scene.xyz[:, side]
+        low = float(along.min(initial=0.0))
+        stretch = ((along - low) / STRETCH).astype(np.uint16)  # quick to sort; up to 655 km
+        order = np.argsort(stretch, kind="stable")
+        return cls(scene, side, order, low, np.append(0, np.cumsum(np.bincount(stretch))))
 
     def between(self, low: float, high: float) -> tuple[Floats, NDArray[np.int8]]:
-        """Places and kinds of the points of a stretch that are of a kind."""
-        first, last = np.searchsorted(self.along, (low, high))
+        """Places and kinds of the points of a stretch that are of a kind, and of a bit more."""
+        ends = (low - self.low) / STRETCH, (high - self.low) / STRETCH + 1
+        first, last = self.starts[np.clip(np.floor(ends).astype(int), 0, len(self.starts) - 1)]
         some = self.order[first:last]
         some = some[self.scene.kind[some] >= 0]
         return self.scene.xyz[some], self.scene.kind[some]
@@ -221,96 +203,75 @@ def _map(
     """Wires, objects, and what stands around them: sheet by sheet along the line."""
     if not line.spans:
         return []
-    first, last = _ends(line)[:, across.side].min(), _ends(line)[:, across.side].max()
+    side = across.side
+    wires = [
+        (span, curve.points(np.linspace(0.0, curve.length, 50))[:, :2])
+        for curve, span in zip(line.curves[0], line.span.tolist(), strict=True)
+    ]
+    ends = np.array([(xy[:, side].min(), xy[:, side].max()) for _, xy in wires])
+    first, last = ends[:, 0].min(), ends[:, 1].max()
     count = min(max(math.ceil((last - first) / SHEET), 1), MOST_SHEETS)
     edges = np.linspace(first, last, count + 1)
-    way = ("from west to east", "from south to north")[across.side]
+    way = ("from west to east", "from south to north")[side]
     figures = []
     for k in range(count):
         ctx.progress(k / count)
-        if png := _sheet(across, line, rules, objects, *edges[k : k + 2]):
+        own = np.flatnonzero((ends[:, 1] >= edges[k]) & (ends[:, 0] <= edges[k + 1]))
+        if len(own):
+            seen = [wires[wire] for wire in own]
+            svg = _sheet(across, line, rules, objects, seen, edges[k], edges[k + 1])
             sheet = f"; sheet {k + 1} of {count}, {way}" if count > 1 else ""
             caption = f"Wires in plan, and objects with their number in the list{sheet}"
-            figures.append(Figure(png, caption))
+            figures.append(Figure(svg, caption))
     return figures
 
 
 def _sheet(
     across: _Across, line: Line, rules: Sequence[Rule], objects: Sequence[Object],
-    first: float, last: float,
+    wires: Sequence[tuple[int, Floats]], first: float, last: float,
 ) -> bytes:  # fmt: skip
-    """A picture of the stretch of the line between two coordinates; none where no wire is."""
-    wires = [
-        (span, curve.points(np.linspace(0.0, curve.length, 50))[:, :2])
-        for curve, span in zip(line.curves[0], line.span.tolist(), strict=True)
-    ]
+    """A picture of the stretch of the line between two coordinates, with its wires and spans."""
     side = across.side
-    wires = [(n, xy) for n, xy in wires if xy[:, side].max() >= first and xy[:, side].min() <= last]
-    if not wires:
-        return b""
     seen = np.concatenate([xy for _, xy in wires])
     low, high = seen.min(axis=0) - BESIDE, seen.max(axis=0) + BESIDE
     low[side], high[side] = first - BESIDE, last + BESIDE
     wide, tall = high - low
-    canvas, axes = _canvas(10.0, min(max(8.5 * tall / wide + 0.7, 2.0), 10.0))
-    canvas.set_layout_engine("constrained")
-    _surroundings(axes, across, low, high)
-    _draw_wires(axes, wires)
-    places = [across.scene.xyz[one.nearest, :2] for one in objects]
-    spots = list(zip(range(1, len(objects) + 1), objects, places, strict=True))
-    _mark(axes, rules, [s for s in spots if (s[2] >= low).all() and (s[2] <= high).all()])
-    axes.set_aspect("equal")
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    _legend(axes)
-    axes.set_xlabel(f"m from x = {line.origin[0]:.0f}")
-    axes.set_ylabel(f"m from y = {line.origin[1]:.0f}")
-    return _png(canvas)
-
-
-def _draw_wires(axes: Axes, wires: Sequence[tuple[int, Floats]]) -> None:
-    """Wires in plan, each with its span, whose number is written once."""
+    scale = min(MAP_SIZE[0] / wide, MAP_SIZE[1] / tall)
+    labels = (f"m from x = {line.origin[0]:.0f}", f"m from y = {line.origin[1]:.0f}")
+    drawing = Drawing(low, high, (wide * scale, tall * scale), labels)
+    xyz, kinds = across.between(low[side], high[side])
+    above = kinds != KINDS.index("ground")
+    _draw_points(drawing, xyz[above, :2].T, kinds[above], 0.6)
     middles: dict[int, list[Floats]] = {}
     for span, xy in wires:
-        axes.plot(*xy.T, "-", color="#333333", linewidth=0.6, zorder=2)
+        drawing.curve(xy[:, 0], xy[:, 1], "#333333", 0.8)
         middles.setdefault(span, []).append(xy[len(xy) // 2])
     for span, some in middles.items():
-        axes.annotate(
-            f"span {span}", tuple(np.mean(some, axis=0)), fontsize=7, color="#0040a0", zorder=4,
-            annotation_clip=True,
-        )  # fmt: skip
+        x, y = np.mean(some, axis=0).tolist()
+        drawing.text(x, y, f"span {span}", LINES)
+    places = [across.scene.xyz[one.nearest, :2] for one in objects]
+    spots = list(zip(range(1, len(objects) + 1), objects, places, strict=True))
+    _mark(drawing, rules, [s for s in spots if (s[2] >= low).all() and (s[2] <= high).all()])
+    return drawing.svg()
 
 
-def _surroundings(axes: Axes, across: _Across, low: Floats, high: Floats) -> None:
-    """What is no ground in a window in plan."""
-    xyz, kinds = across.between(low[across.side], high[across.side])
-    inside = ((xyz[:, :2] >= low) & (xyz[:, :2] <= high)).all(axis=1)
-    size = max(MAP_PIXEL, float((high - low).max()) / 900)
-    for number, kind in reversed(list(enumerate(KINDS))):
-        some = xyz[inside & (kinds == number)]
-        if kind != "ground" and len(some):
-            x, y = _pixels(some[:, 0], some[:, 1], (size, size))
-            axes.plot(x, y, ",", color=COLOURS[kind], alpha=0.6, zorder=1)
+def _draw_points(drawing: Drawing, xy: Floats, kinds: NDArray[np.int8], opacity: float) -> None:
+    """What is around the line, in the colours of its kinds."""
+    drawing.points(xy[0], xy[1], kinds, [COLOURS[kind] for kind in KINDS], opacity)
+    for number in np.unique(kinds).tolist():
+        drawing.key_of_points(KINDS[number], COLOURS[KINDS[number]])
 
 
-def _mark(axes: Axes, rules: Sequence[Rule], spots: Sequence[Spot]) -> None:
-    """Objects where they are closest, with the numbers of the first."""
-    for severity, colour in SIGNS.items():
-        own = [place for _, one, place in spots if rules[one.rule].severity == severity]
-        if own:
-            x, y = np.array(own).T
-            axes.plot(x, y, "o", markersize=4, color=colour, markeredgecolor="black",
-                      markeredgewidth=0.4, label=severity, zorder=5)  # fmt: skip
+def _mark(drawing: Drawing, rules: Sequence[Rule], spots: Sequence[Spot]) -> None:
+    """Objects where they are closest, the most urgent on top, with the numbers of the first."""
+    told = [rules[one.rule].severity for _, one, _ in spots]
+    for _, one, place in reversed(spots):
+        drawing.mark(place[0], place[1], SIGNS[rules[one.rule].severity])
     for number, _, place in spots[:MOST_NUMBERS]:
-        axes.annotate(str(number), tuple(place), xytext=(3, 3), textcoords="offset points",
-                      fontsize=7, bbox=LABEL, zorder=6)  # fmt: skip
-
-
-def _legend(axes: Axes) -> None:
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(
-            loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False, markerscale=2
-        )
+        drawing.text(place[0], place[1], str(number))
+    for severity, colour in SIGNS.items():
+        if severity in told:
+            drawing.key_of_marks(severity, colour)
 
 
 def _profiles(
@@ -332,43 +293,48 @@ def _profile(
     across: _Across, line: Line, rules: Sequence[Rule], objects: Sequence[Object], span: int
 ) -> Figure:
     """A span from the side: wires in each state, what is around them, objects."""
-    canvas, axes = _canvas(11.0, 4.2)
-    canvas.subplots_adjust(left=0.07, right=0.87, bottom=0.12, top=0.97)  # all alike, and quick
     own = np.flatnonzero(line.span == span)
     axis = max((line.curves[0][k] for k in own), key=lambda curve: curve.length)
     stretch = axis.points(np.array([0.0, axis.length]))[:, across.side]
     xyz, kinds = across.between(stretch.min() - BESIDE, stretch.max() + BESIDE)
     along, beside = axis.along(xyz)
     near = (np.abs(beside) < BESIDE) & (along > -5) & (along < axis.length + 5)
-    for number, kind in reversed(list(enumerate(KINDS))):
-        some = near & (kinds == number)
-        if some.any():
-            x, y = _pixels(along[some], xyz[some, 2], PIXEL)
-            axes.plot(x, y, ".", markersize=1.5, color=COLOURS[kind], label=kind, zorder=1)
+    along, z, kinds = along[near], xyz[near, 2], kinds[near]
+    wires = [
+        (number, curves[k].points(np.linspace(0.0, line.curves[0][k].length, 100)))
+        for number, curves in enumerate(line.curves)
+        for k in own
+    ]
+    heights = np.concatenate([z, *(places[:, 2] for _, places in wires)])
+    low, high = heights.min() - 1.0, heights.max() + 1.0
+    first, last = np.array([-5.0, low]), np.array([axis.length + 5.0, high])
+    drawing = Drawing(first, last, PROFILE_SIZE, ("m along the span", "height, m"))
+    _draw_points(drawing, np.array([along, z]), kinds, 1.0)
+    for number, places in wires:
+        drawing.curve(axis.along(places)[0], places[:, 2], LINES, 1.0, DASHES[min(number, 3)])
     for number, state in enumerate(line.states):
-        for k in own:
-            places = line.curves[number][k].points(np.linspace(0.0, line.curves[0][k].length, 100))
-            axes.plot(
-                axis.along(places)[0], places[:, 2], STYLES[min(number, 3)], color="#0040a0",
-                linewidth=0.8, label=state.name if k == own[0] else None, zorder=3,
-            )  # fmt: skip
-    spots: list[Spot] = []
-    for number, one in enumerate(objects, start=1):
-        if line.span[one.wire] == span:
-            point = across.scene.xyz[[one.nearest]]
-            spots.append((number, one, np.array([axis.along(point)[0][0], point[0, 2]])))
-            foot = line.curves[one.state][one.wire].points(np.array([one.u]))
-            axes.plot(
-                [spots[-1][2][0], axis.along(foot)[0][0]], [point[0, 2], foot[0, 2]], "-",
-                color=SIGNS[rules[one.rule].severity], linewidth=0.9, zorder=4,
-            )  # fmt: skip
-    _mark(axes, rules, spots)
-    axes.set_xlabel("m along the span")
-    axes.set_ylabel("height, m")
-    _legend(axes)
+        drawing.key_of_curves(state.name, LINES, DASHES[min(number, 3)])
+    spots = _spots(across, line, objects, axis, span)
+    for _, one, place in spots:
+        foot = line.curves[one.state][one.wire].points(np.array([one.u]))
+        x, y = np.array([place, (axis.along(foot)[0][0], foot[0, 2])]).T
+        drawing.curve(x, y, SIGNS[rules[one.rule].severity], 1.0)
+    _mark(drawing, rules, spots)
     worst = f"; closest: {spots[0][1].measure:.2f} m" if spots else ""
     caption = (
         f"Span {span}, {axis.length:.0f} m, {len(own)} wires, {len(spots)} objects{worst}. "
         f"Points up to {BESIDE:.0f} m to the side; numbers as in the list."
     )
-    return Figure(_png(canvas), caption)
+    return Figure(drawing.svg(), caption)
+
+
+def _spots(
+    across: _Across, line: Line, objects: Sequence[Object], axis: Catenary, span: int
+) -> list[Spot]:
+    """Objects of a span, where they are closest: along its axis and in height."""
+    spots: list[Spot] = []
+    for number, one in enumerate(objects, start=1):
+        if line.span[one.wire] == span:
+            point = across.scene.xyz[[one.nearest]]
+            spots.append((number, one, np.array([axis.along(point)[0][0], point[0, 2]])))
+    return spots

@@ -26,17 +26,18 @@ class Figure:
 
     Attributes
     ----------
-    png : the content of a PNG file
+    content : of a PNG or SVG file
     caption : what it shows, which is also read to those who cannot see it
     """
 
-    png: bytes
+    content: bytes
     caption: str
 
     @property
     def source(self) -> str:
         """The picture as an address, so that the page is one file."""
-        return "data:image/png;base64," + base64.b64encode(self.png).decode()
+        kind = "png" if self.content.startswith(b"\x89PNG") else "svg+xml"
+        return f"data:image/{kind};base64," + base64.b64encode(self.content).decode()
 
 
 @dataclass(frozen=True)

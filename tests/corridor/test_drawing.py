@@ -1,0 +1,61 @@
+"""Pictures of reports in SVG."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from algorithms.corridor._drawing import DOT, Drawing, _ticks
+
+
+def drawing() -> Drawing:
+    return Drawing(np.array([0.0, 100.0]), np.array([10.0, 120.0]), (200, 100), ("m", "a < b"))
+
+
+def test_points_are_dots_in_the_colours_of_their_kinds_and_the_first_kind_is_on_top() -> None:
+    made = drawing()
+    x, y = np.array([5.0, 5.0, 0.01, 11.0]), np.array([110.0, 110.0, 119.99, 110.0])
+    made.points(x, y, np.array([1, 0, 1, 0]), ["#ff0000", "#0000ff"], 1.0)
+    png = re.findall(rb"data:image/png;base64,([^\"]+)", made.svg())
+    with Image.open(io.BytesIO(base64.b64decode(png[0]))) as picture:
+        pixels = np.asarray(picture.convert("RGBA"))
+    assert pixels.shape == (100 // DOT, 200 // DOT, 4)
+    assert pixels[50 // DOT, 100 // DOT].tolist() == [255, 0, 0, 255]
+    assert pixels[0, 0].tolist() == [0, 0, 255, 255]
+    assert np.count_nonzero(pixels[..., 3]) == 2  # the last is outside
+
+
+def test_what_is_drawn_is_where_it_belongs_and_texts_are_escaped() -> None:
+    made = drawing()
+    made.curve(np.array([0.0, 10.0]), np.array([100.0, 120.0]), "#000000", 1.0, "6 3")
+    made.mark(5.0, 105.0, "#ff0000")
+    made.text(5.0, 105.0, "<1>")
+    made.key_of_marks("R & D", "#ff0000")
+    root = ElementTree.fromstring(made.svg())
+    name = "{http://www.w3.org/2000/svg}"
+    assert root.find(f".//{name}polyline").get("points") == "0.0,100.0 200.0,0.0"  # type: ignore[union-attr]
+    (circle, *_) = root.iter(f"{name}circle")
+    assert (circle.get("cx"), circle.get("cy")) == ("100.0", "75.0")
+    texts = [text.text for text in root.iter(f"{name}text")]
+    assert {"<1>", "R & D", "m", "a < b", "110"} <= set(texts)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "pixels", "expected"),
+    [
+        (0.0, 10.0, 400, [0, 2, 4, 6, 8, 10]),
+        (-3.0, 290.0, 880, [0, 50, 100, 150, 200, 250]),
+        (29.96, 30.04, 350, [29.96, 29.98, 30.0, 30.02, 30.04]),
+        (0.0, 1.0, 20, [0.0, 0.5, 1.0]),
+    ],
+)
+def test_ticks_are_round_numbers(
+    low: float, high: float, pixels: float, expected: list[float]
+) -> None:
+    assert _ticks(low, high, pixels).tolist() == pytest.approx(expected)

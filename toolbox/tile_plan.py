@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,25 +41,38 @@ def as_model(spec: Spec) -> Model:
 
 
 @dataclass(frozen=True)
-class Plan:
-    """Which steps of a model are run on tiles, and which on what these give.
+class Pass:
+    """Steps that are run tile by tile, and those that need the whole of what these give.
 
     Attributes
     ----------
     local : steps that need no more than the neighbourhood of a tile
-    rest : steps that need the whole
-    keep : results of the local steps that are wanted, by step.output
-    stored : for outputs that come from local steps, their step.output
+    rest : steps that need the whole, run after all tiles
+    keep, gives : results of the former and of the latter that are wanted, or used by others
     halo : metres that the local steps reach
+    """
+
+    local: tuple[str, ...]
+    rest: tuple[str, ...]
+    keep: frozenset[str]
+    gives: frozenset[str]
+    halo: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a model is run on tiles: pass after pass, since what the whole tells may be used locally.
+
+    Attributes
+    ----------
+    passes : in order; a local step belongs to the pass after the steps on the whole that it needs
+    stored : for outputs that come from local steps, their step.output
     """
 
     model: Model
     settings: Mapping[str, Any]
-    local: tuple[str, ...]
-    rest: tuple[str, ...]
-    keep: frozenset[str]
+    passes: tuple[Pass, ...]
     stored: Mapping[str, str]
-    halo: float
 
     @classmethod
     def of(cls, model: Model, settings: Mapping[str, Any], targets: Iterable[str]) -> Plan:
@@ -81,27 +94,26 @@ class Plan:
         returned |= {name: name for name in targets if name in results}
         numbers = {n for n, f in model.outputs.items() if not f.kind.is_layer}
         wanted = {returned[n] for n in {*targets, *numbers} & returned.keys()} - {""}
-        needed = leading_steps(active, wanted)
-        reach = model.reach(settings)
-        local = [n for n in active if n in needed and math.isfinite(reach[n])]
-        for name in list(local):
-            if not _is_local(active[name], local, active, model):
-                local.remove(name)
         if not wanted:
             raise ParameterError(model.id, {"tile": "say which output to write"})
-        if not local:
-            raise ParameterError(model.id, {"tile": _whole(model, reach)})
-        rest = [name for name in active if name in needed and name not in local]
-        asked = wanted | {need for name in rest for need in active[name].needs}
-        return cls(
-            model,
-            settings,
-            tuple(local),
-            tuple(rest),
-            frozenset(n for n in asked if n.partition(".")[0] in local),
-            {n: full for n, full in returned.items() if full.partition(".")[0] in local},
-            max(reach[name] for name in local),
-        )
+        needed = {name: active[name] for name in leading_steps(active, wanted)}
+        turns = _Turns(model, active)
+        for step in needed.values():
+            turns.add(step, model.step_halo(step, settings))
+        if not turns.reach:
+            raise ParameterError(model.id, {"tile": _whole(model, model.reach(settings))})
+        stored = {n: full for n, full in returned.items() if full.partition(".")[0] in turns.reach}
+        return cls(model, settings, tuple(turns.passes(needed, wanted)), stored)
+
+    @property
+    def halo(self) -> float:
+        """Metres that the local steps of any pass reach."""
+        return max(one.halo for one in self.passes)
+
+    @property
+    def keep(self) -> dict[str, int]:
+        """The pass that gives each result of local steps that is kept, by step.output."""
+        return {name: number for number, one in enumerate(self.passes) for name in one.keep}
 
     @property
     def gives_rasters(self) -> bool:
@@ -114,35 +126,82 @@ class Plan:
         return sorted(counts, key=lambda c: places.get(c.step.partition("/")[0].split()[0], 0))
 
 
+class _Turns:
+    """In which pass each step is run.
+
+    Attributes
+    ----------
+    turn : of each step that was added
+    reach : of the local ones, metres from the points that their pass is given
+    """
+
+    def __init__(self, model: Model, active: Mapping[str, Step]) -> None:
+        self.model, self.active = model, active
+        self.turn: dict[str, int] = {}
+        self.reach: dict[str, float] = {}
+
+    def add(self, step: Step, halo: float) -> None:
+        """Find the place of a step after those that it needs."""
+        makers = {need.partition(".")[0] for need in step.needs} & self.turn.keys()
+        local = {name for name in makers if name in self.reach}
+        after = max((self.turn[name] for name in makers), default=0)
+        if math.isinf(halo) or not self._is_local(step):
+            self.turn[step.name] = after
+            return
+        whole = max((self.turn[name] + 1 for name in makers - local), default=0)
+        self.turn[step.name] = turn = max(after, whole)
+        same = (self.reach[name] for name in local if self.turn[name] == turn)
+        self.reach[step.name] = halo + max(same, default=0.0)
+
+    def _is_local(self, step: Step) -> bool:
+        """Whether a step works on points in tiles, directly or not, and on no number of tiles.
+
+        A number that a tile gives is not that of the whole survey. Points that a step on the whole
+        gives are in memory, not in tiles.
+        """
+        if step.repeat:
+            return False  # its results are lists, which are not put together from tiles
+        on_points = False
+        for name, wire in step.wires.items():
+            for need in (need for reference in references(wire) for need in reference.names):
+                maker, _, output = need.partition(".")
+                if maker == INPUTS:
+                    on_points |= self.model.inputs[output].kind.several
+                elif maker not in self.active:
+                    continue  # left out under these settings; another value stands in for it
+                elif maker in self.reach:
+                    if not step.spec.inputs[name].kind.is_layer:
+                        return False
+                    on_points = True
+                elif self.model.between[need].kind.several or self.active[maker].repeat:
+                    return False
+        return on_points
+
+    def passes(self, steps: Mapping[str, Step], wanted: Collection[str]) -> Iterator[Pass]:
+        """The passes for these steps, of which results are wanted."""
+        for turn in range(max(self.turn.values()) + 1):
+            local = tuple(n for n in steps if self.turn[n] == turn and n in self.reach)
+            rest = tuple(n for n in steps if self.turn[n] == turn and n not in self.reach)
+            halo = max((self.reach[name] for name in local), default=0.0)
+            yield Pass(
+                local, rest, self._kept(local, steps, wanted), self._kept(rest, steps, wanted), halo
+            )
+
+    @staticmethod
+    def _kept(
+        makers: Collection[str], steps: Mapping[str, Step], wanted: Collection[str]
+    ) -> frozenset[str]:
+        """Results of some steps that are wanted, or used by other steps."""
+        used = {need for name, step in steps.items() if name not in makers for need in step.needs}
+        return frozenset(n for n in {*wanted, *used} if n.partition(".")[0] in makers)
+
+
 def _whole(model: Model, reach: Mapping[str, float]) -> str:
     """Why nothing can be run on tiles, in the words of the first tool that looks too far."""
     text = "the whole cloud is needed with these settings; leave it out"
     far = [model.steps[name].spec for name, metres in reach.items() if math.isinf(metres)]
     tools: list[Any] = [spec.make for spec in far if not isinstance(spec, Model)]
     return f"{text} ({inspect.getdoc(tools[0].halo)})" if tools else text
-
-
-def _is_local(step: Step, local: Iterable[str], active: Mapping[str, Step], model: Model) -> bool:
-    """Whether a step works on the points, directly or not, and waits for no number of a step.
-
-    A number that a tile gives is not that of the whole survey.
-    """
-    if step.repeat:
-        return False  # its results are lists, which are not put together from tiles
-    on_points = False
-    for name, wire in step.wires.items():
-        for need in (need for reference in references(wire) for need in reference.names):
-            maker, _, output = need.partition(".")
-            if maker == INPUTS:
-                kind = model.inputs[output].kind
-                on_points |= kind.several
-            elif maker not in active:
-                continue  # left out under these settings; another value stands in for it
-            elif maker not in local or not step.spec.inputs[name].kind.is_layer:
-                return False
-            else:
-                on_points = True
-    return on_points
 
 
 def surveys_of(

@@ -23,17 +23,17 @@ Span = tuple[int, int]
 """Points of the survey, from the first of these origins to before the second."""
 
 
-def pieces(work: Path, name: str) -> list[Path]:
+def pieces(home: Path, name: str) -> list[Path]:
     """The stored pieces of a result, tile by tile from south to north and west to east."""
-    done = [path for path in (work / "tiles").iterdir() if not path.name.startswith(".")]
+    done = [path for path in (home / "tiles").iterdir() if not path.name.startswith(".")]
     folders = [path for path in done if (path / name / "layer").exists()]
     tiles = {tuple(map(int, path.name.split("_"))): path / name for path in folders}
     return [tiles[tile] for tile in sorted(tiles)]
 
 
-def read(work: Path, name: str) -> Any:
+def read(home: Path, name: str) -> Any:
     """A result in memory; None if no tile gave any."""
-    places = pieces(work, name)
+    places = pieces(home, name)
     if not places:
         return None
     first = tile_store.load_object(places[0] / "layer")
@@ -48,7 +48,7 @@ def read(work: Path, name: str) -> Any:
 
 
 def write(
-    work: Path,
+    home: Path,
     output: str,
     name: str,
     place: Path,
@@ -62,20 +62,20 @@ def write(
 
     Parameters
     ----------
-    work : folder of the run
+    home : folder of the pass that has given it
     output, name : of the tool, and the step.output that it is
     place : the file to write
     options : of the format
     file : only the points of this file of the survey
     record : of the run
     """
-    places = pieces(work, name)
+    places = pieces(home, name)
     first = tile_store.load_object(places[0] / "layer") if places else None
     if isinstance(first, Raster):
         mosaic, text = Mosaic(places), _text(record, output, first, options)
         first.save_strips(place, mosaic.lattice, mosaic.strips(), record=text, **options)
     else:
-        job, _, _ = opened(work)
+        job, _, _ = opened(home)
         survey = job.surveys[job.first]
         points = Points(places) if places else None
         template = points.template if points else survey.template

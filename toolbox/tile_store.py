@@ -141,9 +141,37 @@ def gather(
             clouds.append(cloud)
             origins.append(cloud.origin)
     joint = survey.template.filled(clouds, sum(map(len, clouds)))
-    origin = np.concatenate([*origins, np.empty(0, np.int64)])
+    return in_order(joint, np.concatenate([*origins, np.empty(0, np.int64)]))
+
+
+def in_order(cloud: PointCloud, origin: Indices) -> PointCloud:
+    """Points in the order of the survey, given the place there of each."""
     order = np.argsort(origin)
-    return joint.select(order).with_origin(origin[order])
+    return cloud.select(order).with_origin(origin[order])
+
+
+def save_points(place: Path, cloud: PointCloud) -> None:
+    """Store points: what there is many of as arrays, apart from the rest."""
+    origin = {} if cloud.origin is None else {"origin": cloud.origin}
+    save_arrays(place, cloud.arrays() | origin)
+    box = np.reshape(cloud.bounds, (2, 3))
+    save_object(place / "layer", (cloud.select([]).with_origin(None), box))
+
+
+def joined(places: Iterable[Path], bounds: Box) -> PointCloud | None:
+    """Those of stored points within bounds, in the order of the survey; None if there are none."""
+    clouds: list[PointCloud] = []
+    for place in places:
+        shell, box = load_object(place / "layer")
+        if (box[0, :2] <= bounds[2:]).all() and (box[1, :2] >= bounds[:2]).all():
+            arrays = load_arrays(place)
+            origin = arrays.pop("origin", None)
+            clouds.append(shell.with_arrays(arrays).with_origin(origin).within(bounds))
+    if not any(map(len, clouds)):
+        return None
+    origins = [cloud.origin for cloud in clouds if cloud.origin is not None]
+    joint = PointCloud.concat(clouds).with_origin(None)
+    return in_order(joint, np.concatenate(origins)) if len(origins) == len(clouds) else joint
 
 
 def _runs(table: Indices, low: Indices, high: Indices) -> Iterator[slice]:

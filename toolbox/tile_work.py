@@ -1,12 +1,14 @@
 """What a worker does for a survey in tiles: sort points into buckets, and run the tool on a tile.
 
-All that a worker must know is in the job, which lies in the working folder; its tasks are named
-by that folder alone. A task whose result is there already is done.
+All that a worker must know is in the job, which lies in the folder of its pass within the working
+folder; its tasks are named by that folder alone. A task whose result is there already is done.
 """
 
 from __future__ import annotations
 
+import itertools
 import logging
+import math
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -27,7 +29,7 @@ from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.data.survey import Survey
 from toolbox.errors import NothingToDo
 from toolbox.fields import Field
-from toolbox.model import Model, Run
+from toolbox.model import INPUTS, Model, Run
 from toolbox.provenance import Count, counted
 from toolbox.sources import open_source
 from toolbox.tile_plan import ALONE, as_model
@@ -38,7 +40,7 @@ Tile = tuple[int, int]
 
 @dataclass(frozen=True)
 class Job:
-    """A tool or model and the survey that it is run on.
+    """A pass of a tool or model over the survey that it is run on.
 
     Attributes
     ----------
@@ -48,6 +50,8 @@ class Job:
     assume_crs : of those that state none
     surveys : point clouds, by the name of the source; the first one has the tiles
     steps : those that are run on tiles
+    given : results of steps on the whole, by step.output
+    before : for results of tiles in earlier passes, by step.output, the folder of that pass
     keep : results that are stored, by step.output
     las : those of them that become LAS files
     halo : how far beyond a tile its points must be known, in the unit of the coordinates
@@ -59,6 +63,8 @@ class Job:
     assume_crs: CRS | None
     surveys: Mapping[str, Survey]
     steps: tuple[str, ...]
+    given: Mapping[str, Any]
+    before: Mapping[str, Path]
     keep: frozenset[str]
     las: frozenset[str]
     halo: float
@@ -89,33 +95,45 @@ class Result:
 
 
 @lru_cache(maxsize=2)
-def opened(work: Path) -> tuple[Job, Model, dict[str, Any]]:
-    """The job of a working folder, its model, and its other layers."""
-    job: Job = tile_store.load_object(work / "job")
+def opened(home: Path) -> tuple[Job, Model, dict[str, Any]]:
+    """The job of a pass, its model, and its other layers."""
+    job: Job = tile_store.load_object(home / "job")
     model = as_model(catalog.load(job.id))
     layers = {n: open_source(model.inputs[n], v, job.assume_crs) for n, v in job.layers.items()}
     return job, model, layers
 
 
-def split(work: Path, batch: Batch) -> NDArray[np.int64]:
+def points_of(home: Path) -> Path:
+    """Where the points are that all passes share."""
+    return home.parent / "points"
+
+
+def split(home: Path, batch: Batch) -> NDArray[np.int64]:
     """Store a batch of points by bucket; see :func:`tile_store.split`."""
-    job, _, _ = opened(work)
-    return tile_store.split(job.surveys[batch.source], batch, job.grid, work / "points")
+    job, _, _ = opened(home)
+    return tile_store.split(job.surveys[batch.source], batch, job.grid, points_of(home))
 
 
-def run_tile(work: Path, tile: Tile, batches: tuple[Batch, ...]) -> Result:
+def run_tile(home: Path, tile: Tile, batches: tuple[Batch, ...]) -> Result:
     """Run the local steps on one tile and store what they give in its core."""
-    place = work / "tiles" / name_of(tile)
+    place = home / "tiles" / name_of(tile)
     if place.exists():
         found: Result = tile_store.load_object(place / "result")
         return found
-    job, model, layers = opened(work)
-    clouds = {n: _gathered(job, n, tile, batches, work) for n in job.surveys}
+    job, model, layers = opened(home)
+    needs = {need for name in job.steps for need in model.steps[name].needs}
+    clouds = {
+        name: _gathered(job, name, tile, batches, points_of(home))
+        for name in job.surveys
+        if f"{INPUTS}.{name}" in needs
+    }
+    pieces = {name: _around(job, tile, folder, name) for name, folder in job.before.items()}
+    first = clouds.get(job.first, next(iter(pieces.values()), None))
     with _said() as said, tile_store.whole(place) as draft:
         values = dict.fromkeys(model.sources) | dict(job.settings) | layers | clouds
         counts: list[Count] = []
-        near = len(clouds[job.first]) > 0
-        results = _results(job, model, values, tile, counts) if near else {}
+        given = {**job.given, **pieces}
+        results = _results(job, model, values, given, tile, counts) if first else {}
         numbers = {name: v for name, v in results.items() if isinstance(v, float | int)}
         for name in results.keys() - numbers.keys():
             _store(draft / name, _cropped(job, tile, results[name]), las=name in job.las)
@@ -129,12 +147,12 @@ def name_of(tile: Tile) -> str:
 
 
 def _gathered(
-    job: Job, source: str, tile: Tile, batches: tuple[Batch, ...], work: Path
+    job: Job, source: str, tile: Tile, batches: tuple[Batch, ...], points: Path
 ) -> PointCloud:
     """The points of a tile and its surroundings; what is only a neighbour has an origin < 0."""
     parts = [batch for batch in batches if batch.source == source]
     bounds = job.grid.bounds(tile, job.halo)
-    cloud = tile_store.gather(job.surveys[source], parts, bounds, job.grid, work / "points")
+    cloud = tile_store.gather(job.surveys[source], parts, bounds, job.grid, points)
     core = job.grid.holds(tile, cloud.xyz[:, :2])
     origin = cloud.origin
     assert origin is not None
@@ -142,9 +160,24 @@ def _gathered(
     return cloud.with_origin(np.where(core, origin, -1 - origin))
 
 
+def _around(job: Job, tile: Tile, folder: Path, name: str) -> PointCloud | None:
+    """What an earlier pass has given in a tile and its surroundings; None if there is nothing."""
+    reach = math.ceil(job.halo / job.grid.size)
+    rows, cols = (range(k - reach, k + reach + 1) for k in tile)
+    places = [folder / "tiles" / name_of(near) / name for near in itertools.product(rows, cols)]
+    cloud = tile_store.joined([p for p in places if p.exists()], job.grid.bounds(tile, job.halo))
+    if cloud is None or cloud.origin is None:
+        return cloud
+    core = job.grid.holds(tile, cloud.xyz[:, :2])
+    origin = cloud.origin
+    cloud = cloud.with_file(job.surveys[job.first].file_of(origin))
+    return cloud.with_origin(np.where(core, origin, -1 - origin))
+
+
 def _results(
-    job: Job, model: Model, values: Mapping[str, Any], tile: Tile, counts: list[Count]
-) -> dict[str, Any]:
+    job: Job, model: Model, values: Mapping[str, Any], given: Mapping[str, Any], tile: Tile,
+    counts: list[Count],
+) -> dict[str, Any]:  # fmt: skip
     """What the local steps give, by step.output."""
 
     def around(name: str, tool: Any, ctx: Context) -> Any:
@@ -154,7 +187,8 @@ def _results(
         counts.extend(_counts(job, tile, step, tool.spec.outputs, result))
         return result
 
-    run = Run(model.part(job.steps), values, keep=job.keep, around=around, gaps=True)
+    part = model.part(job.steps)
+    run = Run(part, values, keep=job.keep, given=given, around=around, gaps=True)
     result = run.run(Context(window=job.grid.bounds(tile, job.halo)))
     return {name: getattr(result, name) for name in sorted(job.keep)}
 
@@ -218,11 +252,7 @@ def _store(place: Path, layer: Any, *, las: bool) -> None:
         return
     place.mkdir()
     if isinstance(layer, PointCloud):
-        layer = layer.read_back() if las else layer
-        origin = {} if layer.origin is None else {"origin": layer.origin}
-        tile_store.save_arrays(place, layer.arrays() | origin)
-        box = np.reshape(layer.bounds, (2, 3))
-        tile_store.save_object(place / "layer", (layer.select([]).with_origin(None), box))
+        tile_store.save_points(place, layer.read_back() if las else layer)
     elif isinstance(layer, Raster):
         tile_store.save_arrays(place, {"values": layer.values})
         tile_store.save_object(place / "layer", layer.window(slice(0, 1), slice(0, 1)))

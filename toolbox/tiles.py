@@ -2,9 +2,9 @@
 
 1. Each file is read once, and its points are stored sorted by bucket (`tile_store`).
 2. Each tile is run with its neighbourhood, as wide as the tool's own `halo()` says, and what it
-   gives is cut to the tile (`tile_work`).
-3. The pieces become one product each (`tile_products`). Steps of a model that need the whole cloud
-   run here, once, on what the others gave (`tile_plan`).
+   gives is cut to the tile (`tile_work`). Steps of a model that need the whole run here, once, on
+   what the tiles gave; those that wait for them make another pass over the tiles (`tile_plan`).
+3. The pieces become one product each (`tile_products`).
 
 All of it happens in a working folder beside the first output, where a run that was stopped can
 go on. On disk that takes the size of all point records, and of all results once more.
@@ -112,11 +112,13 @@ def run(
         {name: absolute(spec.inputs[name], value) for name, value in others.items()},
         assume_crs,
         surveys,
-        plan.local,
-        plan.keep,
-        frozenset(plan.stored[n] for n, t in targets.items() if n in plan.stored and t.is_las),
-        plan.halo * metre * SLACK + NEAR * metre,
-        Grid(size * metre),
+        steps=(),
+        given={},
+        before={},
+        keep=frozenset(plan.keep),
+        las=frozenset(plan.stored[n] for n, t in targets.items() if n in plan.stored and t.is_las),
+        halo=_reach(plan.halo, metre),
+        grid=Grid(size * metre),
     )
     products = _products(plan, targets, survey)
     _check_products(spec.id, products, surveys, overwrite=overwrite)
@@ -124,28 +126,15 @@ def run(
         _working_folder(job, plan, record, targets, resume=resume) as work,
         client_of(tiling) as client,
     ):
-        tile_store.save_object(work / "job", job)
-        crew = _Crew(client, spec.id, work, job)
+        crew = _Crew(client, spec.id, work, job, plan)
         rim = RIM if plan.gives_rasters else 0.0
         tiles = crew.split(rim * metre, ctx.part(0, STORED))
-        sums = crew.run_tiles(tiles, ctx.part(STORED, DONE))
-        return _finish(
-            spec, crew, plan, products, targets, sums, record, overwrite, ctx.part(DONE, 1)
-        )
-
-
-@dataclass(frozen=True)
-class _Sums:
-    """What all tiles gave together beside their layers.
-
-    Attributes
-    ----------
-    numbers : by step.output; None where those of tiles do not add up
-    counts : how large the layers were
-    """
-
-    numbers: Mapping[str, Any]
-    counts: tuple[Count, ...]
+        for number in range(len(plan.passes)):
+            edges = (STORED + (DONE - STORED) * (number + k) / len(plan.passes) for k in (0, 1))
+            crew.run_pass(number, tiles, ctx.part(*edges))
+            if crew.failures:
+                break
+        return _finish(spec, crew, products, targets, record, overwrite, ctx.part(DONE, 1))
 
 
 @dataclass(frozen=True)
@@ -218,30 +207,26 @@ def _check_products(
 def _finish(
     spec: Spec,
     crew: _Crew,
-    plan: Plan,
     products: list[_Product],
     targets: Mapping[str, Target],
-    sums: _Sums,
     record: Record | None,
     overwrite: bool,
     ctx: Context,
 ) -> dict[str, Any]:
     """Write all products, or after failures the files of folders that are complete."""
+    plan = crew.plan
     if crew.failures:
-        complete = crew.complete()
-        products = [product for product in products if product.file in complete]
-    found = {n: resolved(wire, sums.numbers) for n, wire in plan.model.returns.items()}
-    found = {n: v for n, v in found.items() if not plan.model.outputs[n].kind.is_layer}
+        complete, done = crew.complete(), crew.done
+        products = [p for p in products if p.file in complete and plan.keep[p.result] in done]
+    known = {n: w for n, w in plan.model.returns.items() if crew.found.keys() & set(w.names)}
+    found = {n: resolved(wire, crew.found) for n, wire in known.items()}
+    found |= {n: value for n, value in crew.found.items() if n in targets}
     if lost := [n for n, value in found.items() if value is None and n in plan.stored]:
         log.warning("not known from tiles: %s", ", ".join(lost))
         found = {n: value for n, value in found.items() if n not in lost}
-    counts = list(sums.counts)
-    asked = frozenset(targets.keys() & plan.model.between.keys() - plan.stored.keys())
-    if plan.rest and not crew.failures:
-        found |= crew.rest(plan, asked, sums.numbers, counts, ctx.part(0, 0.5))
     vectors = [name for name in targets if name in plan.stored and _is_vector(plan, name)]
-    found |= {name: tile_products.read(crew.work, plan.stored[name]) for name in vectors}
-    made = record and replace(record, counts=tuple(plan.ordered(counts)))
+    found |= {name: crew.read(plan.stored[name]) for name in vectors}
+    made = record and replace(record, counts=tuple(plan.ordered(crew.counts)))
     others = {n: target for n, target in targets.items() if n in found or n in SHOWN}
     try:
         parts = {product.home: product.target.parts for product in products}
@@ -257,6 +242,11 @@ def _finish(
         raise DataError(f"{crew.id}: cannot write: {err}") from err
     crew.report()
     return found | {p.output: targets[p.output].path for p in products}
+
+
+def _reach(halo: float, metre: float) -> float:
+    """A halo in the unit of the coordinates, with what lies on its edge."""
+    return (halo * SLACK + NEAR) * metre
 
 
 def _sum(values: list[Any]) -> Any:
@@ -317,12 +307,11 @@ def _working_folder(
     home = next((target.home for target in targets.values() if target.home), None)
     if record is None or home is None:  # only numbers are asked for
         with files.scratch() as work:
-            for name in ("points", "tiles"):
-                (work / name).mkdir()
+            for part in _folders(work, plan):
+                part.mkdir(parents=True)
             yield work
         return
     work = home.parent / f".tiles-{_key(job, plan.model, record)}"
-    parts = work / "points", work / "tiles"
     goes_on = resume and work.exists()
     work.mkdir(exist_ok=True)
     lock = FileLock(work / "lock", blocking=False)
@@ -333,15 +322,20 @@ def _working_folder(
     try:
         if goes_on:
             log.info("going on where an earlier run was stopped (%s)", work)
-        for part in parts:
+        for part in _folders(work, plan):
             if not goes_on:
                 shutil.rmtree(part, ignore_errors=True)
-            part.mkdir(exist_ok=True)
+            part.mkdir(parents=True, exist_ok=True)
             tile_store.sweep(part)
         yield work
         shutil.rmtree(work, ignore_errors=True)
     finally:
         lock.release()
+
+
+def _folders(work: Path, plan: Plan) -> list[Path]:
+    """Where the points are stored, and what the tiles of each pass give."""
+    return [work / "points", *(work / str(k) / "tiles" for k in range(len(plan.passes)))]
 
 
 def _key(job: Job, model: Model, record: Record) -> str:
@@ -379,22 +373,35 @@ class _Crew:
 
     Attributes
     ----------
+    job : what all passes have in common
+    found : numbers of tiles, None where they do not add up, and results of steps on the whole
+    counts : how large the layers were
+    done : passes whose tiles were run
     failed : why a tile could not be run
     unreadable : why the points of a file could not be read or stored
     """
 
-    def __init__(self, client: Any, id: str, work: Path, job: Job) -> None:
-        self.client, self.id, self.work, self.job = client, id, work, job
+    def __init__(self, client: Any, id: str, work: Path, job: Job, plan: Plan) -> None:
+        self.client, self.id, self.work, self.job, self.plan = client, id, work, job, plan
+        self.found: dict[str, Any] = {}
+        self.counts: list[Count] = []
+        self.done: set[int] = set()
         self.failed: dict[Tile, str] = {}
         self.unreadable: dict[Path, str] = {}
+
+    def home(self, number: int) -> Path:
+        """The folder of a pass."""
+        return self.work / str(number)
+
+    def read(self, name: str) -> Any:
+        """A result of tiles in memory."""
+        return tile_products.read(self.home(self.plan.keep[name]), name)
 
     def all(
         self, task: Callable[..., Any], calls: list[tuple[Any, ...]], ctx: Context
     ) -> list[Any]:
         """What a task gives for each of the arguments, or how it failed after a second try."""
-        futures = [
-            self.client.submit(task, self.work, *call, pure=False, retries=1) for call in calls
-        ]
+        futures = [self.client.submit(task, *call, pure=False, retries=1) for call in calls]
         try:
             while left := sum(not future.done() for future in futures):
                 ctx.progress(1 - left / len(futures))
@@ -421,7 +428,8 @@ class _Crew:
                     batches += tile_store.batches(source, survey, number, BATCH)
                 except DataError as err:
                     self.unreadable[file.path] = str(err)
-        tables = self.all(tile_work.split, [(batch,) for batch in batches], ctx)
+        self._begin(0)
+        tables = self.all(tile_work.split, [(self.home(0), batch) for batch in batches], ctx)
         reach = math.ceil(self.job.halo * SIDE / self.job.grid.size)
         near: dict[Tile, list[Batch]] = {}
         core: set[Tile] = set()
@@ -457,14 +465,41 @@ class _Crew:
 
     # Tiles
 
-    def run_tiles(self, tiles: Mapping[Tile, list[Batch]], ctx: Context) -> _Sums:
-        """Run all tiles."""
-        calls = [(tile, tuple(tiles[tile])) for tile in sorted(tiles)]
+    def run_pass(self, number: int, tiles: Mapping[Tile, list[Batch]], ctx: Context) -> None:
+        """Run the local steps of a pass on all tiles, and the others on what these give."""
+        one = self.plan.passes[number]
+        if one.local:
+            self._begin(number)
+            self._run_tiles(number, tiles, ctx.part(0, 0.7))
+            self.done.add(number)
+        if one.rest and not self.failures:
+            self.found |= self._run_rest(number, ctx.part(0.7, 1))
+
+    def _begin(self, number: int) -> None:
+        """Tell the workers of a pass what they need to know."""
+        one, model, keep = self.plan.passes[number], self.plan.model, self.plan.keep
+        needs = {need for name in one.local for need in model.steps[name].needs}
+        earlier = {n for n in needs & keep.keys() if keep[n] < number}
+        clouds = {n for n in earlier if model.between[n].kind.several}
+        job = replace(
+            self.job,
+            steps=one.local,
+            given={n: value for n, value in self.found.items() if n in needs}
+            | {n: self.read(n) for n in earlier - clouds},
+            before={n: self.home(keep[n]) for n in sorted(clouds)},
+            keep=one.keep,
+            halo=_reach(one.halo, self.job.surveys[self.job.first].metre),
+        )
+        tile_store.save_object(self.home(number) / "job", job)
+
+    def _run_tiles(self, number: int, tiles: Mapping[Tile, list[Batch]], ctx: Context) -> None:
+        home = self.home(number)
+        calls = [(home, tile, tuple(tiles[tile])) for tile in sorted(tiles)]
         results = self.all(tile_work.run_tile, calls, ctx)
         said: dict[str, list[Tile]] = {}
         numbers: dict[str, list[Any]] = {}
         counts: dict[tuple[str, str], int] = {}
-        for (tile, _), result in zip(calls, results, strict=True):
+        for (_, tile, _), result in zip(calls, results, strict=True):
             if isinstance(result, _Failed):
                 self.failed[tile] = result.why
                 continue
@@ -480,49 +515,40 @@ class _Crew:
             log.warning("tile %s%s: %s", tile_work.name_of(where[0]), more, text)
         memory = max((r.memory for r in results if not isinstance(r, _Failed)), default=0)
         log.debug("%d tiles; a worker needed up to %d MB", len(calls), memory // 10**6)
-        found = {name: _sum(values) for name, values in numbers.items()}
-        return _Sums(found, tuple(Count(*key, count) for key, count in counts.items()))
+        self.found |= {name: _sum(values) for name, values in numbers.items()}
+        self.counts += [Count(*key, count) for key, count in counts.items()]
 
-    # Products
-
-    def write(self, products: list[_Product], record: Record | None, ctx: Context) -> None:
-        """Write products to the places where they are prepared."""
-        calls = [(p.output, p.result, p.place, p.target.how, p.file, record) for p in products]
-        done = self.all(tile_products.write, calls, ctx)
-        pairs = zip(products, done, strict=True)
-        if wrong := {p.output: d.why for p, d in pairs if isinstance(d, _Failed)}:
-            raise DataError(self.id, wrong)
-
-    def rest(
-        self,
-        plan: Plan,
-        asked: frozenset[str],
-        numbers: Mapping[str, Any],
-        counts: list[Count],
-        ctx: Context,
-    ) -> dict[str, Any]:
-        """What the steps give that need the whole, from what the others gave.
-
-        Parameters
-        ----------
-        asked : results in between that are wanted, by step.output
-        numbers : that tiles gave, by step.output
-        counts : is added to
-        """
-        _, model, layers = tile_work.opened(self.work)
-        part = model.part(plan.rest)
+    def _run_rest(self, number: int, ctx: Context) -> dict[str, Any]:
+        """What the steps of a pass give that need the whole, from what the others gave."""
+        one = self.plan.passes[number]
+        _, model, layers = tile_work.opened(self.home(0))
+        part = model.part(one.rest)
         needs = {need for step in part.steps.values() for need in step.needs}
         clouds = {
             name: survey.read(ctx=ctx.part(0, 0.1))
             for name, survey in self.job.surveys.items()
             if f"{INPUTS}.{name}" in needs
         }
-        given = {name: tile_products.read(self.work, name) for name in needs & plan.keep}
-        values = dict.fromkeys(model.sources) | dict(plan.settings) | layers | clouds
-        run = Run(part, values, keep=asked, given=given | dict(numbers), around=counting(counts))
+        given = self.found | {name: self.read(name) for name in needs & self.plan.keep.keys()}
+        values = dict.fromkeys(model.sources) | dict(self.plan.settings) | layers | clouds
+        around = counting(self.counts)
+        run = Run(part, values, keep=one.gives, given=given, around=around)
         result = run.run(ctx.part(0.1, 1))
-        names = [name for name in (*part.outputs, *asked) if name not in plan.stored]
-        return {name: getattr(result, name) for name in names}
+        return {name: getattr(result, name) for name in one.gives}
+
+    # Products
+
+    def write(self, products: list[_Product], record: Record | None, ctx: Context) -> None:
+        """Write products to the places where they are prepared."""
+        homes = [self.home(self.plan.keep[p.result]) for p in products]
+        calls = [
+            (home, p.output, p.result, p.place, p.target.how, p.file, record)
+            for home, p in zip(homes, products, strict=True)
+        ]
+        done = self.all(tile_products.write, calls, ctx)
+        pairs = zip(products, done, strict=True)
+        if wrong := {p.output: d.why for p, d in pairs if isinstance(d, _Failed)}:
+            raise DataError(self.id, wrong)
 
     @property
     def failures(self) -> bool:

@@ -18,14 +18,17 @@ Archives XXXVIII-5/W12, 259-264: the catenary in the vertical plane of a wire.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from algorithms.corridor._candidates import CELL, OFF_GROUND, STANDS_FOR, candidates
 from algorithms.corridor._follow import follow
+from algorithms.corridor._labels import NUMBERS, classes_of, labelled
 from algorithms.corridor._lines import tower_layer, wire_layer
 from algorithms.corridor._network import Scene
 from algorithms.corridor._spans import Wire
@@ -33,7 +36,7 @@ from algorithms.corridor._supports import Support
 from algorithms.corridor._thesis import Settings, Variance, voxel_lines
 from algorithms.corridor._towers import Tower, strings_of, tower_of
 from algorithms.corridor._trace import Airborne, uncrowded
-from algorithms.ground.classify import Terrain, find_terrain, height_above
+from algorithms.ground.classify import HEIGHT, find_terrain, height_above
 from algorithms.shared.ground import may_be_ground, taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
@@ -41,12 +44,9 @@ from toolbox.errors import DataError
 from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import ClassList
 
-WIRE, TOWER, OTHER = np.uint8(14), np.uint8(15), np.uint8(1)  # ASPRS classes
-LINE_CLASSES = (13, 14, 15, 16)  # given anew: wire guard, conductor, tower, connector
-OFF_GROUND = 0.4  # metres, from which a point can be of a tower
 COMPANY, ALMOST_ALL = (2.0, 2.0, 1.0), 0.9  # metres, and share of the points with others so near
-SEEN_CELL = 2.0  # metres
-AREA_CELL = 2.0  # metres
+AROUND = 8  # points of the ground through which the plane under a support is laid
+STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]  # to the cells around one
 BESIDE, AREA = 6, 0.35  # neighbours of a cell within an area, and the share of such cells
 FEWEST_CELLS, FEWEST_OF_CELL = 50, 1.5  # of which, and how many points in each, an area is judged
 TUBE, TUBE_LEAST, TUBE_MOST = 2.6, 0.12, 0.45  # of the scatter of a wire; metres
@@ -64,11 +64,12 @@ class CorridorExtract:
     class of a line (13 to 16) and are not found become 1, all others keep their class. The
     attributes wire_id, span_id and tower_id say to which they belong, 0 for none; a wire keeps its
     number from span to span. Nothing but coordinates is needed, and lines of any voltage are found
-    together: the ground is found first, or taken from the classes given.
+    together: the ground is found first, or taken from the classes given. Of points that have
+    HeightAboveGround that is the height.
 
     `wires` has one catenary per conductor and span, as a line in three dimensions; `towers` one
     point per tower, at its foot. A span needs the whole of its wires, so the tool looks at the
-    whole cloud.
+    whole cloud; corridor.candidates chooses the points that it needs of a large one.
 
     Method `thesis` follows a published chain of voxels, to compare with. Its pylons hold all points
     in their bounds, and it finds no wires below `thesis_height`.
@@ -124,35 +125,56 @@ class CorridorExtract:
 
     def run(self, ctx: Context = QUIET) -> CorridorExtract.Outputs:
         """Find the line, and label the points on it."""
-        cloud = self.points
-        part = taking_part(cloud, self.ignore)
-        ground = part & may_be_ground(cloud, "last")
-        if self.ground_classes is not None:
-            ground = part & np.isin(_classes(cloud), self.ground_classes)
-            if part.any() and not ground.any():
-                raise DataError(f"points: none is of the ground_classes {self.ground_classes}")
+        cloud, part = self.points, taking_part(self.points, self.ignore)
+        height = self._heights(part, ctx.part(0.0, 0.4))
+        index, stands_for = self._candidates(part, height)
         line = find_line(
-            cloud.xyz,
-            part,
-            ground,
-            known=self.ground_classes is not None,
+            cloud.xyz[index],
+            height[index],
+            stands_for,
             metre=cloud.metre,
             min_height=self.min_height / cloud.metre,
             max_gap=self.max_gap / cloud.metre,
             tolerance=self.tolerance / cloud.metre,
             thesis=self._thesis() if self.method == "thesis" else None,
-            ctx=ctx,
+            ctx=ctx.part(0.4, 1.0),
         )
         if not line.wires:
             log.warning("no power line was found")
-        spans = {wire.span for wire in line.wires}
         return self.Outputs(
-            classified=self._classified(line),
+            classified=labelled(cloud, part, index, line.labels),
             towers=tower_layer(line.towers, line.strings, line.origin, cloud.metre, cloud.crs),
             wires=wire_layer(line.wires, line.origin, cloud.metre, cloud.crs),
-            span_count=len(spans),
+            span_count=len({wire.span for wire in line.wires}),
             tower_count=len(line.towers),
         )
+
+    def _heights(self, part: NDArray[np.bool_], ctx: Context) -> Floats:
+        """Metres of points above the ground, array of shape (n,); NaN where not known."""
+        cloud = self.points
+        if HEIGHT in cloud:
+            return np.asarray(cloud[HEIGHT], float) / cloud.metre
+        ground = part & may_be_ground(cloud, "last")
+        if self.ground_classes is not None:
+            ground = part & np.isin(classes_of(cloud), self.ground_classes)
+            if part.any() and not ground.any():
+                raise DataError(f"points: none is of the ground_classes {self.ground_classes}")
+        if not ground.any():
+            return np.full(len(cloud), np.nan)
+        ground &= accompanied(cloud.xyz, cloud.metre)
+        known = self.ground_classes is not None
+        terrain = find_terrain(_frozen(cloud.xyz[ground]), known=known, metre=cloud.metre, ctx=ctx)
+        return height_above(cloud.xyz, terrain)
+
+    def _candidates(
+        self, part: NDArray[np.bool_], height: Floats
+    ) -> tuple[Ints, NDArray[np.uint32]]:
+        """The points to look at, and how many each stands for."""
+        cloud = self.points
+        if STANDS_FOR not in cloud:
+            return candidates(cloud.xyz, height, part, metre=cloud.metre)
+        index = np.flatnonzero(part)
+        return index, cloud[STANDS_FOR][index]
 
     def _thesis(self) -> Settings:
         metre = self.points.metre
@@ -161,64 +183,37 @@ class CorridorExtract:
             self.thesis_gap / metre, self.seed,
         )  # fmt: skip
 
-    def _classified(self, line: Line) -> PointCloud:
-        old = _classes(self.points)
-        classes = np.where(np.isin(old, LINE_CLASSES) & line.part, OTHER, old)
-        classes = np.where(line.wire > 0, WIRE, np.where(line.tower > 0, TOWER, classes))
-        return self.points.with_attributes(
-            {
-                "classification": classes.astype(np.uint8),
-                "wire_id": line.wire,
-                "span_id": line.span,
-                "tower_id": line.tower,
-                "confidence": line.confidence,
-            },
-            descriptions={
-                "wire_id": "conductor, the same from span to span",
-                "span_id": "between two towers",
-                "tower_id": "tower or pole",
-                "confidence": "0 doubtful to 1 clear",
-            },
-        )
-
-
-def _classes(cloud: PointCloud) -> NDArray[np.uint8]:
-    if "classification" in cloud:
-        return np.asarray(cloud["classification"], np.uint8)
-    return np.full(len(cloud), OTHER)
-
 
 @dataclass(frozen=True)
 class Line:
-    """The power lines of a cloud of n points, and which points are theirs.
+    """The power lines among n points, and which of these are theirs.
 
     Attributes
     ----------
     wires, towers : in metres from the origin
     strings : length of the insulators by which wires pull at each tower, metres
     origin : array of shape (3,), in the unit of the cloud
-    part : array of shape (n,), the points that took part
-    wire, span, tower : arrays of shape (n,), numbers from 1, 0 for none
-    confidence : array of shape (n,)
+    labels : of the points: wire_id, span_id and tower_id from 1, 0 for none, and confidence
     """
 
-    wires: Sequence[Wire]
-    towers: Sequence[Tower]
-    strings: Sequence[float]
     origin: Floats
-    part: NDArray[np.bool_]
-    wire: NDArray[np.uint32]
-    span: NDArray[np.uint32]
-    tower: NDArray[np.uint32]
-    confidence: NDArray[np.float32]
+    labels: Mapping[str, NDArray[Any]]
+    wires: Sequence[Wire] = ()
+    towers: Sequence[Tower] = ()
+    strings: Sequence[float] = ()
+
+    @classmethod
+    def none(cls, count: int, origin: Floats) -> Line:
+        """No line among some points."""
+        labels: dict[str, NDArray[Any]] = {name: np.zeros(count, np.uint32) for name in NUMBERS}
+        return cls(origin, labels | {"confidence": np.ones(count, np.float32)})
 
 
 def find_line(
     xyz: Floats,
-    part: NDArray[np.bool_],
-    ground: NDArray[np.bool_],
+    height: Floats,
+    stands_for: NDArray[np.uint32],
     *,
-    known: bool = False,
     metre: float = 1.0,
     min_height: float = 4.0,
     max_gap: float = 60.0,
@@ -230,10 +225,9 @@ def find_line(
 
     Parameters
     ----------
-    xyz : array of shape (n, 3)
-    part : array of shape (n,), points that take part
-    ground : array of shape (n,), points that may be ground
-    known : whether they are
+    xyz : array of shape (n, 3), as :func:`candidates` chooses them
+    height : array of shape (n,), above the ground, metres; NaN where not known
+    stands_for : array of shape (n,), how many points each is of
     metre : length of one metre in the unit of the points
     thesis : settings of that method; None for the other
     min_height, max_gap, tolerance : see :class:`CorridorExtract`, metres
@@ -248,33 +242,37 @@ def find_line(
     DataError
         The points lie along lines, without ground.
     """
-    n = len(xyz)
-    wire, span, tower = (np.zeros(n, np.uint32) for _ in range(3))
-    confidence = np.where(part, 1.0, 0.0).astype(np.float32)
-    origin = np.floor(xyz[part].min(axis=0)) if part.any() else np.zeros(3)
-    nothing = Line([], [], [], origin, part, wire, span, tower, confidence)
     ctx.progress(0.0)
-    if not ground.any():
-        return nothing
-    require_ground((xyz[part, :2] - origin[:2]) / metre)
-    ground = ground & accompanied(xyz, metre)
-    terrain = find_terrain(_frozen(xyz[ground]), known=known, metre=metre, ctx=ctx.part(0.0, 0.4))
-    above = height_above(xyz, terrain)
-    index = np.flatnonzero(part & (above > OFF_GROUND))
-    air = Airborne.of((xyz[index] - origin) / metre)
-    height = above[index][air.order]
-    seen, density = footprint((xyz[part, :2] - origin[:2]) / metre)
-    if thesis is not None:
-        return by_thesis(nothing, xyz, index, air, height, thesis, tolerance, max_gap, ctx)
-    high = air.select(height > min_height)
-    alone, voxel = uncrowded(high, density)
-    ctx.progress(0.45)
-    scene = Scene(air, height, high.select(alone), tolerance, _elevation(terrain, origin), seen)
-    wires, supports = follow(scene, voxel[alone], max_gap, ctx.part(0.45, 0.9))
-    if not wires:
-        return nothing
-    wires, towers, strings = dressed(scene, wires, supports)
+    if not np.isfinite(height).any():
+        return Line.none(len(xyz), np.zeros(3))
+    origin = np.floor(xyz.min(axis=0) / (CELL * metre)) * CELL * metre
+    line = Line.none(len(xyz), origin)
+    places = (xyz - origin) / metre
+    seen, density = footprint(places[:, :2], stands_for)
+    index = np.flatnonzero(height > OFF_GROUND)
+    air = Airborne.of(places[index])
     own = index[air.order]
+    if thesis is not None:
+        return by_thesis(line, own, air, height[own], thesis, tolerance, max_gap, ctx)
+    high = air.select(height[own] > min_height)
+    alone, voxel = uncrowded(high, density)
+    ctx.progress(0.1)
+    ground = elevation(places, height)
+    scene = Scene(air, height[own], high.select(alone), tolerance, ground, seen)
+    wires, supports = follow(scene, voxel[alone], max_gap, ctx.part(0.1, 0.9))
+    if not wires:
+        return line
+    wires, towers, strings = dressed(scene, wires, supports)
+    label_points(line, scene, own, wires, towers)
+    ctx.progress(1.0)
+    return replace(line, wires=wires, towers=towers, strings=strings)
+
+
+def label_points(
+    line: Line, scene: Scene, own: Ints, wires: Sequence[Wire], towers: Sequence[Tower]
+) -> None:
+    """Enter which points are of wires and towers; `own` are those in the air."""
+    wire, span, tower, confidence = (line.labels[name] for name in (*NUMBERS, "confidence"))
     for one in wires:
         near, away, radius = on_wire(scene, one)
         points = own[near]
@@ -285,51 +283,25 @@ def find_line(
         points = points[wire[points] == 0]
         tower[points] = number
         confidence[points] = 0.5 + 0.5 * one_tower.support.body
-    ctx.progress(1.0)
-    return Line(wires, towers, strings, origin, part, wire, span, tower, confidence)
 
 
 def by_thesis(
-    nothing: Line, xyz: Floats, index: Ints, air: Airborne, height: Floats, settings: Settings,
+    line: Line, own: Ints, air: Airborne, height: Floats, settings: Settings,
     tolerance: float, max_gap: float, ctx: Context,
 ) -> Line:  # fmt: skip
     """Wires and pylons by voxels, and catenaries through the wires found."""
-    high, pylon = voxel_lines(air.xyz, height, settings, ctx.part(0.45, 0.9))
-    own = index[air.order]
-    nothing.tower[own] = pylon
-    nothing.wire[own[high]] = 1
+    wire, span, tower = (line.labels[name] for name in NUMBERS)
+    high, pylon = voxel_lines(air.xyz, height, settings, ctx.part(0.1, 0.9))
+    tower[own] = pylon
+    wire[own[high]] = 1
     scene = Scene(air, height, air.select(high), tolerance, lambda x, y: 0.0, lambda x, y: False)
     _, voxel = uncrowded(scene.wires, 1.0)
     wires, _ = follow(scene, voxel, max_gap, ctx.part(0.9, 1.0))
     for one in wires:
         near, _, _ = on_wire(scene, one)
         points = own[near[high[near]]]
-        nothing.wire[points], nothing.span[points] = one.wire, one.span
-    return replace(nothing, wires=wires)
-
-
-def require_ground(xy: Floats) -> None:
-    """Refuse points, of shape (n, 2) in metres, that lie along lines only: wires without ground.
-
-    The lowest wires would be taken for ground. Seen from above, cells with ground have others
-    around them; those with wires have others before and behind. Points that are few, or so sparse
-    that most cells of ground have one, cannot be judged.
-
-    Raises
-    ------
-    DataError
-    """
-    cell = np.floor((xy - xy.min(axis=0)) / AREA_CELL).astype(np.int64) + 1
-    width = int(cell[:, 1].max()) + 2
-    keys, count = np.unique(cell @ [width, 1], return_counts=True)
-    steps = (width - 1, width, width + 1, 1, -1, 1 - width, -width, -1 - width)
-    beside = sum(np.isin(keys + step, keys, assume_unique=True).astype(int) for step in steps)
-    enough = len(keys) >= FEWEST_CELLS and count.mean() >= FEWEST_OF_CELL
-    if enough and np.mean(beside >= BESIDE) < AREA:
-        raise DataError(
-            "points: lie along lines, as wires do, without the ground from which heights are "
-            "measured; give the ground too, or fit the wires with corridor.catenaries"
-        )
+        wire[points], span[points] = one.wire, one.span
+    return replace(line, wires=wires)
 
 
 def accompanied(xyz: Floats, metre: float) -> NDArray[np.bool_]:
@@ -356,33 +328,68 @@ def _frozen(xyz: Floats) -> Floats:
     return xyz
 
 
-def _elevation(terrain: Terrain, origin: Floats) -> Callable[[float, float], float]:
-    """Elevation of the terrain at a place, all in metres from the origin."""
+def elevation(places: Floats, height: Floats) -> Callable[[float, float], float]:
+    """Elevation of the ground at a place, by the plane through what is known of it near by.
+
+    Parameters
+    ----------
+    places : array of shape (n, 3), metres
+    height : array of shape (n,), above the ground, metres; NaN where not known
+    """
+    low = np.flatnonzero(height <= OFF_GROUND)
+    low = low if len(low) else np.flatnonzero(np.isfinite(height))
+    xy, ground = places[low, :2], places[low, 2] - height[low]
+    tree = cKDTree(xy)
 
     def at(x: float, y: float) -> float:
-        place = np.array([[x, y, 0.0]]) * terrain.metre + origin
-        return -float(height_above(_frozen(place), terrain)[0])
+        near = np.asarray(tree.query((x, y), k=range(1, min(AROUND, len(low)) + 1))[1])
+        middle = xy[near].mean(axis=0)
+        sides = np.column_stack([xy[near] - middle, np.ones(len(near))])
+        slope = np.linalg.lstsq(sides, ground[near], rcond=0.01)[0]
+        return float(np.append((x, y) - middle, 1.0) @ slope)
 
     return at
 
 
-def footprint(xy: Floats) -> tuple[Callable[[float, float], bool], float]:
+def footprint(
+    xy: Floats, stands_for: NDArray[np.uint32]
+) -> tuple[Callable[[float, float], bool], float]:
     """Whether there are points around a place, and points per square metre where there are any.
+
+    The points must not lie along lines only, as wires without ground do, the lowest of which would
+    be taken for it. Seen from above, cells with ground have others around them; those with wires
+    have others before and behind. Points that are few, or so sparse that most cells of ground have
+    one, cannot be judged.
 
     Parameters
     ----------
     xy : array of shape (n, 2), metres, none below 0
+    stands_for : array of shape (n,), how many points each is of
+
+    Raises
+    ------
+    DataError
+        They lie along lines.
     """
-    cell = np.floor(xy / SEEN_CELL).astype(np.int64) + 1
+    cell = np.floor(xy / CELL).astype(np.int64) + 1
     shape = cell.max(axis=0) + 2
-    count = np.bincount(cell[:, 0] * shape[1] + cell[:, 1], minlength=int(shape.prod()))
-    table = count.reshape(shape) > 0
+    table = np.zeros(shape, bool)
+    table[cell[:, 0], cell[:, 1]] = True
+    cells = int(table.sum())
+    of_cell = float(stands_for.sum()) / cells
+    beside = sum(np.roll(table, step, (0, 1)).astype(np.uint8)[table] for step in STEPS)
+    enough = cells >= FEWEST_CELLS and of_cell >= FEWEST_OF_CELL
+    if enough and np.mean(beside >= BESIDE) < AREA:
+        raise DataError(
+            "points: lie along lines, as wires do, without the ground from which heights are "
+            "measured; give the ground too, or fit the wires with corridor.catenaries"
+        )
 
     def seen(x: float, y: float) -> bool:
-        i, j = int(x // SEEN_CELL) + 1, int(y // SEEN_CELL) + 1
+        i, j = int(x // CELL) + 1, int(y // CELL) + 1
         return bool(table[max(i - 1, 0) : max(i + 2, 0), max(j - 1, 0) : max(j + 2, 0)].any())
 
-    return seen, len(xy) / (SEEN_CELL**2 * max(int(table.sum()), 1))
+    return seen, of_cell / CELL**2
 
 
 def dressed(

@@ -70,6 +70,7 @@ TOLERANCE, SLOPE_TOLERANCE, BELOW = 0.3, 1.0, 3.0  # metres; metres per slope; p
 HALO = 200.0  # metres
 BYTES_PER_CELL = 50
 FAR = 50.0  # metres from any ground, where the surface ends
+HEIGHT = "HeightAboveGround"  # as in other programs
 
 Floats = NDArray[np.float64]
 Grid = NDArray[np.float32]
@@ -97,6 +98,9 @@ class GroundClassify:
     keep_classes: bool = param(
         "Let points that are not ground keep their class, unless it was 2", default=False
     )
+    heights: bool = param(
+        "Also give the attribute HeightAboveGround, measured from the terrain", default=False
+    )
 
     @outputs
     class Outputs:
@@ -113,13 +117,13 @@ class GroundClassify:
         cloud = self.points
         candidates = Candidates.of(cloud, self.returns, self.ignore)
         if not candidates.chosen.any():
-            none = self._classified(candidates, NOWHERE, np.zeros(0))
+            none = self._classified(candidates, NOWHERE, np.zeros(0), None)
             raise candidates.nothing_to_do(none, surface=None)
         terrain = find_terrain(candidates.xyz, metre=cloud.metre, ctx=ctx.part(0, 0.95))
         ground, clear = verdict(candidates.xyz, terrain)
         ctx.progress(1.0)
         return self.Outputs(
-            classified=self._classified(candidates, ground, clear),
+            classified=self._classified(candidates, ground, clear, terrain),
             surface=Raster.from_lattice(
                 terrain.heights * np.float32(cloud.metre),
                 terrain.lattice,
@@ -130,15 +134,25 @@ class GroundClassify:
             ground_share=candidates.share(ground),
         )
 
-    def _classified(self, candidates: Candidates, ground: Mask, clear: Floats) -> PointCloud:
-        """The cloud with classes and confidence, given them for the candidates."""
+    def _classified(
+        self, candidates: Candidates, ground: Mask, clear: Floats, terrain: Terrain | None
+    ) -> PointCloud:
+        """The cloud with classes and confidence, given them for the candidates, and heights."""
+        cloud = candidates.cloud
         confidence = np.where(candidates.part, 1.0, 0.0)
         confidence[candidates.chosen] = clear
+        made = {"confidence": confidence.astype(np.float32)}
+        told = {"confidence": "0 doubtful to 1 clear; 0 where a point took no part"}
+        if self.heights:
+            above = np.full(len(cloud), np.nan)
+            if terrain is not None:
+                above = height_above(cloud.xyz, terrain) * cloud.metre
+            made[HEIGHT] = above.astype(np.float32)
+            told[HEIGHT] = (
+                f"above ground, {vertical_unit(cloud.crs)}" if cloud.crs else "above ground"
+            )
         labelled = candidates.classified(ground, keep_classes=self.keep_classes)
-        return labelled.with_attributes(
-            {"confidence": confidence.astype(np.float32)},
-            descriptions={"confidence": "0 doubtful to 1 clear; 0 where a point took no part"},
-        )
+        return labelled.with_attributes(made, descriptions=told)
 
 
 @dataclass(frozen=True)

@@ -426,6 +426,13 @@ class PointCloud:
         """True for the points, of shape (n,), that count; not for the neighbours of a tile."""
         return np.ones(len(self), bool) if self._origin is None else self._origin >= 0
 
+    @property
+    def number(self) -> NDArray[np.int64]:
+        """The place of each point in the survey, also of neighbours of a tile; see `origin`."""
+        if self._origin is None:
+            return np.arange(len(self))
+        return np.where(self._origin < 0, -1 - self._origin, self._origin)
+
     def with_origin(self, origin: NDArray[np.int64] | None) -> PointCloud:
         """The same points as a tile of a survey, see `origin`."""
         cloud = self._copy()

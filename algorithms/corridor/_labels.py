@@ -1,0 +1,55 @@
+"""Classes and numbers of the points of a power line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolbox.data import PointCloud
+
+WIRE, TOWER, OTHER = np.uint8(14), np.uint8(15), np.uint8(1)  # ASPRS classes
+LINE_CLASSES = (13, 14, 15, 16)  # given anew: wire guard, conductor, tower, connector
+NUMBER = "point_number"
+NUMBERS = ("wire_id", "span_id", "tower_id")
+DESCRIPTIONS = {
+    "wire_id": "conductor, the same from span to span",
+    "span_id": "between two towers",
+    "tower_id": "tower or pole",
+    "confidence": "0 doubtful to 1 clear",
+}
+
+Ints = NDArray[np.int64]
+
+
+def labelled(
+    cloud: PointCloud,
+    part: NDArray[np.bool_],
+    index: Ints,
+    labels: Mapping[str, NDArray[np.generic]],
+) -> PointCloud:
+    """A cloud of n points with the labels of some of them; no other is of a line.
+
+    Parameters
+    ----------
+    part : array of shape (n,), points that take part; all others keep their class
+    index : array of shape (m,), of the points that have labels
+    labels : wire_id, span_id, tower_id and confidence of these, arrays of shape (m,)
+    """
+    made = {name: np.zeros(len(cloud), np.uint32) for name in NUMBERS}
+    made |= {"confidence": part.astype(np.float32)}
+    for name, values in made.items():
+        values[index] = labels[name]
+    old = classes_of(cloud)
+    classes = np.where(np.isin(old, LINE_CLASSES) & part, OTHER, old)
+    classes[made["tower_id"] > 0] = TOWER
+    classes[made["wire_id"] > 0] = WIRE
+    return cloud.with_attributes({"classification": classes, **made}, descriptions=DESCRIPTIONS)
+
+
+def classes_of(cloud: PointCloud) -> NDArray[np.uint8]:
+    """The classes of points; unclassified where they have none."""
+    if "classification" in cloud:
+        return np.asarray(cloud["classification"], np.uint8)
+    return np.full(len(cloud), OTHER)

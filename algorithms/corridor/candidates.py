@@ -1,0 +1,61 @@
+"""The points among which a power line is looked for: few enough to have a long line in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from algorithms.corridor._candidates import CELL, STANDS_FOR, candidates
+from algorithms.corridor._labels import NUMBER
+from algorithms.ground.classify import HEIGHT
+from algorithms.shared.ground import taking_part
+from toolbox.context import QUIET, Context
+from toolbox.data import PointCloud
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import ClassList
+
+
+@tool("corridor.candidates")
+class CorridorCandidates:
+    """Choose the points that may be of a power line.
+
+    These are all that are off the ground, and of the others one per square of 2 m, which tells how
+    many it stands for. corridor.extract finds the same line among them as among all points; then
+    corridor.label labels these. So a line of any length can be worked on in tiles, as
+    models.power_line_clearance does.
+    """
+
+    points: PointCloud = source("Points with HeightAboveGround, as ground.classify gives it")
+    ignore: ClassList | None = param("Classes that take no part, such as noise", default=None)
+
+    @outputs
+    class Outputs:
+        candidates: PointCloud = sink("The chosen points with stands_for and point_number")
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """Heights must be known."""
+        if HEIGHT not in self.points:
+            yield "points", f"{self.points.name} has no {HEIGHT}; see heights of ground.classify"
+
+    def halo(self) -> float:
+        """A square may lie across the edge of a tile."""
+        return 1.5 * CELL
+
+    def run(self, ctx: Context = QUIET) -> CorridorCandidates.Outputs:
+        """Choose, and number."""
+        cloud = self.points
+        index, stands_for = candidates(
+            cloud.xyz, np.asarray(cloud[HEIGHT], float) / cloud.metre,
+            taking_part(cloud, self.ignore), metre=cloud.metre, ctx=ctx,
+        )  # fmt: skip
+        ctx.progress(1.0)
+        return self.Outputs(
+            candidates=cloud.select(index).with_attributes(
+                {STANDS_FOR: stands_for, NUMBER: cloud.number[index]},
+                descriptions={
+                    STANDS_FOR: "points that are represented",
+                    NUMBER: "place of the point in the survey",
+                },
+            )
+        )

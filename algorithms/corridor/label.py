@@ -1,0 +1,61 @@
+"""The labels of the points of a power line, for the cloud or tile that these were chosen from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from algorithms.corridor._labels import NUMBER, NUMBERS, labelled
+from algorithms.shared.ground import taking_part
+from toolbox.context import QUIET, Context
+from toolbox.data import PointCloud
+from toolbox.errors import DataError
+from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.values import ClassList
+
+
+@tool("corridor.label")
+class CorridorLabel:
+    """Label the points of a power line that was found among chosen points.
+
+    `points` are those that corridor.candidates chose from, `line` what corridor.extract made of
+    the chosen ones. The result is what corridor.extract gives of all points.
+    """
+
+    points: PointCloud = source("All points")
+    line: PointCloud = source("Those with a wire_id or tower_id, with their point_number")
+    ignore: ClassList | None = param(
+        "Classes that take no part and stay as they are, such as noise", default=None
+    )
+
+    @outputs
+    class Outputs:
+        classified: PointCloud = sink("The same points with classes 14 and 15 and their numbers")
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """Numbers tell which point is which."""
+        needed = (NUMBER, *NUMBERS, "confidence")
+        if missing := [name for name in needed if name not in self.line]:
+            yield "line", f"{self.line.name} has no attribute {', '.join(missing)}"
+
+    def halo(self) -> float:
+        """Each point is labelled by itself."""
+        return 0.0
+
+    def run(self, ctx: Context = QUIET) -> CorridorLabel.Outputs:
+        """Find the points of the line by their numbers."""
+        cloud, line = self.points, self.line
+        number = cloud.number  # rises: the points of a tile are in the order of the survey
+        index = np.searchsorted(number, line[NUMBER])
+        here = index < len(number)
+        here[here] = number[index[here]] == line[NUMBER][here]
+        index = index[here]
+        if not np.array_equal(cloud.xyz[index], line.xyz[here]):
+            raise DataError(f"line: {line.name} was not chosen from {cloud.name}")
+        names = (*NUMBERS, "confidence")
+        labels = {name: line[name][here] for name in names}
+        ctx.progress(1.0)
+        return self.Outputs(
+            classified=labelled(cloud, taking_part(cloud, self.ignore), index, labels)
+        )

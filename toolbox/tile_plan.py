@@ -156,8 +156,7 @@ class _Turns:
     def _is_local(self, step: Step) -> bool:
         """Whether a step works on points in tiles, directly or not, and on no number of tiles.
 
-        A number that a tile gives is not that of the whole survey. Points that a step on the whole
-        gives are in memory, not in tiles.
+        A number that a tile gives is not that of the whole survey.
         """
         if step.repeat:
             return False  # its results are lists, which are not put together from tiles
@@ -173,7 +172,7 @@ class _Turns:
                     if not step.spec.inputs[name].kind.is_layer:
                         return False
                     on_points = True
-                elif self.model.between[need].kind.several or self.active[maker].repeat:
+                elif self.active[maker].repeat:
                     return False
         return on_points
 

@@ -243,12 +243,14 @@ def find_line(
         The points lie along lines, without ground.
     """
     ctx.progress(0.0)
-    if not np.isfinite(height).any():
-        return Line.none(len(xyz), np.zeros(3))
+    if not len(xyz):
+        return Line.none(0, np.zeros(3))
     origin = np.floor(xyz.min(axis=0) / (CELL * metre)) * CELL * metre
     line = Line.none(len(xyz), origin)
     places = (xyz - origin) / metre
     seen, density = footprint(places[:, :2], stands_for)
+    if not np.isfinite(height).any():
+        return line
     index = np.flatnonzero(height > OFF_GROUND)
     air = Airborne.of(places[index])
     own = index[air.order]

@@ -10,7 +10,7 @@ from toolbox.context import QUIET, Context
 
 STANDS_FOR = "stands_for"
 OFF_GROUND = 0.4  # metres, from which a point can be of a tower
-CELL = 2.0  # metres; of the other points in one, the lowest stands for all
+CELL = 1.0  # metres; of the other points in one, the lowest stands for all
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -20,7 +20,7 @@ from toolbox.values import ClassList
 class CorridorCandidates:
     """Choose the points that may be of a power line.
 
-    These are all that are off the ground, and of the others one per square of 2 m, which tells how
+    These are all that are off the ground, and of the others one per square metre, which tells how
     many it stands for. corridor.extract finds the same line among them as among all points; then
     corridor.label labels these. So a line of any length can be worked on in tiles, as
     models.power_line_clearance does.

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from algorithms.corridor._candidates import CELL, OFF_GROUND, STANDS_FOR, candidates
+from algorithms.corridor._candidates import OFF_GROUND, STANDS_FOR, candidates
 from algorithms.corridor._follow import follow
 from algorithms.corridor._labels import NUMBERS, classes_of, labelled
 from algorithms.corridor._lines import tower_layer, wire_layer
@@ -45,6 +45,7 @@ from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import ClassList
 
 COMPANY, ALMOST_ALL = (2.0, 2.0, 1.0), 0.9  # metres, and share of the points with others so near
+SEEN_CELL, SHIFTS = 2.0, (0.0, 1.0)  # metres, in whole cells of candidates
 AROUND = 8  # points of the ground through which the plane under a support is laid
 STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]  # to the cells around one
 BESIDE, AREA = 6, 0.35  # neighbours of a cell within an area, and the share of such cells
@@ -245,7 +246,7 @@ def find_line(
     ctx.progress(0.0)
     if not len(xyz):
         return Line.none(0, np.zeros(3))
-    origin = np.floor(xyz.min(axis=0) / (CELL * metre)) * CELL * metre
+    origin = np.floor(xyz.min(axis=0) / (SEEN_CELL * metre)) * SEEN_CELL * metre
     line = Line.none(len(xyz), origin)
     places = (xyz - origin) / metre
     seen, density = footprint(places[:, :2], stands_for)
@@ -373,25 +374,34 @@ def footprint(
     DataError
         They lie along lines.
     """
-    cell = np.floor(xy / CELL).astype(np.int64) + 1
-    shape = cell.max(axis=0) + 2
-    table = np.zeros(shape, bool)
-    table[cell[:, 0], cell[:, 1]] = True
-    cells = int(table.sum())
-    of_cell = float(stands_for.sum()) / cells
-    beside = sum(np.roll(table, step, (0, 1)).astype(np.uint8)[table] for step in STEPS)
-    enough = cells >= FEWEST_CELLS and of_cell >= FEWEST_OF_CELL
-    if enough and np.mean(beside >= BESIDE) < AREA:
+    table = occupied(xy)
+    of_cell = float(stands_for.sum()) / np.count_nonzero(table)
+    enough = np.count_nonzero(table) >= FEWEST_CELLS and of_cell >= FEWEST_OF_CELL
+    if enough and min(share_beside(occupied(xy + shift)) for shift in SHIFTS) < AREA:
         raise DataError(
             "points: lie along lines, as wires do, without the ground from which heights are "
             "measured; give the ground too, or fit the wires with corridor.catenaries"
         )
 
     def seen(x: float, y: float) -> bool:
-        i, j = int(x // CELL) + 1, int(y // CELL) + 1
+        i, j = int(x // SEEN_CELL) + 1, int(y // SEEN_CELL) + 1
         return bool(table[max(i - 1, 0) : max(i + 2, 0), max(j - 1, 0) : max(j + 2, 0)].any())
 
-    return seen, of_cell / CELL**2
+    return seen, of_cell / SEEN_CELL**2
+
+
+def occupied(xy: Floats) -> NDArray[np.bool_]:
+    """Which cells have points, with an empty one all around; places are not below 0."""
+    cell = np.floor(xy / SEEN_CELL).astype(np.int64) + 1
+    table = np.zeros(cell.max(axis=0) + 2, bool)
+    table[cell[:, 0], cell[:, 1]] = True
+    return table
+
+
+def share_beside(table: NDArray[np.bool_]) -> float:
+    """Share of the cells with points that have enough of them around."""
+    beside = sum(np.roll(table, step, (0, 1))[table].astype(np.uint8) for step in STEPS)
+    return float(np.mean(np.asarray(beside) >= BESIDE))
 
 
 def dressed(

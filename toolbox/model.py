@@ -12,7 +12,7 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Survey
 from toolbox.errors import DataError, ParameterError
 from toolbox.fields import Field, Spec
-from toolbox.kinds import Kind, find
+from toolbox.kinds import find
 
 INPUTS = "inputs"  # what a reference calls the values that a model takes
 CLOUD, EITHER = find(PointCloud), find(PointCloud | Survey)
@@ -136,8 +136,7 @@ class Model(Spec):
         steps = self.active(settings)
         inputs = dict(self.inputs)
         for name, field in self.sources.items():
-            takers = [kind for step in steps for kind in _kinds_of(step, f"{INPUTS}.{name}")]
-            if field.kind is CLOUD and takers and all(kind is EITHER for kind in takers):
+            if field.kind is CLOUD and reads_parts(steps, f"{INPUTS}.{name}"):
                 inputs[name] = dataclasses.replace(field, kind=EITHER)
         return dataclasses.replace(self, inputs=inputs)
 
@@ -204,11 +203,15 @@ class Model(Spec):
         return super().describe() | {"between": between}
 
 
-def _kinds_of(step: Step, name: str) -> Iterator[Kind]:
-    """The kinds of the parameters of a step that take a value."""
-    for parameter, wire in step.wires.items():
-        if any(name in reference.names for reference in references(wire)):
-            yield step.spec.inputs[parameter].kind
+def reads_parts(steps: Iterable[Step], name: str) -> bool:
+    """Whether all of the steps that take a cloud can read it part by part, and some step does."""
+    takers = [
+        step.spec.inputs[parameter].kind
+        for step in steps
+        for parameter, wire in step.wires.items()
+        if any(name in reference.names for reference in references(wire))
+    ]
+    return bool(takers) and all(kind is EITHER for kind in takers)
 
 
 def references(wire: Wire) -> tuple[Reference, ...]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+import functools
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolbox import tile_store
+from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster, Survey, Vector
 from toolbox.data.places import LAS
 from toolbox.data.raster import STRIP
+from toolbox.data.survey import SurveyFile
 from toolbox.provenance import Record
 from toolbox.tile_work import opened
 
@@ -117,6 +120,45 @@ def _vector(places: list[Path]) -> Vector:
     parts: list[Vector] = [tile_store.load_object(place / "layer") for place in places]
     frame = pd.concat([part.frame for part in parts if len(part)] or [parts[0].frame])
     return Vector(frame, name=parts[0].name, geometry_type=parts[0].geometry_type)
+
+
+@dataclasses.dataclass(frozen=True)
+class StoredSurvey(Survey):
+    """The stored pieces of a point cloud as a survey, for tools that read one part by part."""
+
+    @classmethod
+    def of(cls, home: Path, name: str) -> StoredSurvey | None:
+        """A result of tiles; None if no tile gave any."""
+        stored = [(place, *tile_store.load_object(place / "layer")) for place in pieces(home, name)]
+        files = tuple(_stored_file(*piece) for piece in stored)
+        return cls(files, stored[0][1].name) if files else None
+
+    @functools.cached_property
+    def points(self) -> Points:
+        """The pieces."""
+        return Points([file.path for file in self.files])
+
+    @property
+    def template(self) -> PointCloud:
+        return self.points.template
+
+    def parts(self, size: int, *, ctx: Context = QUIET) -> Iterator[PointCloud]:
+        done = 0
+        for part in self.points.windows():
+            yield part
+            done += len(part)
+            ctx.progress(done / max(self.count, 1))
+
+    def read(self, *, bounds: Sequence[float] | None = None, ctx: Context = QUIET) -> PointCloud:
+        whole = self.template.filled(self.points.windows(), self.points.size())
+        return whole if bounds is None else whole.within(bounds)
+
+
+def _stored_file(place: Path, shell: PointCloud, box: NDArray[np.float64]) -> SurveyFile:
+    count = len(next(iter(tile_store.load_arrays(place).values())))
+    bounds: Any = tuple(box.ravel().tolist())
+    attributes = tuple((n, shell[n].dtype.str, shell[n].shape[1:]) for n in shell.names)
+    return SurveyFile(path=place, count=count, bounds=bounds, crs=shell.crs, attributes=attributes)
 
 
 class Points:

@@ -38,13 +38,14 @@ from toolbox.context import Context, log
 from toolbox.data import Survey
 from toolbox.errors import DataError, ParameterError, ToolboxError
 from toolbox.fields import Spec
-from toolbox.model import INPUTS, Model, Run, resolved
+from toolbox.model import INPUTS, Model, Run, reads_parts, resolved
 from toolbox.provenance import Count, Record, counting
 from toolbox.shown import SHOWN
 from toolbox.sources import absolute
 from toolbox.targets import Target, write
 from toolbox.targets import problems as targets_problems
 from toolbox.tile_plan import Plan, as_model, surveys_of
+from toolbox.tile_products import StoredSurvey
 from toolbox.tile_store import SIDE, Batch, Grid
 from toolbox.tile_work import Job, Tile
 from toolbox.tiling import Tiling
@@ -523,13 +524,21 @@ class _Crew:
         one = self.plan.passes[number]
         _, model, layers = tile_work.opened(self.home(0))
         part = model.part(one.rest)
-        needs = {need for step in part.steps.values() for need in step.needs}
+        steps = part.steps.values()
+        needs = {need for step in steps for need in step.needs}
         clouds = {
-            name: survey.read(ctx=ctx.part(0, 0.1))
+            name: survey
+            if reads_parts(steps, f"{INPUTS}.{name}")
+            else survey.read(ctx=ctx.part(0, 0.1))
             for name, survey in self.job.surveys.items()
             if f"{INPUTS}.{name}" in needs
         }
-        given = self.found | {name: self.read(name) for name in needs & self.plan.keep.keys()}
+        given = self.found | {
+            name: StoredSurvey.of(self.home(self.plan.keep[name]), name)
+            if reads_parts(steps, name)
+            else self.read(name)
+            for name in needs & self.plan.keep.keys()
+        }
         values = dict.fromkeys(model.sources) | dict(self.plan.settings) | layers | clouds
         around = counting(self.counts)
         run = Run(part, values, keep=one.gives, given=given, around=around)

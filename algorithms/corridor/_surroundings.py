@@ -137,8 +137,8 @@ def scene_of(
     require_finite(cloud.xyz)
     if not line.spans:
         return Scene(np.empty(0, np.int64), np.empty((0, 3)), np.empty(0, np.int8), np.empty(0), {})
-    index = _near(cloud, line, reach)
-    kind, left_out = _kinds(cloud, classes, ignore)
+    index = near_wires(cloud, line, reach)
+    kind, left_out = kinds_of(cloud, classes, ignore)
     kind = kind[index]
     height = _heights(cloud, index, kind == KINDS.index("ground"), ctx.part(0.0, 0.5))
     xyz = cloud.xyz[index]
@@ -154,7 +154,7 @@ def scene_of(
     return Scene(index, xyz, kind, height, left_out)
 
 
-def _near(cloud: PointCloud, line: Line, reach: float) -> Ints:
+def near_wires(cloud: PointCloud, line: Line, reach: float) -> Ints:
     """Indices of the points near the wires in plan."""
     cells = Near.of(line.curves, reach)
     found = [np.empty(0, np.int64)]
@@ -164,7 +164,7 @@ def _near(cloud: PointCloud, line: Line, reach: float) -> Ints:
     return np.concatenate(found)
 
 
-def _kinds(
+def kinds_of(
     cloud: PointCloud, classes: Mapping[str, Sequence[int]], ignore: Sequence[int]
 ) -> tuple[NDArray[np.int8], dict[str, int]]:
     """Index into KINDS of each point, and how many points take no part, and why."""

@@ -23,6 +23,7 @@ from algorithms.corridor._clearance_layers import object_layer, span_table, viol
 from algorithms.corridor._clearance_report import report_of
 from algorithms.corridor._distances import Least, Violations, find_violations
 from algorithms.corridor._lines import COVARIANCES, WIRE_COLUMNS
+from algorithms.corridor._matters import what_matters
 from algorithms.corridor._objects import falling_trees, objects_of, with_falls
 from algorithms.corridor._rules import (
     SEVERITIES,
@@ -41,9 +42,9 @@ from algorithms.corridor._sag import (
     conductor_temperature,
     in_state,
 )
-from algorithms.corridor._surroundings import Line, Scene, line_of, scene_of
+from algorithms.corridor._surroundings import HEIGHT, Line, Scene, line_of, scene_of
 from toolbox.context import QUIET, Context, log
-from toolbox.data import PointCloud, Report, Table, Vector
+from toolbox.data import PointCloud, Report, Survey, Table, Vector
 from toolbox.errors import DataError
 from toolbox.spec import outputs, param, sink, source, tool
 from toolbox.values import ClassList
@@ -79,7 +80,7 @@ class CorridorClearance:
     `falling` trees are those that would reach a wire if they fell towards it.
     """
 
-    points: PointCloud = source("Classified points, with the ground")
+    points: PointCloud | Survey = source("Classified points, with the ground")
     wires: Vector = source("Catenaries of the conductors")
     towers: Vector | None = source(
         "Feet of towers; points without a class around them are theirs", default=None
@@ -185,7 +186,7 @@ class CorridorClearance:
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """Classes, catenaries, and rules that can be used."""
-        if "classification" not in self.points:
+        if "classification" not in self.points.names:
             yield "points", f"{self.points.name} has no classification; classify the points first"
         if missing := [name for name in WIRE_COLUMNS if name not in self.wires.names]:
             shown = ", ".join(missing[:5]) + (", ..." if len(missing) > 5 else "")
@@ -219,17 +220,18 @@ class CorridorClearance:
         metric = self._in_metres()
         rules, conductor = metric._rules(), metric._conductor()
         line = metric._in_all_states(line_of(self.wires), conductor)
+        cloud = metric._cloud(line, rules, ctx.part(0.0, 0.3))
         if len(line.states) > 1 and line.open_spans:
             log.warning("%d spans end without a tower; hot or in wind: held there, where in truth "
                         "they hang on", len(line.open_spans))  # fmt: skip
-        scene = metric._scene(line, rules, ctx.part(0.0, 0.4))
+        scene = metric._scene(cloud, line, rules, ctx.part(0.3, 0.4))
         if not line.spans:
             log.warning("there are no wires, so nothing is too close to one")
             found, least = Violations.none(), Least.none(len(line.states))
         else:
             found, least = find_violations(
                 scene.xyz, scene.kind, line.curves, rules,
-                reach=max(reach_of(rules), LEAST_REACH), point_sd=metric.point_sd,
+                reach=_measured(rules), point_sd=metric.point_sd,
                 ctx=ctx.part(0.4, 0.8),
             )  # fmt: skip
         settings: Any = {"gap": metric.object_gap, "fewest": self.min_points}
@@ -246,13 +248,13 @@ class CorridorClearance:
             )  # fmt: skip
             objects, found = with_falls(scene, objects, found, falls, rules)
         spans = span_table(scene, line, least, objects, metric.point_sd)
-        layer = object_layer(self.points, scene, line, rules, objects)
+        layer = object_layer(cloud, scene, line, rules, objects)
         page = report_of(
             scene, line, rules, objects, layer.frame, spans, conductor, ctx.part(0.9, 1.0)
         )
         ctx.progress(1.0)
         return self.Outputs(
-            violations=violation_cloud(self.points, scene, line, rules, found, objects),
+            violations=violation_cloud(cloud, scene, line, rules, found, objects),
             objects=layer,
             spans=spans,
             report=page,
@@ -314,18 +316,45 @@ class CorridorClearance:
                 states.append(State(f"blown {side}", self.wind_temperature, wind))
         return states
 
-    def _scene(self, line: Line, rules: list[Rule], ctx: Context) -> Scene:
+    def _cloud(self, line: Line, rules: list[Rule], ctx: Context) -> PointCloud:
+        """The points that are looked at: few, if heights need no others; lengths are in metres."""
+        if HEIGHT not in self.points.names:
+            return self.points if isinstance(self.points, PointCloud) else self.points.read(ctx=ctx)
+        if not line.spans:
+            return (
+                self.points.select([])
+                if isinstance(self.points, PointCloud)
+                else self.points.template
+            )
+        return what_matters(
+            self.points, line, rules, classes=self._classes, ignore=self.ignore or ClassList([]),
+            reach=self._reach(rules), measured=_measured(rules), ctx=ctx,
+        )  # fmt: skip
+
+    def _scene(self, cloud: PointCloud, line: Line, rules: list[Rule], ctx: Context) -> Scene:
         """The points around the line; lengths of this job are in metres."""
-        classes = {
+        return scene_of(
+            cloud, line, classes=self._classes, ignore=self.ignore or ClassList([]),
+            reach=self._reach(rules), wire_radius=self.wire_radius, attachment=self.attachment,
+            towers=self.towers, ctx=ctx,
+        )  # fmt: skip
+
+    def _reach(self, rules: list[Rule]) -> float:
+        """Metres to the side of the wires up to which points are looked at."""
+        return max(reach_of(rules), FARTHEST_TREE if self.falling else LEAST_REACH)
+
+    @property
+    def _classes(self) -> dict[str, ClassList]:
+        return {
             "tree": self.tree_classes,
             "building": self.building_classes,
             "ground": self.ground_classes,
         }
-        return scene_of(
-            self.points, line, classes=classes, ignore=self.ignore or ClassList([]),
-            reach=max(reach_of(rules), FARTHEST_TREE if self.falling else LEAST_REACH),
-            wire_radius=self.wire_radius, attachment=self.attachment, towers=self.towers, ctx=ctx,
-        )  # fmt: skip
+
+
+def _measured(rules: list[Rule]) -> float:
+    """Metres to the side of the wires up to which clearances are measured."""
+    return max(reach_of(rules), LEAST_REACH)
 
 
 def _bad_wires(wires: Vector) -> Iterator[tuple[str, str]]:

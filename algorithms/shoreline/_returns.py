@@ -75,7 +75,8 @@ class Returns:
         count = len(points) if isinstance(points, PointCloud) else points.count
         packed, intensity = np.empty((count, 3), np.int32), np.empty(count, np.float32)
         water, size = np.zeros(count, bool), 0
-        for cloud in _parts(points, ctx):
+        parts = [points] if isinstance(points, PointCloud) else points.parts(BATCH, ctx=ctx)
+        for cloud in parts:
             use = may_be_ground(cloud, "last") & taking_part(cloud, ignore)
             here = slice(size, size + int(use.sum()))
             packed[here] = np.round((cloud.xyz[use] - origin) / UNIT)
@@ -85,18 +86,3 @@ class Returns:
             size = here.stop
         ctx.progress(1.0)
         return cls(packed[:size], intensity[:size], water[:size], origin, points.metre)
-
-
-def _parts(points: PointCloud | Survey, ctx: Context) -> Iterator[PointCloud]:
-    """The points, a survey in batches."""
-    if isinstance(points, PointCloud):
-        yield points
-        return
-    done = 0
-    for file in points.files:
-        for start, stop in file.batches(BATCH):
-            yield file.read(start, stop)
-            done += stop - start
-            ctx.progress(done / points.count)
-    if not done:
-        yield points.template

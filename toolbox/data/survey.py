@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -333,6 +333,27 @@ class Survey:
             whole = self.template.filled(found, sum(counts))
         whole.name = self.name
         return whole.with_file(np.repeat(np.array(numbers, np.int32), counts))
+
+    def parts(self, size: int, *, ctx: Context = QUIET) -> Iterator[PointCloud]:
+        """All points in the order of the files, some at a time; at least one cloud, like template.
+
+        Parameters
+        ----------
+        size : at most so many points in each, where a file can be read so
+
+        Raises
+        ------
+        DataError
+            A file is damaged.
+        """
+        done = 0
+        for file in self.files:
+            for start, stop in file.batches(size):
+                yield file.read(start, stop).like(self.template)
+                done += stop - start
+                ctx.progress(done / self.count)
+        if not done:
+            yield self.template
 
     def file_of(self, number: NDArray[np.int64]) -> NDArray[np.int64]:
         """The file, counted from 0, that holds each of some points, counted through all files."""

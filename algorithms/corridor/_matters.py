@@ -1,0 +1,72 @@
+"""The points that tell the clearances of a line: few enough to have those of a long one in memory.
+
+Most points are ground. Of these count only those that break a rule, or are the nearest of all to a
+wire; a few more show in pictures where the ground is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.corridor._distances import TAKES_NO_PART, find_violations
+from algorithms.corridor._rules import OBJECTS, Rule
+from algorithms.corridor._surroundings import Line, kinds_of, near_wires
+from algorithms.shared.lowest import lattice_around, lowest_points
+from toolbox.context import QUIET, Context
+from toolbox.data import PointCloud, Survey
+
+PART = 1_000_000  # points that are looked at at a time
+CELL = 1.0  # metres; the lowest point of the ground in each is shown
+
+Ints = NDArray[np.int64]
+
+
+def what_matters(
+    points: PointCloud | Survey, line: Line, rules: Sequence[Rule], *,
+    classes: Mapping[str, Sequence[int]], ignore: Sequence[int], reach: float,
+    measured: float, ctx: Context = QUIET,
+) -> PointCloud:  # fmt: skip
+    """Those of the points with which all clearances come out as with all points, in their order.
+
+    Parameters
+    ----------
+    points : with HeightAboveGround; a survey is read part by part
+    classes, ignore, reach : see `scene_of`
+    measured : to the side of the wires up to which clearances are measured, metres
+    """
+
+    def matters(cloud: PointCloud, ctx: Context = QUIET) -> PointCloud:
+        """What is no ground and near, what takes no part and is counted, some ground."""
+        kind, _ = kinds_of(cloud, classes, ignore)
+        keep = kind == TAKES_NO_PART
+        near = near_wires(cloud, line, reach)
+        low = kind[near] >= len(OBJECTS)
+        keep[near[~low]] = True
+        ground = near[low]
+        keep[ground[_telling(cloud, line, rules, ground, kind[ground], measured, ctx)]] = True
+        return cloud.select(keep)
+
+    if isinstance(points, PointCloud):
+        return matters(points, ctx)
+    parts = [matters(part) for part in points.parts(PART, ctx=ctx.part(0.0, 0.9))]
+    return matters(points.template.filled(parts, sum(map(len, parts))), ctx.part(0.9, 1.0))
+
+
+def _telling(
+    cloud: PointCloud, line: Line, rules: Sequence[Rule], ground: Ints, kind: NDArray[np.int8],
+    measured: float, ctx: Context,
+) -> Ints:  # fmt: skip
+    """Which of the points of the ground break a rule, are the nearest to a wire, or are shown."""
+    if not len(ground):
+        return ground
+    places = cloud.xyz[ground]
+    xyz = (places - line.origin) / cloud.metre
+    found, least = find_violations(
+        xyz, kind, line.curves, rules, reach=measured, point_sd=0.0, ctx=ctx
+    )
+    use = np.ones(len(ground), bool)
+    shown = lowest_points(places, use, lattice_around(places, CELL * cloud.metre), QUIET)
+    return np.concatenate([found.point, least.point[least.point >= 0], shown[shown >= 0]])

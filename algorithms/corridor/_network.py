@@ -20,6 +20,7 @@ SHORT, FINE, MANY = 18.0, 0.075, 20  # metres, metres, points: a shorter one mus
 TIGHTEST_C, SIGMAS = 5000.0, 3.0  # metres: most tension over weight
 BLADE, CARRYING = (0.3, 5.0, 5.0), 0.4  # half width, depth, step in metres; share of steps
 LEAST_POINTS, ROUGH = 7, 0.2  # metres: scatter of anything that may be wire
+COMPANY, STRETCH, ALONE = 1.5, 4.0, 0.2  # metres around a wire, metres along it, share of it
 STEEPEST = 0.7  # rise over run of the chord
 FATTEST = 30.0  # metres: least c of a wire
 JOIN, JOIN_ASIDE, JOIN_HEIGHT = 14.0, 3.0, 1.5  # metres, between wires that meet at a support
@@ -105,6 +106,7 @@ def wires_among(scene: Scene, arcs: Sequence[Piece]) -> list[Piece]:
     found = connected([a for a in bent if a.sure], [a for a in bent if not a.sure])
     found = joined(scene, found)
     scene.take(arc.curve for arc in found)
+    found = [arc for arc in found if arc.curve.rms < FINE or alone(scene, arc.curve) >= ALONE]
     return [arc for arc in found if not carries(scene, arc.curve, straight)]
 
 
@@ -121,6 +123,20 @@ def clearness(scene: Scene, curve: Floats, count: int) -> float:
 def is_straight(curve: Catenary) -> bool:
     """Whether a curve sags less than the tightest wire, for certain: a rail, a bar or a tie."""
     return curve.sag + SIGMAS * curve.sigmas()["sag"] < curve.length**2 / (8 * TIGHTEST_C)
+
+
+def alone(scene: Scene, curve: Catenary) -> float:
+    """Share of a curve along which more points lie on it than around it and on no other wire.
+
+    Twigs that happen to lie along an arc have others around them everywhere.
+    """
+    own, around = (scene.air.around(curve, r)[0] for r in (scene.tolerance, COMPANY))
+    bins = max(1, round(curve.length / STRETCH))
+    on_it, beside = (
+        np.histogram(curve.along(scene.air.xyz[points])[0], bins, (0.0, curve.length))[0]
+        for points in (own, around[scene.free[around]])
+    )
+    return np.count_nonzero(on_it > beside) / max(np.count_nonzero(on_it + beside), 1)
 
 
 def carries(scene: Scene, curve: Catenary, straight: Sequence[Catenary]) -> bool:

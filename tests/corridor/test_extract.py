@@ -234,6 +234,15 @@ def trees(count: int) -> Floats:
     return np.vstack([tree(7 * k, 2, h, 0.28 * h, count, k) for k, h in enumerate(heights)])
 
 
+def twigs() -> Floats:
+    """A chain of twigs along an arc, and three times as many around it."""
+    rng = np.random.default_rng(1)
+    curve, chain = wire((60, 0, 9), (120, 0, 10), 150, per_metre=1.0, noise=0.07)
+    away, turn = np.sqrt(rng.uniform(0.3**2, 1.5**2, 180)), rng.uniform(0, 2 * np.pi, 180)
+    aside = np.column_stack([np.zeros(180), away * np.cos(turn), away * np.sin(turn)])
+    return np.vstack([chain, curve.points(rng.uniform(0, 60, 180)) + aside])
+
+
 def tower_crane(per_metre: float) -> Floats:
     bars = [bar((60 + dx, dy, 0), (60 + dx, dy, 42), per_metre) for dx in (0, 2) for dy in (0, 2)]
     chords = [(0, 40), (2, 40), (1, 41.6)]
@@ -284,6 +293,7 @@ def bridge() -> Floats:
         ("handrail on a wall", [sheet(0, 4.5), bar((0, 3, 5.6), (200, 3, 5.6), 4, 0.03)]),
         ("row of trees", [trees(600)]),
         ("sparse row of trees", [trees(60)]),
+        ("chain of twigs", [twigs()]),
         ("gable", [gable(ridge=False)]),
         ("gable with a ridge cap", [gable(ridge=True)]),
         ("tower crane", [tower_crane(6)]),

@@ -136,7 +136,7 @@ def alone(scene: Scene, curve: Catenary) -> float:
         np.histogram(curve.along(scene.air.xyz[points])[0], bins, (0.0, curve.length))[0]
         for points in (own, around[scene.free[around]])
     )
-    return np.count_nonzero(on_it > beside) / max(np.count_nonzero(on_it + beside), 1)
+    return float(np.mean((on_it > beside)[on_it + beside > 0] if on_it.any() else 0.0))
 
 
 def carries(scene: Scene, curve: Catenary, straight: Sequence[Catenary]) -> bool:

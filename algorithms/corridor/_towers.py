@@ -19,6 +19,7 @@ from algorithms.corridor._supports import Support
 
 BASE_LATTICE, BASE_POLE = 1.0, 0.8  # metres above the ground that are left to it
 SLIM = 0.7  # metres: half width from which a body is a lattice
+LOW = 15.0  # metres: height below which a support is a pole
 SPLAY, SLACK = (0.12, 0.02), (0.4, 0.15)  # of lattice and pole: per metre downwards; metres
 THIN = 0.2  # metres: half width of a pole of which little is seen
 FOOT, LEG = 3.0, 1.0  # metres: height below which shrubs may grow inside, and width of a face
@@ -32,7 +33,8 @@ ARM = (0.04, 0.02, 0.05)  # of the height: half depth, half of what is level, an
 BESIDE = (0.5, 1.5)  # metres: aside of a wire, clear of the peak and of the next arm
 SHORTEST = 0.04  # length of insulators by which wires pull, of the height, without jumpers
 STRING = (0.15, 0.0, 9.0)  # how far from the tower: per metre of height, least, most
-LOOP_POINTS = 5
+FEWEST = 5
+FEWEST = 3
 LOOP_WIDTH = 1.3  # of the part of a jumper that is clear of its wire, by its parabola
 
 Floats = NDArray[np.float64]
@@ -129,33 +131,39 @@ def by_jumpers(around: Sequence[tuple[Floats, Floats, Floats]], height: float) -
     for along, v, z in around:
         loop = (z < -below) & (z > -deepest) & (np.abs(v) < aside)
         loop &= (along > 0.8) & (along < scaled(STRING, height))
-        if np.count_nonzero(loop) >= LOOP_POINTS:
+        if np.count_nonzero(loop) >= FEWEST:
             found.append(LOOP_WIDTH * float(np.quantile(along[loop], 0.9)))
     return float(np.median(found)) if len(found) >= 2 else 0.0
 
 
+def centred(scene: Scene, support: Support) -> Support:
+    """The support moved to its arms along the line, and to the body below them across it."""
+    height = support.high - support.ground
+    waist, half = support.low - scaled(DROP, height), 0.1 * height
+    _, a, s, z = around_axis(scene, support)
+    level = level_with_arms(support, s, z)
+    forth = aside = 0.0
+    for depth in (2 * half, half):  # at first it may be farther off
+        arms = level & (np.abs(a - forth) < depth)
+        if np.count_nonzero(arms) >= FEWEST:
+            forth = float(np.median(a[arms]))
+    neck = (z > waist - 0.15 * height) & (z < waist) & (np.hypot(a - forth, s) < half)
+    if np.count_nonzero(neck) >= FEWEST:
+        aside = float(np.median(s[neck]))
+    (ex, ey), (left, right) = support.across, support.reach
+    return replace(
+        support, x=support.x + forth * ey + aside * ex, y=support.y - forth * ex + aside * ey,
+        reach=(left - aside, right - aside),
+    )  # fmt: skip
+
+
 def tower_of(scene: Scene, support: Support) -> Tower:
     """The points of the body and the arms of a support, without those around wires."""
-    air, x, y = scene.air, support.x, support.y
-    across = np.array(support.across)
-    along = np.array([across[1], -across[0]])
     height = support.high - support.ground
-    depth, drop = scaled(BOX, height), scaled(DROP, height)
-    out, peak = scaled(OUT, height), scaled(PEAK, height)
-    reach = max(-support.reach[0], support.reach[1]) + out + depth
-    near = air.within(np.array([x, y]), reach)
-    near = near[scene.free[near]]
-    step = air.xyz[near, :2] - (x, y)
-    a, s, z = step @ along, step @ across, air.xyz[near, 2]
+    near, a, s, z = around_axis(scene, support)
     above = scene.height[near]
-    waist = support.low - drop
-    middle = centre_of(a, s, z, waist, height)
-    a, s = a - middle[0], s - middle[1]
-    x, y = np.array([x, y]) + middle[0] * along + middle[1] * across
-    left, right = (side - middle[1] for side in support.reach)
-    support = replace(support, x=float(x), y=float(y), reach=(left, right))
-    arms = (z > waist) & (z < support.high + peak) & (np.abs(a) < depth)
-    arms &= (s > support.reach[0] - out) & (s < support.reach[1] + out)
+    waist = support.low - scaled(DROP, height)
+    arms = level_with_arms(support, s, z) & (np.abs(a) < scaled(BOX, height))
     away = np.maximum(np.abs(a), np.abs(s))
     width = waist_of(away, z, waist, height)
     pole = int(width <= SLIM)
@@ -166,21 +174,32 @@ def tower_of(scene: Scene, support: Support) -> Tower:
         body &= (above > FOOT) | ((np.abs(away - foot) < LEG) & (above > BASE_LATTICE))
     body &= above > BASE_POLE
     mine = near[arms | body]
-    top = float(np.quantile(air.xyz[mine, 2], 0.995)) if len(mine) else support.high
+    top = float(np.quantile(scene.air.xyz[mine, 2], 0.995)) if len(mine) else support.high
     return Tower(support, mine, top, width)
 
 
-def centre_of(a: Floats, s: Floats, z: Floats, waist: float, height: float) -> tuple[float, float]:
-    """Where the arms are along the line, and the body below them across it."""
-    near = 0.1 * height
-    arms = (z > waist) & (np.abs(a) < near)
-    neck = (z > waist - 0.15 * height) & (z < waist) & (np.hypot(a, s) < near)
-    along = float(np.median(a[arms])) if np.count_nonzero(arms) >= LOOP_POINTS else 0.0
-    across = float(np.median(s[neck])) if np.count_nonzero(neck) >= LOOP_POINTS else 0.0
-    return along, across
+def around_axis(scene: Scene, support: Support) -> tuple[Ints, Floats, Floats, Floats]:
+    """Free points around a support: indices, distance along the line and across it, and height."""
+    across = np.array(support.across)
+    along = np.array([across[1], -across[0]])
+    height = support.high - support.ground
+    reach = max(-support.reach[0], support.reach[1]) + scaled(OUT, height) + scaled(BOX, height)
+    near = scene.air.within(np.array([support.x, support.y]), reach)
+    near = near[scene.free[near]]
+    step = scene.air.xyz[near, :2] - (support.x, support.y)
+    return near, step @ along, step @ across, scene.air.xyz[near, 2]
+
+
+def level_with_arms(support: Support, s: Floats, z: Floats) -> NDArray[np.bool_]:
+    """Which points, s across the line and at heights z, are as high and as far out as the arms."""
+    height = support.high - support.ground
+    out, (left, right) = scaled(OUT, height), support.reach
+    low, high = support.low - scaled(DROP, height), support.high + scaled(PEAK, height)
+    return (z > low) & (z < high) & (s > left - out) & (s < right + out)
 
 
 def waist_of(away: Floats, z: Floats, waist: float, height: float) -> float:
     """Half width of a body just below its arms."""
     near = (z < waist) & (z > waist - 0.25 * height) & (away < 0.1 * height)
-    return float(np.quantile(away[near], 0.85)) if near.sum() >= LOOP_POINTS else THIN
+    width = float(np.quantile(away[near], 0.85)) if near.sum() >= FEWEST else THIN
+    return THIN if width > SLIM and height < LOW else width  # of trees around a pole

@@ -31,10 +31,10 @@ from algorithms.corridor._follow import follow
 from algorithms.corridor._labels import NUMBERS, classes_of, labelled
 from algorithms.corridor._lines import tower_layer, wire_layer
 from algorithms.corridor._network import Scene
-from algorithms.corridor._spans import Wire
+from algorithms.corridor._spans import Wire, to_supports
 from algorithms.corridor._supports import Support
 from algorithms.corridor._thesis import Settings, Variance, voxel_lines
-from algorithms.corridor._towers import Tower, strings_of, tower_of
+from algorithms.corridor._towers import Tower, centred, strings_of, tower_of
 from algorithms.corridor._trace import Airborne, uncrowded
 from algorithms.ground.classify import HEIGHT, find_terrain, height_above
 from algorithms.shared.ground import may_be_ground, taking_part
@@ -409,6 +409,8 @@ def dressed(
 ) -> tuple[list[Wire], list[Tower], list[float]]:
     """Wires that end at their insulators, towers, and the length of the insulators of each."""
     take(scene, wires)
+    supports = [centred(scene, support) for support in supports]
+    wires = [to_supports(wire, supports) for wire in wires]
     strings = strings_of(scene, wires, supports)
     ended = [without_strings(wire, *own) for wire, own in zip(wires, strings, strict=True)]
     take(scene, ended)

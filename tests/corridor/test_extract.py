@@ -13,7 +13,11 @@ from corridor_scenes import CORNER, Floats, bar, cloud, ground, line, pole, tree
 from pyproj import CRS
 
 from algorithms.corridor._arcs import Binned, agreed, solved
+from algorithms.corridor._network import Scene
+from algorithms.corridor._supports import Support
 from algorithms.corridor._thesis import otsu
+from algorithms.corridor._towers import centred
+from algorithms.corridor._trace import Airborne
 from algorithms.corridor.extract import CorridorExtract
 from toolbox.data import PointCloud
 from toolbox.errors import DataError
@@ -169,6 +173,29 @@ def test_arms_are_of_the_pole_and_wires_below_them_are_not(string: float, arm: f
     assert quality(said == 14, true == 14) > 0.98
     assert (result.towers.frame.string > 0).all() == bool(string)
     assert result.wires.frame.span.between(59, 60.1).all()
+
+
+@pytest.mark.parametrize("turn", [0, 1])
+def test_a_support_is_moved_to_its_arms_along_the_line_and_to_its_pole_across(turn: int) -> None:
+    points = pole(21.2, 20.3, 10.0)[:, [1, 0, 2] if turn else [0, 1, 2]]
+    air = Airborne.of(points)
+    scene = Scene(air, air.xyz[:, 2], air, 0.25, lambda x, y: 0.0, lambda x, y: True)
+    across = (1.0, 0.0) if turn else (0.0, 1.0)
+    found = centred(scene, Support(20.0, 20.0, across, (-1.0, 1.0), 9.6, 9.6, 0.0, 0.0))
+    place = (found.y, found.x) if turn else (found.x, found.y)
+    np.testing.assert_allclose(place, (21.2, 20.3), atol=0.1)
+    np.testing.assert_allclose(found.reach, (-1.3, 0.7), atol=0.1)
+
+
+def test_a_tree_around_a_pole_is_no_tower() -> None:
+    _, wires, poles = line([0, 60, 120], [-1, 0, 1], 9, 400)
+    around = tree(60, 0, 8.0, 2.5, 600)
+    points = cloud(GROUND, *wires, poles, around, classes=[2, *[14] * 6, 15, 5])
+    result = CorridorExtract(points=points).run()
+    said = result.classified["classification"]
+    assert result.tower_count == 3
+    assert np.mean(said[points["truth"] == 5] == 15) < 0.1
+    assert np.mean(said[points["truth"] == 15] == 15) > 0.8
 
 
 def arcs_of_tracks(heights: Floats) -> Binned:

@@ -41,11 +41,12 @@ SPREAD = 0.3  # of the curvature of a line, by which wires and spans differ
 SHORTEST = 20.0  # metres between two supports
 NOISE, BLUR, SWAY = 0.03, 0.05, 0.15  # metres: least scatter of a point; of many, up and aside
 CUT, CUT_EACH = 10.0, 6.0  # squares of sigmas: price of a cut, and for each wire
-CLEAR = 15.0  # squares of sigmas: certain hardware
-CHANCE = 5.0  # squares of sigmas: what a cut gains by chance, for each wire
+CLEAR = 15.0  # squares of sigmas: a certain arm
 MOST_PAID = 1.4  # of its share of the price, by a wire among many
-BAY, ASIDE, BELOW, ABOVE = 0.75, 1.0, 0.6, 1.2  # metres around the wires where hardware shows
-CLOSE, WIDE = 1.5, 6.0  # metres from a station, where the usual number of points is counted
+OFF, ARM, FEWEST = 0.15, 0.3, 0.25  # metres off all wires, half width of an arm; points
+ASIDE, ABOVE, BELOW, DEEP = 1.0, 1.2, 0.6, 2.6  # metres around the wires: an arm, and trees
+CLOSE, NEXT, WIDE = 0.5, 1.5, 6.0  # metres from an arm, where the usual points are counted
+FINER = 4  # places between stations at which an arm may be
 STUB = 12.0  # metres: what goes on so far beyond the outermost support
 MEET = 0.1  # metres by which arcs may miss each other at a support
 SHIFT = 5.0  # metres by which a cut may be moved to where they meet
@@ -121,7 +122,8 @@ def arcs_of(scene: Scene, curves: Sequence[Piece]) -> tuple[list[Piece], list[Ru
     for number, pieces in enumerate(runs_of(tracks)):
         run = Run.of(pieces)
         run = replace(run, pieces=chained(scene, run))
-        run = replace(run, cuts=cuts_of(scene, run))
+        certain = [piece for piece in run.pieces if piece.sure]
+        run = replace(run, cuts=cuts_of(scene, replace(run, pieces=certain or run.pieces)))
         runs.append(run)
         for piece in run.pieces:
             arcs += cut_up(scene, run, piece, number)
@@ -274,43 +276,47 @@ def scatter(u: Floats, z: Floats) -> float:
     return max(float(usual) / (0.6745 * math.sqrt(1.5)), NOISE)
 
 
-def hardware(scene: Scene, run: Run, parts: Binned, stations: Floats) -> Floats:
-    """How sure it is, in squares of sigmas, that something sticks out of the wires at stations.
+def hardware(scene: Scene, run: Run, parts: Binned, places: Floats) -> Floats:
+    """How sure it is, in squares of sigmas, that an arm stands at places along a run.
 
-    There are more points around the wires than on either side of the station: twice the logarithm
-    of the ratio of likelihoods of two Poisson distributions.
+    An arm is points among the wires that lie on none of them, and is thin: there are more than a
+    little way before and behind, where those of a tree that comes up from below are as many. Twice
+    the logarithm of the ratio of likelihoods of two Poisson distributions.
     """
-    shape = np.full((4, len(stations)), np.nan)  # left, right, low, high
-    for k in range(parts.u.shape[1]):
-        seen = parts.tall[:, k] > 0
-        if not seen.any():
-            continue
-        u = parts.u[seen, k]
-        cover = (stations >= u[0]) & (stations <= u[-1])
-        v, z = (np.interp(stations[cover], u, part[seen, k]) for part in (parts.v, parts.z))
+    seen = [parts.tall[:, k] > 0 for k in range(parts.u.shape[1])]
+    tracks = [
+        (parts.u[rows, k], parts.v[rows, k], parts.z[rows, k])
+        for k, rows in enumerate(seen) if rows.any()
+    ]  # fmt: skip
+    shape = np.full((4, len(places)), np.nan)  # left, right, low, high
+    for u, v, z in tracks:
+        cover = (places >= u[0]) & (places <= u[-1])
         for row, which, values in zip(range(4), (np.fmin, np.fmax) * 2, (v, v, z, z), strict=True):
-            shape[row, cover] = which(shape[row, cover], values)
-    if np.isnan(shape).all():
-        return np.zeros(len(stations))
-    reach = float(np.nanmax(np.abs(shape[:2]))) + ASIDE + 6.0
-    spots = run.places(stations[::5])
+            shape[row, cover] = which(shape[row, cover], np.interp(places[cover], u, values))
+    known = np.flatnonzero(~np.isnan(shape[0]))
+    if not len(known):
+        return np.zeros(len(places))
+    reach = float(np.nanmax(np.abs(shape[:2]))) + ASIDE + WIDE
+    spots = run.places(np.arange(places[0], places[-1] + WIDE, WIDE))
     box = np.unique(np.concatenate([scene.air.within(spot, reach) for spot in spots]))
     u, v = run.along(scene.air.xyz[box])
     z = scene.air.xyz[box, 2]
-    known = np.flatnonzero(~np.isnan(shape[0]))
-    left, right, low, high = (np.interp(u, stations[known], values[known]) for values in shape)
-    inside = (v > left - ASIDE) & (v < right + ASIDE) & (z > low - BELOW) & (z < high + ABOVE)
-    inside &= (u > stations[known[0]] - WIDE) & (u < stations[known[-1]] + WIDE)
-    u = np.sort(u[inside])
+    left, right, low, high = (np.interp(u, places[known], values[known]) for values in shape)
+    stray = (v > left - ASIDE) & (v < right + ASIDE) & (z > low - DEEP) & (z < high + ABOVE)
+    for along, aside, up in tracks:
+        off = np.hypot(v - np.interp(u, along, aside), z - np.interp(u, along, up))
+        stray &= (off > OFF) | (u < along[0] - 1) | (u > along[-1] + 1)
+    among = np.sort(u[stray & (z > low - BELOW)])
+    around = np.sort(u[stray])
 
-    def count(a: float, b: float) -> Floats:
-        return np.asarray(
-            np.searchsorted(u, stations + b) - np.searchsorted(u, stations + a), float
-        )
+    def count(u: Floats, a: float, b: float) -> Floats:
+        within = np.searchsorted(u, places + b) - np.searchsorted(u, places + a)
+        return np.asarray(within, float)
 
-    here = count(-BAY, BAY)
-    share = 2 * BAY / (WIDE - CLOSE)
-    usual = np.maximum(np.maximum(count(-WIDE, -CLOSE), count(CLOSE, WIDE)) * share, 1.0)
+    here, usual = count(among, -ARM, ARM), np.full(len(places), FEWEST)
+    for u, a, b in ((around, CLOSE, NEXT), (among, NEXT, WIDE)):
+        beside = np.maximum(count(u, -b, -a), count(u, a, b))
+        usual = np.maximum(usual, beside * 2 * ARM / (b - a))
     more = 2 * (here * np.log(np.maximum(here, 1.0) / usual) - (here - usual))
     spread = max(1.0, float(np.median(more)) / 0.4549)  # more than by chance
     return np.where(here > usual, more / spread, 0.0)
@@ -323,15 +329,15 @@ def cuts_of(scene: Scene, run: Run) -> Floats:
     bends = TIGHT * RATIO ** np.arange(math.log(SLACK / TIGHT) / math.log(RATIO))
     bend = min(bends, key=lambda bend: solved(coarse, bend, usual)[0])
     fine = binned(scene, run, run.step)
-    stations = run.step * np.arange(run.steps + 1, dtype=np.float64)
-    shown = hardware(scene, run, fine, stations)
-    bare = np.maximum(1 - shown / CLEAR, 0.0)
+    places = run.step / FINER * np.arange(FINER * run.steps + 1, dtype=np.float64)
+    shown = hardware(scene, run, fine, places)
     wires = maximum_filter1d(tracks_at(fine), 2 * round(SHORTEST / run.step) + 1)
-    price = CUT * bare + (CHANCE + (CUT_EACH - CHANCE) * bare) * wires
+    usual = CUT + CUT_EACH * wires
+    price = np.maximum(usual - maximum_filter1d(shown, FINER + 1)[::FINER], 0.0)
     edges = solved(fine, bend, price)[1]
-    edges = agreed(fine, edges, bend, price)
+    edges = agreed(fine, edges, bend, usual, price)
     return np.array([
-        settled(fine, edges[k - 1], edges[k], edges[k + 1], bend, stations, shown)
+        settled(fine, edges[k - 1], edges[k], edges[k + 1], bend, places, shown)
         for k in range(1, len(edges) - 1)
     ])  # fmt: skip
 
@@ -346,13 +352,14 @@ def misfits(parts: Binned, low: Ints, high: Ints, bend: float) -> Floats:
     return found
 
 
-def agreed(parts: Binned, edges: Ints, bend: float, price: Floats) -> Ints:
+def agreed(parts: Binned, edges: Ints, bend: float, usual: Floats, price: Floats) -> Ints:
     """The cuts for which enough of the tracks pay: some three of four, of few tracks one less.
 
-    One may follow another wire, or be pushed off by a crane beside it, and would pay for all.
+    One may follow another wire, or be pushed off by a crane beside it, and would pay for all. What
+    the most is that one pays goes by the usual price, where none sees an arm.
     """
     tracks = np.maximum(tracks_at(parts), 1)
-    most = MOST_PAID * price / tracks * (tracks + 1) / tracks
+    most = MOST_PAID * usual / tracks * (tracks + 1) / tracks
     while len(edges) > 2:
         arcs = misfits(parts, edges[:-1], edges[1:], bend)
         gain = misfits(parts, edges[:-2], edges[2:], bend) - arcs[:-1] - arcs[1:]
@@ -391,22 +398,22 @@ def solved(parts: Binned, bend: float, price: Floats) -> tuple[float, Ints]:
 
 
 def settled(
-    parts: Binned, low: int, at: int, high: int, bend: float, stations: Floats,
-    shown: Floats,
-) -> float:  # fmt: skip
-    """A cut moved to where the arcs on both sides meet, and where hardware shows."""
-    places = stations[at] + np.arange(-SHIFT, SHIFT + 0.1, 0.25)
-    places = places[(places > stations[low] + 1.0) & (places < stations[high] - 1.0)]
-    if not len(places):
-        return float(stations[at])
-    cost = -np.minimum(np.interp(places, stations, shown), CLEAR)
-    x = places - stations[at]
+    parts: Binned, low: int, at: int, high: int, bend: float, places: Floats, shown: Floats
+) -> float:
+    """A cut moved to where the arcs on both sides meet, and where an arm shows."""
+    middle = at * parts.step
+    near = np.abs(places - middle) < SHIFT
+    near &= (places > low * parts.step + 1.0) & (places < high * parts.step - 1.0)
+    if not near.any():
+        return middle
+    places, cost = places[near], -np.minimum(shown[near], CLEAR)
+    x = places - middle
     base = np.column_stack([np.ones(len(x)), x, 0.5 * x * x])
     before, after = slice(low, at), slice(at, high)
     for weight, values, usual in ((parts.tall, parts.z, bend), (parts.flat, parts.v, 0.0)):
         for k in np.flatnonzero((parts.tall[low:high] > 0).any(axis=0)).tolist():
             one, two = (
-                arc(parts.u[s, k] - stations[at], values[s, k], weight[s, k], usual, SPREAD * bend)
+                arc(parts.u[s, k] - middle, values[s, k], weight[s, k], usual, SPREAD * bend)
                 for s in (before, after)
             )
             if one is not None and two is not None:

@@ -213,7 +213,7 @@ def test_a_single_track_that_changes_over_to_another_wire_makes_no_support() -> 
     price = np.full(101, 34.0)
     parts = arcs_of_tracks(heights)
     edges = solved(parts, 1 / 400, price)[1]
-    assert agreed(parts, edges, 1 / 400, price).tolist() == [0, 50, 100]
+    assert agreed(parts, edges, 1 / 400, price, price).tolist() == [0, 50, 100]
 
 
 @pytest.mark.parametrize("turn", [0, 1])

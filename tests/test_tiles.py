@@ -22,7 +22,7 @@ from affine import Affine
 from pyproj import CRS
 
 import toolbox
-from toolbox import PointCloud, Raster
+from toolbox import PointCloud, Raster, Survey, Vector
 from toolbox.cluster import cluster
 from toolbox.context import Context
 from toolbox.data import Lattice
@@ -296,6 +296,48 @@ def test_points_on_the_edge_of_tiles_count_once(tiling: Tiling, tmp_path: Path) 
     for size in (1.0, 2.0, 3.7):
         how = replace(tiling, size=size)
         assert toolbox.run("points.info", {"points": values["points"]}, tiling=how)["count"] == 144
+
+
+PASSES = """
+id: my.passes
+title: Local, whole, local, whole
+inputs: {points: {type: PointCloud, help: Points}}
+steps:
+  low: {tool: points.filter, points: {from: inputs.points}, where: classification == 2}
+  hull: {tool: shoreline.alpha_shape, points: {from: low.kept}, alpha: 5}
+  inside: {tool: points.clip, points: {from: inputs.points}, polygons: {from: hull.shapes}}
+  within: {tool: points.clip, points: {from: low.kept}, polygons: {from: hull.shapes}}
+  top: {tool: surface.grid, points: {from: within.clipped}, method: max}
+  again: {tool: shoreline.alpha_shape, points: {from: within.clipped}, alpha: 4}
+outputs:
+  inside: {from: inside.clipped}
+  removed: {from: within.removed_share}
+  dsm: {from: top.surface}
+  shapes: {from: hull.shapes}
+  again: {from: again.shapes}
+  area: {from: again.area}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [37.0, 400.0])
+def test_steps_that_wait_for_the_whole_run_on_tiles_in_another_pass(
+    size: float, survey: Path, tiling: Tiling, tmp_path: Path
+) -> None:
+    path = tmp_path / "passes.yaml"
+    path.write_text(PASSES)
+    names = {"inside": "i.laz", "dsm": "d.tif", "shapes": "s.gpkg", "again": "a.gpkg"}
+    files = {name: tmp_path / file for name, file in names.items()}
+    found = toolbox.run(str(path), {"points": survey, **files}, tiling=replace(tiling, size=size))
+    whole = toolbox.run(str(path), {"points": survey})
+    assert found["area"] == whole["area"]
+    assert found["removed"] == pytest.approx(whole["removed"])
+    inside = PointCloud.open(files["inside"])
+    np.testing.assert_array_equal(inside.xyz, whole["inside"].xyz)
+    assert 0 < len(inside) < Survey.open(survey).count
+    np.testing.assert_array_equal(Raster.open(files["dsm"]).values, whole["dsm"].values)
+    for name in ("shapes", "again"):
+        assert Vector.open(files[name]).frame.geometry.equals(whole[name].frame.geometry)
 
 
 def test_repeated_steps_are_not_cut(survey: Path, tiling: Tiling, tmp_path: Path) -> None:

@@ -8,12 +8,14 @@ from pathlib import Path
 import corridor_scenes as scenes
 import numpy as np
 import pytest
+from pandas.testing import assert_frame_equal
 from pyproj import CRS
 from scipy.spatial import cKDTree
 
 import toolbox
 from algorithms.corridor._objects import groups
-from toolbox.data import PointCloud
+from toolbox.data import PointCloud, Vector
+from toolbox.tiling import Tiling
 
 MODEL = "models.power_line_clearance"
 TILES = Path(os.environ.get("TOOLBOX_TEST_DATA", "/nowhere")) / "powerline_ahn4"
@@ -58,3 +60,60 @@ def test_all_that_was_pasted_near_the_line_is_found_and_nothing_else(tile: str) 
     distance, own = cKDTree(cloud.xyz[pasted]).query(bad.xyz)
     assert near == {int(k) for k in np.unique(number[own[bad["object_id"] > 0]])}
     assert distance[bad["object_id"] > 0].max() < 0.01
+
+
+@pytest.fixture(scope="module")
+def in_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two spans of 70 m with a tree below each, in three files, cut through both spans."""
+    curves, points, poles = scenes.line([0.0, 70.0, 140.0], [-1.0, 1.0], 10.0, 300.0)
+    trees = [
+        scenes.tree(x, 1.0, float(curve.height(np.array(x - curve.x))) - 2.0, 1.5, 500)
+        for x, curve in ((30.0, curves[0]), (101.0, curves[2]))
+    ]
+    cloud = scenes.cloud(scenes.ground(140.0, 50.0, 5.0), *points, poles, *trees)
+    folder = tmp_path_factory.mktemp("survey")
+    x = cloud.xyz[:, 0] - scenes.CORNER[0]
+    for name, low, high in (("a", 31, 103), ("b", -99, 31), ("c", 103, 999)):
+        part = cloud.select((x >= low) & (x < high))
+        part.with_attributes({"classification": np.ones(len(part), np.uint8)}).save(
+            folder / f"{name}.laz"
+        )
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [40.5, 90.0])
+def test_tiles_smaller_than_a_span_give_what_the_whole_gives(
+    size: float, in_files: Path, tmp_path: Path
+) -> None:
+    """Spans, wires, labels, violations and page are those of the cloud in one piece."""
+    names = {
+        "classified": "c.laz", "violations": "v.laz", "wires": "w.gpkg", "towers": "t.gpkg",
+        "objects": "o.gpkg", "spans": "s.csv", "report": "r.html",
+    }  # fmt: skip
+    made: list[dict[str, Path]] = []
+    numbers = []
+    for where, tiling in (("whole", None), ("tiles", Tiling(size, 2))):
+        (tmp_path / where).mkdir()
+        made.append({name: tmp_path / where / file for name, file in names.items()})
+        values = {"points": in_files, "rules": "ekaty", "voltage": 34.5, **made[-1]}
+        found = toolbox.run(MODEL, values, tiling=tiling)
+        numbers.append({name: found[name] for name in ("span_count", "object_count")})
+    assert numbers[0] == numbers[1]
+    assert numbers[0]["span_count"] == 2
+    assert numbers[0]["object_count"] > 1
+    whole, tiles = made
+    for name in ("classified", "violations"):
+        one, other = PointCloud.open(whole[name]), PointCloud.open(tiles[name])
+        assert one.names == other.names
+        np.testing.assert_array_equal(one.xyz, other.xyz)
+        for attribute in one.names:
+            loose = 1e-4 if attribute == "HeightAboveGround" else 0.0
+            np.testing.assert_allclose(one[attribute], other[attribute], rtol=0, atol=loose)
+    assert (PointCloud.open(whole["classified"])["classification"] == 14).sum() > 700
+    for name in ("wires", "towers", "objects"):
+        one, other = Vector.open(whole[name]).frame, Vector.open(tiles[name]).frame
+        assert_frame_equal(one, other, check_exact=False, rtol=0, atol=1e-4)
+    assert Vector.open(whole["wires"]).frame.equals(Vector.open(tiles["wires"]).frame)
+    for name in ("spans", "report"):
+        assert whole[name].read_text() == tiles[name].read_text()

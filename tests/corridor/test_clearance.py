@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import geopandas
@@ -16,9 +17,11 @@ from pyproj import CRS
 from scipy.optimize import brentq, root
 
 import toolbox
+from algorithms.corridor import _matters
 from algorithms.corridor._catenary import Catenary
 from algorithms.corridor._distances import distances, fall_in, find_violations
 from algorithms.corridor._lines import catenaries_of, wire_layer
+from algorithms.corridor._matters import what_matters
 from algorithms.corridor._objects import groups, tree_tops
 from algorithms.corridor._rules import KINDS, Rule, rule_set, rules_of, shipped
 from algorithms.corridor._sag import (
@@ -32,7 +35,8 @@ from algorithms.corridor._sag import (
     wind_load,
 )
 from algorithms.corridor._spans import Wire
-from toolbox.data import PointCloud, Table, Vector
+from algorithms.corridor._surroundings import line_of, scene_of
+from toolbox.data import PointCloud, Survey, Table, Vector
 from toolbox.errors import DataError, ParameterError
 
 EAST, NORTH = 500_000.0, 4_600_000.0
@@ -699,3 +703,74 @@ def test_the_page_shows_a_long_line_in_sheets_and_every_span() -> None:
     ]  # fmt: skip
     assert len(blocks["Profiles"]) == 12
     assert blocks["Profiles"][0].caption.startswith("Span 11, 300 m, 1 wires, 1 objects; closest")
+
+
+def scattered() -> PointCloud:
+    """Hummocky ground, trees on it, noise and points of the wire; with heights, in no order."""
+    rng = np.random.default_rng(4)
+    ground = np.column_stack([rng.uniform(-20, 320, 30_000), rng.uniform(-70, 70, 30_000)])
+    level = 6 * np.sin(ground[:, 0] / 25) * np.cos(ground[:, 1] / 20)
+    some = rng.integers(0, len(ground), 3000)
+    above = rng.uniform(0.5, 14.0, len(some))
+    trees = np.column_stack([ground[some], level[some] + above])
+    wire = LEVEL.points(np.linspace(0, 300, 200))
+    parts = [np.column_stack([ground, level]), trees, trees[::50] + np.array([0, 0, 9]), wire]
+    classes = np.repeat([2, 5, 7, 14], [len(part) for part in parts])
+    known = np.zeros(len(ground)), above, above[::50] + 9, np.full(len(wire), 20.0)
+    order = rng.permutation(len(classes))
+    heights = np.concatenate(known).astype(np.float32)
+    return cloud(np.vstack(parts)[order], classes[order], HeightAboveGround=heights[order])
+
+
+ON_GROUND = {
+    "rule_table": Table(
+        pd.DataFrame([
+            {"id": kind, "source": "s", "date": "d", "unit": "m", "kind": kind,
+             "direction": "3-D", "threshold": far, "severity": "critical", "confirmed": True}
+            for kind, far in (("ground", 15.0), ("tree", 9.0))
+        ])
+    )
+}  # fmt: skip
+
+
+def test_a_survey_that_is_read_in_parts_gives_what_its_cloud_gives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = scattered()
+    for k, name in enumerate("abc"):
+        points.select(np.arange(k, len(points), 3)).save(tmp_path / f"{name}.laz")
+    survey = Survey.open(tmp_path)
+    monkeypatch.setattr(_matters, "PART", 5000)
+    whole, parts = (run(p, **ON_GROUND, growth=1.0) for p in (survey.read(), survey))
+    for name in ("objects", "spans"):
+        pd.testing.assert_frame_equal(whole[name].frame, parts[name].frame)
+    np.testing.assert_array_equal(whole["violations"].xyz, parts["violations"].xyz)
+    np.testing.assert_array_equal(whole["violations"]["rule"], parts["violations"]["rule"])
+    assert whole["report"].html() == parts["report"].html()
+    assert set(np.unique(whole["violations"]["classification"])) == {2, 5}
+
+
+def test_few_points_of_the_ground_matter_but_all_that_tell_something() -> None:
+    points = scattered()
+    wires = layer(LEVEL)
+    line = line_of(wires)
+    rules = rules_of(ON_GROUND["rule_table"], None)
+    settings: Any = {
+        "classes": {"tree": [5], "building": [6], "ground": [2]}, "ignore": [7], "reach": 60.0,
+    }  # fmt: skip
+    few = what_matters(points, line, rules, measured=15.0, **settings)
+    assert len(few) < 0.75 * len(points)
+    full, part = (
+        scene_of(p, line, wire_radius=0.5, attachment=5.0, **settings) for p in (points, few)
+    )
+    assert full.left_out == part.left_out
+    found = [
+        find_violations(s.xyz, s.kind, line.curves, rules, reach=15.0, point_sd=0.05)
+        for s in (full, part)
+    ]
+    for name in ("measure", "ratio", "u"):
+        one, other = (np.sort(getattr(violations, name)) for violations, _ in found)
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(found[0][1].distance, found[1][1].distance)
+    again = what_matters(few, line, rules, measured=15.0, **settings)
+    np.testing.assert_array_equal(again.xyz, few.xyz)

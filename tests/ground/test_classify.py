@@ -797,6 +797,19 @@ def test_other_classes_may_be_kept_but_not_ground() -> None:
     np.testing.assert_array_equal(kept.classified["classification"], expected)
 
 
+@pytest.mark.parametrize(("metre", "crs"), [(1.0, 32632), (1 / FOOT, 2222)])
+def test_heights_are_those_above_the_terrain(metre: float, crs: int) -> None:
+    """Of all points, also those that take no part; in the unit of the data."""
+    xyz = town()
+    roof = on_roof(xyz)
+    points = cloud(xyz * metre, np.where(roof, 7, 1)).with_crs(CRS(crs))
+    found = GroundClassify(points=points, heights=True, ignore=ClassList([7])).run().classified
+    heights = found["HeightAboveGround"] / metre
+    assert np.abs(heights[~roof]).max() < 0.1
+    np.testing.assert_allclose(heights[roof], (xyz - plane())[roof, 2], atol=0.5)
+    assert "HeightAboveGround" not in GroundClassify(points=points).run().classified
+
+
 def test_only_last_returns_can_be_ground() -> None:
     """Unless all may be, or their numbers are zero."""
     xyz = plane()

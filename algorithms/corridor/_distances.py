@@ -328,9 +328,11 @@ def clearance_sd(
     A wire whose uncertainty is not known counts as exact.
     """
     square = np.full(len(u), max(point_sd, 1e-6) ** 2)
-    for s, k in np.unique(np.column_stack([state, wire]), axis=0):
-        here = (state == s) & (wire == k)
-        sigma = curves[s][k].height_sigma(u[here])
+    number = state * len(curves[0]) + wire
+    for one in np.unique(number).tolist():
+        here = number == one
+        curve = curves[one // len(curves[0])][one % len(curves[0])]
+        sigma = curve.height_sigma(u[here])
         square[here] += np.where(np.isfinite(sigma), sigma, 0.0) ** 2
     return np.asarray(np.sqrt(square))
 

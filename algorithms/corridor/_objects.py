@@ -55,12 +55,21 @@ def objects_of(
     tops = xyz[may_part][tree_tops(xyz[may_part], height[may_part])]
     group = parted(xyz, groups(xyz, kind, gap), may_part, tops)
     rank = np.array([SEVERITIES.index(rule.severity) for rule in rules])[found.rule]
-    order = np.lexsort((*xyz.T, found.ratio, rank))  # the worst first, and always the same
-    first = np.sort(np.unique(group[order], return_index=True)[1])
     members = _members(group)
-    made = [(worst, members[group[worst]]) for worst in order[first]]
+    made = [(worst, members[group[worst]]) for worst in _worst(xyz, group, rank, found.ratio)]
     objects = [_object(scene, found, worst, own) for worst, own in made if len(own) >= fewest]
     return objects, sum(len(own) for _, own in made if len(own) < fewest)
+
+
+def _worst(xyz: Floats, group: Ints, rank: Ints, ratio: Floats) -> Ints:
+    """Indices of the worst point of each group, the worst first, and always the same."""
+    worst = np.arange(len(group))
+    for values in (rank, ratio):
+        least = np.full(int(group.max(initial=-1)) + 1, np.inf)
+        np.minimum.at(least, group[worst], values[worst])
+        worst = worst[values[worst] == least[group[worst]]]
+    order = worst[np.lexsort((*xyz[worst].T, ratio[worst], rank[worst]))]
+    return np.asarray(order[np.sort(np.unique(group[order], return_index=True)[1])])
 
 
 def _object(scene: Scene, found: Violations, worst: int, own: Ints) -> Object:
@@ -136,7 +145,8 @@ def with_falls(
     may_fall = np.isin(scene.kind[points], TREES)
     owner = np.full(len(falls), -1)
     if may_fall.any() and len(falls):
-        near = cKDTree(scene.xyz[points[may_fall], :2]).query(scene.xyz[falls.point, :2])
+        tree = cKDTree(scene.xyz[points[may_fall], :2], compact_nodes=False, balanced_tree=False)
+        near = tree.query(scene.xyz[falls.point, :2])
         owner = np.where(near[0] <= CROWN, number[may_fall][near[1]], -1)
     least = np.full(len(objects), np.inf)
     np.minimum.at(least, owner[owner >= 0], falls.measure[owner >= 0])

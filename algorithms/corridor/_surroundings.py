@@ -202,8 +202,9 @@ def _at_towers(
     """Points without a class around the body of a tower."""
     feet = (shapely.get_coordinates(towers.frame.geometry.to_numpy()) - origin[:2]) / towers.metre
     radius = towers.frame["width"].to_numpy(float) / 2 + BESIDE_TOWER
+    radius = np.append(np.nan_to_num(radius, nan=BESIDE_TOWER), 0.0)  # the last for none near
     mine = np.zeros(len(xyz), bool)
     some = np.flatnonzero(kind == UNCLASSIFIED)
-    away, nearest = cKDTree(feet).query(xyz[some, :2])
-    mine[some] = away <= np.nan_to_num(radius, nan=BESIDE_TOWER)[nearest]
+    away, nearest = cKDTree(feet).query(xyz[some, :2], distance_upper_bound=2 * radius.max())
+    mine[some] = away <= radius[nearest]
     return mine

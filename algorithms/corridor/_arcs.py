@@ -29,6 +29,7 @@ from scipy.sparse.csgraph import connected_components
 from algorithms.corridor import _arcs_kernels as kernels
 from algorithms.corridor._catenary import fit
 from algorithms.corridor._network import BESIDE, FARTHEST, PARALLEL, TWIN, Piece, Scene
+from algorithms.shared.sorting import distinct
 
 STEP, MOST_STEPS = 1.0, 1000  # metres between stations
 JUMP, HOLE = 0.5, 2.0  # metres by which heights jump, and without points, where they may
@@ -298,7 +299,7 @@ def hardware(scene: Scene, run: Run, parts: Binned, places: Floats) -> Floats:
         return np.zeros(len(places))
     reach = float(np.nanmax(np.abs(shape[:2]))) + ASIDE + WIDE
     spots = run.places(np.arange(places[0], places[-1] + WIDE, WIDE))
-    box = np.unique(np.concatenate([scene.air.within(spot, reach) for spot in spots]))
+    box = distinct(np.concatenate([scene.air.within(spot, reach) for spot in spots]))
     u, v = run.along(scene.air.xyz[box])
     z = scene.air.xyz[box, 2]
     left, right, low, high = (np.interp(u, places[known], values[known]) for values in shape)

@@ -258,7 +258,7 @@ def _sheet(
 def _draw_points(drawing: Drawing, xy: Floats, kinds: NDArray[np.int8], opacity: float) -> None:
     """What is around the line, in the colours of its kinds."""
     drawing.points(xy[0], xy[1], kinds, [COLOURS[kind] for kind in KINDS], opacity)
-    for number in np.unique(kinds).tolist():
+    for number in np.flatnonzero(np.bincount(kinds)).tolist():
         drawing.key_of_points(KINDS[number], COLOURS[KINDS[number]])
 
 

@@ -14,6 +14,7 @@ from scipy.special import ndtr
 from algorithms.corridor import _clearance_kernels as kernels
 from algorithms.corridor._catenary import Catenary
 from algorithms.corridor._rules import DIRECTIONS, KINDS, SEVERITIES, Rule, reach_of
+from algorithms.shared.sorting import distinct
 from algorithms.shared.threads import in_blocks
 from toolbox.context import QUIET, Context
 
@@ -66,7 +67,7 @@ class Near:
                 i, j = row + down, column + right
                 inside = (i >= 0) & (j >= 0) & (i < rows) & (j < columns)
                 pairs.append(np.unique((i * columns + j)[inside] * len(owners) + wire[inside]))
-        found = np.unique(np.concatenate(pairs))
+        found = distinct(np.concatenate(pairs))
         starts = np.searchsorted(found // len(owners), np.arange(rows * columns + 1))
         lattice = np.array([west, south, cell, columns, rows])
         return cls(lattice, starts.astype(np.int64), found % len(owners))
@@ -329,7 +330,7 @@ def clearance_sd(
     """
     square = np.full(len(u), max(point_sd, 1e-6) ** 2)
     number = state * len(curves[0]) + wire
-    for one in np.unique(number).tolist():
+    for one in distinct(number).tolist():
         here = number == one
         curve = curves[one // len(curves[0])][one % len(curves[0])]
         sigma = curve.height_sigma(u[here])

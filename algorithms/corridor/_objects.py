@@ -186,9 +186,11 @@ def lonely(xyz: Floats, gap: float, fewest: int) -> NDArray[np.bool_]:
 
 def _numbers(cell: Ints) -> Ints:
     """One number for each cell, which rises as the cells do; `cell` has the shape (n, k)."""
-    low, high = cell.min(axis=0), cell.max(axis=0)
-    sizes = (high - low + 1)[1:]
-    return np.asarray((cell - low) @ np.append(np.cumprod(sizes[::-1])[::-1], 1))
+    number = np.zeros(len(cell), np.int64)
+    for column in cell.T:
+        low, high = column.min(), column.max()
+        number = number * (high - low + 1) + (column - low)
+    return number
 
 
 def tree_tops(xyz: Floats, height: Floats) -> Ints:
@@ -265,11 +267,12 @@ def parted(xyz: Floats, group: Ints, may_part: NDArray[np.bool_], tops: Floats) 
     """
     if not len(tops) or not len(group):
         return group
-    count = int(group.max()) + 1
-    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
-    np.minimum.at(low, group, xyz[:, :2])
-    np.maximum.at(high, group, xyz[:, :2])
-    wide = (high - low).max(axis=1) > WIDEST
+    wide = np.zeros(int(group.max()) + 1, bool)
+    for values in xyz[:, :2].T:
+        low, high = np.full(len(wide), np.inf), np.full(len(wide), -np.inf)
+        np.minimum.at(low, group, values)
+        np.maximum.at(high, group, values)
+        wide |= high - low > WIDEST
     some = wide[group] & may_part
     nearest = np.zeros(len(group), np.int64)
     nearest[some] = 1 + cKDTree(tops[:, :2]).query(xyz[some, :2])[1]

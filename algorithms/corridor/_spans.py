@@ -33,6 +33,7 @@ from algorithms.corridor._network import (
     runs_beside,
 )
 from algorithms.corridor._supports import Support
+from algorithms.shared.sorting import distinct
 from toolbox.context import Context
 
 BESIDE = 15.0  # metres
@@ -230,7 +231,7 @@ def wires_of(
     count, label = connected_components(coo_array(link), directed=False)
     found = []
     for number in range(count):
-        mine = np.unique(np.concatenate([parts[i].points for i in np.flatnonzero(label == number)]))
+        mine = distinct(np.concatenate([parts[i].points for i in np.flatnonzero(label == number)]))
         curve = fit(scene.wires.xyz[mine], spread=2.0)
         if curve is not None:
             wire = Wire(curve, ordered(curve, key, supports), (0.0, curve.length))
@@ -303,7 +304,7 @@ def recovered(scene: Scene, wires: list[Wire]) -> list[Wire]:
     for wire in wires:
         taken[air.around(wire.curve, 2.5 * scene.tolerance, -2.0, wire.curve.length + 2)[0]] = True
     middles = curve.points(np.arange(0.0, curve.length + BESIDE, BESIDE))
-    box = np.unique(np.concatenate([air.within(place[:2], BESIDE) for place in middles]))
+    box = distinct(np.concatenate([air.within(place[:2], BESIDE) for place in middles]))
     u, v, z = curve.residuals(air.xyz[box])
     margin = min(3.0, 0.1 * curve.length)
     keep = (u > margin) & (u < curve.length - margin) & ~taken[box]

@@ -68,9 +68,10 @@ class Airborne:
         col = ((xyz[:, 0] - west) / CELL).astype(np.int64)
         row = ((xyz[:, 1] - south) / CELL).astype(np.int64)
         rows, cols = int(row.max(initial=0)) + 1, int(col.max(initial=0)) + 1
-        order = np.lexsort((xyz[:, 2], xyz[:, 1], xyz[:, 0], row * cols + col))
-        counts = np.bincount(row * cols + col, minlength=rows * cols)
-        start = np.concatenate([[0], np.cumsum(counts)])
+        cell = row * cols + col
+        start = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=rows * cols))])
+        order = np.empty(len(xyz), np.int64)
+        kernels.in_cells(xyz, np.argsort(xyz[:, 0]), cell, start[:-1].copy(), start, order)
         return cls(np.ascontiguousarray(xyz[order]), order, start, west, south, rows, cols)
 
     @property
@@ -137,15 +138,13 @@ def uncrowded(points: Airborne, density: float) -> tuple[Mask, Ints]:
     """
     if not len(points.xyz):
         return np.zeros(0, bool), np.zeros(0, np.int64)
-    place = np.floor((points.xyz - points.xyz.min(axis=0)) / VOXEL + AROUND).astype(np.int64)
-    eighth = np.floor((points.xyz - points.xyz.min(axis=0)) / VOXEL * 2).astype(np.int64) % 2
-    tall = int(place[:, 2].max()) + AROUND + 1
-    wide = int(place[:, 1].max()) + AROUND + 1
-    key = (place[:, 0] * wide + place[:, 1]) * tall + place[:, 2]
-    bit = eighth @ np.array([1, 2, 4])
-    full = np.unique(key * 8 + bit)
-    keys, masks = np.unique(full // 8, return_counts=True)
-    voxel = np.searchsorted(keys, key)
+    halves = np.floor((points.xyz - points.xyz.min(axis=0)) / VOXEL * 2).astype(np.int64)
+    x, y, z = (halves // 2 + AROUND).T
+    bit = halves[:, 0] % 2 + 2 * (halves[:, 1] % 2) + 4 * (halves[:, 2] % 2)
+    tall, wide = int(z.max()) + AROUND + 1, int(y.max()) + AROUND + 1
+    eighths, of_eighth = np.unique(((x * wide + y) * tall + z) * 8 + bit, return_inverse=True)
+    keys, of_voxel, masks = np.unique(eighths // 8, return_inverse=True, return_counts=True)
+    voxel = of_voxel[of_eighth]
     steps = range(-AROUND, AROUND + 1)
     columns = np.array([(i * wide + j) * tall for i in steps for j in steps])
     offsets = np.column_stack([columns - AROUND, columns + AROUND])

@@ -26,6 +26,24 @@ SUPPORT = 0.3  # of the usual number of points must be found after a gap
 
 
 @njit(cache=True, nogil=True)
+def in_cells(xyz, by_x, cell, free, start, order):  # type: ignore[no-untyped-def]
+    """Fill in the order of points by cell, x, y and z, given that by x.
+
+    `free` is where the next point of each cell goes; it begins as `start`.
+    """
+    for i in by_x:
+        at = free[cell[i]]
+        free[cell[i]] += 1
+        while at > start[cell[i]]:  # points with one x come in any order
+            j = order[at - 1]
+            if xyz[j, 0] < xyz[i, 0] or (xyz[j, 1], xyz[j, 2]) <= (xyz[i, 1], xyz[i, 2]):
+                break
+            order[at] = j
+            at -= 1
+        order[at] = i
+
+
+@njit(cache=True, nogil=True)
 def crowding(keys, masks, offsets, first, last, out):  # type: ignore[no-untyped-def]
     """Occupied eighths of the voxels around each, those of sorted `keys` from first to last.
 

@@ -31,16 +31,27 @@ def steps(z, first, last, reach, slope, out):  # type: ignore[no-untyped-def]
             out[r, c] = deepest
 
 
+@njit(cache=True, nogil=True)
+def sectors_seen(low, look, offsets, out):  # type: ignore[no-untyped-def]
+    """In which sectors around each cell of a level there are data, as bits; see `_falls`."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = 0
+            for k in range(len(offsets)):
+                if low[i + look + offsets[k, 0], j + look + offsets[k, 1]] < np.inf:
+                    out[i, j] |= 1 << offsets[k, 2]
+
+
 @helper
-def _falls(r, c, highest, slope, lows, lowest, look, offsets, way):  # type: ignore[no-untyped-def]
+def _falls(r, c, highest, slope, lows, lowest, seen, look, offsets, way):  # type: ignore[no-untyped-def]
     """Look around in 8 sectors; which hold data, and which a cell below `highest`, as bits.
 
     Of each such sector `way` receives where the cell is whose cone with `slope` is lowest here, in
     rows and columns, and its height. `lows` have a margin of `look` cells, `lowest` are their
-    minima over all cells that are looked at, and `offsets` hold, for each level, rows down,
-    columns right and the sector.
+    minima over all cells that are looked at, `seen` are the sectors with data at the coarsest
+    level, and `offsets` hold, for each level, rows down, columns right and the sector.
     """
-    seen, falls = 0, 0
+    falls = 0
     limit = np.full(8, highest)
     for level in range(len(lows) - 1, -1, -1):
         low, size = lows[level], 1 << level
@@ -77,21 +88,24 @@ def _is_abrupt(step, r, c, south, east, least):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def raised(first, last, z, lows, lowest, look, offsets, slope, step, fall, least, share, out):  # type: ignore[no-untyped-def]
+def raised(  # type: ignore[no-untyped-def]
+    first, last, z, lows, lowest, far, look, offsets, slope, step, fall, least, share, out
+):
     """The share of the sectors with data in which the terrain falls off abruptly from each cell.
 
-    At least half the sectors are counted as having data. `least` and `share` (of the whole way
-    down) say how much of the fall must be in one step.
+    At least half the sectors are counted as having data. `far` are those with data at the coarsest
+    level; `least` and `share` (of the whole way down) say how much of the fall must be in one step.
     """
-    way = np.empty((8, 3))
+    way, top = np.empty((8, 3)), len(lows) - 1
     for r in range(first, last):
         for c in range(z.shape[1]):
             out[r, c] = 0.0
             if math.isnan(z[r, c]):
                 continue
             seen, falls = _falls(
-                r, c, z[r, c] - fall, slope[r, c], lows, lowest, look, offsets, way
-            )
+                r, c, z[r, c] - fall, slope[r, c], lows, lowest, far[r >> top, c >> top], look,
+                offsets, way,
+            )  # fmt: skip
             count, votes = 0, 0
             for k in range(8):
                 count += (seen >> k) & 1

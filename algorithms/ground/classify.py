@@ -333,10 +333,12 @@ def raised_share(z: Grid, ground: NDArray[np.bool_], slope: Grid, step: Grid, ct
         lows.append(np.pad(low, LOOK, constant_values=np.inf))
         lowest.append(minimum_filter(low, 2 * LOOK + 1, mode="constant", cval=np.inf))
         low = low.reshape(len(low) // 2, 2, -1, 2).min(axis=(1, 3))
+    far = np.empty(lowest[-1].shape, np.int64)
+    kernels.sectors_seen(lows[-1], LOOK, sectors()[-1], far)
     share = np.empty_like(z)
     side_by_side(
         *(kernels.raised, blocks(len(z), 20 * z.shape[1])),
-        *(z, tuple(lows), tuple(lowest), LOOK, sectors(), slope),
+        *(z, tuple(lows), tuple(lowest), far, LOOK, sectors(), slope),
         *(step, FALL, STEP, STEP_SHARE, share),
         ctx=ctx,
     )

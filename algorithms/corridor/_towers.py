@@ -33,8 +33,7 @@ ARM = (0.04, 0.02, 0.05)  # of the height: half depth, half of what is level, an
 BESIDE = (0.5, 1.5)  # metres: aside of a wire, clear of the peak and of the next arm
 SHORTEST = 0.04  # length of insulators by which wires pull, of the height, without jumpers
 STRING = (0.15, 0.0, 9.0)  # how far from the tower: per metre of height, least, most
-FEWEST = 5
-FEWEST = 3
+FEWEST = 4  # points by which a jumper, arms, a neck or a waist are known
 LOOP_WIDTH = 1.3  # of the part of a jumper that is clear of its wire, by its parabola
 
 Floats = NDArray[np.float64]
@@ -149,7 +148,7 @@ def centred(scene: Scene, support: Support) -> Support:
             forth = float(np.median(a[arms]))
     neck = (z > waist - 0.15 * height) & (z < waist) & (np.hypot(a - forth, s) < half)
     if np.count_nonzero(neck) >= FEWEST:
-        aside = float(np.median(s[neck]))
+        aside = float(np.quantile(s[neck], (0.1, 0.9)).mean())  # of a hollow body
     (ex, ey), (left, right) = support.across, support.reach
     return replace(
         support, x=support.x + forth * ey + aside * ex, y=support.y - forth * ex + aside * ey,

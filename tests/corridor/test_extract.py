@@ -25,6 +25,7 @@ from toolbox.values import ClassList
 
 DATA = Path(os.environ.get("TOOLBOX_TEST_DATA", "/nowhere"))
 GROUND = ground(200, 60, 8)
+FACES = (-1, 3), (1, 9)  # metres aside of the middle of a tower, and points per metre of its legs
 RNG = np.random.default_rng(1)
 
 
@@ -175,16 +176,29 @@ def test_arms_are_of_the_pole_and_wires_below_them_are_not(string: float, arm: f
     assert result.wires.frame.span.between(59, 60.1).all()
 
 
+def moved(points: Floats, support: Support) -> Support:
+    """A support moved to points on flat ground."""
+    air = Airborne.of(points)
+    scene = Scene(air, air.xyz[:, 2], air, 0.25, lambda x, y: 0.0, lambda x, y: True)
+    return centred(scene, support)
+
+
 @pytest.mark.parametrize("turn", [0, 1])
 def test_a_support_is_moved_to_its_arms_along_the_line_and_to_its_pole_across(turn: int) -> None:
     points = pole(21.2, 20.3, 10.0)[:, [1, 0, 2] if turn else [0, 1, 2]]
-    air = Airborne.of(points)
-    scene = Scene(air, air.xyz[:, 2], air, 0.25, lambda x, y: 0.0, lambda x, y: True)
     across = (1.0, 0.0) if turn else (0.0, 1.0)
-    found = centred(scene, Support(20.0, 20.0, across, (-1.0, 1.0), 9.6, 9.6, 0.0, 0.0))
+    found = moved(points, Support(20.0, 20.0, across, (-1.0, 1.0), 9.6, 9.6, 0.0, 0.0))
     place = (found.y, found.x) if turn else (found.x, found.y)
     np.testing.assert_allclose(place, (21.2, 20.3), atol=0.1)
     np.testing.assert_allclose(found.reach, (-1.3, 0.7), atol=0.1)
+
+
+def test_the_middle_of_a_hollow_body_is_between_its_faces_however_many_points_they_have() -> None:
+    legs = [
+        bar((20 + x, 20.5 + y, 0), (20 + x, 20.5 + y, 36), n) for x in (-1, 1) for y, n in FACES
+    ]
+    found = moved(np.vstack(legs), Support(20.0, 20.0, (0.0, 1.0), (-5, 5), 32.0, 40.0, 0.0, 1.0))
+    np.testing.assert_allclose((found.x, found.y), (20.0, 20.5), atol=0.2)
 
 
 def test_a_tree_around_a_pole_is_no_tower() -> None:

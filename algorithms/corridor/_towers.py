@@ -18,7 +18,7 @@ from algorithms.corridor._spans import Wire
 from algorithms.corridor._supports import Support
 
 BASE_LATTICE, BASE_POLE = 1.0, 0.8  # metres above the ground that are left to it
-SLIM = 0.7  # metres: half width from which a body is a lattice
+SLIM = 0.5  # metres: half width from which a body is a lattice
 LOW = 15.0  # metres: height below which a support is a pole
 SPLAY, SLACK = (0.12, 0.02), (0.4, 0.15)  # of lattice and pole: per metre downwards; metres
 THIN = 0.2  # metres: half width of a pole of which little is seen

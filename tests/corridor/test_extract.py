@@ -201,6 +201,20 @@ def test_the_middle_of_a_hollow_body_is_between_its_faces_however_many_points_th
     np.testing.assert_allclose((found.x, found.y), (20.0, 20.5), atol=0.2)
 
 
+def test_the_feet_of_a_slim_lattice_tower_are_its_own() -> None:
+    _, wires, arms = line([0, 180], [-4, 0, 4], 25, 1200)
+    corners = [(i, j) for i in (-1, 1) for j in (-1, 1)]
+    legs = [
+        bar((x + 1.5 * i, 1.5 * j, 1.6), (x + 0.3 * i, 0.3 * j, 25), 8)
+        for x in (0, 180)
+        for i, j in corners
+    ]
+    points = cloud(GROUND, *wires, arms, *legs, classes=[2, *[14] * 3, 0, *[15] * 8])
+    result = CorridorExtract(points=points).run()
+    assert list(result.towers.frame.kind) == ["tower", "tower"]
+    assert np.mean(result.classified["classification"][points["truth"] == 15] == 15) > 0.95
+
+
 def test_a_tree_around_a_pole_is_no_tower() -> None:
     _, wires, poles = line([0, 60, 120], [-1, 0, 1], 9, 400)
     around = tree(60, 0, 8.0, 2.5, 600)

@@ -45,7 +45,8 @@ CUT, CUT_EACH = 10.0, 6.0  # squares of sigmas: price of a cut, and for each wir
 CLEAR = 15.0  # squares of sigmas: a certain arm
 MOST_PAID = 1.4  # of its share of the price, by a wire among many
 OFF, ARM, FEWEST = 0.15, 0.3, 0.25  # metres off all wires, half width of an arm; points
-ASIDE, ABOVE, BELOW, DEEP = 1.0, 1.2, 0.6, 2.6  # metres around the wires: an arm, and trees
+ASIDE, ABOVE, BELOW, DEEP = 1.0, 1.2, 0.3, 2.6  # metres around the wires: an arm, and trees
+COLUMN = 0.15  # metres: across the line, what hangs from one wire
 CLOSE, NEXT, WIDE = 0.5, 1.5, 6.0  # metres from an arm, where the usual points are counted
 FINER = 4  # places between stations at which an arm may be
 STUB = 12.0  # metres: what goes on so far beyond the outermost support
@@ -280,9 +281,9 @@ def scatter(u: Floats, z: Floats) -> float:
 def hardware(scene: Scene, run: Run, parts: Binned, places: Floats) -> Floats:
     """How sure it is, in squares of sigmas, that an arm stands at places along a run.
 
-    An arm is points among the wires that lie on none of them, and is thin: there are more than a
-    little way before and behind, where those of a tree that comes up from below are as many. Twice
-    the logarithm of the ratio of likelihoods of two Poisson distributions.
+    An arm is points among the wires that lie on none of them. It reaches across, so columns with
+    points are counted, and is thin: a little way before and behind, a tree that comes up from
+    below has as many. Twice the logarithm of the ratio of likelihoods of two Poisson distributions.
     """
     seen = [parts.tall[:, k] > 0 for k in range(parts.u.shape[1])]
     tracks = [
@@ -307,8 +308,7 @@ def hardware(scene: Scene, run: Run, parts: Binned, places: Floats) -> Floats:
     for along, aside, up in tracks:
         off = np.hypot(v - np.interp(u, along, aside), z - np.interp(u, along, up))
         stray &= (off > OFF) | (u < along[0] - 1) | (u > along[-1] + 1)
-    among = np.sort(u[stray & (z > low - BELOW)])
-    around = np.sort(u[stray])
+    around, among = (columns(u[rows], v[rows]) for rows in (stray, stray & (z > low - BELOW)))
 
     def count(u: Floats, a: float, b: float) -> Floats:
         within = np.searchsorted(u, places + b) - np.searchsorted(u, places + a)
@@ -321,6 +321,13 @@ def hardware(scene: Scene, run: Run, parts: Binned, places: Floats) -> Floats:
     more = 2 * (here * np.log(np.maximum(here, 1.0) / usual) - (here - usual))
     spread = max(1.0, float(np.median(more)) / 0.4549)  # more than by chance
     return np.where(here > usual, more / spread, 0.0)
+
+
+def columns(u: Floats, v: Floats) -> Floats:
+    """Places along a run of upright columns with points: what hangs from a wire is only one."""
+    cell = np.floor(np.column_stack([u, v]) / COLUMN)
+    _, which, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+    return np.sort(np.bincount(which.ravel(), u, len(count)) / count)
 
 
 def cuts_of(scene: Scene, run: Run) -> Floats:

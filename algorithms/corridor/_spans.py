@@ -86,7 +86,7 @@ def spans_of(
     ]
     span = 0
     for wires in without_doubles(scene, spans):
-        bundles = [strands(scene, wire) for wire in wires]
+        bundles = [strands(scene, wire, wires) for wire in wires]
         if not are_wires([strand for own in bundles for strand in own]):
             continue
         numbered_strands = [(s, bundle + k) for k, own in enumerate(bundles) for s in own]
@@ -359,12 +359,19 @@ def heap_of(v: Floats, z: Floats, free: NDArray[np.bool_]) -> tuple[float, float
 # --- conductors of a bundle ----------------------------------------------------------------
 
 
-def strands(scene: Scene, wire: Wire) -> list[Wire]:
-    """The conductors of a bundle, each a catenary of its own; the wire itself if it is one."""
+def strands(scene: Scene, wire: Wire, wires: Sequence[Wire]) -> list[Wire]:
+    """The conductors of a bundle, each a catenary of its own; the wire itself if it is one.
+
+    Points that lie nearer to another one of the wires are its own.
+    """
     low, high = wire.known
     points, _ = scene.wires.around(wire.curve, TWIN, low - 0.5, high + 0.5)
     xyz = scene.wires.xyz[points]
     _, v, z = wire.curve.residuals(xyz)
+    near = np.hypot(v, z)
+    for other in wires:
+        mine = near <= np.hypot(*other.curve.residuals(xyz)[1:])
+        xyz, v, z, near = xyz[mine], v[mine], z[mine], near[mine]
     peaks = peaks_of(v, z)
     nearest = np.hypot(v[:, None] - peaks[:, 0], z[:, None] - peaks[:, 1]).argmin(axis=1)
     found = []

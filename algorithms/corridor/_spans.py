@@ -86,13 +86,13 @@ def spans_of(
     ]
     span = 0
     for wires in without_doubles(scene, spans):
-        bundles = [strands(scene, wire, wires) for wire in wires]
-        if not are_wires([strand for own in bundles for strand in own]):
+        parts = [(s, bundle + k) for k, wire in enumerate(wires) for s in strands(scene, wire)]
+        parts = once(parts)
+        if not are_wires([strand for strand, _ in parts]):
             continue
-        numbered_strands = [(s, bundle + k) for k, own in enumerate(bundles) for s in own]
-        for strand, number in numbered_strands:
+        for strand, number in parts:
             found.append(replace(to_supports(strand, supports), span=span, bundle=number))
-        bundle, span = bundle + len(bundles), span + 1
+        bundle, span = bundle + len(wires), span + 1
     return with_supports(numbered(found, supports), supports)
 
 
@@ -359,19 +359,12 @@ def heap_of(v: Floats, z: Floats, free: NDArray[np.bool_]) -> tuple[float, float
 # --- conductors of a bundle ----------------------------------------------------------------
 
 
-def strands(scene: Scene, wire: Wire, wires: Sequence[Wire]) -> list[Wire]:
-    """The conductors of a bundle, each a catenary of its own; the wire itself if it is one.
-
-    Points that lie nearer to another one of the wires are its own.
-    """
+def strands(scene: Scene, wire: Wire) -> list[Wire]:
+    """The conductors of a bundle, each a catenary of its own; the wire itself if it is one."""
     low, high = wire.known
     points, _ = scene.wires.around(wire.curve, TWIN, low - 0.5, high + 0.5)
     xyz = scene.wires.xyz[points]
     _, v, z = wire.curve.residuals(xyz)
-    near = np.hypot(v, z)
-    for other in wires:
-        mine = near <= np.hypot(*other.curve.residuals(xyz)[1:])
-        xyz, v, z, near = xyz[mine], v[mine], z[mine], near[mine]
     peaks = peaks_of(v, z)
     nearest = np.hypot(v[:, None] - peaks[:, 0], z[:, None] - peaks[:, 1]).argmin(axis=1)
     found = []
@@ -383,6 +376,15 @@ def strands(scene: Scene, wire: Wire, wires: Sequence[Wire]) -> list[Wire]:
         ends = wire.supports if same else wire.supports[::-1]
         found.append(Wire(curve, ends, (0.0, curve.length)))
     return found
+
+
+def once(conductors: Sequence[tuple[Wire, int]]) -> list[tuple[Wire, int]]:
+    """Each conductor with most points, since one beside two wires is found with both."""
+    kept: list[tuple[Wire, int]] = []
+    for wire, bundle in sorted(conductors, key=lambda c: -c[0].curve.count):
+        if all(apart_wires(wire.curve, other.curve) > NEIGHBOURS for other, _ in kept):
+            kept.append((wire, bundle))
+    return kept
 
 
 def peaks_of(v: Floats, z: Floats) -> Floats:

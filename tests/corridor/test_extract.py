@@ -12,8 +12,9 @@ import pytest
 from corridor_scenes import CORNER, Floats, bar, cloud, ground, line, pole, tree, wire
 from pyproj import CRS
 
-from algorithms.corridor._arcs import Binned, agreed, solved
-from algorithms.corridor._network import Scene
+from algorithms.corridor._arcs import Binned, agreed, arcs_of, solved
+from algorithms.corridor._catenary import fit
+from algorithms.corridor._network import Piece, Scene
 from algorithms.corridor._supports import Support
 from algorithms.corridor._thesis import otsu
 from algorithms.corridor._towers import centred
@@ -122,6 +123,43 @@ def test_poles_in_a_valley_are_found_although_the_wires_hardly_bend(per_metre: f
     result = found(GROUND, *wires, poles)
     assert result.span_count == 4
     np.testing.assert_allclose(places_of(result), [0, 45, 90, 135, 180], atol=1.5)
+
+
+@pytest.mark.parametrize(("shown", "places"), [(True, [0, 45, 90, 135]), (False, [0, 135])])
+def test_arms_part_spans_whose_wires_do_not_bend_at_them(shown: bool, places: list[int]) -> None:
+    """All poles stand on the arc of the wires; where none is seen, a tree comes up to them."""
+    arc = wire((0, 0, 16), (135, 0, 16), 400)[0]
+    wires = [wire((0, y, 16), (135, y, 16), 400)[1] for y in (-1, 0, 1)]
+    seen = [0.0, 45.0, 90.0, 135.0] if shown else [0.0, 135.0]
+    poles = [pole(x, 0.0, float(arc.height(np.array(x))) + 0.5) for x in seen]
+    trees = [tree(70.0, 0.0, 11.0, 1.5, 600)]
+    result = found(GROUND, *wires, *poles, *trees)
+    np.testing.assert_allclose(places_of(result), places, atol=1.0)
+
+
+def test_curves_that_are_no_wires_for_certain_do_not_vote_on_supports() -> None:
+    wires, _ = valley([14.0, 10.6, 9.0, 10.6, 14.0], 0.6)
+    twigs = [bar((84, 6 + k, 12), (96, 6 + k, 12), 2.0, seed=k) for k in range(6)]
+    air = Airborne.of(np.vstack([*wires, *twigs]))
+    scene = Scene(air, air.xyz[:, 2], air, 0.25, lambda x, y: 0.0, lambda x, y: True)
+    pieces = []
+    for way, low, high in (((-1.0, -0.33, 0.33, 1.0), 0, 180), (range(6, 12), 84, 96)):
+        for y in way:
+            line_of = (abs(air.xyz[:, 1] - y) < 0.2) & (air.xyz[:, 0] > low)
+            line_of &= (air.xyz[:, 0] < high) & (air.xyz[:, 2] > 8.5)
+            points = np.flatnonzero(line_of)
+            curve = fit(air.xyz[points], spread=2.0)
+            assert curve is not None
+            pieces.append(Piece(points, curve, sure=high == 180))
+    _, runs = arcs_of(scene, pieces)
+    assert len(runs) == 1
+    inner = runs[0].cuts[(runs[0].cuts > 10) & (runs[0].cuts < 170)]
+    np.testing.assert_allclose(inner, [45, 90, 135], atol=3)
+
+
+def test_close_wires_that_are_no_bundle_are_found_once() -> None:
+    _, wires, poles = line([0, 45, 90, 135], [-1, -0.33, 0.33, 1], 9, 400, per_metre=12)
+    assert len(found(GROUND, *wires, poles).wires.frame) == 12
 
 
 def test_a_wire_known_along_a_short_way_is_followed_by_the_shape_of_the_others() -> None:
@@ -242,6 +280,17 @@ def test_a_single_track_that_changes_over_to_another_wire_makes_no_support() -> 
     parts = arcs_of_tracks(heights)
     edges = solved(parts, 1 / 400, price)[1]
     assert agreed(parts, edges, 1 / 400, price, price).tolist() == [0, 50, 100]
+
+
+def test_the_curvature_of_the_line_parts_what_a_straight_arc_would_join() -> None:
+    """Arcs that meet so that their sum is nearly straight, with a point in seven metres."""
+    u = np.arange(42) + 0.5
+    own = 0.5 * ((u % 21 - 10.5) ** 2 - 0.9 * (u - 21) ** 2) / 300
+    parts = arcs_of_tracks(np.column_stack([own] * 3))
+    parts.tall[np.arange(42) % 7 != 3] = parts.flat[np.arange(42) % 7 != 3] = 0.0
+    edges = solved(parts, 1 / 300, np.full(43, 28.0))[1]
+    assert len(edges) == 3
+    assert abs(edges[1] - 21) <= 4
 
 
 @pytest.mark.parametrize("turn", [0, 1])

@@ -190,7 +190,7 @@ def tracks_of(scene: Scene, piece: Piece) -> Iterator[Piece]:
         if min(len(before), len(after)) < 3:
             continue
         middle = 0.5 * (u[k - 1] + u[k])
-        ends = [np.polyval(np.polyfit(u[i] - middle, z[i], 1), 0.0) for i in (before, after)]
+        ends = [at_zero(u[i] - middle, z[i]) for i in (before, after)]
         if abs(ends[1] - ends[0]) > JUMP:
             edges.append(k)
     if len(edges) == 1:
@@ -238,7 +238,14 @@ def beside(track: Floats, u: float) -> Floats:
     near = near[np.abs(near[:, 0] - u) < np.abs(near[0, 0] - u) + REACH]
     if len(near) < 3:
         return np.asarray(near[:, 1:].mean(axis=0))
-    return np.asarray(np.polyfit(near[:, 0] - u, near[:, 1:], 1)[1])
+    return at_zero(near[:, 0] - u, near[:, 1:])
+
+
+def at_zero(u: Floats, values: Floats) -> Floats:
+    """Where the lines through values of shape (n,) or (n, k) along u are at u = 0."""
+    off = u - u.mean()
+    slope = off @ values / max(off @ off, 1e-12)
+    return np.asarray(values.mean(axis=0) - slope * u.mean())
 
 
 def binned(scene: Scene, run: Run, step: float) -> Binned:

@@ -155,23 +155,21 @@ class Catenary:
     def _slopes(self, u: Floats) -> Floats:
         return _jacobian(u, self.length, self.z_start, self.z_end, self.curvature)
 
-    def sigmas(self) -> dict[str, float]:
-        """Standard deviations of c, u0, z0 and sag, from the covariance of the fit."""
-        found = dict.fromkeys(("c", "u0", "z0", "sag"), math.nan)
+    def sigma(self, name: str) -> float:
+        """Standard deviation of c, u0, z0 or sag, from the covariance of the fit."""
         if self.covariance is None:
-            return found
-        steps = (1e-4, 1e-4, max(1e-4 * self.curvature, 1e-9))
-        for name in found:
-            value = getattr(self, name)
-            slope = np.array(
-                [
-                    (getattr(replace(self, **{key: getattr(self, key) + step}), name) - value)
-                    / step
-                    for key, step in zip(("z_start", "z_end", "curvature"), steps, strict=True)
-                ]
-            )
-            found[name] = float(np.sqrt(max(slope @ self.covariance @ slope, 0.0)))
-        return found
+            return math.nan
+        value = getattr(self, name)
+        steps = {"z_start": 1e-4, "z_end": 1e-4, "curvature": max(1e-4 * self.curvature, 1e-9)}
+        slope = np.array([
+            (getattr(replace(self, **{key: getattr(self, key) + step}), name) - value) / step
+            for key, step in steps.items()
+        ])  # fmt: skip
+        return float(np.sqrt(max(slope @ self.covariance @ slope, 0.0)))
+
+    def sigmas(self) -> dict[str, float]:
+        """Standard deviations of c, u0, z0 and sag."""
+        return {name: self.sigma(name) for name in ("c", "u0", "z0", "sag")}
 
 
 def _hang(u: float, curvature: float) -> float:

@@ -7,10 +7,9 @@ import math
 import numpy as np
 from numba import njit
 
-# Columns of the array of wires, metres; see `Catenary`, and `rows_of` for the last five.
-X, Y, EX, EY, LENGTH, Z_START, CHORD, K, U0, Z0, V0, V1, SWING, TOP, BEND, FOURTH, FLAT, SPACE = (
-    range(18)
-)
+# Columns of the array of wires, metres; see `Catenary`, and `rows_of` for the last ones.
+X, Y, EX, EY, LENGTH, Z_START, CHORD, K, U0, Z0, V0, V1, SWING = range(13)
+LOW, TOP, BEND, FOURTH, FLAT, SPACE = range(13, 19)
 STARTS = 24  # places along a wire that are looked at where its distance may have several minima
 ROUNDS, EARLY = 60, 12  # of Newton's method, the early ones without halving
 CLOSE = 1e-5  # metres along the wire: a smaller step of Newton's method is the last
@@ -174,11 +173,19 @@ def _wires_near(x, y, cells, starts, candidates):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def _bound(wires, near, x, y, z, bounds):  # type: ignore[no-untyped-def]
-    """Fill in what `_at_least` gives for several wires; which of them may be the nearest."""
+def _bound(wires, near, x, y, z, least, limit, bounds):  # type: ignore[no-untyped-def]
+    """Fill in what `_at_least` gives for several wires; which of them may be the nearest.
+
+    Infinite for those that are higher above the point than it matters: `limit`, or `least` of the
+    wire if that is more.
+    """
     nearest = 0
     for j in range(len(near)):
-        bounds[j] = _at_least(wires[near[j]], x, y, z)
+        k = near[j]
+        if wires[k, LOW] - z >= max(limit, least[k]):
+            bounds[j, 0] = bounds[j, 1] = math.inf
+            continue
+        bounds[j, 0], bounds[j, 1] = _at_least(wires[k], x, y, z)
         if bounds[j, 0] < bounds[nearest, 0]:
             nearest = j
     return nearest
@@ -196,7 +203,7 @@ def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks
     xyz, kind : n points and their kinds; a kind below zero takes no part
     cells : west, south, size, columns and rows of the lattice of candidates
     starts, candidates : the wires that are near each of its cells
-    wires : array of shape (m, 18)
+    wires : array of shape (m, 19)
     rules : array of shape (r, 4): direction, threshold, within, rank of severity
     masks : array of shape (r,), bits of the kinds that a rule holds for
     far : array of shape (kinds, 2): distances in space and in plan from which no rule matters
@@ -215,8 +222,9 @@ def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks
         if what < 0:
             continue
         near = _wires_near(x, y, cells, starts, candidates)
-        nearest = _bound(wires, near, x, y, z, bounds)
         limit = far[what, 0]
+        highest = limit if far[what, 1] == 0 else math.inf  # a vertical rule may reach up farther
+        nearest = _bound(wires, near, x, y, z, least[:, what], highest, bounds)
         for step in range(len(near)):  # the nearest first, so that few others can be worse
             j = nearest + step if nearest + step < len(near) else nearest + step - len(near)
             k = near[j]

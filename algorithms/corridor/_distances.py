@@ -152,24 +152,25 @@ class Least:
 
 
 def rows_of(curves: Sequence[Catenary]) -> Floats:
-    """Wires as the kernels take them, array of shape (m, 18).
+    """Wires as the kernels take them, array of shape (m, 19).
 
-    The last columns are: the highest end; the largest second derivative of the height; by how much
-    the fourth term of the series of the height may be too small, per fourth power of the distance
-    from the lowest point; the share of its square that a distance to the axis has at least, in
-    plan and in space.
+    The last columns are: the lowest place and the highest end; the largest second derivative of
+    the height; by how much the fourth term of the series of the height may be too small, per
+    fourth power of the distance from the lowest point; the share of its square that a distance to
+    the axis has at least, in plan and in space.
     """
-    return np.array([_row_of(curve) for curve in curves], float).reshape(-1, 18)
+    return np.array([_row_of(curve) for curve in curves], float).reshape(-1, 19)
 
 
 def _row_of(c: Catenary) -> tuple[float, ...]:
     slopes = [math.sinh(c.curvature * (u - c.u0)) for u in (0.0, c.length)]
     chord, steep = (c.z_end - c.z_start) / c.length, max(map(abs, slopes))
     aside = max(abs(c.v1 + c.swing * (chord - slope)) for slope in slopes)
+    lowest = float(c.height(np.clip(c.u0, 0.0, c.length)))
     longest = math.hypot(1.0, steep)  # cosh where sinh is the slope
     return (
         *(c.x, c.y, c.ex, c.ey, c.length, c.z_start, chord, c.curvature, c.u0, c.z0, c.v0, c.v1),
-        *(c.swing, max(c.z_start, c.z_end), c.curvature * longest),
+        *(c.swing, lowest, max(c.z_start, c.z_end), c.curvature * longest),
         *(c.curvature**3 / 24 * (longest - 1), 1 / (1 + aside**2), 1 / (1 + aside**2 + steep**2)),
     )
 

@@ -122,7 +122,7 @@ def clearness(scene: Scene, curve: Floats, count: int) -> float:
 
 def is_straight(curve: Catenary) -> bool:
     """Whether a curve sags less than the tightest wire, for certain: a rail, a bar or a tie."""
-    return curve.sag + SIGMAS * curve.sigmas()["sag"] < curve.length**2 / (8 * TIGHTEST_C)
+    return curve.sag + SIGMAS * curve.sigma("sag") < curve.length**2 / (8 * TIGHTEST_C)
 
 
 def alone(scene: Scene, curve: Catenary) -> float:

@@ -257,7 +257,7 @@ def alike(wires: list[Wire]) -> list[Wire]:
         curve, best = wire.curve, (found or order)[0].curve
         short = wire.known[1] - wire.known[0] < 0.5 * best.length
         off = abs(curve.curvature / best.curvature - 1) * best.sag
-        odd = off > ALIKE * best.sag + 3 * curve.sigmas()["sag"]
+        odd = off > ALIKE * best.sag + 3 * curve.sigma("sag")
         if short and (odd or curve.rms > max(ROUGH, 1.5 * best.rms)):
             continue
         if short and any(apart_wires(curve, other.curve) < TWIN for other in found):
@@ -328,7 +328,7 @@ def recovered(scene: Scene, wires: list[Wire]) -> list[Wire]:
         inner = off < SLIM
         ring = np.count_nonzero((off > SLIM) & (off < 3 * SLIM))
         eighths = len(np.unique((8 * u[inner] / curve.length).astype(np.int64)))
-        spare = ALIKE * curve.sag + 3 * made.sigmas()["sag"]
+        spare = ALIKE * curve.sag + 3 * made.sigma("sag")
         same_shape = abs(made.curvature * curve.c - 1) * curve.sag < spare
         same_shape &= made.rms < max(ROUGH, 1.5 * curve.rms)
         if inner.sum() >= FEW and eighths >= EIGHTHS and ring <= inner.sum() and same_shape:

@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import statistics
 import time
+from pathlib import Path
 from typing import Any
 
-from tests.bench.measuring import DATA, say
+from tests.bench.measuring import DATA, FEW, alternately, say
 
 DENSITIES = (5.0, 8.0, 10.0, 12.0, 16.0, 20.0, 25.0, 30.0, 40.0, 60.0)  # points per square metre
+TILES = ("12AN2_20", "12BZ1_21")
 SEEDS = (range(10), range(200, 210))  # the tool was made with the first, not with the second
 
 
 def corridor() -> None:
-    """Wires, towers and spans of two real tiles and of random synthetic corridors."""
+    """Wires, towers and spans of two real tiles and of random synthetic corridors; speed."""
     from pyproj import CRS
 
     from toolbox.data import PointCloud
 
-    for tile in ("12AN2_20", "12BZ1_21"):
-        cloud = PointCloud.open(DATA / f"powerline_ahn4/{tile}_as_published.laz")
-        _extracted(tile, cloud.with_crs(CRS(28992)), cloud["classification"], None)
+    for tile in TILES:
+        path = DATA / f"powerline_ahn4/{tile}_as_published.laz"
+        _whole_model(path)
+        cloud = PointCloud.open(path).with_crs(CRS(28992))
+        _extracted(tile, cloud, cloud["classification"], None)
     for seeds in SEEDS:
         rows = [_synthetic(seed, DENSITIES[seed % 10]) for seed in seeds]
         say(
@@ -30,6 +34,28 @@ def corridor() -> None:
             f"{sum(row['full'] for row in rows)} of {sum(row['spans'] for row in rows)}, "
             f"wires invented {sum(row['invented'] for row in rows)}"
         )
+
+
+def _whole_model(path: Path) -> None:
+    """Say how much processor time all steps, layers and the page take, and reading the LAZ."""
+    import laspy
+    from pyproj import CRS
+
+    import toolbox
+    from toolbox.data import PointCloud
+
+    def model() -> None:
+        cloud = PointCloud.open(path).with_crs(CRS(28992))
+        toolbox.run("models.power_line_clearance", {"points": cloud})["report"].html()
+
+    def read() -> None:
+        _ = laspy.read(path).xyz
+
+    ours, reading = alternately(model, read, FEW, time.process_time)
+    say(
+        f"corridor {path.stem:14} whole model {ours:.2f} CPU s, {ours / reading:.1f} times reading "
+        f"the LAZ ({reading:.2f})"
+    )
 
 
 def _synthetic(seed: int, density: float) -> dict[str, float]:

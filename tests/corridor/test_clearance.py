@@ -184,6 +184,33 @@ def test_no_point_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
         assert least.point[1, 1, number] == brute.argmin()
 
 
+def test_the_wire_and_rule_that_are_worst_are_found_among_many() -> None:
+    """Wires that cannot be worse are not measured; with all of them measured it is the same."""
+    rng = np.random.default_rng(5)
+    wires = [replace(LEVEL, y=3.0 * k, z_start=30.0 + 2 * k, z_end=90.0 - 9 * k) for k in range(9)]
+    xyz = np.column_stack(
+        [*rng.uniform((0, -10), (300, 35), (6000, 2)).T, rng.uniform(0, 90, 6000)]
+    )
+    rules = [
+        rule(id="a", threshold=9.0, severity="warning"),
+        rule(id="b", threshold=4.0),
+        rule(id="c", threshold=7.0),
+    ]
+    bare = rng.random(len(xyz)) < 0.3  # of the ground, which rules do not look at
+    xyz[bare, 2] -= 40.0
+    space, _, plan, _ = np.moveaxis([distances(xyz, wire) for wire in wires], 2, 0)
+    nearest = np.where(bare, np.inf, space.min(axis=0))
+    kind = np.where(bare, KINDS.index("ground"), KINDS.index("tree")).astype(np.int8)
+    found, least = find_violations(xyz, kind, [wires], rules, reach=12.0, point_sd=0.1)
+    np.testing.assert_array_equal(found.point, np.flatnonzero(nearest < 9))
+    np.testing.assert_array_equal(found.wire, space.argmin(axis=0)[found.point])
+    np.testing.assert_array_equal(found.rule, np.where(nearest < 7, 2, 0)[found.point])
+    np.testing.assert_allclose(found.measure, nearest[found.point])
+    for number in np.unique(kind):
+        seen = np.where((kind == number) & (plan <= 12), space, np.inf)
+        np.testing.assert_allclose(least.distance[0, :, number], seen.min(axis=1))
+
+
 def test_probability_is_one_half_at_the_limit_and_follows_the_normal_law() -> None:
     low = float(LEVEL.height(np.array(150.0)))
     sure = replace(LEVEL, covariance=np.zeros((3, 3)))

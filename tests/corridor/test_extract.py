@@ -18,7 +18,7 @@ from algorithms.corridor._network import Piece, Scene
 from algorithms.corridor._supports import Support
 from algorithms.corridor._thesis import otsu
 from algorithms.corridor._towers import centred
-from algorithms.corridor._trace import Airborne
+from algorithms.corridor._trace import CELL, Airborne
 from algorithms.corridor.extract import CorridorExtract
 from toolbox.data import PointCloud
 from toolbox.errors import DataError
@@ -497,3 +497,14 @@ def test_the_thesis_finds_high_wires_with_low_variance_only() -> None:
 def test_the_threshold_of_otsu_parts_two_groups() -> None:
     values = np.concatenate([RNG.normal(1, 0.2, 500), RNG.normal(5, 0.5, 300)])
     assert 1.6 < otsu(values) < 3.8
+
+
+def test_points_are_in_the_order_of_cells_and_places_whatever_theirs() -> None:
+    rng = np.random.default_rng(0)
+    xyz = rng.integers(0, 12, (4000, 3)) / np.array([1.0, 2.0, 3.0])  # many share their x, or all
+    cell = (xyz[:, 1] // CELL).astype(int) * 3 + (xyz[:, 0] // CELL).astype(int)
+    air = Airborne.of(xyz)
+    wanted = xyz[np.lexsort((xyz[:, 2], xyz[:, 1], xyz[:, 0], cell))]
+    np.testing.assert_array_equal(air.xyz, wanted)
+    np.testing.assert_array_equal(air.xyz, xyz[air.order])
+    np.testing.assert_array_equal(np.diff(air.start), np.bincount(cell, minlength=6))

@@ -16,7 +16,7 @@ from scipy.ndimage import map_coordinates
 
 from algorithms.ground import _classify_kernels as kernels
 from algorithms.ground import classify
-from algorithms.ground.classify import GroundClassify, Terrain, find_terrain, verdict
+from algorithms.ground.classify import GroundClassify, Terrain, find_terrain, height_above, verdict
 from algorithms.shared.ground import Returns
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud
@@ -894,3 +894,12 @@ def test_there_is_no_ground_beyond_the_terrain() -> None:
     assert verdict(far, terrain)[0].tolist() == [False]
     with pytest.raises(ValueError, match="finite"):
         verdict(np.full((1, 3), np.nan), terrain)
+
+
+def test_terrain_of_known_ground_is_that_found_among_all() -> None:
+    xyz, _ = forest()
+    found = find_terrain(xyz)
+    ground = verdict(xyz, found)[0]
+    known = find_terrain(xyz[ground], known=True)
+    away = height_above(xyz[ground], known) - height_above(xyz[ground], found)
+    assert np.sqrt(np.mean(away**2)) < 0.01

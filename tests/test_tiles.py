@@ -307,12 +307,12 @@ steps:
   hull: {tool: shoreline.alpha_shape, points: {from: low.kept}, alpha: 5}
   inside: {tool: points.clip, points: {from: inputs.points}, polygons: {from: hull.shapes}}
   within: {tool: points.clip, points: {from: low.kept}, polygons: {from: hull.shapes}}
-  top: {tool: surface.grid, points: {from: within.clipped}, method: max}
+  top: {tool: surface.grid, points: {from: within.clipped}, max_gap: 8}
   again: {tool: shoreline.alpha_shape, points: {from: within.clipped}, alpha: 4}
 outputs:
   inside: {from: inside.clipped}
   removed: {from: within.removed_share}
-  dsm: {from: top.surface}
+  dtm: {from: top.surface}
   shapes: {from: hull.shapes}
   again: {from: again.shapes}
   area: {from: again.area}
@@ -326,7 +326,7 @@ def test_steps_that_wait_for_the_whole_run_on_tiles_in_another_pass(
 ) -> None:
     path = tmp_path / "passes.yaml"
     path.write_text(PASSES)
-    names = {"inside": "i.laz", "dsm": "d.tif", "shapes": "s.gpkg", "again": "a.gpkg"}
+    names = {"inside": "i.laz", "dtm": "d.tif", "shapes": "s.gpkg", "again": "a.gpkg"}
     files = {name: tmp_path / file for name, file in names.items()}
     found = toolbox.run(str(path), {"points": survey, **files}, tiling=replace(tiling, size=size))
     whole = toolbox.run(str(path), {"points": survey})
@@ -335,7 +335,7 @@ def test_steps_that_wait_for_the_whole_run_on_tiles_in_another_pass(
     inside = PointCloud.open(files["inside"])
     np.testing.assert_array_equal(inside.xyz, whole["inside"].xyz)
     assert 0 < len(inside) < Survey.open(survey).count
-    np.testing.assert_array_equal(Raster.open(files["dsm"]).values, whole["dsm"].values)
+    np.testing.assert_array_equal(Raster.open(files["dtm"]).values, whole["dtm"].values)
     for name in ("shapes", "again"):
         assert Vector.open(files[name]).frame.geometry.equals(whole[name].frame.geometry)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from pyproj import CRS
@@ -20,7 +22,7 @@ def cloud(metre: float = 1.0, crs: int = 32635) -> PointCloud:
     xyz = xyz[np.floor(xyz[:, 0]) % 10 != 0]
     above = rng.uniform([500.0, 800.0, 0.5], [530.0, 820.0, 9.0], (300, 3))
     places = np.vstack([xyz, above])[rng.permutation(len(xyz) + len(above))]
-    columns = {
+    columns: dict[str, Any] = {
         "HeightAboveGround": (places[:, 2] * metre).astype(np.float32),
         "classification": np.ones(len(places), np.uint8),
     }

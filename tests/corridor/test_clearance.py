@@ -74,7 +74,7 @@ def flat() -> list[tuple[float, float, float]]:
     return [*zip(x.ravel(), y.ravel(), np.zeros(x.size), strict=True)]
 
 
-def run(points: PointCloud, *curves: Catenary, **settings: Any) -> dict[str, Any]:
+def run(points: PointCloud | Survey, *curves: Catenary, **settings: Any) -> dict[str, Any]:
     sources = {"points": points, "wires": layer(*(curves or (LEVEL,)))}
     return dict(toolbox.run("corridor.clearance", sources | settings))
 
@@ -777,11 +777,14 @@ def test_a_survey_that_is_read_in_parts_gives_what_its_cloud_gives(
     assert set(np.unique(whole["violations"]["classification"])) == {2, 5}
 
 
-def test_few_points_of_the_ground_matter_but_all_that_tell_something() -> None:
+@pytest.mark.parametrize("kinds", [("ground", "tree"), ("tree",)])
+def test_few_points_of_the_ground_matter_but_all_that_tell_something(
+    kinds: tuple[str, ...],
+) -> None:
     points = scattered()
     wires = layer(LEVEL)
     line = line_of(wires)
-    rules = rules_of(ON_GROUND["rule_table"], None)
+    rules = [rule for rule in rules_of(ON_GROUND["rule_table"], None) if rule.kind in kinds]
     settings: Any = {
         "classes": {"tree": [5], "building": [6], "ground": [2]}, "ignore": [7], "reach": 60.0,
     }  # fmt: skip

@@ -92,7 +92,7 @@ TILED = [
 AMPLE = {"classify.buildings", "classify.urban", "classify.vegetation_by_returns"}
 """Tools for which half the halo may do here, though not everywhere."""
 ALIGNED = {"corridor.candidates"}
-"""Tools whose cells begin where the tiles do; test_power_line_clearance.py has others."""
+"""Tools whose cells begin where the tiles do; its own tests have others."""
 NUMBER = "point_number"  # tells the order of points
 
 SLACK = {  # of numbers that are not whole; classes have none

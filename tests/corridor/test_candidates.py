@@ -9,6 +9,7 @@ import pytest
 from pyproj import CRS
 
 import toolbox
+from algorithms.corridor.candidates import CorridorCandidates
 from toolbox.data import PointCloud
 from toolbox.errors import DataError
 
@@ -64,6 +65,19 @@ def test_points_without_known_heights_stand_for_the_ground() -> None:
     )["candidates"]
     assert found["stands_for"].sum() == len(points)
     assert len(found) <= 30 * 20
+
+
+@pytest.mark.parametrize("enough", [True, False])
+def test_a_square_may_lie_across_the_edge_of_a_tile(enough: bool) -> None:
+    points, edge = cloud(), 513.5
+    halo = CorridorCandidates(points=points).halo() if enough else 0.0
+    tile = points.select(points.xyz[:, 0] < edge + halo)
+    whole, part = (
+        toolbox.run("corridor.candidates", {"points": p})["candidates"] for p in (points, tile)
+    )
+    mine, own = (c.select(c.xyz[:, 0] < edge) for c in (whole, part))
+    same = len(mine) == len(own) and np.array_equal(mine["stands_for"], own["stands_for"])
+    assert same == enough
 
 
 def test_heights_must_be_there() -> None:

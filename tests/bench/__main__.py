@@ -9,12 +9,13 @@ from tests.bench.facades import facades
 from tests.bench.files import damaged, memory, reading, roundtrip, startup
 from tests.bench.gridding import gridding
 from tests.bench.ground import cloth, filters, isprs, terrain
+from tests.bench.long_lines import long_lines
 from tests.bench.shorelines import shorelines
 from tests.bench.speed import speed
 
 ALL = (
     *(startup, reading, memory, isprs, filters, cloth, terrain, damaged, roundtrip, speed),
-    *(gridding, shorelines, corridor, facades),
+    *(gridding, shorelines, corridor, long_lines, facades),
 )
 BENCHES = {b.__name__: b for b in ALL}
 

@@ -36,6 +36,7 @@ JUMP, HOLE = 0.5, 2.0  # metres by which heights jump, and without points, where
 BRIDGE, MATE, RISE = 25.0, 0.4, 0.06  # metres between tracks of one wire: along, aside, and up
 STICKS = 0.2  # metres off its neighbours, of what is no part of a wire
 REACH, MANY = 15.0, 12  # metres and points before and after
+SMOOTH = 0.12  # metres: scatter of a wire
 COARSE = 3  # steps, to find the common curvature
 TIGHT, SLACK, RATIO = 1 / 3000, 1 / 100, 1.3  # 1 / metre: curvatures to try, and their ratio
 SPREAD = 0.3  # of the curvature of a line, by which wires and spans differ
@@ -46,7 +47,7 @@ CLEAR = 15.0  # squares of sigmas: a certain arm
 MOST_PAID = 1.4  # of its share of the price, by a wire among many
 OFF, ARM, FEWEST = 0.15, 0.3, 0.25  # metres off all wires, half width of an arm; points
 ASIDE, ABOVE, BELOW, DEEP = 1.0, 1.2, 0.3, 2.6  # metres around the wires: an arm, and trees
-COLUMN = 0.15  # metres: across the line, what hangs from one wire
+COLUMN = 0.1  # metres: across the line, what hangs from one wire
 CLOSE, NEXT, WIDE = 0.5, 1.5, 6.0  # metres from an arm, where the usual points are counted
 FINER = 4  # places between stations at which an arm may be
 STUB = 12.0  # metres: what goes on so far beyond the outermost support
@@ -124,12 +125,18 @@ def arcs_of(scene: Scene, curves: Sequence[Piece]) -> tuple[list[Piece], list[Ru
     for number, pieces in enumerate(runs_of(tracks)):
         run = Run.of(pieces)
         run = replace(run, pieces=chained(scene, run))
-        certain = [piece for piece in run.pieces if piece.sure]
+        certain = [piece for piece in run.pieces if is_certain(scene, run, piece)]
         run = replace(run, cuts=cuts_of(scene, replace(run, pieces=certain or run.pieces)))
         runs.append(run)
         for piece in run.pieces:
             arcs += cut_up(scene, run, piece, number)
     return arcs, runs
+
+
+def is_certain(scene: Scene, run: Run, piece: Piece) -> bool:
+    """Whether a track has a say in where supports are: it is a wire by itself, and smooth."""
+    xyz = scene.wires.xyz[piece.points]
+    return piece.sure and scatter(run.along(xyz)[0], xyz[:, 2]) < SMOOTH
 
 
 def cut_up(scene: Scene, run: Run, piece: Piece, number: int) -> Iterator[Piece]:

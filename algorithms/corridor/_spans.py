@@ -381,7 +381,7 @@ def strands(scene: Scene, wire: Wire) -> list[Wire]:
 def once(conductors: Sequence[tuple[Wire, int]]) -> list[tuple[Wire, int]]:
     """Each conductor with most points, since one beside two wires is found with both."""
     kept: list[tuple[Wire, int]] = []
-    for wire, bundle in sorted(conductors, key=lambda c: -c[0].curve.count):
+    for wire, bundle in sorted(conductors, key=lambda c: -c[0].curve.count * c[0].curve.length):
         if all(apart_wires(wire.curve, other.curve) > NEIGHBOURS for other, _ in kept):
             kept.append((wire, bundle))
     return kept

@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.corridor._arcs import arcs_of
+from algorithms.corridor._continued import completed
+from algorithms.corridor._lanes import followed_together
 from algorithms.corridor._network import Scene, curves_of, wires_among
-from algorithms.corridor._spans import Wire, spans_of
+from algorithms.corridor._spans import Wire, spans_of, with_supports
 from algorithms.corridor._supports import Support, supports_of
 from algorithms.corridor._trace import trace_all
+from algorithms.corridor._tracks import runs_among
 from toolbox.context import Context
 
 
@@ -30,9 +33,12 @@ def follow(
         scene.wires, voxel, tolerance=scene.tolerance, max_gap=max_gap,
         ctx=ctx.part(0.0, 0.7),
     )  # fmt: skip
-    arcs, runs = arcs_of(scene, curves_of(scene, curves))
+    found = runs_among(scene, curves_of(scene, curves))
+    arcs, runs = arcs_of(scene, [followed_together(scene, run, max_gap) for run in found])
     pieces = wires_among(scene, arcs)
     ctx.progress(0.8)
     if not pieces:
         return [], []
-    return spans_of(scene, pieces, supports_of(scene, pieces, runs), ctx.part(0.8, 1.0))
+    supports = supports_of(scene, pieces, runs)
+    wires = completed(scene, spans_of(scene, pieces, supports), supports)
+    return with_supports(wires, supports)

@@ -22,11 +22,12 @@ BLADE, CARRYING = (0.3, 5.0, 5.0), 0.4  # half width, depth, step in metres; sha
 LEAST_POINTS, ROUGH = 7, 0.2  # metres: scatter of anything that may be wire
 COMPANY, STRETCH, ALONE = 1.5, 4.0, 0.2  # metres around a wire, metres along it, share of it
 STEEPEST = 0.7  # rise over run of the chord
+WILDEST = 1.5  # tangent of the angle by which wind may lift a wire
 FATTEST = 30.0  # metres: least c of a wire
 JOIN, JOIN_ASIDE, JOIN_HEIGHT = 14.0, 3.0, 1.5  # metres, between wires that meet at a support
 PARALLEL, BESIDE = math.radians(6.0), 15.0  # and metres, of wires of one line
 FARTHEST = 60.0  # metres of a wire that may be missing
-TWIN = 0.7  # metres within which conductors form a bundle
+TWIN = 0.6  # metres within which conductors form a bundle
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -61,18 +62,21 @@ class Scene:
     ----------
     air : points above the ground
     height : of each of them above the terrain
-    wires : those of them that may be wire
+    may : which of them may be wire
+    wires : those
     """
 
     air: Airborne
     height: Floats
-    wires: Airborne
+    may: NDArray[np.bool_]
     tolerance: float
     ground: Callable[[float, float], float]
     seen: Callable[[float, float], bool]
+    wires: Airborne = field(init=False)
     free: NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
+        self.wires = self.air.select(self.may)
         self.free = np.ones(len(self.air.xyz), bool)
 
     def take(self, curves: Iterable[Catenary]) -> None:
@@ -103,6 +107,7 @@ def wires_among(scene: Scene, arcs: Sequence[Piece]) -> list[Piece]:
     straight = [arc.curve for arc in arcs if is_straight(arc.curve)]
     bent = [arc for arc in arcs if not is_straight(arc.curve)]
     bent = [arc for arc in bent if arc.curve.c > FATTEST and arc.curve.rms < ROUGH]
+    bent = [arc for arc in bent if abs(arc.curve.swing) < WILDEST]
     found = connected([a for a in bent if a.sure], [a for a in bent if not a.sure])
     found = joined(scene, found)
     scene.take(arc.curve for arc in found)

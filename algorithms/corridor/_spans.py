@@ -34,10 +34,11 @@ from algorithms.corridor._network import (
 )
 from algorithms.corridor._supports import Support
 from algorithms.shared.sorting import distinct
-from toolbox.context import Context
 
 BESIDE = 15.0  # metres
 FEW, EIGHTHS = 6, 4  # points, and eighths of the span with any, of a wire found beside another
+PART = 0.15  # of the points of the wire known best, that one beside it has
+OWN = 0.5  # metres around a wire that are its own
 SLIM, ROUGH, ROUGHEST = 0.3, 0.12, 0.2  # metres: radius of a heap, scatter of one wire
 BIN, SMOOTH, NEIGHBOURS = 0.05, 0.07, 0.2  # metres: to tell the conductors of a bundle apart
 ENOUGH, VALLEY, PEAK = 40, 0.6, 0.25  # points; depth of a valley between, height of a lower peak
@@ -74,8 +75,8 @@ class Wire:
 
 
 def spans_of(
-    scene: Scene, pieces: Sequence[Piece], supports: Sequence[Support], ctx: Context
-) -> tuple[list[Wire], list[Support]]:
+    scene: Scene, pieces: Sequence[Piece], supports: Sequence[Support]
+) -> list[Wire]:  # fmt: skip
     """Pieces cut at the supports, joined where they are parts of one wire, and fitted anew."""
     spans = list(bundles_of(scene, pieces, supports))
     found: list[Wire] = []
@@ -93,7 +94,7 @@ def spans_of(
         for strand, number in parts:
             found.append(replace(to_supports(strand, supports), span=span, bundle=number))
         bundle, span = bundle + len(wires), span + 1
-    return with_supports(numbered(found, supports), supports)
+    return found
 
 
 def without_doubles(scene: Scene, spans: Sequence[Sequence[Wire]]) -> list[list[Wire]]:
@@ -226,7 +227,7 @@ def wires_of(
     What is known of a wire only along a short way is looked for along the whole span, beside the
     wire that is known best.
     """
-    link = np.array([[i < j and one_bundle(a, b) for j, b in enumerate(parts)]
+    link = np.array([[i < j and apart(a, b) < TWIN / 2 for j, b in enumerate(parts)]
                      for i, a in enumerate(parts)])  # fmt: skip
     count, label = connected_components(coo_array(link), directed=False)
     found = []
@@ -243,12 +244,6 @@ def wires_of(
     return alike([*found, *short])
 
 
-def one_bundle(one: Piece, other: Piece) -> bool:
-    """Whether two pieces are of one wire or bundle; many points tell its conductors apart."""
-    many = min(len(one.points), len(other.points)) >= ENOUGH
-    return apart(one, other) < (TWIN if many else TWIN / 2)
-
-
 def alike(wires: list[Wire]) -> list[Wire]:
     """Without short pieces of another shape than the wire that is known best, and twins."""
     order = sorted(wires, key=lambda w: -w.curve.count * (w.known[1] - w.known[0]))
@@ -258,9 +253,9 @@ def alike(wires: list[Wire]) -> list[Wire]:
         short = wire.known[1] - wire.known[0] < 0.5 * best.length
         off = abs(curve.curvature / best.curvature - 1) * best.sag
         odd = off > ALIKE * best.sag + 3 * curve.sigma("sag")
-        if short and (odd or curve.rms > max(ROUGH, 1.5 * best.rms)):
+        if short and (odd or curve.rms > min(max(ROUGH, 1.5 * best.rms), ROUGHEST)):
             continue
-        if short and any(apart_wires(curve, other.curve) < TWIN for other in found):
+        if short and any(apart_wires(curve, other.curve) < TWIN / 2 for other in found):
             continue
         found.append(wire)
     return found
@@ -302,7 +297,7 @@ def recovered(scene: Scene, wires: list[Wire]) -> list[Wire]:
     air = scene.wires
     taken = np.zeros(len(air.xyz), bool)
     for wire in wires:
-        taken[air.around(wire.curve, 2.5 * scene.tolerance, -2.0, wire.curve.length + 2)[0]] = True
+        taken[air.around(wire.curve, OWN, -2.0, wire.curve.length + 2)[0]] = True
     middles = curve.points(np.arange(0.0, curve.length + BESIDE, BESIDE))
     box = distinct(np.concatenate([air.within(place[:2], BESIDE) for place in middles]))
     u, v, z = curve.residuals(air.xyz[box])
@@ -320,22 +315,24 @@ def recovered(scene: Scene, wires: list[Wire]) -> list[Wire]:
         made = fit(
             air.xyz[box[free & (away < 2 * SLIM)]], spread=2 * SLIM, curvature=curve.curvature
         )
-        free &= away > 2 * SLIM
+        free &= away > OWN
         if made is None:
             continue
         _, dv, dz = made.residuals(air.xyz[box])
         off = np.hypot(dv, dz)
         inner = off < SLIM
-        ring = np.count_nonzero((off > SLIM) & (off < 3 * SLIM))
+        # Above and below: at the sides there may be other wires.
+        ring = 2 * np.count_nonzero((off > SLIM) & (off < 3 * SLIM) & (np.abs(dz) > np.abs(dv)))
         eighths = len(np.unique((8 * u[inner] / curve.length).astype(np.int64)))
         spare = ALIKE * curve.sag + 3 * made.sigma("sag")
         same_shape = abs(made.curvature * curve.c - 1) * curve.sag < spare
-        same_shape &= made.rms < max(ROUGH, 1.5 * curve.rms)
-        if inner.sum() >= FEW and eighths >= EIGHTHS and ring <= inner.sum() and same_shape:
+        same_shape &= made.rms < min(max(ROUGH, 1.5 * curve.rms), ROUGHEST)
+        enough = max(FEW, PART * curve.count)
+        if inner.sum() >= enough and eighths >= EIGHTHS and ring <= inner.sum() and same_shape:
             same = made.ex * curve.ex + made.ey * curve.ey > 0
             ends = best.supports if same else best.supports[::-1]
             found.append(Wire(made, ends, (0.0, made.length)))
-            free &= off > 2 * SLIM
+            free &= off > OWN
     return found
 
 

@@ -89,12 +89,12 @@ class CorridorCatenaries:
         ctx.progress(0.0)
         index = np.flatnonzero(use | tower)
         air = Airborne.of((cloud.xyz[index] - origin) / metre)
-        wires = air.select(use[index][air.order])
-        _, voxel = uncrowded(wires, SPARSE)
+        may = use[index][air.order]
+        _, voxel = uncrowded(air.select(may), SPARSE)
         lowest = float(air.xyz[:, 2].min(initial=0.0))
         height = air.xyz[:, 2] - lowest + BELOW
         scene = Scene(
-            air, height, wires, self.tolerance / metre, lambda x, y: lowest - BELOW,
+            air, height, may, self.tolerance / metre, lambda x, y: lowest - BELOW,
             lambda x, y: False,
         )  # fmt: skip
         found, _ = follow(scene, voxel, self.max_gap / metre, ctx)

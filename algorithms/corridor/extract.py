@@ -257,11 +257,12 @@ def find_line(
     own = index[air.order]
     if thesis is not None:
         return by_thesis(line, own, air, height[own], thesis, tolerance, max_gap, ctx)
-    high = air.select(height[own] > min_height)
-    alone, voxel = uncrowded(high, density)
+    may = height[own] > min_height
+    alone, voxel = uncrowded(air.select(may), density)
+    may[may] = alone
     ctx.progress(0.1)
     ground = elevation(places, height)
-    scene = Scene(air, height[own], high.select(alone), tolerance, ground, seen)
+    scene = Scene(air, height[own], may, tolerance, ground, seen)
     wires, supports = follow(scene, voxel[alone], max_gap, ctx.part(0.1, 0.9))
     if not wires:
         return line
@@ -297,7 +298,7 @@ def by_thesis(
     high, pylon = voxel_lines(air.xyz, height, settings, ctx.part(0.1, 0.9))
     tower[own] = pylon
     wire[own[high]] = 1
-    scene = Scene(air, height, air.select(high), tolerance, lambda x, y: 0.0, lambda x, y: False)
+    scene = Scene(air, height, high, tolerance, lambda x, y: 0.0, lambda x, y: False)
     _, voxel = uncrowded(scene.wires, 1.0)
     wires, _ = follow(scene, voxel, max_gap, ctx.part(0.9, 1.0))
     for one in wires:

@@ -19,6 +19,7 @@ from algorithms.corridor._supports import Support
 from algorithms.corridor._thesis import otsu
 from algorithms.corridor._towers import centred
 from algorithms.corridor._trace import CELL, Airborne
+from algorithms.corridor._tracks import runs_among
 from algorithms.corridor.extract import CorridorExtract
 from toolbox.data import PointCloud
 from toolbox.errors import DataError
@@ -141,7 +142,9 @@ def test_curves_that_are_no_wires_for_certain_do_not_vote_on_supports() -> None:
     wires, _ = valley([14.0, 10.6, 9.0, 10.6, 14.0], 0.6)
     twigs = [bar((84, 6 + k, 12), (96, 6 + k, 12), 2.0, seed=k) for k in range(6)]
     air = Airborne.of(np.vstack([*wires, *twigs]))
-    scene = Scene(air, air.xyz[:, 2], air, 0.25, lambda x, y: 0.0, lambda x, y: True)
+    scene = Scene(
+        air, air.xyz[:, 2], np.ones(len(air.xyz), bool), 0.25, lambda x, y: 0.0, lambda x, y: True
+    )
     pieces = []
     for way, low, high in (((-1.0, -0.33, 0.33, 1.0), 0, 180), (range(6, 12), 84, 96)):
         for y in way:
@@ -151,7 +154,7 @@ def test_curves_that_are_no_wires_for_certain_do_not_vote_on_supports() -> None:
             curve = fit(air.xyz[points], spread=2.0)
             assert curve is not None
             pieces.append(Piece(points, curve, sure=high == 180))
-    _, runs = arcs_of(scene, pieces)
+    _, runs = arcs_of(scene, list(runs_among(scene, pieces)))
     assert len(runs) == 1
     inner = runs[0].cuts[(runs[0].cuts > 10) & (runs[0].cuts < 170)]
     np.testing.assert_allclose(inner, [45, 90, 135], atol=3)
@@ -172,6 +175,29 @@ def test_a_wire_known_along_a_short_way_is_followed_by_the_shape_of_the_others()
     true = wire((0, -1, 9), (60, -1, 9), 400)[0].points(np.linspace(1, 59, 30)) + CORNER
     away = [np.abs(_height(shape, true) - true[:, 2]).max() for shape in frame.geometry]
     assert min(away) < 0.1
+
+
+def test_a_wire_with_a_point_in_four_metres_is_followed_together_with_those_beside_it() -> None:
+    curves, wires, poles = line([0, 45, 90, 135, 180], [-1, 0, 1], 9, 400, per_metre=0.25)
+    shapes = found(GROUND, *wires, poles).wires.frame.geometry
+    assert len(shapes) == 12
+    for curve in curves:
+        true = curve.points(np.linspace(1, 44, 20)) + CORNER
+        assert min(np.abs(_height(shape, true) - true[:, 2]).max() for shape in shapes) < 0.15
+
+
+def test_a_wire_of_three_points_goes_on_from_the_next_spans() -> None:
+    curves, wires, poles = line([0, 45, 90, 135], [-1, 0, 1], 9, 400, per_metre=0.6)
+    wires[4] = wires[4][[4, 12, 20]]
+    shapes = found(GROUND, *wires, poles).wires.frame.geometry
+    assert len(shapes) == 9
+    true = curves[4].points(np.linspace(1, 44, 20)) + CORNER
+    assert min(np.abs(_height(shape, true) - true[:, 2]).max() for shape in shapes) < 0.15
+
+
+def test_a_wire_that_ends_at_a_pole_does_not_go_on() -> None:
+    _, wires, poles = line([0, 45, 90, 135], [-1, 0, 1], 9, 400, per_metre=2)
+    assert len(found(GROUND, *wires[:-1], poles).wires.frame) == 8
 
 
 def test_a_bundle_whose_towers_are_not_in_the_data_is_found() -> None:
@@ -217,7 +243,9 @@ def test_arms_are_of_the_pole_and_wires_below_them_are_not(string: float, arm: f
 def moved(points: Floats, support: Support) -> Support:
     """A support moved to points on flat ground."""
     air = Airborne.of(points)
-    scene = Scene(air, air.xyz[:, 2], air, 0.25, lambda x, y: 0.0, lambda x, y: True)
+    scene = Scene(
+        air, air.xyz[:, 2], np.ones(len(air.xyz), bool), 0.25, lambda x, y: 0.0, lambda x, y: True
+    )
     return centred(scene, support)
 
 

@@ -1,0 +1,200 @@
+"""A wire does not end at a support: what few points show of one follows from the next span.
+
+Where a wire hangs from a support it goes on behind it, beside the others of the line as it was
+before. So both ends of a wire that has too few points to be followed are known, and so is its
+curvature, from the spans around and from the wires beside it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from algorithms.corridor._catenary import Catenary, fit
+from algorithms.corridor._network import WILDEST, Scene
+from algorithms.corridor._spans import Wire, numbered, to_supports
+from algorithms.corridor._supports import Support
+
+SAME = 0.35  # metres between two wires at a support that are one
+NEAR, AROUND = 0.35, 0.9  # metres: of what belongs to a wire that is expected, and of its clutter
+FEWEST, LEAST = 2, 0.05  # points of such a wire, and of the points that others of the span have
+VAGUE, LOOSE = 0.1, 0.05  # share of a curvature, and metres: standard deviations to be improved
+LOST = 0.5  # metres: standard deviation of the height of an end
+
+Floats = NDArray[np.float64]
+
+
+def completed(
+    scene: Scene, wires: Sequence[Wire], supports: Sequence[Support]
+) -> list[Wire]:  # fmt: skip
+    """The wires with their numbers, and those that only the next spans tell of."""
+    found = numbered(carried_on(scene, wires, supports), supports)
+    chains: dict[int, list[Wire]] = {}
+    for wire in found:
+        chains.setdefault(wire.wire, []).append(wire)
+    better = (stiffened(scene, wire, chains, found, supports) for wire in found)
+    return [wire for wire in better if leads(wire)]
+
+
+def leads(wire: Wire) -> bool:
+    """Whether what is known of a wire tells where both its ends are, and no wind blows it away."""
+    ends = wire.curve.height_sigma(np.array([0.0, wire.curve.length]))
+    return bool(ends.max() < LOST and abs(wire.curve.swing) < WILDEST)
+
+
+# --- wires that were not found in a span ---------------------------------------------------
+
+
+def carried_on(scene: Scene, wires: Sequence[Wire], supports: Sequence[Support]) -> list[Wire]:
+    """The wires, with those that go on from a span into the next and were not found there."""
+    found = list(wires)
+    fresh = True
+    while fresh:
+        fresh = False
+        for span in sorted({wire.span for wire in found}):
+            for number, place in missing(found, span):
+                wire = expected(scene, found, span, number, place, supports)
+                if wire is not None:
+                    found.append(wire)
+                    fresh = True
+    return found
+
+
+def end_at(wire: Wire, number: int) -> Floats:
+    """Where a wire hangs from a support."""
+    u = wire.curve.length * wire.supports.index(number)
+    return np.asarray(wire.curve.points(np.array([u]))[0])
+
+
+def missing(wires: Sequence[Wire], span: int) -> Iterator[tuple[int, Floats]]:
+    """Supports and places there from which more wires of another span hang than of this one."""
+    own = [wire for wire in wires if wire.span == span]
+    for number in sorted({n for wire in own for n in wire.supports if n >= 0}):
+        mine = [end_at(wire, number) for wire in own if number in wire.supports]
+        for other in sorted({w.span for w in wires if number in w.supports} - {span}):
+            theirs = [end_at(w, number) for w in wires if w.span == other and number in w.supports]
+            away = np.linalg.norm(np.array(theirs)[:, None] - np.array(mine)[None], axis=2)
+            if away.min() < SAME:  # else another line ends there
+                met = set(linear_sum_assignment(away)[0].tolist())
+                yield from ((number, p) for k, p in enumerate(theirs) if k not in met)
+
+
+def expected(
+    scene: Scene, wires: Sequence[Wire], span: int, number: int, place: Floats,
+    supports: Sequence[Support],
+) -> Wire | None:  # fmt: skip
+    """The wire of a span that hangs from a place at a support, if points lie where it must be."""
+    own = [wire for wire in wires if wire.span == span and number in wire.supports]
+    near = min(own, key=lambda wire: float(np.linalg.norm(end_at(wire, number) - place)))
+    far, known = other_end(wires, near, number, place, supports)
+    places = np.array([place, far] if near.supports[0] == number else [far, place])
+    guess = hung(places, near.curve)
+    middle = guess.points(np.array([0.5 * guess.length]))
+    if any(np.linalg.norm(end_at(wire, number) - place) < SAME for wire in own):
+        return None
+    if any(off(wire.curve, middle)[0] < SAME for wire in own):
+        return None
+    points, _ = scene.wires.around(guess, AROUND)
+    xyz = scene.wires.xyz[points]
+    for wire in own:
+        xyz = xyz[off(wire.curve, xyz) > off(guess, xyz)]
+    inner = xyz[off(guess, xyz) < NEAR]
+    usual = float(np.median([wire.curve.count for wire in own]))
+    few = len(inner) < max(LEAST * usual, 0 if known else FEWEST)
+    if few or 2 * len(inner) < len(xyz):
+        return None
+    curve = fit(np.vstack([places, inner]), spread=NEAR, curvature=guess.curvature) or guess
+    along, _ = curve.along(inner)
+    seen = (float(along.min()), float(along.max())) if len(inner) else (0.0, 0.0)
+    made = replace(near, curve=replace(curve, count=len(inner)), known=seen)
+    return replace(turned(made, near), bundle=max(wire.bundle for wire in wires) + 1)
+
+
+def other_end(
+    wires: Sequence[Wire], near: Wire, number: int, place: Floats, supports: Sequence[Support]
+) -> tuple[Floats, bool]:
+    """Where a wire that hangs from a place goes, beside another one; whether others meet it."""
+    first = near.supports[0] == number
+    step = place - end_at(near, number)
+    other = near.supports[1 if first else 0]
+    here = np.array(supports[number].across)
+    there = np.array(supports[other].across) if other >= 0 else here
+    aside = float(step[:2] @ here) * there * np.sign(there @ here)
+    end = near.curve.points(np.array([near.curve.length if first else 0.0]))[0]
+    far = end + np.append(aside, step[2])
+    places = [end_at(w, other) for w in wires if w.span != near.span and other in w.supports]
+    close = [p for p in places if other >= 0 and np.linalg.norm(p - far) < 2 * SAME]
+    if not close:
+        return far, False
+    return min(close, key=lambda p: float(np.linalg.norm(p - far))), True
+
+
+def off(curve: Catenary, xyz: Floats) -> Floats:
+    """Distance of points from a curve, square to it."""
+    return np.asarray(np.hypot(*curve.residuals(xyz)[1:]))
+
+
+def hung(ends: Floats, like: Catenary) -> Catenary:
+    """A curve between two places, bent as another one."""
+    step = ends[1] - ends[0]
+    length = math.hypot(step[0], step[1])
+    return Catenary(
+        float(ends[0, 0]), float(ends[0, 1]), float(step[0] / length), float(step[1] / length),
+        length, float(ends[0, 2]), float(ends[1, 2]), like.curvature, rms=like.rms,
+        covariance=like.covariance,
+    )  # fmt: skip
+
+
+def turned(wire: Wire, like: Wire) -> Wire:
+    """A wire whose supports are in the order of its curve, not in that of another one."""
+    same = wire.curve.ex * like.curve.ex + wire.curve.ey * like.curve.ey > 0
+    return replace(wire, supports=like.supports if same else like.supports[::-1])
+
+
+# --- wires of which little is known --------------------------------------------------------
+
+
+def stiffened(
+    scene: Scene, wire: Wire, chains: dict[int, list[Wire]], wires: Sequence[Wire],
+    supports: Sequence[Support],
+) -> Wire:  # fmt: skip
+    """A wire; if few points tell of it, fitted with ends and curvature of that in the next spans.
+
+    If these are as vague, the curvature is that of the wires beside it.
+    """
+    beside = [other for other in wires if other.span == wire.span and other is not wire]
+    mean, sigma = usual_curvature(chains[wire.wire])
+    if sigma > VAGUE * mean:
+        numbers = {other.wire for other in (wire, *beside)}
+        mean, sigma = usual_curvature([w for number in sorted(numbers) for w in chains[number]])
+    ends = wire.curve.height_sigma(np.array([0.0, wire.curve.length]))
+    clear = ends.max() < LOOSE and wire.curve.variance_of_curvature < (VAGUE * mean) ** 2
+    if clear or sigma > VAGUE * mean:
+        return wire
+    points, _ = scene.wires.around(wire.curve, NEAR)
+    xyz = scene.wires.xyz[points]
+    for other in beside:
+        xyz = xyz[off(other.curve, xyz) > off(wire.curve, xyz)]
+    anchors = [
+        end_at(other, number)
+        for other in chains[wire.wire]
+        for number in wire.supports
+        if other is not wire and number >= 0 and number in other.supports
+    ]
+    curve = fit(np.vstack([xyz, *anchors]), spread=2 * scene.tolerance, curvature=mean)
+    if curve is None:
+        return wire
+    made = turned(replace(wire, curve=curve, known=(0.0, curve.length)), wire)
+    return to_supports(made, supports)
+
+
+def usual_curvature(wires: Sequence[Wire]) -> tuple[float, float]:
+    """The mean curvature of wires, and its standard deviation."""
+    weight = np.array([1 / wire.curve.variance_of_curvature for wire in wires])
+    curvature = np.array([wire.curve.curvature for wire in wires])
+    return float(weight @ curvature / weight.sum()), 1 / math.sqrt(weight.sum())

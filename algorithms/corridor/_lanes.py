@@ -1,0 +1,207 @@
+"""Wires too sparse to be followed one by one are followed all together.
+
+Between two supports the wires of a line run beside each other at about constant distances, and go
+on so behind the next. Moved by these distances onto one of them, the points of all make one wire,
+as many times denser, which is followed as any other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.corridor._catenary import fit
+from algorithms.corridor._network import STRONG, Piece, Scene, curves_of
+from algorithms.corridor._trace import Airborne, trace_all, uncrowded
+from algorithms.corridor._tracks import Run
+from toolbox.context import QUIET
+
+SPARSE = 1.0  # points per metre of a track, from which each wire is followed by itself
+OVERLAP = 8.0  # metres of two tracks beside each other that tell their distance
+NEAR = 15.0  # metres between two points of a track, between which it is straight
+SAME = 0.4  # metres aside and up, within which two tracks are of one lane
+STRAIGHT = 0.15  # metres: median by which the distance of two tracks varies
+LANE, AROUND = 0.3, 0.9  # half widths, metres: of what may be wire, and of its surroundings
+ALIKE = 0.05  # metres: a point is of more than one lane where these lie above each other
+AHEAD, ASIDE = 200.0, 60.0  # metres around a run that are looked at
+PART = 10.0  # metres of a run for which one offset is taken
+LEG = 60.0  # metres at the end of a run that tell where it goes on
+ROUNDS = 2  # lanes that were not seen beside others may be, once these go on
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """The wires of a run, side by side.
+
+    Attributes
+    ----------
+    aside, up : arrays of shape (k,), of each lane from the first
+    own : for each lane, which of the pieces of the run are its tracks
+    u, v : where the first lane goes
+    """
+
+    aside: Floats
+    up: Floats
+    own: Sequence[Sequence[int]]
+    u: Floats
+    v: Floats
+
+    @classmethod
+    def of(cls, scene: Scene, run: Run) -> Lanes | None:
+        """The lanes of a run, or None where no two wires of it are seen beside each other."""
+        tracks = [track(scene, run, piece) for piece in run.pieces]
+        place = placed(tracks)
+        spots: list[Floats] = []
+        own: list[list[int]] = []
+        for j, spot in place.items():
+            for k, other in enumerate(spots):
+                near = np.abs(spot - other).max() <= SAME
+                if near and not any(abreast(tracks[i], tracks[j]) for i in own[k]):
+                    own[k].append(j)
+                    break
+            else:
+                spots.append(spot)
+                own.append([j])
+        if len(spots) < 2:
+            return None
+        known = np.vstack([tracks[j][:, :2] - [0.0, spot[0]] for j, spot in place.items()])
+        known = known[np.argsort(known[:, 0], kind="stable")]
+        parts = np.array_split(known, max(2, int(np.ptp(known[:, 0]) / PART)))
+        u, v = np.array([np.median(part, axis=0) for part in parts]).T
+        aside, up = np.array(spots).T
+        return cls(aside, up, own, u, v)
+
+    def middle(self, u: Floats) -> Floats:
+        """Offset of the first lane; straight on beyond its ends."""
+        offset = np.interp(u, self.u, self.v)
+        for end, way in ((0, -1), (-1, 1)):
+            beyond = (u - self.u[end]) * way > 0
+            leg = np.abs(self.u - self.u[end]) < LEG
+            slope = np.polyfit(self.u[leg], self.v[leg], 1)[0] if np.count_nonzero(leg) > 1 else 0
+            offset[beyond] = self.v[end] + slope * (u[beyond] - self.u[end])
+        return offset
+
+
+def followed_together(scene: Scene, run: Run, max_gap: float) -> Run:
+    """The run with what is found of its wires by following all of them at once."""
+    for _ in range(ROUNDS):
+        length = sum(float(np.ptp(track(scene, run, piece)[:, 0])) for piece in run.pieces)
+        sparse = sum(len(piece.points) for piece in run.pieces) < SPARSE * length
+        lanes = Lanes.of(scene, run) if sparse else None
+        if lanes is None:
+            break
+        run = Run.of(pieces_in(scene, run, lanes, max_gap))
+    return run
+
+
+def track(scene: Scene, run: Run, piece: Piece) -> Floats:
+    """Places along a run, offsets and heights of the points of a piece, in order."""
+    xyz = scene.wires.xyz[piece.points]
+    found = np.column_stack([*run.along(xyz), xyz[:, 2]])
+    return np.asarray(found[np.argsort(found[:, 0], kind="stable")])
+
+
+def placed(tracks: Sequence[Floats]) -> dict[int, Floats]:
+    """Places aside and up of the tracks that lie beside each other, those with most points."""
+    best: dict[int, Floats] = {}
+    left = set(range(len(tracks)))
+    while left:
+        first = min(left)
+        place = {first: np.zeros(2)}
+        queue = [first]
+        while queue:
+            k = queue.pop(0)
+            for j in sorted(left - place.keys()):
+                step = beside(tracks[k], tracks[j])
+                if step is not None:
+                    place[j] = place[k] + step
+                    queue.append(j)
+        left -= place.keys()
+        best = max(best, place, key=lambda some: sum(len(tracks[k]) for k in some))
+    return best
+
+
+def abreast(one: Floats, other: Floats) -> bool:
+    """Whether two tracks are of different wires, for they are followed at the same places."""
+    return bool(min(one[-1, 0], other[-1, 0]) - max(one[0, 0], other[0, 0]) > OVERLAP)
+
+
+def beside(one: Floats, other: Floats) -> Floats | None:
+    """How far aside and up of one track another lies, if that is known and constant."""
+    after = np.searchsorted(one[:, 0], other[:, 0])
+    inner = (after > 0) & (after < len(one))
+    after = after[inner]
+    own = other[inner][one[after, 0] - one[after - 1, 0] < NEAR]
+    if len(own) < 3 or np.ptp(own[:, 0]) < OVERLAP:
+        return None
+    step = np.column_stack([own[:, k] - np.interp(own[:, 0], one[:, 0], one[:, k]) for k in (1, 2)])
+    middle = np.median(step, axis=0)
+    if np.median(np.abs(step - middle), axis=0).max() > STRAIGHT:
+        return None
+    return np.asarray(middle)
+
+
+def pieces_in(scene: Scene, run: Run, lanes: Lanes, max_gap: float) -> list[Piece]:
+    """One piece for each lane of a run, and what else the run has."""
+    lane_of = np.full(len(scene.wires.xyz), -1)
+    for k, own in enumerate(lanes.own):
+        for j in own:
+            lane_of[run.pieces[j].points] = k
+    for points, lane in followed(scene, run, lanes, max_gap):
+        fresh = lane_of[points] < 0
+        lane_of[points[fresh]] = lane[fresh]
+    found = []
+    for k, own in enumerate(lanes.own):
+        points = np.flatnonzero(lane_of == k)
+        curve = fit(scene.wires.xyz[points], sways=False, spread=AHEAD)
+        if curve is not None:
+            found.append(Piece(points, curve, any(run.pieces[j].sure for j in own)))
+    grouped = {j for own in lanes.own for j in own}
+    for piece in (piece for j, piece in enumerate(run.pieces) if j not in grouped):
+        points = piece.points[lane_of[piece.points] < 0]
+        if 2 * len(points) > len(piece.points):
+            found.append(replace(piece, points=points))
+    return found
+
+
+def followed(
+    scene: Scene, run: Run, lanes: Lanes, max_gap: float
+) -> list[tuple[Ints, Ints]]:  # fmt: skip
+    """Points of the wires of each curve that is followed along all lanes, and their lanes."""
+    source, lane, places = moved(scene, run, lanes)
+    air = Airborne.of(places)
+    source, lane = source[air.order], lane[air.order]
+    may = scene.may[source] & (np.abs(air.xyz[:, 1]) < LANE)
+    one = Scene(air, scene.height[source], may, scene.tolerance, scene.ground, scene.seen)
+    wire, lane = (np.cumsum(scene.may) - 1)[source[may]], lane[may]
+    _, voxel = uncrowded(one.wires, SPARSE)
+    curves = trace_all(one.wires, voxel, tolerance=scene.tolerance, max_gap=max_gap, ctx=QUIET)
+    pieces = [p for p in curves_of(one, curves) if p.sure or p.curve.length > STRONG]
+    taken = np.zeros(len(scene.wires.xyz), bool)
+    found = []
+    for piece in sorted(pieces, key=lambda p: -len(p.points)):
+        points = wire[piece.points]
+        if 2 * np.count_nonzero(taken[points]) > len(points):
+            continue  # the same wires, one of them taken for that above it
+        taken[points] = True
+        found.append((points, lane[piece.points]))
+    return found
+
+
+def moved(scene: Scene, run: Run, lanes: Lanes) -> tuple[Ints, Ints, Floats]:
+    """Points in the air around the lanes, the lane of each, and their places on the first one."""
+    u, v = run.along(scene.air.xyz)
+    near = (u > lanes.u[0] - AHEAD) & (u < lanes.u[-1] + AHEAD)
+    box = np.flatnonzero(near & (np.abs(v - np.median(lanes.v)) < ASIDE))
+    u, z = u[box], scene.air.xyz[box, 2]
+    v = v[box] - lanes.middle(u)
+    away = np.abs(v[:, None] - lanes.aside)
+    point, lane = np.nonzero((away < AROUND) & (away < away.min(axis=1)[:, None] + ALIKE))
+    places = np.column_stack([u[point], v[point] - lanes.aside[lane], z[point] - lanes.up[lane]])
+    return box[point], lane, places

@@ -1,0 +1,182 @@
+"""Tracks: the curves that were followed, by lines, and along each line those of one wire as one."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from algorithms.corridor._catenary import fit
+from algorithms.corridor._network import BESIDE, FARTHEST, PARALLEL, Piece, Scene
+
+STEP, MOST_STEPS = 1.0, 1000  # metres between stations
+JUMP, HOLE = 0.5, 2.0  # metres by which heights jump, and without points, where they may
+BRIDGE, MATE, RISE = 25.0, 0.4, 0.06  # metres between tracks of one wire: along, aside, and up
+CLOSE = 0.175  # metres aside and up, between tracks of one wire that overlap
+REACH, MANY = 15.0, 12  # metres and points before and after
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Run:
+    """Curves of wires of one heading, and stations along them.
+
+    Attributes
+    ----------
+    pieces : the curves
+    x, y, ex, ey : origin and unit vector of the axis
+    step, steps : between stations, metres, and their number less one
+    cuts : distances along the axis at which the wires are held
+    """
+
+    pieces: Sequence[Piece]
+    x: float
+    y: float
+    ex: float
+    ey: float
+    step: float
+    steps: int
+    cuts: Floats
+
+    @classmethod
+    def of(cls, pieces: Sequence[Piece]) -> Run:
+        ends = np.vstack([piece.ends for piece in pieces])
+        first = max(pieces, key=lambda piece: piece.curve.length).curve
+        ways = np.array([[p.curve.ex, p.curve.ey] for p in pieces])
+        ways *= np.sign(ways @ (first.ex, first.ey))[:, None]
+        ex, ey = (ways * [[p.curve.length] for p in pieces]).sum(axis=0)
+        ex, ey = ex / math.hypot(ex, ey), ey / math.hypot(ex, ey)
+        u = ends[:, 0] * ex + ends[:, 1] * ey
+        v = ends[:, 1] * ex - ends[:, 0] * ey
+        low, middle = u.min() - STEP, float(np.median(v))
+        length = np.ptp(u) + 2 * STEP
+        step = max(STEP, length / MOST_STEPS)
+        x, y = low * ex - middle * ey, low * ey + middle * ex
+        return cls(pieces, x, y, ex, ey, step, math.ceil(length / step), np.zeros(0))
+
+    def places(self, u: Floats) -> Floats:
+        """Places on the axis in plan, array of shape (n, 2)."""
+        return np.column_stack([self.x + u * self.ex, self.y + u * self.ey])
+
+    def along(self, xyz: Floats) -> tuple[Floats, Floats]:
+        """Distance along and to the left of the axis."""
+        dx, dy = xyz[:, 0] - self.x, xyz[:, 1] - self.y
+        return dx * self.ex + dy * self.ey, dy * self.ex - dx * self.ey
+
+
+def runs_among(scene: Scene, curves: Sequence[Piece]) -> Iterator[Run]:
+    """The lines that curves form, each with one track for what was followed of a wire."""
+    tracks = [track for curve in curves for track in tracks_of(scene, curve)]
+    for pieces in runs_of(tracks):
+        run = Run.of(pieces)
+        yield replace(run, pieces=chained(scene, run))
+
+
+def runs_of(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
+    """Curves that run beside each other, or go on in each other, together."""
+    ends = np.array([piece.ends for piece in pieces])
+    way = np.array([[p.curve.ex, p.curve.ey] for p in pieces])
+    length = np.array([p.curve.length for p in pieces])
+    link = np.zeros((len(pieces), len(pieces)), bool)
+    for i in range(len(pieces)):
+        step = ends[:, :, :2] - ends[i, 0, :2]
+        u = np.sort(step @ way[i], axis=1)
+        gap = np.maximum(u[:, 0] - length[i], -u[:, 1])
+        low, high = np.maximum(u[:, 0], 0.0), np.minimum(u[:, 1], length[i])
+        middle = 0.5 * (low + high)
+        begin, end = (step @ way[i]).T
+        share = (middle - begin) / np.where(end == begin, 1.0, end - begin)
+        place = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
+        own = ends[i, 0] + (middle / length[i])[:, None] * (ends[i, 1] - ends[i, 0])
+        away = place - own
+        v = away[:, 1] * way[i, 0] - away[:, 0] * way[i, 1]
+        link[i] = np.abs(way @ way[i]) > math.cos(PARALLEL)
+        link[i] &= (gap < FARTHEST) & (np.abs(v) < BESIDE) & (np.abs(away[:, 2]) < BESIDE)
+    _, label = connected_components(coo_array(link), directed=False)
+    for number in range(label.max() + 1 if len(pieces) else 0):
+        yield [pieces[i] for i in np.flatnonzero(label == number).tolist()]
+
+
+def tracks_of(scene: Scene, piece: Piece) -> Iterator[Piece]:
+    """A curve with what lies near it, parted where it changes over to another wire.
+
+    A curve that is followed across supports leaves the wire there by as much as the wire kinks.
+    Where it changes over, the heights jump.
+    """
+    near, _ = scene.wires.around(piece.curve, 2.4 * scene.tolerance)
+    _, aside, _ = piece.curve.residuals(scene.wires.xyz[near])
+    points = np.union1d(piece.points, near[np.abs(aside) < scene.tolerance])
+    u, _, z = piece.curve.residuals(scene.wires.xyz[points])
+    order = np.argsort(u, kind="stable")
+    points, u, z = points[order], u[order], z[order]
+    edges = [0]
+    for k in (np.flatnonzero((np.abs(np.diff(z)) > JUMP / 2) | (np.diff(u) > HOLE)) + 1).tolist():
+        before = np.arange(max(k - MANY, edges[-1]), k)
+        after = np.arange(k, min(k + MANY, len(u)))
+        before, after = before[u[before] > u[k - 1] - REACH], after[u[after] < u[k] + REACH]
+        if min(len(before), len(after)) < 3:
+            continue
+        middle = 0.5 * (u[k - 1] + u[k])
+        ends = [at_zero(u[i] - middle, z[i]) for i in (before, after)]
+        if abs(ends[1] - ends[0]) > JUMP:
+            edges.append(k)
+    if len(edges) == 1:
+        yield replace(piece, points=np.sort(points))
+        return
+    for low, high in itertools.pairwise([*edges, len(u)]):
+        mine = np.sort(points[low:high])
+        curve = fit(scene.wires.xyz[mine], spread=2.0)
+        if curve is not None:
+            yield replace(piece, points=mine, curve=curve)
+
+
+def chained(scene: Scene, run: Run) -> list[Piece]:
+    """Tracks of one wire made one where they overlap, or one goes on where another ends."""
+    chains: list[tuple[Piece, Floats]] = []  # with places along the run, offsets and heights
+    tracks = []
+    for piece in run.pieces:
+        xyz = scene.wires.xyz[piece.points]
+        tracks.append((piece, np.column_stack([*run.along(xyz), xyz[:, 2]])))
+    for piece, own in sorted(tracks, key=lambda track: float(track[1][:, 0].min())):
+        best, least = -1, math.inf
+        for k, (_, other) in enumerate(chains):
+            end, begin = other[:, 0].max(), own[:, 0].min()
+            gap = max(begin - end, 0.0)
+            if gap > BRIDGE:
+                continue
+            middle = 0.5 * (begin + min(end, own[:, 0].max()))
+            aside, up = np.abs(beside(other, middle) - beside(own, middle))
+            near = MATE if begin > end - REACH else CLOSE
+            if aside < near and up < near + RISE * gap and aside + up < least:
+                best, least = k, aside + up
+        if best < 0:
+            chains.append((piece, own))
+            continue
+        one, other = chains[best]
+        points = np.union1d(one.points, piece.points)
+        whole = replace(one, points=points, sure=one.sure or piece.sure)
+        chains[best] = whole, np.vstack([other, own])
+    return [piece for piece, _ in chains]
+
+
+def beside(track: Floats, u: float) -> Floats:
+    """Offset and height of a track at a place along it, from the points nearest to it."""
+    near = track[np.argsort(np.abs(track[:, 0] - u), kind="stable")[:MANY]]
+    near = near[np.abs(near[:, 0] - u) < np.abs(near[0, 0] - u) + REACH]
+    if len(near) < 3:
+        return np.asarray(near[:, 1:].mean(axis=0))
+    return at_zero(near[:, 0] - u, near[:, 1:])
+
+
+def at_zero(u: Floats, values: Floats) -> Floats:
+    """Where the lines through values of shape (n,) or (n, k) along u are at u = 0."""
+    off = u - u.mean()
+    slope = off @ values / max(off @ off, 1e-12)
+    return np.asarray(values.mean(axis=0) - slope * u.mean())

@@ -110,9 +110,22 @@ def wires_among(scene: Scene, arcs: Sequence[Piece]) -> list[Piece]:
     bent = [arc for arc in bent if abs(arc.curve.swing) < WILDEST]
     found = connected([a for a in bent if a.sure], [a for a in bent if not a.sure])
     found = joined(scene, found)
+    found = [one for one in found if not any(lies_on(scene, one, other) for other in found)]
     scene.take(arc.curve for arc in found)
     found = [arc for arc in found if arc.curve.rms < FINE or alone(scene, arc.curve) >= ALONE]
     return [arc for arc in found if not carries(scene, arc.curve, straight)]
+
+
+def lies_on(scene: Scene, one: Piece, other: Piece) -> bool:
+    """Whether a piece was followed on a longer one a second time."""
+    length = other.curve.length
+    if one.curve.length >= length:
+        return False
+    u, _ = other.curve.along(one.ends)
+    if u.min() < -scene.tolerance or u.max() > length + scene.tolerance:
+        return False
+    _, aside, up = other.curve.residuals(scene.wires.xyz[one.points])
+    return bool(np.median(np.hypot(aside, up)) < scene.tolerance / 2)
 
 
 def clearness(scene: Scene, curve: Floats, count: int) -> float:

@@ -78,7 +78,8 @@ def straightness(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """For seeds first..last, in how many metres of the best line through it points lie.
 
-    Points in a shell around the line, thrice as wide as the tube, count against it. `heading`
+    They count the less the farther they are off the line, as those of a line across several wires
+    are. Points in a shell around it, thrice as wide as the tube, count against it. `heading`
     receives the direction of the line.
     """
     near = np.empty((4096, 3))
@@ -104,19 +105,20 @@ def straightness(  # type: ignore[no-untyped-def]
             size = math.sqrt(flat * flat + dz * dz)
             dx, dy, dz = dx / size, dy / size, dz / size
             inside[:] = False
-            tubed, shelled = 0, 0
+            tubed, shelled, close = 0, 0, 0.0
             for i in range(n):
                 along = near[i, 0] * dx + near[i, 1] * dy + near[i, 2] * dz
                 square = near[i, 0] ** 2 + near[i, 1] ** 2 + near[i, 2] ** 2 - along * along
                 if square < tube * tube:
                     inside[int(along + reach)] = True
                     tubed += 1
+                    close += 1.0 - square / (tube * tube)
                 elif square < 9 * tube * tube:
                     shelled += 1
             found = 0.0
             for k in range(bins):
                 found += inside[k]
-            found *= min(1.0, 3.0 * tubed / max(1, shelled))
+            found *= min(1.0, 3.0 * tubed / max(1, shelled)) * close / max(1, tubed)
             if found > best:
                 best = found
                 heading[s, 0], heading[s, 1], heading[s, 2] = dx, dy, dz

@@ -24,6 +24,7 @@ SAME = 0.35  # metres between two wires at a support that are one
 NEAR, AROUND = 0.35, 0.9  # metres: of what belongs to a wire that is expected, and of its clutter
 FEWEST, LEAST = 2, 0.05  # points of such a wire, and of the points that others of the span have
 VAGUE, LOOSE = 0.1, 0.05  # share of a curvature, and metres: standard deviations to be improved
+FARTHER = 10.0  # metres that a wire goes on as those beside it do
 LOST = 0.5  # metres: standard deviation of the height of an end
 
 Floats = NDArray[np.float64]
@@ -37,8 +38,8 @@ def completed(
     chains: dict[int, list[Wire]] = {}
     for wire in found:
         chains.setdefault(wire.wire, []).append(wire)
-    better = (stiffened(scene, wire, chains, found, supports) for wire in found)
-    return [wire for wire in better if leads(wire)]
+    better = [stiffened(scene, wire, chains, found, supports) for wire in found]
+    return [wire for wire in (as_far(wire, better) for wire in better) if leads(wire)]
 
 
 def leads(wire: Wire) -> bool:
@@ -191,6 +192,26 @@ def stiffened(
         return wire
     made = turned(replace(wire, curve=curve, known=(0.0, curve.length)), wire)
     return to_supports(made, supports)
+
+
+def as_far(wire: Wire, wires: Sequence[Wire]) -> Wire:
+    """A wire that goes on as far as those beside it, where its support is not known."""
+    if min(wire.supports) >= 0:
+        return wire
+    ends = [
+        other.curve.points(np.array([end * other.curve.length]))[0]
+        for other in wires
+        for end in (0, 1)
+        if other.span == wire.span and other.supports[end] < 0
+    ]
+    u, _ = wire.curve.along(np.array(ends))  # its own among them
+    low, high = 0.0, wire.curve.length
+    if wire.supports[0] < 0:
+        low = max(float(u.min()), -FARTHER)
+    if wire.supports[1] < 0:
+        high = min(float(u.max()), high + FARTHER)
+    known = (wire.known[0] - low, wire.known[1] - low)
+    return replace(wire, curve=wire.curve.between(low, high), known=known)
 
 
 def usual_curvature(wires: Sequence[Wire]) -> tuple[float, float]:

@@ -16,8 +16,11 @@ from algorithms.corridor._tracks import Run
 
 ALONG, ACROSS = 10.0, 12.0  # metres between what belongs to one support
 INNER = 8.0  # metres: a wire that goes on for longer on both sides passes a support
-ENOUGH_BODY, MUCH_BODY = 0.4, 0.5  # share of its height at which a support shows points
+ENOUGH_BODY = 0.4  # share of its height at which a support shows points
+MUCH_BODY = (0.5, 0.75)  # the same of a pole and of a tower where nothing else tells of it
+TALL = 15.0  # metres: of a tower
 SETTLED, UNSETTLED = 1.0, 5.0  # metres along the wires that a body may be off
+THIN = 1.5  # metres along the line, to each side, of the top of a support
 ANGLE = 0.02  # change of slope, or of heading, at a support
 
 Floats = NDArray[np.float64]
@@ -165,9 +168,11 @@ def support_of(scene: Scene, pieces: Sequence[Piece], group: Sequence[Hint]) -> 
     if pairs == 0 and not certain:
         out = mean if len(here) else -mean
         ends = forth[here if len(here) else there]
-        beyond = all(scene.seen(*(spot + metres * out)) for metres in (7.0, 10.0))
+        # The data goes on behind all the wires: one tree over its edge does not tell.
+        beyond = all(scene.seen(*(p[:2] + m * out)) for p in place for m in (7.0, 10.0))
         certain = len(ends) >= 2 and np.ptp(ends) < 6 and beyond
-        certain |= body >= MUCH_BODY and topped(scene, spot, mean, side, high)
+        much = MUCH_BODY[int(high - bottom > TALL)]
+        certain |= body >= much and topped(scene, spot, mean, side, high)
     if not certain:
         return None
     shift = (spot - centre) @ across
@@ -180,13 +185,14 @@ def support_of(scene: Scene, pieces: Sequence[Piece], group: Sequence[Hint]) -> 
 
 
 def topped(scene: Scene, spot: Floats, mean: Floats, side: Floats, high: float) -> bool:
-    """Whether there are points of a body as high as the highest wire."""
+    """Whether points of a body, thin along the line, are as high as the highest wire."""
     near = scene.air.within(spot, ALONG + float(np.ptp(side)))
     near = near[scene.free[near]]
-    step = scene.air.xyz[near, :2] - spot
+    away = np.abs((scene.air.xyz[near, :2] - spot) @ mean)
     z = scene.air.xyz[near, 2]
-    inside = (np.abs(step @ mean) < 3) & (z > high - 2) & (z < high + 4)
-    return int(inside.sum()) >= 3
+    away = away[(z > high - 2) & (z < high + 4)]
+    here = np.count_nonzero(away < THIN)
+    return bool(here >= 3 and here > np.count_nonzero((away > THIN) & (away < 3 * THIN)))
 
 
 def passes(piece: Piece, centre: Floats, across: Floats, side: Floats, heights: Floats) -> bool:
@@ -221,7 +227,7 @@ def body_at(
     keep = (np.abs(along) < 6) & (side > sides[0] - 2) & (side < sides[1] + 2)
     keep &= (height > 1) & (height < top)
     along, side, height = along[keep], side[keep], height[keep]
-    half = 1.0 if top < 15 else 2.5
+    half = 1.0 if top < TALL else 2.5
     levels = max(1, int(top - 1))
     best, at = 0.0, spot
     for a in np.arange(-slack, slack + 0.5, 1.0):

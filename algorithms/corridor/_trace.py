@@ -32,7 +32,7 @@ SPARSEST, DENSEST, PER_DENSITY = (
     1.5,
 )  # eighths of voxels that one wire fills in 5 m, and per point / m2
 REACH, TUBE, STEEPEST = 6.0, 0.25, 0.7  # metres, metres, rise over run: of the straight piece
-LEAST_BINS = 4.0  # metres of 12 with points on them, where a wire may begin
+LEAST_BINS = 3.5  # metres of 12 with points on them, where a wire may begin
 LONGEST = 200_000  # points of one wire
 
 Floats = NDArray[np.float64]

@@ -195,6 +195,14 @@ def test_a_wire_of_three_points_goes_on_from_the_next_spans() -> None:
     assert min(np.abs(_height(shape, true) - true[:, 2]).max() for shape in shapes) < 0.15
 
 
+def test_wires_go_on_as_far_as_those_beside_them_where_no_pole_is_seen() -> None:
+    _, wires, poles = line([0, 45, 90], [-1, 0, 1], 9, 400)
+    poles = poles[poles[:, 0] < 80]
+    wires[3] = wires[3][wires[3][:, 0] < 84]
+    ends = [max(shape.coords)[0] for shape in found(GROUND, *wires, poles).wires.frame.geometry]
+    assert sum(end > CORNER[0] + 89 for end in ends) == 3
+
+
 def test_a_wire_that_ends_at_a_pole_does_not_go_on() -> None:
     _, wires, poles = line([0, 45, 90, 135], [-1, 0, 1], 9, 400, per_metre=2)
     assert len(found(GROUND, *wires[:-1], poles).wires.frame) == 8

@@ -30,9 +30,7 @@ LOST = 0.5  # metres: standard deviation of the height of an end
 Floats = NDArray[np.float64]
 
 
-def completed(
-    scene: Scene, wires: Sequence[Wire], supports: Sequence[Support]
-) -> list[Wire]:  # fmt: skip
+def completed(scene: Scene, wires: Sequence[Wire], supports: Sequence[Support]) -> list[Wire]:
     """The wires with their numbers, and those that only the next spans tell of."""
     found = numbered(carried_on(scene, wires, supports), supports)
     chains: dict[int, list[Wire]] = {}
@@ -86,9 +84,13 @@ def missing(wires: Sequence[Wire], span: int) -> Iterator[tuple[int, Floats]]:
 
 
 def expected(
-    scene: Scene, wires: Sequence[Wire], span: int, number: int, place: Floats,
+    scene: Scene,
+    wires: Sequence[Wire],
+    span: int,
+    number: int,
+    place: Floats,
     supports: Sequence[Support],
-) -> Wire | None:  # fmt: skip
+) -> Wire | None:
     """The wire of a span that hangs from a place at a support, if points lie where it must be."""
     own = [wire for wire in wires if wire.span == span and number in wire.supports]
     near = min(own, key=lambda wire: float(np.linalg.norm(end_at(wire, number) - place)))
@@ -161,9 +163,12 @@ def turned(wire: Wire, like: Wire) -> Wire:
 
 
 def stiffened(
-    scene: Scene, wire: Wire, chains: dict[int, list[Wire]], wires: Sequence[Wire],
+    scene: Scene,
+    wire: Wire,
+    chains: dict[int, list[Wire]],
+    wires: Sequence[Wire],
     supports: Sequence[Support],
-) -> Wire:  # fmt: skip
+) -> Wire:
     """A wire; if few points tell of it, fitted with ends and curvature of that in the next spans.
 
     If these are as vague, the curvature is that of the wires beside it.

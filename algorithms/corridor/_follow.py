@@ -33,8 +33,9 @@ def follow(
         scene.wires, voxel, tolerance=scene.tolerance, max_gap=max_gap,
         ctx=ctx.part(0.0, 0.7),
     )  # fmt: skip
+    here = ctx.part(0.7, 0.7)
     found = runs_among(scene, curves_of(scene, curves))
-    arcs, runs = arcs_of(scene, [followed_together(scene, run, max_gap) for run in found])
+    arcs, runs = arcs_of(scene, [followed_together(scene, run, max_gap, here) for run in found])
     pieces = wires_among(scene, arcs)
     ctx.progress(0.8)
     if not pieces:

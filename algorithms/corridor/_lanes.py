@@ -17,7 +17,7 @@ from algorithms.corridor._catenary import fit
 from algorithms.corridor._network import STRONG, Piece, Scene, curves_of
 from algorithms.corridor._trace import Airborne, trace_all, uncrowded
 from algorithms.corridor._tracks import Run
-from toolbox.context import QUIET
+from toolbox.context import Context
 
 SPARSE = 1.0  # points per metre of a track, from which each wire is followed by itself
 OVERLAP = 8.0  # metres of two tracks beside each other that tell their distance
@@ -88,7 +88,7 @@ class Lanes:
         return offset
 
 
-def followed_together(scene: Scene, run: Run, max_gap: float) -> Run:
+def followed_together(scene: Scene, run: Run, max_gap: float, ctx: Context) -> Run:
     """The run with what is found of its wires by following all of them at once."""
     for _ in range(ROUNDS):
         length = sum(float(np.ptp(track(scene, run, piece)[:, 0])) for piece in run.pieces)
@@ -96,7 +96,7 @@ def followed_together(scene: Scene, run: Run, max_gap: float) -> Run:
         lanes = Lanes.of(scene, run) if sparse else None
         if lanes is None:
             break
-        run = Run.of(pieces_in(scene, run, lanes, max_gap))
+        run = Run.of(pieces_in(scene, run, lanes, max_gap, ctx))
     return run
 
 
@@ -147,13 +147,13 @@ def beside(one: Floats, other: Floats) -> Floats | None:
     return np.asarray(middle)
 
 
-def pieces_in(scene: Scene, run: Run, lanes: Lanes, max_gap: float) -> list[Piece]:
+def pieces_in(scene: Scene, run: Run, lanes: Lanes, max_gap: float, ctx: Context) -> list[Piece]:
     """One piece for each lane of a run, and what else the run has."""
     lane_of = np.full(len(scene.wires.xyz), -1)
     for k, own in enumerate(lanes.own):
         for j in own:
             lane_of[run.pieces[j].points] = k
-    for points, lane in followed(scene, run, lanes, max_gap):
+    for points, lane in followed(scene, run, lanes, max_gap, ctx):
         fresh = lane_of[points] < 0
         lane_of[points[fresh]] = lane[fresh]
     found = []
@@ -171,8 +171,8 @@ def pieces_in(scene: Scene, run: Run, lanes: Lanes, max_gap: float) -> list[Piec
 
 
 def followed(
-    scene: Scene, run: Run, lanes: Lanes, max_gap: float
-) -> list[tuple[Ints, Ints]]:  # fmt: skip
+    scene: Scene, run: Run, lanes: Lanes, max_gap: float, ctx: Context
+) -> list[tuple[Ints, Ints]]:
     """Points of the wires of each curve that is followed along all lanes, and their lanes."""
     source, lane, places = moved(scene, run, lanes)
     air = Airborne.of(places)
@@ -181,7 +181,7 @@ def followed(
     one = Scene(air, scene.height[source], may, scene.tolerance, scene.ground, scene.seen)
     wire, lane = (np.cumsum(scene.may) - 1)[source[may]], lane[may]
     _, voxel = uncrowded(one.wires, SPARSE)
-    curves = trace_all(one.wires, voxel, tolerance=scene.tolerance, max_gap=max_gap, ctx=QUIET)
+    curves = trace_all(one.wires, voxel, tolerance=scene.tolerance, max_gap=max_gap, ctx=ctx)
     pieces = [p for p in curves_of(one, curves) if p.sure or p.curve.length > STRONG]
     taken = np.zeros(len(scene.wires.xyz), bool)
     found = []

@@ -74,9 +74,7 @@ class Wire:
 # --- spans ---------------------------------------------------------------------------------
 
 
-def spans_of(
-    scene: Scene, pieces: Sequence[Piece], supports: Sequence[Support]
-) -> list[Wire]:  # fmt: skip
+def spans_of(scene: Scene, pieces: Sequence[Piece], supports: Sequence[Support]) -> list[Wire]:
     """Pieces cut at the supports, joined where they are parts of one wire, and fitted anew."""
     spans = list(bundles_of(scene, pieces, supports))
     found: list[Wire] = []

@@ -203,6 +203,15 @@ def test_wires_go_on_as_far_as_those_beside_them_where_no_pole_is_seen() -> None
     assert sum(end > CORNER[0] + 89 for end in ends) == 3
 
 
+def test_a_tree_over_the_edge_of_the_data_does_not_make_it_a_support() -> None:
+    _, wires, towers = line([0, 120, 240], [-4, 0, 4], 25, 900)
+    towers = towers[towers[:, 0] < 200]
+    inside = [part[part[:, 0] < 180] for part in (ground(240, 60, 4), *wires)]
+    crown = tree(183, 4, 16, 7, 3000)
+    result = found(*inside, towers, crown)
+    np.testing.assert_allclose(places_of(result), [0, 120], atol=1.0)
+
+
 def test_a_wire_that_ends_at_a_pole_does_not_go_on() -> None:
     _, wires, poles = line([0, 45, 90, 135], [-1, 0, 1], 9, 400, per_metre=2)
     assert len(found(GROUND, *wires[:-1], poles).wires.frame) == 8

@@ -35,9 +35,15 @@ class CorridorLabel:
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """Numbers tell which point is which."""
-        needed = (NUMBER, *NUMBERS, "confidence")
-        if missing := [name for name in needed if name not in self.line]:
-            yield "line", f"{self.line.name} has no attribute {', '.join(missing)}"
+        line, needed = self.line, (NUMBER, *NUMBERS, "confidence")
+        if missing := [name for name in needed if name not in line]:
+            yield "line", f"{line.name} has no attribute {', '.join(missing)}"
+            return
+        if unknown := [name for name in needed if not np.all(line[name] >= 0)]:
+            yield "line", f"{line.name} has values of {', '.join(unknown)} that are not 0 or more"
+        number = np.sort(line[NUMBER])
+        if len(twice := number[1:][number[1:] == number[:-1]]):
+            yield "line", f"{line.name} has more than one point of {NUMBER} {twice[0]}"
 
     def halo(self) -> float:
         """Each point is labelled by itself."""
@@ -51,7 +57,9 @@ class CorridorLabel:
         here = index < len(number)
         here[here] = number[index[here]] == line[NUMBER][here]
         index = index[here]
-        if not np.array_equal(cloud.xyz[index], line.xyz[here]):
+        # A tile has but some points of a line that is there as a whole.
+        complete = here.all() or (cloud.origin is not None and line.origin is None)
+        if not (complete and np.array_equal(cloud.xyz[index], line.xyz[here])):
             raise DataError(f"line: {line.name} was not chosen from {cloud.name}")
         names = (*NUMBERS, "confidence")
         labels = {name: line[name][here] for name in names}

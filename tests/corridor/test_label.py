@@ -68,3 +68,27 @@ def test_points_of_another_cloud_are_refused(scene: dict[str, PointCloud]) -> No
         toolbox.run("corridor.label", {"points": moved, "line": few})
     with pytest.raises(DataError, match="no attribute point_number, wire_id"):
         toolbox.run("corridor.label", {"points": moved, "line": moved})
+
+
+def test_no_label_is_lost_or_made_up(scene: dict[str, PointCloud]) -> None:
+    found = toolbox.run("corridor.extract", {"points": scene["few"], "ignore": "7"})["classified"]
+    line = found.select(found["wire_id"] + found["tower_id"] > 0)
+    number, wire = np.array(line["point_number"]), np.array(line["wire_id"], float)
+    twice = np.where(np.arange(len(line)) == 1, number[0], number)
+    unknown, negative = wire.copy(), wire.copy()
+    unknown[0], negative[0] = np.nan, -3
+    for changed, message in (
+        ({"point_number": number + len(scene["whole"])}, "was not chosen from"),
+        ({"point_number": -1 - number}, "values of point_number that are not 0 or more"),
+        ({"point_number": twice}, f"more than one point of point_number {number[0]}"),
+        ({"wire_id": unknown}, "values of wire_id that are not 0 or more"),
+        ({"wire_id": negative}, "values of wire_id that are not 0 or more"),
+    ):
+        sources = {"points": scene["whole"], "line": line.with_attributes(changed)}
+        with pytest.raises(DataError, match=message):
+            toolbox.run("corridor.label", sources)
+    less = scene["whole"].select(np.arange(number[len(number) // 2]))
+    tile = less.with_origin(np.arange(len(less)))
+    for points, part in ((less, line), (tile, line.with_origin(np.arange(len(line))))):
+        with pytest.raises(DataError, match="was not chosen from"):
+            toolbox.run("corridor.label", {"points": points, "line": part})

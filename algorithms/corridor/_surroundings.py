@@ -10,12 +10,13 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from algorithms.corridor._candidates import given_heights
 from algorithms.corridor._catenary import Catenary
 from algorithms.corridor._distances import BLOCK, TAKES_NO_PART, UNCLASSIFIED, Near, own_points
 from algorithms.corridor._lines import catenaries_of
 from algorithms.corridor._rules import KINDS
 from algorithms.corridor._sag import State
-from algorithms.ground.classify import find_terrain, height_above
+from algorithms.ground.classify import HEIGHT, find_terrain, height_above
 from algorithms.shared.ground import is_withheld
 from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
@@ -23,7 +24,6 @@ from toolbox.data import PointCloud, Vector
 
 LINE = (13, 14, 15, 16)  # classes: wire guard, conductor, tower, connector
 KNOWN = {"unclassified": (0, 1), "water": (9,), "rail": (10,), "road": (11,)}  # kinds and classes
-HEIGHT = "HeightAboveGround"
 BESIDE_TOWER = 1.0  # metres around the body of a tower
 
 Floats = NDArray[np.float64]
@@ -186,7 +186,7 @@ def kinds_of(
 def _heights(cloud: PointCloud, index: Ints, ground: NDArray[np.bool_], ctx: Context) -> Floats:
     """Metres above the ground of some points; NaN where not known."""
     if HEIGHT in cloud:
-        return np.asarray(cloud[HEIGHT], float)[index] / cloud.metre
+        return given_heights(cloud)[index]
     if not ground.any():
         log.warning("no point is ground: heights are not known, falling trees not looked for")
         return np.full(len(index), np.nan)

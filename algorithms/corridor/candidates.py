@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
-from algorithms.corridor._candidates import CELL, STANDS_FOR, candidates
+from algorithms.corridor._candidates import CELL, STANDS_FOR, candidates, given_heights
 from algorithms.corridor._labels import NUMBER
 from algorithms.ground.classify import HEIGHT
 from algorithms.shared.ground import taking_part
@@ -46,8 +44,8 @@ class CorridorCandidates:
         """Choose, and number."""
         cloud = self.points
         index, stands_for = candidates(
-            cloud.xyz, np.asarray(cloud[HEIGHT], float) / cloud.metre,
-            taking_part(cloud, self.ignore), metre=cloud.metre, ctx=ctx,
+            cloud.xyz, given_heights(cloud), taking_part(cloud, self.ignore),
+            metre=cloud.metre, ctx=ctx,
         )  # fmt: skip
         ctx.progress(1.0)
         return self.Outputs(

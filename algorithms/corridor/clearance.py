@@ -42,7 +42,8 @@ from algorithms.corridor._sag import (
     conductor_temperature,
     in_state,
 )
-from algorithms.corridor._surroundings import HEIGHT, Line, Scene, line_of, scene_of
+from algorithms.corridor._surroundings import Line, Scene, line_of, scene_of
+from algorithms.ground.classify import HEIGHT
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Report, Survey, Table, Vector
 from toolbox.errors import DataError

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from algorithms.corridor._candidates import OFF_GROUND, STANDS_FOR, candidates
+from algorithms.corridor._candidates import OFF_GROUND, STANDS_FOR, candidates, given_heights
 from algorithms.corridor._follow import follow
 from algorithms.corridor._labels import NUMBERS, classes_of, labelled
 from algorithms.corridor._lines import tower_layer, wire_layer
@@ -66,7 +66,7 @@ class CorridorExtract:
     attributes wire_id, span_id and tower_id say to which they belong, 0 for none; a wire keeps its
     number from span to span. Nothing but coordinates is needed, and lines of any voltage are found
     together: the ground is found first, or taken from the classes given. Of points that have
-    HeightAboveGround that is the height.
+    HeightAboveGround that is the height, unless classes are given.
 
     `wires` has one catenary per conductor and span, as a line in three dimensions; `towers` one
     point per tower, at its foot. A span needs the whole of its wires, so the tool looks at the
@@ -153,8 +153,8 @@ class CorridorExtract:
     def _heights(self, part: NDArray[np.bool_], ctx: Context) -> Floats:
         """Metres of points above the ground, array of shape (n,); NaN where not known."""
         cloud = self.points
-        if HEIGHT in cloud:
-            return np.asarray(cloud[HEIGHT], float) / cloud.metre
+        if HEIGHT in cloud and self.ground_classes is None:
+            return given_heights(cloud)
         ground = part & may_be_ground(cloud, "last")
         if self.ground_classes is not None:
             ground = part & np.isin(classes_of(cloud), self.ground_classes)

@@ -84,3 +84,12 @@ def test_heights_must_be_there() -> None:
     bare = PointCloud([[0.0, 0.0, 0.0]], crs=CRS(32635), name="a.laz")
     with pytest.raises(DataError, match=r"a\.laz has no HeightAboveGround"):
         toolbox.run("corridor.candidates", {"points": bare})
+
+
+@pytest.mark.parametrize("id", ["corridor.candidates", "corridor.extract"])
+def test_heights_must_not_be_infinite(id: str) -> None:
+    points = cloud()
+    height = np.array(points["HeightAboveGround"])
+    height[[3, 8]] = np.inf, -np.inf
+    with pytest.raises(DataError, match=r"HeightAboveGround of .* is infinite for 2"):
+        toolbox.run(id, {"points": points.with_attributes({"HeightAboveGround": height})})

@@ -484,6 +484,18 @@ def test_ground_classes_must_occur() -> None:
         CorridorExtract(points=points, ground_classes=ClassList([2])).run()
 
 
+def test_classes_given_come_before_heights_given() -> None:
+    """Heights that are all wrong, and classes that are right."""
+    _, wires, poles = line([0, 60], [-1, 1], 9, 400)
+    truth = [2, 1, 1, 1]
+    points = cloud(GROUND, *wires, poles, classes=truth)
+    points = points.with_attributes(
+        {"classification": points["truth"], "HeightAboveGround": np.zeros(len(points), np.float32)}
+    )
+    assert CorridorExtract(points=points).run().span_count == 0
+    assert CorridorExtract(points=points, ground_classes=ClassList([2])).run().span_count == 1
+
+
 def test_feet_give_the_lines_of_metres() -> None:
     _, wires, poles = line([0, 60, 120], [-1, 1], 9, 400)
     points = cloud(GROUND, *wires, poles)

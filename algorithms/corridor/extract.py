@@ -38,6 +38,7 @@ from algorithms.corridor._towers import Tower, centred, strings_of, tower_of
 from algorithms.corridor._trace import Airborne, uncrowded
 from algorithms.ground.classify import HEIGHT, find_terrain, height_above
 from algorithms.shared.ground import may_be_ground, taking_part
+from algorithms.shared.lowest import lattice_around
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
 from toolbox.errors import DataError
@@ -141,7 +142,9 @@ class CorridorExtract:
             ctx=ctx.part(0.4, 1.0),
         )
         if not line.wires:
-            log.warning("no power line was found")
+            unknown = len(height) > 0 and np.isnan(height).all()
+            why = ": no height above the ground is known" if unknown else ""
+            log.warning("no power line was found%s", why)
         return self.Outputs(
             classified=labelled(cloud, part, index, line.labels),
             towers=tower_layer(line.towers, line.strings, line.origin, cloud.metre, cloud.crs),
@@ -241,11 +244,12 @@ def find_line(
     Raises
     ------
     DataError
-        The points lie along lines, without ground.
+        The points lie along lines, without ground, or one is too far from the others.
     """
     ctx.progress(0.0)
     if not len(xyz):
         return Line.none(0, np.zeros(3))
+    lattice_around(xyz, SEEN_CELL * metre)  # which says so if a stray point is too far away
     origin = np.floor(xyz.min(axis=0) / (SEEN_CELL * metre)) * SEEN_CELL * metre
     line = Line.none(len(xyz), origin)
     places = (xyz - origin) / metre

@@ -496,6 +496,24 @@ def test_classes_given_come_before_heights_given() -> None:
     assert CorridorExtract(points=points, ground_classes=ClassList([2])).run().span_count == 1
 
 
+def test_a_stray_point_among_candidates_is_named() -> None:
+    """Those of a survey in tiles, which may be as far apart as its tiles."""
+    points = cloud(GROUND, np.zeros((1, 3)) - CORNER)
+    made = {
+        "HeightAboveGround": np.zeros(len(points), np.float32),
+        "stands_for": np.ones(len(points), np.uint32),
+    }
+    with pytest.raises(DataError, match="remove stray points"):
+        CorridorExtract(points=points.with_attributes(made)).run()
+
+
+def test_it_is_said_why_there_is_no_line(caplog: pytest.LogCaptureFixture) -> None:
+    for height, text in ((0.0, "found"), (np.nan, "found: no height above the ground is known")):
+        made = {"HeightAboveGround": np.full(len(GROUND), height, np.float32)}
+        CorridorExtract(points=cloud(GROUND).with_attributes(made)).run()
+        assert caplog.messages[-1] == f"no power line was {text}"
+
+
 def test_feet_give_the_lines_of_metres() -> None:
     _, wires, poles = line([0, 60, 120], [-1, 1], 9, 400)
     points = cloud(GROUND, *wires, poles)

@@ -176,6 +176,8 @@ class CorridorClearance:
         """Names that exist, and settings that need each other."""
         if problem := unknown_set(self.rules):
             yield "rules", problem
+        elif self.rule_table is None:
+            yield from self._bad_rules("rules")
         if self.temperature is not None and self.current is not None:
             yield "current", "tells the temperature; give one of both"
         for name in ("temperature", "current", "wind"):
@@ -201,11 +203,8 @@ class CorridorClearance:
                 yield "towers", "no column width; take the towers of corridor.extract"
         if self.distance is not None and self.rule_table is not None:
             yield "distance", "is in place of rules, and a rule_table is given"
-        if not unknown_set(self.rules):
-            try:
-                self._rules()
-            except DataError as error:
-                yield ("rules" if self.rule_table is None else "rule_table"), str(error)
+        if self.rule_table is not None:
+            yield from self._bad_rules("rule_table")
         if self.conductor is not None:
             try:
                 conductor_of(self.conductor, self.conductor_table)
@@ -273,6 +272,13 @@ class CorridorClearance:
         given = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
         changed: Any = {name: value / self.points.metre for name, value in given.items()}
         return replace(self, **changed)
+
+    def _bad_rules(self, name: str) -> Iterator[tuple[str, str]]:
+        """What is wrong with the rules, which the parameter `name` gives."""
+        try:
+            self._rules()
+        except DataError as error:
+            yield name, str(error)
 
     def _rules(self) -> list[Rule]:
         if self.distance is not None:

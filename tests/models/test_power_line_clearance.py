@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 import toolbox
 from algorithms.corridor._objects import groups
 from toolbox.data import PointCloud, Vector
+from toolbox.errors import ParameterError
 from toolbox.tiling import Tiling
 
 MODEL = "models.power_line_clearance"
@@ -43,6 +44,15 @@ def test_without_a_line_there_is_nothing_too_close(caplog: pytest.LogCaptureFixt
     found = toolbox.run(MODEL, {"points": cloud})
     assert (found["span_count"], found["object_count"]) == (0, 0)
     assert "no power line was found" in caplog.text
+
+
+def test_rules_that_want_a_voltage_say_so_before_points_are_read(tmp_path: Path) -> None:
+    values = {"points": tmp_path / "none.laz", "rules": "ekaty", "spans": tmp_path / "s.csv"}
+    with pytest.raises(ParameterError, match=r"clearance\.rules: .* give voltage"):
+        toolbox.run(MODEL, values, tiling=Tiling(50.0, 1))
+    with pytest.raises(ParameterError) as told:
+        toolbox.run(MODEL, values | {"voltage": 34.5}, tiling=Tiling(50.0, 1))
+    assert set(told.value.problems) == {"points"}
 
 
 @pytest.mark.slow

@@ -95,6 +95,7 @@ def _extracted(name: str, points: Any, truth: Any, lines: Any) -> dict[str, floa
         whole = spans.in_full + spans.in_part + spans.missed
         row |= {"full": spans.in_full, "spans": whole, "invented": spans.invented}
         text += f"  spans in full {spans.in_full} of {whole}, invented {spans.invented}"
+        text += f", found twice {spans.doubled}"
         text += f", height RMS {spans.height_rms or float('nan'):.4f} m"
     say(f"corridor {name:14} {text}  {seconds:.1f} CPU s / M points")
     return row

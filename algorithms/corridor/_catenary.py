@@ -16,6 +16,7 @@ Beaton, A. E. and Tukey, J. W. (1974). The fitting of power series. Technometric
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, replace
 
@@ -117,6 +118,15 @@ class Catenary:
         v = self.offset(u)
         x, y = self.x + u * self.ex - v * self.ey, self.y + u * self.ey + v * self.ex
         return np.column_stack([x, y, self.height(u)])
+
+    @functools.cached_property
+    def ends(self) -> Floats:
+        """First and last place, array of shape (2, 3)."""
+        return self.points(np.array([0.0, self.length]))
+
+    def away(self, xyz: Floats) -> Floats:
+        """Distance of points of shape (n, 3) from the wire, square to it."""
+        return np.asarray(np.hypot(*self.residuals(xyz)[1:]))
 
     def between(self, low: float, high: float) -> Catenary:
         """The same curve from u = low to u = high."""

@@ -17,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from algorithms.corridor._catenary import Catenary, fit
 from algorithms.corridor._network import WILDEST, Scene
-from algorithms.corridor._spans import Wire, numbered, to_supports
+from algorithms.corridor._spans import Wire, apart_wires, numbered, to_supports
 from algorithms.corridor._supports import Support
 
 SAME = 0.35  # metres between two wires at a support that are one
@@ -66,8 +66,7 @@ def carried_on(scene: Scene, wires: Sequence[Wire], supports: Sequence[Support])
 
 def end_at(wire: Wire, number: int) -> Floats:
     """Where a wire hangs from a support."""
-    u = wire.curve.length * wire.supports.index(number)
-    return np.asarray(wire.curve.points(np.array([u]))[0])
+    return np.asarray(wire.curve.ends[wire.supports.index(number)])
 
 
 def missing(wires: Sequence[Wire], span: int) -> Iterator[tuple[int, Floats]]:
@@ -94,19 +93,15 @@ def expected(
     """The wire of a span that hangs from a place at a support, if points lie where it must be."""
     own = [wire for wire in wires if wire.span == span and number in wire.supports]
     near = min(own, key=lambda wire: float(np.linalg.norm(end_at(wire, number) - place)))
+    if np.linalg.norm(end_at(near, number) - place) < SAME:
+        return None
     far, known = other_end(wires, near, number, place, supports)
     places = np.array([place, far] if near.supports[0] == number else [far, place])
     guess = hung(places, near.curve)
-    middle = guess.points(np.array([0.5 * guess.length]))
-    if any(np.linalg.norm(end_at(wire, number) - place) < SAME for wire in own):
+    if any(apart_wires(guess, wire.curve) < SAME for wire in own):
         return None
-    if any(off(wire.curve, middle)[0] < SAME for wire in own):
-        return None
-    points, _ = scene.wires.around(guess, AROUND)
-    xyz = scene.wires.xyz[points]
-    for wire in own:
-        xyz = xyz[off(wire.curve, xyz) > off(guess, xyz)]
-    inner = xyz[off(guess, xyz) < NEAR]
+    xyz = points_of(scene, guess, AROUND, own)
+    inner = xyz[guess.away(xyz) < NEAR]
     usual = float(np.median([wire.curve.count for wire in own]))
     few = len(inner) < max(LEAST * usual, 0 if known else FEWEST)
     if few or 2 * len(inner) < len(xyz):
@@ -128,8 +123,7 @@ def other_end(
     here = np.array(supports[number].across)
     there = np.array(supports[other].across) if other >= 0 else here
     aside = float(step[:2] @ here) * there * np.sign(there @ here)
-    end = near.curve.points(np.array([near.curve.length if first else 0.0]))[0]
-    far = end + np.append(aside, step[2])
+    far = near.curve.ends[1 if first else 0] + np.append(aside, step[2])
     places = [end_at(w, other) for w in wires if w.span != near.span and other in w.supports]
     close = [p for p in places if other >= 0 and np.linalg.norm(p - far) < 2 * SAME]
     if not close:
@@ -137,9 +131,12 @@ def other_end(
     return min(close, key=lambda p: float(np.linalg.norm(p - far))), True
 
 
-def off(curve: Catenary, xyz: Floats) -> Floats:
-    """Distance of points from a curve, square to it."""
-    return np.asarray(np.hypot(*curve.residuals(xyz)[1:]))
+def points_of(scene: Scene, curve: Catenary, radius: float, others: Sequence[Wire]) -> Floats:
+    """Points within a radius of a curve that are not nearer to other wires, of shape (n, 3)."""
+    xyz = scene.wires.xyz[scene.wires.around(curve, radius)[0]]
+    for other in others:
+        xyz = xyz[other.curve.away(xyz) > curve.away(xyz)]
+    return xyz
 
 
 def hung(ends: Floats, like: Catenary) -> Catenary:
@@ -182,10 +179,7 @@ def stiffened(
     clear = ends.max() < LOOSE and wire.curve.variance_of_curvature < (VAGUE * mean) ** 2
     if clear or sigma > VAGUE * mean:
         return wire
-    points, _ = scene.wires.around(wire.curve, NEAR)
-    xyz = scene.wires.xyz[points]
-    for other in beside:
-        xyz = xyz[off(other.curve, xyz) > off(wire.curve, xyz)]
+    xyz = points_of(scene, wire.curve, NEAR, beside)
     anchors = [
         end_at(other, number)
         for other in chains[wire.wire]
@@ -204,7 +198,7 @@ def as_far(wire: Wire, wires: Sequence[Wire]) -> Wire:
     if min(wire.supports) >= 0:
         return wire
     ends = [
-        other.curve.points(np.array([end * other.curve.length]))[0]
+        other.curve.ends[end]
         for other in wires
         for end in (0, 1)
         if other.span == wire.span and other.supports[end] < 0

@@ -53,9 +53,8 @@ class Lanes:
     v: Floats
 
     @classmethod
-    def of(cls, scene: Scene, run: Run) -> Lanes | None:
-        """The lanes of a run, or None where no two wires of it are seen beside each other."""
-        tracks = [track(scene, run, piece) for piece in run.pieces]
+    def of(cls, tracks: Sequence[Floats]) -> Lanes | None:
+        """The lanes of tracks, or None where no two of these are seen beside each other."""
         place = placed(tracks)
         spots: list[Floats] = []
         own: list[list[int]] = []
@@ -71,8 +70,7 @@ class Lanes:
         if len(spots) < 2:
             return None
         known = np.vstack([tracks[j][:, :2] - [0.0, spot[0]] for j, spot in place.items()])
-        known = known[np.argsort(known[:, 0], kind="stable")]
-        parts = np.array_split(known, max(2, int(np.ptp(known[:, 0]) / PART)))
+        parts = np.array_split(in_order(known), max(2, int(np.ptp(known[:, 0]) / PART)))
         u, v = np.array([np.median(part, axis=0) for part in parts]).T
         aside, up = np.array(spots).T
         return cls(aside, up, own, u, v)
@@ -91,20 +89,18 @@ class Lanes:
 def followed_together(scene: Scene, run: Run, max_gap: float, ctx: Context) -> Run:
     """The run with what is found of its wires by following all of them at once."""
     for _ in range(ROUNDS):
-        length = sum(float(np.ptp(track(scene, run, piece)[:, 0])) for piece in run.pieces)
-        sparse = sum(len(piece.points) for piece in run.pieces) < SPARSE * length
-        lanes = Lanes.of(scene, run) if sparse else None
+        tracks = [in_order(run.track(scene.wires.xyz[piece.points])) for piece in run.pieces]
+        length = sum(float(np.ptp(track[:, 0])) for track in tracks)
+        lanes = Lanes.of(tracks) if sum(map(len, tracks)) < SPARSE * length else None
         if lanes is None:
             break
         run = Run.of(pieces_in(scene, run, lanes, max_gap, ctx))
     return run
 
 
-def track(scene: Scene, run: Run, piece: Piece) -> Floats:
-    """Places along a run, offsets and heights of the points of a piece, in order."""
-    xyz = scene.wires.xyz[piece.points]
-    found = np.column_stack([*run.along(xyz), xyz[:, 2]])
-    return np.asarray(found[np.argsort(found[:, 0], kind="stable")])
+def in_order(track: Floats) -> Floats:
+    """A track in the order of its places along the run."""
+    return np.asarray(track[np.argsort(track[:, 0], kind="stable")])
 
 
 def placed(tracks: Sequence[Floats]) -> dict[int, Floats]:

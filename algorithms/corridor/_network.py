@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -48,10 +47,10 @@ class Piece:
     sure: bool = True
     arc: tuple[int, int] = (0, 0)
 
-    @functools.cached_property
+    @property
     def ends(self) -> Floats:
         """First and last place, array of shape (2, 3)."""
-        return self.curve.points(np.array([0.0, self.curve.length]))
+        return self.curve.ends
 
 
 @dataclass
@@ -124,8 +123,7 @@ def lies_on(scene: Scene, one: Piece, other: Piece) -> bool:
     u, _ = other.curve.along(one.ends)
     if u.min() < -scene.tolerance or u.max() > length + scene.tolerance:
         return False
-    _, aside, up = other.curve.residuals(scene.wires.xyz[one.points])
-    return bool(np.median(np.hypot(aside, up)) < scene.tolerance / 2)
+    return bool(np.median(other.curve.away(scene.wires.xyz[one.points])) < scene.tolerance / 2)
 
 
 def clearness(scene: Scene, curve: Floats, count: int) -> float:
@@ -255,8 +253,7 @@ def apart(one: Piece, other: Piece) -> float:
     if low > high:  # one goes on where the other ends
         low = high = 0.5 * (low + high)
     at = a.points(np.linspace(low, high, 5))
-    _, v, z = other.curve.residuals(at)
-    return float(np.median(np.hypot(v, z)))
+    return float(np.median(other.curve.away(at)))
 
 
 def joined(scene: Scene, pieces: Sequence[Piece]) -> list[Piece]:
@@ -282,7 +279,7 @@ def agrees(scene: Scene, curve: Catenary, parts: Sequence[Piece]) -> bool:
     """Whether all parts are as near to a common curve as to their own."""
     for part in parts:
         xyz = scene.wires.xyz[part.points]
-        own, common = (np.hypot(*c.residuals(xyz)[1:]) for c in (part.curve, curve))
+        own, common = (c.away(xyz) for c in (part.curve, curve))
         if np.median(common) > 2 * np.median(own) + 0.05:
             return False
     return True

@@ -261,8 +261,7 @@ def alike(wires: list[Wire]) -> list[Wire]:
 
 def apart_wires(one: Catenary, other: Catenary) -> float:
     """Distance of the middle of a curve from another."""
-    _, v, z = other.residuals(one.points(np.array([0.5 * one.length])))
-    return math.hypot(float(v[0]), float(z[0]))
+    return float(other.away(one.points(np.array([0.5 * one.length])))[0])
 
 
 def to_supports(wire: Wire, supports: Sequence[Support]) -> Wire:
@@ -374,7 +373,7 @@ def strands(scene: Scene, wire: Wire) -> list[Wire]:
 
 
 def once(conductors: Sequence[tuple[Wire, int]]) -> list[tuple[Wire, int]]:
-    """Each conductor with most points, since one beside two wires is found with both."""
+    """Each conductor where most is known of it, since one beside two wires is found with both."""
     kept: list[tuple[Wire, int]] = []
     for wire, bundle in sorted(conductors, key=lambda c: -c[0].curve.count * c[0].curve.length):
         if all(apart_wires(wire.curve, other.curve) > NEIGHBOURS for other, _ in kept):
@@ -445,10 +444,7 @@ def matched(
     wires: Sequence[Wire], here: Sequence[tuple[int, int]], there: Sequence[tuple[int, int]]
 ) -> Iterator[tuple[int, int]]:
     """Pairs of wires that go on in each other at a support."""
-    a, b = (
-        np.array([wires[k].curve.points(np.array([e * wires[k].curve.length]))[0] for k, e in side])
-        for side in (here, there)
-    )
+    a, b = (np.array([wires[k].curve.ends[e] for k, e in side]) for side in (here, there))
     away = np.linalg.norm(a[:, None] - b[None], axis=2)
     rows, columns = linear_sum_assignment(np.minimum(away, 10 * LINKED))
     for i, j in zip(rows.tolist(), columns.tolist(), strict=True):

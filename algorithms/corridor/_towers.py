@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from algorithms.corridor._catenary import Catenary
 from algorithms.corridor._network import Scene
 from algorithms.corridor._spans import Wire
-from algorithms.corridor._supports import Support
+from algorithms.corridor._supports import TALL, Support
 
 BASE_LATTICE, BASE_POLE = 1.0, 0.8  # metres above the ground that are left to it
 SLIM = 0.5  # metres: half width from which a body is a lattice
-LOW = 15.0  # metres: height below which a support is a pole
 SPLAY, SLACK = (0.12, 0.02), (0.4, 0.15)  # of lattice and pole: per metre downwards; metres
 THIN = 0.2  # metres: half width of a pole of which little is seen
 FOOT, LEG = 3.0, 1.0  # metres: height below which shrubs may grow inside, and width of a face
@@ -201,4 +200,4 @@ def waist_of(away: Floats, z: Floats, waist: float, height: float) -> float:
     """Half width of a body just below its arms."""
     near = (z < waist) & (z > waist - 0.25 * height) & (away < 0.1 * height)
     width = float(np.quantile(away[near], 0.85)) if near.sum() >= FEWEST else THIN
-    return THIN if width > SLIM and height < LOW else width  # of trees around a pole
+    return THIN if width > SLIM and height < TALL else width  # of trees around a pole

@@ -70,6 +70,10 @@ class Run:
         dx, dy = xyz[:, 0] - self.x, xyz[:, 1] - self.y
         return dx * self.ex + dy * self.ey, dy * self.ex - dx * self.ey
 
+    def track(self, xyz: Floats) -> Floats:
+        """Distance along and to the left of the axis, and height, array of shape (n, 3)."""
+        return np.column_stack([*self.along(xyz), xyz[:, 2]])
+
 
 def runs_among(scene: Scene, curves: Sequence[Piece]) -> Iterator[Run]:
     """The lines that curves form, each with one track for what was followed of a wire."""
@@ -140,10 +144,7 @@ def tracks_of(scene: Scene, piece: Piece) -> Iterator[Piece]:
 def chained(scene: Scene, run: Run) -> list[Piece]:
     """Tracks of one wire made one where they overlap, or one goes on where another ends."""
     chains: list[tuple[Piece, Floats]] = []  # with places along the run, offsets and heights
-    tracks = []
-    for piece in run.pieces:
-        xyz = scene.wires.xyz[piece.points]
-        tracks.append((piece, np.column_stack([*run.along(xyz), xyz[:, 2]])))
+    tracks = [(piece, run.track(scene.wires.xyz[piece.points])) for piece in run.pieces]
     for piece, own in sorted(tracks, key=lambda track: float(track[1][:, 0].min())):
         best, least = -1, math.inf
         for k, (_, other) in enumerate(chains):

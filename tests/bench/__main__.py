@@ -7,6 +7,7 @@ import sys
 from tests.bench.corridor import corridor
 from tests.bench.facades import facades
 from tests.bench.files import damaged, memory, reading, roundtrip, startup
+from tests.bench.fingerprints import fingerprints
 from tests.bench.gridding import gridding
 from tests.bench.ground import cloth, filters, isprs, terrain
 from tests.bench.long_lines import long_lines
@@ -15,7 +16,7 @@ from tests.bench.speed import speed
 
 ALL = (
     *(startup, reading, memory, isprs, filters, cloth, terrain, damaged, roundtrip, speed),
-    *(gridding, shorelines, corridor, long_lines, facades),
+    *(gridding, shorelines, corridor, long_lines, facades, fingerprints),
 )
 BENCHES = {b.__name__: b for b in ALL}
 

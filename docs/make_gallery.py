@@ -24,7 +24,7 @@ from algorithms.surface.cross_validation import SurfaceCrossValidation
 from algorithms.surface.grid import SurfaceGrid
 from algorithms.surface.hillshade import hillshade
 from toolbox.data import PointCloud, Raster
-from toolbox.values import ClassList, Extent
+from toolbox.declare import ClassList, Extent
 
 IMAGES = Path(__file__).parent / "images"
 DATA = Path(os.environ.get("TOOLBOX_TEST_DATA", ""))

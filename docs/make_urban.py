@@ -33,7 +33,7 @@ from algorithms.points.height_above_ground import PointsHeightAboveGround
 from algorithms.samples.scene import SamplesScene
 from algorithms.shared.alpha_shape import alpha_shape
 from toolbox.data import PointCloud, Raster, Vector
-from toolbox.values import Extent
+from toolbox.declare import Extent
 
 PICTURE = Path(__file__).parent / "images" / "urban-classes.png"
 DATA = Path(os.environ.get("TOOLBOX_TEST_DATA", ""))

@@ -6,7 +6,7 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-from toolbox import qgis_process
+from toolbox.qgis import process as qgis_process
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,9 @@ from toolbox import catalog, reference
 from toolbox.context import Context
 from toolbox.data import Lattice, PointCloud, Raster, Report, Table, Vector
 from toolbox.data.crs import vertical_unit
+from toolbox.declare.fields import Field, Spec
 from toolbox.errors import Cancelled, DataError, ParameterError
-from toolbox.fields import Field, Spec
-from toolbox.model import Model
+from toolbox.models.model import Model
 
 TOOLS = [catalog.load(id) for id in catalog.own_ids()]
 NUMBERS = [(s, f) for s in TOOLS for f in s.inputs.values() if f.kind.word in ("number", "integer")]

@@ -14,7 +14,7 @@ for _name in ("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "GDAL_DRIVER_PATH"):
 def run() -> None:
     """Run the command line and leave with its exit code."""
     try:
-        from toolbox.cli import main
+        from toolbox.cli.main import main
 
         code = main()
     except KeyboardInterrupt:  # before or after the part that stops in good order

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from toolbox.errors import ParameterError, nearest
 
 if TYPE_CHECKING:
-    from toolbox.fields import Spec
+    from toolbox.declare.fields import Spec
 
 NOT_GROUPS = ("shared",)  # folders of algorithms/ that hold no tools
 MODEL = (".yaml", ".yml")  # endings of model files
@@ -96,15 +96,14 @@ def load(id: str, running: tuple[Path, ...] = ()) -> Spec:
     ParameterError
         No tool has this id, its package cannot be imported, or the model is wrong.
     """
-    from toolbox.spec import REGISTRY
+    from toolbox.declare.spec import REGISTRY
 
     path = own_files().get(id)
     if id.endswith(MODEL) or (path and path.suffix in MODEL):
         return _model(Path(os.path.realpath(path or id)), running)
     if id.startswith(QGIS):
-        from toolbox.qgis_steps import load as ask
-
-        return ask(id)
+        found: Spec = importlib.import_module("toolbox.qgis.steps").load(id)
+        return found
     if id not in ids():
         hint = nearest(id, ids()) or "; 'list' shows all"
         raise ParameterError(f"no tool called {id!r}{hint}")
@@ -123,7 +122,7 @@ def load(id: str, running: tuple[Path, ...] = ()) -> Spec:
 
 def _model(path: Path, running: tuple[Path, ...]) -> Spec:
     """Read a model; a step that names a model file means one beside it."""
-    from toolbox.model_reader import load as read
+    from toolbox.models.reader import load as read
 
     if path in running:
         circle = " -> ".join(model.stem for model in (*running[running.index(path) :], path))

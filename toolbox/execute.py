@@ -9,17 +9,19 @@ from typing import Any
 
 from pyproj import CRS
 
-from toolbox import catalog, sources, targets
-from toolbox.cache import Cache
+from toolbox import catalog
 from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import parse_crs
+from toolbox.declare.fields import Spec
 from toolbox.errors import ParameterError
-from toolbox.fields import Spec
-from toolbox.model import Run
-from toolbox.provenance import Count, counting, record_of
+from toolbox.models.model import Run
+from toolbox.runs import source as sources
+from toolbox.runs import target as targets
+from toolbox.runs.cache import Cache
+from toolbox.runs.provenance import Count, counting, record_of
+from toolbox.runs.target import Target
 from toolbox.shown import PICTURE, SHOWN
-from toolbox.targets import Target
-from toolbox.tiling import Tiling
+from toolbox.tiles.tiling import Tiling
 
 # shares of the progress at which hashing and reading end, and writing begins
 HASH, READ, WRITE = 0.03, 0.15, 0.85
@@ -52,8 +54,8 @@ def run(
     picture : PNG to draw the resulting layers into
     tiling : how to cut the point clouds, which must be files; none to run on the whole at once
     resume : keep the results of the tool, or of each step of a model, and take over those that an
-        earlier run has kept for the same layers and settings (see `toolbox.cache`); in tiles, go
-        on where an earlier run was stopped
+        earlier run has kept for the same layers and settings (see `toolbox.runs.cache`); in tiles,
+        go on where an earlier run was stopped
     ctx : where progress goes, and what can cancel the run
 
     Returns
@@ -90,7 +92,7 @@ def run(
         part = ctx.part(0, HASH)
         record = record_of(spec, settings, reads, assume_crs=crs, model=model, ctx=part)
     if tiling:
-        from toolbox import tiles  # here, for it imports Dask
+        from toolbox.tiles import engine as tiles
 
         return tiles.run(
             id,

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from toolbox import catalog
-from toolbox.diagram import mermaid
-from toolbox.fields import Spec
-from toolbox.model import Model
+from toolbox.declare.fields import Spec
+from toolbox.models.diagram import mermaid
+from toolbox.models.model import Model
 
 ROOT = catalog.METADATA.parent
 

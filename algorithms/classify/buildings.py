@@ -41,9 +41,8 @@ from algorithms.shared.polygons import Polygons
 from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Vector
+from toolbox.declare import ClassList, Share, outputs, param, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList, Share
 
 BUILDING, OTHER = np.uint8(_evidence.BUILDING), np.uint8(1)
 FOOT = 0.5  # metres above ground from which points in an outline are building

@@ -23,7 +23,7 @@ from algorithms.surface.difference import misfit
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster
 from toolbox.data.crs import crs_conflict
-from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.declare import outputs, param, sink, source, tool
 
 NIR = re.compile(r"\bnir\b|near[- ]?infra", re.IGNORECASE)
 RED = re.compile(r"(?<!infra[- ])\bred\b(?![- ]?edge)", re.IGNORECASE)

@@ -31,9 +31,8 @@ from algorithms.shared.chance import random_keys
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Raster, Table
+from toolbox.declare import Attribute, ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError, nearest
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Attribute, ClassList
 
 DEFAULT = ("height_above_ground", "ground", "planarity", "returns", "intensity")
 PLAIN, IMPORTANT = 1.0, 10.0  # weights of x and y, and of all others (Şen and Bayaslı)

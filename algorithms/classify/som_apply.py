@@ -13,9 +13,8 @@ from algorithms.classify.som import features_of, missing_feature, nobody_has_all
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
 
 LARGEST_RADIUS, LARGEST_CONTEXT = 10.0, 20.0  # metres, as in classify.som
 

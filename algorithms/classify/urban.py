@@ -23,9 +23,8 @@ from algorithms.shared.polygons import Polygons, polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
 from toolbox.data.crs import crs_conflict
+from toolbox.declare import ClassList, Share, outputs, param, sink, source, tool
 from toolbox.errors import NothingToDo
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList, Share
 
 GROUND, BUILDING, WATER, REST = (np.uint8(k) for k in (2, 6, 9, 1))
 

@@ -21,9 +21,8 @@ from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Raster
 from toolbox.data.crs import crs_conflict
+from toolbox.declare import Attribute, ClassList, Share, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Attribute, ClassList, Share
 
 ENOUGH = 100  # points of a kind that tell whether bands were swapped
 

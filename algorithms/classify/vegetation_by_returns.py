@@ -27,9 +27,8 @@ from algorithms.points.height_above_ground import NAME as HEIGHT
 from algorithms.shared.ground import GROUND, taking_part
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud
+from toolbox.declare import ClassList, Share, outputs, param, sink, source, tool
 from toolbox.errors import NothingToDo
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList, Share
 
 REACH = 20  # cells that a weak edge may go on
 PULSE = 50.0  # metres between the returns of a pulse, in plan

@@ -35,9 +35,8 @@ from algorithms.compare._shapes import (
 )
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector
+from toolbox.declare import Extent, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Extent
 
 ROUNDING = 1e-9  # of an area: less than this is what calculation leaves
 AGREE, COMMISSION, OMISSION = "agree", "commission", "omission"

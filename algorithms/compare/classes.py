@@ -27,10 +27,9 @@ from scipy.spatial import cKDTree
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
+from toolbox.data.outcomes import CORRECT_NEGATIVE, CORRECT_POSITIVE, NO_REFERENCE, TYPE_1, TYPE_2
+from toolbox.declare import Attribute, ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.outcomes import CORRECT_NEGATIVE, CORRECT_POSITIVE, NO_REFERENCE, TYPE_1, TYPE_2
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Attribute, ClassList
 
 # Coordinates are the same if they agree to this: 0.1 mm on the ground in degrees, or 1 micrometre.
 SAME_IN_DEGREES, SAME = 1e-9, 1e-6

@@ -31,7 +31,7 @@ from algorithms.compare._shapes import AREAS, LINES, layer_problem
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector
 from toolbox.data.crs import crs_conflict
-from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.declare import outputs, param, sink, source, tool
 
 ROUNDING = 1e-7  # of the largest value: how far a quantile may be wrong
 WITHIN = 1e-4  # metres: how far Hausdorff and Fréchet distances may be wrong

@@ -23,10 +23,9 @@ from numpy.typing import NDArray
 from algorithms.compare.classes import counterparts
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
+from toolbox.data.outcomes import FOUND_ALONE, IN_BOTH, IN_NEITHER, NO_REFERENCE, REFERENCE_ALONE
+from toolbox.declare import Attribute, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.outcomes import FOUND_ALONE, IN_BOTH, IN_NEITHER, NO_REFERENCE, REFERENCE_ALONE
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Attribute
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -20,7 +20,7 @@ from scipy.optimize import linear_sum_assignment
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector
-from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.declare import outputs, param, sink, source, tool
 
 STEP = 1.0  # metres between the places that are compared
 OVERRUN, OVERRUN_SHARE = 5.0, 0.1  # metres, and of a wire, by which it may go on

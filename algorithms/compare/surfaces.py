@@ -29,9 +29,8 @@ from algorithms.surface.difference import difference, misfit
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.crs import crs_conflict
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
 
 REFERENCES = ("reference", "checkpoints", "points")
 ROWS = 512  # resampled between two looks at whether the user cancelled

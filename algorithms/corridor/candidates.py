@@ -10,8 +10,7 @@ from algorithms.ground.classify import HEIGHT
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 
 
 @tool("corridor.candidates")

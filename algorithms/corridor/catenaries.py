@@ -26,8 +26,7 @@ from algorithms.shared.ground import is_withheld
 from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table, Vector
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 
 SPARSE = 100.0  # points per square metre: everything is uncrowded
 BELOW = 20.0  # metres under the lowest point, where the ground may be

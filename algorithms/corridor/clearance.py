@@ -46,9 +46,8 @@ from algorithms.corridor._surroundings import Line, Scene, line_of, scene_of
 from algorithms.ground.classify import HEIGHT
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Report, Survey, Table, Vector
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
 
 FARTHEST_TREE = 60.0  # metres to the side from which a tree may fall on a wire
 LEAST_REACH = 10.0  # metres to the side up to which the least clearances are looked for

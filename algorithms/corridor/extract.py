@@ -41,9 +41,8 @@ from algorithms.shared.ground import may_be_ground, taking_part
 from algorithms.shared.lowest import lattice_around
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
 
 COMPANY, ALMOST_ALL = (2.0, 2.0, 1.0), 0.9  # metres, and share of the points with others so near
 SEEN_CELL, SHIFTS = 2.0, (0.0, 1.0)  # metres, in whole cells of candidates

@@ -10,9 +10,8 @@ from algorithms.corridor._labels import NUMBER, NUMBERS, labelled
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
 
 
 @tool("corridor.label")

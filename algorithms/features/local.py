@@ -16,8 +16,7 @@ from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.data.crs import vertical_unit
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 
 LONGEST = 32  # letters of the name of an extra attribute in a LAS file
 

@@ -45,9 +45,8 @@ from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
 
 CELL = 1.0  # metres, of the raster of lowest points; all kernels count on it
 LEVELS = 4  # resolutions at which a cell looks around: to 8 m at 1 m, ..., to 64 m at 8 m

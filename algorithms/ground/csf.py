@@ -36,9 +36,8 @@ from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
 
 GRAVITY = 0.24  # metres per square of the time step, for particles 1 metre apart, rigidness 1
 DRAG = 0.2  # share of the speed lost in a step, per metre between particles (small ones)

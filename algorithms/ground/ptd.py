@@ -37,9 +37,8 @@ from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
 
 CELL = 1.0  # metres: of each cell the lowest point may become a vertex
 FINEST = 5.0  # metres: seed grids are halved until they are at most this wide

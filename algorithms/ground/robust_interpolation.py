@@ -37,9 +37,8 @@ from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
 
 COARSEST = 1 / 3  # of the widest building, so that its window reaches ground on both sides
 VEGETATION_CELL = 5.0  # metres: smaller cells serve the vegetation strategy

@@ -18,8 +18,7 @@ from algorithms.planes._segment import segment
 from algorithms.shared.ground import is_withheld
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Share
+from toolbox.declare import Share, outputs, param, sink, source, tool
 
 NAME = "plane_id"
 BELOW = 2.0  # tolerance over the noise below which planes fall to pieces

@@ -20,9 +20,8 @@ from algorithms.shared.plane_fit import Cone, Fit, Plane, fit, is_line, sample, 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
 from toolbox.data.crs import vertical_unit
+from toolbox.declare import Direction, Share, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Direction, Share
 
 NAME = "PlaneDistance"
 LEVEL = 1e-9  # radians; planes that lean less have no direction

@@ -22,9 +22,8 @@ from algorithms.shared.plane_fit import Plane
 from algorithms.shared.polygons import Polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
+from toolbox.declare import Attribute, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Attribute
 
 MIDDLE = 0.8  # share of a side along which its edge is looked for, away from the corners
 EDGE = 0.95  # share of the rows of points that end before the edge

@@ -21,7 +21,7 @@ from algorithms.planes.extract import Orientation, steepness
 from algorithms.shared.ground import is_withheld
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
-from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.declare import outputs, param, sink, source, tool
 
 OF_NOISE = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0)  # tolerances by default
 SETTLED_PLANES, SETTLED_SHARE = 0.02, 0.001  # changes that are none: of the number, of all points

@@ -15,10 +15,8 @@ from algorithms.shared.lowest import require_finite
 from algorithms.shared.polygons import Polygons, Shapes, geometries, polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
+from toolbox.declare import Expression, Extent, Share, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.expression import Expression
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Extent, Share
 
 
 @tool("points.clip")

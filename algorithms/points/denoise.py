@@ -28,9 +28,8 @@ from algorithms.shared.neighbours import PointTree
 from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
 
 LOW, HIGH = kernels.LOW, kernels.HIGH
 LEAST_DEVIATION = 0.2  # of what is usual: even a perfect lattice may have gaps of twice its step

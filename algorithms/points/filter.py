@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
+from toolbox.declare import ClassList, Expression, Range, Share, outputs, param, sink, source, tool
 from toolbox.errors import NothingToDo
-from toolbox.expression import Expression
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList, Range, Share
 
 ROUNDING = 1e-6  # 5.2 - 5.0 is a little more than 0.2 in binary; files hold no finer coordinates
 FEW = 0.001  # share of the points, below which a band begins at what may be an error

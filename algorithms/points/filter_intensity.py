@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from algorithms.shared.otsu import otsu_threshold
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
+from toolbox.declare import Share, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Share
 
 MISSCALED = 10.0  # a limit so many times below all intensities is for another scale
 

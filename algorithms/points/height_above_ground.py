@@ -25,9 +25,8 @@ from algorithms.shared.places import averaged
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.data.crs import vertical_unit
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
 
 BLOCK = 200_000  # points between two looks at whether the user cancelled
 NAME = "HeightAboveGround"  # as in other programs

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from algorithms.points import _info_survey
-from toolbox.asprs import CLASSES
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Survey, Table
+from toolbox.data.asprs import CLASSES
 from toolbox.data.crs import describe_crs, length_problem, vertical_unit
-from toolbox.spec import outputs, sink, source, tool
+from toolbox.declare import outputs, sink, source, tool
 
 PERCENTILES = (0, 1, 5, 25, 50, 75, 95, 99, 100)
 POINTS_PER_CELL = 10  # of the grid that tells covered ground from gaps

@@ -16,8 +16,8 @@ from algorithms.points.thin import cells, grouped
 from algorithms.shared.lowest import blocks, require_finite
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud
+from toolbox.declare import outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
 
 ROUNDING = 1e-6  # share by which a tolerance is widened; more than rounding moves
 SAME = ("gps_time", "return_number")  # of a pulse that two files hold

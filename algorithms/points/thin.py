@@ -18,8 +18,7 @@ from algorithms.shared.chance import random_keys
 from algorithms.shared.lowest import blocks, require_finite
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Attribute, Share
+from toolbox.declare import Attribute, Share, outputs, param, sink, source, tool
 
 Method = Literal[
     "grid_average", "first", "lowest", "highest", "random", "nearest_to_centre", "duplicates"

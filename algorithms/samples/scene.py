@@ -16,8 +16,8 @@ from algorithms.samples._town import town
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.data.crs import length_problem, metres_per_unit
+from toolbox.declare import outputs, param, sink, tool
 from toolbox.errors import ParameterError
-from toolbox.spec import outputs, param, sink, tool
 
 MOST_POINTS = 1e8  # 20 GB while they are made
 KINDS = {

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolbox.data import PointCloud
+from toolbox.declare import Share
 from toolbox.errors import NothingToDo
-from toolbox.values import Share
 
 GROUND, OTHER = np.uint8(2), np.uint8(1)  # ASPRS classes
 NOWHERE = np.zeros(0, bool)  # ground among no points

@@ -26,8 +26,8 @@ from algorithms.shoreline._bodies import (
 from algorithms.shoreline._level import Level, edge_level, level_of
 from algorithms.shoreline._returns import Returns
 from toolbox.context import QUIET, Context, log
+from toolbox.declare import Position
 from toolbox.errors import DataError
-from toolbox.values import Position
 
 CREST = 3.0  # standard deviations of points on the water above its level
 FEW_RETURNS = 12  # points on a body; with fewer its level is that of its edge

@@ -21,9 +21,8 @@ from algorithms.shared.alpha_shape import AlphaShape, alpha_shape
 from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
+from toolbox.declare import Attribute, ClassList, Share, outputs, param, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Attribute, ClassList, Share
 
 if TYPE_CHECKING:
     import geopandas

@@ -23,9 +23,8 @@ from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._water import Water, at_place, find_water, sloping, tell
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Survey, Vector
+from toolbox.declare import ClassList, Position, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList, Position
 
 Row = dict[str, Any]
 

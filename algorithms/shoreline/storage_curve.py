@@ -23,9 +23,8 @@ from algorithms.shoreline._basin import BLOCK, Pieces, PointBasin, RasterBasin
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.crs import vertical_unit
+from toolbox.declare import ClassList, Position, outputs, param, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList, Position
 
 Array = NDArray[np.float64]
 MOST_LEVELS = 100_000  # more are taken for a mistake in the step

@@ -19,8 +19,7 @@ from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._water import Water, find_water, place_of, tell, with_levels
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Survey, Table, Vector
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import ClassList
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 
 
 @tool("shoreline.water_level")

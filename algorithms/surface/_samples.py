@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolbox.data import PointCloud
+from toolbox.declare import Attribute, ClassList
 from toolbox.errors import DataError
-from toolbox.values import Attribute, ClassList
 
 
 def samples(

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from algorithms.shared.heights import heights_problem
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster, Vector
+from toolbox.declare import outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.spec import outputs, param, sink, source, tool
 
 Array = NDArray[np.float64]
 MOST_LEVELS = 10_000  # more are taken for a mistake in the interval

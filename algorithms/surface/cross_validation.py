@@ -26,10 +26,8 @@ from algorithms.surface.grid import STATISTICS, grid
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table
 from toolbox.data.crs import vertical_unit
+from toolbox.declare import Attribute, ClassList, Expression, outputs, param, sink, source, tool
 from toolbox.errors import DataError
-from toolbox.expression import Expression
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Attribute, ClassList
 
 Interpolation = Literal["linear", "natural", "cubic", "idw", "nearest"]
 CellStatistic = Literal["min", "max", "mean", "median", "percentile"]  # that are values of points

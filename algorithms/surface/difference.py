@@ -11,7 +11,7 @@ from algorithms.shared.heights import infinity_problem
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster
 from toolbox.data.crs import crs_conflict
-from toolbox.spec import outputs, sink, source, tool
+from toolbox.declare import outputs, sink, source, tool
 
 Array = NDArray[np.float64]
 ROWS = 512  # subtracted between two looks at whether the user cancelled

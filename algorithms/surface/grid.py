@@ -32,10 +32,18 @@ from algorithms.surface._tin import STEPS, Tin
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.data.crs import vertical_unit
+from toolbox.declare import (
+    Attribute,
+    ClassList,
+    Expression,
+    Extent,
+    outputs,
+    param,
+    sink,
+    source,
+    tool,
+)
 from toolbox.errors import DataError, NothingToDo
-from toolbox.expression import Expression
-from toolbox.spec import outputs, param, sink, source, tool
-from toolbox.values import Attribute, ClassList, Extent
 
 Method = Literal["linear", "natural", "cubic", "idw", "nearest"] | Statistic
 Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from algorithms.shared.heights import heights_problem
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster
-from toolbox.spec import outputs, param, sink, source, tool
+from toolbox.declare import outputs, param, sink, source, tool
 
 Array = NDArray[np.float64]
 ROWS = 512  # shaded between two looks at whether the user cancelled

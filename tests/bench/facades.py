@@ -73,7 +73,6 @@ def _front(seed: int) -> str:
 def _matched(data: Any, out: Any) -> tuple[list[Match], int, int]:
     """The true planes that are large enough, and how many planes are invented and split."""
     import numpy as np
-
     from tests.planes.test_extract import ids_of, truth_of
 
     true, faces = truth_of(data)
@@ -91,7 +90,6 @@ def _matched(data: Any, out: Any) -> tuple[list[Match], int, int]:
 def _matches(xyz: Any, true: Any, ids: Any, count: Any, faces: Any, planes: Any) -> Iterator[Match]:
     import numpy as np
     import shapely
-
     from tests.planes.test_extract import least_error
 
     planes = planes.set_index("plane_id")

@@ -58,7 +58,7 @@ def damaged() -> None:
     """Every odd or damaged file: outcome, seconds and the memory of the process."""
     for path in sorted((DATA / "robustness").glob("*.la[sz]")):
         code = (
-            "import sys\nfrom toolbox.cli import main\n"
+            "import sys\nfrom toolbox.cli.main import main\n"
             "code = main(['info', sys.argv[1], '--json'])\n"
             f"print({PEAK} // 1024, code, file=sys.stderr)"
         )

@@ -225,7 +225,7 @@ def _spec(id: str) -> Any:
 
 
 def _tiling(size: float) -> Any:
-    from toolbox.tiling import Tiling
+    from toolbox.tiles.tiling import Tiling
 
     return Tiling(size=size, workers=2)
 

@@ -11,9 +11,9 @@ import pytest
 from pyproj import CRS
 from qgis_program import Qgis
 
-from toolbox import qgis_process
 from toolbox.data import PointCloud
-from toolbox.qgis_install import install
+from toolbox.qgis import process as qgis_process
+from toolbox.qgis.install import install
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -17,7 +17,7 @@ from shapely.geometry import box
 from toolbox import catalog
 from toolbox.data import Raster, Vector
 from toolbox.errors import ParameterError
-from toolbox.qgis_model import from_qgis
+from toolbox.qgis.model import from_qgis
 
 SCRIPT = Path(__file__).with_name("dialogs.py")
 

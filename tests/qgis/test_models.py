@@ -10,9 +10,9 @@ import pytest
 from qgis_program import Qgis
 
 from toolbox import catalog
-from toolbox.cli import main
+from toolbox.cli.main import main
 from toolbox.data import Raster, Vector
-from toolbox.model import Model
+from toolbox.models.model import Model
 
 MIXED = """
 id: my.mixed

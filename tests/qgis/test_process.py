@@ -13,7 +13,7 @@ import psutil
 from qgis_program import Qgis
 
 from toolbox import catalog
-from toolbox.cli import main
+from toolbox.cli.main import main
 from toolbox.data import Raster
 
 

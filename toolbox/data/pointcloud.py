@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
-from toolbox.data import las_points
 from toolbox.data.crs import crs_conflicts, describe_crs, metres_per_unit
-from toolbox.data.las import las_sink, read_las, write_las
-from toolbox.data.las_header import Frame
-from toolbox.data.las_joint import fitted, housed, joint_frame
+from toolbox.data.las import points as las_points
+from toolbox.data.las.files import las_sink, read_las, write_las
+from toolbox.data.las.header import Frame
+from toolbox.data.las.joint import fitted, housed, joint_frame
 from toolbox.data.places import LAS, TEXT, Places, files_of, name_of, suffix_of
 from toolbox.data.record import own_side_car, with_record, write_beside
 from toolbox.errors import DataError, nearest
@@ -496,7 +496,7 @@ class PointCloud:
         Parameters
         ----------
         path : ends in one of SUFFIXES
-        record : how the file was made, as JSON text (see `toolbox.provenance`)
+        record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : told of progress, and asked whether to stop
 
         Raises

@@ -182,7 +182,7 @@ class Raster:
         path : ends in .tif or .tiff
         cog : write a Cloud Optimized GeoTIFF, with overviews
         dtype : of the file, if not that of the values; float32 rounds float64
-        record : how the file was made, as JSON text (see `toolbox.provenance`)
+        record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : where to report progress
 
         Raises

@@ -1,7 +1,7 @@
 """Where a file keeps the record of how it was made, whatever its format.
 
 A record is a JSON object with the member "lidar-toolbox"; what else is in it is not looked at
-here (see `toolbox.provenance`). It stands in the file where the format has room, so that it is
+here (see `toolbox.runs.provenance`). It stands in the file where the format has room, so that it is
 not lost when the file is moved, and in a file `<name>.json` beside it elsewhere:
 
 ===================  ===========================================================
@@ -28,7 +28,7 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-from toolbox.data.las_header import Frame, Record, read_frame
+from toolbox.data.las.header import Frame, Record, read_frame
 from toolbox.errors import DataError
 
 MEMBER = "lidar-toolbox"

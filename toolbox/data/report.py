@@ -115,7 +115,7 @@ class Report:
         raise DataError(f"{path}: reports are written, not read")
 
     def html(self, record: str = "") -> str:
-        """The page; `record` says how it was made, as JSON text (see `toolbox.provenance`)."""
+        """The page; `record` says how it was made, as JSON text (see `toolbox.runs.provenance`)."""
         import jinja2
 
         page = Path(__file__).with_name("report.html").read_text(encoding="utf-8")
@@ -131,7 +131,7 @@ class Report:
         Parameters
         ----------
         path : ends in .html
-        record : how the file was made, as JSON text (see `toolbox.provenance`)
+        record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : where to report progress
 
         Raises

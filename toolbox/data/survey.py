@@ -15,9 +15,9 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import crs_conflicts, metres_per_unit
-from toolbox.data.las import chunk_sizes, read_header
-from toolbox.data.las_header import Frame
-from toolbox.data.las_points import Box
+from toolbox.data.las.files import chunk_sizes, read_header
+from toolbox.data.las.header import Frame
+from toolbox.data.las.points import Box
 from toolbox.data.places import LAS, Places, files_of, name_of, suffix_of
 from toolbox.data.pointcloud import PointCloud
 from toolbox.errors import DataError

@@ -129,7 +129,7 @@ class Table:
         path : ends in one of SUFFIXES
         layer : name of the table in a GeoPackage; the stem of the file name unless given
         add : keep the other layers of a GeoPackage
-        record : how the file was made, as JSON text (see `toolbox.provenance`)
+        record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : where to report progress
 
         Raises

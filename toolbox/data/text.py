@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pandas.io.parsers import TextFileReader
 
 from toolbox.context import QUIET, Context
-from toolbox.data.las_header import fields
+from toolbox.data.las.header import fields
 from toolbox.errors import DataError
 
 _BLOCK = 250_000  # lines between two reports of progress

@@ -161,7 +161,7 @@ class Vector:
         path : ends in .gpkg, .geojson, .fgb, .parquet, .shp, .kml, .dxf or .ply
         layer : name of the layer in the file; the stem of the file name unless given
         add : keep the other layers of a GeoPackage
-        record : how the file was made, as JSON text (see `toolbox.provenance`)
+        record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : where to report progress
 
         Raises

@@ -1,0 +1,469 @@
+"""classify.som and classify.som_apply: known scenes, steps by hand, saved maps, bad input."""
+
+from __future__ import annotations
+
+import tracemalloc
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pyproj import CRS
+
+import toolbox
+from algorithms.classify import _evidence, _som
+from algorithms.classify._feature_map import FeatureMap, named
+from algorithms.classify.som import ClassifySom, drawn, growing
+from algorithms.classify.som_apply import ClassifySomApply
+from toolbox.data import PointCloud, Table
+from toolbox.declare import Attribute, ClassList
+from toolbox.errors import DataError, NothingToDo, ParameterError
+
+Floats = NDArray[np.float64]
+UTM = CRS("EPSG:32635+5773")
+
+
+def park(n: int = 24_000, seed: int = 0, shift: float = 0.0) -> PointCloud:
+    """Gently sloping ground, three roofs and three groups of trees on 80 x 60 m, with truth."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform((0, 0), (80, 60), (n, 2)).T
+    z, truth = 0.03 * x + rng.normal(0, 0.02, n), np.full(n, 2)
+    count, number = np.ones(n, int), np.ones(n, int)
+    for k, (east, north) in enumerate([(15, 15), (42, 15), (66, 20)]):
+        roof = (abs(x - east) < 6) & (abs(y - north) < 5)
+        z[roof] = 5 + k - 0.4 * abs(y - north)[roof] + rng.normal(0, 0.02, roof.sum())
+        truth[roof] = 6
+    for east, north in [(15, 42), (40, 45), (66, 45)]:
+        tree = (np.hypot(x - east, y - north) < 7) & (rng.random(n) < 0.8)
+        z[tree] += rng.uniform(1.5, 12, tree.sum())
+        truth[tree] = 5
+        count[tree] = rng.integers(1, 4, tree.sum())
+        number[tree] = rng.integers(1, count[tree] + 1)
+    columns = {
+        "intensity": rng.normal(np.choose(truth // 2 - 1, [600, 300, 900]), 150).clip(1, 2000),
+        "return_number": number,
+        "number_of_returns": count,
+        "truth": truth,
+    }
+    types = ["u2", "u1", "u1", "u1"]
+    xyz = np.column_stack([x + 500_000 + shift, y + 4_600_000, z])
+    return PointCloud(
+        xyz,
+        {name: v.astype(t) for (name, v), t in zip(columns.items(), types, strict=True)},
+        crs=UTM,
+        name="park.laz",
+    )
+
+
+def accuracy(cloud: PointCloud) -> float:
+    return float(np.mean(cloud["classification"] == cloud["truth"]))
+
+
+# The map ---------------------------------------------------------------------------------
+
+
+def test_lattices() -> None:
+    """Inner neurons have six neighbours on a hexagonal lattice, and four on a square one."""
+    for shape, most in (("hexagonal", 6), ("square", 4)):
+        away = _som.distances(_som.places(4, 5, shape))  # type: ignore[arg-type]
+        beside = (away > 0) & (away <= _som.TOUCHING)
+        assert beside.sum(axis=1).max() == most
+        assert away[beside] == pytest.approx(1)
+
+
+def test_the_online_rule_by_hand() -> None:
+    """Two neurons at 0 and 1, radius 1, rate 0.5; the points 0.2 and then 1.0 (or the reverse).
+
+    A neuron beside the winner follows with 0.5 exp(-1 / 2) = 0.303265. From 0.2: 0 becomes 0.1,
+    1 becomes 0.757388; then from 1.0: 0.878694 and 0.372939.
+    """
+    how = _som.Training(
+        iterations=1, method="online", start=1.0, final=1.0, rate=0.5, final_rate=0.5
+    )
+    data = np.array([[0.2], [1.0]])
+    away = _som.distances(_som.places(1, 2, "square"))
+    pull = how.learning_rate(0) * how.pull(away, 0)
+    np.testing.assert_allclose(pull, [[0.5, 0.30326533], [0.30326533, 0.5]], rtol=1e-8)
+    weights = np.array([[0.0, 1.0]])
+    _som.kernels.learn(np.array([0, 1]), data, pull, weights)
+    np.testing.assert_allclose(weights, [[0.37293880, 0.87869387]], rtol=1e-7)
+    one, other = _som._online(data, np.array([[0.0], [1.0]]), away, how, _som.QUIET).ravel()
+    reverse = np.array([[0.0, 1.0]])
+    _som.kernels.learn(np.array([1, 0]), data, pull, reverse)
+    assert (one, other) in [tuple(weights[0]), tuple(reverse[0])]
+
+
+def test_one_pass_of_the_batch_rule_by_hand() -> None:
+    """Neurons become the means of all points, weighted by the neighbourhood of their winners."""
+    data = np.array([[0.0], [0.1], [0.9], [1.0], [1.0]])
+    place = _som.places(1, 2, "square")
+    how = _som.Training(iterations=1, start=0.5, final=0.5)
+    h = np.exp(-1 / (2 * 0.25))
+    first = (0.1 + h * 2.9) / (2 + 3 * h)
+    second = (2.9 + h * 0.1) / (3 + 2 * h)
+    found = np.sort(_som.train(data, place, how).ravel())
+    np.testing.assert_allclose(found, [first, second], atol=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "middle"), [("gaussian", np.exp(-0.5)), ("linear", 0.5)])
+def test_neighbourhoods_shrink(kind: Any, middle: float) -> None:
+    how = _som.Training(iterations=11, neighbourhood=kind, start=2.0, final=0.5)
+    away = np.array([[0.0, 1.0, 2.0]])
+    np.testing.assert_allclose(how.pull(away, 0)[0, 2], middle, rtol=1e-12)
+    shares = [how.pull(away, step)[0, 1] for step in range(11)]
+    assert shares == sorted(shares, reverse=True)
+    np.testing.assert_allclose(how.pull(away, 10)[0, 1], 0 if kind == "linear" else np.exp(-2.0))
+
+
+def plain_batch(data: Floats, place: Floats, how: _som.Training, weights: Floats) -> Floats:
+    """The batch rule without bounds and whole numbers."""
+    away = _som.distances(place)
+    for step in range(how.iterations):
+        best = np.linalg.norm(data[:, None] - weights, axis=2).argmin(axis=1)
+        pull = how.pull(away, step)[:, best]
+        weights = pull @ data / pull.sum(axis=1)[:, None]
+    return weights
+
+
+def test_bounds_and_whole_numbers_change_nothing() -> None:
+    rng = np.random.default_rng(0)
+    data = rng.random((800, 4)) * [1, 1, 10, 10]
+    place, how = _som.places(3, 4, "hexagonal"), _som.Training(iterations=40)
+    fine = _som.FINE / 16
+    start = _som.spread_out(np.rint(data * fine).astype(np.int64), place) / fine
+    wanted = plain_batch(data, place, how, start)
+    np.testing.assert_allclose(_som.train(data, place, how), wanted, atol=1e-5)
+
+
+@pytest.mark.parametrize("method", ["batch", "online"])
+def test_same_map_for_any_order_and_number_of_threads(
+    method: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_som, "PER_POINT", 10_000)  # many short runs, side by side
+    rng = np.random.default_rng(0)
+    data = np.vstack([rng.random((900, 3)), rng.random((3, 3)).repeat(30, axis=0)])
+    place, how = _som.places(2, 3, "hexagonal"), _som.Training(iterations=20, method=method)
+    first = _som.train(data, place, how)
+    np.testing.assert_array_equal(_som.train(data[rng.permutation(len(data))], place, how), first)
+    threads = numba.get_num_threads()
+    try:
+        numba.set_num_threads(1)
+        np.testing.assert_array_equal(_som.train(data, place, how), first)
+    finally:
+        numba.set_num_threads(threads)
+
+
+def test_both_rules_unfold_the_map_over_a_square() -> None:
+    """Neighbours on the lattice stand for neighbouring points, and the errors are small."""
+    data = np.random.default_rng(0).random((3000, 2))
+    place = _som.places(6, 6, "square")
+    for method in ("batch", "online"):
+        how = _som.Training(iterations=60, method=method)  # type: ignore[arg-type]
+        weights = _som.train(data, place, how)
+        found = _som.winners(data, weights)
+        assert _som.quantisation_error(found) < 0.075
+        assert _som.topographic_error(found, place) < 0.12
+
+
+def test_u_matrix_shows_the_gap() -> None:
+    weights = np.array([[0.0], [0.1], [5.0], [5.1]])
+    heights = _som.u_matrix(weights, _som.places(1, 4, "square"))
+    np.testing.assert_allclose(heights, [0.1, 2.5, 2.5, 0.1])
+
+
+# The tool --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def trained() -> ClassifySom.Outputs:
+    return ClassifySom(points=park()).run()
+
+
+def test_clusters_of_a_park_are_named_without_labels(trained: ClassifySom.Outputs) -> None:
+    assert accuracy(trained.classified) > 0.97
+    assert trained.astray < 0.03
+    assert trained.unclassified == 0
+    assert set(np.unique(trained.classified["classification"])) == {2, 5, 6}
+    assert trained.classified["confidence"].min() > 0.5
+
+
+def test_without_returns_planes_alone_tell_roofs_from_trees() -> None:
+    cloud = park()
+    ones = np.ones(len(cloud), np.uint8)
+    cloud = cloud.with_attributes({"return_number": ones, "number_of_returns": ones})
+    out = ClassifySom(points=cloud).run()
+    assert accuracy(out.classified) > 0.95
+    assert "returns" not in out.map.frame.columns
+
+
+def test_features_and_weights_of_the_study(trained: ClassifySom.Outputs) -> None:
+    """x, y, z, intensity; z and intensity count ten times as much; min-max normalisation."""
+    features = ("x", "y", "z", "intensity")
+    out = ClassifySom(points=park(), features=features, lattice="square").run()
+    row = out.map.records()[0]
+    assert [row[f"{name}_weight"] for name in features] == [1, 1, 10, 10]
+    made, z = FeatureMap.of(out.map), park()["z"]
+    assert (row["z_low"], row["z_high"]) == (z.min(), z.max())
+    values = np.column_stack([park()[name] for name in features])
+    scaled = made.comparable(values)
+    np.testing.assert_allclose(scaled.min(axis=0), 0)
+    np.testing.assert_allclose(scaled.max(axis=0), [1, 1, 10, 10])
+    assert accuracy(out.classified) > 0.75
+
+
+def test_few_labelled_points_name_the_clusters() -> None:
+    """Classes may be any; here bridge, tower and ground on a twentieth of the points."""
+    cloud = park()
+    some = np.random.default_rng(1).random(len(cloud)) < 0.05
+    other = np.choose(cloud["truth"] // 2 - 1, [2, 15, 17])
+    cloud = cloud.with_attributes({"known": np.where(some, other, 0).astype(np.uint8)})
+    out = ClassifySom(points=cloud, labels=Attribute("known")).run()
+    assert np.mean(out.classified["classification"] == other) > 0.97
+
+
+def test_the_map_grows_until_the_tolerance_is_met() -> None:
+    assert [*growing(4, 5)] == [(1, 2), (1, 3), (2, 3), (2, 4), (3, 4), (3, 5), (4, 5)]
+    assert [*growing(3, 1)] == [(2, 1), (3, 1)]
+    assert [*growing(1, 4)] == [(1, 2), (1, 3), (1, 4)]
+    labels = Attribute("truth")
+    how: dict[str, Any] = {"points": park(), "labels": labels, "search": True, "parts": 1}
+    loose = ClassifySom(**how, tolerance=0.5).run()
+    close = ClassifySom(**how, tolerance=0.05).run()
+    assert loose.neurons == 2
+    assert loose.neurons < close.neurons < 20
+    assert close.astray <= 0.05
+
+
+def test_mixed_clusters_are_split() -> None:
+    """A map of two neurons cannot hold three classes; its second stage can."""
+    how: dict[str, Any] = {"points": park(), "rows": 1, "columns": 2, "tolerance": 0.05}
+    plain, better = ClassifySom(**how, parts=1).run(), ClassifySom(**how, parts=3).run()
+    assert plain.neurons == 2
+    assert better.neurons > 3
+    assert better.astray < plain.astray
+    parents = better.map.frame["parent"]
+    assert parents.notna().sum() in (3, 6)
+    leaves = set(range(len(parents))) - set(parents.dropna())
+    assert set(better.classified["neuron"]) == leaves
+    assert accuracy(better.classified) > accuracy(plain.classified)
+
+
+def test_a_neuron_without_known_points_takes_the_nearest_class() -> None:
+    weights = np.array([[0.0], [0.4], [1.0]])
+    nothing = np.zeros(3, np.int64)
+    ones = np.ones(1)
+    made = FeatureMap(
+        *(("z",), 0 * ones, ones, ones, weights, weights.repeat(2, axis=1), nothing - 1),
+        *(nothing.astype(np.uint8), nothing, np.zeros(3), 1.0, 3.0),
+    )
+    best, known = np.array([0, 0, 0, 1, 2]), np.array([5, 5, 6, 0, 2], np.uint8)
+    found = named(made, best, known)
+    assert found.classes.tolist() == [5, 5, 2]
+    np.testing.assert_allclose(found.astray, [1 / 3, 0, 0])
+    assert found.points.tolist() == [3, 1, 1]
+
+
+def test_a_saved_map_classifies_as_the_one_that_was_trained(
+    trained: ClassifySom.Outputs, tmp_path: Path
+) -> None:
+    for suffix in (".csv", ".json"):
+        trained.map.save(tmp_path / f"map{suffix}")
+        table = Table.open(tmp_path / f"map{suffix}")
+        out = ClassifySomApply(points=park(), map=table).run()
+        for name in ("classification", "neuron", "neuron_distance"):
+            np.testing.assert_array_equal(out.classified[name], trained.classified[name])
+    elsewhere = ClassifySomApply(points=park(seed=5, shift=3000.0), map=trained.map).run()
+    assert accuracy(elsewhere.classified) > 0.96
+
+
+def test_a_map_can_be_named_by_hand(trained: ClassifySom.Outputs) -> None:
+    frame = trained.map.frame
+    frame["class"] = frame["class"].replace(6, 17)
+    out = ClassifySomApply(points=park(), map=Table(frame)).run()
+    np.testing.assert_array_equal(
+        out.classified["classification"] == 17, trained.classified["classification"] == 6
+    )
+
+
+def test_pictures_of_the_map(trained: ClassifySom.Outputs) -> None:
+    """One picture for the U-matrix and each feature, of as many colours as there are neurons."""
+    values = trained.planes.band()
+    width = values.shape[1] / 6
+    for k in range(6):
+        panel = values[:, round(k * width) : round((k + 1) * width)]
+        shown = np.unique(panel[np.isfinite(panel)])
+        assert 2 <= len(shown) <= 20
+        assert (shown.min(), shown.max()) == (0, 1)
+
+
+def test_pictures_of_a_large_map_need_little_memory() -> None:
+    place = _som.places(40, 40, "hexagonal")
+    many, one = np.zeros(len(place)), np.ones(2)
+    made = FeatureMap(
+        *(("z", "intensity"), 0 * one, one, one, place / 40, place),
+        *(np.full(len(place), -1), many.astype("u1"), many.astype(int), many, 1.0, 3.0),
+    )
+    tracemalloc.start()
+    table, picture = made.table(), made.planes()
+    used = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert used < 200e6
+    assert len(table.frame) == 1600
+    assert len(np.unique(picture.band()[:, 420:820])) > 40
+
+
+def test_a_sample_depends_on_places_alone() -> None:
+    xyz = park().xyz
+    some = drawn(xyz, 500, seed=1)
+    assert len(some) == 500
+    order = np.random.default_rng(0).permutation(len(xyz))
+    again = drawn(xyz[order], 500, seed=1)
+    assert set(order[again]) == set(some)
+    assert set(drawn(xyz, 500, seed=2)) != set(some)
+    out = ClassifySom(points=park(), sample=4000).run()
+    assert accuracy(out.classified) > 0.96
+
+
+def test_what_is_around_counts_cells_within_reach() -> None:
+    """Four points in a row of cells; the group of the third is another."""
+    xyz = np.array([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5], [2.5, 0.5, 0.5], [2.6, 0.5, 0.5]])
+    group = np.array([False, False, True, False])
+    values = np.array([[0.0], [1.0], [5.0], [0.5]])
+    near = _evidence.means_around(xyz - 7.0, group, values, 1.0)
+    np.testing.assert_allclose(near.ravel(), [0.5, 0.5, 5.0, 0.75])
+    far = _evidence.means_around(xyz, group, values, 2.0)
+    np.testing.assert_allclose(far.ravel(), [0.5, 0.5, 5.0, 0.5])
+
+
+# Bad input -------------------------------------------------------------------------------
+
+
+def bare(n: int = 300, **attributes: Any) -> PointCloud:
+    cloud = park(n)
+    return PointCloud(cloud.xyz, attributes, crs=UTM, name="bare.laz")
+
+
+def test_features_that_the_points_lack() -> None:
+    with pytest.raises(DataError, match=r"features: 'intensty' is no attribute.*intensity"):
+        ClassifySom(points=park(50), features=("intensty",))
+    with pytest.raises(DataError, match="returns needs the attributes return_number"):
+        ClassifySom(points=bare(), features=("z", "returns"))
+    out = ClassifySom(points=bare(3000)).run()
+    assert {"ground", "planarity"} <= set(out.map.frame.columns)
+    assert "intensity" not in out.map.frame.columns
+
+
+def test_a_constant_feature_tells_nothing(caplog: pytest.LogCaptureFixture) -> None:
+    cloud = bare(2000, intensity=np.full(2000, 7, np.uint16))
+    out = ClassifySom(points=cloud, features=("z", "intensity")).run()
+    assert "feature intensity is the same at all points" in caplog.text
+    alone = ClassifySom(points=cloud, features=("z",)).run()
+    np.testing.assert_array_equal(
+        out.classified["classification"], alone.classified["classification"]
+    )
+
+
+def test_fewer_points_than_neurons() -> None:
+    with pytest.raises(DataError, match="15 are fewer than the 20 neurons"):
+        ClassifySom(points=park(15)).run()
+
+
+def test_points_without_a_feature_become_class_1(caplog: pytest.LogCaptureFixture) -> None:
+    intensity = np.random.default_rng(0).uniform(1, 9, 3000)
+    intensity[:40] = np.nan
+    out = ClassifySom(points=bare(3000, intensity=intensity), features=("z", "intensity")).run()
+    assert out.unclassified == 40
+    assert (out.classified["classification"][:40] == 1).all()
+    assert (out.classified["neuron"][:40] == -1).all()
+    assert "40 of 3000 points lack a feature" in caplog.text
+    nothing = bare(300, intensity=np.full(300, np.nan))
+    with pytest.raises(DataError, match="none has all the features; most lack intensity"):
+        ClassifySom(points=nothing, features=("z", "intensity")).run()
+
+
+def test_points_of_which_none_can_be_ground(trained: ClassifySom.Outputs) -> None:
+    """Nothing tells heights above ground; a tile of a survey may be like that, and goes on."""
+    cloud = park(300)
+    first = np.full(300, 2, np.uint8)
+    cloud = cloud.with_attributes({"number_of_returns": first, "return_number": first - 1})
+    with pytest.raises(NothingToDo, match="none has all the features") as caught:
+        ClassifySomApply(points=cloud, map=trained.map).run()
+    instead = caught.value.instead
+    assert (instead.classified["classification"] == 1).all()
+    assert instead.unclassified == 300
+    with pytest.raises(DataError, match="none has all the features"):
+        ClassifySom(points=cloud).run()
+
+
+def test_ignored_points_stay_as_they_are() -> None:
+    cloud = park(6000)
+    classes = np.where(np.arange(6000) < 100, 18, 1).astype(np.uint8)
+    cloud = cloud.with_attributes({"classification": classes})
+    out = ClassifySom(points=cloud, ignore=ClassList([18])).run()
+    assert (out.classified["classification"][:100] == 18).all()
+    rest = ClassifySom(points=cloud.select(np.arange(100, 6000))).run()
+    np.testing.assert_array_equal(
+        out.classified["classification"][100:], rest.classified["classification"]
+    )
+
+
+def test_settings_that_cannot_be() -> None:
+    points = park(50)
+    for settings, text in [
+        ({"features": ("z", "z")}, "a name is given twice"),
+        ({"features": ()}, "features: give at least one name"),
+        ({"weights": (1.0,)}, "weights: name features, too"),
+        ({"features": ("z",), "weights": (1.0, 2.0)}, "weights: give one for each of 1 features"),
+        ({"rows": 1, "columns": 1}, "columns: a map needs at least two neurons"),
+    ]:
+        with pytest.raises(ParameterError, match=text):
+            ClassifySom(points=points, **settings)  # type: ignore[arg-type]
+
+
+def test_labels_must_be_classes() -> None:
+    for values in (np.zeros(300), np.full(300, 2.5), np.full(300, 300.0)):
+        cloud = park(300).with_attributes({"known": values})
+        with pytest.raises(DataError, match="known must hold classes from 0 to 255"):
+            ClassifySom(points=cloud, labels=Attribute("known"), features=("z",)).run()
+
+
+def test_tables_that_are_no_maps(trained: ClassifySom.Outputs) -> None:
+    frame = trained.map.frame
+    for table, text in [
+        (Table(frame.drop(columns="class")), "no column class"),
+        (Table(frame.drop(columns="ground_low")), "no column ground_low"),
+        (Table(frame[["neuron"]]), "no column"),
+        (Table(frame.iloc[:0]), "has no rows"),
+        (Table(frame.assign(parent=77)), "parents that are no neurons"),
+        (Table(frame.assign(parent=[0, *[None] * (len(frame) - 1)])), "parents that are no neur"),
+        (Table(frame.assign(**{"class": 300})), "numbers from 0 to 255 as class, got 300"),
+        (Table(frame.assign(**{"class": 2.5})), "numbers from 0 to 255 as class, got 2.5"),
+        (Table(frame.assign(**{"class": "roof"})), "cells that are no numbers"),
+        (Table(frame.iloc[::-1]), "must have all its rows, in the order"),
+        (Table(frame.assign(context=np.arange(len(frame)))), "the same context in all rows"),
+        (Table(frame.assign(radius=0.0)), "must have a radius above 0"),
+        (
+            Table(frame.assign(ground_weight=-1.0)),
+            "must have a weight above 0, and a range, for gr",
+        ),
+    ]:
+        with pytest.raises(DataError, match=text):
+            ClassifySomApply(points=park(50), map=table)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("tiles", "least"),
+    [(("77050_627755", "77055_627755", "77060_627760"), 0.94), (("77060_627760",), 0.92)],
+)
+def test_real_towns(data: Any, tiles: tuple[str, ...], least: float) -> None:
+    """Three classes of real tiles, without labels: the figures of the explanation."""
+    paths = [str(data(f"ign_urban_50m/{tile}.laz")) for tile in tiles]
+    cloud = PointCloud.concat([PointCloud.open(path) for path in paths])
+    found = toolbox.run("classify.som", {"points": cloud})["classified"]["classification"]
+    truth = np.where(np.isin(cloud["classification"], (3, 4)), 5, cloud["classification"])
+    known = np.isin(truth, (2, 5, 6))
+    assert np.mean(found[known] == truth[known]) > least
+    assert np.mean((found == 2)[known] != (truth == 2)[known]) < 0.03

@@ -1,0 +1,117 @@
+"""Fits to wires of known shape."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scenes.corridors import cloud, line, wire
+
+from algorithms.corridor._catenary import Catenary, fit
+from algorithms.corridor._lines import catenaries_of
+from algorithms.corridor.catenaries import CorridorCatenaries
+from toolbox.declare import ClassList
+from toolbox.errors import ParameterError
+
+
+def test_the_catenary_obeys_its_equation() -> None:
+    curve = Catenary(0, 0, 1, 0, 100, 20, 26, 1 / 300)
+    u = np.linspace(0, 100, 11)
+    z = curve.z0 + 300 * (np.cosh((u - curve.u0) / 300) - 1)
+    np.testing.assert_allclose(curve.height(u), z, atol=1e-9)
+    fine = curve.points(np.linspace(0, 100, 10_001))
+    steps = np.linalg.norm(np.diff(fine, axis=0), axis=1)
+    assert curve.arc == pytest.approx(steps.sum(), abs=1e-4)
+    chord = 20 + 0.06 * np.linspace(0, 100, 10_001)
+    assert curve.sag == pytest.approx((chord - fine[:, 2]).max(), abs=1e-5)
+
+
+def test_a_part_of_a_catenary_is_the_same_curve() -> None:
+    curve = Catenary(3, 4, 0.6, 0.8, 100, 20, 26, 1 / 300, 0.1, 0.01, 0.2, covariance=np.eye(3))
+    part = curve.between(-5.0, 60.0)
+    np.testing.assert_allclose(
+        part.points(np.array([5.0, 65.0])), curve.points(np.array([0, 60.0]))
+    )
+    np.testing.assert_allclose(
+        part.points(np.array([30.0])), curve.points(np.array([25.0])), atol=1e-9
+    )
+    assert part.height_sigma(np.array([30.0])) == pytest.approx(
+        curve.height_sigma(np.array([25.0])), rel=1e-3
+    )
+
+
+def test_a_fit_finds_the_wire_in_spite_of_outliers() -> None:
+    true, points = wire((0, 0, 20), (200, 10, 35), 900, per_metre=3)
+    stray = points[::10] + np.array([0, 0.4, -0.6])
+    curve = fit(np.vstack([points, stray]))
+    assert curve is not None
+    assert curve.c == pytest.approx(900, rel=0.01)
+    _, v, z = curve.residuals(true.points(np.linspace(1, 199, 50)))
+    assert np.abs(z).max() < 0.02
+    assert np.abs(v).max() < 0.02
+
+
+def test_the_covariance_is_that_of_repeated_fits() -> None:
+    fits = [fit(wire((0, 0, 20), (150, 0, 22), 800, 2, seed=k)[1]) for k in range(60)]
+    curvature = np.array([f.curvature for f in fits if f])
+    said = np.mean([f.variance_of_curvature for f in fits if f])
+    assert 0.6 < curvature.std() / np.sqrt(said) < 1.6
+
+
+def test_wind_is_seen_as_a_swing() -> None:
+    true, _ = wire((0, 0, 20), (200, 0, 20), 800)
+    blown = Catenary(0, 0, 1, 0, 200, 20, 20, 1 / 800, swing=0.2)
+    rng = np.random.default_rng(3)
+    points = blown.points(rng.uniform(0, 200, 600)) + rng.normal(0, 0.03, (600, 3))
+    curve = fit(points)
+    assert curve is not None
+    assert curve.swing == pytest.approx(0.2, abs=0.01)
+    assert true.sag == pytest.approx(curve.sag, abs=0.03)
+
+
+def test_few_points_are_no_wire() -> None:
+    assert fit(np.zeros((3, 3))) is None
+    assert fit(np.zeros((9, 3))) is None
+
+
+@pytest.mark.parametrize("towers", [True, False])
+def test_wires_alone_are_enough(towers: bool) -> None:
+    curves, wires, poles = line([0, 70, 140], [-1.5, 0, 1.5], 10, 500)
+    parts, classes = [*wires], [14] * 6
+    if towers:
+        parts, classes = [*parts, poles], [*classes, 15]
+    points = cloud(*parts, classes=classes)
+    points = points.with_attributes({"classification": points["truth"]})
+    result = CorridorCatenaries(points=points).run()
+    assert result.span_count == 2
+    assert len(result.spans) == len(curves) == 6
+    np.testing.assert_allclose(result.spans.frame.c, 500, rtol=0.03)
+    assert (result.spans.frame.rms < 0.06).all()
+
+
+def test_all_points_of_a_cloud_without_classes_are_wire() -> None:
+    points = cloud(*line([0, 120], [-2, 2], 15, 700)[1])
+    result = CorridorCatenaries(points=points).run()
+    assert len(result.wires) == 2
+
+
+def test_curves_come_back_from_their_layer() -> None:
+    points = cloud(*line([0, 120], [-2, 2], 15, 700)[1])
+    layer = CorridorCatenaries(points=points).run().wires
+    origin = np.array([500_000.0, 4_400_000.0, 0.0])
+    for curve, shape in zip(catenaries_of(layer, origin), layer.frame.geometry, strict=True):
+        corners = np.array(shape.coords) - origin
+        _, v, z = curve.residuals(corners)
+        assert np.abs(v).max() < 1e-6
+        assert np.abs(z).max() < 1e-6
+
+
+def test_no_wire_is_an_empty_layer(caplog: pytest.LogCaptureFixture) -> None:
+    points = cloud(np.random.default_rng(0).uniform(0, 50, (2000, 3)))
+    assert len(CorridorCatenaries(points=points).run().wires) == 0
+    assert "no wire was found" in caplog.text
+
+
+def test_a_class_is_wire_or_tower() -> None:
+    points = cloud(np.zeros((5, 3)))
+    with pytest.raises(ParameterError, match="tower_classes: must not be among wire_classes"):
+        CorridorCatenaries(points=points, tower_classes=ClassList([14, 15]))

@@ -1,0 +1,585 @@
+"""Power lines of known shape, and what looks like a power line but is none."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pyproj import CRS
+from scenes.corridors import CORNER, Floats, bar, cloud, ground, line, pole, tree, wire
+
+from algorithms.corridor._arcs import Binned, agreed, arcs_of, solved
+from algorithms.corridor._catenary import fit
+from algorithms.corridor._network import Piece, Scene
+from algorithms.corridor._supports import Support
+from algorithms.corridor._thesis import otsu
+from algorithms.corridor._towers import centred
+from algorithms.corridor._trace import CELL, Airborne
+from algorithms.corridor._tracks import runs_among
+from algorithms.corridor.extract import CorridorExtract
+from toolbox.data import PointCloud
+from toolbox.declare import ClassList
+from toolbox.errors import DataError
+
+DATA = Path(os.environ.get("TOOLBOX_TEST_DATA", "/nowhere"))
+GROUND = ground(200, 60, 8)
+FACES = (-1, 3), (1, 9)  # metres aside of the middle of a tower, and points per metre of its legs
+RNG = np.random.default_rng(1)
+
+
+def found(*parts: Floats) -> CorridorExtract.Outputs:
+    return CorridorExtract(points=cloud(*parts)).run()
+
+
+def quality(said: Floats, true: Floats) -> float:
+    return float((said & true).sum() / (said | true).sum())
+
+
+@pytest.fixture(scope="module")
+def three_spans() -> tuple[CorridorExtract.Outputs, list[object]]:
+    curves, wires, poles = line([0, 60, 120, 180], [-1, 0, 1], 9, 400)
+    points = cloud(GROUND, *wires, poles, classes=[2, *[14] * 9, 15])
+    return CorridorExtract(points=points).run(), list(curves)
+
+
+def test_a_distribution_line_is_found_point_by_point(three_spans) -> None:  # type: ignore[no-untyped-def]
+    result, _ = three_spans
+    said, true = result.classified["classification"], result.classified["truth"]
+    assert result.span_count == 3
+    assert result.tower_count == 4
+    assert quality(said == 14, true == 14) > 0.98
+    assert quality(said == 15, true == 15) > 0.8  # of a pole much is hidden in the grass
+
+
+def test_curves_are_within_two_centimetres(three_spans) -> None:  # type: ignore[no-untyped-def]
+    result, curves = three_spans
+    frame = result.wires.frame
+    assert len(frame) == 9
+    for curve in curves:
+        u = np.linspace(0.5, curve.length - 0.5, 50)
+        true = curve.points(u) + CORNER
+        away = [np.abs(_height(shape, true) - true[:, 2]).max() for shape in frame.geometry]
+        assert min(away) < 0.04
+    assert frame.c.between(380, 420).all()
+    assert (abs(frame.c - 400) < 4 * frame.sd_c).all()
+    assert frame.span.between(59, 61).all()
+
+
+def _height(shape, places: Floats) -> Floats:  # type: ignore[no-untyped-def]
+    """Height of a line along x at places near it, far away elsewhere."""
+    corners = np.array(shape.coords)
+    corners = corners[np.argsort(corners[:, 0])]
+    near = abs(np.interp(places[:, 0], *corners[:, :2].T) - places[:, 1]) < 0.3
+    inside = (places[:, 0] > corners[0, 0] - 2) & (places[:, 0] < corners[-1, 0] + 2)
+    return np.where(near & inside, np.interp(places[:, 0], *corners[:, ::2].T), 1e3)
+
+
+def test_a_wire_keeps_its_number_across_the_poles(three_spans) -> None:  # type: ignore[no-untyped-def]
+    result, _ = three_spans
+    frame = result.wires.frame
+    assert frame.wire_id.nunique() == 3
+    assert (frame.groupby("wire_id").span_id.nunique() == 3).all()
+    points = result.classified
+    on_wire = points["classification"] == 14
+    assert set(points["wire_id"][on_wire]) == set(frame.wire_id)
+    assert not points["wire_id"][~on_wire].any()
+    assert set(points["tower_id"][points["classification"] == 15]) <= {1, 2, 3, 4}
+    ends = sorted(zip(frame.from_tower, frame.to_tower, strict=True))
+    assert {tuple(sorted(pair)) for pair in ends} == {(1, 2), (2, 3), (3, 4)}
+
+
+def test_conductors_of_a_bundle_are_told_apart() -> None:
+    _, wires, towers = line([0, 180], [-4, 4], 25, 1200)
+    twins = [part + np.array([0, 0.4, 0]) for part in wires]
+    frame = found(GROUND, *wires, *twins, towers).wires.frame
+    assert len(frame) == 4
+    assert frame.bundle_id.nunique() == 2
+    assert frame.c.between(1150, 1250).all()
+
+
+def valley(heights: Sequence[float], per_metre: float) -> tuple[list[Floats], Floats]:
+    """Four wires over poles 45 m apart, whose tops are at these heights."""
+    wires, poles = [], []
+    for k, (a, b) in enumerate(itertools.pairwise(heights)):
+        for y in (-1.0, -0.33, 0.33, 1.0):
+            ends = (45.0 * k, y, a), (45.0 * k + 45, y, b)
+            wires.append(wire(*ends, 400, per_metre, seed=k)[1])
+    for k, top in enumerate(heights):
+        poles.append(pole(45.0 * k, 0.0, top + 0.5))
+    return wires, np.vstack(poles)
+
+
+def places_of(result: CorridorExtract.Outputs) -> Floats:
+    """Where along the x axis the supports are, sorted."""
+    return np.sort(result.towers.frame.geometry.x.to_numpy() - CORNER[0])
+
+
+@pytest.mark.parametrize("per_metre", [4.0, 0.6], ids=["dense", "sparse"])
+def test_poles_in_a_valley_are_found_although_the_wires_hardly_bend(per_metre: float) -> None:
+    wires, poles = valley([14.0, 10.6, 9.0, 10.6, 14.0], per_metre)
+    result = found(GROUND, *wires, poles)
+    assert result.span_count == 4
+    np.testing.assert_allclose(places_of(result), [0, 45, 90, 135, 180], atol=1.5)
+
+
+@pytest.mark.parametrize(("shown", "places"), [(True, [0, 45, 90, 135]), (False, [0, 135])])
+def test_arms_part_spans_whose_wires_do_not_bend_at_them(shown: bool, places: list[int]) -> None:
+    """All poles stand on the arc of the wires; where none is seen, a tree comes up to them."""
+    arc = wire((0, 0, 16), (135, 0, 16), 400)[0]
+    wires = [wire((0, y, 16), (135, y, 16), 400)[1] for y in (-1, 0, 1)]
+    seen = [0.0, 45.0, 90.0, 135.0] if shown else [0.0, 135.0]
+    poles = [pole(x, 0.0, float(arc.height(np.array(x))) + 0.5) for x in seen]
+    trees = [tree(70.0, 0.0, 11.0, 1.5, 600)]
+    result = found(GROUND, *wires, *poles, *trees)
+    np.testing.assert_allclose(places_of(result), places, atol=1.0)
+
+
+def test_curves_that_are_no_wires_for_certain_do_not_vote_on_supports() -> None:
+    wires, _ = valley([14.0, 10.6, 9.0, 10.6, 14.0], 0.6)
+    twigs = [bar((84, 6 + k, 12), (96, 6 + k, 12), 2.0, seed=k) for k in range(6)]
+    air = Airborne.of(np.vstack([*wires, *twigs]))
+    scene = Scene(
+        air, air.xyz[:, 2], np.ones(len(air.xyz), bool), 0.25, lambda x, y: 0.0, lambda x, y: True
+    )
+    pieces = []
+    for way, low, high in (((-1.0, -0.33, 0.33, 1.0), 0, 180), (range(6, 12), 84, 96)):
+        for y in way:
+            line_of = (abs(air.xyz[:, 1] - y) < 0.2) & (air.xyz[:, 0] > low)
+            line_of &= (air.xyz[:, 0] < high) & (air.xyz[:, 2] > 8.5)
+            points = np.flatnonzero(line_of)
+            curve = fit(air.xyz[points], spread=2.0)
+            assert curve is not None
+            pieces.append(Piece(points, curve, sure=high == 180))
+    _, runs = arcs_of(scene, list(runs_among(scene, pieces)))
+    assert len(runs) == 1
+    inner = runs[0].cuts[(runs[0].cuts > 10) & (runs[0].cuts < 170)]
+    np.testing.assert_allclose(inner, [45, 90, 135], atol=3)
+
+
+def test_close_wires_that_are_no_bundle_are_found_once() -> None:
+    _, wires, poles = line([0, 45, 90, 135], [-1, -0.33, 0.33, 1], 9, 400, per_metre=12)
+    assert len(found(GROUND, *wires, poles).wires.frame) == 12
+
+
+def test_a_wire_known_along_a_short_way_is_followed_by_the_shape_of_the_others() -> None:
+    _, wires, poles = line([0, 60, 120], [-1, 0, 1], 9, 400)
+    x = wires[0][:, 0]
+    few = (x < 12) | (np.arange(len(x)) % 16 == 0)  # one point in four metres
+    result = found(GROUND, wires[0][few], *wires[1:], poles)
+    frame = result.wires.frame
+    assert len(frame) == 6
+    true = wire((0, -1, 9), (60, -1, 9), 400)[0].points(np.linspace(1, 59, 30)) + CORNER
+    away = [np.abs(_height(shape, true) - true[:, 2]).max() for shape in frame.geometry]
+    assert min(away) < 0.1
+
+
+def test_a_wire_with_a_point_in_four_metres_is_followed_together_with_those_beside_it() -> None:
+    curves, wires, poles = line([0, 45, 90, 135, 180], [-1, 0, 1], 9, 400, per_metre=0.25)
+    shapes = found(GROUND, *wires, poles).wires.frame.geometry
+    assert len(shapes) == 12
+    for curve in curves:
+        true = curve.points(np.linspace(1, 44, 20)) + CORNER
+        assert min(np.abs(_height(shape, true) - true[:, 2]).max() for shape in shapes) < 0.15
+
+
+def test_a_wire_of_three_points_goes_on_from_the_next_spans() -> None:
+    curves, wires, poles = line([0, 45, 90, 135], [-1, 0, 1], 9, 400, per_metre=0.6)
+    wires[4] = wires[4][[4, 12, 20]]
+    shapes = found(GROUND, *wires, poles).wires.frame.geometry
+    assert len(shapes) == 9
+    true = curves[4].points(np.linspace(1, 44, 20)) + CORNER
+    assert min(np.abs(_height(shape, true) - true[:, 2]).max() for shape in shapes) < 0.15
+
+
+def test_wires_go_on_as_far_as_those_beside_them_where_no_pole_is_seen() -> None:
+    _, wires, poles = line([0, 45, 90], [-1, 0, 1], 9, 400)
+    poles = poles[poles[:, 0] < 80]
+    wires[3] = wires[3][wires[3][:, 0] < 84]
+    ends = [max(shape.coords)[0] for shape in found(GROUND, *wires, poles).wires.frame.geometry]
+    assert sum(end > CORNER[0] + 89 for end in ends) == 3
+
+
+def test_a_tree_over_the_edge_of_the_data_does_not_make_it_a_support() -> None:
+    _, wires, towers = line([0, 120, 240], [-4, 0, 4], 25, 900)
+    towers = towers[towers[:, 0] < 200]
+    inside = [part[part[:, 0] < 180] for part in (ground(240, 60, 4), *wires)]
+    crown = tree(183, 4, 16, 7, 3000)
+    result = found(*inside, towers, crown)
+    np.testing.assert_allclose(places_of(result), [0, 120], atol=1.0)
+
+
+def test_a_wire_that_ends_at_a_pole_does_not_go_on() -> None:
+    _, wires, poles = line([0, 45, 90, 135], [-1, 0, 1], 9, 400, per_metre=2)
+    assert len(found(GROUND, *wires[:-1], poles).wires.frame) == 8
+
+
+def test_a_bundle_whose_towers_are_not_in_the_data_is_found() -> None:
+    _, wires, _ = line([0, 180], [-4, 4], 25, 1200)
+    twins = [part + np.array([0, 0.4, 0]) for part in wires]
+    assert len(found(GROUND, *wires, *twins).wires.frame) == 4
+
+
+def test_many_low_points_do_not_make_grass_a_tower() -> None:
+    _, wires, poles = line([0, 60, 120, 180], [-1, 0, 1], 9, 400)
+    rng = np.random.default_rng(5)
+    plan = rng.uniform((30, -20), (90, 20), (140_000, 2))
+    grass = np.column_stack([plan, np.sin(plan[:, 0] / 40) + rng.normal(0, 0.03, len(plan))])
+    grass[::7, 2] += rng.uniform(0, 0.6, 20_000)
+    low = rng.uniform((30, -20, -13), (90, 20, -3), (400, 3))
+    points = cloud(GROUND, grass, *wires, poles, low, classes=[2, 3, *[14] * 9, 15, 7])
+    result = CorridorExtract(points=points).run().classified
+    assert quality(result["classification"] == 15, points["truth"] == 15) > 0.85
+
+
+@pytest.mark.parametrize(("string", "arm"), [(0.3, 9.0), (0.0, 9.4)], ids=["pull", "hang"])
+def test_arms_are_of_the_pole_and_wires_below_them_are_not(string: float, arm: float) -> None:
+    """Wires pull at arms of their own height, by insulators in line with them, or hang below."""
+    stations, offsets = (0.0, 60.0, 120.0), (-1.0, 0.0, 1.0)
+    wires = [
+        wire((a + string, y, 9), (b - string, y, 9), 400, seed=int(a))[1]
+        for a, b in itertools.pairwise(stations)
+        for y in offsets
+    ]
+    poles = np.vstack([pole(x, 0, arm + 0.4, half=1.3) for x in stations])
+    points = cloud(GROUND, *wires, poles, classes=[2, *[14] * 6, 15])
+    result = CorridorExtract(points=points).run()
+    said, true = result.classified["classification"], points["truth"]
+    arms = (true == 15) & (abs(points.xyz[:, 2] - CORNER[2] - arm) < 0.3)
+    ends = (true == 14) & (abs((points.xyz[:, 0] - CORNER[0] + 30) % 60 - 30) < 0.25)
+    assert (said[arms] == 15).all()
+    assert (said[ends] == 14).sum() >= 0.9 * ends.sum()
+    assert quality(said == 14, true == 14) > 0.98
+    assert (result.towers.frame.string > 0).all() == bool(string)
+    assert result.wires.frame.span.between(59, 60.1).all()
+
+
+def moved(points: Floats, support: Support) -> Support:
+    """A support moved to points on flat ground."""
+    air = Airborne.of(points)
+    scene = Scene(
+        air, air.xyz[:, 2], np.ones(len(air.xyz), bool), 0.25, lambda x, y: 0.0, lambda x, y: True
+    )
+    return centred(scene, support)
+
+
+@pytest.mark.parametrize("turn", [0, 1])
+def test_a_support_is_moved_to_its_arms_along_the_line_and_to_its_pole_across(turn: int) -> None:
+    points = pole(21.2, 20.3, 10.0)[:, [1, 0, 2] if turn else [0, 1, 2]]
+    across = (1.0, 0.0) if turn else (0.0, 1.0)
+    found = moved(points, Support(20.0, 20.0, across, (-1.0, 1.0), 9.6, 9.6, 0.0, 0.0))
+    place = (found.y, found.x) if turn else (found.x, found.y)
+    np.testing.assert_allclose(place, (21.2, 20.3), atol=0.1)
+    np.testing.assert_allclose(found.reach, (-1.3, 0.7), atol=0.1)
+
+
+def test_the_middle_of_a_hollow_body_is_between_its_faces_however_many_points_they_have() -> None:
+    legs = [
+        bar((20 + x, 20.5 + y, 0), (20 + x, 20.5 + y, 36), n) for x in (-1, 1) for y, n in FACES
+    ]
+    found = moved(np.vstack(legs), Support(20.0, 20.0, (0.0, 1.0), (-5, 5), 32.0, 40.0, 0.0, 1.0))
+    np.testing.assert_allclose((found.x, found.y), (20.0, 20.5), atol=0.2)
+
+
+def test_the_feet_of_a_slim_lattice_tower_are_its_own() -> None:
+    _, wires, arms = line([0, 180], [-4, 0, 4], 25, 1200)
+    corners = [(i, j) for i in (-1, 1) for j in (-1, 1)]
+    legs = [
+        bar((x + 1.5 * i, 1.5 * j, 1.6), (x + 0.3 * i, 0.3 * j, 25), 8)
+        for x in (0, 180)
+        for i, j in corners
+    ]
+    points = cloud(GROUND, *wires, arms, *legs, classes=[2, *[14] * 3, 0, *[15] * 8])
+    result = CorridorExtract(points=points).run()
+    assert list(result.towers.frame.kind) == ["tower", "tower"]
+    assert np.mean(result.classified["classification"][points["truth"] == 15] == 15) > 0.95
+
+
+def test_a_tree_around_a_pole_is_no_tower() -> None:
+    _, wires, poles = line([0, 60, 120], [-1, 0, 1], 9, 400)
+    around = tree(60, 0, 8.0, 2.5, 600)
+    points = cloud(GROUND, *wires, poles, around, classes=[2, *[14] * 6, 15, 5])
+    result = CorridorExtract(points=points).run()
+    said = result.classified["classification"]
+    assert result.tower_count == 3
+    assert np.mean(said[points["truth"] == 5] == 15) < 0.1
+    assert np.mean(said[points["truth"] == 15] == 15) > 0.8
+
+
+def arcs_of_tracks(heights: Floats) -> Binned:
+    """Tracks with a point each metre, whose heights are the columns of an array."""
+    u = np.broadcast_to(np.arange(len(heights))[:, None] + 0.5, heights.shape).copy()
+    sure = np.full(heights.shape, 400.0)
+    return Binned(1.0, sure, sure, u, heights, np.zeros(heights.shape))
+
+
+def test_a_single_track_that_changes_over_to_another_wire_makes_no_support() -> None:
+    u = np.arange(100) + 0.5
+    own = 10 + 0.5 * (u % 50 - 25) ** 2 / 400
+    heights = np.column_stack([own] * 4)
+    heights[30:, 3] += 0.8
+    price = np.full(101, 34.0)
+    parts = arcs_of_tracks(heights)
+    edges = solved(parts, 1 / 400, price)[1]
+    assert agreed(parts, edges, 1 / 400, price, price).tolist() == [0, 50, 100]
+
+
+def test_the_curvature_of_the_line_parts_what_a_straight_arc_would_join() -> None:
+    """Arcs that meet so that their sum is nearly straight, with a point in seven metres."""
+    u = np.arange(42) + 0.5
+    own = 0.5 * ((u % 21 - 10.5) ** 2 - 0.9 * (u - 21) ** 2) / 300
+    parts = arcs_of_tracks(np.column_stack([own] * 3))
+    parts.tall[np.arange(42) % 7 != 3] = parts.flat[np.arange(42) % 7 != 3] = 0.0
+    edges = solved(parts, 1 / 300, np.full(43, 28.0))[1]
+    assert len(edges) == 3
+    assert abs(edges[1] - 21) <= 4
+
+
+@pytest.mark.parametrize("turn", [0, 1])
+def test_one_span_parallel_to_an_axis(turn: int) -> None:
+    _, wires, towers = line([0, 180], [-4, 0, 4], 25, 1200)
+    parts = [part[:, [1, 0, 2]] if turn else part for part in (GROUND, *wires, towers)]
+    result = found(*parts)
+    assert (result.span_count, result.tower_count, len(result.wires)) == (1, 2, 3)
+
+
+def test_lines_that_cross_keep_apart() -> None:
+    _, low, poles = line([0, 180], [-1, 0, 1], 9, 1500)
+    _, high, towers = line([-90, 90], [-3, 0, 3], 22, 900)
+    plan = np.random.default_rng(2).uniform((-20, -100), (200, 100), (120_000, 2))
+    flat = np.column_stack([plan, np.sin(plan[:, 0] / 40)])
+    across = [np.column_stack([p[:, 1] + 80, p[:, 0], p[:, 2]]) for p in (*high, towers)]
+    frame = found(flat, *low, poles, *across).wires.frame
+    assert sorted(frame.groupby("span_id").size()) == [3, 3]
+
+
+def test_a_gap_is_bridged_and_vertical_drops_do_no_harm() -> None:
+    _, wires, poles = line([0, 60, 120, 180], [-1, 0, 1], 9, 400)
+    gappy = [p[(abs(p[:, 0] - 92) > 8)] for p in wires]
+    drops = [bar((x, y, 5), (x, y, 9), 6, 0.02) for x in (30.0, 90.0) for y in (-1.0, 1.0)]
+    result = found(GROUND, *gappy, poles, *drops)
+    assert result.span_count == 3
+    assert len(result.wires) == 9
+
+
+def sheet(low: float, high: float) -> Floats:
+    """A vertical sheet along the x axis."""
+    x = RNG.uniform(0, 200, 4000)
+    z = np.sin(x / 40) + RNG.uniform(low, high, len(x))
+    return np.column_stack([x, 3 + RNG.normal(0, 0.03, len(x)), z])
+
+
+def gable(ridge: bool) -> Floats:
+    x, y = RNG.uniform(60, 120, 20_000), RNG.uniform(-6, 6, 20_000)
+    roof = np.column_stack([x, y, 9 - 0.66 * abs(y) + RNG.normal(0, 0.03, len(x))])
+    return np.vstack([roof, bar((60, 0, 9.3), (120, 0, 9.3), 6, 0.04)]) if ridge else roof
+
+
+def trees(count: int) -> Floats:
+    heights = RNG.uniform(8, 14, 30)
+    return np.vstack([tree(7 * k, 2, h, 0.28 * h, count, k) for k, h in enumerate(heights)])
+
+
+def twigs() -> Floats:
+    """A chain of twigs along an arc, and three times as many around it."""
+    rng = np.random.default_rng(1)
+    curve, chain = wire((60, 0, 9), (120, 0, 10), 150, per_metre=1.0, noise=0.07)
+    away, turn = np.sqrt(rng.uniform(0.3**2, 1.5**2, 180)), rng.uniform(0, 2 * np.pi, 180)
+    aside = np.column_stack([np.zeros(180), away * np.cos(turn), away * np.sin(turn)])
+    return np.vstack([chain, curve.points(rng.uniform(0, 60, 180)) + aside])
+
+
+def tower_crane(per_metre: float) -> Floats:
+    bars = [bar((60 + dx, dy, 0), (60 + dx, dy, 42), per_metre) for dx in (0, 2) for dy in (0, 2)]
+    chords = [(0, 40), (2, 40), (1, 41.6)]
+    bars += [bar((60, y, z), (120, y, z), per_metre) for y, z in chords]
+    bars += [
+        bar((60 + 2 * k, 2 * (k % 2), 40), (62 + 2 * k, 1, 41.6), per_metre) for k in range(30)
+    ]
+    ties = [(100, 41.6), (118, 41.6)]
+    bars += [bar((60, 1, 50), (x, 1, z), per_metre, 0.03) for x, z in ties]
+    return np.vstack(bars)
+
+
+def railway(per_metre: float) -> Floats:
+    """Contact wires held level by droppers from a messenger wire that sags."""
+    parts = []
+    for a in (0, 60, 120):
+        parts.append(bar((a, 0, 6.5), (a + 60, 0, 6.5), per_metre, 0.02))
+        curve, points = wire((a, 0, 8.0), (a + 60, 0, 8.0), 600, per_metre)
+        parts.append(points)
+        for k in range(5, 60, 6):
+            top = float(curve.height(np.array(k)))
+            parts.append(bar((a + k, 0, 6.5), (a + k, 0, top), per_metre, 0.02))
+    for a in (0, 60, 120, 180):
+        parts += [bar((a, -3, 0), (a, -3, 8.5), 10), bar((a, -3, 8), (a, 0, 8), 8)]
+    return np.vstack(parts)
+
+
+def bridge() -> Floats:
+    """Two main cables with hangers to a deck."""
+    parts = []
+    for y in (-6, 6):
+        curve, points = wire((40, y, 40), (160, y, 40), 64, 8, noise=0.12)
+        parts.append(points)
+        for k in range(5, 120, 5):
+            top = float(curve.height(np.array(k)))
+            parts.append(bar((40 + k, y, 10), (40 + k, y, top), 8, 0.04))
+        parts += [bar((x, y, 0), (x, y, 41), 20, 0.6) for x in (40, 160)]
+        parts += [bar((x, y, 10), (near, y, 40), 8, 0.12) for x, near in ((0, 40), (200, 160))]
+    deck = RNG.uniform((0, -7), (200, 7), (22_000, 2))
+    return np.vstack([*parts, np.column_stack([deck, RNG.normal(10, 0.03, len(deck))])])
+
+
+@pytest.mark.parametrize(
+    ("what", "parts"),
+    [
+        ("fence", [sheet(0, 2.5)]),
+        ("high wall", [sheet(0, 5.5)]),
+        ("handrail on a wall", [sheet(0, 4.5), bar((0, 3, 5.6), (200, 3, 5.6), 4, 0.03)]),
+        ("row of trees", [trees(600)]),
+        ("sparse row of trees", [trees(60)]),
+        ("chain of twigs", [twigs()]),
+        ("gable", [gable(ridge=False)]),
+        ("gable with a ridge cap", [gable(ridge=True)]),
+        ("tower crane", [tower_crane(6)]),
+        ("sparse tower crane", [tower_crane(2)]),
+        ("railway", [railway(4)]),
+        ("sparse railway", [railway(1.5)]),
+        ("bridge", [bridge()]),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_what_is_no_power_line(what: str, parts: list[Floats]) -> None:
+    below = np.ones(len(GROUND), bool)
+    if "gable" in what:  # nothing is seen below a roof
+        below = ~((abs(GROUND[:, 0] - 90) < 30) & (abs(GROUND[:, 1]) < 6))
+    result = found(GROUND[below], *parts)
+    assert len(result.wires) == 0
+    assert not np.isin(result.classified["classification"], (14, 15)).any()
+
+
+def test_no_line_is_an_empty_result_that_says_so(caplog: pytest.LogCaptureFixture) -> None:
+    result = found(GROUND)
+    assert (result.span_count, result.tower_count) == (0, 0)
+    assert "no power line was found" in caplog.text
+    assert {"wire_id", "sag", "geometry"} <= set(result.wires.frame.columns)
+
+
+def test_wires_without_ground_are_refused() -> None:
+    _, wires, _ = line([0, 180], [-4, 0, 4], 25, 1200)
+    with pytest.raises(DataError, match="along lines, as wires do, without the ground"):
+        found(*wires)
+    _, wires, poles = line([0, 60, 120], [-1, 1], 9, 400)
+    with pytest.raises(DataError, match="without the ground"):
+        found(*wires, poles)
+
+
+def test_ground_classes_must_occur() -> None:
+    points = cloud(GROUND).with_attributes({"classification": np.ones(len(GROUND), np.uint8)})
+    with pytest.raises(DataError, match="none is of the ground_classes 2"):
+        CorridorExtract(points=points, ground_classes=ClassList([2])).run()
+
+
+def test_classes_given_come_before_heights_given() -> None:
+    """Heights that are all wrong, and classes that are right."""
+    _, wires, poles = line([0, 60], [-1, 1], 9, 400)
+    truth = [2, 1, 1, 1]
+    points = cloud(GROUND, *wires, poles, classes=truth)
+    points = points.with_attributes(
+        {"classification": points["truth"], "HeightAboveGround": np.zeros(len(points), np.float32)}
+    )
+    assert CorridorExtract(points=points).run().span_count == 0
+    assert CorridorExtract(points=points, ground_classes=ClassList([2])).run().span_count == 1
+
+
+def test_a_stray_point_among_candidates_is_named() -> None:
+    """Those of a survey in tiles, which may be as far apart as its tiles."""
+    points = cloud(GROUND, np.zeros((1, 3)) - CORNER)
+    made = {
+        "HeightAboveGround": np.zeros(len(points), np.float32),
+        "stands_for": np.ones(len(points), np.uint32),
+    }
+    with pytest.raises(DataError, match="remove stray points"):
+        CorridorExtract(points=points.with_attributes(made)).run()
+
+
+def test_it_is_said_why_there_is_no_line(caplog: pytest.LogCaptureFixture) -> None:
+    for height, text in ((0.0, "found"), (np.nan, "found: no height above the ground is known")):
+        made = {"HeightAboveGround": np.full(len(GROUND), height, np.float32)}
+        CorridorExtract(points=cloud(GROUND).with_attributes(made)).run()
+        assert caplog.messages[-1] == f"no power line was {text}"
+
+
+def test_feet_give_the_lines_of_metres() -> None:
+    _, wires, poles = line([0, 60, 120], [-1, 1], 9, 400)
+    points = cloud(GROUND, *wires, poles)
+    foot = 1200 / 3937
+    feet = PointCloud(points.xyz / foot, {"truth": points["truth"]}, crs=CRS(2263))
+    metres, other = (CorridorExtract(points=p).run() for p in (points, feet))
+    assert len(metres.wires) == len(other.wires) == 4
+    np.testing.assert_allclose(metres.wires.frame.c, other.wires.frame.c, rtol=0.01)
+    np.testing.assert_allclose(metres.wires.frame.z0, other.wires.frame.z0 * foot, atol=0.05)
+    same = metres.classified["classification"] == other.classified["classification"]
+    assert same.mean() > 0.999
+
+
+def test_a_pole_alone_is_none() -> None:
+    assert found(GROUND, pole(50, 0, 10)).tower_count == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("tile", "corner"),
+    [
+        ("12AN2_20", (47.3, 40.8)),
+        ("12AN2_20", (50.0, 50.0)),
+        ("12BZ1_21", (42.7, 35.4)),
+        ("12BZ1_21", (50.0, 50.0)),
+    ],
+)
+def test_a_real_transmission_line(tile: str, corner: tuple[float, float]) -> None:
+    """Wherever cells begin: a point far off the line moves them all."""
+    path = DATA / f"powerline_ahn4/{tile}_as_published.laz"
+    if not path.exists():
+        pytest.skip("needs powerline_ahn4")
+    line = PointCloud.open(path).with_crs(CRS(28992))
+    far = line.select([0]).with_xyz(line.xyz.min(axis=0, keepdims=True) - [[*corner, 0.0]])
+    points = PointCloud.concat([line, far])
+    result = CorridorExtract(points=points).run()
+    said, true = result.classified["classification"] == 14, points["classification"] == 14
+    assert (said & true).sum() / said.sum() > 0.98
+    assert (said & true).sum() / true.sum() > 0.97
+    assert quality(said, true) > 0.95
+    assert (result.span_count, result.tower_count) == (2, 1)
+
+
+def test_the_thesis_finds_high_wires_with_low_variance_only() -> None:
+    _, wires, towers = line([0, 90, 180], [-6, 0, 6], 32, 900, per_metre=8)
+    points = cloud(GROUND, *wires, towers, classes=[2, *[14] * 6, 15])
+    shares = {}
+    for variance in ("low", "high"):
+        result = CorridorExtract(points=points, method="thesis", thesis_variance=variance).run()
+        said, true = result.classified["classification"] == 14, points["truth"] == 14
+        shares[variance] = quality(said, true)
+    assert shares["low"] > 0.6
+    assert shares["high"] < 0.2
+
+
+def test_the_threshold_of_otsu_parts_two_groups() -> None:
+    values = np.concatenate([RNG.normal(1, 0.2, 500), RNG.normal(5, 0.5, 300)])
+    assert 1.6 < otsu(values) < 3.8
+
+
+def test_points_are_in_the_order_of_cells_and_places_whatever_theirs() -> None:
+    rng = np.random.default_rng(0)
+    xyz = rng.integers(0, 12, (4000, 3)) / np.array([1.0, 2.0, 3.0])  # many share their x, or all
+    cell = (xyz[:, 1] // CELL).astype(int) * 3 + (xyz[:, 0] // CELL).astype(int)
+    air = Airborne.of(xyz)
+    wanted = xyz[np.lexsort((xyz[:, 2], xyz[:, 1], xyz[:, 0], cell))]
+    np.testing.assert_array_equal(air.xyz, wanted)
+    np.testing.assert_array_equal(air.xyz, xyz[air.order])
+    np.testing.assert_array_equal(np.diff(air.start), np.bincount(cell, minlength=6))

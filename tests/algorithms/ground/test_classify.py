@@ -1,0 +1,905 @@
+"""The filter without settings: scenes with a known answer, its kernels, real data, bad input."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pyproj import CRS
+from scipy.ndimage import map_coordinates
+
+from algorithms.ground import _classify_kernels as kernels
+from algorithms.ground import classify
+from algorithms.ground.classify import GroundClassify, Terrain, find_terrain, height_above, verdict
+from algorithms.shared.ground import Returns
+from toolbox.context import QUIET, Context
+from toolbox.data import Lattice, PointCloud
+from toolbox.declare import ClassList
+from toolbox.errors import Cancelled, DataError
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Box = tuple[float, float, float, float]
+THREADS = numba.get_num_threads()
+FOOT = 0.3048
+EAST, NORTH = 700_000, 5_200_000
+
+# sample: total error in % that we reach with nothing set
+ISPRS = {12: 2.40, 21: 1.20, 23: 4.72, 31: 1.17, 42: 3.14, 51: 1.59, 54: 2.63, 61: 1.41}
+
+
+def plane(side: float = 120.0, spacing: float = 1.0, tilt: float = 0.05) -> Floats:
+    """Jittered points on a plane, far from the origin; it rises to the east by `tilt`."""
+    rng = np.random.default_rng(1)
+    x, y = np.meshgrid(np.arange(0.0, side, spacing), np.arange(0.0, side, spacing))
+    x = (x + rng.uniform(0, 0.7 * spacing, x.shape)).ravel()
+    y = (y + rng.uniform(0, 0.7 * spacing, y.shape)).ravel()
+    return np.column_stack([x + EAST, y + NORTH, 300 + tilt * x + 0.03 * y])
+
+
+def inside(xyz: Floats, box: Box) -> Mask:
+    """True within x from, x to, y from, y to."""
+    x, y = xyz[:, 0] - EAST, xyz[:, 1] - NORTH
+    west, east, south, north = box
+    return (x > west) & (x < east) & (y > south) & (y < north)
+
+
+HOUSES: tuple[Box, ...] = ((15, 27, 15, 25), (60, 80, 20, 50), (30, 36, 80, 86))
+
+
+def town() -> Floats:
+    """The plane with three flat-roofed houses of 4 to 8 m and no ground under them."""
+    xyz = plane()
+    for house, height in zip(HOUSES, (4.0, 8.0, 3.0), strict=True):
+        xyz[inside(xyz, house), 2] += height
+    return xyz
+
+
+def on_roof(xyz: Floats) -> Mask:
+    roof: Mask = np.any([inside(xyz, house) for house in HOUSES], axis=0)
+    return roof
+
+
+def forest() -> tuple[Floats, Mask]:
+    """A wood of 60 x 60 m on a slope where 8 % of 4 points/m2 reach the ground; the leaves."""
+    rng = np.random.default_rng(5)
+    xyz = plane(spacing=0.5, tilt=0.3)
+    leaves = inside(xyz, (30, 90, 30, 90)) & (rng.random(len(xyz)) < 0.92)
+    xyz[leaves, 2] += rng.uniform(3, 20, leaves.sum())
+    return xyz, leaves
+
+
+def labels(xyz: Floats) -> Mask:
+    return verdict(xyz, find_terrain(xyz))[0]
+
+
+def cloud(xyz: Floats, classes: Any = None) -> PointCloud:
+    columns = {} if classes is None else {"classification": np.asarray(classes, np.uint8)}
+    return PointCloud(xyz, columns, crs=CRS(32632))
+
+
+def isprs(path: Path) -> tuple[Floats, Mask]:
+    table = np.loadtxt(path)
+    return table[:, :3], table[:, 3] == 0
+
+
+def kappa(said: Mask, true: Mask) -> float:
+    """Cohen's kappa in %."""
+    agreed = float((said == true).mean())
+    by_chance = float(said.mean() * true.mean() + (~said).mean() * (~true).mean())
+    return 100 * (agreed - by_chance) / (1 - by_chance)
+
+
+# Scenes
+
+
+def test_the_surface_of_a_plane_is_the_plane() -> None:
+    """Each cell holds its lowest point, which lies off its middle: 0.5 m on a slope of 6 %."""
+    xyz = plane()
+    terrain = find_terrain(xyz)
+    assert verdict(xyz, terrain)[0].all()
+    x, y = terrain.lattice.centres()
+    x, y = x - EAST, y - NORTH
+    expected = 300 + 0.05 * x + 0.03 * y[:, None]
+    within = np.ix_((y > 0) & (y < 120), (x > 0) & (x < 120))
+    assert np.abs(terrain.heights - expected)[within].max() < 0.03
+
+
+@pytest.mark.parametrize("tilt", [0.6, 1.0, -0.6])
+def test_a_steep_slope_is_ground(tilt: float) -> None:
+    """It falls on one side only, and gradually."""
+    assert labels(plane(tilt=tilt)).all()
+
+
+def test_houses_on_a_plane_are_told_from_it_exactly() -> None:
+    xyz = town()
+    np.testing.assert_array_equal(labels(xyz), ~on_roof(xyz))
+
+
+def test_a_hall_of_60_m_is_not_ground() -> None:
+    """From its middle the ground is 30 m away, within what the coarse levels see."""
+    xyz = plane(side=150)
+    roof = inside(xyz, (40, 100, 45, 105))
+    xyz[roof, 2] = xyz[roof, 2].max() + 8
+    np.testing.assert_array_equal(labels(xyz), ~roof)
+
+
+def test_a_house_dug_into_a_slope_is_not_ground() -> None:
+    """Its flat roof is 3 m above the ground behind it and 7 m above that in front.
+
+    One that is 2 m above what is behind it cannot be told from a terrace.
+    """
+    xyz = plane(tilt=0.3)
+    roof = inside(xyz, (50, 62, 50, 65))
+    xyz[roof, 2] = 300 + 0.3 * 62 + 0.03 * 65 + 3
+    np.testing.assert_array_equal(labels(xyz), ~roof)
+
+
+def test_a_courtyard_is_ground_and_the_block_around_it_is_not() -> None:
+    xyz = plane()
+    block = inside(xyz, (35, 85, 35, 85)) & ~inside(xyz, (55, 65, 55, 65))
+    xyz[block, 2] += 10
+    np.testing.assert_array_equal(labels(xyz), ~block)
+
+
+def test_the_deck_of_a_bridge_is_not_ground_and_its_valley_is() -> None:
+    """On a deck 8 m wide the terrain falls off on both sides, and ahead under the next cells."""
+    xyz = plane(side=160, tilt=0)
+    level = xyz[:, 2].copy()
+    depth = np.clip(16 - 0.5 * np.abs(xyz[:, 0] - EAST - 80), 0, 8)
+    deck = inside(xyz, (64, 96, 75, 83)) & (depth > 0.5)
+    xyz[~deck, 2] -= depth[~deck]
+    ground = labels(xyz)
+    np.testing.assert_array_equal(ground, ~deck)
+    np.testing.assert_array_equal(xyz[deck, 2], level[deck])
+
+
+def test_the_edge_of_a_terrace_is_ground_on_both_levels() -> None:
+    """It drops on one side only. The surface is smooth, so a strip at the edge itself may go."""
+    xyz = plane()
+    xyz[inside(xyz, (60, 999, -9, 999)), 2] += 4
+    assert labels(xyz)[~inside(xyz, (59, 62.5, -9, 999))].all()
+
+
+def test_of_the_face_of_a_terrace_the_upper_part_is_not_ground() -> None:
+    """A wall below a terrace of 4 m, scanned on its face; the smooth surface climbs along it."""
+    rng = np.random.default_rng(2)
+    xyz = plane()
+    xyz[inside(xyz, (60, 999, -9, 999)), 2] += 4
+    along, up = rng.uniform(0, 120, 2000), rng.uniform(0.6, 3.8, 2000)
+    foot = 300 + 0.05 * 60.2 + 0.03 * along
+    face = np.column_stack([np.full(2000, EAST + 60.2), NORTH + along, foot + up])
+    ground = labels(np.vstack([xyz, face]))
+    assert ground[: len(xyz)][~inside(xyz, (59, 62.5, -9, 999))].all()
+    assert not ground[len(xyz) :][up > 2.5].any()
+
+
+def test_the_face_of_a_free_wall_is_not_ground() -> None:
+    """6 m high, level ground on both sides: many points over one line."""
+    rng = np.random.default_rng(2)
+    along, up = rng.uniform(5, 115, 3000), rng.uniform(0.6, 6, 3000)
+    foot = 300 + 0.05 * 60.25 + 0.03 * along
+    wall = np.column_stack([np.full(3000, EAST + 60.25), NORTH + along, foot + up])
+    ground = labels(np.vstack([plane(), wall]))
+    assert ground[:-3000].all()
+    assert not ground[-3000:].any()
+
+
+@pytest.mark.parametrize("crown", [2.0, 20.0])
+def test_an_embankment_is_ground(crown: float) -> None:
+    """5 m high; it falls off on two sides, but its flanks of 50 % are no step."""
+    xyz = plane()
+    xyz[:, 2] += np.clip(5 + crown / 4 - 0.5 * np.abs(xyz[:, 0] - EAST - 60), 0, 5)
+    assert labels(xyz).all()
+
+
+def test_ground_under_trees_is_found_from_few_points() -> None:
+    xyz, leaves = forest()
+    np.testing.assert_array_equal(labels(xyz), ~leaves)
+
+
+@pytest.mark.parametrize("depth", [6.0, 50.0])
+@pytest.mark.parametrize("count", [1, 4])
+def test_low_outliers_do_not_pull_the_terrain_down(count: int, depth: float) -> None:
+    """Multipath: single echoes and small groups far below the ground."""
+    xyz = town()
+    angle = np.linspace(0, math.tau, count, endpoint=False)
+    low = np.column_stack([EAST + 45 + np.cos(angle), NORTH + 65 + np.sin(angle), 0.1 * angle])
+    low[:, 2] += 300 + 0.05 * 45 + 0.03 * 65 - depth
+    ground = labels(np.vstack([xyz, low]))
+    np.testing.assert_array_equal(ground[: len(xyz)], ~on_roof(xyz))
+    assert not ground[len(xyz) :].any()
+
+
+def test_low_outliers_everywhere_do_not_make_the_ground_stand_out() -> None:
+    """One in each 16 x 16 m: all round every point there is something far below it."""
+    xyz = town()
+    _, low = np.unique(np.floor(xyz[:, :2] / 16), axis=0, return_index=True)
+    xyz[low, 2] -= 20 + np.arange(len(low))
+    ground = labels(xyz)
+    assert not ground[low].any()
+    np.testing.assert_array_equal(np.delete(ground, low), np.delete(~on_roof(xyz), low))
+
+
+def test_the_surface_spans_a_gap() -> None:
+    xyz = plane()
+    gap = inside(xyz, (40, 80, 40, 80))
+    assert verdict(xyz, find_terrain(xyz[~gap]))[0].all()
+
+
+def test_far_from_all_points_there_is_no_terrain() -> None:
+    xyz = plane(side=20)
+    terrain = find_terrain(np.vstack([xyz, xyz + np.array([500.0, 0.0, 0.0])]))
+    x, y = terrain.lattice.centres()
+    known = np.isfinite(terrain.heights[abs(y - NORTH - 10) < 5])
+    x = x - EAST
+    assert known[:, (x < 60) & (x > -20)].all()
+    assert not known[:, (x > 75) & (x < 440)].any()
+
+
+# Verdict and confidence
+
+
+def flat(tilt: float = 0.0) -> Terrain:
+    """32 x 48 m of terrain at (1000, 2000), at 10 m in the middle of its first column."""
+    heights = np.tile(10 + tilt * np.arange(48, dtype=np.float32), (32, 1))
+    return Terrain(heights, Lattice(1000, 2000, 1.0, 32, 48), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("above", "ground", "confidence"),
+    [
+        (0.0, True, 1.0),
+        (0.15, True, 0.5),
+        (0.29, True, 1 / 30),
+        (0.31, False, 1 / 30),
+        (0.45, False, 0.5),
+        (0.6, False, 1.0),
+        (9.0, False, 1.0),
+        (-0.95, True, 0.5),  # below, the limit is at 3 times 0.3 m and a metre more
+        (-1.85, True, 0.05 / 1.9),
+        (-1.95, False, 0.05 / 1.9),
+        (-9.0, False, 1.0),
+    ],
+)
+def test_confidence_grows_away_from_the_limit(
+    above: float, ground: bool, confidence: float
+) -> None:
+    said, sure = verdict(np.array([[1017.3, 1985.2, 10 + above]]), flat())
+    assert said[0] == ground
+    assert sure[0] == pytest.approx(confidence, abs=1e-6)
+
+
+def test_the_tolerance_grows_with_the_slope_of_the_terrain() -> None:
+    """0.3 m and the slope times a metre; the height is read between the cells."""
+    x = np.array([1020.25, 1020.25])
+    z = 10 + 0.5 * (x - 1000.5) + np.array([0.79, 0.81])
+    said, sure = verdict(np.column_stack([x, np.full(2, 1990.0), z]), flat(0.5))
+    assert said.tolist() == [True, False]
+    np.testing.assert_allclose(sure, 0.01 / 0.8, atol=1e-5)
+
+
+def test_where_the_terrain_is_unknown_nothing_is_ground() -> None:
+    terrain = flat()
+    terrain.heights[:, 24:] = np.nan
+    said, sure = verdict(np.array([[1040.0, 1990.0, 10.0], [1010.0, 1990.0, 10.0]]), terrain)
+    assert said.tolist() == [False, True]
+    assert sure.tolist() == [1.0, 1.0]
+
+
+def test_confidence_of_the_tool() -> None:
+    """From 0 to 1, 0 for what took no part, 1 for returns that cannot be ground."""
+    xyz = plane()
+    xyz[:, 2] += np.random.default_rng(4).normal(0, 0.1, len(xyz))
+    first, noise = np.arange(len(xyz)) % 5 == 1, np.arange(len(xyz)) % 5 == 2
+    numbers = {
+        "return_number": np.where(first, 1, 2).astype(np.uint8),
+        "number_of_returns": np.full(len(xyz), 2, np.uint8),
+    }
+    points = cloud(xyz, np.where(noise, 7, 0)).with_attributes(numbers)
+    found = GroundClassify(points=points, ignore=ClassList([7])).run().classified
+    confidence = found["confidence"]
+    assert confidence.dtype == np.float32
+    assert (confidence[noise] == 0).all()
+    assert (confidence[first] == 1).all()
+    others = confidence[~first & ~noise]
+    assert others.min() >= 0
+    assert others.max() <= 1
+    assert np.ptp(others) > 0.9
+    said, sure = verdict(xyz[~first & ~noise], find_terrain(xyz[~first & ~noise]))
+    np.testing.assert_array_equal(found["classification"][~first & ~noise] == 2, said)
+    np.testing.assert_allclose(others, sure, rtol=1e-6)
+
+
+# Kernels
+
+
+def rough(rows: int = 32, cols: int = 48, seed: int = 6) -> NDArray[np.float32]:
+    """Random relief with blocks on it and a quarter of its cells empty."""
+    rng = np.random.default_rng(seed)
+    z = np.cumsum(rng.normal(0, 0.3, (rows, cols)), axis=1)
+    z[8:20, 10:30] += 6
+    z[rng.random(z.shape) < 0.05] += 3
+    z[rng.random(z.shape) < 0.25] = np.nan
+    z[:, 40:42] = np.nan
+    return z.astype(np.float32)
+
+
+def shifted(values: Any, down: int, right: int, fill: float = np.nan) -> Floats:
+    """The value that lies `down` rows and `right` columns from each cell."""
+    far = 80
+    rows, cols = values.shape
+    wide = np.pad(np.asarray(values, float), far, constant_values=fill)
+    return wide[far + down : far + down + rows, far + right : far + right + cols]
+
+
+def around(reach: float) -> list[tuple[int, int, float]]:
+    """Rows down, columns right and the distance of all cells within reach."""
+    whole = range(-math.floor(reach), math.floor(reach) + 1)
+    near = [(i, j, math.hypot(i, j)) for i in whole for j in whole]
+    return [place for place in near if place[2] <= reach]
+
+
+def test_steps_are_the_deepest_beyond_a_slope() -> None:
+    z = rough()
+    got = np.empty_like(z)
+    kernels.steps(z, 0, 20, 3, 0.8, got)
+    kernels.steps(z, 20, 32, 3, 0.8, got)
+    drops = [z - shifted(z, i, j) - 0.8 * away for i, j, away in around(3) if away]
+    expected = np.max(np.where(np.isnan(drops), -np.inf, drops), axis=0)
+    np.testing.assert_allclose(got, expected, atol=1e-5)
+
+
+def test_steps_are_kept_by_cells_of_two_metres_and_their_neighbours() -> None:
+    """A wall of 5 m: 4.2 m are more than a slope explains, within a metre and those next to it."""
+    z = np.zeros((32, 32), np.float32)
+    z[:, 20:] = 5
+    step = classify.steep_steps(z, QUIET)
+    assert step.shape == (16, 16)
+    np.testing.assert_allclose(step[:, 9:11], 4.2)
+    np.testing.assert_allclose(step[:, :9], -0.8)
+    assert (step[:, 11] > 0).all()
+    np.testing.assert_allclose(step[:, 12:], -0.8)
+
+
+def brute_raised(z: Any, ground: Mask, slope: Any, step: Any) -> Floats:
+    """The verdict of `raised_share` from its description: all offsets, nothing skipped."""
+    rows, cols = z.shape
+    row, col = np.mgrid[0:rows, 0:cols]
+    z = z.astype(float)
+    limit = np.repeat((z - classify.FALL)[None], 8, axis=0)
+    seen = np.zeros((8, rows, cols), bool)
+    way = np.zeros((3, 8, rows, cols))
+    low = np.where(ground, z, np.inf)
+    for level in range(classify.LEVELS):
+        size = 2**level
+        for down, right, away in around(classify.LOOK):
+            if away <= (classify.LOOK / 2 if level else 0):
+                continue
+            angle = math.atan2(down, right) % math.tau or math.tau
+            sector = math.ceil(round(8 * angle / math.tau, 9)) - 1
+            height = shifted(low, down, right, np.inf).repeat(size, 0).repeat(size, 1)
+            south = (row // size + down + 0.5) * size - 0.5 - row
+            east = (col // size + right + 0.5) * size - 0.5 - col
+            cone = height + slope * np.hypot(south, east)
+            seen[sector] |= height < np.inf
+            better = cone < limit[sector]
+            limit[sector][better] = cone[better]
+            for kept, new in zip(way, (south, east, height), strict=True):
+                kept[sector][better] = new[better]
+        low = low.reshape(len(low) // 2, 2, -1, 2).min(axis=(1, 3))
+    votes = np.zeros(z.shape)
+    for k, r, c in np.argwhere(limit < z - classify.FALL):
+        south, east, height = way[:, k, r, c]
+        need = max(classify.STEP, classify.STEP_SHARE * (z[r, c] - height))
+        count = int(max(abs(south), abs(east)) / 2) + 1
+        part = np.arange(count + 1) / count
+        i, j = (r + 0.5 + south * part).astype(int) // 2, (c + 0.5 + east * part).astype(int) // 2
+        kept = (i < step.shape[0]) & (j < step.shape[1])
+        votes[r, c] += (step[i[kept], j[kept]] > need).any()
+    share: Floats = votes / np.maximum(seen.sum(axis=0), 4)
+    return share
+
+
+@pytest.mark.parametrize("steepness", [0.05, 0.3])
+def test_raised_is_what_falls_off_in_all_directions(steepness: float) -> None:
+    z = rough(48, 64)
+    ground = np.isfinite(z) & (np.random.default_rng(7).random(z.shape) < 0.8)
+    ground[:, 45:] = False
+    slope = np.linspace(0, steepness, z.size, dtype=np.float32).reshape(z.shape)
+    step = classify.steep_steps(z, QUIET)
+    got = classify.raised_share(z, ground, slope, step, QUIET)
+    expected = brute_raised(z, ground, slope, step)
+    np.testing.assert_allclose(got, expected, atol=1e-6)
+    assert (got == 0).any()
+    assert len(np.unique(got)) > 8
+
+
+def test_a_cell_looks_into_eight_sectors_without_gaps() -> None:
+    """Fine cells near by, coarser ones where those end; a quarter turn is two sectors."""
+    for level, ring in enumerate(classify.sectors().tolist()):
+        sector = {(down, right): k for down, right, k in ring}
+        near = {(i, j) for i, j, away in around(8) if away > (4 if level else 0)}
+        assert set(sector) == near
+        assert set(sector.values()) == set(range(8))
+        for (down, right), k in sector.items():
+            assert sector[right, -down] == (k + 2) % 8
+            assert sector.get((2 * down, 2 * right), k) == k
+
+
+def test_cells_on_one_plane_vote_alike() -> None:
+    z = rough()
+    votes = np.random.default_rng(8).random(z.shape).astype(np.float32)
+    got = np.empty_like(votes)
+    kernels.levelled(0, 9, votes, z, 4, 0.2, 0.2, got)
+    kernels.levelled(9, 32, votes, z, 4, 0.2, 0.2, got)
+    total, count = np.zeros(z.shape), np.zeros(z.shape)
+    for i, j, away in around(4):
+        alike = np.abs(shifted(z, i, j) - z) <= np.float32(0.2 + 0.2 * away)
+        total += np.where(alike, shifted(votes, i, j), 0)
+        count += alike
+    expected = np.where(count > 0, total / np.maximum(count, 1), 0)
+    np.testing.assert_allclose(got, expected, atol=1e-6)
+
+
+def test_votes_spread_over_a_roof_but_not_down_from_it() -> None:
+    z = np.zeros((32, 32), np.float32)
+    z[:, 16:] = 5
+    votes = np.zeros_like(z)
+    votes[16, 20] = 1
+    found = classify.votes_of_planes(z, votes, QUIET)
+    assert found[16, 31] > 0  # after three rounds of 4 m
+    assert found[16, 16] > 0
+    assert not found[:, :16].any()
+
+
+def test_sums_of_cells() -> None:
+    rng = np.random.default_rng(9)
+    z = rough()
+    surface = rng.normal(0, 1, z.shape).astype(np.float32)
+    weight = np.where(np.isnan(z), 0, rng.random(z.shape)).astype(np.float32)
+    weights, products = np.empty((8, 12)), np.empty((8, 12))
+    kernels.gathered(z, surface, weight, 2, weights, products)
+    sums = [a.reshape(8, 4, 12, 4).sum(axis=(1, 3)) for a in (weight, weight * (z - surface))]
+    np.testing.assert_allclose(weights, sums[0], rtol=1e-5)
+    filled = np.nan_to_num(weight * (z - surface)).reshape(8, 4, 12, 4).sum(axis=(1, 3))
+    np.testing.assert_allclose(products, filled, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("sigma", "enough", "stiff"), [(1.5, 1e-9, 1.0), (1.5, 8.0, 0.25), (3.0, 2.0, 0.0)]
+)
+def test_planes_are_weighted_least_squares(sigma: float, enough: float, stiff: float) -> None:
+    """A Gaussian window; the slopes are held by `stiff`; the height fades with few points."""
+    rng = np.random.default_rng(10)
+    rows, cols = 13, 17
+    weights = np.where(rng.random((rows, cols)) < 0.5, rng.random((rows, cols)), 0.0)
+    weights[:, 8:] *= 0.1
+    heights = rng.normal(0, 1, (rows, cols)) + 0.5 * np.arange(cols)
+    got = np.empty((rows, cols))
+    kernels.planes(0, 5, weights, weights * heights, sigma, enough, stiff, got)
+    kernels.planes(5, rows, weights, weights * heights, sigma, enough, stiff, got)
+    expected = np.empty((rows, cols))
+    row, col = np.mgrid[0:rows, 0:cols]
+    for r, c in np.ndindex(rows, cols):
+        south, east = row - r, col - c
+        near = np.maximum(abs(south), abs(east)) <= math.ceil(3 * sigma)
+        bell = near * weights * np.exp(-(south**2 + east**2) / (2 * sigma**2))
+        basis = np.stack([np.ones((rows, cols)), east, south]).reshape(3, -1)
+        normal = (basis * bell.ravel()) @ basis.T / bell.sum()
+        normal += stiff * sigma**2 * np.diag([0, 1, 1])
+        right = basis @ (bell * heights).ravel() / bell.sum()
+        fade = np.clip(bell.sum() / enough - 0.5, 0, 1)
+        expected[r, c] = np.linalg.solve(normal, right)[0] * fade
+    np.testing.assert_allclose(got, expected, atol=1e-8)
+
+
+def test_planes_end_with_the_window() -> None:
+    weights = np.zeros((3, 40))
+    weights[1, 4] = 1
+    got = np.empty_like(weights)
+    kernels.planes(0, 3, weights, 7 * weights, 3.0, 1e-9, 1.0, got)
+    np.testing.assert_allclose(got[:, :14], 7)
+    assert np.isnan(got[:, 14:]).all()
+
+
+@pytest.mark.parametrize(("shape", "level"), [((4, 6), 3), ((1, 2), 4), ((32, 48), 0)])
+def test_coarse_heights_are_read_between_their_middles(shape: tuple[int, int], level: int) -> None:
+    rng = np.random.default_rng(11)
+    size = 2**level
+    coarse = rng.normal(0, 5, shape)
+    start = rng.normal(0, 1, (shape[0] * size, shape[1] * size))
+    got = start.copy()
+    kernels.add_bilinear(got, coarse, level)
+    row, col = (np.indices(start.shape) + 0.5) / size - 0.5
+    expected = start + map_coordinates(coarse, [row, col], order=1, mode="nearest")
+    np.testing.assert_allclose(got, expected, atol=1e-9)
+
+
+def test_weights_fall_with_the_residual_and_sooner_above() -> None:
+    """Half the weight is lost at the tolerance above the surface, and at 3 times that below."""
+    surface = np.tile(np.float32(0.5) * np.arange(20, dtype=np.float32), (16, 1))
+    off = np.zeros((16, 20), np.float32)
+    off[2], off[4], off[6], off[8] = 0.8, -2.4, 8, -24
+    candidate = np.ones(off.shape, bool)
+    candidate[10] = False
+    weight = np.full_like(off, 9)
+    kernels.reweighted(surface + off, candidate, surface, 0.3, 1.0, 3.0, weight)
+    expected = np.ones_like(off)
+    expected[[2, 4]], expected[[6, 8]], expected[10] = 0.5, 1 / (1 + 1e4), 0
+    np.testing.assert_allclose(weight, expected, rtol=1e-3)
+
+
+def test_the_slope_of_the_surface_and_its_mean() -> None:
+    rows, cols = np.mgrid[0:160, 0:320]
+    surface = np.where(cols < 160, 0.3 * rows + 0.4 * cols, 0.3 * rows + 64).astype(np.float32)
+    surface[:5] = np.nan
+    slope, relief = classify.slopes(surface)
+    assert np.isfinite(slope).all()
+    assert np.isfinite(relief).all()
+    np.testing.assert_allclose(slope[10:, :150], 0.5, atol=1e-4)
+    np.testing.assert_allclose(slope[10:, 170:], 0.3, atol=1e-4)
+    np.testing.assert_allclose(relief[70:, [20, 300]], [[0.5, 0.3]] * 90, atol=1e-3)
+    np.testing.assert_allclose(relief[100, [160, 135]], [0.4, 0.4505], atol=0.005)
+
+
+def test_a_robust_surface_leaves_what_stands_on_it() -> None:
+    """A tenth of the candidates are bushes of 1 to 3 m."""
+    rng = np.random.default_rng(12)
+    expected = np.tile(0.1 * np.arange(96, dtype=np.float32), (64, 1))
+    z = expected.copy()
+    bush = np.flatnonzero(rng.random(z.shape) < 0.1)
+    z.flat[bush] += rng.uniform(1, 3, len(bush))
+    every = np.ones(z.shape, bool)
+    got = classify.robust_surface(z, every, classify.FINE, classify.STIFF, QUIET)
+    assert np.abs(got - expected).max() < 0.1
+
+
+def test_the_surface_knows_candidates_only() -> None:
+    z = rough(64, 96)
+    candidates = np.isfinite(z) & (np.random.default_rng(13).random(z.shape) < 0.5)
+    got, alone = (
+        classify.robust_surface(heights, candidates, classify.FINE, classify.STIFF, QUIET)
+        for heights in (z, np.where(candidates, z, np.float32(np.nan)))
+    )
+    np.testing.assert_array_equal(got, alone)
+
+
+def test_what_the_second_look_takes_out_the_third_does_not_see(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen: list[Mask] = []
+    look = classify.raised_share
+
+    def spy(z: Any, ground: Mask, *others: Any) -> Any:
+        seen.append(ground)
+        return look(z, ground, *others)
+
+    monkeypatch.setattr(classify, "raised_share", spy)
+    z = np.zeros((64, 96), np.float32)
+    z[20:40, 30:60] = 6
+    z[:, 80] = np.nan
+    found = classify.ground_cells(z, QUIET)
+    for ground, expected in zip(
+        seen, (np.isfinite(z), np.isfinite(z), np.isfinite(z) & (z == 0)), strict=True
+    ):
+        np.testing.assert_array_equal(ground, expected)
+    np.testing.assert_array_equal(found, np.isfinite(z) & (z == 0))
+
+
+@pytest.mark.parametrize(("tilt", "fall", "stays"), [(0.0, 0.2, False), (0.4, 0.6, True)])
+def test_on_a_slope_a_fall_is_steeper_and_more_must_fall_off(
+    tilt: float, fall: float, stays: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where six in ten directions fall off, level ground stands out, a slope does not."""
+    slopes: list[Any] = []
+
+    def votes(z: Any, ground: Mask, slope: Any, *others: Any) -> Any:
+        slopes.append(slope)
+        return np.full_like(z, 0.6)
+
+    monkeypatch.setattr(classify, "raised_share", votes)
+    z = np.tile(np.float32(tilt) * np.arange(96, dtype=np.float32), (64, 1))
+    assert (classify.ground_cells(z, QUIET) == stays).all()
+    np.testing.assert_allclose(slopes[0], 0.5)
+    for slope in slopes[1:]:
+        np.testing.assert_allclose(slope[20:-20, 20:-20], fall, atol=0.02)
+
+
+# What must not matter
+
+
+def test_feet_give_the_labels_of_metres() -> None:
+    xyz = town()
+    metres = find_terrain(xyz)
+    feet = find_terrain(xyz / FOOT, metre=1 / FOOT)
+    np.testing.assert_allclose(feet.heights, metres.heights, rtol=0, atol=1e-3)
+    there, here = verdict(xyz / FOOT, feet), verdict(xyz, metres)
+    np.testing.assert_array_equal(there[0], here[0])
+    np.testing.assert_allclose(there[1], here[1], rtol=0, atol=0.01)
+
+
+def test_the_place_of_the_origin_does_not_matter() -> None:
+    """Moved by whole cells of the coarsest level, to the origin and beyond 5e6."""
+    xyz = town()
+    xyz[:, :2] = xyz[:, :2].round(3)
+    here = find_terrain(xyz)
+    for move in [(-700_000, -5_200_000, 0), (6_400_000, -9_600_000, 0), (0, 0, 1000)]:
+        there = find_terrain(xyz + move)
+        np.testing.assert_allclose(there.heights, here.heights + move[2], rtol=0, atol=2e-3)
+        np.testing.assert_array_equal(verdict(xyz + move, there)[0], verdict(xyz, here)[0])
+
+
+def test_the_order_of_the_points_does_not_matter() -> None:
+    xyz = np.concatenate([town(), town()[:500]])  # with duplicates
+    xyz[:, 2] = xyz[:, 2].round(1)  # and equal heights
+    order = np.random.default_rng(3).permutation(len(xyz))
+    first, second = find_terrain(xyz), find_terrain(xyz[order])
+    np.testing.assert_array_equal(first.heights, second.heights)
+    for one, two in zip(verdict(xyz, first), verdict(xyz[order], second), strict=True):
+        np.testing.assert_array_equal(one[order], two)
+
+
+@pytest.mark.skipif(THREADS < 2, reason="one thread only")
+def test_the_number_of_threads_does_not_matter() -> None:
+    xyz, _ = forest()
+    try:
+        numba.set_num_threads(1)
+        one = find_terrain(xyz)
+        numba.set_num_threads(2)
+        two = find_terrain(xyz)
+    finally:
+        numba.set_num_threads(THREADS)
+    np.testing.assert_array_equal(one.heights, two.heights)
+    np.testing.assert_array_equal(verdict(xyz, one)[0], verdict(xyz, two)[0])
+
+
+def test_the_size_of_blocks_does_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
+    xyz = town()
+    whole = find_terrain(xyz)
+    monkeypatch.setattr("algorithms.shared.lowest.BLOCK", 20_000)
+    np.testing.assert_array_equal(find_terrain(xyz).heights, whole.heights)
+
+
+def test_the_lattice_is_shared_by_tiles() -> None:
+    """Its coarsest cells lie on whole multiples of 16 m, wherever the points begin."""
+    for start in (0.0, 3.3, 17.9):
+        lattice = classify.aligned_lattice(plane(side=40) + np.array([start, -start, 0]), 1.0)
+        assert lattice.cell == 1.0
+        assert lattice.west % 16 == lattice.north % 16 == 0
+        assert lattice.rows % 16 == lattice.cols % 16 == 0
+
+
+# Few, odd and bad points
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_very_few_points_are_ground(count: int) -> None:
+    xyz = np.array([[5.0, 5.0, 1.0], [6.0, 8.0, 1.2], [9.0, 4.0, 0.9]])[:count]
+    assert labels(xyz).all()
+
+
+def test_points_in_one_cell() -> None:
+    xyz = np.array([[5.1, 5.1, 1.0], [5.2, 5.1, 1.2], [5.1, 5.2, 4.0], [5.1, 5.1, 1.0]])
+    np.testing.assert_array_equal(labels(xyz), [True, True, False, True])
+
+
+def test_points_on_a_line() -> None:
+    along = np.arange(0.0, 200, 0.5)
+    assert labels(np.column_stack([along, 2 * along, 0.3 * along])).all()
+    assert labels(np.column_stack([along, 0 * along + 7, 0 * along])).all()
+
+
+def test_duplicates_do_not_move_the_terrain() -> None:
+    """Each cell counts once, however many points it holds."""
+    xyz = town()
+    ten = np.repeat(xyz, np.where(inside(xyz, (0, 50, 0, 120)), 10, 1), axis=0)
+    np.testing.assert_array_equal(find_terrain(ten).heights, find_terrain(xyz).heights)
+
+
+def test_no_points() -> None:
+    none = np.empty((0, 3))
+    with pytest.raises(DataError, match="points: there are none that could be ground"):
+        find_terrain(none)
+    said, sure = verdict(none, flat())
+    assert said.shape == sure.shape == (0,)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_coordinates_must_be_finite(bad: float) -> None:
+    xyz = town()
+    xyz[7, 1] = bad
+    with pytest.raises(ValueError, match=rf"finite numbers, got y = {bad} at point 7"):
+        find_terrain(xyz)
+
+
+def test_a_stray_point_far_away_is_refused_before_memory_is_taken() -> None:
+    xyz = np.vstack([plane(), [[900_000.0, 5_000_000.0, 300.0]]])
+    with pytest.raises(DataError, match=r"y 5000000\.00 to .*remove stray points"):
+        find_terrain(xyz)
+
+
+def test_inputs_and_results_are_read_only() -> None:
+    xyz = town()
+    xyz.flags.writeable = False
+    terrain = find_terrain(xyz)
+    assert verdict(xyz, terrain)[0].any()
+    with pytest.raises(ValueError, match="read-only"):
+        terrain.heights[0, 0] = 1
+
+
+def test_progress_rises_to_one_and_a_run_can_be_cancelled() -> None:
+    seen: list[float] = []
+    find_terrain(town(), ctx=Context(seen.append))
+    assert seen == sorted(seen)
+    assert seen[-1] == pytest.approx(1.0)
+    assert len(seen) > 40
+    for count in (3, 20, 40):
+        calls = iter([False] * count + [True])
+        with pytest.raises(Cancelled):
+            find_terrain(town(), ctx=Context(stop=lambda calls=calls: next(calls)))  # type: ignore[misc]
+
+
+# The tool
+
+
+def test_the_tool_gives_classes_share_and_surface() -> None:
+    xyz = town()
+    out = GroundClassify(points=cloud(xyz)).run()
+    ground = ~on_roof(xyz)
+    np.testing.assert_array_equal(out.classified["classification"], np.where(ground, 2, 1))
+    assert out.classified["classification"].dtype == np.uint8
+    assert out.ground_share == ground.mean()
+    np.testing.assert_array_equal(out.surface.band(), find_terrain(xyz).heights)
+    assert (out.surface.crs, out.surface.units) == (CRS(32632), ("metre",))
+    assert out.surface.cell == 1.0
+
+
+def test_the_tool_in_feet_is_the_tool_in_metres() -> None:
+    foot = 1200 / 3937
+    xyz, leaves = forest()
+    out = GroundClassify(points=PointCloud(xyz / foot, crs=CRS(2263))).run()
+    np.testing.assert_array_equal(out.classified["classification"] == 2, ~leaves)
+    assert out.surface.cell == pytest.approx(1 / foot)
+    assert out.surface.units == ("US survey foot",)
+    metric = GroundClassify(points=cloud(xyz)).run().surface.band()
+    np.testing.assert_allclose(out.surface.band() * foot, metric, rtol=0, atol=2e-3)
+
+
+def test_ignored_classes_take_no_part_and_stay() -> None:
+    xyz = town()
+    low = inside(xyz, (40, 50, 55, 65))
+    bad = xyz.copy()
+    bad[low, 2] -= 3  # too many to be outliers
+    alone = GroundClassify(points=cloud(xyz[~low])).run()
+    points = cloud(bad, np.where(low, 7, 0))
+    out = GroundClassify(points=points, ignore=ClassList([7, 18])).run()
+    found = out.classified["classification"]
+    assert (found[low] == 7).all()
+    np.testing.assert_array_equal(found[~low], alone.classified["classification"])
+    np.testing.assert_array_equal(out.surface.band(), alone.surface.band())
+    assert out.ground_share == pytest.approx((found == 2).mean())
+
+
+def test_other_classes_may_be_kept_but_not_ground() -> None:
+    xyz = town()
+    roof = on_roof(xyz)
+    before = np.where(roof, 6, 9)
+    before[np.flatnonzero(roof)[::2]] = 2
+    kept = GroundClassify(points=cloud(xyz, before), keep_classes=True).run()
+    expected = np.where(roof, np.where(before == 2, 1, 6), 2)
+    np.testing.assert_array_equal(kept.classified["classification"], expected)
+
+
+@pytest.mark.parametrize(("metre", "crs"), [(1.0, 32632), (1 / FOOT, 2222)])
+def test_heights_are_those_above_the_terrain(metre: float, crs: int) -> None:
+    """Of all points, also those that take no part; in the unit of the data."""
+    xyz = town()
+    roof = on_roof(xyz)
+    points = cloud(xyz * metre, np.where(roof, 7, 1)).with_crs(CRS(crs))
+    found = GroundClassify(points=points, heights=True, ignore=ClassList([7])).run().classified
+    heights = found["HeightAboveGround"] / metre
+    assert np.abs(heights[~roof]).max() < 0.1
+    np.testing.assert_allclose(heights[roof], (xyz - plane())[roof, 2], atol=0.5)
+    assert "HeightAboveGround" not in GroundClassify(points=points).run().classified
+
+
+def test_only_last_returns_can_be_ground() -> None:
+    """Unless all may be, or their numbers are zero."""
+    xyz = plane()
+    first = np.arange(len(xyz)) % 5 == 0
+    columns = {
+        "return_number": np.where(first, 1, 2).astype(np.uint8),
+        "number_of_returns": np.full(len(xyz), 2, np.uint8),
+    }
+    every = np.ones(len(xyz), bool)
+    cases: list[tuple[int, Returns, Mask]] = [
+        (1, "last", ~first),
+        (0, "last", every),
+        (1, "all", every),
+    ]
+    for zero, returns, expected in cases:
+        numbers = {name: zero * column for name, column in columns.items()}
+        points = PointCloud(xyz, numbers, crs=CRS(32632))
+        found = GroundClassify(points=points, returns=returns).run().classified
+        np.testing.assert_array_equal(found["classification"] == 2, expected)
+
+
+@pytest.mark.parametrize("ignore", [None, ClassList([7])])
+def test_nothing_to_classify(ignore: ClassList | None) -> None:
+    points = cloud(plane(side=5), np.full(len(plane(side=5)), 7))
+    points = points if ignore else points.select([])
+    reason = f"{len(points)} are of classes to ignore" if ignore else "there are none"
+    with pytest.raises(DataError, match=f"points: none can be ground: {reason}"):
+        GroundClassify(points=points, ignore=ignore).run()
+
+
+# Real data
+
+
+@pytest.mark.slow
+def test_isprs_samples_stay_at_the_error_we_reached(data: Callable[[str], Path]) -> None:
+    errors, kappas = {}, []
+    for sample in ISPRS:
+        xyz, truth = isprs(data(f"isprs_samples/samp{sample}.txt.gz"))
+        ground = labels(xyz)
+        errors[sample] = 100 * float((ground != truth).mean())
+        kappas.append(kappa(ground, truth))
+    assert errors == pytest.approx(ISPRS, abs=0.3)
+    assert np.mean(list(errors.values())) <= 2.3
+    assert np.mean(kappas) >= 92
+
+
+@pytest.mark.slow
+def test_confident_points_are_wrong_less_often(data: Callable[[str], Path]) -> None:
+    """On a real town and a real wood: the surer, the fewer errors."""
+    for sample in (12, 31, 54):
+        xyz, truth = isprs(data(f"isprs_samples/samp{sample}.txt.gz"))
+        ground, confidence = verdict(xyz, find_terrain(xyz))
+        wrong = ground != truth
+        doubtful, fair, sure = (
+            float(wrong[(confidence >= low) & (confidence <= high)].mean())
+            for low, high in ((0, 0.3), (0.3, 0.7), (0.7, 1))
+        )
+        assert doubtful > fair > sure
+        assert sure < 0.5 * wrong.mean()
+
+
+@pytest.mark.slow
+def test_a_dense_town_is_classified_as_its_producer_did(data: Callable[[str], Path]) -> None:
+    wrong = total = 0
+    for tile in ("77050_627755", "77055_627755", "77060_627760"):
+        points = PointCloud.open(data(f"ign_urban_50m/{tile}.laz"))
+        found = GroundClassify(points=points).run().classified["classification"]
+        wrong += int(((found == 2) != (points["classification"] == 2)).sum())
+        total += len(points)
+    assert wrong / total <= 0.03
+
+
+def test_a_stray_point_along_one_axis_is_refused() -> None:
+    xyz = np.vstack([plane(side=40), [[EAST + 400_000.0, NORTH, 300.0]]])
+    with pytest.raises(DataError, match=r"1,000 per point.*stray"):
+        find_terrain(xyz)
+
+
+def test_there_is_no_ground_beyond_the_terrain() -> None:
+    terrain = find_terrain(plane(side=40))
+    far = np.array([[EAST + 9_000.0, NORTH, 0.0]])
+    assert verdict(far, terrain)[0].tolist() == [False]
+    with pytest.raises(ValueError, match="finite"):
+        verdict(np.full((1, 3), np.nan), terrain)
+
+
+def test_terrain_of_known_ground_is_that_found_among_all() -> None:
+    xyz, _ = forest()
+    found = find_terrain(xyz)
+    ground = verdict(xyz, found)[0]
+    known = find_terrain(xyz[ground], known=True)
+    away = height_above(xyz[ground], known) - height_above(xyz[ground], found)
+    assert np.sqrt(np.mean(away**2)) < 0.01

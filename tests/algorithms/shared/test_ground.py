@@ -1,0 +1,100 @@
+"""What the ground filters have in common: which points take part, and what becomes of the rest."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pyproj import CRS
+
+from algorithms.shared.ground import Candidates
+from toolbox import catalog
+from toolbox.data import PointCloud
+from toolbox.declare import ClassList, Share
+from toolbox.errors import DataError, NothingToDo
+
+FILTERS = ["ground.classify", "ground.csf", "ground.ptd", "ground.robust_interpolation"]
+
+
+def cloud(**attributes: list[int]) -> PointCloud:
+    columns: dict[str, Any] = {n: np.array(v, np.uint8) for n, v in attributes.items()}
+    size = len(next(iter(columns.values())))
+    return PointCloud(np.zeros((size, 3)), columns, crs=CRS(32635))
+
+
+@pytest.mark.parametrize(
+    ("points", "reason"),
+    [
+        (cloud(withheld=[1, 1]), "2 are withheld"),
+        (cloud(classification=[7, 18, 7]), "3 are of classes to ignore"),
+        (
+            cloud(return_number=[1], number_of_returns=[2]),
+            r"1 are no last returns \(--returns all takes them, too\)",
+        ),
+        (
+            cloud(
+                withheld=[1, 0, 0],
+                classification=[7, 7, 2],
+                return_number=[1, 1, 1],
+                number_of_returns=[2, 2, 2],
+            ),
+            "1 are withheld; 1 are of classes to ignore; 1 are no last returns .*",
+        ),
+        (cloud(classification=[]), "there are none"),
+    ],
+)
+@pytest.mark.parametrize("id", FILTERS)
+def test_what_excluded_all_points_is_said(id: str, points: PointCloud, reason: str) -> None:
+    made = catalog.load(id).make(points=points, ignore=ClassList([7, 18]))
+    with pytest.raises(NothingToDo, match=f"points: none can be ground: {reason}$"):
+        made.run()
+
+
+@pytest.mark.parametrize("keep", [False, True])
+@pytest.mark.parametrize("id", FILTERS)
+def test_a_tile_without_ground(id: str, keep: bool) -> None:
+    """Points that take part are class 1, or keep theirs; the others keep theirs in any case."""
+    points = cloud(
+        withheld=[1, 0, 0, 0],
+        classification=[2, 7, 5, 2],
+        return_number=[1, 1, 1, 1],
+        number_of_returns=[2, 2, 2, 2],
+    ).with_origin(np.array([0, 1, 2, -4]))
+    made = catalog.load(id).make(points=points, ignore=ClassList([7]), keep_classes=keep)
+    with pytest.raises(NothingToDo) as caught:
+        made.run()
+    instead = caught.value.instead
+    assert vars(instead).keys() == catalog.load(id).outputs.keys()
+    found = instead.classified
+    assert found["classification"].tolist() == [2, 7, 5 if keep else 1, 1]
+    assert repr(instead.ground_share) == repr(Share(0, 3))
+    if id == "ground.classify":
+        assert found["confidence"].tolist() == [0, 0, 1, 1]
+
+
+def test_points_that_take_part() -> None:
+    points = cloud(
+        withheld=[1, 0, 0, 0],
+        classification=[2, 7, 5, 2],
+        return_number=[1, 1, 1, 2],
+        number_of_returns=[2, 2, 2, 2],
+    )
+    candidates = Candidates.of(points, "last", ClassList([7]))
+    assert candidates.part.tolist() == [False, False, True, True]
+    assert candidates.chosen.tolist() == [False, False, False, True]
+    assert repr(candidates.share(np.ones(1, bool))) == repr(Share(1, 4))
+    assert Candidates.of(points, "all", None).chosen.tolist() == [False, True, True, True]
+
+
+@pytest.mark.parametrize("id", [*FILTERS, "points.denoise", "points.height_above_ground"])
+def test_coordinates_beyond_all_measure(id: str) -> None:
+    """A clear error, without warnings of overflow before it."""
+    points = PointCloud(
+        np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1e300]]),
+        {"classification": np.full(3, 2, "u1")},
+        crs=CRS(32635),
+    )
+    settings = {"method": "nearest"} if id == "points.height_above_ground" else {}
+    with pytest.raises(DataError, match=r"below 1e\+12 in size, got z = 1e\+300 at point 2"):
+        catalog.load(id).make(points=points, **settings).run()

@@ -1,0 +1,302 @@
+"""shoreline.extract: lakes with known shores, what is no water, rivers, edges of the data."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from pyproj import CRS
+from scenes.lakes import LEVEL, ORIGIN, RADIUS, SIDE, lake, river, slope
+
+from algorithms.samples.scene import scene
+from algorithms.shoreline.extract import ShorelineExtract
+from toolbox.data import PointCloud, Survey
+from toolbox.declare import ClassList, Position
+from toolbox.errors import DataError
+
+MIDDLE = Position(ORIGIN[0] + 50, ORIGIN[1] + 50)
+CIRCLE = shapely.Point(MIDDLE).buffer(RADIUS, quad_segs=90)
+
+
+def extract(points: PointCloud, **settings: Any) -> ShorelineExtract.Outputs:
+    return ShorelineExtract(points=points, **settings).run()
+
+
+def only(found: ShorelineExtract.Outputs) -> Any:
+    """The one polygon and its attributes."""
+    (row,) = [row for _, row in found.water.frame.iterrows()]
+    return row
+
+
+def iou(one: shapely.Geometry, other: shapely.Geometry) -> float:
+    return float(one.intersection(other).area / one.union(other).area)
+
+
+@pytest.mark.parametrize("returned", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize("dark", [True, False])
+def test_a_lake_is_found_whether_it_returns_pulses_or_is_dark(returned: float, dark: bool) -> None:
+    found = extract(lake(returned=returned, dark=dark))
+    assert iou(only(found).geometry, CIRCLE) > 0.98
+    assert found.level == pytest.approx(LEVEL, abs=0.005 if returned else 0.02)
+    assert found.area == pytest.approx(CIRCLE.area, rel=0.01)
+
+
+@pytest.mark.parametrize(("density", "bar"), [(1.0, 0.96), (4.0, 0.98), (20.0, 0.985)])
+def test_shore_lies_between_the_points(density: float, bar: float) -> None:
+    found = extract(lake(density=density, seed=3))
+    shore = only(found).geometry
+    assert iou(shore, CIRCLE) > bar
+    corners = shapely.get_coordinates(shore.exterior)
+    off = np.hypot(*(corners - MIDDLE).T) - RADIUS
+    assert np.sqrt((off**2).mean()) < max(
+        0.5 / math.sqrt(density), 0.2
+    )  # half a spacing, or the noise
+
+
+def test_stated_uncertainty_is_that_of_the_corners() -> None:
+    found = extract(lake(density=4.0, returned=0.3))
+    corners = found.vertices.frame
+    xy = shapely.get_coordinates(corners.geometry)
+    off = np.hypot(*(xy - MIDDLE).T) - RADIUS
+    ratio = np.sqrt((off**2).mean() / (corners["sigma"] ** 2).mean())
+    assert 0.4 < ratio < 1.6
+    assert only(found).uncertainty == pytest.approx(corners["sigma"].mean(), rel=0.5)
+
+
+def test_polygon_line_and_corners_agree_and_lie_at_the_level() -> None:
+    found = extract(lake(island=6.0))
+    row, lines = only(found), found.shoreline.frame
+    assert found.water.geometry_type == "Polygon Z"
+    assert row.islands == 1
+    assert list(lines["kind"]) == ["shore", "island"]
+    assert lines.length.sum() == pytest.approx(row.geometry.length)
+    assert lines.length.sum() == pytest.approx(row.perimeter, abs=0.01)
+    assert row.area == pytest.approx(row.geometry.area, abs=0.01)
+    z = shapely.get_coordinates(row.geometry, include_z=True)[:, 2]
+    np.testing.assert_allclose(z, found.level)
+    assert len(found.vertices) == len(shapely.get_coordinates(row.geometry)) - 2
+    assert found.water.crs == CRS(32635)
+    assert row.geometry.is_valid
+
+
+def test_islands_stay_and_small_ones_are_a_choice() -> None:
+    cloud = lake(island=4.0)
+    (island,) = only(extract(cloud)).geometry.interiors
+    assert shapely.Polygon(island).area == pytest.approx(math.pi * 16, rel=0.15)
+    assert not only(extract(cloud, min_island=100.0)).geometry.interiors
+
+
+def test_a_pond_at_the_same_level_is_another_body() -> None:
+    cloud = lake(pond=7.0)
+    assert iou(only(extract(cloud)).geometry, CIRCLE) > 0.98
+    both = extract(cloud, bodies="all").water.frame
+    assert list(both["body"]) == [1, 2]
+    assert both.geometry[1].area == pytest.approx(math.pi * 49, rel=0.1)
+    at = Position(ORIGIN[0] + 10, ORIGIN[1] + 10)
+    assert only(extract(cloud, seed_point=at)).geometry.area < 200
+    assert len(extract(cloud, bodies="all", min_area=500.0).water) == 1
+
+
+def test_a_place_without_water_is_told_with_the_nearest_body() -> None:
+    with pytest.raises(DataError, match=r"seed_point: no water body .* nearest .* m2 .* m away"):
+        extract(lake(), seed_point=Position(ORIGIN[0] + 2, ORIGIN[1] + 2))
+    with pytest.raises(DataError, match="there is no water body"):
+        extract(slope(), seed_point=MIDDLE)
+
+
+@pytest.mark.parametrize("rise", [0.001, 0.01, 0.1])
+def test_dry_land_gives_nothing_and_says_so(rise: float, caplog: Any) -> None:
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        found = extract(slope(rise=rise))
+    assert len(found.water) == len(found.shoreline) == len(found.vertices) == 0
+    assert found.level is None
+    assert found.area == 0
+    assert "no water was found" in caplog.text
+
+
+def test_what_would_run_off_is_no_water() -> None:
+    """A level roof that returns few pulses, with lower ground around three sides of it."""
+    ground = slope(rise=0.5)
+    x, y = (ground.xyz - ORIGIN)[:, :2].T
+    roof = (abs(x - 32.5) < 27.5) & (abs(y - 50) < 45)
+    xyz = ground.xyz.copy()
+    xyz[roof, 2] = 131 + np.random.default_rng(0).normal(0, 0.02, roof.sum())
+    kept = ~roof | (np.random.default_rng(1).random(len(x)) < 0.1)
+    assert extract(ground.with_xyz(xyz).select(kept)).count == 0
+
+
+def test_level_land_may_be_all_water_but_has_no_shore(caplog: Any) -> None:
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        row = only(extract(slope(rise=0.0)))
+    assert row.open_length == pytest.approx(row.perimeter)
+    assert "is the edge of the data, not a shore" in caplog.text
+
+
+@pytest.mark.parametrize("centre", [(0.0, 50.0), (0.0, 0.0)])
+def test_water_at_the_edge_of_the_data_is_open(centre: tuple[float, float], caplog: Any) -> None:
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        found = extract(lake(centre=centre))
+    row, lines = only(found), found.shoreline.frame
+    assert row.open_length == pytest.approx(2 * RADIUS, rel=0.08)
+    assert set(lines["kind"]) == {"shore", "data edge"}
+    square = shapely.box(*ORIGIN[:2], *(ORIGIN[:2] + SIDE))
+    truth = shapely.Point(ORIGIN[:2] + centre).buffer(RADIUS, quad_segs=90).intersection(square)
+    assert iou(row.geometry, truth) > 0.96
+    assert "is the edge of the data" in caplog.text
+
+
+@pytest.mark.parametrize("returned", [0.3, 0.02, 0.0])
+def test_a_river_is_an_error_that_names_its_slope(returned: float) -> None:
+    with pytest.raises(DataError, match=r"falls by 1\.5\d m over 39\d m \(0\.40%\)"):
+        extract(river(returned=returned))
+
+
+def test_a_river_among_all_bodies_is_left_out_and_told(caplog: Any) -> None:
+    assert extract(river(), bodies="all").count == 0
+    assert "falls by" in caplog.text
+    assert "left out" in caplog.text
+
+
+def test_a_river_may_slope() -> None:
+    row = only(extract(river(), sloped=True))
+    assert row.slope == pytest.approx(0.004, rel=0.02)
+    assert row.area == pytest.approx(8000, rel=0.02)
+    x, _, z = shapely.get_coordinates(row.geometry, include_z=True).T
+    np.testing.assert_allclose(z, 120 - 0.004 * (x - ORIGIN[0]), atol=0.02)
+
+
+def test_errors_below_do_not_move_the_shore() -> None:
+    found = extract(lake(errors=0.01))
+    assert found.level == pytest.approx(LEVEL, abs=0.005)
+    assert iou(only(found).geometry, CIRCLE) > 0.98
+
+
+def test_scale_of_intensity_does_not_matter() -> None:
+    cloud = lake()
+    eight = cloud.with_attributes({"intensity": (cloud["intensity"] // 16).astype(np.uint8)})
+    none = cloud.with_attributes({"intensity": np.zeros(len(cloud), np.uint16)})
+    row = only(extract(cloud))
+    assert row.evidence == "few returns, level, dark"
+    assert only(extract(eight)).geometry.equals(row.geometry)
+    assert only(extract(none)).geometry.equals(row.geometry)
+    assert only(extract(none)).darkness == 0
+
+
+def test_classes_count_if_they_are_named() -> None:
+    """A lake too small and bright to be known by anything else."""
+    cloud = lake(returned=1.0, dark=False, centre=(10.0, 50.0))
+    small = cloud.select(cloud["x"] < ORIGIN[0] + 40)
+    rough = small.xyz.copy()
+    rough[:, 2] += np.random.default_rng(0).normal(0, 0.2, len(rough))
+    small = small.with_xyz(rough)
+    assert extract(small).count == 0
+    found = extract(small, water_classes=ClassList([9]))
+    assert found.count == 1
+    assert "class" in only(found).evidence
+
+
+def test_feet_give_the_lake_of_metres() -> None:
+    foot = 1200 / 3937
+    metres = lake(island=6.0)
+    feet = PointCloud(
+        metres.xyz / foot, {n: metres[n] for n in metres.names}, crs=CRS(2263), name="feet.laz"
+    )
+    here, there = extract(feet), extract(metres)
+    assert here.level == pytest.approx(there.level, abs=1e-3)
+    assert here.area == pytest.approx(there.area, rel=1e-3)
+    assert only(here).perimeter == pytest.approx(only(there).perimeter, rel=1e-2)
+    assert only(here).level == pytest.approx(LEVEL / foot, abs=0.02)
+
+
+def test_order_of_points_and_large_coordinates_do_not_matter() -> None:
+    cloud = lake(seed=5, island=6.0)
+    order = np.random.default_rng(1).permutation(len(cloud))
+    row = only(extract(cloud))
+    assert only(extract(cloud.select(order))).geometry.equals(row.geometry)
+    far = np.array([4_000_000.0, 3_000_000.0, 2_000.0])
+    moved = only(extract(cloud.with_xyz(cloud.xyz + far)))
+    assert moved.area == pytest.approx(row.area, rel=1e-3)
+
+
+def test_several_files_give_the_lake_of_one(tmp_path: Path) -> None:
+    cloud = lake(island=6.0)
+    west = cloud["x"] < ORIGIN[0] + 45
+    for name, part in (("west", west), ("east", ~west)):
+        cloud.select(part).save(tmp_path / f"{name}.laz")
+    whole = only(extract(cloud))
+    found = ShorelineExtract(points=Survey.open(tmp_path)).run()
+    assert iou(only(found).geometry, whole.geometry) > 0.999
+    assert found.level == pytest.approx(whole.level, abs=1e-3)
+
+
+def test_no_points_no_water(caplog: Any) -> None:
+    assert extract(lake().select([])).count == 0
+    assert "there are none" in caplog.text
+
+
+def score(kind_seed: int, size: float, density: float) -> list[tuple[float, float, int, int]]:
+    """IoU, error of the level, islands found and true, of each body of a synthetic reservoir."""
+    made = scene("reservoir", size=size, density=density, seed=kind_seed)
+    points = PointCloud(made.xyz, made.attributes, crs=CRS(32635))
+    water = extract(points, bodies="all").water.frame
+    found = []
+    for shape, known in made.features:
+        truth = shapely.force_2d(shape)
+        if truth.area < 100:
+            continue
+        shared = [truth.intersection(g).area for g in water.geometry]
+        best = int(np.argmax(shared))
+        row = water.iloc[best]
+        islands = sum(shapely.Polygon(ring).area > 20 for ring in truth.interiors)
+        found.append(
+            (iou(truth, row.geometry), row["level"] - known["level"], row.islands, islands)
+        )
+    assert len(water) == len(found)
+    return found
+
+
+def test_a_reservoir_with_reeds_islands_and_ponds() -> None:
+    lake_, *ponds = score(2, 300, 4)
+    assert lake_[0] > 0.985
+    assert all(pond[0] > 0.92 for pond in ponds)
+    for _, error, islands, truth in (lake_, *ponds):
+        assert abs(error) < 0.01
+        assert islands == truth
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(100, 120))
+@pytest.mark.parametrize(("density", "bar"), [(8.0, 0.985), (2.0, 0.97)])
+def test_twenty_reservoirs(seed: int, density: float, bar: float) -> None:
+    """No pond is joined or lost, and no island."""
+    lake_, *ponds = score(seed, 400, density)
+    assert lake_[0] > bar
+    assert len(ponds) == 2
+    for _, error, islands, truth in (lake_, *ponds):
+        assert abs(error) < 0.01
+        assert islands == truth
+
+
+def test_a_sea_dam_without_its_classes(data: Callable[[str], Path]) -> None:
+    cloud = PointCloud.open(data("water_denoever_ahn3/AHN3.laz")).with_crs(CRS(28992))
+    water = shapely.union_all(extract(cloud, bodies="all").water.frame.geometry.to_numpy())
+    shapely.prepare(water)
+    place, of = np.unique(np.floor(cloud.xyz[:, :2]), axis=0, return_inverse=True)
+    truth = np.bincount(of.ravel(), cloud["classification"] == 9) > 0
+    ours = shapely.contains_xy(water, place + 0.5)
+    assert (ours & truth).sum() / (ours | truth).sum() > 0.96
+
+
+def test_lakes_in_a_forest_that_are_as_bright_as_land(data: Callable[[str], Path]) -> None:
+    cloud = PointCloud.open(data("lidr_topography/Topography.laz"))
+    water = extract(cloud, bodies="all").water.frame
+    assert len(water) == 5
+    at_lake = water[abs(water["level"] - 805.8) < 0.03]
+    assert len(at_lake) == 2
+    assert "dark" not in at_lake.iloc[0].evidence

@@ -1,0 +1,369 @@
+"""shoreline.storage_curve: bodies of known volume, what is joined, outlines, gaps, units."""
+
+from __future__ import annotations
+
+import logging
+import math
+from typing import Any
+
+import geopandas
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from algorithms.shoreline._basin import Pieces, RasterBasin, _of_any_square
+from algorithms.shoreline.storage_curve import ShorelineStorageCurve, height_system, storage
+from toolbox.context import Context
+from toolbox.data import Lattice, PointCloud, Raster, Vector
+from toolbox.declare import ClassList, Position
+from toolbox.errors import Cancelled, DataError, NothingToDo, ParameterError
+
+Floats = NDArray[np.float64]
+UTM, FEET = CRS(32635), CRS(2263)
+FOOT = 1200 / 3937
+WEST, NORTH = 500_000.0, 4_600_000.0
+
+
+def raster(values: Any, cell: float = 1.0, crs: CRS | None = UTM, **more: Any) -> Raster:
+    values = np.asarray(values, float)
+    lattice = Lattice(WEST, NORTH, cell, *values.shape)
+    return Raster(values, lattice.transform, crs=crs, **more)
+
+
+def cloud(xyz: Any, crs: CRS | None = UTM, **attributes: Any) -> PointCloud:
+    return PointCloud(xyz, attributes, crs=crs, name="a.laz")
+
+
+def outline(shape: Any, crs: CRS = UTM) -> Vector:
+    """A polygon counted from the north-western corner, y downwards."""
+    placed = shapely.transform(shape, lambda xy: np.array([WEST, NORTH]) + xy * [1, -1])
+    return Vector(geopandas.GeoDataFrame(geometry=[placed], crs=crs), name="o.gpkg")
+
+
+def curve(**how: Any) -> Any:
+    return ShorelineStorageCurve(**how).run().curve.frame
+
+
+def bowl(reach: float = 60.0, cell: float = 1.0) -> tuple[Raster, Floats]:
+    """A paraboloid, 10 m deep at a radius of 50 m, as cells and as random points."""
+    steps = np.arange(-reach, reach + cell / 2, cell)
+    x, y = np.meshgrid(steps, steps)
+    places = np.random.default_rng(0).uniform(-reach, reach, (len(steps) ** 2, 2))
+    xyz = np.column_stack([places + np.array([WEST, NORTH]), 100 + (places**2).sum(axis=1) / 250])
+    return raster(100 + (x**2 + y**2) / 250, cell), xyz
+
+
+def below(z: Floats, area: float, level: float, n: int = 400) -> tuple[float, float]:
+    """Area and volume under a level in one triangle, from many samples in it."""
+    u, v = np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(n) + 0.5) / n)
+    swap = u + v > 1
+    u, v = np.where(swap, 1 - u, u), np.where(swap, 1 - v, v)
+    depth = level - (z[0] + u * (z[1] - z[0]) + v * (z[2] - z[0]))
+    return area * (depth > 0).mean(), area * np.maximum(depth, 0).mean()
+
+
+corners = st.lists(st.sampled_from([0.0, 0.5, 1.0, 2.0, 2.5, 3.75]), min_size=3, max_size=3)
+
+
+@given(corners)
+@settings(max_examples=30)
+def test_a_triangle_is_summed_up_in_closed_form(z: list[float]) -> None:
+    levels = np.arange(-1, 5, 0.5)
+    one = Pieces(np.array([[0, 1, 2]]), np.array(z), np.array([7.0]), np.array([-np.inf]))
+    area, volume, everything = storage([one], levels)
+    wanted = np.array([below(np.array(z), 7.0, level) for level in levels])
+    np.testing.assert_allclose(np.column_stack([area, volume]), wanted, atol=0.05)
+    np.testing.assert_array_equal(area, everything)
+
+
+@given(corners, st.floats(-1, 4.9))
+def test_volume_is_the_integral_of_area(z: list[float], joined: float) -> None:
+    """Also below the level at which the triangle is joined, where there is none."""
+    levels = np.linspace(-1, 5, 6001)
+    one = Pieces(np.array([[0, 1, 2]]), np.array(z), np.array([2.0]), np.array([joined]))
+    area, volume, _ = storage([one], levels)
+    assert (area[levels <= joined] == 0).all()
+    assert (volume[levels <= joined] == 0).all()
+    after = np.flatnonzero(levels > joined)
+    steps = (area[after][1:] + area[after][:-1]) / 2 * np.diff(levels[after])
+    np.testing.assert_allclose(np.cumsum(steps), volume[after][1:] - volume[after][0], atol=2e-3)
+
+
+@pytest.mark.parametrize("kind", ["terrain", "points"])
+def test_a_bowl_has_the_volume_of_a_paraboloid(kind: str) -> None:
+    ground, xyz = bowl()
+    source: dict[str, Any] = {"terrain": ground} if kind == "terrain" else {"points": cloud(xyz)}
+    out = ShorelineStorageCurve(**source, step=2.0, highest=110.0).run()
+    frame = out.curve.frame
+    depth = frame["level"] - 100
+    assert frame["level"].tolist() == [100, 102, 104, 106, 108, 110]
+    near = 1e-3 if kind == "terrain" else 4e-3  # random points, 1 per m2
+    np.testing.assert_allclose(frame["area_m2"][2:], (math.pi * 250 * depth)[2:], rtol=near)
+    np.testing.assert_allclose(frame["volume_m3"][2:], (math.pi * 125 * depth**2)[2:], rtol=near)
+    assert out.volume == frame["volume_m3"].iloc[-1]
+    assert out.volume == pytest.approx(math.pi * 12500, rel=1e-3)
+    np.testing.assert_allclose(frame["volume_gain_m3"].cumsum(), frame["volume_m3"])
+    np.testing.assert_allclose(frame["area_gain_m2"].cumsum(), frame["area_m2"])
+    assert not frame["open"].any()
+    assert (frame["apart_m2"] == 0).all()
+    assert out.lowest_ground == pytest.approx(100, abs=0.01)
+    assert out.missing_share == 0
+
+
+def test_a_plane_is_exact() -> None:
+    """A wedge of 10 m x 8 m under a level 1 m above its lowest edge."""
+    ground = raster(np.tile(np.arange(11.0) / 10, (9, 1)))
+    frame = curve(terrain=ground, step=0.25)
+    np.testing.assert_allclose(frame["area_m2"], 80 * frame["level"], rtol=1e-12)
+    np.testing.assert_allclose(frame["volume_m3"], 40 * frame["level"] ** 2, rtol=1e-12)
+    xyz = np.array([[0, 0, 0], [10, 0, 1], [10, 8, 1], [0, 8, 0.0]]) + np.array([WEST, NORTH, 0])
+    again = curve(points=cloud(xyz), step=0.25)
+    np.testing.assert_allclose(again["volume_m3"], frame["volume_m3"], rtol=1e-9)
+
+
+def two_valleys() -> Floats:
+    """Bottoms at 0 and 1 in a row of cells, a ridge of 5 between them and walls of 9."""
+    section = np.array([9, 4, 0, 4, 5, 4, 1, 4, 9.0])
+    ground = np.tile(section, (7, 1))
+    ground[[0, -1]] = 9
+    return ground
+
+
+def test_a_side_valley_counts_when_water_gets_there() -> None:
+    ground = raster(two_valleys())
+    joined, everything = (curve(terrain=ground, fill=how) for how in ("connected", "all"))
+    level = joined.set_index("level")
+    assert level["apart_m2"][1.0] == 0
+    assert 0 < level["apart_m2"][5.0] < level["area_m2"][5.0]
+    assert level["apart_m2"][6.0] == 0
+    both = everything.set_index("level")
+    np.testing.assert_allclose(level["area_m2"] + level["apart_m2"], both["area_m2"])
+    assert level["volume_m3"][5.0] < both["volume_m3"][5.0]
+    np.testing.assert_allclose(level["volume_m3"][[6.0, 9.0]], both["volume_m3"][[6.0, 9.0]])
+    assert (both["apart_m2"] == 0).all()
+
+
+@pytest.mark.parametrize("kind", ["terrain", "points"])
+def test_the_place_named_chooses_the_basin(kind: str) -> None:
+    """With a highest level below the ridge each valley is its own, above it they are one."""
+    z = two_valleys()
+    rows, cols = np.mgrid[: z.shape[0], : z.shape[1]]
+    x, y = WEST + cols.ravel() + 0.5, NORTH - rows.ravel() - 0.5
+    source: dict[str, Any] = {"terrain": raster(z)}
+    if kind == "points":
+        source = {"points": cloud(np.column_stack([x, y, z.ravel()]))}
+    east = {"seed_point": Position(WEST + 6.4, NORTH - 3.6)}
+    for seed, highest, lowest in (({}, 4.5, 0), (east, 4.5, 1), (east, 8.0, 0)):
+        out = ShorelineStorageCurve(**source, **seed, highest=highest).run()
+        assert out.lowest_ground == lowest
+    mirrored = curve(**source, highest=4.5, **east)
+    assert mirrored["area_m2"].iloc[0] == 0
+    assert mirrored["area_m2"].iloc[-1] > 0
+
+
+def test_water_at_the_edge_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    ground = two_valleys()
+    ground[-1, 2] = 3.0  # a way out
+    with caplog.at_level(logging.WARNING):
+        out = ShorelineStorageCurve(terrain=raster(ground)).run()
+    assert out.opens == 3
+    frame = out.curve.frame
+    assert frame["level"][frame["open"]].min() == 4
+    assert "above 3 the water reaches the edge" in caplog.text
+
+
+def test_a_gap_opens_the_basin_and_is_counted(caplog: pytest.LogCaptureFixture) -> None:
+    ground = bowl()[0].band().astype(float)
+    ground[60, 90] = np.nan  # at 30 m: 3.6 m above the ground; its cells are four squares
+    with caplog.at_level(logging.WARNING):
+        out = ShorelineStorageCurve(terrain=raster(ground), highest=110.0).run()
+    assert out.missing_share == pytest.approx(4 / 120**2)
+    assert out.opens == pytest.approx(100 + 29**2 / 250)
+    assert "has no ground" in caplog.text
+
+
+def test_gaps_between_points() -> None:
+    _, xyz = bowl()
+    away = np.hypot(*(xyz[:, :2] - [WEST + 30, NORTH]).T)
+    points = cloud(xyz[away > 8])
+    spanned = ShorelineStorageCurve(points=points, highest=110.0).run()
+    assert spanned.missing_share == 0
+    assert spanned.opens is None or spanned.opens > 110
+    gap = ShorelineStorageCurve(points=points, highest=110.0, max_gap=3.0).run()
+    hole = 64 * math.pi / 120**2  # and some thin triangles at the hull
+    assert hole < gap.missing_share < 2 * hole
+    assert gap.opens == pytest.approx(100 + 22**2 / 250, abs=0.15)
+    assert gap.volume < spanned.volume
+
+
+@pytest.mark.parametrize("kind", ["terrain", "points"])
+def test_an_outline_is_cut_exactly(kind: str) -> None:
+    """A plane under polygons with a hole, crooked and concave, of which the volume is known."""
+    x, y = np.meshgrid(np.arange(41.0), np.arange(41.0))
+    z = 0.25 * x + 0.125 * y
+    source: dict[str, Any] = {"terrain": raster(z)}
+    if kind == "points":
+        keep = np.random.default_rng(0).random(z.shape) < 0.5
+        keep[[0, 0, -1, -1], [0, -1, 0, -1]] = True
+        xyz = np.column_stack([WEST + 0.5 + x[keep], NORTH - 0.5 - y[keep], z[keep]])
+        source = {"points": cloud(xyz)}
+    star = [(5, 7), (31.3, 6.1), (22, 15), (36, 30.7), (17, 24), (6.5, 38.2), (11, 20)]
+    shape = shapely.Polygon(star, [[(18, 12), (20.2, 13), (17, 18)]])
+    out = ShorelineStorageCurve(**source, outline=outline(shape), highest=30.0, fill="all").run()
+    assert out.area == pytest.approx(shape.area, rel=1e-9)
+    centre = shape.centroid
+    mean = 0.25 * (centre.x - 0.5) + 0.125 * (centre.y - 0.5)
+    assert out.volume == pytest.approx(shape.area * (30 - mean), rel=1e-9)
+    assert out.missing_share == 0
+    level = 6.0  # the shore is where x / 4 + y / 8, from the centre of the first cell, is that
+    shore = [(0.5 + 4 * level - t / 2, 0.5 + t) for t in (-900, 900)]
+    half = shapely.Polygon([*shore, (-9999, 900), (-9999, -900)])
+    wet = shapely.intersection(shape, half)
+    at = ShorelineStorageCurve(**source, outline=outline(shape), highest=level, fill="all").run()
+    assert at.area == pytest.approx(wet.area, rel=1e-9)
+
+
+def test_an_outline_is_a_wall_and_may_stick_out() -> None:
+    ground = two_valleys()
+    wall = outline(shapely.box(0.5, 0.5, 4.2, 6.5))
+    out = ShorelineStorageCurve(terrain=raster(ground), outline=wall, highest=9.0).run()
+    assert out.area == pytest.approx(3.7 * 6)
+    assert out.missing_share == 0
+    wide = outline(shapely.box(-3.5, 0.5, 4.5, 6.5))
+    out = ShorelineStorageCurve(terrain=raster(ground), outline=wide, highest=9.0).run()
+    assert out.missing_share == pytest.approx(0.5)
+
+
+def test_feet_give_the_answer_of_metres() -> None:
+    """The levels are in the unit of the heights, all else in metres."""
+    _, xyz = bowl()
+    metres = ShorelineStorageCurve(points=cloud(xyz), highest=110.0, step=2.0).run()
+    feet = ShorelineStorageCurve(points=cloud(xyz / FOOT, FEET), highest=110.0, step=2.0).run()
+    here, there = feet.curve.frame, metres.curve.frame
+    for name in ("level_m", "area_m2", "volume_m3", "volume_gain_m3"):
+        np.testing.assert_allclose(here[name], there[name], rtol=1e-6, atol=1e-3)
+    np.testing.assert_allclose(here["level"] * FOOT, here["level_m"])
+    assert set(here["unit"]) == {"US survey foot"}
+    assert feet.volume == pytest.approx(metres.volume, rel=1e-6)
+    assert here["heights"][0] == "height system not stated, in US survey foot"
+
+
+def test_height_systems_are_named() -> None:
+    assert height_system(CRS("EPSG:2154+5720")) == "NGF-IGN69 height, in metre"
+    assert height_system(CRS(4979).to_3d()).startswith("WGS 84")
+    assert height_system(None) == "not stated"
+
+
+def test_levels() -> None:
+    ground = raster([[3.7, 9.0], [9.0, 9.0]])
+    assert curve(terrain=ground, step=2.0)["level"].tolist() == [2, 4, 6, 8, 9]
+    assert curve(terrain=ground, lowest=4.0, highest=5.0, step=0.1)["level"].tolist() == [
+        4.0, 4.1, 4.2, 4.3, 4.4, 4.5, 4.6, 4.7, 4.8, 4.9, 5.0,
+    ]  # fmt: skip
+    assert curve(terrain=raster(np.full((3, 3), 5.0)))["area_m2"].tolist() == [0.0]
+    assert curve(terrain=ground, lowest=3.0, step=1e300)["level"].tolist() == [3.0, 9.0]
+    flat = curve(terrain=raster(np.full((3, 3), 5.0)), highest=7.0)
+    assert flat["volume_m3"].tolist() == [0, 4, 8]
+
+
+@pytest.mark.parametrize(
+    ("how", "text"),
+    [
+        ({"step": 0.0}, "step: must be > 0 m"),
+        ({"lowest": 5.0, "highest": 5.0}, r"lowest: must be < highest \(5\), got 5"),
+        ({"seed_point": Position(5, 5), "fill": "all"}, "seed_point: is for connected water"),
+    ],
+)
+def test_wrong_settings(how: dict[str, Any], text: str) -> None:
+    with pytest.raises(ParameterError, match=text):
+        ShorelineStorageCurve(terrain=raster(two_valleys()), **how)
+
+
+def test_wrong_data() -> None:
+    ground, points = raster(two_valleys()), cloud(bowl()[1])
+    for how, text in (
+        ({}, "points: give points or a terrain, one of both"),
+        ({"terrain": ground, "points": points}, "one of both"),
+        ({"terrain": ground, "max_gap": 1.0}, "max_gap: is for points"),
+        ({"points": points, "classes": ClassList([2])}, "has no classification"),
+        ({"terrain": raster(two_valleys(), units=("foot",))}, "holds values in foot"),
+    ):
+        with pytest.raises(DataError, match=text):
+            ShorelineStorageCurve(**how)
+    far = outline(shapely.box(900, 900, 901, 901))
+    seed = {"seed_point": Position(WEST + 0.7, NORTH - 0.7)}
+    for how, text in (
+        ({"terrain": raster(np.full((3, 3), np.nan))}, "there is no ground$"),
+        ({"terrain": raster([[1.0, 2.0]])}, "two rows and two columns"),
+        ({"terrain": ground, "outline": far}, "no ground within the outline"),
+        ({"points": points, "outline": far}, "no ground within the outline"),
+        ({"terrain": ground, "seed_point": Position(0, 0)}, "seed_point: 0, 0 lies where"),
+        ({"terrain": ground, "highest": 5.0, **seed}, "is not below the highest level"),
+        ({"terrain": ground, "highest": -1.0}, "highest: -1 is below the lowest ground, 0"),
+        ({"terrain": ground, "lowest": 99.0}, "lowest: 99 is above the highest ground, 9"),
+        ({"terrain": ground, "step": 1e-6}, "step: makes 9000001 levels"),
+        ({"terrain": ground, "highest": 1e300}, r"step: makes 1e\+300 levels"),
+        ({"terrain": ground, "step": 1e-308}, "step: makes inf levels"),
+        ({"points": points.select(range(2))}, "do not span a triangle"),
+    ):
+        with pytest.raises(DataError, match=text):
+            ShorelineStorageCurve(**how).run()
+    classed = cloud(bowl()[1], classification=np.full(121**2, 5, np.uint8))
+    with pytest.raises(NothingToDo, match="none is of class 2"):
+        ShorelineStorageCurve(points=classed, classes=ClassList([2])).run()
+
+
+def test_vegetation_is_noticed(caplog: pytest.LogCaptureFixture) -> None:
+    _, xyz = bowl()
+    classes = np.where(np.arange(len(xyz)) % 3, 2, 5).astype(np.uint8)
+    xyz[classes == 5, 2] += 10
+    points = cloud(xyz, classification=classes)
+    with caplog.at_level(logging.WARNING):
+        wrong = ShorelineStorageCurve(points=points, highest=110.0).run()
+        assert "points of all classes are taken for ground" in caplog.text
+        right = ShorelineStorageCurve(points=points, highest=110.0, classes=ClassList([2])).run()
+    assert wrong.volume < 0.9 * right.volume
+    assert right.volume == pytest.approx(math.pi * 12500, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["terrain", "points"])
+def test_progress_rises_and_cancel_stops(kind: str) -> None:
+    ground, xyz = bowl()
+    source: dict[str, Any] = {"terrain": ground} if kind == "terrain" else {"points": cloud(xyz)}
+    job = ShorelineStorageCurve(**source, outline=outline(shapely.box(20, 20, 50, 50)))
+    seen: list[float] = []
+    job.run(Context(seen.append))
+    assert seen == sorted(seen)
+    with pytest.raises(Cancelled):
+        job.run(Context(stop=lambda: True))
+
+
+@given(st.integers(0, 2**31), st.integers(3, 7), st.integers(3, 7))
+@settings(max_examples=30)
+def test_water_spreads_where_a_search_says_so(seed: int, rows: int, cols: int) -> None:
+    """Against the definition: cells that are one with the lowest, at each level by itself."""
+    from scipy.ndimage import label
+
+    z = np.random.default_rng(seed).permutation(rows * cols).reshape(rows, cols).astype(float)
+    basin = RasterBasin(z, Lattice(0, 0, 1.0, rows, cols), None)
+    basin.fill(None, np.inf)
+    for level in np.arange(rows * cols) + 0.5:
+        fine = np.full((2 * rows - 1, 2 * cols - 1), np.inf)  # cells, and what is between them
+        fine[::2, ::2] = z
+        fine[1::2, ::2] = np.maximum(z[1:], z[:-1])
+        fine[::2, 1::2] = np.maximum(z[:, 1:], z[:, :-1])
+        fine[1::2, 1::2] = (z[1:, 1:] + z[1:, :-1] + z[:-1, 1:] + z[:-1, :-1]) / 4
+        bodies, _ = label(fine < level, np.ones((3, 3), int))
+        row, col = np.unravel_index(np.argmin(z), z.shape)
+        wanted = (bodies == bodies[2 * row, 2 * col]) & (bodies > 0)
+        np.testing.assert_array_equal(basin._joined < level, wanted[::2, ::2])
+
+
+def test_cells_of_squares() -> None:
+    squares = np.array([[True, False], [False, False]])
+    wanted = [[1, 1, 0], [1, 1, 0], [0, 0, 0]]
+    np.testing.assert_array_equal(_of_any_square(squares), np.array(wanted, bool))

@@ -1,0 +1,402 @@
+"""The command line as a user and as a calling program meet it: real processes, real files."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pyproj import CRS
+
+from toolbox.cli.main import main
+from toolbox.data import PointCloud, Raster
+
+HEAVY = ("numba", "scipy", "geopandas", "rasterio", "sklearn", "numpy", "pyproj", "pandas")
+
+
+@pytest.fixture
+def town(tmp_path: Path) -> Path:
+    """A few hundred points with intensity and returns, in a projected CRS."""
+    rng = np.random.default_rng(0)
+    n = 500
+    xyz = np.column_stack([rng.uniform(0, 40, n) + 5e5, rng.uniform(0, 40, n) + 4.6e6, np.zeros(n)])
+    columns = {
+        "intensity": np.arange(n, dtype=np.uint16),
+        "classification": np.full(n, 2, np.uint8),
+    }
+    path = tmp_path / "town.laz"
+    PointCloud(xyz.round(2), columns, crs=CRS(32635)).save(path)
+    return path
+
+
+def run(*arguments: Any, **how: Any) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "toolbox", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, **how)
+
+
+def test_list_describe_and_help_import_no_numerical_library() -> None:
+    code = f"""
+import sys
+from toolbox.cli.main import main
+main(["list"]); main(["describe", "ground.csf"]); main(["describe", "ground.csf", "--json"])
+try:
+    main(["run", "ground.csf", "--help"])
+except SystemExit:
+    pass
+sys.exit(", ".join(name for name in {HEAVY!r} if name in sys.modules) or 0)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    assert done.returncode == 0
+    assert "--cloth_resolution" in done.stdout
+
+
+def test_list_and_describe(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    assert "surface.grid" in capsys.readouterr().out
+    assert main(["list", "--json"]) == 0
+    assert {"id", "title"} <= json.loads(capsys.readouterr().out)[0].keys()
+    assert main(["describe", "surface.grid", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["id"] == "surface.grid"
+    assert main(["describe", "surface.gird"]) == 2
+    assert "did you mean 'surface.grid'?" in capsys.readouterr().err
+
+
+def test_run_writes_outputs_and_prints_values(
+    town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "kept.laz"
+    argv = ["run", "points.filter-intensity".replace("-", "_"), "--points", str(town)]
+    assert main([*argv, "--minimum", "100", "--kept", str(out)]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        f"kept: {out}",
+        "removed_share: 0.2",
+        "threshold: 100",
+    ]
+    assert len(PointCloud.open(out)) == 400
+
+
+def test_json_result(town: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "points.info", "--points", str(town), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["id"] == "points.info"
+    assert result["statistics"]["count"] == 500
+    assert {"property": "points", "value": 500, "unit": ""} in result["outputs"]["table"]
+
+
+def test_info_of_every_sort_of_file(
+    town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dtm = tmp_path / "dtm.tif"
+    assert main(["run", "surface.grid", "--points", str(town), "--surface", str(dtm)]) == 0
+    capsys.readouterr()
+    for path, word in [(town, "intensity percentile 50"), (dtm, "band 1 mean")]:
+        assert main(["info", str(path)]) == 0
+        assert word in capsys.readouterr().out
+    assert main(["info", str(tmp_path / "no.laz")]) == 2
+    (tmp_path / "empty").mkdir()
+    assert main(["info", str(tmp_path / "empty")]) == 3
+
+
+def test_sources_of_several_files(
+    town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A list, a pattern or a folder in place of a path; without one, or with one too much."""
+    other = tmp_path / "u.laz"
+    PointCloud.open(town).save(other)
+    kept = tmp_path / "kept.laz"
+    for places in ([town, other], [tmp_path], [tmp_path / "*.laz"]):
+        argv = ["run", "points.filter", "--points", *map(str, places), "--points.bounds"]
+        assert main([*argv, "5e5,4.6e6,6e5,5e6", "--kept", str(kept), "--overwrite"]) == 0
+        assert len(PointCloud.open(kept)) == 1000
+        kept.unlink()
+    capsys.readouterr()
+    assert main(["info", str(town), str(other)]) == 0
+    assert "files " in capsys.readouterr().out
+    assert main(["info", str(tmp_path)]) == 0
+    assert "files " in capsys.readouterr().out
+    assert main(["info", str(town), str(tmp_path / "no.laz")]) == 2
+    assert "there is no file" in capsys.readouterr().err
+    argv = ["run", "points.filter", "--points", str(tmp_path / "no.laz"), str(town)]
+    assert main([*argv, str(tmp_path / "no2.laz")]) == 2
+    assert re.search(r"no file .*no\.laz, .*no2\.laz", capsys.readouterr().err)
+    argv = ["run", "points.filter", "--points", str(tmp_path), "--kept", str(other)]
+    assert main([*argv, "--overwrite"]) == 2
+    assert "is also an input" in capsys.readouterr().err
+
+
+def test_options_may_be_written_with_dashes_and_negative_values(
+    town: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    argv = ["run", "points.filter", "--points", str(town), "--elevation-above-lowest", "-1,1"]
+    assert main([*argv, "--points.bounds", "-5,-5,9e5,9e6"]) == 0
+    assert "kept" in capsys.readouterr().out
+
+
+def test_all_problems_are_reported_at_once(
+    town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    argv = ["run", "surface.grid", "--points", str(tmp_path / "no.laz"), "--cell", "-1"]
+    argv += ["--methd", "idw", "--surface", str(tmp_path / "no" / "a.tif"), "--power", "x"]
+    assert main(argv) == 2
+    error = capsys.readouterr().err
+    for text in [
+        "surface.grid: 5 problem(s)",
+        "cell: must be > 0 m, got -1.0",
+        "methd: unknown parameter; did you mean 'method'?",
+        "points: there is no file",
+        "power: must be a number, got 'x'",
+        "surface: there is no folder",
+    ]:
+        assert text in error
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--cell", "1", "--cell", "2"], "cell: given more than once"),
+        (["stray"], "stray"),
+        (["--metho", "idw"], "metho: unknown parameter; did you mean 'method'?"),
+        (["--filled_share", "a.csv"], "filled_share"),
+        (["--points.colums", "x"], "points: no option 'colums'; there are columns"),
+        (["--cell"], "expected one argument"),
+        (["--events", "xml"], "invalid choice"),
+        (["--assume-crs", "EPSG:1"], "assume_crs"),
+        (["--picture", "a.jpg"], "use .png"),
+        (["--params", "no.json"], "params: cannot read no.json"),
+    ],
+)
+def test_wrong_arguments(
+    town: Path, arguments: list[str], text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "surface.grid", "--points", str(town), *arguments]) == 2
+    assert text in "".join(capsys.readouterr())
+
+
+def test_harmful_outputs_are_refused(
+    town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    argv = ["run", "points.filter", "--points", str(town)]
+    before = town.read_bytes()
+    assert main([*argv, "--kept", str(town), "--overwrite"]) == 2
+    assert "also an input" in capsys.readouterr().err
+    assert main([*argv, "--kept", str(tmp_path / "k.laz")]) == 0
+    assert main([*argv, "--kept", str(tmp_path / "k.laz")]) == 2
+    assert main([*argv, "--kept", str(tmp_path / "k.laz"), "--overwrite"]) == 0
+    assert town.read_bytes() == before
+
+
+def test_unreadable_data_is_another_code_than_wrong_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bad = tmp_path / "bad.laz"
+    bad.write_bytes(b"not a point cloud")
+    out = tmp_path / "out.laz"
+    assert main(["run", "points.filter", "--points", str(bad), "--kept", str(out)]) == 3
+    assert "bad.laz" in capsys.readouterr().err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bad.laz"]
+
+
+def test_missing_crs_says_what_to_do(
+    tmp_path: Path, town: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bare = tmp_path / "bare.laz"
+    PointCloud.open(town).with_crs(None).save(bare)
+    argv = ["run", "surface.grid", "--points", str(bare), "--surface", str(tmp_path / "s.tif")]
+    assert main(argv) == 3
+    assert "--assume-crs" in capsys.readouterr().err
+    assert main([*argv, "--assume-crs", "local"]) == 0
+    assert Raster.open(tmp_path / "s.tif").crs is None
+    assert main([*argv, "--assume-crs", "EPSG:32635", "--overwrite"]) == 0
+    assert Raster.open(tmp_path / "s.tif").crs == CRS(32635)
+    assert main(["run", "points.filter", "--points", str(bare)]) == 0
+    assert "warning" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ['{"cell": 2, "classes": [2]}', "cell: 2\nclasses: '2'"])
+def test_params_from_a_file(
+    town: Path, tmp_path: Path, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    params = tmp_path / "p.yaml"
+    params.write_text(text)
+    out = tmp_path / "s.tif"
+    argv = ["run", "surface.grid", "--points", str(town), "--params", str(params)]
+    assert main([*argv, "--surface", str(out)]) == 0
+    assert Raster.open(out).cell == 2
+    assert main([*argv, "--surface", str(out), "--cell", "4", "--overwrite"]) == 0
+    assert Raster.open(out).cell == 4, "the command line wins over the file"
+    assert capsys.readouterr().err == ""
+
+
+def test_options_of_a_source_join_a_path_from_a_file(tmp_path: Path) -> None:
+    text, params = tmp_path / "a.txt", tmp_path / "p.json"
+    text.write_text("1 2 3 9\n4 5 6 8\n")
+    params.write_text(json.dumps({"points": str(text)}))
+    argv = ["run", "points.filter", "--params", str(params), "--where", "-user_data<-8.5"]
+    assert main([*argv, "--points.columns", "x,y,z,user_data"]) == 0
+
+
+def test_an_output_may_say_how_to_write_it(
+    town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    argv = ["run", "surface.grid", "--points", str(town), "--surface", str(tmp_path / "s.tif")]
+    assert main([*argv, "--surface.cog", "perhaps"]) == 2
+    assert main([*argv, "--surface.cog", "true"]) == 0
+    assert b"LAYOUT=IFDS_BEFORE_DATA" in (tmp_path / "s.tif").read_bytes()[:400]
+    assert capsys.readouterr().err.count("problem(s)") == 1
+
+
+def test_names_that_stand_twice_in_a_file_are_refused(
+    town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    params = tmp_path / "p.json"
+    argv = ["run", "surface.grid", "--points", str(town), "--params", str(params)]
+    for text in ('{"cell": 1, "cell": 2}', "cell: 1\ncell: 2"):
+        params.write_text(text)
+        assert main(argv) == 2
+        assert "'cell' is given more than once" in capsys.readouterr().err
+    for text in ("where: [", "[" * 5000, '{"cell": 1' + "0" * 5000 + "}"):
+        params.write_text(text)
+        assert main(argv) == 2
+        assert "params: " in capsys.readouterr().err
+
+
+def test_params_from_stdin(town: Path) -> None:
+    text = json.dumps({"points": str(town)})
+    done = run("run", "points.info", "--params", "-", "--json", input=text)
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["statistics"]["count"] == 500
+
+
+def test_mistakes_of_ours_are_code_1(
+    town: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: Any, **__: Any) -> None:
+        raise ZeroDivisionError("secret")
+
+    monkeypatch.setattr("toolbox.execute.run", broken)
+    assert main(["run", "points.info", "--points", str(town)]) == 1
+    assert "Traceback" not in capsys.readouterr().err
+    assert main(["run", "points.info", "--points", str(town), "--verbose"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+SLOW = """
+import sys, time
+import toolbox.execute
+from toolbox import files
+
+def slow(id, values, *, ctx, **how):
+    kept = __import__("pathlib").Path(values["kept"])
+    with files.staged({{kept: lambda path: (path,)}}, overwrite=False) as places:
+        for path in places.values():
+            path.write_text("half")
+        for step in range(600):
+            time.sleep({pause}) if {stubborn} else ctx.progress(step / 600)
+            time.sleep(0.05)
+
+toolbox.execute.run = slow
+from toolbox.cli.main import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def start(tmp_path: Path, town: Path, *more: str, stubborn: bool = False) -> Any:
+    code = SLOW.format(pause=30, stubborn=stubborn)
+    argv = ["run", "points.filter", "--points", str(town), "--kept", str(tmp_path / "k.laz")]
+    pipe = subprocess.PIPE
+    child = subprocess.Popen(
+        [sys.executable, "-c", code, *argv, *more], stdin=pipe, stdout=pipe, stderr=pipe
+    )
+    for _ in range(400):
+        if list(tmp_path.glob(".unfinished-*/k.laz")):
+            return child
+        time.sleep(0.05)
+    raise AssertionError(child.communicate())
+
+
+def interrupt(child: Any) -> None:
+    child.send_signal(signal.SIGINT)
+
+
+def terminate(child: Any) -> None:
+    child.send_signal(signal.SIGTERM)
+
+
+def close_pipe(child: Any) -> None:
+    child.stdin.close()
+    child.stdin = None
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+@pytest.mark.parametrize("stubborn", [False, True], ids=["asks", "never asks"])
+@pytest.mark.parametrize("stop", [interrupt, terminate, close_pipe])
+def test_stopping_leaves_nothing(
+    tmp_path: Path, town: Path, stop: Callable[[Any], None], stubborn: bool
+) -> None:
+    child = start(tmp_path, town, "--events", "jsonl", stubborn=stubborn)
+    stop(child)
+    events, _ = child.communicate(timeout=10)
+    assert child.returncode == 130
+    assert json.loads(events.splitlines()[-1]) == {
+        "event": "error",
+        "code": 130,
+        "message": "cancelled",
+    }
+    assert [p.name for p in tmp_path.iterdir()] == ["town.laz"]
+
+
+def test_events_for_programs(town: Path, tmp_path: Path) -> None:
+    out = tmp_path / "kept.laz"
+    params = json.dumps({"points": str(town), "kept": str(out), "minimum": 100})
+    protocol = ["--params", "-", "--events", "jsonl"]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "toolbox", "run", "points.filter_intensity", *protocol],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert child.stdin
+    assert child.stdout
+    child.stdin.write(params + "\n")
+    child.stdin.flush()
+    events = [json.loads(line) for line in child.stdout]
+    child.stdin.close()
+    assert child.wait(10) == 0
+    assert events[-1] == {
+        "event": "result",
+        "outputs": {"kept": str(out), "removed_share": 0.2, "threshold": 100},
+    }
+    percents = [event["value"] for event in events if event["event"] == "progress"]
+    assert percents == sorted(set(percents))
+    assert percents[-1] == 100
+    child.stdout.close()
+    if child.stderr:
+        child.stderr.close()
+
+
+def test_events_carry_errors(town: Path) -> None:
+    done = run("run", "points.filter", "--params", "-", "--events", "jsonl", input="[]\n")
+    assert done.returncode == 2
+    assert json.loads(done.stdout)["event"] == "error"
+    assert json.loads(done.stdout)["code"] == 2
+    done = run("run", "points.filter", "--points", "--events", "jsonl", stdin=subprocess.DEVNULL)
+    assert done.returncode == 2
+    assert "expected at least one argument" in json.loads(done.stdout)["message"]
+
+
+def test_head_of_a_long_list_is_no_error() -> None:
+    command = f"{sys.executable} -m toolbox list | true"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
+    assert done.stderr == ""

@@ -1,0 +1,220 @@
+"""The plugin without QGIS: what it reads, how it is put together, installed and looked after."""
+
+from __future__ import annotations
+
+import ast
+import json
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from toolbox import __version__, catalog
+from toolbox.cli.main import main
+from toolbox.qgis import install as qgis_install
+from toolbox.qgis import process as qgis_process
+from toolbox.qgis import tools as qgis_tools
+from toolbox.qgis.install import SOURCE, switched_on
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def listed() -> dict[str, dict[str, object]]:
+    return {tool["id"]: tool for tool in qgis_tools.listing()["tools"]}
+
+
+def test_every_tool_and_model_is_listed_under_a_name_of_its_own(
+    listed: dict[str, dict[str, object]],
+) -> None:
+    assert list(listed) == catalog.ids()
+    names = {str(tool["algorithm"]) for tool in listed.values()}
+    assert len(names) == len(listed)
+    assert all(name.isalnum() and name.islower() for name in names)
+    assert qgis_tools.names()["pointsheightaboveground"] == "points.height_above_ground"
+
+
+def test_fields_say_which_widget_they_need(listed: dict[str, dict[str, object]]) -> None:
+    def field(tool: str, name: str, where: str = "inputs") -> dict[str, object]:
+        return next(f for f in listed[tool][where] if f["name"] == name)  # type: ignore[attr-defined]
+
+    cell = field("surface.grid", "cell")
+    assert (cell["type"], cell["default"], cell["gt"]) == ("length", 1.0, 0)
+    assert field("shoreline.alpha_shape", "alpha")["type"] == "text"  # a length or "auto"
+    assert field("points.thin", "dimensions")["choices"] == ["3", "2"]
+    assert field("features.local", "features")["many"] is True
+    assert field("surface.grid", "classes")["type"] == "text"
+    assert field("points.clip", "extent")["type"] == "extent"
+    assert field("points.merge", "points")["type"] == "pointcloud"
+    assert field("compare.classes", "table", "outputs")["type"] == "table"
+    assert field("compare.classes", "kappa", "outputs")["type"] == "number"
+    assert field("surface.grid", "tile")["option"] == "tile"
+    assert field("surface.grid", "resume")["default"] is False
+    shown = {name: field("surface.grid", name)["advanced"] for name in ("points", "cell", "power")}
+    assert shown == {"points": False, "cell": False, "power": True}
+    assert not [f for f in listed["surface.hillshade"]["inputs"] if f["name"] == "tile"]  # type: ignore[attr-defined]
+    first = [f["name"] for f in listed["compare.classes"]["outputs"] if f.get("first")]  # type: ignore[attr-defined]
+    assert first == ["table"]
+
+
+def test_the_plugin_imports_qgis_and_the_standard_library_alone() -> None:
+    allowed = {*sys.stdlib_module_names, "qgis"}
+    for path in SOURCE.glob("*.py"):
+        text = path.read_text("utf-8")
+        for node in ast.walk(ast.parse(text, feature_version=(3, 9))):  # that of older QGIS
+            if isinstance(node, ast.Import):
+                assert {a.name.partition(".")[0] for a in node.names} <= allowed, path.name
+            if isinstance(node, ast.ImportFrom) and node.level == 0:
+                assert str(node.module).partition(".")[0] in allowed, path.name
+
+
+def test_package_is_what_the_plugin_site_takes(tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "plugin.zip"
+    assert main(["qgis", "package", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert "plugin.zip" in told
+    assert "fill in email, homepage, tracker, repository in " in told
+    with zipfile.ZipFile(path) as archive:
+        names = archive.namelist()
+        meta = archive.read("lidar_toolbox/metadata.txt").decode()
+        tools = json.loads(archive.read("lidar_toolbox/tools.json"))
+    assert all(name.startswith("lidar_toolbox/") for name in names)
+    assert {"LICENSE", "icon.svg", "tools.json", "__init__.py"} <= {n.split("/")[1] for n in names}
+    assert {n.rpartition(".")[2] for n in names} <= {"py", "txt", "svg", "json", "html"} | {
+        "lidar_toolbox/LICENSE"
+    }
+    assert not any("environment.json" in name for name in names)
+    assert f"\nversion={__version__}\n" in meta
+    for key in (
+        "name", "description", "about", "qgisMinimumVersion", "author", "email", "icon",
+        "homepage", "tracker", "repository", "tags",
+    ):  # fmt: skip
+        assert f"\n{key}=" in meta
+    assert "\nqgisMaximumVersion=4" in meta
+    assert "\nsupportsQt6=True\n" in meta  # for builds of QGIS 3 with Qt 6
+    assert "\nhasProcessingProvider=yes\n" in meta
+    assert len(tools["tools"]) == len(catalog.ids())
+    assert path.stat().st_size < 1_000_000
+    again = path.read_bytes()
+    main(["qgis", "package", str(path)])
+    assert path.read_bytes() == again
+    assert main(["qgis", "package", str(tmp_path / "no" / "a.zip")]) == 3
+
+
+def test_the_licence_is_that_of_the_toolbox() -> None:
+    licence = Path(__file__).resolve().parents[3] / "LICENSE"
+    assert (SOURCE / "LICENSE").read_text() == licence.read_text()
+
+
+def test_switching_on_changes_nothing_else() -> None:
+    assert switched_on("") == "[PythonPlugins]\nlidar_toolbox=true\n"
+    assert switched_on("[a]\nb=1").startswith("[a]\nb=1\n\n[PythonPlugins]\n")
+    other = "[PythonPlugins]\nother=true\n\n[qgis]\nlidar_toolbox=false\n"
+    assert switched_on(other) == other.replace("other=true", "lidar_toolbox=true\nother=true")
+    off = "[x]\n[PythonPlugins]\nother=true\nlidar_toolbox=false\n[z]\nk=v\n"
+    assert switched_on(off) == off.replace("=false", "=true")
+    assert switched_on(switched_on(off)) == switched_on(off)
+
+
+def test_install_and_doctor(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("LIDAR_TOOLBOX_PYTHON", raising=False)
+    program = tmp_path / "qgis_process"
+    program.write_text("#!/bin/sh\necho 'QGIS 3.40.6-Bratislava'\n")
+    program.chmod(0o755)
+    monkeypatch.setenv(qgis_process.VARIABLE, str(program))
+    profile = tmp_path / "Profil ü"
+    argv = ["qgis", "doctor", "--profile", str(profile)]
+    assert main(argv) == 3
+    assert f"qgis install --profile {profile}" in capsys.readouterr().out
+    assert main(["qgis", "install", "--profile", str(profile)]) == 0
+    assert main(argv) == 0
+    told = capsys.readouterr().out
+    assert "QGIS 3.40.6" in told
+    assert f"{len(catalog.ids())} tools" in told
+    assert sys.executable in told
+    home = profile / "python/plugins/lidar_toolbox"
+    (home / "stale.py").write_text("")
+    assert main(["qgis", "install", "--profile", str(profile)]) == 0
+    assert not (home / "stale.py").exists()
+    assert [p.name for p in home.parent.iterdir()] == ["lidar_toolbox"]
+    (profile / "QGIS/QGIS3.ini").write_text("[PythonPlugins]\nlidar_toolbox=false\n")
+    (home / "tools.json").write_text("{}")
+    (home / "environment.json").write_text('{"python": "/no/python"}')
+    monkeypatch.setenv(qgis_process.VARIABLE, str(tmp_path / "none"))
+    capsys.readouterr()
+    assert main(argv) == 3
+    seen = capsys.readouterr()
+    for text in ("QGIS was not found", "tools.json", "not switched on", "no Python /no/python"):
+        assert text in seen.out
+    assert "4 thing(s) to mend" in seen.err
+
+
+def test_doctor_asks_the_python_that_the_plugin_would_start(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("LIDAR_TOOLBOX_PYTHON", raising=False)
+    profile = tmp_path / "p"
+    argv = ["qgis", "doctor", "--profile", str(profile)]
+    assert main(["qgis", "install", "--profile", str(profile)]) == 0
+    ini, own = profile / "QGIS/QGIS3.ini", profile / "lidar_toolbox_env/bin/python"
+    chosen = "[lidar_toolbox]\npython={}\n[PythonPlugins]\nlidar_toolbox=true\n"
+    ini.write_text(chosen.format(r"/no/pyth\xf6n"))
+    main(argv)
+    told = capsys.readouterr().out
+    assert "there is no Python /no/pythön" in told
+    assert "set another in Settings > Options" in told
+    program = tmp_path / "bare"  # has the toolbox and not its libraries
+    program.write_text(
+        "#!/bin/sh\necho \"ModuleNotFoundError: No module named 'numpy'\" >&2; exit 1\n"
+    )
+    program.chmod(0o755)
+    ini.write_text(chosen.format(program))
+    main(argv)
+    assert f"{program}: ModuleNotFoundError: No module named 'numpy'" in capsys.readouterr().out
+    ini.write_text(chosen.format(tmp_path / "text").replace("python=/", "other=/"))
+    (profile / "python/plugins/lidar_toolbox/environment.json").unlink()
+    own.parent.mkdir(parents=True)
+    own.write_text("no program")
+    main(argv)
+    assert f"{own} does not start" in capsys.readouterr().out
+
+
+def test_both_settings_of_a_profile_are_switched_and_nothing_else_is_lost(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    new = tmp_path / "QGIS4" / "profiles" / "default"
+    assert main(["qgis", "install", "--profile", str(new)]) == 0
+    assert [path.name for path in (new / "QGIS").iterdir()] == ["QGIS4.ini"]
+    both = tmp_path / "both"
+    (both / "QGIS").mkdir(parents=True)
+    for name in ("QGIS3.ini", "QGIS4.ini"):
+        (both / "QGIS" / name).write_bytes(b"[a]\nold=\xe9\n")
+    assert main(["qgis", "install", "--profile", str(both)]) == 0
+    for name in ("QGIS3.ini", "QGIS4.ini"):
+        text = (both / "QGIS" / name).read_bytes()
+        assert text == b"[a]\nold=\xe9\n\n[PythonPlugins]\nlidar_toolbox=true\n"
+    assert main(["qgis", "uninstall", "--profile", str(both)]) == 0
+    assert list((both / "python/plugins").iterdir()) == []
+    assert (both / "QGIS/QGIS4.ini").read_bytes() == b"[a]\nold=\xe9\n\n[PythonPlugins]\n"
+    assert main(["qgis", "uninstall", "--profile", str(both)]) == 3
+    assert "the plugin is not in" in capsys.readouterr().err
+
+
+def test_the_usual_profile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("QGIS_CUSTOM_CONFIG_PATH", str(tmp_path))
+    assert qgis_install.default_profile() == tmp_path / "profiles" / "default"
+    for name in ("work", "last"):
+        (tmp_path / "profiles" / name).mkdir(parents=True)
+    ini = tmp_path / "profiles/profiles.ini"
+    for text, name in (
+        ("defaultProfile=work\n", "work"),
+        ("defaultProfile=work\nlastProfile=last\n", "last"),
+        ("defaultProfile=work\nlastProfile=last\nselectionPolicy=1\n", "work"),
+        ("defaultProfile=work\nlastProfile=gone\nselectionPolicy=0\n", "work"),
+        ("lastProfile=\n", "default"),
+    ):
+        ini.write_text("[core]\n" + text)
+        assert qgis_install.default_profile() == tmp_path / "profiles" / name

@@ -1,0 +1,68 @@
+"""The page of a run shows its numbers, tables, maps and how it was made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import toolbox
+from toolbox.cli.replay import replay
+from toolbox.data import PointCloud, Table
+from toolbox.data.crs import parse_crs
+from toolbox.tiles.tiling import Tiling
+
+
+@pytest.fixture
+def points(tmp_path: Path) -> Path:
+    rng = np.random.default_rng(1)
+    xyz = np.column_stack([rng.uniform(0, 50, (3000, 2)) + 500_000, rng.uniform(0, 1, 3000)])
+    classes = {"classification": rng.integers(1, 3, 3000)}
+    PointCloud(xyz, classes, crs=parse_crs("EPSG:32635")).save(tmp_path / "a.laz")
+    return tmp_path / "a.laz"
+
+
+@pytest.mark.slow
+def test_page_of_numbers_and_tables(points: Path) -> None:
+    values = {"points": points, "reference": points, "positive": "2"}
+    place = points.with_suffix(".html")
+    written = toolbox.run("compare.classes", {**values, "page": place})
+    assert written["page"] == place
+    text = place.read_text()
+    assert "<td>Agreement beyond chance (Cohen)</td><td>1</td>" in text
+    assert "<h2>confusion</h2>" in text
+    assert "points: a.laz" in text
+    assert replay(place) == []
+
+
+@pytest.mark.slow
+def test_page_with_a_map(points: Path) -> None:
+    place = points.with_suffix(".html")
+    toolbox.run("surface.grid", {"points": points, "page": place})
+    text = place.read_text()
+    assert text.count("<img ") == 1
+    assert "50 rows, 50 columns" in text
+
+
+@pytest.mark.slow
+def test_counts_of_all_steps(points: Path) -> None:
+    place = points.with_suffix(".gpkg")
+    values = {"points": points, "counts": {"path": place, "layer": "stages"}, "denoise": False}
+    dtm = points.with_name("dtm.tif")
+    toolbox.run("models.terrain", {**values, "image": False, "max_gap": 6.0})
+    rows = Table.open(place, layer="stages").frame
+    assert rows.columns.to_list() == ["step", "name", "count"]
+    assert rows.iloc[0].to_list() == ["ground", "points", 3000]
+    assert rows["step"].unique().tolist() == ["ground", "top", "bottom", "heights"]
+    assert replay(place) == []
+    tiled = points.with_suffix(".csv")
+    tiling = Tiling.parse({"tile": "40", "workers": "1"})
+    toolbox.run(
+        "models.terrain",
+        {**values, "image": False, "max_gap": 6.0, "counts": tiled, "dtm": dtm},
+        tiling=tiling,
+    )
+    made = Table.open(tiled).frame
+    assert made["step"].unique().tolist() == ["ground", "top", "bottom"]  # those that lead to it
+    assert made.merge(rows, how="left", indicator=True)["_merge"].eq("both").all()

@@ -1,0 +1,207 @@
+"""The options of ``run``: built from a tool's description, so that nothing is typed twice."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Mapping
+from typing import Any, NoReturn
+
+from toolbox.errors import ParameterError
+from toolbox.models import documents
+
+Description = Mapping[str, Any]
+SHAPES = {  # what a value of several numbers looks like
+    "extent": "XMIN,YMIN,XMAX,YMAX",
+    "position": "X,Y",
+    "direction": "X,Y,Z",
+    "range": "LOW,HIGH",
+}
+SEVERAL = "PointCloud"  # type of a layer that is also read from several files
+
+
+class _Parser(argparse.ArgumentParser):
+    """Reports what it cannot read as we report everything else."""
+
+    def error(self, message: str) -> NoReturn:
+        raise ParameterError(self.prog.removeprefix("toolbox run "), {"command line": message})
+
+
+def parser(described: Description) -> argparse.ArgumentParser:
+    """All options of one tool; every value that is given ends up in a list under its name."""
+    made = _Parser(
+        f"toolbox run {described['id']}",
+        description=f"{described['title']}.\n\n{described['description']}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,  # else --windo would quietly be taken for --window
+        argument_default=argparse.SUPPRESS,
+    )
+    inputs = made.add_argument_group("inputs")
+    for name, field in described["inputs"].items():
+        _add_input(inputs, name, field)
+    results = made.add_argument_group("outputs")
+    for name, field in described["outputs"].items():
+        if is_layer(field["schema"]):
+            _add(results, name, metavar="PATH", help=field["description"])
+            _add_options(results, name, field)
+    if between := described.get("between"):
+        kept = made.add_argument_group("results of steps")
+        for name, field in between.items():
+            if is_layer(field["schema"]):
+                _add(kept, name, metavar="PATH", help=field["description"])
+                _add_options(kept, name, field)
+    _add_general(made.add_argument_group("how to run"))
+    return made
+
+
+def is_layer(schema: Mapping[str, Any]) -> bool:
+    """Whether values of an output are written to files, one or several."""
+    return bool(schema.get("items", schema).get("format") == "uri-reference")
+
+
+def _add_input(group: Any, name: str, field: Description) -> None:
+    says = {meta["role"]: meta["value"] for meta in field["metadata"]}
+    schema = field["schema"]
+    rule = f" [{says['rule']}]" if "rule" in says else ""
+    default = f" (default {schema['default']})" if "default" in schema else ""
+    how: dict[str, Any] = {}
+    if field["maxOccurs"] != 1 or says["type"] == SEVERAL:
+        how = {"nargs": "+"}
+    elif schema.get("type") == "boolean":
+        how = {"nargs": "?", "const": "true"}
+    kind = SHAPES.get(says["type"], says["type"].upper().replace(" ", "_"))
+    _add(group, name, metavar=kind, help=field["description"] + rule + default, **how)
+    _add_options(group, name, field)
+
+
+def _add_options(group: Any, name: str, field: Description) -> None:
+    """How a layer is read or written: ``--points.columns x,y,z,label``."""
+    for meta in field["metadata"]:
+        if meta["role"] == "option":
+            option = meta["title"]
+            _add(group, f"{name}.{option}", metavar=option.upper(), help=meta["value"])
+
+
+def _add(group: Any, name: str, *, help: str, **how: Any) -> None:
+    names = dict.fromkeys([f"--{name}", f"--{name.replace('_', '-')}"])
+    group.add_argument(*names, dest=name, action="append", help=help.replace("%", "%%"), **how)
+
+
+def _add_general(group: Any) -> None:
+    group.add_argument(
+        "--assume-crs", "--assume_crs", metavar="CRS", help="CRS of files that state none, or local"
+    )
+    group.add_argument("--params", metavar="FILE", help="values as JSON or YAML; - is stdin")
+    group.add_argument("--overwrite", action="store_true", help="let outputs replace files")
+    group.add_argument("--picture", metavar="PNG", help="draw the resulting layers")
+    group.add_argument("--page", metavar="HTML", help="write a page of all results, for people")
+    group.add_argument(
+        "--counts", metavar="TABLE", help="write how much each step read and gave, as a table"
+    )
+    group.add_argument("--tile", metavar="METRES", help="work in tiles of this size, or auto")
+    group.add_argument("--workers", metavar="N", help="processes that work on tiles (all cores)")
+    group.add_argument("--memory", metavar="SIZE", help="that each of them may use, such as 4GB")
+    group.add_argument("--scheduler", metavar="URL", help="Dask scheduler to use instead of them")
+    group.add_argument(
+        "--resume", action="store_true", help="take over steps, or tiles, of earlier runs"
+    )
+    group.add_argument("--json", action="store_true", help="print the result as JSON")
+    group.add_argument("--events", choices=["jsonl"], help="one JSON line per event, for programs")
+    loudness = group.add_mutually_exclusive_group()
+    loudness.add_argument("--quiet", action="store_true", help="print errors only")
+    loudness.add_argument("--verbose", action="store_true", help="print details and tracebacks")
+
+
+def read(described: Description, arguments: Iterable[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Take a command line apart.
+
+    Returns
+    -------
+    values : what is said of inputs and outputs, by name, and under ``name.option`` how a layer is
+        to be read or written; unknown names are kept, to be reported with all other problems
+    general : the options of "how to run" that were given, by name
+
+    Raises
+    ------
+    ParameterError
+        An option is repeated, or a word belongs to none.
+    """
+    found, unknown = parser(described).parse_known_args(_joined(arguments))
+    given = vars(found)
+    general = {name: given.pop(name) for name in list(given) if not isinstance(given[name], list)}
+    problems = {name: "given more than once" for name, texts in given.items() if len(texts) > 1}
+    misspelt = {_name_of(text): "" for text in unknown if text.startswith("--")}
+    if unknown and not misspelt:
+        problems["command line"] = f"does not know what to do with {' '.join(unknown)!r}"
+    if problems:
+        raise ParameterError(described["id"], problems)
+    values = {name: _alone(described, name, texts[0]) for name, texts in given.items()}
+    return values | misspelt, general
+
+
+def _alone(described: Description, name: str, value: Any) -> Any:
+    """The one path of a source that takes one layer; several are the files of one survey."""
+    field = described["inputs"].get(name, {"maxOccurs": "unbounded"})
+    one = field["maxOccurs"] == 1 and isinstance(value, list) and len(value) == 1
+    return value[0] if one else value
+
+
+def merged(
+    described: Description, params: Mapping[str, Any], said: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Values of a parameter file and of the command line, which wins; options join their layers.
+
+    Raises
+    ------
+    ParameterError
+        An option speaks about a layer that is not given.
+    """
+    whole = {name for name in said if "." not in name or name in described.get("between", ())}
+    values = dict(params) | {name: value for name, value in said.items() if name in whole}
+    problems = {}
+    for name in said.keys() - values.keys():
+        layer, _, option = name.rpartition(".")
+        if layer in values:
+            values[layer] = _with_option(values[layer], option, said[name])
+        elif layer and said[name]:
+            problems[name] = f"speaks about {layer}, which is not given"
+        else:
+            values[name] = said[name]  # unknown, and reported as such
+    if problems:
+        raise ParameterError(described["id"], problems)
+    return values
+
+
+def _with_option(value: Any, option: str, text: str) -> Any:
+    if isinstance(value, list):
+        return [_with_option(item, option, text) for item in value]
+    return {**(value if isinstance(value, dict) else {"path": value}), option: text}
+
+
+def _joined(arguments: Iterable[str]) -> list[str]:
+    """Write ['--extent', '-5,0,5,9'] as ['--extent=-5,0,5,9'], else argparse sees two options."""
+    made: list[str] = []
+    for text in arguments:
+        value = text.startswith("-") and not text.startswith("--") and text not in ("-", "-h")
+        if value and made and made[-1].startswith("--") and "=" not in made[-1]:
+            made[-1] += "=" + text
+        else:
+            made.append(text)
+    return made
+
+
+def _name_of(text: str) -> str:
+    return text[2:].partition("=")[0].replace("-", "_")
+
+
+def mapping(text: str, where: str) -> dict[str, Any]:
+    """Read a parameter file; errors name `where` it comes from.
+
+    Raises
+    ------
+    ParameterError
+        It does not hold names and values.
+    """
+    try:
+        return documents.mapping(text)
+    except ValueError as err:
+        raise ParameterError("run", {"params": f"{where}: {err}"}) from None

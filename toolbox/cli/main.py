@@ -1,0 +1,321 @@
+"""The command line: list, describe, run, batch, model, qgis, info, history, provenance, replay.
+
+Everything before a run is served from the process descriptions, so that `list`, `describe` and
+`--help` answer at once and import no numerical library.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import stat
+import sys
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+from toolbox import __version__, catalog
+from toolbox.cli import arguments, history
+from toolbox.cli import models as model_cli
+from toolbox.cli import qgis as qgis_cli
+from toolbox.cli.console import Console, Events
+from toolbox.cli.stopping import stoppable
+from toolbox.errors import Cancelled, DataError, ParameterError, ToolboxError
+from toolbox.shown import SHOWN
+from toolbox.tiles.tiling import Tiling
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one verb and return the exit code.
+
+    0 worked, 2 wrong input, 3 unreadable or unsuitable data, 130 cancelled, 1 a mistake of ours.
+    """
+    said = sys.argv[1:] if argv is None else argv
+    try:
+        first = {"run": _run, "batch": _batch}.get(said[0] if said else "")
+        code = first(said[1:]) if first else _other(said)
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader, such as `head`, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    return code
+
+
+def _other(said: list[str]) -> int:
+    args = _parser().parse_args(said)
+    verbs = {"list": _list, "describe": _describe, "info": _info, "history": _history}
+    verbs |= {
+        "provenance": _provenance,
+        "replay": _replay,
+        "model": model_cli.run,
+        "qgis": qgis_cli.run,
+    }
+    verb = verbs[args.verb]
+    console = Console(as_json=args.json)
+    try:
+        verb(args, console)
+    except BrokenPipeError:
+        raise
+    except Exception as err:  # noqa: BLE001  the outermost edge: every error becomes an exit code
+        return console.error(err)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    top = argparse.ArgumentParser(
+        "toolbox", description="Geoprocessing tools for LiDAR.", allow_abbrev=False
+    )
+    top.add_argument("--version", action="version", version=f"lidar-toolbox {__version__}")
+    verbs = top.add_subparsers(dest="verb", required=True)
+    help_of = {
+        "list": "show all tools",
+        "describe": "show what a tool takes and gives",
+        "run": "run a tool: run ID --name value ...",
+        "batch": "run a tool for each row: batch ID TABLE.csv [--result OUT.csv] --name value ...",
+        "model": "check, show or begin a model",
+        "qgis": "put the tools into QGIS, pack the plugin, or see whether all is well",
+        "info": "show what a file holds, or all files of a survey of points",
+        "history": "show the runs of this user",
+        "provenance": "show how a file was made",
+        "replay": "make a file again, and say whether it is the same",
+    }
+    made = {
+        verb: verbs.add_parser(verb, help=text, description=text, allow_abbrev=False)
+        for verb, text in help_of.items()
+    }
+    made["describe"].add_argument("id")
+    made["info"].add_argument("file", nargs="+")
+    made["history"].add_argument("--limit", type=int, default=20, help="number of runs (20)")
+    made["provenance"].add_argument("file")
+    made["replay"].add_argument("file")
+    made["replay"].add_argument("--inputs", help="folder of the inputs, if not beside the file")
+    model_cli.declare(made["model"])
+    qgis_cli.declare(made["qgis"])
+    for verb in made.keys() - {"run", "batch", "model", "qgis"}:
+        made[verb].add_argument("--json", action="store_true", help="print JSON")
+    return top
+
+
+def _list(args: argparse.Namespace, _: Console) -> None:
+    tools = catalog.summaries()
+    if args.json:
+        print(json.dumps(tools, indent=2))
+        return
+    width = max(len(tool["id"]) for tool in tools)
+    for tool in tools:
+        print(f"{tool['id']:{width}}  {tool['title']}")
+
+
+def _describe(args: argparse.Namespace, _: Console) -> None:
+    described = catalog.describe(args.id)
+    if args.json:
+        print(json.dumps(described, indent=2))
+    else:
+        arguments.parser(described).print_help()
+
+
+def _info(args: argparse.Namespace, console: Console) -> None:
+    from toolbox.cli.info import describe_file
+
+    with console.progress() as report:
+        table = stoppable(
+            lambda ctx: describe_file(args.file, ctx),
+            report,
+            farewell=lambda: console.error(Cancelled()),
+        )
+    print(json.dumps(table.records(), indent=2) if console.as_json else table.text())
+
+
+def _history(args: argparse.Namespace, _: Console) -> None:
+    if args.limit < 0:
+        raise ParameterError("history", {"limit": f"must be >= 0, got {args.limit}"})
+    entries = list(history.entries())[-args.limit :] if args.limit else []
+    if args.json:
+        print(json.dumps(entries, indent=2))
+        return
+    for entry in entries:
+        print(history.text(entry))
+
+
+def _provenance(args: argparse.Namespace, _: Console) -> None:
+    from toolbox.runs.provenance import read
+
+    record = read(args.file)
+    if record is None:
+        raise DataError(f"{args.file} carries no record of how it was made")
+    print(json.dumps(json.loads(record.to_json()), indent=2) if args.json else record.text())
+
+
+def _replay(args: argparse.Namespace, console: Console) -> None:
+    def work(ctx: Any) -> list[str]:
+        from toolbox.cli.replay import replay
+
+        return replay(args.file, inputs=Path(args.inputs) if args.inputs else None, ctx=ctx)
+
+    with console.progress() as report:
+        found = stoppable(work, report, farewell=lambda: console.error(Cancelled()))
+    if args.json:
+        print(json.dumps({"file": args.file, "same": not found, "differences": found}, indent=2))
+    if found:
+        listed = "".join(f"\n  {text}" for text in found)
+        raise DataError(f"{args.file} is not what its record makes now:{listed}")
+    if not args.json:
+        print(f"{args.file}: the same")
+
+
+def _run(said: list[str]) -> int:
+    console = _console(said)
+    try:
+        _need_tool("run", said)
+        described = catalog.describe(said[0])
+        said_values, general = arguments.read(described, said[1:])
+        pipe, params = _params(general)
+        values = arguments.merged(described, params, said_values)
+        with _kept(said[0], described, values, general) as outputs:
+            outputs.update(_execute(said[0], values, general, console, pipe))
+        console.result(described, outputs)
+    except BrokenPipeError:
+        raise
+    except Exception as err:  # noqa: BLE001  the outermost edge: every error becomes an exit code
+        return console.error(err)
+    return 0
+
+
+def _need_tool(verb: str, said: list[str]) -> None:
+    if not said or said[0].startswith("-"):
+        if {"-h", "--help"} & set(said):
+            _parser().parse_args([verb, "--help"])
+        raise ParameterError(f"{verb}: which tool? 'list' shows them all")
+
+
+def _batch(said: list[str]) -> int:
+    """Run a tool for each row of a table; 3 if a row has failed."""
+    console = _console(said)
+    try:
+        _need_tool("batch", said)
+        described = catalog.describe(said[0])
+        if len(said) < 2 or (said[1].startswith("-") and not {"-h", "--help"} & set(said)):
+            raise ParameterError("batch: which table? batch ID TABLE.csv ...")
+        result, rest = _result(said[1:] if said[1].startswith("-") else said[2:])
+        values, general = arguments.read(described, rest)
+        if shown := SHOWN & general.keys():
+            problems = dict.fromkeys(sorted(shown), "would be written by each row")
+            raise ParameterError("batch", problems)
+        pipe, params = _params(general)
+        common = arguments.merged(described, params, values)
+
+        def run_row(values: Mapping[str, Any], ctx: Any) -> dict[str, Any]:
+            return _work(said[0], values, general, ctx)
+
+        def work(ctx: Any) -> Any:
+            from toolbox.cli.batch import Batch
+
+            runs = Batch(said[0], described, Path(said[1]), common, run_row, result)
+            runs.check(overwrite="overwrite" in general)
+            runs.go(ctx)
+            return runs
+
+        with console.progress() as report:
+            runs = stoppable(work, report, pipe, lambda: console.error(Cancelled()))
+        outputs: dict[str, Any] = {"result": result or runs.table}
+        console.result({"id": said[0], "outputs": {}}, outputs | {"failed": runs.failed})
+    except BrokenPipeError:
+        raise
+    except Exception as err:  # noqa: BLE001  the outermost edge: every error becomes an exit code
+        return console.error(err)
+    return DataError.exit_code if runs.failed else 0
+
+
+def _result(said: list[str]) -> tuple[Path | None, list[str]]:
+    """Where the result table goes, and the other words."""
+    parser = argparse.ArgumentParser("toolbox batch", add_help=False, allow_abbrev=False)
+    parser.add_argument("--result", type=Path)
+    found, rest = parser.parse_known_args(said)
+    return found.result, rest
+
+
+def _console(said: Iterable[str]) -> Console:
+    """Chosen before the arguments are read, so that their errors go the right way too."""
+    words = set(said)
+    level = "quiet" if "--quiet" in words else "verbose" if "--verbose" in words else "normal"
+    if words & {"--events", "--events=jsonl"}:
+        return Events(level)
+    return Console(level, as_json="--json" in words)
+
+
+def _params(general: Mapping[str, Any]) -> tuple[IO[bytes] | None, dict[str, Any]]:
+    """Standard input if its end should stop the run, and the values from --params."""
+    name, events = general.get("params"), "events" in general
+    stdin = sys.stdin.buffer if sys.stdin else None
+    if name == "-" and stdin:
+        # With events our caller keeps the pipe open after one line, and ends it to stop us.
+        text = (stdin.readline() if events else stdin.read()).decode(errors="replace")
+        pipe = stdin if events and _is_pipe(stdin) else None
+        return pipe, arguments.mapping(text, "standard input")
+    pipe = stdin if events and _is_pipe(stdin) else None
+    if not name:
+        return pipe, {}
+    try:
+        return pipe, arguments.mapping(Path(name).read_text(encoding="utf-8"), name)
+    except (OSError, UnicodeDecodeError) as err:
+        raise ParameterError("run", {"params": f"cannot read {name}: {err}"}) from None
+
+
+def _is_pipe(stdin: IO[bytes] | None) -> bool:
+    """Whether a program holds the other end; a file or /dev/null would end at once."""
+    mode = os.fstat(stdin.fileno()).st_mode if stdin else 0
+    return stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode)
+
+
+@contextmanager
+def _kept(
+    tool: str, described: Mapping[str, Any], values: Mapping[str, Any], general: Mapping[str, Any]
+) -> Iterator[dict[str, Any]]:
+    """Add the run that takes place within to the history, whether it works or not."""
+    outputs: dict[str, Any] = {}
+    started, code = time.monotonic(), 0
+    more = {name: general[name] for name in ("assume_crs", *SHOWN) if name in general}
+    try:
+        yield outputs
+    except BaseException as err:
+        code = err.exit_code if isinstance(err, ToolboxError) else 1
+        raise
+    finally:
+        seconds = time.monotonic() - started
+        history.add(tool, described, {**values, **more}, outputs, seconds=seconds, code=code)
+
+
+def _execute(
+    id: str,
+    values: Mapping[str, Any],
+    general: Mapping[str, Any],
+    console: Console,
+    pipe: IO[bytes] | None,
+) -> dict[str, Any]:
+    with console.progress() as report:
+        return stoppable(
+            lambda ctx: _work(id, values, general, ctx),
+            report,
+            pipe,
+            lambda: console.error(Cancelled()),
+        )
+
+
+def _work(
+    id: str, values: Mapping[str, Any], general: Mapping[str, Any], ctx: Any
+) -> dict[str, Any]:
+    from toolbox.execute import run  # in the job's thread: Ctrl-C also stops slow imports
+
+    shown = {name: general[name] for name in sorted(SHOWN & general.keys())}
+    return run(
+        id,
+        {**values, **shown},
+        overwrite="overwrite" in general,
+        assume_crs=general.get("assume_crs"),
+        tiling=Tiling.parse(general),
+        resume="resume" in general,
+        ctx=ctx,
+    )

@@ -1,0 +1,81 @@
+"""The verb ``qgis``: put the plugin into QGIS, pack it, or see whether all is well."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from toolbox import __version__
+from toolbox.errors import DataError
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Add what the verb takes."""
+    parser.set_defaults(json=False)
+    verbs = parser.add_subparsers(dest="what", required=True)
+    helps = {
+        "install": "put the plugin into a QGIS profile and let it use this Python",
+        "uninstall": "take the plugin out of a QGIS profile",
+        "package": "write the plugin as a zip, as plugins.qgis.org takes it",
+        "doctor": "say what is found, what is missing, and how to mend it",
+    }
+    made = {
+        verb: verbs.add_parser(verb, help=text, description=text, allow_abbrev=False)
+        for verb, text in helps.items()
+    }
+    for verb in ("install", "uninstall", "doctor"):
+        made[verb].add_argument("--profile", metavar="DIR", help="the profile (that of QGIS)")
+    made["package"].add_argument("file", nargs="?", help=f"lidar_toolbox-{__version__}.zip")
+
+
+def run(args: argparse.Namespace, _: object) -> None:
+    """Do what was asked for."""
+    verbs = {"install": _install, "uninstall": _uninstall, "package": _package, "doctor": _doctor}
+    print(verbs[args.what](args))
+
+
+def _install(args: argparse.Namespace) -> str:
+    from toolbox.qgis.install import install
+
+    home = install(_profile(args))
+    return f"{home}: installed. Start QGIS anew; the tools are in the Processing toolbox."
+
+
+def _uninstall(args: argparse.Namespace) -> str:
+    from toolbox.qgis.install import uninstall
+
+    return f"{uninstall(_profile(args))}: removed"
+
+
+def _package(args: argparse.Namespace) -> str:
+    from toolbox.qgis.install import FOLDER, SOURCE, package, placeholders
+
+    path = Path(args.file or f"{FOLDER}-{__version__}.zip")
+    told = f"{path}: {package(path)} files"
+    if names := placeholders():
+        told += (
+            f"\nBefore it goes to plugins.qgis.org, fill in {', '.join(names)} "
+            f"in {SOURCE / 'metadata.txt'}: these are placeholders."
+        )
+    return told
+
+
+def _doctor(args: argparse.Namespace) -> str:
+    from toolbox.qgis.install import findings
+
+    found = list(findings(_profile(args)))
+    lines = [
+        f"mend  {each.what}\n      {each.mend}" if each.mend else f"ok    {each.what}"
+        for each in found
+    ]
+    text = "\n".join(lines)
+    if any(each.mend for each in found):
+        print(text)
+        raise DataError(f"qgis: {sum(bool(each.mend) for each in found)} thing(s) to mend")
+    return text
+
+
+def _profile(args: argparse.Namespace) -> Path:
+    from toolbox.qgis.install import default_profile
+
+    return Path(args.profile).absolute() if args.profile else default_profile()

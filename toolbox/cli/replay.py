@@ -1,0 +1,261 @@
+"""Make a product again from its record, and say whether it is the same."""
+
+from __future__ import annotations
+
+import glob
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from toolbox import __version__, catalog
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Raster, Table, Vector
+from toolbox.data.crs import describe_crs, same_crs
+from toolbox.errors import DataError
+from toolbox.execute import run
+from toolbox.runs import provenance
+from toolbox.runs.provenance import Input, Record
+from toolbox.runs.target import Target, kind_of
+from toolbox.shown import PAGE, PICTURE, SHOWN
+from toolbox.tiles.tiling import Tiling
+
+FIND = 0.05  # share of the progress for finding the inputs
+COMPARE = 0.9  # and at which the comparison begins
+
+
+def replay(path: str | Path, *, inputs: Path | None = None, ctx: Context = QUIET) -> list[str]:
+    """Run the tool that made a file again, and compare.
+
+    Parameters
+    ----------
+    path : of the product
+    inputs : folder of the inputs, in which and below which they are searched; else they must be
+        in the folder of the product
+    ctx : told of progress, and asked whether to stop
+
+    Returns
+    -------
+    list of str
+        What differs, in words; nothing if all points, cells or features are the same. Whether the
+        files are the same byte for byte is logged.
+
+    Raises
+    ------
+    DataError
+        The file has no record, was made from layers in memory, or an input is missing or has
+        changed: all of them by name.
+    ParameterError
+        The tool or a parameter of it is not known to this version of the toolbox.
+    """
+    path = Path(path)
+    record = provenance.read(path)
+    if record is None:
+        raise DataError(f"{path} carries no record of how it was made")
+    if record.version != __version__:
+        log.warning("%s was made by version %s; this is %s", path, record.version, __version__)
+    finder = _Finder(record, inputs or path.absolute().parent, deep=inputs is not None)
+    values, tool = finder.values(ctx.part(0, FIND)), str(finder.model or record.tool)
+    _check(path, record, tool)
+    if record.qgis and record.qgis != (here := provenance.qgis_of(catalog.load(tool))):
+        log.warning("%s was made with QGIS %s; this is %s", path, record.qgis, here)
+    with tempfile.TemporaryDirectory(prefix="toolbox-replay-") as folder:
+        made = _made_again(record, tool, values, Path(folder) / path.name, ctx.part(FIND, COMPARE))
+        if _same_files(path, made, kind_of(record.output, catalog.load(tool)).parts):
+            log.info("%s: the same, byte for byte", path.name)
+            return []
+        found = list(_differences(path, made, record, tool))
+    if not found:
+        log.info("%s: the content is the same, but not every byte of the file", path.name)
+    ctx.progress(1.0)
+    return found
+
+
+class _Finder:
+    """Finds the inputs of a record by name, and makes sure that they are the same."""
+
+    def __init__(self, record: Record, folder: Path, *, deep: bool) -> None:
+        self.record, self.folder, self.deep = record, folder, deep
+        self.problems: dict[str, str] = {}
+        self.model: Path | None = None
+
+    def values(self, ctx: Context) -> dict[str, Any]:
+        """The values for the run; all inputs that are missing or have changed in one error."""
+        named = [(name, item) for name, items in self.record.inputs.items() for item in items]
+        found: dict[str, list[Any]] = {name: [] for name in self.record.inputs}
+        for place, (name, item) in enumerate(named):
+            part = ctx.part(place / len(named), (place + 1) / len(named))
+            if paths := self._paths(name, item, part):
+                found[name] += self._openable(item, paths)
+        if self.record.model and (paths := self._paths("model", self.record.model, ctx)):
+            (self.model,) = paths
+        if self.problems:
+            raise DataError(f"{self.record.tool} cannot run again", self.problems)
+        sources = {n: layers[0] if len(layers) == 1 else layers for n, layers in found.items()}
+        return dict(self.record.parameters) | sources
+
+    def _openable(self, item: Input, paths: list[Path]) -> list[Any]:
+        return [{**item.options, "path": path} if item.options else path for path in paths]
+
+    def _paths(self, name: str, item: Input, ctx: Context) -> list[Path]:
+        """The files of an input, or nothing and a problem."""
+        if item.in_memory:
+            self.problems[name] = "was a layer in memory, not a file"
+            return []
+        candidates = list(self._candidates(item))
+        for paths in candidates:
+            if provenance.describe_files(paths, ctx).sha256 == item.sha256:
+                return paths
+        where = f"in {self.folder}{' or below' if self.deep else ''}"
+        if candidates:
+            text = f"{item.file} {where} has changed since: its sha256 is not {item.sha256}"
+        else:
+            text = f"there is no file {item.file} {where}"
+        self.problems[f"{name}, {item.file}" if name in self.problems else name] = text
+        return []
+
+    def _candidates(self, item: Input) -> Iterator[list[Path]]:
+        """What may be the input: files of its name, or all that have a name of its form."""
+        if Path(item.file).name != item.file:  # a record that somebody has tampered with
+            return
+        if item.file.startswith("*") and item.files > 1:
+            pattern = f"**/{item.file}" if self.deep else item.file
+            found = sorted(path for path in self.folder.glob(pattern) if path.is_file())
+            if found:
+                yield found
+            return
+        name = glob.escape(item.file)
+        for path in sorted(self.folder.glob(f"**/{name}" if self.deep else name)):
+            if path.is_file():
+                yield [path]
+
+
+def _check(path: Path, record: Record, tool: str) -> None:
+    """Refuse a record that nobody can have made; it might name files to write elsewhere."""
+    results = {*SHOWN, *catalog.load(tool).results}
+    if {record.output, *record.layers} - results or record.parameters.keys() & results:
+        raise DataError(f"{path}: its record does not fit {record.tool}")
+
+
+def _made_again(
+    record: Record, tool: str, values: Mapping[str, Any], place: Path, ctx: Context
+) -> Path:
+    """Run the tool into a temporary folder; the file that it made."""
+    how: dict[str, Any] = {"assume_crs": record.assume_crs or None, "ctx": ctx}
+    if record.file:  # one of a folder of files, which are made in tiles
+        folder = f"{place.parent}{os.sep}"
+        wanted = {**values, record.output: {**record.options, "path": folder}}
+        run(tool, wanted, tiling=Tiling.parse({"tile": "auto"}), **how)
+        made = Target.of(record.output, folder, catalog.load(tool)).inside(record.file).home
+        assert made is not None
+        return made
+    if record.number:  # what it is numbered with is not part of the name that was asked for
+        place = place.with_stem(place.stem.removesuffix(f"_{record.number}"))
+    layers = {record.output: record.options, **record.layers}
+    wanted = {name: {**options, "path": place} for name, options in layers.items()}
+    written = run(tool, {**values, **wanted}, **how)[record.output]
+    made = written[(record.number or 1) - 1] if isinstance(written, tuple) else written
+    return Path(made)
+
+
+def _same_files(path: Path, made: Path, parts: Callable[[Path], tuple[Path, ...]]) -> bool:
+    """Whether all files that were made again are the same; others may have been added since."""
+    pairs = [(old, new) for old, new in zip(parts(path), parts(made), strict=False) if new.exists()]
+    return all(old.exists() and _same_bytes(old, new) for old, new in pairs)
+
+
+def _same_bytes(one: Path, other: Path) -> bool:
+    same_size = one.stat().st_size == other.stat().st_size
+    return same_size and provenance.file_hash(one) == provenance.file_hash(other)
+
+
+def _differences(path: Path, made: Path, record: Record, tool: str) -> Iterator[str]:
+    if record.output in (PICTURE, PAGE):
+        yield f"the {record.output} differs"
+        return
+    for name, options in {record.output: record.options, **record.layers}.items():
+        kind = kind_of(name, catalog.load(tool))
+        how = {"layer": options["layer"]} if "layer" in options else {}
+        old, new = (kind.parse({"path": place, **how}) for place in (path, made))
+        for text in _differences_of(old, new):
+            yield f"{name}, {text}" if record.layers else text
+
+
+def _differences_of(old: Any, new: Any) -> Iterator[str]:
+    if not same_crs(old.crs, new.crs):
+        yield f"CRS: {describe_crs(old.crs)}, now {describe_crs(new.crs)}"
+    match old:
+        case PointCloud():
+            yield from _cloud(old, new)
+        case Raster():
+            yield from _raster(old, new)
+        case Vector() | Table():
+            yield from _frame(old.frame, new.frame)
+
+
+def _cloud(old: PointCloud, new: PointCloud) -> Iterator[str]:
+    if len(old) != len(new):
+        yield f"{len(old)} points, now {len(new)}"
+        return
+    names = [*"xyz", *(name for name in old.names if name in new)]
+    yield from _columns({n: old[n] for n in names}, {n: new[n] for n in names}, "points")
+    yield from _names(old.names, new.names)
+
+
+def _raster(old: Raster, new: Raster) -> Iterator[str]:
+    if old.values.shape != new.values.shape or old.transform != new.transform:
+        yield (
+            f"{old.values.shape} cells of {old.cell:g} from {old.bounds[:2]}, "
+            f"now {new.values.shape} of {new.cell:g} from {new.bounds[:2]}"
+        )
+        return
+    bands = range(1, len(old.values) + 1)
+    yield from _columns(
+        {f"band {i}": old.band(i) for i in bands},
+        {f"band {i}": new.band(i) for i in bands},
+        "cells",
+    )
+
+
+def _frame(old: pd.DataFrame, new: pd.DataFrame) -> Iterator[str]:
+    if len(old) != len(new):
+        yield f"{len(old)} rows, now {len(new)}"
+        return
+    for name in (name for name in old.columns if name in new):
+        before, now = old[name], new[name]
+        if pd.api.types.is_numeric_dtype(before) and pd.api.types.is_numeric_dtype(now):
+            columns = (c.to_numpy(float, na_value=np.nan) for c in (before, now))
+            yield from _columns({name: next(columns)}, {name: next(columns)}, "rows")
+        elif count := sum(map(_unequal, before, now)):
+            yield f"{name}: {count} of {len(old)} rows differ"
+    yield from _names(old.columns, new.columns)
+
+
+def _unequal(one: Any, other: Any) -> bool:
+    """Also for geometries; two missing values are the same."""
+    missing = [bool(pd.isna(value)) for value in (one, other)]
+    return missing[0] != missing[1] if any(missing) else bool(one != other)
+
+
+def _names(old: Any, new: Any) -> Iterator[str]:
+    for text, one, other in (("is missing", old, new), ("is new", new, old)):
+        yield from (f"{name}: {text}" for name in one if name not in other)
+
+
+def _columns(old: Mapping[str, Any], new: Mapping[str, Any], what: str) -> Iterator[str]:
+    """How many values differ, and by how much at most; where both are NaN they do not."""
+    for name, before in old.items():
+        now = new[name]
+        if before.shape != now.shape:
+            yield f"{name}: of the shape {before.shape}, now {now.shape}"
+            continue
+        one, other = before.astype(np.float64), now.astype(np.float64)
+        differ = (before != now) & ~(np.isnan(one) & np.isnan(other))
+        if differ.any():
+            apart = np.abs(one - other)[differ]
+            most = f" by up to {np.nanmax(apart):g}" if not np.isnan(apart).all() else ""
+            yield f"{name}: {np.count_nonzero(differ)} of {differ.size} {what} differ{most}"

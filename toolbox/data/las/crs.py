@@ -1,0 +1,165 @@
+"""The CRS records of LAS files: OGC WKT, and GeoTIFF keys."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+
+from pyproj import CRS
+from pyproj.exceptions import CRSError
+
+from toolbox.context import log
+from toolbox.data.crs import describe_crs, horizontal_part, is_local, same_crs, vertical_unit
+from toolbox.data.las.header import Record
+
+WKT_BIT = 16  # of the global encoding
+_USER = "LASF_Projection"
+_WKT, _KEYS, _DOUBLES, _TEXT = 2112, 34735, 34736, 34737
+
+
+def is_crs_record(record: Record) -> bool:
+    """Whether a VLR or EVLR states a CRS (2111 is the unused math transform)."""
+    user, number = record.key
+    return user == _USER and number in (2111, _WKT, _KEYS, _DOUBLES, _TEXT)
+
+
+def read_crs(records: Iterable[Record], *, wkt: bool, name: str) -> CRS | None:
+    """The CRS that the records state, or None.
+
+    Parameters
+    ----------
+    records : VLRs and EVLRs
+    wkt : whether the file says that its CRS is stated as WKT; decides where both are present
+    name : of the file, for the log, which tells why a CRS cannot be understood
+    """
+    keyed = [(*record.key, record.data) for record in records]
+    found = {number: data for user, number, data in keyed if user == _USER}
+    readers = {_WKT: _read_wkt, _KEYS: _read_geotiff}
+    order = (_WKT, _KEYS) if wkt else (_KEYS, _WKT)
+    for number in order:
+        if number not in found:
+            continue
+        try:
+            crs = readers[number](found)
+        except (ValueError, CRSError) as error:
+            log.warning("%s: its CRS record %s cannot be understood: %s", name, number, error)
+        else:
+            if crs is not None:
+                return crs
+    return None
+
+
+def crs_records(
+    crs: CRS | None, point_format: int, *, wkt: bool
+) -> tuple[tuple[Record, ...], bool]:
+    """The records that state a CRS, and whether they are WKT.
+
+    Point formats 6-10 need WKT (LAS 1.4, 2.2). For the older ones GeoTIFF keys are written where
+    they can say it, that is where the parts of the CRS have EPSG codes.
+
+    Parameters
+    ----------
+    crs : None or LOCAL give no record
+    point_format : of the file
+    wkt : the WKT bit that is returned if there is no record
+    """
+    if crs is None or is_local(crs):
+        return (), wkt or point_format >= 6
+    keys = _geotiff(crs) if point_format < 6 else None
+    if keys is not None:
+        return (Record.make(_USER, _KEYS, "GeoTIFF keys", keys),), False
+    return (Record.make(_USER, _WKT, "OGC WKT", _wkt(crs).encode() + b"\0"),), True
+
+
+def _read_wkt(found: dict[int, bytes]) -> CRS | None:
+    text = found[_WKT].split(b"\0")[0].decode("utf-8").strip()
+    return CRS.from_wkt(text) if text else None
+
+
+def _wkt(crs: CRS) -> str:
+    """WKT 1 as the LAS specification has it (OGC 01-009), if it can say what the CRS is."""
+    try:
+        text: str = crs.to_wkt("WKT1_GDAL")
+        if same_crs(CRS.from_wkt(text), crs):
+            return text
+    except CRSError:
+        pass
+    return str(crs.to_wkt("WKT2_2019"))
+
+
+def _geotiff(crs: CRS) -> bytes | None:
+    """A GeoTIFF key directory of EPSG codes alone, or None if they cannot say what the CRS is."""
+    parts = crs.sub_crs_list or [crs]
+    codes = [part.to_epsg() for part in parts]
+    if None in codes or len(parts) > 2 or not (parts[0].is_projected or parts[0].is_geographic):
+        return None
+    projected = parts[0].is_projected
+    keys = [(1024, 1 if projected else 2), (1025, 1), (3072 if projected else 2048, codes[0])]
+    keys += [(4096, code) for code in codes[1:]]
+    entries = [value for number, code in sorted(keys) for value in (number, 0, 1, code)]
+    directory = struct.pack(f"<{4 + len(entries)}H", 1, 1, 0, len(keys), *entries)
+    try:
+        again = _read_geotiff({_KEYS: directory})
+    except (ValueError, CRSError):
+        return None
+    return directory if same_crs(again, crs) else None
+
+
+def _read_geotiff(found: dict[int, bytes]) -> CRS | None:
+    """Let GDAL interpret the keys, since they may define a CRS that has no code."""
+    import rasterio
+    from rasterio.errors import RasterioError
+
+    keys = found[_KEYS]
+    count = struct.unpack_from("<H", keys, 6)[0] if len(keys) >= 8 else 0
+    if count == 0:
+        return None
+    keys = keys[: 8 + 8 * count]
+    if len(keys) < 8 + 8 * count:
+        raise ValueError(f"{count} keys are promised, and {len(keys) // 8 - 1} are there")
+    tiff = _tiff(keys, found.get(_DOUBLES, b""), found.get(_TEXT, b""))
+    try:
+        with (
+            rasterio.Env(GTIFF_REPORT_COMPD_CS="YES"),
+            rasterio.MemoryFile(tiff) as file,
+            file.open(driver="GTiff") as raster,
+        ):
+            text = raster.crs.to_wkt(version="WKT2_2019") if raster.crs else ""
+    except RasterioError as error:
+        raise ValueError(f"GDAL says {error}") from error
+    if not text:
+        raise ValueError("GDAL finds no CRS in its GeoTIFF keys")
+    crs = CRS.from_wkt(text)
+    horizontal = horizontal_part(crs)
+    if horizontal.is_engineering:
+        raise ValueError(f"its GeoTIFF keys name no known CRS ({describe_crs(crs)})")
+    return horizontal if _says_nothing_of_heights(crs, horizontal) else crs
+
+
+def _says_nothing_of_heights(crs: CRS, horizontal: CRS) -> bool:
+    """Whether the keys state a unit of heights, the same as in the plane, but no height system."""
+    return (
+        crs.is_compound
+        and crs.sub_crs_list[1].name in ("", "unknown")
+        and vertical_unit(crs) == vertical_unit(horizontal)
+    )
+
+
+def _tiff(keys: bytes, doubles: bytes, text: bytes) -> bytes:
+    """A picture of one pixel with these GeoTIFF keys."""
+    short, double, characters = 3, 12, 2
+    tags = [(number, short, struct.pack("<H", 1)) for number in (256, 257, 259, 262, 277, 278, 279)]
+    tags += [(258, short, struct.pack("<H", 8)), (273, short, struct.pack("<H", 8))]
+    tags += [(33550, double, struct.pack("<3d", 1, 1, 0)), (33922, double, bytes(48))]
+    tags += [(_KEYS, short, keys), (_DOUBLES, double, doubles), (_TEXT, characters, text)]
+    tags = sorted(tag for tag in tags if tag[2])
+    size = {short: 2, double: 8, characters: 1}
+    place = 16 + 2 + 12 * len(tags) + 4  # of the values that do not fit in an entry
+    entries, values = b"", b""
+    for number, kind, content in tags:
+        entries += struct.pack("<HHI", number, kind, len(content) // size[kind])
+        fits = len(content) <= 4
+        entries += content.ljust(4, b"\0") if fits else struct.pack("<I", place + len(values))
+        values += b"" if fits else content + b"\0" * (len(content) % 2)
+    start = struct.pack("<2sHI", b"II", 42, 16) + bytes(8)  # the pixel is at byte 8
+    return start + struct.pack("<H", len(tags)) + entries + bytes(4) + values

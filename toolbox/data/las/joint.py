@@ -1,0 +1,271 @@
+"""Points of several LAS files in the records of one.
+
+Files of the same layout (point format, extra bytes, scale and offset) are joined as they are, bit
+for bit. Otherwise the first file gives the header and its records, and the layout becomes one that
+holds the attributes of all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from laspy import ExtraBytesParams
+from laspy.point.dims import DimensionInfo
+from numpy.typing import NDArray
+
+from toolbox.context import log
+from toolbox.data.las.crs import is_crs_record
+from toolbox.data.las.header import (
+    EXTRA_BYTES,
+    SPARE,
+    Frame,
+    oldest_version,
+    point_format,
+    standard_names,
+)
+from toolbox.data.las.points import (
+    Box,
+    attribute,
+    converted,
+    extra_bytes,
+    number_with,
+    put,
+    with_crs,
+    with_description,
+)
+from toolbox.errors import DataError
+
+Array = NDArray[Any]
+_NEW_IN_6 = {"overlap", "scanner_channel", "scan_angle"}  # older formats do without them
+_FURTHEST = 2**31 - 1  # steps from the offset
+
+
+def joint_frame(
+    frames: Sequence[Frame],
+    names: Sequence[str],
+    boxes: Callable[[], Sequence[Box]],
+    covered: Collection[str] = (),
+) -> Frame:
+    """All that a LAS file with the points of several ones holds beside them.
+
+    The records around the points are those of the first file. The point format is the first one
+    with the attributes of all, an extra-byte dimension that files hold in different types takes
+    one for all, the scale is the finest, and the offset that of the first file unless 32 bits do
+    not reach the others from there. What a file does not hold will be 0 in its points.
+
+    Parameters
+    ----------
+    frames : of the files
+    names : of the files, for messages
+    boxes : gives those of the files that hold points
+    covered : attributes that do not come from the files, so that it matters not who lacks them
+
+    Raises
+    ------
+    DataError
+        No layout suits all files.
+    """
+    first, *others = frames
+    if all(_same_layout(first, other) for other in others):
+        _warn(frames, names, first, covered)
+        return first
+    number = number_with(
+        {name for frame in frames for name in standard_names(_number(frame))},
+        max(map(_number, frames)),
+    )
+    extras, changed = _joint_extras(frames, names, number)
+    header = first.header.copy()
+    header.version = oldest_version(header.version.minor, number)  # first: laspy compares them
+    header.point_format = point_format(number, extras, max(frame.spare for frame in frames))
+    header.scales, header.offsets = _grid(frames, boxes())
+    joint = replace(first, header=header, minor=max(first.minor, header.version.minor))
+    joint = with_description(joint, changed, others)
+    unread = joint.crs is None and any(map(is_crs_record, joint.records))  # kept as it is
+    if _number(first) < 6 <= number and not unread:
+        joint = with_crs(joint, joint.crs)
+    scales = ", ".join(f"{scale:g}" for scale in header.scales)
+    text = "files of different layouts are joined in LAS %s, point format %s, scale %s"
+    log.info(text, header.version, number, scales)
+    _warn(frames, names, joint, covered)
+    return joint
+
+
+def housed(layout: Frame, owner: Frame) -> Frame:
+    """Header and records of one frame around points in the layout of another."""
+    header = owner.header.copy()
+    header.version = oldest_version(owner.header.version.minor, _number(layout))
+    header.point_format = layout.header.point_format
+    header.scales, header.offsets = layout.header.scales, layout.header.offsets
+    header.global_encoding.wkt = layout.header.global_encoding.wkt
+    kept = owner.without(lambda record: is_crs_record(record) or record.key == EXTRA_BYTES)
+    own = [r for r in layout.vlrs if is_crs_record(r) or r.key == EXTRA_BYTES]
+    minor = max(owner.minor, header.version.minor)
+    return replace(kept, header=header, minor=minor, vlrs=(*kept.vlrs, *own), crs=layout.crs)
+
+
+def fitted(frame: Frame, record: Array, joint: Frame) -> Array:
+    """Records in the layout of a joint frame; the same array if that is theirs.
+
+    Raises
+    ------
+    DataError
+        The points are too far from the offset, so the box in the header of their file is wrong.
+    """
+    if frame is joint or _same_layout(frame, joint):
+        return record
+    old, new = frame.header.point_format, joint.header.point_format
+    kinds = _kinds(joint)
+    changed = [name for name, kind in _kinds(frame).items() if kinds.get(name) != kind]
+    points = converted(record, old, new, [*changed, SPARE])
+    for name in changed:
+        put(points, name, attribute(old, record, name))
+    if frame.spare:
+        target = points.array[SPARE].reshape(len(record), -1)
+        target[:, : frame.spare] = record[SPARE].reshape(len(record), -1)
+    if _steps(frame) != _steps(joint):
+        _move(points.array, frame, joint)
+    made: Array = points.array
+    return made
+
+
+def _number(frame: Frame) -> int:
+    return int(frame.header.point_format.id)
+
+
+def _same_layout(a: Frame, b: Frame) -> bool:
+    same = _number(a) == _number(b) and a.spare == b.spare and _steps(a) == _steps(b)
+    return same and list(_kinds(a).items()) == list(_kinds(b).items())
+
+
+def _steps(frame: Frame) -> list[float]:
+    return [*frame.header.scales.tolist(), *frame.header.offsets.tolist()]
+
+
+def _kinds(frame: Frame) -> dict[str, tuple[Any, ...]]:
+    """What the numbers of each extra-byte dimension mean."""
+    return {extra.name: _kind(extra) for extra in frame.extras}
+
+
+def _kind(extra: DimensionInfo) -> tuple[Any, ...]:
+    scales, offsets = (
+        None if values is None else tuple(values) for values in (extra.scales, extra.offsets)
+    )
+    return extra.dtype.base.str, extra.num_elements, scales, offsets
+
+
+def _joint_extras(
+    frames: Sequence[Frame], names: Sequence[str], number: int
+) -> tuple[list[ExtraBytesParams], set[str]]:
+    """Extra bytes that hold those of all files, and the names of those of a new type."""
+    extras: list[ExtraBytesParams] = []
+    changed: set[str] = set()
+    known = [
+        (file, extra) for file, frame in zip(names, frames, strict=True) for extra in frame.extras
+    ]
+    for name in dict.fromkeys(extra.name for _, extra in known):
+        if name in standard_names(number):
+            continue
+        same = [(file, extra) for file, extra in known if extra.name == name]
+        kept = same[0][1]
+        if all(_kind(extra) == _kind(kept) for _, extra in same):
+            text, offsets, scales = kept.description, kept.offsets, kept.scales
+            extras.append(ExtraBytesParams(name, kept.dtype, text, offsets, scales))
+            continue
+        if len({extra.num_elements for _, extra in same}) > 1:
+            listed = ", ".join(f"{extra.num_elements} in {file}" for file, extra in same)
+            raise DataError(f"attribute {name!r} has {listed} elements; they cannot be joined")
+        common = np.result_type(*(_values_type(extra) for _, extra in same))
+        shape = (0,) if kept.num_elements == 1 else (0, kept.num_elements)
+        extras.append(extra_bytes(name, np.empty(shape, common), kept.description))
+        changed.add(name)
+    return extras, changed
+
+
+def _values_type(extra: DimensionInfo) -> np.dtype[Any]:
+    return np.dtype("f8") if extra.is_scaled else extra.dtype.base
+
+
+def _grid(
+    frames: Sequence[Frame], boxes: Sequence[Box]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The finest scales, and offsets from which 32 bits reach all boxes."""
+    headers = [frame.header for frame in frames]
+    scales = np.min([np.abs(header.scales) for header in headers], axis=0)
+    offsets = headers[0].offsets.copy()
+    if not boxes:
+        return scales, offsets
+    low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
+    for axis, name in enumerate("xyz"):
+        reach = np.array([low[axis], high[axis]])
+        if np.abs(reach - offsets[axis]).max() > _FURTHEST * scales[axis]:
+            offsets[axis] = np.floor(reach.mean())
+            log.info("%s needs the new offset %s", name, offsets[axis])
+        if np.abs(reach - offsets[axis]).max() > _FURTHEST * scales[axis]:
+            raise DataError(
+                f"{name} reaches from {reach[0]} to {reach[1]}, which LAS cannot hold in the "
+                f"steps of {scales[axis]:g} that the finest of the files has"
+            )
+    return scales, offsets
+
+
+def _move(points: Array, frame: Frame, joint: Frame) -> None:
+    """Coordinates as steps of the joint frame."""
+    for axis, name in enumerate("XYZ"):
+        scale, offset = frame.header.scales[axis], frame.header.offsets[axis]
+        place = points[name] * scale + (offset - joint.header.offsets[axis])
+        steps = np.rint(place / joint.header.scales[axis])
+        if len(steps) and np.abs(steps).max() > _FURTHEST:
+            raise DataError(
+                "has points so far outside the bounding box in its header that they cannot be "
+                "joined with those of the other files"
+            )
+        points[name] = steps
+
+
+def _warn(
+    frames: Sequence[Frame], names: Sequence[str], joint: Frame, covered: Collection[str]
+) -> None:
+    """Tell what is lost or filled in, once for all files that it concerns."""
+    for text, files in _differences(frames, names, joint, covered):
+        more = f" and {len(files) - 1} more files" if len(files) > 1 else ""
+        log.warning("%s%s: %s", files[0], more, text)
+
+
+def _differences(
+    frames: Sequence[Frame], names: Sequence[str], joint: Frame, covered: Collection[str]
+) -> Iterable[tuple[str, list[str]]]:
+    """What is lost or filled in, and the files that it concerns."""
+    found: dict[str, list[str]] = {}
+    first = frames[0]
+    for file, frame in zip(names, frames, strict=True):
+        there = {*frame.names, *covered, *(_NEW_IN_6 if _number(frame) < 6 else ())}
+        lacking = [name for name in joint.names if name not in there]
+        if lacking:
+            found.setdefault(f"has no {', '.join(lacking)}; 0 is written there", []).append(file)
+        if not _whole(frame, joint):
+            text = "coordinates are rounded by up to half a step of the joint scale"
+            found.setdefault(text, []).append(file)
+        if not _same_clock(frame, first):
+            text = "its GPS times count from another day than those of the first file"
+            found.setdefault(text, []).append(file)
+        if frame.waveform and frame.waveform.data != (first.waveform and first.waveform.data):
+            text = "its waveform packets are not kept, only those of the first file"
+            found.setdefault(text, []).append(file)
+    return found.items()
+
+
+def _same_clock(a: Frame, b: Frame) -> bool:
+    """Whether both count GPS time alike, or have none."""
+    if not ("gps_time" in a.names and "gps_time" in b.names):
+        return True
+    return bool(a.header.global_encoding.gps_time_type == b.header.global_encoding.gps_time_type)
+
+
+def _whole(frame: Frame, joint: Frame) -> bool:
+    """Whether steps and offset of a file are multiples of the joint step, up to rounding."""
+    scales = joint.header.scales
+    ratios = [frame.header.scales / scales, (frame.header.offsets - joint.header.offsets) / scales]
+    return all(np.allclose(ratio, np.rint(ratio), rtol=0, atol=1e-3) for ratio in ratios)

@@ -1,0 +1,358 @@
+"""What the packed point records of a LAS file say, and how to change it without loss."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from decimal import Decimal
+from typing import Any
+
+import numpy as np
+from laspy import ExtraBytesParams, LasHeader, PackedPointRecord, PointFormat
+from laspy.errors import UnknownExtraType
+from laspy.extradims import get_id_for_extra_dim_type
+from laspy.point.dims import DimensionInfo
+from laspy.vlrs.known import ExtraBytesStruct
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from toolbox.context import log
+from toolbox.data.crs import same_crs
+from toolbox.data.las.crs import crs_records, is_crs_record
+from toolbox.data.las.header import (
+    DESCRIPTOR,
+    EXTRA_BYTES,
+    Frame,
+    Record,
+    oldest_version,
+    point_format,
+    standard_names,
+)
+from toolbox.errors import DataError
+
+Array = NDArray[Any]
+
+Box = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Lowest and highest coordinates, each of shape (3,)."""
+
+STANDARD = frozenset(name for number in range(11) for name in standard_names(number))
+"""Attributes that some LAS point format has."""
+
+SCAN_ANGLE = 0.006  # degrees per step of scan_angle in point formats 6-10
+_WEEK = 604_800  # seconds; larger GPS times are not times of the week
+
+
+def coordinates(header: LasHeader, record: Array) -> NDArray[np.float64]:
+    """x, y, z of shape (n, 3) in the unit of the CRS: integer times scale plus offset."""
+    xyz = np.empty((len(record), 3))
+    for axis, name in enumerate("XYZ"):
+        np.multiply(record[name], header.scales[axis], out=xyz[:, axis])
+    xyz += header.offsets
+    return xyz
+
+
+def box_of(header: LasHeader, record: Array) -> Box:
+    """Lowest and highest coordinates of at least one point."""
+    limits = np.array([[record[axis].min(), record[axis].max()] for axis in "XYZ"], float)
+    low, high = np.sort(limits.T * header.scales + header.offsets, axis=0)
+    return low, high
+
+
+def attribute(layout: PointFormat, record: Array, name: str) -> Array:
+    """One attribute of n points; (n, k) for an extra-byte dimension of k elements."""
+    dimension = layout.dimension_by_name(name)
+    if dimension.is_standard:
+        return np.ascontiguousarray(PackedPointRecord(record, layout)[name])
+    values = np.ascontiguousarray(record[name])
+    return values * dimension.scales + dimension.offsets if dimension.is_scaled else values
+
+
+def quantised(
+    xyz: NDArray[np.float64], header: LasHeader
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Offsets, those of the header where possible, and coordinates as integers from there.
+
+    Raises
+    ------
+    DataError
+        A coordinate is not finite, or the points reach too far for 32 bits at this scale.
+    """
+    integers = np.empty(xyz.shape, np.int32)
+    offsets = header.offsets.copy()
+    for axis, name in enumerate("xyz"):
+        values, scale = xyz[:, axis], header.scales[axis]
+        bad = ~np.isfinite(values)
+        if bad.any():
+            raise DataError(f"{name} of point {int(np.argmax(bad))} is {values[bad][0]}")
+        steps = np.rint((values - offsets[axis]) / scale)
+        if _too_far(steps):
+            offsets[axis] = np.floor((values.min() + values.max()) / 2)
+            log.info("%s needs the new offset %s in the LAS file", name, offsets[axis])
+            steps = np.rint((values - offsets[axis]) / scale)
+        if _too_far(steps):
+            raise DataError(
+                f"{name} reaches from {values.min()} to {values.max()}, which LAS cannot hold in "
+                f"steps of {scale:g}"
+            )
+        integers[:, axis] = steps
+    return offsets, integers
+
+
+def _too_far(steps: NDArray[np.float64]) -> bool:
+    limits = np.iinfo(np.int32)
+    return len(steps) > 0 and bool(steps.min() < limits.min or steps.max() > limits.max)
+
+
+def new_frame(xyz: NDArray[np.float64], columns: Mapping[str, Array]) -> tuple[Frame, Array]:
+    """LAS 1.4 for points that come from elsewhere, and their records, still without content.
+
+    The scale is the coarsest power of ten from 0.01 to 1e-6 that reproduces the coordinates, or
+    0.0001 if none does; the offset is the rounded minimum. The date is left at zero, so that the
+    same points always give the same file. Points without return numbers count as return 1 of 1.
+    """
+    number = 8 if "nir" in columns else 7 if columns.keys() & {"red", "green", "blue"} else 6
+    header = LasHeader(version="1.4", point_format=number)
+    header.scales = np.array(_scales(xyz))
+    header.offsets = np.floor(xyz.min(axis=0)) if len(xyz) else np.zeros(3)
+    header.offsets[~np.isfinite(header.offsets)] = 0  # refused with the coordinates
+    times = columns.get("gps_time")
+    absolute = times is not None and len(times) > 0 and np.nanmax(times) > _WEEK
+    header.global_encoding.wkt, header.global_encoding.gps_time_type = True, int(absolute)
+    points = PackedPointRecord.zeros(len(xyz), header.point_format)
+    if "return_number" not in columns and "number_of_returns" not in columns:
+        points.array["bit_fields"] = 0x11
+    software = b"lidar-toolbox".ljust(32, b"\0")
+    return Frame(header, 4, software + software + bytes(4)), points.array
+
+
+def decimals(values: NDArray[np.float64]) -> int | None:
+    """Fewest decimals, from 2 to 6, that reproduce all values; None if no number of them does."""
+    if not np.isfinite(values).all():
+        return None
+    near = 4 * np.spacing(np.abs(values).max(initial=1.0))
+    for count in range(2, 7):
+        if np.allclose(np.round(values, count), values, rtol=0, atol=near):
+            return count
+    return None
+
+
+def step_decimals(scale: float, offset: float) -> int | None:
+    """Decimals of all multiples of the scale plus the offset; None if more than twelve."""
+    exponents = [
+        Decimal(repr(float(value))).normalize().as_tuple().exponent for value in (scale, offset)
+    ]
+    count = max(0, *(-int(exponent) for exponent in exponents))
+    return count if count <= 12 else None
+
+
+def _scales(xyz: NDArray[np.float64]) -> list[float]:
+    found = [decimals(xyz[:, axis]) for axis in range(3)]
+    if None in found:
+        log.info("coordinates are rounded to 0.0001 in the LAS file")
+    return [10.0 ** -(4 if count is None else count) for count in found]
+
+
+def revised(
+    frame: Frame,
+    record: Array,
+    *,
+    xyz: NDArray[np.float64] | None,
+    columns: Mapping[str, Array],
+    descriptions: Mapping[str, str],
+    crs: CRS | None,
+) -> tuple[Frame, Array]:
+    """Frame and records with changes; what is not changed stays as it is, bit for bit.
+
+    Parameters
+    ----------
+    frame, record : as read, or from :func:`new_frame`
+    xyz : changed coordinates, or None
+    columns : changed and new attributes; what the point format lacks becomes extra bytes, or
+        leads to the point format that has it
+    descriptions : of new extra bytes
+    crs : of the points; its records are written anew if it is not the one that was read
+
+    Raises
+    ------
+    DataError
+        A value does not fit in its LAS field, or LAS has no type for an attribute.
+    """
+    before = frame.header.point_format.id
+    frame = replace(frame, header=frame.header.copy())
+    if columns:
+        frame, record = _with_columns(frame, record, dict(columns), descriptions)
+    if xyz is not None:
+        frame.header.offsets, integers = quantised(xyz, frame.header)
+        record = record if columns else record.copy()
+        for axis, name in enumerate("XYZ"):
+            record[name] = integers[:, axis]
+    upgraded = before < 6 <= frame.header.point_format.id
+    unread = crs is None and any(map(is_crs_record, frame.records))  # kept as it is
+    if not same_crs(crs, frame.crs) or (upgraded and not unread):
+        frame = with_crs(frame, crs)
+    return frame, record
+
+
+def with_crs(frame: Frame, crs: CRS | None) -> Frame:
+    encoding, number = frame.header.global_encoding, frame.header.point_format.id
+    records, encoding.wkt = crs_records(crs, number, wkt=encoding.wkt)
+    if encoding.wkt:
+        frame.header.version = oldest_version(4, number)
+    frame = frame.without(is_crs_record)
+    return replace(frame, vlrs=frame.vlrs + records, crs=crs)
+
+
+def _with_columns(
+    frame: Frame, record: Array, columns: dict[str, Array], descriptions: Mapping[str, str]
+) -> tuple[Frame, Array]:
+    header, old = frame.header, frame.header.point_format
+    number = _number(frame, columns)
+    known = {dimension.name for dimension in frame.extras} - columns.keys()
+    for name in known & set(standard_names(number)):  # e.g. nir, so far in extra bytes
+        columns[name] = attribute(old, record, name)
+    if number >= 6 and "scan_angle_rank" in columns:
+        columns.setdefault("scan_angle", _steps(columns.pop("scan_angle_rank")))
+    extras = _extras(frame, number, columns, descriptions)
+    new = point_format(number, extras, frame.spare)
+    points = converted(record, old, new, columns)
+    for name, values in columns.items():
+        put(points, name, values)
+    if number != old.id:
+        header.version = oldest_version(header.version.minor, number)
+        frame = replace(frame, minor=header.version.minor)
+        text = "written as LAS %s point format %s instead of %s, which cannot hold the attributes"
+        log.info(text, header.version, number, old.id)
+    before, header.point_format = frame.extras, new
+    if frame.extras != before or any(dimension.name in columns for dimension in before):
+        frame = with_description(frame, columns)
+    return frame, points.array
+
+
+def _number(frame: Frame, columns: Mapping[str, Array]) -> int:
+    """The first point format with all that is needed, beginning with the present one."""
+    present: int = frame.header.point_format.id
+    extras = {dimension.name for dimension in frame.extras}
+    needed = set(standard_names(present)) | (columns.keys() & STANDARD - extras)
+    small = all(
+        (columns[name] <= PointFormat(0)[name].max).all()
+        for name in ("classification", "return_number", "number_of_returns")
+        if name in columns
+    )
+    return number_with(needed, present, small=small)
+
+
+def number_with(needed: set[str], present: int, *, small: bool = True) -> int:
+    """The first point format with some standard attributes, beginning with the present one.
+
+    Parameters
+    ----------
+    small : whether classes and returns fit in the few bits of point formats 0-5
+    """
+    for number in (present, *range(0 if present < 6 else 6, 11)):
+        lacking = needed - set(standard_names(number))
+        if number >= 6:  # scan_angle says it there
+            lacking -= {"scan_angle_rank"}
+        if not lacking and (small or number >= 6):
+            return int(number)
+    raise DataError(f"no LAS point format has all of {', '.join(sorted(needed))}")
+
+
+def _extras(
+    frame: Frame, number: int, columns: Mapping[str, Array], descriptions: Mapping[str, str]
+) -> list[ExtraBytesParams]:
+    """Extra bytes: those of the file that stay, those that change their type, the new ones."""
+    old = {dimension.name: dimension for dimension in frame.extras}
+    extras = []
+    for name in dict.fromkeys([*old, *columns]):
+        if name in standard_names(number):
+            continue
+        if name in columns:
+            text = descriptions.get(name, old[name].description if name in old else "")
+            extras.append(extra_bytes(name, columns[name], text))
+        else:
+            kept = old[name]
+            extras.append(
+                ExtraBytesParams(name, kept.dtype, kept.description, kept.offsets, kept.scales)
+            )
+    return extras
+
+
+def extra_bytes(name: str, values: Array, description: str) -> ExtraBytesParams:
+    base = np.dtype("u1") if values.dtype.kind == "b" else values.dtype.newbyteorder("=")
+    dtype = np.dtype((base, values.shape[1:])) if values.ndim > 1 else base
+    if not 0 < len(name.encode()) <= 32:
+        raise DataError(f"LAS holds attribute names of 1 to 32 bytes, not {name!r}")
+    try:
+        get_id_for_extra_dim_type(dtype)
+    except UnknownExtraType as error:
+        message = f"attribute {name!r} is of type {values.dtype}, which LAS cannot hold"
+        raise DataError(message) from error
+    text = description.encode()[:32].decode(errors="ignore")
+    return ExtraBytesParams(name, dtype, text)
+
+
+def converted(
+    record: Array, old: PointFormat, new: PointFormat, changed: Iterable[str]
+) -> PackedPointRecord:
+    """The records in another format; what will be changed need not be there."""
+    if old.id == new.id and old.dtype() == new.dtype():
+        return PackedPointRecord(record.copy(), new)
+    points = PackedPointRecord.zeros(len(record), new)
+    for name in set(old.dimension_names) & set(new.dimension_names) - set(changed):
+        if {name} <= set(record.dtype.names or ()) & set(points.array.dtype.names or ()):
+            points.array[name] = record[name]
+        else:
+            points[name] = attribute(old, record, name)
+    if old.id < 6 <= new.id:
+        put(points, "scan_angle", _steps(record["scan_angle_rank"]))
+    return points
+
+
+def _steps(degrees: Array) -> NDArray[np.float64]:
+    """Scan angles as point formats 6-10 have them."""
+    return np.asarray(np.rint(degrees / SCAN_ANGLE), np.float64)
+
+
+def put(points: PackedPointRecord, name: str, values: Array) -> None:
+    """Write an attribute into the records, or say why its values do not fit."""
+    dimension = points.point_format.dimension_by_name(name)
+    if not dimension.is_standard:  # of the type of the values
+        points.array[name] = values
+        return
+    dtype = dimension.dtype or np.dtype("u1")  # none of single bits
+    if dtype.kind in "iu":
+        bad = (values < dimension.min) | (values > dimension.max)
+        if values.dtype.kind == "f":
+            bad |= values != np.rint(values)  # also NaN
+        if bad.any():
+            raise DataError(
+                f"{name} has the value {values[bad][0]}, and LAS holds whole numbers from "
+                f"{dimension.min} to {dimension.max} there"
+            )
+    points[name] = values.astype(dtype)
+
+
+def with_description(frame: Frame, changed: Collection[str], others: Sequence[Frame] = ()) -> Frame:
+    """Describe the extra bytes; what is not changed in the words of the file, or of the others."""
+    known: dict[bytes, bytes] = {}
+    for source in (*reversed(others), frame):
+        old = b"".join(record.data for record in source.vlrs if record.key == EXTRA_BYTES)
+        pieces = [old[place : place + DESCRIPTOR] for place in range(0, len(old), DESCRIPTOR)]
+        known |= {piece[4:36].split(b"\0")[0]: piece for piece in pieces}
+    data = b""
+    for dimension in frame.extras:
+        new = dimension.name in changed
+        data += _descriptor(dimension) if new else known[dimension.name.encode()]
+    if data == old:
+        return frame
+    frame = frame.without(lambda record: record.key == EXTRA_BYTES)
+    record = Record.make(*EXTRA_BYTES, "Extra bytes", data)
+    return replace(frame, vlrs=frame.vlrs + ((record,) if data else ()))
+
+
+def _descriptor(dimension: DimensionInfo) -> bytes:
+    """Without the range of values, for which laspy looks at single points (as of 2.7)."""
+    made = ExtraBytesStruct.from_buffer_copy(bytes(DESCRIPTOR))
+    made.name, made.description = dimension.name.encode(), dimension.description.encode()
+    made.data_type = get_id_for_extra_dim_type(dimension.dtype)
+    return bytes(made)

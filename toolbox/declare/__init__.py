@@ -1,0 +1,29 @@
+"""What the author of a tool imports: the words of a declaration, and the types of its values."""
+
+from toolbox.declare.expression import Expression
+from toolbox.declare.spec import outputs, param, sink, source, tool
+from toolbox.declare.values import (
+    Attribute,
+    ClassList,
+    Direction,
+    Extent,
+    Position,
+    Range,
+    Share,
+)
+
+__all__ = [
+    "Attribute",
+    "ClassList",
+    "Direction",
+    "Expression",
+    "Extent",
+    "Position",
+    "Range",
+    "Share",
+    "outputs",
+    "param",
+    "sink",
+    "source",
+    "tool",
+]

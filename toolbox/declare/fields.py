@@ -1,0 +1,320 @@
+"""Fields and specifications: what is known of a tool's inputs and outputs once it is declared."""
+
+from __future__ import annotations
+
+import dataclasses
+import operator
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Literal, cast
+
+from toolbox import __version__
+from toolbox.declare.kinds import CHOICE, OPTIONS, Kind
+from toolbox.declare.values import Range
+from toolbox.errors import DataError, ParameterError, ToolboxError, nearest
+
+LENGTHS = {"m": 1, "m2": 2, "m3": 3, "1/m": -1, "1/m2": -2}  # unit: power of the metre
+UNITS = (*LENGTHS, "1", "%", "deg", "s", "degC", "V", "kV", "A", "m/s", "W/m2")
+MEETS: Mapping[str, Callable[[Any, Any], bool]] = {
+    "gt": operator.gt,
+    "ge": operator.ge,
+    "lt": operator.lt,
+    "le": operator.le,
+}
+SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+
+
+@dataclasses.dataclass(frozen=True)
+class Field:
+    """One input or output, as declared.
+
+    Attributes
+    ----------
+    kind : how values of this type are read, checked and described
+    role : "source", "param" or "sink"
+    choices : allowed words or numbers, from a Literal annotation; with a kind such as number
+        (``float | Literal["auto"]``) they are allowed beside it
+    many : the value is a tuple of `kind`
+    optional : None is a value
+    of : the source that an attribute name or expression speaks about
+    """
+
+    name: str
+    kind: Kind
+    role: Literal["source", "param", "sink"]
+    help: str
+    default: Any
+    unit: str | None
+    limits: Mapping[str, float]
+    choices: tuple[Any, ...] = ()
+    many: bool = False
+    optional: bool = False
+    of: str | None = None
+
+    @property
+    def required(self) -> bool:
+        return self.default is dataclasses.MISSING
+
+    @property
+    def word(self) -> str:
+        """What --help and the errors call the type."""
+        return f"list of {self.kind.word}" if self.many else self.kind.word
+
+    def rule(self) -> str:
+        """The limits in words; --help, the docs and the errors all print these same words."""
+        words = ", ".join(map(str, self.choices))
+        if self.kind is CHOICE:
+            return f"one of {words}"
+        text = " and ".join(f"{SIGNS[key]} {limit:g}" for key, limit in self.limits.items())
+        text = f"{text} {self.unit}" if text and self.unit != "1" else text
+        return f"{text} or {words}".strip() if words else text
+
+    def problem(self, value: Any) -> str | None:
+        """What is wrong with value, or None."""
+        if value is None and self.optional:
+            return None
+        if self.many and not isinstance(value, tuple):
+            return f"must be a tuple, got {value!r}"
+        return next(filter(None, map(self._item_problem, self.items(value))), None)
+
+    def items(self, value: Any) -> tuple[Any, ...]:
+        """The single values in value."""
+        return value if self.many and isinstance(value, tuple) else (value,)
+
+    def given(self, value: Any) -> list[Any]:
+        """The layers in the raw value of a source; a list for one layer names its files."""
+        return list(value) if self.many and isinstance(value, list | tuple) else [value]
+
+    def _item_problem(self, value: Any) -> str | None:
+        if any(value == choice and type(value) is type(choice) for choice in self.choices):
+            return None
+        if self.kind is CHOICE:
+            return f"must be {self.rule()}, got {value!r}{nearest(str(value), self.choices)}"
+        if not self.kind.accepts(value):
+            return f"must be {_a(self.kind.word)}, got {value!r}"
+        numbers = value if isinstance(value, Range) else (value,)
+        meets = (MEETS[key](n, limit) for key, limit in self.limits.items() for n in numbers)
+        return None if all(meets) else f"must be {self.rule()}, got {value!r}"
+
+    def parse(self, value: Any) -> Any:
+        """Text from a command line, or a JSON value, as a value of the declared type.
+
+        Raises
+        ------
+        ValueError
+            It cannot be read as one.
+        """
+        none = value is None or (isinstance(value, str) and value.lower() in ("none", "null"))
+        if none and str(value) not in map(str, self.choices):
+            if self.optional:
+                return None
+            raise ValueError(f"must be {_a(self.word)}, got none")
+        if self.many:
+            parts = value if isinstance(value, list | tuple) else [value]
+            return tuple(map(self._parse_item, parts))
+        return self._parse_item(value)
+
+    def _parse_item(self, value: Any) -> Any:
+        for choice in self.choices:
+            # JSON does not tell 3 from 3.0; True is not 1 here.
+            if str(choice) == str(value) or (isinstance(value, float) and choice == value):
+                return choice
+        if self.kind.accepts(value):
+            return value
+        if self.kind is CHOICE:
+            raise ValueError(self._item_problem(value))
+        try:
+            return self.kind.parse(value)
+        except ToolboxError:
+            raise
+        except (ValueError, TypeError) as err:
+            why = "" if self.kind.plain else f": {err}"
+            raise ValueError(f"must be {_a(self.kind.word)}, got {_shown(value)}{why}") from None
+
+    def scaled(self, value: Any, metre: float) -> Any:
+        """A length in metres in the unit of the data, of which `metre` make one metre."""
+        power = LENGTHS.get(self.unit or "")
+        if power is None or value is None or self.kind.is_layer:
+            return value
+        factor = metre**power
+        scaled = tuple(_times(item, factor) for item in self.items(value))
+        return scaled if self.many else scaled[0]
+
+    def schema(self) -> dict[str, Any]:
+        """This field as an input or output of an OGC API - Processes description."""
+        body = self._item_schema()
+        if self.many:
+            body = {"type": "array", "items": body}
+        if self.role == "param" and self.default is not None and not self.required:
+            body["default"] = self._default_json()
+        says = {"type": self.kind.word, "unit": self.unit, "rule": self.rule(), "of": self.of}
+        meta = [{"role": role, "value": value} for role, value in says.items() if value]
+        options = self.kind.save_options if self.role == "sink" else self.kind.open_options
+        for option in options:
+            meta.append({"role": "option", "title": option, "value": OPTIONS[option].help})
+        if self.role == "sink":
+            meta += [{"role": "suffix", "value": suffix} for suffix in self.kind.suffixes]
+        made: dict[str, Any] = {"title": self.name.replace("_", " ").capitalize()}
+        made |= {"description": self.help, "schema": body, "metadata": meta}
+        if self.role != "sink":
+            made["minOccurs"] = int(self.required)
+            made["maxOccurs"] = "unbounded" if self.many else 1
+        return made
+
+    def _default_json(self) -> Any:
+        made = [v if v in self.choices else self.kind.to_json(v) for v in self.items(self.default)]
+        return made if self.many else made[0]
+
+    def _item_schema(self) -> dict[str, Any]:
+        """One value: a word, a number, or what the kind says; several sorts become oneOf."""
+        texts = [choice for choice in self.choices if isinstance(choice, str)]
+        numbers = [choice for choice in self.choices if not isinstance(choice, str)]
+        sorts: list[dict[str, Any]] = []
+        if self.kind is not CHOICE:
+            sorts.append(dict(self.kind.schema) | self._schema_limits())
+        if numbers:
+            sorts.append({"type": "integer", "enum": numbers})
+        if texts:
+            sorts.append({"type": "string", "enum": texts})
+        return sorts[0] if len(sorts) == 1 else {"oneOf": sorts}
+
+    def _schema_limits(self) -> dict[str, Any]:
+        # A strict limit is written as "not that very number": exclusiveMinimum is a boolean in
+        # OpenAPI 3.0 (OGC API - Processes 1.0) and a number in JSON Schema 2020-12.
+        body: dict[str, Any] = {}
+        for key, limit in self.limits.items():
+            body["minimum" if key[0] == "g" else "maximum"] = limit
+        strict = [limit for key, limit in self.limits.items() if key in ("gt", "lt")]
+        return body | ({"not": {"enum": strict}} if strict else {})
+
+
+@dataclasses.dataclass(frozen=True)
+class Spec:
+    """All that the command line, QGIS, the docs and a model need to know about one tool."""
+
+    id: str
+    title: str
+    help: str
+    make: Callable[..., Any]
+    inputs: Mapping[str, Field]
+    outputs: Mapping[str, Field]
+
+    @property
+    def group(self) -> str:
+        return self.id.partition(".")[0].capitalize()
+
+    @property
+    def sources(self) -> Mapping[str, Field]:
+        return {name: f for name, f in self.inputs.items() if f.role == "source"}
+
+    def under(self, settings: Mapping[str, Any]) -> Spec:
+        """What is run under these settings; a model may read less then."""
+        return self
+
+    def idle(self, settings: Mapping[str, Any]) -> list[str]:
+        """Inputs that nothing uses under these settings; only a model has such."""
+        return []
+
+    @property
+    def between(self) -> Mapping[str, Field]:
+        """Results of the steps of a model, by step.output; a plain tool has none."""
+        return {}
+
+    @property
+    def results(self) -> Mapping[str, Field]:
+        """All that a run can be asked for."""
+        return {**self.outputs, **self.between}
+
+    def names_problems(self, names: Iterable[str]) -> dict[str, str]:
+        """Unknown and missing input names."""
+        given, known = set(names), [*self.inputs, *self.outputs]
+        found = {n: f"unknown parameter{nearest(n, known)}" for n in given - set(self.inputs)}
+        for name, field in self.inputs.items():
+            if field.required and name not in given:
+                found[name] = f"missing ({field.help})"
+        return dict(sorted(found.items()))
+
+    def problems(self, values: Mapping[str, Any]) -> dict[str, str]:
+        """All that is wrong with values of the declared types, by parameter."""
+        found = self.names_problems(values)
+        for name, field in self.inputs.items():
+            if name in values and (text := field.problem(values[name])):
+                found[name] = text
+        return found
+
+    def parse(
+        self, raw: Mapping[str, Any], present: Iterable[str] = ()
+    ) -> tuple[dict[str, Any], dict[str, str]]:
+        """Texts or JSON values -> the values that can be read, and the problems of the others.
+
+        `present` names inputs that are given elsewhere, and so are not missing.
+        """
+        values, problems = {}, self.names_problems([*raw, *present])
+        for name in raw.keys() & self.inputs.keys():
+            try:
+                values[name] = self.inputs[name].parse(raw[name])
+            except ValueError as err:
+                problems[name] = str(err)
+                continue
+            if text := self.inputs[name].problem(values[name]):
+                problems[name] = text
+        return values, problems
+
+    def build(self, values: Mapping[str, Any], where: str | None = None) -> Any:
+        """Check every value, report every problem at once, then make the tool.
+
+        Raises
+        ------
+        ParameterError, DataError
+            Named after `where`, or after the tool.
+        """
+        if problems := self.names_problems(values):
+            raise ParameterError(where or self.id, problems)
+        try:
+            return self.make(**values)
+        except (ParameterError, DataError) as err:
+            raise (err.named(where) if where else err) from None
+
+    def halo(self, settings: Mapping[str, Any]) -> float:
+        """Reach in metres under these settings, before any layer is read."""
+        return float(self._draft(settings).halo())
+
+    def rules(self, settings: Mapping[str, Any]) -> dict[str, str]:
+        """Rules between settings that are broken, before any layer is read."""
+        job = self._draft(settings)
+        return dict(job.check()) if hasattr(job, "check") else {}
+
+    def _draft(self, settings: Mapping[str, Any]) -> Any:
+        """The tool with these settings, unchecked and without layers."""
+        defaults = {name: None if f.required else f.default for name, f in self.inputs.items()}
+        job: Any = object.__new__(cast(type, self.make))
+        job.__dict__.update(defaults | dict(settings))
+        return job
+
+    def describe(self) -> dict[str, Any]:
+        """OGC API - Processes, Part 1: the process description of this tool."""
+        return {
+            "id": self.id,
+            "version": __version__,
+            "title": self.title,
+            "description": self.help,
+            "keywords": [self.group],
+            "jobControlOptions": ["sync-execute", "dismiss"],
+            "inputs": {name: field.schema() for name, field in self.inputs.items()},
+            "outputs": {name: field.schema() for name, field in self.outputs.items()},
+        }
+
+
+def _times(value: Any, factor: float) -> Any:
+    """Scale numbers; words such as "auto" and None stay as they are."""
+    if isinstance(value, Range):
+        return Range(*(number * factor for number in value))
+    return value if value is None or isinstance(value, str) else value * factor
+
+
+def _a(word: str) -> str:
+    return f"{'an' if word[0] in 'aeiou' else 'a'} {word}"
+
+
+def _shown(value: Any) -> str:
+    """A source that could not be opened is named by its path."""
+    return repr(value["path"] if isinstance(value, Mapping) and "path" in value else value)

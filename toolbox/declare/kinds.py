@@ -1,0 +1,327 @@
+"""How each type of value is read, checked and described: one row per type."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import numbers
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pyproj import CRS
+
+from toolbox.context import QUIET, Context
+from toolbox.data import PointCloud, Raster, Report, Survey, Table, Vector
+from toolbox.data.crs import parse_crs
+from toolbox.data.places import Places, files_of
+from toolbox.declare.expression import Expression
+from toolbox.declare.values import Attribute, ClassList, Direction, Extent, Position, Range
+
+TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One type of value.
+
+    Attributes
+    ----------
+    word : what help, errors and descriptions call it
+    schema : JSON schema of one value
+    accepts : whether a Python value is of this type
+    parse : makes one from text or from a JSON value; raises ValueError
+    to_json : the way back
+    plain : the word alone says what a text must look like, so errors need no more
+    suffixes : endings of the files that it can be written to; empty for what is no layer
+    open_options, save_options : names in `OPTIONS` that a source or target of it may carry
+    parts : all files that a layer written to a path consists of
+    several : one value may be read from many files: of a folder, a pattern or a list
+    """
+
+    word: str
+    schema: Mapping[str, Any]
+    accepts: Callable[[Any], bool]
+    parse: Callable[[Any], Any]
+    to_json: Callable[[Any], Any] = field(default=lambda value: value)
+    plain: bool = False
+    suffixes: tuple[str, ...] = ()
+    open_options: tuple[str, ...] = ()
+    save_options: tuple[str, ...] = ()
+    parts: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
+    several: bool = False
+
+    def files(self, place: Any) -> list[Path]:
+        """The files that a place of :func:`located` names.
+
+        Raises
+        ------
+        DataError, TypeError
+            It names none.
+        """
+        return files_of(place) if self.several else [Path(place)]
+
+    @property
+    def is_layer(self) -> bool:
+        """Whether it lives in files."""
+        return bool(self.suffixes)
+
+
+def find(hint: Any) -> Kind:
+    """The row of a type.
+
+    Raises
+    ------
+    TypeError
+        A declaration uses a type that is not in the table.
+    """
+    if hint in KINDS:
+        return KINDS[hint]
+    raise TypeError(f"{hint!r} cannot be declared; there are {[k.word for k in KINDS.values()]}")
+
+
+@dataclass(frozen=True)
+class Option:
+    """How a layer is read or written, where its file does not say so."""
+
+    help: str
+    parse: Callable[[Any], Any]
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, numbers.Real) and not _is_number(value):
+        raise ValueError
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError
+    return number
+
+
+def _integer(value: Any) -> int:
+    if isinstance(value, str):
+        return int(value)
+    if isinstance(value, float) and value.is_integer():  # JSON does not tell 3 from 3.0
+        return int(value)
+    raise ValueError
+
+
+def _boolean(value: Any) -> bool:
+    text = str(value).lower()
+    if text not in TRUE + FALSE:
+        raise ValueError
+    return text in TRUE
+
+
+def _is_number(value: Any) -> bool:
+    real = isinstance(value, numbers.Real) and not isinstance(value, bool)
+    try:
+        return real and math.isfinite(value)
+    except OverflowError:  # an integer beyond all floats
+        return False
+
+
+def _is_integer(value: Any) -> bool:
+    return isinstance(value, numbers.Integral) and not isinstance(value, bool)
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError
+    return value
+
+
+def _class_list(value: Any) -> ClassList:
+    if isinstance(value, str):
+        return ClassList.parse(value)
+    return ClassList([value] if _is_integer(value) else map(_integer_item, value))
+
+
+def _integer_item(value: Any) -> int:
+    return int(value) if _is_integer(value) else _integer(value)
+
+
+def _range(value: Any) -> Range:
+    return Range.parse(value) if isinstance(value, str) else Range.of(value)
+
+
+def _position(value: Any) -> Position:
+    return Position.parse(value) if isinstance(value, str) else Position.of(value)
+
+
+def _extent(value: Any) -> Extent:
+    return Extent.parse(value) if isinstance(value, str) else Extent.of(value)
+
+
+def _direction(value: Any) -> Direction:
+    return Direction.parse(value) if isinstance(value, str) else Direction.of(value)
+
+
+def _is(*types: type) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, types)
+
+
+def _scalars() -> dict[Any, Kind]:
+    number = {"type": "number"}
+    text = {"type": "string"}
+    pair = {"type": "array", "items": number, "minItems": 2, "maxItems": 2}
+    box = {"type": "array", "items": number, "minItems": 4, "maxItems": 4}
+    triple = {"type": "array", "items": number, "minItems": 3, "maxItems": 3}
+    classes = {"type": "string", "pattern": r"^\d+(-\d+)?(,\d+(-\d+)?)*$"}
+    return {
+        float: Kind("number", number, _is_number, _number, plain=True),
+        int: Kind("integer", {"type": "integer"}, _is_integer, _integer, plain=True),
+        bool: Kind("boolean", {"type": "boolean"}, _is(bool), _boolean, plain=True),
+        str: Kind("text", text, _is(str), _text, plain=True),
+        ClassList: Kind("class list", classes, _is(ClassList), _class_list, str),
+        Range: Kind("range", pair, _is(Range), _range, list),
+        Position: Kind("position", pair, _is(Position), _position, list),
+        Direction: Kind("direction", triple, _is(Direction), _direction, list),
+        Extent: Kind("extent", box, _is(Extent), _extent, list),
+        CRS: Kind("CRS", text, _is(CRS), parse_crs, lambda crs: crs.to_string()),
+        Attribute: Kind("attribute", text, _is(Attribute), lambda v: Attribute(_text(v)), str),
+        Expression: Kind("expression", text, _is(Expression), lambda v: Expression(_text(v)), str),
+    }
+
+
+def _columns(value: Any) -> list[str]:
+    names = re.split(r"[,;\s]+", value.strip()) if isinstance(value, str) else list(value)
+    if not all(isinstance(name, str) and name for name in names):
+        raise ValueError(f"needs names, got {value!r}")
+    return names
+
+
+OPTIONS: Mapping[str, Option] = {
+    "columns": Option(
+        "Names of the columns of a text file, such as x,y,z,intensity",
+        _columns,
+    ),
+    "separator": Option("What stands between the columns of a text file", _text),
+    "bounds": Option("Read only xmin,ymin,xmax,ymax", _extent),
+    "layer": Option("Name of the layer in the file", _text),
+    "band": Option("Number of the band to read, counted from 1", _integer_item),
+    "cog": Option("Write a cloud-optimised GeoTIFF", _boolean),
+}
+
+
+def located(value: Any) -> tuple[Any, dict[str, Any]]:
+    """The place, or list of places, that a source is read from, and how to open it.
+
+    Parameters
+    ----------
+    value : a path, a mapping of a path and options, or a list of these for one layer
+
+    Raises
+    ------
+    ValueError
+        The items of a list have different options.
+    """
+    if isinstance(value, Mapping):
+        how = dict(value)
+        return how.pop("path", None), how
+    if not isinstance(value, list | tuple):
+        return value, {}
+    items = [located(item) for item in value]
+    options = [how for _, how in items] or [{}]
+    if any(how != options[0] for how in options):
+        raise ValueError("the files of one layer must be opened with the same options")
+    places = [place for place, _ in items]
+    return (places[0] if len(places) == 1 else places), options[0]
+
+
+def _layer(
+    cls: Any,
+    media_type: str,
+    *,
+    types: tuple[type, ...] = (),
+    open: Callable[..., Any] | None = None,
+    several: bool = False,
+) -> Kind:
+    """A layer is opened from a path, or from a mapping of a path and how to open it.
+
+    Parameters
+    ----------
+    types : of the layers, if others than `cls` too
+    open : reads a layer, in place of that of `cls`
+    several : whether it takes several paths, and a CRS to assume for files that state none
+    """
+    reader = open or cls.open
+
+    def opened(value: Any) -> Any:
+        place, how = located(value)
+        ctx, crs = how.pop("ctx", QUIET), how.pop("assume_crs", None)
+        options = parsed_options(how, known)
+        if several:
+            options["assume_crs"] = crs
+        return reader(place, ctx=ctx, **options)
+
+    known = _options_of(reader)
+    schema = {"type": "string", "format": "uri-reference", "contentMediaType": media_type}
+    return Kind(
+        cls.__name__,
+        schema,
+        _is(*(types or (cls,))),
+        opened,
+        suffixes=cls.SUFFIXES,
+        open_options=known,
+        save_options=_options_of(cls.save),
+        parts=getattr(cls, "parts", lambda path: (path,)),
+        several=several,
+    )
+
+
+def _cloud_or_survey(
+    place: Places,
+    *,
+    columns: Sequence[str] | None = None,
+    separator: str | None = None,
+    bounds: Sequence[float] | None = None,
+    assume_crs: CRS | None = None,
+    ctx: Context = QUIET,
+) -> PointCloud | Survey:
+    """Several files as a survey, whose headers say enough; a single one, or a part, as a cloud."""
+    how: dict[str, Any] = {"columns": columns, "separator": separator, "assume_crs": assume_crs}
+    if bounds is not None or len(files_of(place)) == 1:
+        return PointCloud.open(place, bounds=bounds, ctx=ctx, **how)
+    return Survey.open(place, ctx=ctx, **how)
+
+
+def _options_of(method: Callable[..., Any]) -> tuple[str, ...]:
+    return tuple(name for name in inspect.signature(method).parameters if name in OPTIONS)
+
+
+def parsed_options(given: Mapping[str, Any], known: tuple[str, ...]) -> dict[str, Any]:
+    """Texts or JSON values of options as their methods take them.
+
+    Raises
+    ------
+    ValueError
+        An option is unknown or cannot be read.
+    """
+    if unknown := sorted(given.keys() - set(known)):
+        raise ValueError(f"no option {unknown[0]!r}; there are {', '.join(known) or 'none'}")
+    found = {}
+    for name, value in given.items():
+        try:
+            found[name] = OPTIONS[name].parse(value)
+        except (ValueError, TypeError) as err:
+            raise ValueError(f"option {name}: {err or f'cannot be {value!r}'}") from None
+    return found
+
+
+CHOICE = Kind("choice", {}, lambda value: False, lambda value: value)
+"""A word or number out of a list; the list stands in the field, which does the checking."""
+
+_LASZIP = "application/vnd.laszip"
+
+KINDS: Mapping[Any, Kind] = _scalars() | {
+    PointCloud | Survey: _layer(
+        PointCloud, _LASZIP, types=(PointCloud, Survey), open=_cloud_or_survey, several=True
+    ),
+    PointCloud: _layer(PointCloud, _LASZIP, several=True),  # last: the word alone means this one
+    Raster: _layer(Raster, "image/tiff; application=geotiff"),
+    Vector: _layer(Vector, "application/geopackage+sqlite3"),
+    Table: _layer(Table, "text/csv"),
+    Report: _layer(Report, "text/html"),
+}

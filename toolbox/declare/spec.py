@@ -1,0 +1,257 @@
+"""The vocabulary of a declaration: @tool, @outputs, source(), param(), sink().
+
+A tool is one frozen dataclass. Its fields are the only place where a parameter's type, default,
+unit, limits and help stand; the Python call, the command line, the process description, the docs
+and the tests that hold for every tool are made from them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import inspect
+import math
+import operator
+import re
+import types
+import typing
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, Literal, TypeVar, cast, dataclass_transform
+
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Survey
+from toolbox.data.crs import crs_conflict, length_problem
+from toolbox.declare import kinds
+from toolbox.declare.expression import Expression
+from toolbox.declare.fields import LENGTHS, MEETS, UNITS, Field, Spec
+from toolbox.errors import DataError, ParameterError, nearest
+from toolbox.shown import SHOWN
+
+T = TypeVar("T", bound=type)
+REGISTRY: dict[str, Spec] = {}
+RESERVED = {"assume_crs", "events", "help", "json", "overwrite", "params", *SHOWN}
+RESERVED |= {"quiet", "result", "verbose", "tile", "workers", "scheduler", "memory", "resume"}
+RESERVED |= {"tool", "when", "repeat"}  # words of a step in a model
+NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
+
+
+def source(help: str, *, default: Any = dataclasses.MISSING) -> Any:
+    """Declare a layer that the tool reads.
+
+    One that may be left out is annotated ``X | None`` and has the default None; several of a kind
+    are annotated ``tuple[X, ...]``.
+    """
+    return dataclasses.field(default=default, metadata={"role": "source", "help": help})
+
+
+def param(
+    help: str, *, default: Any, unit: str | None = None, of: str | None = None, **limits: float
+) -> Any:
+    """Declare a number, switch, word or other value.
+
+    Parameters
+    ----------
+    help : one sentence without a full stop
+    unit : "m" and other lengths are metres for the user whatever the data; "1" is a ratio or count
+    of : the source that an `Attribute` or `Expression` speaks about
+    limits : gt, ge, lt, le
+    """
+    meta = {"role": "param", "help": help, "unit": unit, "limits": limits, "of": of}
+    return dataclasses.field(default=default, metadata=meta)
+
+
+def sink(help: str, *, unit: str | None = None) -> Any:
+    """Declare a layer, number or text that the tool gives back."""
+    return dataclasses.field(metadata={"role": "sink", "help": help, "unit": unit})
+
+
+@dataclass_transform(
+    frozen_default=True, kw_only_default=True, field_specifiers=(param, source, sink)
+)
+def outputs(cls: T) -> T:
+    """Make the class inside a tool that names what the tool gives back."""
+    return cast(T, dataclasses.dataclass(frozen=True, kw_only=True)(cls))
+
+
+@dataclass_transform(
+    frozen_default=True, kw_only_default=True, field_specifiers=(param, source, sink)
+)
+def tool(id: str) -> Callable[[T], T]:
+    """Make a frozen dataclass that checks its values, and register it.
+
+    The class has a docstring (first line: title), fields, `Outputs`, `run(ctx)`, `halo()` if it
+    reads layers, and may have `check()`, which yields (parameter, problem) for rules between
+    values, and `check_data()` for what the layers must hold. `halo()` gives metres, or
+    `math.inf` for a tool that needs the whole cloud. `check` and `halo` must not look at layers: a
+    model and the tile engine ask them before there are any.
+
+    Inside `run` all lengths are in the unit of the data: a `cell` of 1 m is 3.28 when the
+    coordinates are in feet. Lengths that `run` returns are turned back into metres. A constant in
+    the code is brought to the unit of the data with ``self.points.metre``. To use what another
+    tool does, call its array function: its class would convert the lengths a second time.
+    """
+
+    def wrap(cls: T) -> T:
+        any_cls: Any = cls
+        any_cls.__post_init__ = _check
+        any_cls.run = _in_data_units(any_cls.run)
+        made: Any = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
+        title, _, text = (inspect.getdoc(cls) or "").partition("\n")
+        inputs, outs = _fields(made), _fields(made.Outputs)
+        spec = Spec(id, title.rstrip("."), text.strip(), made, inputs, outs)
+        _check_declaration(spec, made)
+        REGISTRY[id] = made.spec = spec
+        return cast(T, made)
+
+    return wrap
+
+
+def _fields(cls: type) -> dict[str, Field]:
+    hints = typing.get_type_hints(cls)
+    return {f.name: _field(f, hints[f.name]) for f in dataclasses.fields(cls)}
+
+
+def _field(declared: dataclasses.Field[Any], hint: Any) -> Field:
+    """Take the annotation apart: X | None, tuple[X, ...], Literal[...], X | Literal["auto"]."""
+    members = _members(hint)
+    optional = type(None) in members
+    lists = [member for member in members if typing.get_origin(member) is tuple]
+    if lists:
+        members = _members(typing.get_args(lists[0])[0])
+    words = [member for member in members if typing.get_origin(member) is Literal]
+    choices = tuple(choice for word in words for choice in typing.get_args(word))
+    plain = [member for member in members if member not in (*words, type(None))]
+    type_ = functools.reduce(operator.or_, plain) if plain else None
+    if len(plain) > 1 and type_ not in kinds.KINDS:
+        raise TypeError(f"{declared.name}: {hint} is more than one type")
+    kind = kinds.find(type_) if plain else kinds.CHOICE
+    given: dict[str, Any] = {"unit": None, "limits": {}} | dict(declared.metadata)
+    return Field(
+        declared.name,
+        kind,
+        default=declared.default,
+        choices=choices,
+        many=bool(lists),
+        optional=optional,
+        **given,
+    )
+
+
+def _members(hint: Any) -> list[Any]:
+    """The alternatives of a union, or the one type."""
+    union = typing.get_origin(hint) in (types.UnionType, typing.Union)
+    return list(typing.get_args(hint)) if union else [hint]
+
+
+def _check_declaration(spec: Spec, made: Any) -> None:
+    """Mistakes of the tool's author, found when the tool is imported."""
+    fields = [*spec.inputs.values(), *spec.outputs.values()]
+    if twice := (spec.inputs.keys() & spec.outputs.keys() or REGISTRY.keys() & {spec.id}):
+        raise TypeError(f"{spec.id}: declared twice: {sorted(twice)}")
+    if spec.sources and not hasattr(made, "halo"):
+        raise TypeError(f"{spec.id}: reads layers, so it needs halo()")
+    for field in fields:
+        if not NAME.fullmatch(field.name):
+            raise TypeError(f"{spec.id}.{field.name}: names are lower_case words")
+        if field.limits.keys() - MEETS.keys():
+            raise TypeError(f"{spec.id}.{field.name}: limits are {', '.join(MEETS)}")
+        if field.name in RESERVED:
+            raise TypeError(f"{spec.id}.{field.name}: is an option of every run")
+        if field.unit and field.unit not in UNITS:
+            raise TypeError(f"{spec.id}.{field.name}: unit {field.unit!r} is not in {UNITS}")
+        if field.of and field.of not in spec.sources:
+            raise TypeError(f"{spec.id}.{field.name}: no source called {field.of!r}")
+
+
+def _check(job: Any) -> None:
+    """All that can be known before the run."""
+    spec: Spec = job.spec
+    values = {name: getattr(job, name) for name in spec.inputs}
+    wrong, unsuitable = spec.problems(values), _layer_problems(spec, values)
+    if wrong:
+        raise ParameterError(spec.id, unsuitable | wrong)
+    if unsuitable:
+        raise DataError(spec.id, unsuitable)
+    found = [*_attribute_problems(spec, values), *_rules(job, "check")]
+    if found:
+        raise ParameterError(spec.id, dict(found))
+    if problems := dict(_rules(job, "check_data")):
+        raise DataError(spec.id, problems)
+
+
+def _rules(job: Any, name: str) -> Iterable[tuple[str, str]]:
+    return getattr(job, name)() if hasattr(job, name) else ()
+
+
+def _layers(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Every layer among the sources that can have a CRS, with the name of its parameter."""
+    for name, field in spec.sources.items():
+        for layer in field.items(values[name]):
+            if field.kind.accepts(layer) and hasattr(layer, "with_crs"):
+                yield name, layer
+
+
+def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
+    """CRS that differ, and data in which a length given in metres has no meaning."""
+    found: dict[str, str] = {}
+    layers = list(_layers(spec, values))
+    settings = {n: v for n, v in values.items() if n not in spec.sources}
+    # A tool that reaches some metres far measures, even if it has no length to set.
+    lengths = any(f.unit in LENGTHS and values[n] is not None for n, f in spec.inputs.items())
+    lengths = lengths or 0 < spec.halo(settings) < math.inf
+    for name, layer in layers:
+        if not (text := length_problem(layer.crs)):
+            continue
+        if lengths:
+            found.setdefault(name, f"{layer.name} {text}".strip())
+        else:
+            log.warning("%s: %s %s", name, layer.name, text)
+    for name, layer in layers[1:]:
+        first_name, first = layers[0]
+        heights = all(isinstance(points, PointCloud | Survey) for points in (first, layer))
+        if text := crs_conflict(layer.crs, first.crs, heights=heights):
+            found[name] = f"{layer.name} {text} of {first_name} {first.name}".strip()
+    return found
+
+
+def _attribute_problems(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Attribute names that their source does not have."""
+    for name, field in spec.inputs.items():
+        layer = values[field.of] if field.of else None
+        if layer is None or values[name] is None:
+            continue
+        wanted: set[str] = set()
+        for value in field.items(values[name]):
+            wanted |= value.names if isinstance(value, Expression) else {str(value)}
+        axes = ("x", "y", "z") if isinstance(layer, PointCloud | Survey) else ()
+        known = (*axes, *layer.names)
+        for missing in sorted(wanted - set(known)):
+            hint = nearest(missing, known)
+            yield name, f"no attribute {missing!r}{hint}; there are {', '.join(known)}"
+
+
+def _in_data_units(run: Callable[..., Any]) -> Callable[..., Any]:
+    """Wrap a tool's run: lengths go in as metres of the user and come out as metres."""
+
+    @functools.wraps(run)
+    def wrapped(self: Any, ctx: Context = QUIET) -> Any:
+        spec: Spec = self.spec
+        values = {name: getattr(self, name) for name in spec.inputs}
+        metric = (layer for _, layer in _layers(spec, values) if not length_problem(layer.crs))
+        metre = next((layer.metre for layer in metric), 1.0)
+        inside = {name: f.scaled(values[name], metre) for name, f in spec.inputs.items()}
+        try:
+            result = run(_unchecked(self, inside), ctx)
+        except DataError as err:
+            raise (err if err.problems else err.named(spec.id)) from err.__cause__
+        outside = {n: f.scaled(getattr(result, n), 1 / metre) for n, f in spec.outputs.items()}
+        return dataclasses.replace(result, **outside)
+
+    return wrapped
+
+
+def _unchecked(job: Any, values: Mapping[str, Any]) -> Any:
+    """A copy of job with other values; limits are in metres, so they are not checked again."""
+    copy = object.__new__(type(job))
+    copy.__dict__.update(values)
+    return copy

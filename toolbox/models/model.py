@@ -1,0 +1,373 @@
+"""Models: tools chained in a YAML file. A model is a tool; its file is read by `model_reader`."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from types import SimpleNamespace
+from typing import Any
+
+from toolbox.context import QUIET, Context, log
+from toolbox.data import PointCloud, Survey
+from toolbox.declare.fields import Field, Spec
+from toolbox.declare.kinds import find
+from toolbox.errors import DataError, ParameterError
+
+INPUTS = "inputs"  # what a reference calls the values that a model takes
+CLOUD, EITHER = find(PointCloud), find(PointCloud | Survey)
+EMPTY = "is an empty list; there is nothing to repeat the step for"
+
+
+@dataclasses.dataclass(frozen=True)
+class Reference:
+    """``{from: step.output}``: the first of the named values that there is."""
+
+    names: tuple[str, ...]
+
+
+Wire = Reference | tuple[Reference, ...]
+"""What a parameter is connected to; several for a list, which keeps those that there are."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Condition:
+    """``{from: inputs.name}``: a switch that is on or a layer that is given.
+
+    Attributes
+    ----------
+    name : inputs.name
+    word : ``{from: inputs.name, is: word}``: a choice that is this word
+    """
+
+    name: str
+    word: str | None = None
+
+    def holds(self, known: Mapping[str, Any]) -> bool:
+        """Whether it is fulfilled; what is not known yet is."""
+        value = known.get(self.name, self.word or True)
+        if self.word is not None:
+            return bool(value == self.word)
+        return value if isinstance(value, bool) else value is not None
+
+
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """One tool of a model with its values.
+
+    Attributes
+    ----------
+    settings : values that stand in the file
+    wires : references, by parameter
+    when : the step is left out where this does not hold
+    repeat : the parameter that is given a list, of which each run takes one
+    """
+
+    name: str
+    spec: Spec
+    settings: Mapping[str, Any]
+    wires: Mapping[str, Wire]
+    when: Condition | None = None
+    repeat: str | None = None
+
+    @property
+    def needs(self) -> list[str]:
+        """All values that the step refers to."""
+        return [name for wire in self.wires.values() for r in references(wire) for name in r.names]
+
+    @property
+    def params(self) -> dict[str, Wire]:
+        """The references of what is no layer."""
+        inputs = self.spec.inputs
+        return {n: w for n, w in self.wires.items() if n in inputs and inputs[n].role == "param"}
+
+    def input(self, name: str) -> Field | None:
+        """The field of a parameter as the model sees it: for the repeated one a list, needed."""
+        field = self.spec.inputs.get(name)
+        if field is None or name != self.repeat:
+            return field
+        return dataclasses.replace(field, many=True, optional=False, default=dataclasses.MISSING)
+
+    @property
+    def outputs(self) -> dict[str, Field]:
+        """The fields of its results as the model sees them, by step.output."""
+        found = {}
+        for name, field in self.spec.outputs.items():
+            full = f"{self.name}.{name}"
+            many = field.many or self.repeat is not None
+            found[full] = dataclasses.replace(field, name=full, many=many)
+        return found
+
+
+@dataclasses.dataclass(frozen=True)
+class Model(Spec):
+    """The specification of a tool that is a chain of others.
+
+    Attributes
+    ----------
+    steps : by name, each after those that it refers to
+    returns : what each output refers to
+    """
+
+    make: Callable[..., Run] = dataclasses.field(init=False, repr=False, compare=False)
+    steps: Mapping[str, Step]
+    returns: Mapping[str, Reference]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "make", self._run)
+
+    def _run(self, **values: Any) -> Run:
+        """This model with its values, checked as the class of a tool checks them."""
+        if problems := self.problems(values) or self.rules(values):
+            raise ParameterError(self.id, problems)
+        defaults = {name: f.default for name, f in self.inputs.items() if not f.required}
+        return Run(self, defaults | values)
+
+    def part(self, names: Collection[str]) -> Model:
+        """The model with these steps alone, and the outputs that refer to one of them."""
+        steps = {name: step for name, step in self.steps.items() if name in names}
+        made = {name for step in steps.values() for name in step.outputs}
+        returns = {name: r for name, r in self.returns.items() if made & set(r.names)}
+        outs = {name: self.outputs[name] for name in returns}
+        return dataclasses.replace(self, steps=steps, returns=returns, outputs=outs)
+
+    def under(self, settings: Mapping[str, Any]) -> Model:
+        """The model in which a cloud is opened as a survey, if the steps that run need no more."""
+        steps = self.active(settings)
+        inputs = dict(self.inputs)
+        for name, field in self.sources.items():
+            if field.kind is CLOUD and reads_parts(steps, f"{INPUTS}.{name}"):
+                inputs[name] = dataclasses.replace(field, kind=EITHER)
+        return dataclasses.replace(self, inputs=inputs)
+
+    @property
+    def between(self) -> Mapping[str, Field]:
+        """Results of steps, which a run may be asked for too, by step.output."""
+        return {name: f for step in self.steps.values() for name, f in step.outputs.items()}
+
+    def active(self, settings: Mapping[str, Any]) -> list[Step]:
+        """The steps that run under these settings; one whose condition is not known yet does."""
+        return _active(self.steps, self._known(settings))
+
+    def idle(self, settings: Mapping[str, Any]) -> list[str]:
+        """Inputs that no step uses which runs under these settings."""
+        used = {name for step in self.active(settings) for name in step.needs}
+        used |= {step.when.name for step in self.steps.values() if step.when}
+        return [name for name in self.inputs if f"{INPUTS}.{name}" not in used]
+
+    def halo(self, settings: Mapping[str, Any]) -> float:
+        """The longest way in metres from the sources to a result."""
+        return max(self.reach(settings).values(), default=0.0)
+
+    def reach(self, settings: Mapping[str, Any]) -> dict[str, float]:
+        """How far in metres the results of each active step look into the sources."""
+        found: dict[str, float] = {}
+        for step in self.active(settings):
+            before = (found.get(name.partition(".")[0], 0.0) for name in step.needs)
+            found[step.name] = max(before, default=0.0) + self.step_halo(step, settings)
+        return found
+
+    def step_halo(self, step: Step, settings: Mapping[str, Any]) -> float:
+        """How far in metres a step looks into what it is given; inf if that is not known yet."""
+        known = self._known(settings)
+        if not _ready(step, known):
+            return math.inf
+        return max(map(step.spec.halo, _each(step, _draft(step, known))), default=0.0)
+
+    def rules(self, settings: Mapping[str, Any]) -> dict[str, str]:
+        """All that is wrong with the values of steps, as step.parameter."""
+        known = self._known(settings)
+        found: dict[str, str] = {}
+        for step in _active(self.steps, known):
+            draft = _draft(step, known)
+            if step.repeat and draft.get(step.repeat) == ():
+                found[f"{step.name}.{step.repeat}"] = EMPTY
+            for each in _each(step, draft):
+                texts = _limits(step, each)
+                # With a value that another step will give, the rules between values are not known.
+                if not texts and _ready(step, known):
+                    texts = step.spec.rules(each)
+                found |= {f"{step.name}.{name}": text for name, text in texts.items()}
+        return found
+
+    def _known(self, settings: Mapping[str, Any]) -> dict[str, Any]:
+        """Values of parameters, by inputs.name."""
+        params = {n: f for n, f in self.inputs.items() if f.role == "param"}
+        defaults = {name: f.default for name, f in params.items() if not f.required}
+        given = {name: value for name, value in settings.items() if name in params}
+        return {f"{INPUTS}.{name}": value for name, value in (defaults | given).items()}
+
+    def describe(self) -> dict[str, Any]:
+        """As of any tool, and what its steps give in between."""
+        between = {name: field.schema() for name, field in self.between.items()}
+        return super().describe() | {"between": between}
+
+
+def reads_parts(steps: Iterable[Step], name: str) -> bool:
+    """Whether all of the steps that take a cloud can read it part by part, and some step does."""
+    takers = [
+        step.spec.inputs[parameter].kind
+        for step in steps
+        for parameter, wire in step.wires.items()
+        if any(name in reference.names for reference in references(wire))
+    ]
+    return bool(takers) and all(kind is EITHER for kind in takers)
+
+
+def references(wire: Wire) -> tuple[Reference, ...]:
+    """The single references of a wire."""
+    return wire if isinstance(wire, tuple) else (wire,)
+
+
+def step_values(step: Step, wires: Mapping[str, Wire], found: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a step; where a reference finds nothing, the tool's own default stays."""
+    values = dict(step.settings)
+    for name, wire in wires.items():
+        value = resolved(wire, found)
+        stated = any(full in found for r in references(wire) for full in r.names)
+        if value is not None or (stated and step.spec.inputs[name].optional):
+            values[name] = value
+    return values
+
+
+def resolved(wire: Wire, found: Mapping[str, Any]) -> Any:
+    """The value that a wire carries; None if there is none."""
+    if isinstance(wire, tuple):
+        values = (resolved(reference, found) for reference in wire)
+        return tuple(value for value in values if value is not None)
+    return next((found[name] for name in wire.names if found.get(name) is not None), None)
+
+
+def _ready(step: Step, known: Mapping[str, Any]) -> bool:
+    """Whether all values that are no layers are known."""
+    return all(_there(wire, known) for wire in step.params.values())
+
+
+def _there(wire: Wire, known: Mapping[str, Any]) -> bool:
+    return all(name in known for r in references(wire) for name in r.names)
+
+
+def _draft(step: Step, known: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of a step, as far as they are known."""
+    wires = {name: wire for name, wire in step.params.items() if _there(wire, known)}
+    return step_values(step, wires, known)
+
+
+def _each(step: Step, draft: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """The settings of each run of a step."""
+    if step.repeat is None or step.repeat not in draft:
+        yield draft
+        return
+    for item in draft[step.repeat]:
+        yield {**draft, step.repeat: item}
+
+
+def _limits(step: Step, draft: Mapping[str, Any]) -> dict[str, str]:
+    """What is wrong with single values of a step."""
+    texts = {name: step.spec.inputs[name].problem(value) for name, value in draft.items()}
+    return {name: text for name, text in texts.items() if text}
+
+
+def leading_steps(steps: Mapping[str, Step], results: Iterable[str]) -> list[str]:
+    """The steps that lead to results, which are named step.output; in the order of the steps."""
+    found: set[str] = set()
+    ahead = [name.partition(".")[0] for name in results]
+    while ahead:
+        name = ahead.pop()
+        if name in steps and name not in found:
+            found.add(name)
+            ahead += [need.partition(".")[0] for need in steps[name].needs]
+    return [name for name in steps if name in found]
+
+
+def _active(steps: Mapping[str, Step], known: Mapping[str, Any]) -> list[Step]:
+    return [step for step in steps.values() if step.when is None or step.when.holds(known)]
+
+
+Around = Callable[[str, Any, Context], Any]
+"""Called for each run of a step with its name, its tool and the context; gives the result."""
+
+
+def plainly(name: str, job: Any, ctx: Context) -> Any:
+    """Just run the tool."""
+    return job.run(ctx)
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """A model with its values, ready to run.
+
+    Attributes
+    ----------
+    keep : results in between, by step.output, that are wanted too
+    given : results of steps that are not run here, by step.output
+    around : runs each tool; those of a model inside go by "step/step of that model"
+    gaps : whether a step is left out that is not given a layer that it needs, as in a tile where
+        there is nothing for the step before it
+    """
+
+    spec: Model
+    values: Mapping[str, Any]
+    keep: frozenset[str] = frozenset()
+    given: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    around: Around = plainly
+    gaps: bool = False
+
+    def run(self, ctx: Context = QUIET) -> SimpleNamespace:
+        """Run the steps one after another; each result is forgotten after its last use."""
+        found = {f"{INPUTS}.{name}": value for name, value in self.values.items()}
+        found |= self.given
+        steps = _active(self.spec.steps, found)
+        wanted = {name for r in self.spec.returns.values() for name in r.names} | self.keep
+        for index, step in enumerate(steps):
+            part = ctx.part(index / len(steps), (index + 1) / len(steps))
+            part.progress(0.0)
+            log.debug("%s: step %s (%s)", self.spec.id, step.name, step.spec.id)
+            found |= self._results(step, found, part)
+            used = wanted.union(*(left.needs for left in steps[index + 1 :]))
+            found = {name: value for name, value in found.items() if name in used}
+        ctx.progress(1.0)
+        outs = {name: resolved(wire, found) for name, wire in self.spec.returns.items()}
+        return SimpleNamespace(**outs, **{name: found.get(name) for name in self.keep})
+
+    def _results(self, step: Step, found: Mapping[str, Any], ctx: Context) -> dict[str, Any]:
+        """What a step gives, by step.output; if it is repeated, tuples of what each run gives."""
+        values = step_values(step, step.wires, found)
+        if step.repeat is None:
+            result = self._result(step, step.name, values, ctx)
+            return {f"{step.name}.{name}": getattr(result, name) for name in step.spec.outputs}
+        items = values[step.repeat]
+        if not items:
+            raise ParameterError(self._where(step, step.name), {step.repeat: EMPTY})
+        results = []
+        for index, item in enumerate(items):
+            part = ctx.part(index / len(items), (index + 1) / len(items))
+            each = values | {step.repeat: item}
+            results.append(self._result(step, f"{step.name} {index + 1}", each, part))
+        names = step.spec.outputs
+        return {f"{step.name}.{n}": tuple(getattr(r, n) for r in results) for n in names}
+
+    def _result(self, step: Step, name: str, values: Mapping[str, Any], ctx: Context) -> Any:
+        where = self._where(step, name)
+        needed = [n for n, field in step.spec.sources.items() if not field.optional]
+        if self.gaps and any(values.get(n) is None for n in needed):
+            return SimpleNamespace(**dict.fromkeys(step.spec.outputs))
+        job = step.spec.build(values, where)
+        try:
+            if not isinstance(job, Run):
+                return self.around(name, job, ctx)
+            inner = dataclasses.replace(job, around=self._around_within(name), gaps=self.gaps)
+            return inner.run(ctx)
+        except (ParameterError, DataError) as err:
+            if isinstance(job, Run) and err.problems:  # named after the step of that model, too
+                where = f"{where}: {err.where}"
+            raise err.named(where) from err
+        except Exception as err:
+            err.add_note(f"in {where}")
+            raise
+
+    def _around_within(self, step: str) -> Around:
+        return lambda name, job, ctx: self.around(f"{step}/{name}", job, ctx)
+
+    def _where(self, step: Step, name: str) -> str:
+        return f"{self.spec.id}, step '{name}' ({step.spec.id})"

@@ -1,0 +1,303 @@
+"""Reading a model file: all of its wiring is checked, and all its mistakes reported at once.
+
+A value of a step is plain, or a reference ``{from: step.output}``, where ``inputs`` stands for what
+the model takes. ``{from: [clean.clean, inputs.points]}`` takes the first that there is. What
+refers to something that is wrong itself is not reported a second time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import graphlib
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from toolbox.declare.fields import Field, Spec
+from toolbox.declare.spec import NAME, RESERVED
+from toolbox.errors import ParameterError, nearest
+from toolbox.models import documents
+from toolbox.models import inputs as model_inputs
+from toolbox.models.inputs import parsed, short, word_problems
+from toolbox.models.model import INPUTS, Condition, Model, Reference, Step, Wire, references
+from toolbox.models.wiring import condition_of, is_sure, misfit, of_inputs, wire_of
+
+MODEL_WORDS = ("id", "title", "help", "inputs", "steps", "outputs")
+NEEDED = ("id", "title", "steps", "outputs")
+STEP_WORDS = ("tool", "when", "repeat")  # what a step says beside the parameters of its tool
+ID = re.compile(rf"{NAME.pattern}(\.{NAME.pattern})+")
+
+
+def load(path: Path, find: Callable[[str], Spec]) -> Model:
+    """Read a model.
+
+    Parameters
+    ----------
+    path : of a YAML file
+    find : gives the tool of an id, or raises ParameterError
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read, or is no model: all its mistakes.
+    """
+    try:
+        text = documents.mapping(path.read_text(encoding="utf-8-sig"))
+    except UnicodeDecodeError:
+        raise ParameterError(f"{path} cannot be read as a model: is no UTF-8 text") from None
+    except (OSError, ValueError) as err:
+        why = getattr(err, "strerror", None) or err
+        raise ParameterError(f"{path} cannot be read as a model: {why}") from None
+    return _Reader(path, find).model(text)
+
+
+class _Reader:
+    """Reads one model and collects what is wrong with it."""
+
+    def __init__(self, path: Path, find: Callable[[str], Spec]) -> None:
+        self.path, self.find = path, find
+        self.problems: dict[str, str] = {}
+        self.broken: set[str] = set()  # inputs and steps about which nothing is known
+
+    def model(self, text: Mapping[str, Any]) -> Model:
+        self.problems |= word_problems("model", text, MODEL_WORDS, needed=NEEDED)
+        id, title = str(text.get("id", "")), str(text.get("title", ""))
+        if not ID.fullmatch(id):
+            self.problems["id"] = f"must be like models.terrain, got {short(id)}"
+        parts = self._part(text, "inputs")
+        inputs, problems = model_inputs.read(parts)
+        self.problems |= problems
+        self.broken |= {f"{INPUTS}.{name}" for name in parts.keys() - inputs.keys()}
+        steps = self._steps(self._part(text, "steps"), inputs)
+        returns, outs = self._returns(self._part(text, "outputs"), inputs, steps)
+        self._unused(inputs, steps)
+        self._ambiguous(inputs | outs, steps)
+        if self.problems:
+            raise ParameterError(str(self.path), self.problems)
+        help = str(text.get("help", "")).strip() or f"{title}."
+        made = Model(id, title, help, inputs, outs, steps, returns)
+        if problems := made.rules({}):
+            raise ParameterError(str(self.path), problems)
+        return made
+
+    def _part(self, text: Mapping[str, Any], name: str) -> dict[str, Any]:
+        """The names and values of a part of the file."""
+        part = text.get(name) or {}
+        if not isinstance(part, Mapping):
+            self.problems[name] = f"must hold names and values, got {short(part)}"
+            return {}
+        for key in part:
+            if not NAME.fullmatch(str(key)) or key == INPUTS:
+                self.problems[f"{name}.{key}"] = "names are lower_case words, and not inputs"
+            elif key in RESERVED and name != "steps":
+                self.problems[f"{name}.{key}"] = "is an option of every run; choose another name"
+        return {str(key): value for key, value in part.items()}
+
+    def _unused(self, inputs: Mapping[str, Field], steps: Mapping[str, Step]) -> None:
+        """Report inputs that do nothing, unless it is because of a mistake elsewhere."""
+        if self.problems:
+            return
+        used = {name for step in steps.values() for name in step.needs}
+        used |= {step.when.name for step in steps.values() if step.when}
+        for name in inputs:
+            if f"{INPUTS}.{name}" not in used:
+                self.problems[f"{INPUTS}.{name}"] = "no step refers to it"
+
+    def _ambiguous(self, layers: Mapping[str, Field], steps: Mapping[str, Step]) -> None:
+        """Report results such as points.bounds that are also how points are read."""
+        for step in steps.values():
+            field = layers.get(step.name)
+            options = (*field.kind.open_options, *field.kind.save_options) if field else ()
+            for name in {f"{step.name}.{option}" for option in options} & step.outputs.keys():
+                self.problems[step.name] = f"{name} would mean two things; rename the step"
+
+    # Steps
+
+    def _steps(self, parts: Mapping[str, Any], inputs: Mapping[str, Field]) -> dict[str, Step]:
+        drafts = {name: self._step(name, says) for name, says in parts.items()}
+        steps = self._ordered({name: step for name, step in drafts.items() if step})
+        self.broken |= drafts.keys() - steps.keys()
+        known = {f"{INPUTS}.{name}": field for name, field in inputs.items()}
+        known |= {name: field for step in steps.values() for name, field in step.outputs.items()}
+        for step in steps.values():
+            self._check(step, known, steps)
+        return steps
+
+    def _unknown(self, wire: Reference, known: Mapping[str, Field]) -> str | None:
+        """Say which of the referred values there is not."""
+        missing = [n for n in wire.names if n not in known and not self._excused(n)]
+        return f"nothing called {missing[0]!r}{nearest(missing[0], known)}" if missing else None
+
+    def _excused(self, name: str) -> bool:
+        return name in self.broken or name.partition(".")[0] in self.broken
+
+    def _step(self, name: str, says: Any) -> Step | None:
+        if not isinstance(says, Mapping) or not isinstance(says.get("tool"), str):
+            self.problems[f"{name}.tool"] = "missing: each step says which tool it runs"
+            return None
+        says = {str(key): value for key, value in says.items()}  # {ignore: 7,18} has a number too
+        try:
+            spec = self.find(says["tool"])
+        except ParameterError as err:
+            self.problems[f"{name}.tool"] = str(err).replace("\n", "\n  ")
+            return None
+        wires: dict[str, Wire] = {}
+        plain: dict[str, Any] = {}
+        for key in [key for key in says if key not in STEP_WORDS]:
+            try:
+                wire = wire_of(says[key])
+            except ValueError as err:
+                self.problems[f"{name}.{key}"] = str(err)
+                continue
+            if wire:
+                wires[key] = wire
+            else:
+                plain[key] = says[key]
+        step = Step(name, spec, {}, wires, self._when(name, says), self._repeat(name, says, spec))
+        return dataclasses.replace(step, settings=self._settings(step, plain))
+
+    def _when(self, name: str, says: Mapping[str, Any]) -> Condition | None:
+        if "when" not in says:
+            return None
+        try:
+            return condition_of(says["when"])
+        except ValueError as err:
+            self.problems[f"{name}.when"] = str(err)
+            return None
+
+    def _repeat(self, name: str, says: Mapping[str, Any], spec: Spec) -> str | None:
+        word = says.get("repeat")
+        if word is None:
+            return None
+        field = spec.inputs.get(str(word))
+        if field is None or field.many or word not in says:
+            why = "takes a list anyway" if field and field.many else "is no parameter given here"
+            self.problems[f"{name}.repeat"] = f"{word!r} {why}"
+            return None
+        return str(word)
+
+    def _settings(self, step: Step, given: Mapping[str, Any]) -> dict[str, Any]:
+        """The plain values of a step as its tool takes them."""
+        found: dict[str, Any] = {}
+        for name, text in step.spec.names_problems([*given, *step.wires]).items():
+            self.problems.setdefault(f"{step.name}.{name}", text)
+        for name, value in given.items():
+            if (field := step.input(name)) is None:
+                continue
+            if field.kind.is_layer and value is not None:
+                problem: str | None = "is a layer; it needs a reference {from: step.output}"
+            else:
+                found[name], problem = parsed(field, value)
+            if problem:
+                self.problems[f"{step.name}.{name}"] = problem
+        return found
+
+    def _ordered(self, steps: Mapping[str, Step]) -> dict[str, Step]:
+        """Each step after those it refers to, else in the order of the file."""
+        before = {n: {need.partition(".")[0] for need in s.needs} for n, s in steps.items()}
+        sorter = graphlib.TopologicalSorter({n: b & steps.keys() for n, b in before.items()})
+        try:
+            sorter.prepare()
+        except graphlib.CycleError as err:
+            self.problems["steps"] = f"wait for each other: {' -> '.join(err.args[1])}"
+            return dict(steps)
+        order: list[str] = []
+        ready: set[str] = set()
+        while sorter.is_active():
+            ready |= set(sorter.get_ready())
+            order.append(next(name for name in steps if name in ready))
+            ready.remove(order[-1])
+            sorter.done(order[-1])
+        return {name: steps[name] for name in order}
+
+    def _check(self, step: Step, known: Mapping[str, Field], steps: Mapping[str, Step]) -> None:
+        """Whether what the step refers to is there, and fits."""
+        if step.when and (text := self._condition_problem(step.when, known)):
+            self.problems[f"{step.name}.when"] = text
+        for name, wire in step.wires.items():
+            want = step.input(name)
+            if want and (text := self._wire_problem(step, want, wire, known, steps)):
+                self.problems[f"{step.name}.{name}"] = text
+
+    def _condition_problem(self, when: Condition, known: Mapping[str, Field]) -> str | None:
+        if text := self._unknown(Reference((when.name,)), known):
+            return text
+        choices = known[when.name].choices if when.name in known else ()
+        if when.word is None and choices:
+            return f"{when.name} is a choice; say which, {{from: {when.name}, is: {choices[0]}}}"
+        if when.word is not None and when.name in known and when.word not in choices:
+            words = (
+                f"one of {', '.join(map(str, choices))}" if choices else "a switch, not a choice"
+            )
+            return f"{when.name} is {words}, got {when.word!r}"
+        return None
+
+    def _wire_problem(
+        self,
+        step: Step,
+        want: Field,
+        wire: Wire,
+        known: Mapping[str, Field],
+        steps: Mapping[str, Step],
+    ) -> str | None:
+        """Say why a parameter cannot take what it refers to."""
+        if isinstance(wire, tuple) and not want.many:
+            return "takes one value, not a list"
+        one = dataclasses.replace(want, many=False) if isinstance(wire, tuple) else want
+        for reference in references(wire):
+            if text := self._unknown(reference, known) or misfit(reference, known, one):
+                return text
+        names = [name for reference in references(wire) for name in reference.names]
+        excused = any(map(self._excused, names))
+        if excused or not want.required or is_sure(names, step.when, known, steps):
+            return None
+        return (
+            f"{names[0]!r} may be missing; say what to take then, {{from: [{names[0]}, ...]}}, "
+            "or leave this step out by the same 'when'"
+        )
+
+    # Outputs
+
+    def _returns(
+        self, parts: Mapping[str, Any], inputs: Mapping[str, Field], steps: Mapping[str, Step]
+    ) -> tuple[dict[str, Reference], dict[str, Field]]:
+        known = {name: field for step in steps.values() for name, field in step.outputs.items()}
+        returns: dict[str, Reference] = {}
+        outs: dict[str, Field] = {}
+        for name, says in parts.items():
+            text = dict(says) if isinstance(says, Mapping) else {"from": says}
+            help = text.pop("help", None)
+            try:
+                wire = wire_of(text)
+            except ValueError as err:
+                self.problems[f"outputs.{name}"] = str(err)
+                continue
+            if problem := self._output_problem(name, wire, inputs, known):
+                self.problems[f"outputs.{name}"] = problem
+            elif isinstance(wire, Reference) and not any(map(self._excused, wire.names)):
+                first = known[wire.names[0]]
+                sure = is_sure(wire.names, None, known, steps)
+                returns[name] = wire
+                outs[name] = dataclasses.replace(
+                    first, name=name, help=str(help or first.help), optional=not sure
+                )
+        return returns, outs
+
+    def _output_problem(
+        self,
+        name: str,
+        wire: Wire | None,
+        inputs: Mapping[str, Field],
+        known: Mapping[str, Field],
+    ) -> str | None:
+        if not isinstance(wire, Reference):
+            return "must be {from: step.output}"
+        if name in inputs:
+            return "is the name of an input too"
+        if taken := [full for full in wire.names if of_inputs(full)]:
+            return f"{taken[0]!r} is what the model is given; an output is what a step gives"
+        if text := self._unknown(wire, known):
+            return text
+        there = [known[full] for full in wire.names if full in known]
+        return misfit(wire, known, there[0]) if there else None

@@ -1,0 +1,107 @@
+"""References of a model file: what they look like, and whether they fit what refers to them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from toolbox.declare.fields import Field
+from toolbox.models.inputs import short
+from toolbox.models.model import INPUTS, Condition, Reference, Step, Wire
+
+
+def wire_of(value: Any) -> Wire | None:
+    """The reference, or list of them, that a value of the file is; None for a plain value.
+
+    Raises
+    ------
+    ValueError
+        It looks like one and is none.
+    """
+    if isinstance(value, list) and any(map(_looks_wired, value)):
+        wires = [wire_of(item) for item in value]
+        found = tuple(wire for wire in wires if isinstance(wire, Reference))
+        if len(found) < len(wires):
+            raise ValueError("must be references alone, or values alone")
+        return found
+    if not _looks_wired(value):
+        return None
+    names = value["from"] if isinstance(value["from"], list) else [value["from"]]
+    if value.keys() != {"from"} or not names or not all(map(_is_reference, names)):
+        raise ValueError(f"a reference is {{from: step.output}}, got {short(value)}")
+    return Reference(tuple(names))
+
+
+def _looks_wired(value: Any) -> bool:
+    return isinstance(value, Mapping) and "from" in value
+
+
+def _is_reference(name: Any) -> bool:
+    return isinstance(name, str) and re.fullmatch(r"\w+\.\w+", name) is not None
+
+
+def condition_of(value: Any) -> Condition:
+    """The condition of a step.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    says = dict(value) if isinstance(value, Mapping) else {}
+    name, word = says.pop("from", None), says.pop("is", None)
+    good = _is_reference(name) and of_inputs(name) and (word is None or isinstance(word, str))
+    if says or not good:
+        text = "{from: inputs.name}, or {from: inputs.name, is: word}"
+        raise ValueError(f"must be {text}, got {short(value)}")
+    return Condition(name, word)
+
+
+def of_inputs(name: str) -> bool:
+    return name.startswith(f"{INPUTS}.")
+
+
+def misfit(wire: Reference, known: Mapping[str, Field], want: Field) -> str | None:
+    """Say why a value does not fit a parameter."""
+    for name in [name for name in wire.names if name in known]:
+        have = known[name]
+        words = have.kind.word, want.kind.word  # a PointCloud also for who takes surveys too
+        alike = words[0] == words[1] or words == ("integer", "number")
+        if alike and want.many and not have.many:
+            return f"takes a list; write [{{from: {name}}}]"
+        if not alike or have.many != want.many:
+            return f"needs a {want.word}, but {name!r} is a {have.word}"
+        if have.unit and want.unit and have.unit != want.unit:
+            return f"is in {want.unit}, but {name!r} in {have.unit}"
+        if odd := [choice for choice in have.choices if choice not in want.choices]:
+            return f"must be {want.rule()}, but {name!r} may be {odd[0]!r}"
+    return None
+
+
+def is_sure(
+    names: Iterable[str],
+    when: Condition | None,
+    known: Mapping[str, Field],
+    steps: Mapping[str, Step],
+) -> bool:
+    """Whether one of some values is there whenever a step with this condition runs."""
+    there = [name for name in names if name in known]
+    if any(_is_sure(name, when, known, steps) for name in there):
+        return True
+    words: dict[str, set[str | None]] = {}  # of each choice, those for which there is a value
+    for name in there:
+        maker = None if of_inputs(name) else steps[name.partition(".")[0]]
+        if maker and maker.when and not known[name].optional:
+            words.setdefault(maker.when.name, set()).add(maker.when.word)
+    choices = {name: known[name].choices for name in words if name in known}
+    return any(given and words[name].issuperset(given) for name, given in choices.items())
+
+
+def _is_sure(
+    name: str, when: Condition | None, known: Mapping[str, Field], steps: Mapping[str, Step]
+) -> bool:
+    if of_inputs(name):
+        return not known[name].optional or when == Condition(name)
+    maker = steps[name.partition(".")[0]]
+    return maker.when in (None, when) and not known[name].optional

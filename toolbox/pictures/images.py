@@ -1,0 +1,315 @@
+"""Rasters and clouds as images: arrays of colours, each with its key."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolbox.data import Lattice, PointCloud, Raster
+from toolbox.data.asprs import CLASSES
+from toolbox.data.crs import vertical_unit
+from toolbox.data.outcomes import (
+    CORRECT_NEGATIVE,
+    CORRECT_POSITIVE,
+    DIFFERENCES,
+    NO_REFERENCE,
+    OUTCOMES,
+    TYPE_1,
+    TYPE_2,
+)
+from toolbox.pictures.oblique import PLANE, oblique
+
+Colour: TypeAlias = str
+Classes: TypeAlias = Mapping[int, tuple[str, Colour]]
+Bounds: TypeAlias = tuple[float, float, float, float]
+Array: TypeAlias = NDArray[np.float64]
+
+_OF_CLASSES = {
+    0: "#c9c9c9",
+    1: "#a3a3a3",
+    2: "#c2a477",
+    3: "#b5d78f",
+    4: "#74b356",
+    5: "#2f7d3b",
+    6: "#d0533f",
+    7: "#e0399f",
+    8: "#8a6036",
+    9: "#4a90d0",
+    10: "#4f4a52",
+    11: "#7f828c",
+    12: "#ddd0b4",
+    13: "#f2d04b",
+    14: "#f09d1a",
+    15: "#7f3f98",
+    16: "#b98bd0",
+    17: "#e6955f",
+    18: "#ff5ac8",
+    19: "#a5688f",
+    20: "#e0cfa6",
+    21: "#dff0f8",
+    22: "#c3c2dc",
+}
+_OF_OUTCOMES = {  # as Şen and Bayaslı (2020) draw them
+    CORRECT_POSITIVE: "#d4d4d4",
+    CORRECT_NEGATIVE: "#6e6e6e",
+    TYPE_1: "#2166d1",
+    TYPE_2: "#d7261e",
+    NO_REFERENCE: "#f0dfae",
+}
+POINT_CLASSES: Classes = {code: (name, _OF_CLASSES[code]) for code, name in CLASSES.items()}
+"""Name and colour of the point classes."""
+ERRORS: Classes = {code: (name, _OF_OUTCOMES[code]) for code, name in OUTCOMES.items()}
+"""Name and colour of the values of the attribute "error"."""
+DIFFERING: Classes = {code: (name, _OF_OUTCOMES[code]) for code, name in DIFFERENCES.items()}
+"""Name and colour of the values of the attribute "difference"."""
+
+OTHER = ("#5b8def", "#e5a93c", "#58b2a3", "#c46bb0", "#93b245", "#d9755b", "#7a72c9", "#9c8567")
+"""Colours in turn, of what has none of its own."""
+RELIEF = ("#62a392", "#8fbe99", "#c1d59e", "#efe6b6", "#dfbb88", "#c0906a", "#a38178", "#f7f5f2")
+_NO_HEIGHTS = ("(std)", "(count)", "points", "distance", "error", "intensity", "hillshade")
+_PIXELS = 1000  # at most, along the longer side of a map
+_MANY = 20  # more distinct values than this are no classes
+LENGTHS = {"metre": "m", "foot": "ft", "US survey foot": "US ft"}
+LENGTHS |= {"millimetre": "mm", "centimetre": "cm"}
+"""Short names of units of length."""
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """The key of a continuous image."""
+
+    colours: str | Sequence[Colour]  # a matplotlib name, or our own from low to high
+    low: float
+    high: float
+    label: str
+    extend: str = "neither"
+
+    @classmethod
+    def over(cls, values: Array, colours: str | Sequence[Colour], label: str) -> Ramp:
+        """Colours over the values but for the outermost 0.5 %, which would fade all others."""
+        known = values[np.isfinite(values)]
+        if len(known) == 0:
+            return cls(colours, 0.0, 1.0, label)
+        low, high = (float(v) for v in np.percentile(known, [0.5, 99.5]))
+        if low == high:
+            low, high = low - 0.5, high + 0.5
+        below, above = bool(known.min() < low), bool(known.max() > high)
+        extend = {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
+        return cls(colours, low, high, label, extend)
+
+    @classmethod
+    def about_zero(cls, values: Array, label: str) -> Ramp:
+        """Blue below zero and red above, as far as 99 % of the values reach."""
+        known = np.abs(values[np.isfinite(values)])
+        high = float(np.percentile(known, 99)) if len(known) else 0.0
+        return cls("RdBu_r", -(high or 1.0), high or 1.0, label, "both")
+
+    def colour_map(self) -> Any:
+        """As matplotlib knows it."""
+        import matplotlib
+        from matplotlib.colors import LinearSegmentedColormap
+
+        if isinstance(self.colours, str):
+            return matplotlib.colormaps[self.colours]
+        return LinearSegmentedColormap.from_list("ramp", list(self.colours))
+
+
+@dataclass(frozen=True)
+class Image:
+    """What a map shows: RGBA of shape (rows, cols, 4), 0..1, and how to read it."""
+
+    rgba: Array
+    bounds: Bounds
+    key: Ramp | Classes
+    above: bool = True  # whether it is seen from there, as a map
+
+
+def raster_image(raster: Raster, number: int = 1) -> Image:
+    """One band of a raster: as shades, classes, differences, relief or in plain colours."""
+    step = max(1, math.ceil(max(raster.shape) / _PIXELS))
+    band = raster.band(number)[::step, ::step]
+    text, unit = raster.descriptions[number - 1], raster.units[number - 1]
+    name, label = text.lower(), _label(text, unit)
+    if raster.values.dtype.kind != "f" and _is_code(name) and len(found := _codes(band)) <= _MANY:
+        classes = _table(found, POINT_CLASSES if "class" in name else {})
+        return Image(_class_colours(band, classes), raster.bounds, classes)
+    if _is_height(name, unit, len(raster.values)) and not _is_change(name, band):
+        return _relief(band, raster.cell * step, raster.bounds, label)
+    ramp = _ramp(name, band, label)
+    return Image(_colours(band, ramp), raster.bounds, ramp)
+
+
+def _is_code(name: str) -> bool:
+    return not any(word in name for word in ("hillshade", "intensity", "count", "points"))
+
+
+def _is_height(name: str, unit: str, bands: int) -> bool:
+    """Whether light and shade say something: not on spreads, distances or what is no length."""
+    if any(word in name for word in _NO_HEIGHTS):
+        return False
+    attribute, bracket, _ = name.partition(" (")  # as surface.grid names them: "z (linear)"
+    named = not bracket or attribute == "z" or "height" in attribute or "elevation" in attribute
+    return named and (unit in (*LENGTHS, "m", "ft") or (unit == "" and bands == 1))
+
+
+def _is_change(name: str, band: Array) -> bool:
+    """Whether values on both sides of zero matter: not heights of objects above terrain."""
+    if "differ" in name or "change" in name:
+        return True
+    known = band[np.isfinite(band)]
+    if " minus " not in name or len(known) == 0:
+        return False
+    low, high = np.percentile(known, (2, 98))
+    return bool(-low > high / 20)
+
+
+def _ramp(name: str, band: Array, label: str) -> Ramp:
+    if _is_change(name, band):
+        return Ramp.about_zero(band, label)
+    return Ramp.over(
+        band, "gray" if "hillshade" in name or "intensity" in name else "viridis", label
+    )
+
+
+def cloud_image(cloud: PointCloud) -> Image:
+    """A cloud from above, one colour per pixel, the highest point on top; walls from the front."""
+    if (turned := oblique(cloud)) is not None:
+        return replace(_cloud_image(turned), above=False)
+    return _cloud_image(cloud)
+
+
+def _cloud_image(cloud: PointCloud) -> Image:
+    lattice = _pixels(cloud)
+    top = _highest(cloud, lattice)
+    for name in (name for name in cloud.names if name.startswith("error_")):
+        shown = _gathered(cloud[name], top)
+        ramp = Ramp.about_zero(shown, _label(name.replace("_", " "), _unit_of(cloud, name)))
+        return Image(_colours(shown, ramp), lattice.bounds, ramp)
+    height = _gathered(cloud.xyz[:, 2], top)
+    tables: dict[str, Classes] = {"error": ERRORS, "difference": DIFFERING}
+    tables |= {PLANE: _planes(cloud), "classification": POINT_CLASSES}
+    for name, table in tables.items():
+        if name in cloud and (name != "classification" or np.any(cloud[name])):
+            shown = _gathered(cloud[name], top)
+            classes = _table(_codes(shown), table)
+            rgba = _lit(_class_colours(shown, classes), height, lattice.cell, strength=0.35)
+            known = {c: v for c, v in classes.items() if name != PLANE or c <= len(OTHER)}
+            return Image(rgba, lattice.bounds, known)
+    if np.ptp(cloud.xyz[:, 2]) == 0 and "intensity" in cloud:
+        shown = _gathered(cloud["intensity"], top)
+        ramp = Ramp.over(shown, "gray", "Intensity")
+        return Image(_colours(shown, ramp), lattice.bounds, ramp)
+    label = _label("Elevation", vertical_unit(cloud.crs))
+    return _relief(height, lattice.cell, lattice.bounds, label)
+
+
+def _planes(cloud: PointCloud) -> Classes:
+    """Name and colour of the numbers of planes; the key has room for the largest ones."""
+    numbers = _codes(cloud[PLANE].astype(np.float64)) if PLANE in cloud else []
+    own = {number: (f"Plane {number}", OTHER[(number - 1) % len(OTHER)]) for number in numbers}
+    return own | ({0: ("None", "#c9c9c9")} if 0 in own else {})
+
+
+def _unit_of(cloud: PointCloud, name: str) -> str:
+    """The unit of the heights, if the description of an attribute ends in it."""
+    unit = vertical_unit(cloud.crs)
+    return unit if cloud.descriptions.get(name, "").endswith(f", {unit}") else ""
+
+
+def _relief(height: Array, cell: float, bounds: Bounds, label: str) -> Image:
+    ramp = Ramp.over(height, RELIEF, label)
+    return Image(_lit(_colours(height, ramp), height, cell), bounds, ramp)
+
+
+def _label(text: str, unit: str) -> str:
+    """Text and unit, such as "Elevation (m)"."""
+    short = "" if unit == "1" else LENGTHS.get(unit, unit)
+    return f"{text} ({short})" if text and short else text or short
+
+
+# From points to pixels ---------------------------------------------------------------------
+
+
+def _pixels(cloud: PointCloud) -> Lattice:
+    """Pixels of about the spacing of the points, so that ground shows and detail stays."""
+    west, south, _, east, north, _ = cloud.bounds
+    longest = max(east - west, north - south)
+    spacing = math.sqrt(max((east - west) * (north - south), 1e-6 * longest**2) / len(cloud))
+    return Lattice.cover(cloud.bounds, max(longest / _PIXELS, spacing) or 1.0)
+
+
+def _highest(cloud: PointCloud, lattice: Lattice) -> NDArray[np.int64]:
+    """Index of the highest point of each pixel, of the nearest one in small gaps, or -1."""
+    from scipy import ndimage
+
+    row, col = lattice.indices(cloud.xyz[:, 0], cloud.xyz[:, 1])
+    upwards = np.argsort(cloud.xyz[:, 2], kind="stable")
+    top = np.full(lattice.shape, -1, np.int64)
+    top[row[upwards], col[upwards]] = upwards  # the last one written is the highest
+    away, nearest = ndimage.distance_transform_edt(top < 0, return_indices=True)
+    return np.where(away < 1.5, top[tuple(nearest)], -1)
+
+
+def _gathered(values: NDArray[Any], top: NDArray[np.int64]) -> Array:
+    """The value of the point shown in each pixel; NaN where there is none."""
+    return np.where(top >= 0, values[top].astype(np.float64), np.nan)
+
+
+# From values to colours --------------------------------------------------------------------
+
+
+def _colours(values: Array, ramp: Ramp) -> Array:
+    share = np.clip((values - ramp.low) / (ramp.high - ramp.low), 0, 1)
+    rgba = np.array(ramp.colour_map()(np.nan_to_num(share)), np.float64)
+    rgba[~np.isfinite(values)] = 0
+    return rgba
+
+
+def _codes(values: Array) -> list[int]:
+    return [int(code) for code in np.unique(values[np.isfinite(values)])]
+
+
+def _table(found: Sequence[int], table: Classes) -> Classes:
+    """Name and colour of each code found; codes that the table lacks get colours in turn."""
+    lacking = [code for code in found if code not in table]
+    word = "Class " if table else ""
+    own = {c: (f"{word}{c}", OTHER[i % len(OTHER)]) for i, c in enumerate(lacking)}
+    return {code: own[code] if code in own else table[code] for code in found}
+
+
+def _class_colours(values: Array, classes: Classes) -> Array:
+    from matplotlib.colors import to_rgba
+
+    rgba = np.zeros((*values.shape, 4))
+    for code, (_, colour) in classes.items():
+        rgba[values == code] = to_rgba(colour)
+    return rgba
+
+
+def _lit(rgba: Array, height: Array, cell: float, strength: float = 0.6) -> Array:
+    """Colours in the light of a sun in the north-west, 45 degrees high."""
+    shade = _shade(height, cell)[..., None]
+    darker = rgba[..., :3] * (1 + strength * np.minimum(shade, 0) / math.sqrt(0.5))
+    lighter = darker + (1 - darker) * strength * np.maximum(shade, 0)
+    return np.concatenate([lighter, rgba[..., 3:]], axis=-1)
+
+
+def _shade(height: Array, cell: float) -> Array:
+    """How much more light than flat ground each pixel has: -0.71 to 0.29, and 0 if not known.
+
+    Gentle terrain is exaggerated until a typical slope shows.
+    """
+    down, right = np.gradient(height, cell) if min(height.shape) > 1 else (height * 0, height * 0)
+    steepness = np.hypot(down, right)
+    known = steepness[np.isfinite(steepness)]
+    typical = float(np.percentile(known, 75)) if len(known) else 0.0
+    factor = min(max(0.35 / typical, 1.0), 6.0) if typical > 0 else 1.0
+    # Ground that rises to the east and to the south faces the sun.
+    towards = factor * (right + down) / math.sqrt(2)
+    light = (1 + towards) / np.sqrt(1 + (factor * steepness) ** 2) / math.sqrt(2)
+    return np.where(np.isfinite(light), np.clip(light, 0, 1) - math.sqrt(0.5), 0)

@@ -1,0 +1,320 @@
+"""Maps on a matplotlib figure: where each goes, its image, vectors, key, ticks and scale bar."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from toolbox.data import Vector
+from toolbox.data.crs import length_problem, vertical_unit
+from toolbox.pictures.features import feature_colours, feature_key
+from toolbox.pictures.images import LENGTHS, Bounds, Classes, Image, Ramp
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Box = tuple[float, float, float, float]  # left, bottom, width, height
+
+_EMPTY, _PAPER = "#ccd3db", "#f6f6f4"  # no data in a map is no colour of its key
+INK = "#3a3a3a"
+_FEW = 500  # features that have room for large dots
+_LINE, _SHADOW = "#1f3a5f", "#9a9a9a"
+WIDTH = 4.4  # inches of a map
+_FLATTEST, _TALLEST = 0.25, 1.6  # height of a map to its width
+_LEFT, _GAP, _HEAD, _FOOT = 0.42, 0.5, 0.36, 0.32  # inches around a map, for its texts
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One map: what is below, and the vector layers over it."""
+
+    title: str
+    crs: CRS | None
+    bounds: Bounds
+    image: Image | None
+    vectors: tuple[Vector, ...]
+
+    def under(self, title: str, vector: Vector) -> Panel:
+        """The map with one more layer over it."""
+        return replace(self, title=f"{self.title} + {title}", vectors=(*self.vectors, vector))
+
+    @property
+    def height(self) -> float:
+        """Of the map in inches, by the shape of its extent."""
+        west, south, east, north = self.bounds
+        return WIDTH * (north - south) / (east - west)
+
+    @property
+    def key(self) -> Ramp | Classes | None:
+        """Of the image; without one that of the first vector layer, if it has one."""
+        return self.image.key if self.image else feature_key(self.vectors[0])
+
+    @property
+    def key_height(self) -> float:
+        """Of the key in inches."""
+        if (key := self.key) is None:
+            return 0.1
+        if isinstance(key, Ramp):
+            return 0.5
+        return 0.12 + 0.19 * math.ceil(len(key) / _key_columns(key))
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a map and its key go, in inches."""
+
+    map: Box
+    key: Box
+
+
+def in_proportion(bounds: Bounds, margin: float = 0.0) -> Bounds:
+    """Bounds with a margin, widened where they are too flat or too narrow for a map.
+
+    Parameters
+    ----------
+    bounds : (xmin, ymin, xmax, ymax)
+    margin : share of the longer side
+    """
+    west, south, east, north = bounds
+    margin *= max(east - west, north - south)
+    width = max(east - west, (north - south) / _TALLEST) + 2 * margin or 1.0
+    height = max(north - south + 2 * margin, width * _FLATTEST)
+    if width == east - west and height == north - south:
+        return bounds
+    x, y = (west + east) / 2, (south + north) / 2
+    return x - width / 2, y - height / 2, x + width / 2, y + height / 2
+
+
+class Sized(Protocol):
+    """What goes on a figure, with its heights in inches; all are of one width."""
+
+    @property
+    def height(self) -> float: ...
+
+    @property
+    def key_height(self) -> float: ...
+
+
+def arrange(figure: Figure, panels: Sequence[Sized]) -> list[Place]:
+    """Give the figure its size, and each map its place: rows of up to three of one width."""
+    columns = len(panels) if len(panels) <= 3 else 2 + (len(panels) > 4)
+    rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
+    heights = [max(panel.height for panel in row) for row in rows]
+    keys = [max(panel.key_height for panel in row) for row in rows]
+    y = sum(heights) + sum(keys) + len(rows) * (_HEAD + _FOOT) + 0.1
+    figure.set_size_inches(columns * (WIDTH + _GAP) + _LEFT - _GAP + 0.15, y)
+    places = []
+    for row, height, key in zip(rows, heights, keys, strict=True):
+        for column, panel in enumerate(row):
+            x, bottom = _LEFT + column * (WIDTH + _GAP), y - _HEAD - panel.height
+            below = (x, bottom - _FOOT - key, WIDTH, key - 0.05)
+            places.append(Place((x, bottom, WIDTH, panel.height), below))
+        y -= _HEAD + height + _FOOT + key
+    return places
+
+
+def show(figure: Figure, panel: Panel, place: Place) -> None:
+    """Draw one map with its key."""
+    axes = figure.add_axes(fractions(figure, place.map))
+    axes.set_facecolor(_PAPER if panel.image is None else _EMPTY)
+    if panel.image is not None:
+        west, south, east, north = panel.image.bounds
+        axes.imshow(panel.image.rgba, extent=(west, east, south, north), interpolation="auto")
+    if panel.key is not None:
+        _show_key(figure, panel.key, fractions(figure, place.key))
+    for number, vector in enumerate(panel.vectors):
+        if panel.image is None and panel.key is not None and number == 0:
+            _show_coloured(axes, vector, feature_colours(vector, panel.key))
+        else:
+            _show_vector(axes, vector, over=panel.image is not None)
+    west, south, east, north = panel.bounds
+    axes.set(xlim=(west, east), ylim=(south, north), aspect="equal")
+    axes.set_title(panel.title, fontsize=10, color=INK, loc="left", pad=6, fontweight="bold")
+    _show_ticks(axes)
+    if length_problem(panel.crs) is None:
+        _show_scale(axes, panel)
+
+
+def fractions(figure: Figure, box: Box) -> Box:
+    """A place in inches as shares of the figure."""
+    width, height = (float(inches) for inches in figure.get_size_inches())
+    return box[0] / width, box[1] / height, box[2] / width, box[3] / height
+
+
+# Keys --------------------------------------------------------------------------------------
+
+
+def _show_key(figure: Figure, key: Ramp | Classes, place: Box) -> None:
+    if isinstance(key, Ramp):
+        _show_ramp(figure, key, place)
+    else:
+        _show_classes(figure, key, place)
+
+
+def _show_ramp(figure: Figure, ramp: Ramp, place: Box) -> None:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    left, bottom, width, height = place
+    thickness = height * 0.12 / 0.45  # inches
+    axes = figure.add_axes((left, bottom + height - thickness, width, thickness))
+    colours = ScalarMappable(Normalize(ramp.low, ramp.high), ramp.colour_map())
+    bar = figure.colorbar(
+        colours, cax=axes, orientation="horizontal", extend=ramp.extend, extendfrac=0.025
+    )
+    bar.outline.set(linewidth=0.5, edgecolor=INK)
+    bar.set_label(ramp.label, fontsize=7.5, color=INK, labelpad=2)
+    axes.tick_params(labelsize=7, colors=INK, length=2.5, width=0.5, pad=2)
+
+
+def _show_classes(figure: Figure, classes: Classes, place: Box) -> None:
+    from matplotlib.patches import Patch
+
+    axes = figure.add_axes(place, frameon=False)
+    axes.set_axis_off()
+    patches = [Patch(facecolor=c, edgecolor="#00000055", lw=0.4) for _, c in classes.values()]
+    axes.legend(
+        patches,
+        [name for name, _ in classes.values()],
+        ncols=_key_columns(classes),
+        fontsize=7.5,
+        labelcolor=INK,
+        frameon=False,
+        loc="upper left",
+        borderaxespad=0,
+        borderpad=0.2,
+        handlelength=1.1,
+        handleheight=0.9,
+        columnspacing=1.2,
+    )
+
+
+def _key_columns(classes: Classes) -> int:
+    """As many as fit beside each other by the longest name."""
+    longest = max((len(name) for name, _ in classes.values()), default=1)
+    return max(1, min(4, len(classes), int(WIDTH / (0.32 + 0.055 * longest))))
+
+
+# Ticks and scale ---------------------------------------------------------------------------
+
+
+def _show_ticks(axes: Axes) -> None:
+    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        ticks = _round_ticks(low, high)
+        axis.set_ticks(ticks, [f"{tick:,.10g}" for tick in ticks])
+    axes.tick_params(labelsize=6.5, colors="#6a6a6a", length=2.5, width=0.5, pad=2)
+    for label in axes.get_yticklabels():
+        label.set(rotation=90, verticalalignment="center")
+    for spine in axes.spines.values():
+        spine.set(linewidth=0.6, edgecolor="#8a8a8a")
+
+
+def _show_scale(axes: Axes, panel: Panel) -> None:
+    """A bar of 1, 2 or 5 times a power of ten, about a fifth of the map wide."""
+    from matplotlib.patches import Rectangle
+
+    width = panel.bounds[2] - panel.bounds[0]
+    length = _round_length(width / 4.5)
+    unit = LENGTHS.get(vertical_unit(panel.crs), "units")
+    text = f"{length / 1000:g} km" if unit == "m" and length >= 1000 else f"{length:g} {unit}"
+    share, inch = length / width, 1 / panel.height
+    box: dict[str, Any] = {"transform": axes.transAxes, "zorder": 9, "ec": "none"}
+    axes.add_patch(Rectangle((0.02, 0.08 * inch), share + 0.03, 0.28 * inch, fc="#ffffffd8", **box))
+    axes.add_patch(Rectangle((0.035, 0.14 * inch), share, 0.03 * inch, fc=INK, **box))
+    axes.text(
+        0.035 + share / 2,
+        0.19 * inch,
+        text,
+        fontsize=7,
+        color=INK,
+        ha="center",
+        va="bottom",
+        transform=axes.transAxes,
+        zorder=10,
+    )
+
+
+def _round_ticks(low: float, high: float) -> list[float]:
+    """Two to five round numbers, away from the corners, where their texts would meet."""
+    step = _round_length((high - low) / 2.5)
+    first, last = math.ceil(low / step), math.floor(high / step)
+    margin = 0.07 * (high - low)
+    ticks = [count * step for count in range(first, last + 1)]
+    return [tick for tick in ticks if low + margin <= tick <= high - margin]
+
+
+def _round_length(length: float) -> float:
+    power = 10.0 ** math.floor(math.log10(length))
+    return next(f for f in (5, 2, 1) if f * power <= length * (1 + 1e-9)) * power
+
+
+# Vectors -----------------------------------------------------------------------------------
+
+
+def _show_vector(axes: Axes, vector: Vector, *, over: bool) -> None:
+    """Polygons filled where nothing is below them, lines with a light edge where something is."""
+    import shapely
+    from matplotlib.collections import LineCollection
+
+    parts = shapely.get_parts(shapely.force_2d(vector.frame.geometry.to_numpy()))
+    kind = shapely.get_dimensions(parts)
+    polygons = [_rings(polygon) for polygon in parts[kind == 2]]
+    lines = [shapely.get_coordinates(line) for line in parts[kind == 1]]
+    lines += [ring for rings in polygons for ring in rings]
+    if over:
+        axes.add_collection(LineCollection(lines, colors="#ffffffb0", linewidths=1.8))
+    else:
+        _fill(axes, polygons)
+    axes.add_collection(LineCollection(lines, colors=_LINE, linewidths=0.8))
+    points = shapely.get_coordinates(parts[kind == 0])
+    size, edge = (3, 0.5) if len(points) <= _FEW else (1.2, 0)  # many, as corners of a line
+    axes.plot(*points.T, "o", ms=size, mfc=_LINE, mec="white", mew=edge, ls="none")
+
+
+def _show_coloured(axes: Axes, vector: Vector, colours: NDArray[Any]) -> None:
+    """Each feature in its colour; narrow polygons show by their outlines."""
+    import shapely
+    from matplotlib.collections import LineCollection, PathCollection
+
+    shapes = shapely.force_2d(vector.frame.geometry.to_numpy())
+    parts, feature = shapely.get_parts(shapes, return_index=True)
+    kind, colour = shapely.get_dimensions(parts), colours[feature]
+    areas = [_path(_rings(polygon)) for polygon in parts[kind == 2]]
+    axes.add_collection(
+        PathCollection(areas, facecolor=colour[kind == 2], edgecolor=colour[kind == 2], lw=0.6)
+    )
+    lines = [shapely.get_coordinates(line) for line in parts[kind == 1]]
+    axes.add_collection(LineCollection(lines, colors=colour[kind == 1], linewidths=1.2))
+    points = shapely.get_coordinates(parts[kind == 0])
+    size = 22 if len(points) <= _FEW else 5  # square points
+    x, y = points.T
+    axes.scatter(x, y, c=_SHADOW, s=(size**0.5 + 1) ** 2, lw=0)  # or white would not show
+    axes.scatter(x, y, c=colour[kind == 0], s=size, lw=0)
+
+
+def _path(rings: Sequence[Any]) -> Any:
+    """The exterior and the holes of a polygon as one path."""
+    from matplotlib.path import Path
+
+    return Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
+
+
+def _fill(axes: Axes, polygons: Sequence[Sequence[Any]]) -> None:
+    """Fill polygons, each given as its rings: the exterior and then the holes."""
+    from matplotlib.collections import PathCollection
+
+    paths = [_path(rings) for rings in polygons]
+    axes.add_collection(PathCollection(paths, facecolor="#9db8d2", alpha=0.6, lw=0))
+
+
+def _rings(polygon: Any) -> list[Any]:
+    """Coordinates of the exterior and of each hole."""
+    import shapely
+
+    return [shapely.get_coordinates(ring) for ring in (polygon.exterior, *polygon.interiors)]

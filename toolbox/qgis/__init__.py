@@ -1,0 +1,1 @@
+"""The toolbox in QGIS, and algorithms of QGIS in the toolbox."""

@@ -1,0 +1,300 @@
+"""The Python of the tools: which one it is, its environment, and one run of it.
+
+The values go in as one line of JSON on standard input, which stays open: its end asks the tool to
+stop, also when QGIS dies. What comes out is one JSON object per line.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import threading
+import time
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+from qgis.core import QgsApplication, QgsProcessingException, QgsSettings
+from qgis.PyQt.QtCore import QCoreApplication, QThread
+
+HERE = Path(__file__).parent
+PYTHON, ROOT = "LIDAR_TOOLBOX_PYTHON", "LIDAR_TOOLBOX_ROOT"
+SETTING = "lidar_toolbox/python"
+INSTALLED = HERE / "environment.json"  # written by `python -m toolbox qgis install`
+# What the start of QGIS sets for its own libraries would break ours.
+FOREIGN = ("PYTHON", "GDAL_", "PROJ_", "CPL_", "QT_", "OSGEO4W", "GRASS", "GISBASE")
+FOREIGN_EXACT = {
+    "LD_LIBRARY_PATH", "LD_PRELOAD", "DYLD_LIBRARY_PATH", "DYLD_FALLBACK_LIBRARY_PATH",
+    "DYLD_INSERT_LIBRARIES", "GEOTIFF_CSV", "PDAL_DRIVER_PATH", "VIRTUAL_ENV", "CONDA_PREFIX",
+    "__PYVENV_LAUNCHER__", "SSL_CERT_FILE",
+}  # fmt: skip
+OURS = {"GDAL_CACHEMAX", "GDAL_NUM_THREADS", "PROJ_NETWORK", "CPL_TMPDIR"}
+GRACE = 5.0  # seconds that a tool has to stop in good order
+POLL = 0.05
+TAIL = 60  # lines of standard error that are kept
+CHECK = "from toolbox.qgis.tools import listing; print('lidar-toolbox', listing()['toolbox'])"
+WAYS = (
+    "Choose or create one in Settings > Options > LiDAR Toolbox, run "
+    f"'python -m toolbox qgis install', or set {PYTHON}."
+)
+
+
+def find_python() -> str | None:
+    """The Python of the tools: never that of QGIS, which lacks their libraries."""
+    if said := _named():
+        return said if os.path.isfile(said) else None
+    usual = [str(_installed().get("python", "")), str(python_of(own_environment()))]
+    return next((path for path in usual if os.path.isfile(path)), None)
+
+
+def _named() -> str:
+    """The Python that the variable or the settings page names, if any."""
+    return str(os.environ.get(PYTHON) or QgsSettings().value(SETTING, "") or "")
+
+
+def missing() -> str:
+    """What to say and to do where there is no Python."""
+    where = f" at {said}" if (said := _named()) else ""
+    return f"No Python environment for the LiDAR Toolbox was found{where}. {WAYS}"
+
+
+def own_environment() -> Path:
+    """Where the settings page creates one."""
+    return Path(QgsApplication.qgisSettingsDirPath()) / "lidar_toolbox_env"
+
+
+def python_of(environment: Path) -> Path:
+    return environment / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+
+
+def _installed() -> dict[str, Any]:
+    try:
+        return dict(json.loads(INSTALLED.read_text(encoding="utf-8")))
+    except (OSError, ValueError):
+        return {}
+
+
+def _root() -> str:
+    """The folder of a checkout that is not installed; empty if there is none."""
+    return os.environ.get(ROOT) or str(_installed().get("root", ""))
+
+
+def clean_environment() -> dict[str, str]:
+    """The variables of QGIS without those that speak about its own Python and libraries."""
+    env = {
+        name: value
+        for name, value in os.environ.items()
+        if name in OURS or not (name in FOREIGN_EXACT or name.upper().startswith(FOREIGN))
+    }
+    if os.name == "nt":  # the folders of QGIS come first there, with libraries of the same names
+        top = os.path.dirname(os.path.dirname(_plain_path(QgsApplication.prefixPath())))
+        folders = env.get("PATH", "").split(os.pathsep)
+        env["PATH"] = os.pathsep.join(f for f in folders if not _plain_path(f).startswith(top))
+    env |= {"PYTHONNOUSERSITE": "1", "PYTHONSAFEPATH": "1"}  # nothing from where QGIS works
+    if root := _root():
+        env["PYTHONPATH"] = root
+    return env
+
+
+def _plain_path(path: str) -> str:
+    """A path to compare with others, without short names such as PROGRA~1."""
+    return os.path.normcase(os.path.realpath(path))
+
+
+def command(*words: str) -> list[str]:
+    """How the toolbox is started.
+
+    Raises
+    ------
+    QgsProcessingException
+        There is no Python for it.
+    """
+    python = find_python()
+    if python is None:
+        raise QgsProcessingException(missing())
+    return [python, "-s", "-X", "utf8", "-u", *words]
+
+
+def hidden() -> dict[str, Any]:
+    """No console window on Windows; elsewhere Ctrl-C is ours to pass on."""
+    return {"creationflags": 0x08000000} if os.name == "nt" else {"start_new_session": True}
+
+
+def said(words: list[str]) -> str:
+    """What a command prints.
+
+    Raises
+    ------
+    RuntimeError
+        It failed, with its last lines.
+    """
+    done = subprocess.run(
+        words, env=clean_environment(), stdin=subprocess.DEVNULL, capture_output=True,
+        encoding="utf-8", errors="replace", check=False, **hidden(),
+    )  # fmt: skip
+    if done.returncode:
+        last = "\n".join((done.stderr or done.stdout).strip().splitlines()[-5:])
+        raise RuntimeError(f"{os.path.basename(words[0])} failed:\n{last}")
+    return done.stdout.strip()
+
+
+def run(tool: str, options: list[str], values: dict[str, Any], feedback: Any) -> dict[str, Any]:
+    """Run one tool and return its outputs.
+
+    Parameters
+    ----------
+    tool : its id
+    options : words of the command line
+    values : its inputs and paths of outputs
+    feedback : where progress and messages go, and what can cancel it
+
+    Raises
+    ------
+    QgsProcessingException
+        It failed, with the sentence of the tool, or was cancelled.
+    """
+    words = command("-m", "toolbox", "run", tool, "--params", "-", "--events", "jsonl", *options)
+    feedback.pushCommandInfo(" ".join(words))
+    try:
+        child = _Child(words, feedback)
+    except OSError as err:
+        raise QgsProcessingException(f"Cannot start {words[0]}: {err}") from None
+    try:
+        child.say(values)
+        child.wait()
+    finally:
+        child.close()
+    if child.result is None and child.stop_at is None:
+        _tell_of_another_version(feedback)
+    return child.outputs()
+
+
+def _tell_of_another_version(feedback: Any) -> None:
+    """Why a tool may not know what the plugin asks for."""
+    try:
+        there = said(command("-m", "toolbox", "--version")).rpartition(" ")[2]
+    except (OSError, RuntimeError):  # it has told already what is wrong
+        return
+    here = json.loads((HERE / "tools.json").read_text(encoding="utf-8"))["toolbox"]
+    if there != here:
+        feedback.pushWarning(
+            f"The Python of the tools has version {there}, and this plugin is of {here}. "
+            "Run 'python -m toolbox qgis install' there."
+        )
+
+
+class _Child:
+    """A tool that runs. Only the thread that made this touches the feedback."""
+
+    def __init__(self, words: list[str], feedback: Any) -> None:
+        self.feedback = feedback
+        self.lines: deque[str] = deque()
+        self.tail: deque[str] = deque(maxlen=TAIL)
+        self.error: str | None = None
+        self.result: dict[str, Any] | None = None
+        self.stop_at: float | None = None
+        pipe = subprocess.PIPE
+        self.process: Any = subprocess.Popen(
+            words, stdin=pipe, stdout=pipe, stderr=pipe, env=clean_environment(),
+            encoding="utf-8", errors="replace", **hidden(),
+        )  # fmt: skip
+        pairs = ((self.process.stdout, self.lines), (self.process.stderr, self.tail))
+        self.readers = [threading.Thread(target=_read, args=pair, daemon=True) for pair in pairs]
+        for reader in self.readers:
+            reader.start()
+
+    def say(self, values: dict[str, Any]) -> None:
+        try:
+            self.process.stdin.write(json.dumps(values) + "\n")
+            self.process.stdin.flush()
+        except OSError:  # it has ended already, and its output says why
+            pass
+
+    def wait(self) -> None:
+        while self.process.poll() is None:
+            self._show()
+            _let_qt_work()
+            self._stop_if_asked()
+            time.sleep(POLL)
+        for reader in self.readers:
+            reader.join(2)
+        self._show()
+
+    def _stop_if_asked(self) -> None:
+        if self.stop_at is None:
+            if self.feedback.isCanceled():
+                self.stop_at = time.monotonic() + GRACE
+                self._end_input()
+        elif time.monotonic() > self.stop_at:
+            self.process.kill()
+
+    def _end_input(self) -> None:
+        try:
+            self.process.stdin.close()
+        except OSError:
+            pass
+
+    def _show(self) -> None:
+        while self.lines:
+            self._take(self.lines.popleft())
+
+    def _take(self, line: str) -> None:
+        try:
+            self._follow(json.loads(line))
+        except (ValueError, KeyError, TypeError):  # a library that prints
+            if line.strip():
+                self.feedback.pushConsoleInfo(line.rstrip())
+
+    def _follow(self, event: dict[str, Any]) -> None:
+        kind = event["event"]
+        if kind == "progress":
+            self.feedback.setProgress(float(event["value"]))
+        elif kind == "log":
+            self._log(event["level"], event["message"])
+        elif kind == "error":
+            self.error = event["message"]
+        elif kind == "result":
+            self.result = event["outputs"]
+
+    def _log(self, level: str, text: str) -> None:
+        if level == "debug":
+            self.feedback.pushDebugInfo(text)
+        elif level == "info":
+            self.feedback.pushInfo(text)
+        else:
+            self.feedback.pushWarning(text)
+
+    def close(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        self._end_input()
+        for reader in self.readers:
+            reader.join(2)
+        for stream in (self.process.stdout, self.process.stderr):
+            stream.close()
+
+    def outputs(self) -> dict[str, Any]:
+        if self.stop_at is not None:  # an empty result would count as success
+            raise QgsProcessingException("Cancelled.")
+        said = "\n".join(self.tail)
+        if self.error is not None:
+            self.feedback.pushDebugInfo(said)
+            raise QgsProcessingException(self.error)
+        if self.result is None:
+            code = self.process.returncode
+            raise QgsProcessingException(f"The tool stopped with exit code {code}.\n{said}")
+        return self.result
+
+
+def _read(stream: Any, into: deque[str]) -> None:
+    for line in stream:
+        into.append(line)
+
+
+def _let_qt_work() -> None:
+    """In the main thread Ctrl-C of qgis_process arrives through the events of Qt."""
+    app = QCoreApplication.instance()
+    if app is not None and QThread.currentThread() == app.thread():
+        app.processEvents()

@@ -1,0 +1,231 @@
+"""The list of tools that the QGIS plugin reads, made from the declarations.
+
+The plugin knows no tool and no type of ours: each input and output says here, in plain words, which
+widget it needs. So QGIS lists all tools without starting Python, and nothing is typed twice.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from toolbox import __version__, catalog
+from toolbox.context import log
+from toolbox.data import Report, Table
+from toolbox.declare.fields import Field, Spec
+from toolbox.declare.kinds import CHOICE, find
+from toolbox.errors import ParameterError
+from toolbox.models.model import Model
+from toolbox.pictures.images import ERRORS, OTHER, POINT_CLASSES, RELIEF
+
+PROVIDER = "lidartoolbox"
+SCHEMA = 1  # of the list; the plugin refuses any other
+LAYERS = {"PointCloud": "pointcloud", "Raster": "raster", "Vector": "vector", "Table": "table"}
+SCALARS = {"number", "integer", "boolean", "range", "extent", "position", "CRS"}
+ABBREVIATIONS = {word.lower(): word for word in ("DTM", "DSM", "nDSM", "CHM", "CRS", "RMSE", "IoU")}
+SEPARATOR = ";"  # between several values in one text
+TAGS = ("lidar", "las", "laz", "point cloud")
+SHOWN_AT_ONCE = 12  # inputs of a dialog; what comes later, and need not be given, is "advanced"
+
+
+def listing() -> dict[str, Any]:
+    """All tools and models, and the colours of what they give."""
+    return {
+        "schema": SCHEMA,
+        "toolbox": __version__,
+        "colours": _colours(),
+        "tools": [tool(spec) for spec in _specs(catalog.ids())],
+    }
+
+
+def algorithm(id: str) -> str:
+    """The name of a tool in QGIS: letters and digits alone.
+
+    >>> algorithm("points.height_above_ground")
+    'pointsheightaboveground'
+    """
+    return re.sub(r"[^a-z0-9]", "", id.lower())
+
+
+def names() -> dict[str, str]:
+    """The id of each tool by its name in QGIS."""
+    return {algorithm(id): id for id in catalog.ids()}
+
+
+def _specs(ids: Iterable[str]) -> Iterator[Spec]:
+    for id in ids:
+        try:
+            yield catalog.load(id)
+        except ParameterError as err:  # a plugin of somebody else
+            log.warning("%s is left out: %s", id, err)
+
+
+def _colours() -> dict[str, Any]:
+    """What layers are drawn in: the same colours as in our own pictures."""
+    return {
+        "classification": [[code, *look] for code, look in POINT_CLASSES.items()],
+        "error": [[code, *look] for code, look in ERRORS.items()],
+        "relief": list(RELIEF),
+        "other": list(OTHER),
+    }
+
+
+def tool(spec: Spec) -> dict[str, Any]:
+    """One tool as the plugin reads it."""
+    return {
+        "id": spec.id,
+        "algorithm": algorithm(spec.id),
+        "title": spec.title,
+        "group": spec.group,
+        "summary": f"{spec.title}.",
+        "help": help_page(spec),
+        "tags": _tags(spec),
+        "inputs": _inputs(spec) + general(spec),
+        "outputs": [*_results(spec), *SHOWN_OUTPUTS],
+    }
+
+
+def _tags(spec: Spec) -> list[str]:
+    words = re.findall(r"[a-z]{3,}", f"{spec.id} {spec.title}".lower())
+    return list(dict.fromkeys([*TAGS, spec.id, *words]))
+
+
+def _inputs(spec: Spec) -> list[dict[str, Any]]:
+    made = [field(f) for f in spec.inputs.values()]
+    return [f | {"advanced": n >= SHOWN_AT_ONCE and not f["required"]} for n, f in enumerate(made)]
+
+
+def field(f: Field) -> dict[str, Any]:
+    """One input or output: which widget it needs, and what its values must be."""
+    label = _label(f.name)
+    made: dict[str, Any] = {"name": f.name, "type": _type(f), "help": f.help}
+    if f.unit and f.unit != "1" and made["type"] != "length":
+        label += f" [{f.unit}]"
+    made |= {"label": label, "many": f.many}
+    if f.role == "sink":
+        return made | ({"suffixes": list(f.kind.suffixes)} if f.kind.is_layer else {})
+    made |= {"required": f.required, "nullable": f.optional, "rule": f.rule(), **f.limits}
+    if f.kind is CHOICE:
+        made["choices"] = [str(choice) for choice in f.choices]
+    if f.role == "param" and not f.required and f.default is not None:
+        made["default"] = _default(f)
+    return made
+
+
+def _label(name: str) -> str:
+    """A name in words, with abbreviations as they are written."""
+    words = name.capitalize().split("_")
+    return " ".join(ABBREVIATIONS.get(word.lower(), word) for word in words)
+
+
+def _type(f: Field) -> str:
+    """What the plugin calls the widget."""
+    if f.kind.is_layer:
+        return LAYERS.get(f.kind.word, "file")
+    if f.kind is CHOICE:
+        return "choice"
+    if f.kind.word not in SCALARS or f.choices or (f.many and f.role == "param"):
+        return "text"
+    return "length" if f.unit == "m" and f.kind.word == "number" else f.kind.word.lower()
+
+
+def _default(f: Field) -> Any:
+    """As the plugin shows it: words and several values as one text."""
+    values = [v if v in f.choices else f.kind.to_json(v) for v in f.items(f.default)]
+    if f.kind is CHOICE:
+        return [str(v) for v in values] if f.many else str(values[0])
+    if _type(f) == "text":
+        texts = (",".join(map(str, v)) if isinstance(v, list) else str(v) for v in values)
+        return SEPARATOR.join(texts)
+    return values[0]
+
+
+# What every run takes and gives ------------------------------------------------------------------
+
+
+def general(spec: Spec) -> list[dict[str, Any]]:
+    """Options of every run that reads layers, as the command line has them."""
+    kinds = {f.kind.word for f in spec.sources.values()}
+    made = []
+    if kinds:
+        says = "CRS of files that state none; one that states another keeps it"
+        made.append(_option("assume_crs", "Assume CRS", "crs", says))
+    if "PointCloud" in kinds:
+        says = (
+            "Work in tiles of this size in metres, or auto, so that a survey need not fit in memory"
+        )
+        made.append(_option("tile", "Tile size [m]", "text", says))
+        made.append(_option("workers", "Workers", "integer", "Processes that work on tiles", ge=1))
+        says = "Memory that each worker may use, such as 4GB"
+        made.append(_option("memory", "Memory of a worker", "text", says))
+        says = "Keep what is done, and take over what an earlier run has kept, unless it changed"
+        made.append(_option("resume", "Resume", "boolean", says) | {"default": False})
+    return made
+
+
+def _option(name: str, label: str, type: str, help: str, **limits: float) -> dict[str, Any]:
+    made: dict[str, Any] = {"name": name, "label": label, "type": type, "help": help}
+    rule = " and ".join(f">= {limit:g}" for limit in limits.values())
+    made |= {"option": name, "advanced": True}
+    return made | {"many": False, "required": False, "nullable": True, "rule": rule, **limits}
+
+
+def _file(name: str, label: str, help: str, suffixes: tuple[str, ...]) -> dict[str, Any]:
+    made: dict[str, Any] = {"name": name, "label": label, "type": "file", "help": help}
+    made |= {"option": name, "advanced": True}
+    return made | {"many": False, "suffixes": list(suffixes)}
+
+
+SHOWN_OUTPUTS = [
+    _file("picture", "Picture", "Draw the resulting layers", (".png",)),
+    _file("page", "Page", "Write a page of all results, for people", find(Report).suffixes),
+    _file("counts", "Counts", "How much each step read and gave, as a table", find(Table).suffixes),
+]
+
+
+def _results(spec: Spec) -> list[dict[str, Any]]:
+    """The outputs; which of them QGIS writes unless told otherwise: the first, of a model all."""
+    made = [field(f) for f in spec.outputs.values()]
+    layers = [out for out in made if "suffixes" in out]
+    for out in layers if isinstance(spec, Model) else layers[:1]:
+        out["first"] = True
+    return made
+
+
+# Help --------------------------------------------------------------------------------------------
+
+
+def help_page(spec: Spec) -> str:
+    """The help of a tool as the small HTML that QGIS shows beside the dialog."""
+    parts = [_html(spec.help or f"{spec.title}.")]
+    parts += ["<h3>Input parameters</h3>", *map(_entry, spec.inputs.values())] * bool(spec.inputs)
+    parts += ["<h3>Outputs</h3>", *map(_entry, spec.outputs.values())]
+    return "\n".join([*parts, f"<p>On the command line: <code>{spec.id}</code></p>"])
+
+
+def _entry(f: Field) -> str:
+    unit = f" [{f.unit}]" if f.unit and f.unit != "1" else ""
+    says = f.rule() if f.role == "param" else ""
+    if f.many and f.role == "param" and f.kind is not CHOICE:
+        says = "; ".join(filter(None, ["several with ; between", says]))
+    rule = f" ({says})" if says else ""
+    text = f"<b>{_label(f.name)}</b>{unit}: {_inline(f.help + rule)}."
+    return f"<p>{text}</p>"
+
+
+def _html(text: str) -> str:
+    """Paragraphs, lists and `names` of a help text."""
+    made = []
+    for block in re.split(r"\n\s*\n", text.strip()):
+        items = re.split(r"(?m)^- ", block)
+        made += [f"<p>{_inline(items[0])}</p>"] * bool(items[0].strip())
+        if items[1:]:
+            made.append("<ul>" + "".join(f"<li>{_inline(i)}</li>" for i in items[1:]) + "</ul>")
+    return "\n".join(made)
+
+
+def _inline(text: str) -> str:
+    plain = html.escape(" ".join(text.split()), quote=False)
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", plain)

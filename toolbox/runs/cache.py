@@ -1,0 +1,252 @@
+"""Results of steps, kept so that the next run need not compute them again: ``--resume``.
+
+A result goes by a key: the SHA-256 of the code, the tool, its settings and the layers that it is
+given. A layer that was read from a file goes by what it holds, so that a file of another name, or
+written again, is the same, and one that was read otherwise (columns, CRS) is not. A layer that
+another step has made goes by the key of that step.
+
+What is trusted: entries are pickles of our own layers, and a pickle can run any code when it is
+read. So the folder belongs to the user alone; one that others may write in is refused. A damaged
+entry is noticed by its checksum, and computed again.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import os
+import pickle
+import shutil
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, BinaryIO
+from weakref import WeakKeyDictionary
+
+from toolbox import files
+from toolbox.context import Context, log
+from toolbox.data import Survey
+from toolbox.declare.fields import Field, Spec
+from toolbox.errors import ParameterError
+from toolbox.models.model import Around, plainly
+from toolbox.runs.provenance import file_hash
+
+LIMIT = 20e9  # bytes of all entries
+FOLDER_VARIABLE, LIMIT_VARIABLE = "TOOLBOX_CACHE", "TOOLBOX_CACHE_LIMIT"
+SUFFIX = ".result"
+OTHERS_WRITE = 0o022  # of the mode of a folder
+DAY = 86_400  # seconds
+DIGEST = hashlib.sha256().digest_size
+BLOCK = 2**22  # bytes
+
+
+def folder() -> Path:
+    """Where results are kept."""
+    if named := os.environ.get(FOLDER_VARIABLE):
+        return Path(named)
+    from platformdirs import user_cache_path
+
+    return user_cache_path("lidar-toolbox") / "steps"
+
+
+def limit() -> float:
+    """How many bytes may be kept.
+
+    Raises
+    ------
+    ParameterError
+        The environment says something else than a number.
+    """
+    said = os.environ.get(LIMIT_VARIABLE, str(LIMIT))
+    try:
+        return float(said)
+    except ValueError:
+        text = f"must be a number of bytes, got {said!r}"
+        raise ParameterError("resume", {LIMIT_VARIABLE: text}) from None
+
+
+@dataclass
+class Cache:
+    """The results of earlier runs, and what is known of the layers of this one."""
+
+    place: Path = field(default_factory=folder)
+    limit: float = field(default_factory=limit)
+    keys: WeakKeyDictionary[Any, str] = field(default_factory=WeakKeyDictionary)
+
+    def around(self, inner: Around = plainly) -> Around:
+        """For `Run.around`: each tool that `inner` runs is looked up here first."""
+        return lambda name, job, ctx: inner(name, _Cached(job, name, self), ctx)
+
+    def __post_init__(self) -> None:
+        """Refuse a folder that others may put pickles into."""
+        if not (self.place.exists() and hasattr(os, "getuid")):
+            return
+        there = self.place.stat()
+        if there.st_uid != os.getuid() or there.st_mode & OTHERS_WRITE:
+            text = "must be a folder in which only you may write"
+            raise ParameterError("resume", {FOLDER_VARIABLE: f"{self.place} {text}"})
+
+    def run(self, name: str, job: Any, ctx: Context) -> Any:
+        """The result of a tool, from here if it is known."""
+        key = self._key(job)
+        kept = self._load(key)
+        if kept:
+            log.info("step %s: unchanged, taken from the cache", name)
+            ctx.progress(1.0)
+            found: Any = SimpleNamespace(**kept["values"])
+        else:
+            found = job.run(ctx)
+        layers = dict(_outputs(job.spec, found))
+        # A tool may hand on a layer that it was given, which has its key already.
+        keys = (
+            kept["keys"] if kept else {n: self.keys.get(v, f"{key} {n}") for n, v in layers.items()}
+        )
+        for output, layer in layers.items():
+            self.keys[layer] = keys[output]
+        if not kept:
+            values = {output: getattr(found, output) for output in job.spec.outputs}
+            self._store(key, {"values": values, "keys": keys})
+        return found
+
+    def _key(self, job: Any) -> str:
+        spec: Spec = job.spec
+        values = {name: getattr(job, name) for name in spec.inputs}
+        says = {
+            "code": code_of(str(spec.make.__module__).partition(".")[0]),
+            "tool": spec.id,
+            "settings": {n: _plain(f, values[n]) for n, f in _params(spec)},
+            "layers": {n: [*self._layers(f, values[n])] for n, f in spec.sources.items()},
+        }
+        return hashlib.sha256(json.dumps(says, sort_keys=True).encode()).hexdigest()
+
+    def _layers(self, source: Field, value: Any) -> Iterator[str | None]:
+        for layer in source.items(value):
+            if layer is not None and layer not in self.keys:
+                self.keys[layer] = content_of(layer)
+            yield None if layer is None else self.keys[layer]
+
+    def _load(self, key: str) -> dict[str, Any] | None:
+        """What is kept under this key; None if there is nothing, or it is damaged."""
+        path = self.place / (key + SUFFIX)
+        try:
+            with path.open("rb") as file:
+                if not _is_whole(file):
+                    raise pickle.UnpicklingError("its checksum is wrong")
+                file.seek(0)
+                found: dict[str, Any] = pickle.load(file)
+            os.utime(path)  # those that were not used for longest go first
+        except FileNotFoundError:
+            return None
+        except Exception as err:  # noqa: BLE001  whatever is wrong with it: it can be made again
+            log.warning("%s in the cache is not used: %s", path.name, err)
+            return None
+        return found
+
+    def _store(self, key: str, kept: Mapping[str, Any]) -> None:
+        """Keep a result; it is there whole or not at all."""
+        path = self.place / (key + SUFFIX)
+        try:
+            self.place.mkdir(mode=0o700, parents=True, exist_ok=True)
+            whole = files.staged({path: lambda path: (path,)}, overwrite=True)
+            with whole as places, places[path].open("wb") as file:
+                writer = _Hashing(file)
+                pickle.dump(dict(kept), writer, protocol=5)
+                file.write(writer.hash.digest())
+            self._prune()
+        except OSError as err:  # the run itself has all it needs
+            log.warning("a result is not kept in the cache: %s", err)
+
+    def _prune(self) -> None:
+        """Remove what was not used for longest, until the rest fits, and what a crash has left."""
+        for left in self.place.glob(".unfinished-*"):
+            if time.time() - left.stat().st_mtime > DAY:
+                shutil.rmtree(left, ignore_errors=True)
+        entries = [(path.stat(), path) for path in self.place.glob("*" + SUFFIX)]
+        total = sum(stat.st_size for stat, _ in entries)
+        for stat, path in sorted(entries, key=lambda entry: entry[0].st_mtime_ns):
+            if total <= self.limit:
+                return
+            path.unlink(missing_ok=True)
+            total -= stat.st_size
+
+
+def _is_whole(file: BinaryIO) -> bool:
+    """Whether the file ends in the checksum of the rest."""
+    size = os.fstat(file.fileno()).st_size - DIGEST
+    made = hashlib.sha256()
+    while file.tell() < size and (block := file.read(min(BLOCK, size - file.tell()))):
+        made.update(block)
+    return made.digest() == file.read()
+
+
+def _outputs(spec: Spec, result: Any) -> Iterator[tuple[str, Any]]:
+    """The layers of a result, by name and number."""
+    for name, output in spec.outputs.items():
+        if output.kind.is_layer:
+            for place, layer in enumerate(output.items(getattr(result, name))):
+                if layer is not None:
+                    yield f"{name} {place}", layer
+
+
+class _Cached:
+    """A tool with its values that asks the cache before it runs."""
+
+    def __init__(self, job: Any, name: str, cache: Cache) -> None:
+        self._job, self._name, self._cache = job, name, cache
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._job, name)
+
+    def run(self, ctx: Context) -> Any:
+        return self._cache.run(self._name, self._job, ctx)
+
+
+class _Hashing:
+    """A file to write to that is hashed on the way; without a file, it is hashed only."""
+
+    def __init__(self, file: Any = None) -> None:
+        self.file, self.hash = file, hashlib.sha256()
+
+    def write(self, data: Any) -> None:
+        self.hash.update(data)
+        if self.file:
+            self.file.write(data)
+
+
+def content_of(layer: Any) -> str:
+    """A hash of all that a layer holds, the same in every process."""
+    made = _Hashing()
+    if isinstance(layer, Survey):  # knows its points by their files alone
+        made.hash.update("".join(file_hash(file.path) for file in layer.files).encode())
+    pickle.dump(layer, made, protocol=5)
+    return made.hash.hexdigest()
+
+
+@functools.cache
+def code_of(package: str) -> str:
+    """A hash of the Python files of a package and of ours: another version, another result."""
+    made = hashlib.sha256()
+    for name in dict.fromkeys(["toolbox", package]):
+        found = find_spec(name) if name != "__main__" else None
+        places = found.submodule_search_locations if found else None
+        paths = [path for place in places or [] for path in Path(place).rglob("*.py")]
+        paths += [Path(found.origin)] if found and found.origin and not places else []
+        for path in sorted(paths):
+            made.update(path.read_bytes())
+    return made.hexdigest()
+
+
+def _params(spec: Spec) -> list[tuple[str, Field]]:
+    return [(name, f) for name, f in spec.inputs.items() if f.role == "param"]
+
+
+def _plain(param: Field, value: Any) -> Any:
+    """A setting as JSON."""
+    items = [
+        v if v is None or v in param.choices else param.kind.to_json(v) for v in param.items(value)
+    ]
+    return items if param.many else items[0]

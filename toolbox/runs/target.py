@@ -1,0 +1,283 @@
+"""Where the results of a run are written, and how: checked before the run, all or nothing after."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from toolbox import files
+from toolbox.context import Context, log
+from toolbox.data import Report, Table, geopackage
+from toolbox.data.places import LAS
+from toolbox.data.record import foreign_side_car
+from toolbox.declare.fields import Spec
+from toolbox.declare.kinds import Kind, find, parsed_options
+from toolbox.errors import DataError
+from toolbox.pictures.picture import draw, drawable
+from toolbox.runs.page import page
+from toolbox.runs.provenance import Record
+from toolbox.shown import COUNTS, PAGE, PICTURE, SHOWN
+
+_KINDS: Mapping[str, Kind] = {
+    PICTURE: Kind("picture", {}, lambda value: False, lambda value: value, suffixes=(".png",)),
+    PAGE: find(Report),
+    COUNTS: find(Table),
+}
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where and how an output is to be written.
+
+    Attributes
+    ----------
+    path : as it was given; None if the value does not name one
+    home : the file to write: of a link, the one behind it
+    suffixes : endings that the output can have; none for a number, which is printed
+    folder : it is one, for one file per file of a survey
+    """
+
+    path: Path | None
+    home: Path | None
+    options: Mapping[str, Any]
+    suffixes: tuple[str, ...]
+    known: tuple[str, ...]
+    parts: files.Parts
+    folder: bool = False
+
+    @classmethod
+    def of(cls, name: str, value: Any, spec: Spec) -> Target:
+        """Take a path, or a mapping of a path and options, apart."""
+        how = dict(value) if isinstance(value, Mapping) else {"path": value}
+        path = how.pop("path", None)
+        place = Path(path) if isinstance(path, str | Path) and str(path) else None
+        home = _resolved(place) if place else None
+        kind = kind_of(name, spec)
+        folder = kind.several and (
+            str(path).endswith(("/", os.sep)) or bool(home and home.is_dir())
+        )
+        return cls(place, home, how, kind.suffixes, kind.save_options, kind.parts, folder)
+
+    @property
+    def layer(self) -> str | None:
+        """The layer of a GeoPackage that it is; None for a file that holds nothing else."""
+        home = self.home
+        if home is None or home.suffix.lower() != geopackage.SUFFIX or "layer" not in self.known:
+            return None
+        return str(self.options.get("layer") or home.stem)
+
+    @property
+    def how(self) -> dict[str, Any]:
+        """The options as the layer takes them."""
+        return parsed_options(self.options, self.known)
+
+    @property
+    def is_las(self) -> bool:
+        """Whether LAS or LAZ is written; always in a folder."""
+        return self.folder or (self.home is not None and self.home.suffix.lower() in LAS)
+
+    def inside(self, name: str) -> Target:
+        """The file in this folder for a file of a survey: LAS stays LAS, all else becomes LAZ."""
+        assert self.path is not None
+        assert self.home is not None
+        suffix = ".las" if name.lower().endswith(".las") else ".laz"
+        stem = name.removesuffix(".gz")[: -len(Path(name.removesuffix(".gz")).suffix)]
+        made = stem.removesuffix(".copc") + suffix
+        return replace(self, path=self.path / made, home=self.home / made, folder=False)
+
+    def numbered(self, number: int) -> Target:
+        """The place of one of several layers: dtm_1.tif, dtm_2.tif for dtm.tif."""
+        path, home = (p and p.with_stem(f"{p.stem}_{number}") for p in (self.path, self.home))
+        return replace(self, path=path, home=home)
+
+    def problem(self) -> str | None:
+        """What is wrong with it, apart from the place."""
+        if not self.suffixes:
+            return "is a value, which is printed; it cannot be written to a file"
+        if self.home is None:
+            return "must be a path" if self.path is None else f"{self.path} is no usable path"
+        if not self.folder and (other := foreign_side_car(self.home)):
+            return f"{other} stands where its record would be written; choose another name"
+        try:
+            parsed_options(self.options, self.known)
+        except ValueError as err:
+            return str(err)
+        return None
+
+
+def _resolved(path: Path) -> Path | None:
+    """The file behind links; None for links in a circle and names that no file can have."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError, ValueError):
+        return None
+
+
+def kind_of(name: str, spec: Spec) -> Kind:
+    """What an output is, or what every run can write beside."""
+    return _KINDS[name] if name in SHOWN else spec.results[name].kind
+
+
+def of_run(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Target]:
+    """The targets of a run by output name.
+
+    Several outputs may go to one GeoPackage, as layers that have the names of the outputs where
+    no others are given.
+    """
+    made = {name: Target.of(name, value, spec) for name, value in wanted.items()}
+    uses = Counter(target.home for target in made.values() if target.layer)
+    return {
+        name: replace(target, options={"layer": name, **target.options})
+        if uses[target.home] > 1
+        else target
+        for name, target in made.items()
+    }
+
+
+def problems(
+    targets: Mapping[str, Target], reads: Iterable[Path], *, overwrite: bool
+) -> dict[str, str]:
+    """What is wrong with targets, by output name; `reads` are the files that the run reads."""
+    found = {name: text for name, target in targets.items() if (text := target.problem())}
+    good = {name: target for name, target in targets.items() if name not in found}
+    found |= dict(_twins(good))
+    first = {(t.home if t.layer else None) or n: n for n, t in reversed(good.items())}
+    good = {name: target for name, target in good.items() if name in first.values()}
+    return found | files.problems(
+        {name: target.home for name, target in good.items() if target.home},
+        {name: target.suffixes for name, target in good.items()},
+        {name: target.parts for name, target in good.items()},
+        reads,
+        overwrite=overwrite,
+    )
+
+
+def _twins(targets: Mapping[str, Target]) -> Iterator[tuple[str, str]]:
+    """Outputs that name a layer of a GeoPackage that another has already, and what is wrong."""
+    first: dict[tuple[Path | None, str], str] = {}
+    for name, target in targets.items():
+        if target.layer:
+            twin = first.setdefault((target.home, target.layer.lower()), name)
+            if twin != name:
+                yield name, f"layer {target.layer} of {target.path} is also that of {twin}"
+
+
+def write(
+    spec: Spec,
+    found: Mapping[str, Any],
+    targets: Mapping[str, Target],
+    *,
+    record: Record | None = None,
+    overwrite: bool,
+    ctx: Context,
+) -> dict[str, Any]:
+    """Write what was asked for, all or nothing.
+
+    Parameters
+    ----------
+    spec : of the tool
+    found : what the tool gave, by name
+    targets : where to write it, by name, and under "picture", "page" and "counts" where to show it
+    record : how it was made, which each file carries
+
+    Returns
+    -------
+    dict
+        The path of each output; a tuple of paths where there are several layers.
+
+    Raises
+    ------
+    DataError
+        Something cannot be written; nothing was.
+    """
+    shown: dict[str, Any] = {}
+    if PICTURE in targets:
+        shown[PICTURE] = drawable(found)
+    if PAGE in targets:
+        shown[PAGE] = page(spec, found, record and record.of(PAGE, None, {}))
+    if COUNTS in targets and record:
+        shown[COUNTS] = Table.from_rows(map(dataclasses.asdict, record.counts))
+    pieces = _pieces(spec.id, {**found, **shown}, targets, overwrite=overwrite)
+    groups: dict[Path, list[_Piece]] = {}  # of one file each
+    for piece in pieces:
+        assert piece.target.home is not None
+        groups.setdefault(piece.target.home, []).append(piece)
+    try:
+        parts = {home: group[0].target.parts for home, group in groups.items()}
+        with files.staged(parts, overwrite=overwrite) as places:
+            for index, (home, group) in enumerate(groups.items()):
+                part = ctx.part(index / len(groups), (index + 1) / len(groups))
+                _save_all(spec.id, group, record, places[home], part)
+            ctx.progress(1.0)
+    except OSError as err:
+        raise DataError(f"{spec.id}: cannot write: {err}") from err
+    written: dict[str, Any] = {}
+    for piece in pieces:
+        path = piece.target.path
+        several = isinstance(found.get(piece.output), tuple)
+        written[piece.output] = (*written.get(piece.output, ()), path) if several else path
+    return written
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """One layer and the file it goes to; for the picture, all layers by name."""
+
+    output: str
+    layer: Any
+    target: Target
+    number: int | None = None
+
+
+def _pieces(
+    id: str, found: Mapping[str, Any], targets: Mapping[str, Target], *, overwrite: bool
+) -> list[_Piece]:
+    pieces: list[_Piece] = []
+    numbered: dict[str, Target] = {}
+    for name, target in targets.items():
+        layer = found[name]
+        if not isinstance(layer, tuple):
+            pieces += [_Piece(name, layer, target)] if layer is not None and layer != {} else []
+        for number, item in enumerate(layer if isinstance(layer, tuple) else (), start=1):
+            numbered[f"{name} {number}"] = target.numbered(number)
+            pieces.append(_Piece(name, item, target.numbered(number), number))
+    for name in targets.keys() - {piece.output for piece in pieces}:
+        log.warning("%s: there is nothing to write", name)
+    if found_problems := problems(numbered, [], overwrite=overwrite):
+        raise DataError(id, found_problems)
+    return pieces
+
+
+def _save_all(
+    id: str, group: list[_Piece], record: Record | None, place: Path, ctx: Context
+) -> None:
+    """Write one file, which holds several layers if it is a GeoPackage."""
+    first, *others = group
+    layers = {piece.output: piece.target.how for piece in others}
+    how = first.target.how
+    own = record and record.of(first.output, first.layer, how, first.number, layers=layers)
+    made = own.to_json() if own else ""
+    for piece in group:
+        how = piece.target.how if piece is first else {**piece.target.how, "add": True}
+        _save(id, piece, made if piece is group[-1] else "", place, how, ctx)
+
+
+def _save(
+    id: str, piece: _Piece, record: str, place: Path, how: Mapping[str, Any], ctx: Context
+) -> None:
+    target = piece.target
+    try:
+        if piece.output == PICTURE:
+            draw(piece.layer, place, record=record)
+        else:
+            piece.layer.save(place, record=record, ctx=ctx, **how)
+    except (OSError, DataError) as err:
+        text = str(err).replace(str(place), str(target.path))
+        if files.is_full(place.parent):
+            text += "; the disk is full"
+        raise DataError(id, {piece.output: text}) from err

@@ -1,0 +1,242 @@
+"""What of a tool or model is run on tiles of a survey, and the survey itself."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pyproj import CRS
+
+from toolbox.context import Context
+from toolbox.data import PointCloud, Survey
+from toolbox.data.crs import crs_conflict, length_problem
+from toolbox.declare.fields import Spec
+from toolbox.declare.kinds import located, parsed_options
+from toolbox.errors import DataError, ParameterError
+from toolbox.models.model import INPUTS, Model, Reference, Step, leading_steps, references
+from toolbox.runs.provenance import Count
+
+ALONE = "tool"  # the step of a model that stands for a tool
+
+
+def as_model(spec: Spec) -> Model:
+    """A tool as a model of one step; a model as it is."""
+    if isinstance(spec, Model):
+        return spec
+    wires = {name: Reference((f"{INPUTS}.{name}",)) for name in spec.inputs}
+    returns = {name: Reference((f"{ALONE}.{name}",)) for name in spec.outputs}
+    steps = {ALONE: Step(ALONE, spec, {}, wires)}
+    return Model(
+        id=spec.id,
+        title=spec.title,
+        help=spec.help,
+        inputs=spec.inputs,
+        outputs=spec.outputs,
+        steps=steps,
+        returns=returns,
+    )
+
+
+@dataclass(frozen=True)
+class Pass:
+    """Steps that are run tile by tile, and those that need the whole of what these give.
+
+    Attributes
+    ----------
+    local : steps that need no more than the neighbourhood of a tile
+    rest : steps that need the whole, run after all tiles
+    keep, gives : results of the former and of the latter that are wanted, or used by others
+    halo : metres that the local steps reach
+    """
+
+    local: tuple[str, ...]
+    rest: tuple[str, ...]
+    keep: frozenset[str]
+    gives: frozenset[str]
+    halo: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a model is run on tiles: pass after pass, since what the whole tells may be used locally.
+
+    Attributes
+    ----------
+    passes : in order; a local step belongs to the pass after the steps on the whole that it needs
+    stored : for outputs that come from local steps, their step.output
+    """
+
+    model: Model
+    settings: Mapping[str, Any]
+    passes: tuple[Pass, ...]
+    stored: Mapping[str, str]
+
+    @classmethod
+    def of(cls, model: Model, settings: Mapping[str, Any], targets: Iterable[str]) -> Plan:
+        """Cut a model where the whole cloud is needed; steps that nobody asks for are left out.
+
+        Raises
+        ------
+        ParameterError
+            No step can be run on tiles.
+        """
+        if not any(field.kind.several for field in model.sources.values()):
+            raise ParameterError(model.id, {"tile": "the tool reads no points; leave it out"})
+        active = {step.name: step for step in model.active(settings)}
+        results = {name for step in active.values() for name in step.outputs}
+        returned = {
+            output: next((name for name in wire.names if name in results), "")
+            for output, wire in model.returns.items()
+        }
+        returned |= {name: name for name in targets if name in results}
+        numbers = {n for n, f in model.outputs.items() if not f.kind.is_layer}
+        wanted = {returned[n] for n in {*targets, *numbers} & returned.keys()} - {""}
+        if not wanted:
+            raise ParameterError(model.id, {"tile": "say which output to write"})
+        needed = {name: active[name] for name in leading_steps(active, wanted)}
+        turns = _Turns(model, active)
+        for step in needed.values():
+            turns.add(step, model.step_halo(step, settings))
+        if not turns.reach:
+            raise ParameterError(model.id, {"tile": _whole(model, model.reach(settings))})
+        stored = {n: full for n, full in returned.items() if full.partition(".")[0] in turns.reach}
+        return cls(model, settings, tuple(turns.passes(needed, wanted)), stored)
+
+    @property
+    def halo(self) -> float:
+        """Metres that the local steps of any pass reach."""
+        return max(one.halo for one in self.passes)
+
+    @property
+    def keep(self) -> dict[str, int]:
+        """The pass that gives each result of local steps that is kept, by step.output."""
+        return {name: number for number, one in enumerate(self.passes) for name in one.keep}
+
+    @property
+    def gives_rasters(self) -> bool:
+        """Whether a raster is put together from tiles."""
+        return any(self.model.between[name].kind.word == "Raster" for name in self.keep)
+
+    def ordered(self, counts: Iterable[Count]) -> list[Count]:
+        """Counts of tiles and of the whole in the order of the steps."""
+        places = {name: place for place, name in enumerate(self.model.steps)}
+        return sorted(counts, key=lambda c: places.get(c.step.partition("/")[0].split()[0], 0))
+
+
+class _Turns:
+    """In which pass each step is run.
+
+    Attributes
+    ----------
+    turn : of each step that was added
+    reach : of the local ones, metres from the points that their pass is given
+    """
+
+    def __init__(self, model: Model, active: Mapping[str, Step]) -> None:
+        self.model, self.active = model, active
+        self.turn: dict[str, int] = {}
+        self.reach: dict[str, float] = {}
+
+    def add(self, step: Step, halo: float) -> None:
+        """Find the place of a step after those that it needs."""
+        makers = {need.partition(".")[0] for need in step.needs} & self.turn.keys()
+        local = {name for name in makers if name in self.reach}
+        after = max((self.turn[name] for name in makers), default=0)
+        if math.isinf(halo) or not self._is_local(step):
+            self.turn[step.name] = after
+            return
+        whole = max((self.turn[name] + 1 for name in makers - local), default=0)
+        self.turn[step.name] = turn = max(after, whole)
+        same = (self.reach[name] for name in local if self.turn[name] == turn)
+        self.reach[step.name] = halo + max(same, default=0.0)
+
+    def _is_local(self, step: Step) -> bool:
+        """Whether a step works on points in tiles, directly or not, and on no number of tiles.
+
+        A number that a tile gives is not that of the whole survey.
+        """
+        if step.repeat:
+            return False  # its results are lists, which are not put together from tiles
+        on_points = False
+        for name, wire in step.wires.items():
+            for need in (need for reference in references(wire) for need in reference.names):
+                maker, _, output = need.partition(".")
+                if maker == INPUTS:
+                    on_points |= self.model.inputs[output].kind.several
+                elif maker not in self.active:
+                    continue  # left out under these settings; another value stands in for it
+                elif maker in self.reach:
+                    if not step.spec.inputs[name].kind.is_layer:
+                        return False
+                    on_points = True
+                elif self.active[maker].repeat:
+                    return False
+        return on_points
+
+    def passes(self, steps: Mapping[str, Step], wanted: Collection[str]) -> Iterator[Pass]:
+        """The passes for these steps, of which results are wanted."""
+        for turn in range(max(self.turn.values()) + 1):
+            local = tuple(n for n in steps if self.turn[n] == turn and n in self.reach)
+            rest = tuple(n for n in steps if self.turn[n] == turn and n not in self.reach)
+            halo = max((self.reach[name] for name in local), default=0.0)
+            yield Pass(
+                local, rest, self._kept(local, steps, wanted), self._kept(rest, steps, wanted), halo
+            )
+
+    @staticmethod
+    def _kept(
+        makers: Collection[str], steps: Mapping[str, Step], wanted: Collection[str]
+    ) -> frozenset[str]:
+        """Results of some steps that are wanted, or used by other steps."""
+        used = {need for name, step in steps.items() if name not in makers for need in step.needs}
+        return frozenset(n for n in {*wanted, *used} if n.partition(".")[0] in makers)
+
+
+def _whole(model: Model, reach: Mapping[str, float]) -> str:
+    """Why nothing can be run on tiles, in the words of the first tool that looks too far."""
+    text = "the whole cloud is needed with these settings; leave it out"
+    far = [model.steps[name].spec for name, metres in reach.items() if math.isinf(metres)]
+    tools: list[Any] = [spec.make for spec in far if not isinstance(spec, Model)]
+    return f"{text} ({inspect.getdoc(tools[0].halo)})" if tools else text
+
+
+def surveys_of(
+    spec: Spec, sources: Mapping[str, Any], assume_crs: CRS | None, ctx: Context
+) -> dict[str, Survey]:
+    """Headers of all point clouds, which must be in one CRS that knows metres."""
+    found: dict[str, Survey] = {}
+    problems: dict[str, str] = {}
+    for name, field in spec.sources.items():
+        value = sources.get(name)
+        if not field.kind.several or value is None:
+            continue
+        try:
+            found[name] = _survey(value, field.many, assume_crs, ctx)
+        except DataError as err:
+            problems[name] = str(err)
+    for name, survey in found.items():
+        first = next(iter(found.values()))
+        text = length_problem(survey.crs) or crs_conflict(survey.crs, first.crs, heights=True)
+        if text:
+            problems[name] = f"{survey.name} {text}"
+        elif not survey.count:
+            problems[name] = f"{survey.name} has no points"
+    if problems:
+        raise DataError(spec.id, problems)
+    for survey in found.values():
+        _ = survey.template  # made here once, and sent to all workers
+    return found
+
+
+def _survey(value: Any, many: bool, assume_crs: CRS | None, ctx: Context) -> Survey:
+    if many or isinstance(value, PointCloud):
+        raise DataError("is no survey in files; run the tool without tiles")
+    places, options = located(value)
+    how = parsed_options(options, ("bounds", "columns", "separator"))
+    bounds = how.pop("bounds", None)
+    survey = Survey.open(places, assume_crs=assume_crs, ctx=ctx.part(0, 0), **how)
+    survey = survey.absolute()
+    return survey.part(bounds) if bounds else survey

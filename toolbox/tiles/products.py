@@ -1,0 +1,248 @@
+"""One product of a survey from the pieces that its tiles have stored: points, raster, vector."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolbox.context import QUIET, Context
+from toolbox.data import Lattice, PointCloud, Raster, Survey, Vector
+from toolbox.data.places import LAS
+from toolbox.data.raster import STRIP
+from toolbox.data.survey import SurveyFile
+from toolbox.runs.provenance import Record
+from toolbox.tiles import store as tile_store
+from toolbox.tiles.work import opened
+
+WINDOW = 1_000_000  # points that are written at a time
+
+Span = tuple[int, int]
+"""Points of the survey, from the first of these origins to before the second."""
+
+
+def pieces(home: Path, name: str) -> list[Path]:
+    """The stored pieces of a result, tile by tile from south to north and west to east."""
+    done = [path for path in (home / "tiles").iterdir() if not path.name.startswith(".")]
+    folders = [path for path in done if (path / name / "layer").exists()]
+    tiles = {tuple(map(int, path.name.split("_"))): path / name for path in folders}
+    return [tiles[tile] for tile in sorted(tiles)]
+
+
+def read(home: Path, name: str) -> Any:
+    """A result in memory; None if no tile gave any."""
+    places = pieces(home, name)
+    if not places:
+        return None
+    first = tile_store.load_object(places[0] / "layer")
+    if isinstance(first, Vector):
+        return _vector(places)
+    if isinstance(first, Raster):
+        mosaic = Mosaic(places)
+        values = np.concatenate(list(mosaic.strips()), axis=1)
+        return dataclasses.replace(first, values=values, transform=mosaic.lattice.transform)
+    points = Points(places)
+    return points.template.filled(points.windows(), points.size())
+
+
+def write(
+    home: Path,
+    output: str,
+    name: str,
+    place: Path,
+    options: Mapping[str, Any],
+    file: int | None,
+    record: Record | None,
+) -> None:
+    """Write points or a raster to a file.
+
+    LAS, LAZ and rasters are written in blocks; what goes into other formats is in memory.
+
+    Parameters
+    ----------
+    home : folder of the pass that has given it
+    output, name : of the tool, and the step.output that it is
+    place : the file to write
+    options : of the format
+    file : only the points of this file of the survey
+    record : of the run
+    """
+    places = pieces(home, name)
+    first = tile_store.load_object(places[0] / "layer") if places else None
+    if isinstance(first, Raster):
+        mosaic, text = Mosaic(places), _text(record, output, first, options)
+        first.save_strips(place, mosaic.lattice, mosaic.strips(), record=text, **options)
+    else:
+        job, _, _ = opened(home)
+        survey = job.surveys[job.first]
+        points = Points(places) if places else None
+        template = points.template if points else survey.template
+        name = "" if file is None else survey.files[file].path.name
+        text = _text(record, output, template, options, name)
+        _write_points(points, template, survey, file, place, text)
+
+
+def _text(
+    record: Record | None, output: str, layer: Any, options: Mapping[str, Any], file: str = ""
+) -> str:
+    return record.of(output, layer, options, file=file).to_json() if record else ""
+
+
+def _write_points(
+    points: Points | None,
+    template: PointCloud,
+    survey: Survey,
+    file: int | None,
+    place: Path,
+    record: str,
+) -> None:
+    span = None
+    if file is not None:
+        before = sum(other.count for other in survey.files[:file])
+        span = before, before + survey.files[file].count
+        template = template.housed(survey.files[file].read(0, 0))
+    size = points.size(span) if points else 0
+    windows = points.windows(span) if points else iter(())
+    if place.suffix.lower() in LAS:
+        template.save_parts(place, windows, size, record=record)
+    else:
+        template.filled(windows, size).save(place, record=record)
+
+
+def _vector(places: list[Path]) -> Vector:
+    import pandas as pd
+
+    parts: list[Vector] = [tile_store.load_object(place / "layer") for place in places]
+    frame = pd.concat([part.frame for part in parts if len(part)] or [parts[0].frame])
+    return Vector(frame, name=parts[0].name, geometry_type=parts[0].geometry_type)
+
+
+@dataclasses.dataclass(frozen=True)
+class StoredSurvey(Survey):
+    """The stored pieces of a point cloud as a survey, for tools that read one part by part."""
+
+    @classmethod
+    def of(cls, home: Path, name: str) -> StoredSurvey | None:
+        """A result of tiles; None if no tile gave any."""
+        stored = [(place, *tile_store.load_object(place / "layer")) for place in pieces(home, name)]
+        files = tuple(_stored_file(*piece) for piece in stored)
+        return cls(files, stored[0][1].name) if files else None
+
+    @functools.cached_property
+    def points(self) -> Points:
+        """The pieces."""
+        return Points([file.path for file in self.files])
+
+    @property
+    def template(self) -> PointCloud:
+        return self.points.template
+
+    def parts(self, size: int, *, ctx: Context = QUIET) -> Iterator[PointCloud]:
+        done = 0
+        for part in self.points.windows():
+            yield part
+            done += len(part)
+            ctx.progress(done / max(self.count, 1))
+
+    def read(self, *, bounds: Sequence[float] | None = None, ctx: Context = QUIET) -> PointCloud:
+        whole = self.template.filled(self.points.windows(), self.points.size())
+        return whole if bounds is None else whole.within(bounds)
+
+
+def _stored_file(place: Path, shell: PointCloud, box: NDArray[np.float64]) -> SurveyFile:
+    count = len(next(iter(tile_store.load_arrays(place).values())))
+    bounds: Any = tuple(box.ravel().tolist())
+    attributes = tuple((n, shell[n].dtype.str, shell[n].shape[1:]) for n in shell.names)
+    return SurveyFile(path=place, count=count, bounds=bounds, crs=shell.crs, attributes=attributes)
+
+
+class Points:
+    """The stored pieces of a point cloud.
+
+    Attributes
+    ----------
+    template : the cloud without points that all pieces can be made alike to
+    """
+
+    def __init__(self, places: list[Path]) -> None:
+        stored = [tile_store.load_object(place / "layer") for place in places]
+        self._shells = [shell for shell, _ in stored]
+        self._places = places
+        boxes = [(low, high) for _, (low, high) in stored if np.isfinite(low).all()]
+        self.template = PointCloud.template(self._shells, lambda: boxes)
+        origins = [self._origin(number) for number in range(len(places))]
+        self._sizes = np.array([len(origin) for origin in origins])
+        ends = [(o[0], o[-1]) if len(o) else (0, -1) for o in origins]
+        self._first, self._last = np.array(ends, np.int64).T
+
+    def _origin(self, number: int) -> NDArray[np.int64]:
+        """Origins of the points of a piece; if it has none, they come after all pieces before."""
+        path = self._places[number] / "origin.npy"
+        if path.exists():
+            found: NDArray[np.int64] = np.load(path, mmap_mode="r")
+            return found
+        size = len(next(iter(tile_store.load_arrays(self._places[number]).values())))
+        return (number << 40) + np.arange(size)
+
+    def size(self, span: Span | None = None) -> int:
+        """How many of the points there are."""
+        if span is None:
+            return int(self._sizes.sum())
+        return sum(rows.stop - rows.start for _, rows in self._within(*span))
+
+    def _within(self, start: int, stop: int) -> Iterator[tuple[int, slice]]:
+        """The pieces with points of a span, and which of theirs those are."""
+        for number in np.flatnonzero((self._first < stop) & (self._last >= start)):
+            low, high = np.searchsorted(self._origin(int(number)), (start, stop))
+            yield int(number), slice(int(low), int(high))
+
+    def windows(self, span: Span | None = None) -> Iterator[PointCloud]:
+        """The points in order, a part at a time, all like the template."""
+        start, stop = span or (int(self._first.min()), int(self._last.max()) + 1)
+        while start < stop:
+            end = min(start + WINDOW, stop)
+            clouds, origins = [], [np.empty(0, np.int64)]
+            for number, rows in self._within(start, end):
+                arrays = tile_store.load_arrays(self._places[number])
+                arrays.pop("origin", None)
+                part = {name: np.array(values[rows]) for name, values in arrays.items()}
+                clouds.append(self._shells[number].with_arrays(part).like(self.template))
+                origins.append(self._origin(number)[rows])
+            joint = self.template.filled(clouds, sum(map(len, clouds)))
+            yield joint.select(np.argsort(np.concatenate(origins)))
+            later = self._first[self._last >= end]
+            start = max(end, int(later.min())) if len(later) else stop
+
+
+class Mosaic:
+    """The stored pieces of a raster, side by side on one lattice."""
+
+    def __init__(self, places: list[Path]) -> None:
+        self._shells: list[Raster] = [tile_store.load_object(p / "layer") for p in places]
+        self._values = [tile_store.load_arrays(place)["values"] for place in places]
+        parts = [
+            dataclasses.replace(Lattice.of(shell), rows=values.shape[1], cols=values.shape[2])
+            for shell, values in zip(self._shells, self._values, strict=True)
+        ]
+        self.lattice = Lattice.union(parts)
+        self._corners = [self.lattice.place(part) for part in parts]
+
+    def strips(self) -> Iterator[NDArray[Any]]:
+        """Values of shape (bands, STRIP, cols) from north to south, the last may be shorter."""
+        shell = self._shells[0]
+        bands, dtype = len(shell.values), shell.values.dtype
+        nothing = np.nan if dtype.kind == "f" else shell.nodata or 0
+        for top in range(0, self.lattice.rows, STRIP):
+            rows = min(STRIP, self.lattice.rows - top)
+            strip = np.full((bands, rows, self.lattice.cols), nothing, dtype)
+            for (row, col), values in zip(self._corners, self._values, strict=True):
+                first, last = max(row, top), min(row + values.shape[1], top + rows)
+                if first < last:
+                    part = values[:, first - row : last - row]
+                    strip[:, first - top : last - top, col : col + values.shape[2]] = part
+            yield strip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from algorithms.shared import _neighbours_kernels as tree
+from algorithms.shared.kernels import neighbours as tree
 
 
 @njit(cache=True, nogil=True)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from algorithms.classify import _som as som
-from algorithms.shared.threads import in_blocks
+from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, Raster, Table
 from toolbox.errors import DataError

@@ -24,8 +24,8 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from algorithms.classify import _som_kernels as kernels
+from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks
-from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context
 
 Shape = Literal["hexagonal", "square"]

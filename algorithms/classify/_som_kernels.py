@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
 
 ROUNDING = 1e-9  # by which bounds of distances are widened
 

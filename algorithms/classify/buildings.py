@@ -35,10 +35,10 @@ from algorithms.classify._plan import Plan
 from algorithms.classify._squared import squared
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.ground import taking_part
+from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks
 from algorithms.shared.neighbours import PointTree
 from algorithms.shared.polygons import Polygons
-from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Vector
 from toolbox.declare import ClassList, Share, outputs, param, sink, source, tool

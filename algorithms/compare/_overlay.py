@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from algorithms.compare._shapes import Shapes
-from algorithms.shared.threads import in_blocks
+from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 
 BLOCK = 1000  # polygons between two looks at whether the user cancelled

@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from algorithms.compare._shapes import Shapes
-from algorithms.shared.threads import in_blocks
+from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 from toolbox.errors import DataError
 

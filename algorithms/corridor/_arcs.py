@@ -27,7 +27,7 @@ from algorithms.corridor import _arcs_kernels as kernels
 from algorithms.corridor._catenary import fit
 from algorithms.corridor._network import Piece, Scene
 from algorithms.corridor._tracks import Run
-from algorithms.shared.sorting import distinct
+from algorithms.shared.kernels.sorting import distinct
 
 STICKS = 0.2  # metres off its neighbours, of what is no part of a wire
 SMOOTH = 0.12  # metres: scatter of a wire

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
 
 TINY = 1e-9
 

@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 
 from algorithms.corridor._trace_kernels import solve
-from algorithms.shared.compiling import helper
-from algorithms.shared.sorting import median
+from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.sorting import median
 
 FLATTEST, TIGHTEST = 1e-5, 0.1  # 1 / metre: a wire straighter than this is straight
 ROUNDS = 30

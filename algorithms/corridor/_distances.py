@@ -14,8 +14,8 @@ from scipy.special import ndtr
 from algorithms.corridor import _clearance_kernels as kernels
 from algorithms.corridor._catenary import Catenary
 from algorithms.corridor._rules import DIRECTIONS, KINDS, SEVERITIES, Rule, reach_of
-from algorithms.shared.sorting import distinct
-from algorithms.shared.threads import in_blocks
+from algorithms.shared.kernels.sorting import distinct
+from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 
 BLOCK = 100_000  # points between two looks at whether the user cancelled

@@ -33,7 +33,7 @@ from algorithms.corridor._network import (
     runs_beside,
 )
 from algorithms.corridor._supports import Support
-from algorithms.shared.sorting import distinct
+from algorithms.shared.kernels.sorting import distinct
 
 BESIDE = 15.0  # metres
 FEW, EIGHTHS = 6, 4  # points, and eighths of the span with any, of a wire found beside another

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from algorithms.corridor import _trace_kernels as kernels
 from algorithms.corridor._catenary import Catenary
+from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks
-from algorithms.shared.threads import side_by_side
 from toolbox.context import Context
 
 CELL = 4.0  # metres, of the plan index

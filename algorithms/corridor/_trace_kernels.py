@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numba import njit
 
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
 
 X, Y, EX, EY, LO, HI, V0, Z0, MID, HALF, RMS, COUNT = 0, 1, 2, 3, 4, 5, 6, 9, 12, 13, 14, 15
 SIZE = 16

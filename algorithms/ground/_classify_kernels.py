@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
 
 
 @njit(cache=True, nogil=True)

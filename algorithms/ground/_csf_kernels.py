@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
 
 REACH = 2  # nodes: the longest spring
 TILE = 64  # nodes: side of the squares that fall asleep one by one

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from algorithms.shared._delaunay_kernels import in_circle, is_ghost, locate, orient
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.delaunay import in_circle, is_ghost, locate, orient
 from algorithms.shared.sets import root
 
 

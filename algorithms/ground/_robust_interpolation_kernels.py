@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
 
 WINDOW = 2  # cells on each side of a node whose points it looks at
 SUPPORT = 3.0  # cells: the influence of a point has faded to nothing

@@ -34,6 +34,7 @@ from scipy.ndimage import (
 
 from algorithms.ground import _classify_kernels as kernels
 from algorithms.shared.ground import NOWHERE, Candidates, Mask, Returns
+from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import (
     blocks,
     lattice_around,
@@ -41,7 +42,6 @@ from algorithms.shared.lowest import (
     require_finite,
     without_low_outliers,
 )
-from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit

@@ -24,6 +24,7 @@ from scipy.ndimage import convolve, grey_closing, maximum_filter
 
 from algorithms.ground import _csf_kernels as kernels
 from algorithms.shared.ground import NOWHERE, Candidates, Returns
+from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import (
     blocks,
     lattice_around,
@@ -32,7 +33,6 @@ from algorithms.shared.lowest import (
     spread_to_empty,
     without_low_outliers,
 )
-from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit

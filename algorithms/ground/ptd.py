@@ -25,6 +25,7 @@ from scipy.spatial import cKDTree
 from algorithms.ground import _ptd_kernels as kernels
 from algorithms.shared.delaunay import LiveMesh
 from algorithms.shared.ground import NOWHERE, Candidates, Returns
+from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import (
     blocks,
     cells_of,
@@ -33,7 +34,6 @@ from algorithms.shared.lowest import (
     require_finite,
     without_low_outliers,
 )
-from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from algorithms.ground import _robust_interpolation_kernels as kernels
 from algorithms.shared.ground import NOWHERE, Candidates, Returns
+from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import (
     blocks,
     lattice_around,
@@ -33,7 +34,6 @@ from algorithms.shared.lowest import (
     require_finite,
     without_low_outliers,
 )
-from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.crs import vertical_unit

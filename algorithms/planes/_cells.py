@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.planes import _cells_kernels as kernels
-from algorithms.shared.threads import in_blocks
+from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 
 MOST = 32  # points of a cell that is not split

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from algorithms.shared._covariance_kernels import eigen
-from algorithms.shared.compiling import helper
-from algorithms.shared.sorting import first_at
+from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.covariance import eigen
+from algorithms.shared.kernels.sorting import first_at
 
 LEVELS = 20  # of the octree: a millionth of its side
 FEWEST = 8  # points that make a normal

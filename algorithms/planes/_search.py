@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from algorithms.planes import _search_kernels as kernels
 from algorithms.planes._cells import Cells
-from algorithms.shared.threads import in_blocks
+from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 
 BATCH = 256  # draws between two looks at whether they are enough

@@ -8,9 +8,9 @@ import numpy as np
 from numba import njit
 
 from algorithms.planes._cells_kernels import LEVELS
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.sorting import first_at
 from algorithms.shared.sets import root
-from algorithms.shared.sorting import first_at
 
 GROUP = 32  # cells that are looked at together
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from algorithms.shared import _neighbours_kernels as tree
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels import neighbours as tree
+from algorithms.shared.kernels.compiling import helper
 
 LOW, HIGH, ISOLATED = 7, 18, 1  # verdicts, noise as the ASPRS classes; 0 is none
 MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation

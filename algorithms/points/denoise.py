@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from algorithms.points import _denoise_kernels as kernels
 from algorithms.shared.ground import taking_part
+from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks, require_finite
 from algorithms.shared.neighbours import PointTree
-from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList, outputs, param, sink, source, tool

@@ -21,9 +21,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared import _alpha_shape_kernels as kernels
 from algorithms.shared.delaunay import Mesh, triangulate
-from algorithms.shared.threads import in_blocks
+from algorithms.shared.kernels import alpha_shape as kernels
+from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 
 BLOCK = 500_000  # triangles between two looks at whether the user cancelled

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
 
 
 def random_keys(xyz: NDArray[np.float64], seed: int) -> NDArray[np.uint64]:

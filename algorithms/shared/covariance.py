@@ -26,9 +26,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared import _covariance_kernels as kernels
+from algorithms.shared.kernels import covariance as kernels
+from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.neighbours import PointTree
-from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context
 
 Name = Literal[
@@ -66,7 +66,7 @@ class Feature:
     ----------
     text : what it is
     power : of the unit of length in it: 1 for a length, -2 for a number per area
-    of : computes it from the rows of :mod:`algorithms.shared._covariance_kernels`
+    of : computes it from the rows of :mod:`algorithms.shared.kernels.covariance`
     shape : it needs FEWEST points
     """
 

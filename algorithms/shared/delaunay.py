@@ -5,7 +5,7 @@ that looks at positions alone: of the two diagonals of four such points, the one
 end in the point with the greatest x (then y). So a set of points has one triangulation.
 
 :func:`triangulate` is for points that stay, :class:`LiveMesh` for points that come in rounds,
-:mod:`algorithms.shared._delaunay_kernels` for calls from compiled loops.
+:mod:`algorithms.shared.kernels.delaunay` for calls from compiled loops.
 
 References
 ----------
@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared import _delaunay_kernels as kernels
-from algorithms.shared import _delaunay_strips as strips
+from algorithms.shared.kernels import delaunay as kernels
+from algorithms.shared.kernels import delaunay_strips as strips
+from algorithms.shared.kernels.threads import in_blocks
 from algorithms.shared.lowest import blocks, require_finite
-from algorithms.shared.threads import in_blocks
 from toolbox.context import QUIET, Context
 from toolbox.errors import DataError
 

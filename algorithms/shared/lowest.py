@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared import _lowest_kernels as kernels
+from algorithms.shared.kernels import lowest as kernels
 from toolbox.context import Context
 from toolbox.data import Lattice
 from toolbox.errors import DataError

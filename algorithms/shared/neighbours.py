@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared import _neighbours_kernels as kernels
+from algorithms.shared.kernels import neighbours as kernels
+from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks, require_finite
-from algorithms.shared.threads import side_by_side
 from toolbox.context import QUIET, Context
 
 LEAF = 16  # points at most; from 8 to 32 it makes no difference worth having

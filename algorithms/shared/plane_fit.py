@@ -24,9 +24,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared import _plane_fit_kernels as kernels
 from algorithms.shared.chance import random_keys
-from algorithms.shared.threads import in_blocks
+from algorithms.shared.kernels import plane_fit as kernels
+from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 
 SAMPLE = 100_000  # points that a search looks at

@@ -18,8 +18,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from algorithms.shared import _polygons_kernels as kernels
-from algorithms.shared.threads import in_blocks
+from algorithms.shared.kernels import polygons as kernels
+from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 from toolbox.data import Vector
 from toolbox.errors import DataError

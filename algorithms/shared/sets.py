@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
 
 
 @helper

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
 
 BLOCK = 200_000  # steps between two looks at whether the user cancelled
 PUSHES = 8 * BLOCK  # that they may make

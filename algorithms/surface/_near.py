@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from algorithms.shared.threads import in_blocks
+from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
 

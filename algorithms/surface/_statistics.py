@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from algorithms.shared.sorting import sort_few
-from algorithms.shared.threads import in_blocks
+from algorithms.shared.kernels.sorting import sort_few
+from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
 

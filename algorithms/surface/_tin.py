@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared.delaunay import Mesh, triangulate
-from algorithms.shared.threads import in_blocks
+from algorithms.shared.kernels.threads import in_blocks
 from algorithms.surface import _tin_kernels as kernels
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice

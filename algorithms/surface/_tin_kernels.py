@@ -22,8 +22,8 @@ import math
 import numpy as np
 from numba import njit
 
-from algorithms.shared._delaunay_kernels import in_circle, orient
-from algorithms.shared.sorting import sort_few
+from algorithms.shared.kernels.delaunay import in_circle, orient
+from algorithms.shared.kernels.sorting import sort_few
 
 CLOSE = 1e-6  # cells: what rounding may move; candidates this close are put to the exact test
 

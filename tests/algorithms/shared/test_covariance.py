@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from algorithms.shared import _covariance_kernels as kernels
 from algorithms.shared.covariance import FEATURES, Name, covariance_features
+from algorithms.shared.kernels import covariance as kernels
 from toolbox.context import Context
 from toolbox.errors import Cancelled
 

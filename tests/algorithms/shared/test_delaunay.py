@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, Delaunay
 
-from algorithms.shared import _delaunay_kernels as kernels
 from algorithms.shared import delaunay
 from algorithms.shared.delaunay import LiveMesh, Mesh, triangulate
+from algorithms.shared.kernels import delaunay as kernels
 from toolbox.context import Context
 from toolbox.errors import Cancelled, DataError
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from algorithms.shared.sorting import distinct, median
+from algorithms.shared.kernels.sorting import distinct, median
 
 
 @njit

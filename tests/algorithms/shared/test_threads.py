@@ -9,7 +9,7 @@ import numba
 import numpy as np
 import pytest
 
-from algorithms.shared.threads import side_by_side
+from algorithms.shared.kernels.threads import side_by_side
 from toolbox.context import Context
 from toolbox.errors import Cancelled
 

@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numba import njit
 
-from algorithms.shared import _neighbours_kernels as tree
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels import neighbours as tree
+from algorithms.shared.kernels.compiling import helper
 
 # What is known of a neighbourhood, by row of `found`.
 COUNT, REACH, LARGE, MIDDLE, SMALL, NX, NY, NZ, OFF_PLANE, RISE, SPREAD = range(11)

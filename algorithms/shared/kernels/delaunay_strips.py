@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from algorithms.shared._delaunay_kernels import is_ghost, orient
+from algorithms.shared.kernels.delaunay import is_ghost, orient
 
 STRIP = 200_000  # points: wide enough that seams are few of all
 ROUNDING = 1e-14  # of a circle, in relation to how thin its triangle is

@@ -24,7 +24,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
 
 HALF_ULP = 2.0**-53
 ORIENT_ERROR = (3 + 16 * HALF_ULP) * HALF_ULP  # Shewchuk's ccwerrboundA

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
 
 DEEPEST = 64  # levels: more than any memory holds
 ROUNDING = 1e-9  # share by which a bound made of two square roots is widened

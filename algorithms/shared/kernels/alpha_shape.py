@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numba import njit
 
-from algorithms.shared._delaunay_kernels import orient
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.delaunay import orient
 from algorithms.shared.sets import root
 
 

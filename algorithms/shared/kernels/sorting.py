@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from algorithms.shared.compiling import helper
+from algorithms.shared.kernels.compiling import helper
 
 Number = TypeVar("Number", bound=np.generic)
 

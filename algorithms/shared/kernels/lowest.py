@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from algorithms.shared.compiling import helper
-from algorithms.shared.sorting import first_at
+from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.sorting import first_at
 
 GROUP, MOST = 3.0, 12  # metres, points: of a group of low outliers
 SUPPORTER = 3  # points of a group that one supporter farther away weighs

@@ -1,0 +1,1 @@
+"""Compiled loops and what they share: sorting, threads, search trees, triangulation."""

@@ -17,7 +17,7 @@ ROUNDING = 1e-9  # by which bounds of distances are widened
 
 
 @helper
-def _distances(data, i, weights, away):  # type: ignore[no-untyped-def]
+def _distances(data, i, weights, away):
     """Fill in the squared distances of a point from all neurons."""
     x = data[i, 0]
     for j in range(len(away)):
@@ -29,7 +29,7 @@ def _distances(data, i, weights, away):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _two_nearest(away):  # type: ignore[no-untyped-def]
+def _two_nearest(away):
     """The nearest neuron and the second; of neurons equally near, the first."""
     best, second = 0, 0
     near, next_near = math.inf, math.inf
@@ -45,9 +45,7 @@ def _two_nearest(away):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def assign(  # type: ignore[no-untyped-def]
-    first, last, data, steps, weights, moved, most, best, upper, lower, sums, counts
-):
+def assign(first, last, data, steps, weights, moved, most, best, upper, lower, sums, counts):
     """Give some points their nearest neurons, and keep the sums over those of each neuron.
 
     A point is within `upper` of its neuron and not within `lower` of any other, as far as the
@@ -87,7 +85,7 @@ def assign(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def nearest(first, last, data, weights, best, second, distance):  # type: ignore[no-untyped-def]
+def nearest(first, last, data, weights, best, second, distance):
     """Fill in the two nearest neurons of some points, and the distance of the nearest."""
     away = np.empty(weights.shape[1])
     for i in range(first, last):
@@ -97,7 +95,7 @@ def nearest(first, last, data, weights, best, second, distance):  # type: ignore
 
 
 @njit(cache=True, nogil=True)
-def learn(order, data, pull, weights):  # type: ignore[no-untyped-def]
+def learn(order, data, pull, weights):
     """Let the neurons learn from points one after the other (in place).
 
     m_i(t + 1) = m_i(t) + h_ci(t) (x(t) - m_i(t)), where h_ci is the row of `pull` of the nearest

@@ -136,7 +136,7 @@ def can_walk(one: Array, other: Array, leash: float, ctx: Context = QUIET) -> bo
 
 
 @njit(cache=True, nogil=True)
-def free(x, y, ax, ay, bx, by, leash):  # type: ignore[no-untyped-def]
+def free(x, y, ax, ay, bx, by, leash):
     """From where to where, as shares, a segment is within the leash of a place; NaN for nowhere."""
     wx, wy, ux, uy = bx - ax, by - ay, x - ax, y - ay
     length = wx * wx + wy * wy
@@ -158,7 +158,7 @@ def free(x, y, ax, ay, bx, by, leash):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def first_row(place, other, leash, now):  # type: ignore[no-untyped-def]
+def first_row(place, other, leash, now):
     """What can be reached while the first line waits at its begin; first and last segment."""
     last = -1
     for j in range(len(other) - 1):
@@ -175,7 +175,7 @@ def first_row(place, other, leash, now):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def walk_rows(  # type: ignore[no-untyped-def]  # noqa: PLR0912
+def walk_rows(  # noqa: PLR0912
     one, other, leash, start, end, now, then, reach, bottom
 ):
     """Walk segments start..end of the first line.

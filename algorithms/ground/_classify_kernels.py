@@ -16,7 +16,7 @@ from algorithms.shared.kernels.compiling import helper
 
 
 @njit(cache=True, nogil=True)
-def steps(z, first, last, reach, slope, out):  # type: ignore[no-untyped-def]
+def steps(z, first, last, reach, slope, out):
     """The deepest step down from each cell to one within `reach`, beyond what `slope` explains."""
     rows, cols = z.shape
     for r in range(first, last):
@@ -32,7 +32,7 @@ def steps(z, first, last, reach, slope, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def sectors_seen(low, look, offsets, out):  # type: ignore[no-untyped-def]
+def sectors_seen(low, look, offsets, out):
     """In which sectors around each cell of a level there are data, as bits; see `_falls`."""
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
@@ -43,7 +43,7 @@ def sectors_seen(low, look, offsets, out):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _falls(r, c, highest, slope, lows, lowest, seen, look, offsets, way):  # type: ignore[no-untyped-def]
+def _falls(r, c, highest, slope, lows, lowest, seen, look, offsets, way):
     """Look around in 8 sectors; which hold data, and which a cell below `highest`, as bits.
 
     Of each such sector `way` receives where the cell is whose cone with `slope` is lowest here, in
@@ -77,7 +77,7 @@ def _falls(r, c, highest, slope, lows, lowest, seen, look, offsets, way):  # typ
 
 
 @helper
-def _is_abrupt(step, r, c, south, east, least):  # type: ignore[no-untyped-def]
+def _is_abrupt(step, r, c, south, east, least):
     """Whether there is a step of at least `least` on the straight way; `step` has cells of 2 m."""
     count = int(max(abs(south), abs(east)) / 2) + 1
     for t in range(count + 1):
@@ -88,9 +88,7 @@ def _is_abrupt(step, r, c, south, east, least):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def raised(  # type: ignore[no-untyped-def]
-    first, last, z, lows, lowest, far, look, offsets, slope, step, fall, least, share, out
-):
+def raised(first, last, z, lows, lowest, far, look, offsets, slope, step, fall, least, share, out):
     """The share of the sectors with data in which the terrain falls off abruptly from each cell.
 
     At least half the sectors are counted as having data. `far` are those with data at the coarsest
@@ -116,7 +114,7 @@ def raised(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def levelled(first, last, votes, z, reach, step, slope, out):  # type: ignore[no-untyped-def]
+def levelled(first, last, votes, z, reach, step, slope, out):
     """The mean of the votes around each cell, of cells that lie on about the same height."""
     rows, cols = z.shape
     for r in range(first, last):
@@ -134,7 +132,7 @@ def levelled(first, last, votes, z, reach, step, slope, out):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
-def gathered(z, surface, weight, level, weights, residuals):  # type: ignore[no-untyped-def]
+def gathered(z, surface, weight, level, weights, residuals):
     """Sums of the weights, and of weight times z - surface, over cells of 2**level m."""
     size = 1 << level
     for i in range(weights.shape[0]):
@@ -149,7 +147,7 @@ def gathered(z, surface, weight, level, weights, residuals):  # type: ignore[no-
 
 
 @njit(cache=True, nogil=True)
-def planes(first, last, weights, residuals, sigma, enough, stiff, out):  # type: ignore[no-untyped-def]
+def planes(first, last, weights, residuals, sigma, enough, stiff, out):
     """Height, at each cell, of the plane through the residuals around it.
 
     Weighted least squares in a Gaussian window of `sigma` cells; `stiff` (of the square of sigma)
@@ -208,7 +206,7 @@ def planes(first, last, weights, residuals, sigma, enough, stiff, out):  # type:
 
 
 @njit(cache=True, nogil=True)
-def add_bilinear(surface, coarse, level):  # type: ignore[no-untyped-def]
+def add_bilinear(surface, coarse, level):
     """Add to the surface another one with cells of 2**level m, read between their middles."""
     size = 1 << level
     rows, cols = coarse.shape
@@ -226,7 +224,7 @@ def add_bilinear(surface, coarse, level):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _between(surface, y, x):  # type: ignore[no-untyped-def]
+def _between(surface, y, x):
     """Bilinear height at row y and column x, and the slope there."""
     rows, cols = surface.shape
     i, j = min(int(y), rows - 2), min(int(x), cols - 2)
@@ -239,7 +237,7 @@ def _between(surface, y, x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def reweighted(z, candidate, surface, tolerance, slope_tolerance, below, weight):  # type: ignore[no-untyped-def]
+def reweighted(z, candidate, surface, tolerance, slope_tolerance, below, weight):
     """Weights of the candidates by their residual; those above the surface lose it sooner."""
     rows, cols = z.shape
     for r in range(rows):
@@ -255,7 +253,7 @@ def reweighted(z, candidate, surface, tolerance, slope_tolerance, below, weight)
 
 
 @njit(cache=True, nogil=True)
-def residuals(  # type: ignore[no-untyped-def]
+def residuals(
     first, last, xyz, metre, left, top, surface, tolerance, slope_tolerance, residual, allowed
 ):
     """Height over the surface in metres, and how much of it the slope there allows; NaN outside.

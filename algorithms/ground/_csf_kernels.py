@@ -26,7 +26,7 @@ BAND = 256  # columns: at least twice the reach of all steps that are made at on
 
 
 @njit(cache=True, nogil=True)
-def fall(first, last, spread, steps, awake, even, odd, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
+def fall(first, last, spread, steps, awake, even, odd, obstacle, drop, inertia):
     """Some steps of the bands first..last, or of the seams on their left.
 
     Parameters
@@ -59,7 +59,7 @@ def fall(first, last, spread, steps, awake, even, odd, obstacle, drop, inertia):
 
 
 @helper
-def _step_strip(row, left, right, awake, height, out, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
+def _step_strip(row, left, right, awake, height, out, obstacle, drop, inertia):
     """One step of what is awake in the columns left..right of a strip of rows."""
     last = min(row + STRIP, obstacle.shape[0])
     while left < right:
@@ -73,7 +73,7 @@ def _step_strip(row, left, right, awake, height, out, obstacle, drop, inertia): 
 
 
 @helper
-def _step_row(r, first, last, height, out, obstacle, drop, inertia):  # type: ignore[no-untyped-def]
+def _step_row(r, first, last, height, out, obstacle, drop, inertia):
     """Springs, gravity and inertia of one step in the columns first..last of a row.
 
     A particle goes half way to the mean of its 16 neighbours, keeps the share `inertia` of its
@@ -102,7 +102,7 @@ def _step_row(r, first, last, height, out, obstacle, drop, inertia):  # type: ig
 
 
 @helper
-def _continue_edges(height, row, first, last, rows, cols):  # type: ignore[no-untyped-def]
+def _continue_edges(height, row, first, last, rows, cols):
     """Let the rim repeat the nodes first..last of a row that are outermost."""
     here = height[row + REACH]
     for k in range(REACH):
@@ -121,7 +121,7 @@ def _continue_edges(height, row, first, last, rows, cols):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True)
-def movement(first, last, awake, height, before, still, moving):  # type: ignore[no-untyped-def]
+def movement(first, last, awake, height, before, still, moving):
     """Which tiles of the rows of tiles first..last have a particle that went more than `still`."""
     rows, cols = height.shape[0] - REACH, height.shape[1] - REACH
     for i in range(first, last):
@@ -135,7 +135,7 @@ def movement(first, last, awake, height, before, still, moving):  # type: ignore
 
 
 @njit(cache=True, nogil=True)
-def settle_slopes(height, obstacle, resting, steep, step, waiting):  # type: ignore[no-untyped-def]
+def settle_slopes(height, obstacle, resting, steep, step, waiting):
     """Let movable particles down beside `resting` ones, from the rim inwards (in place).
 
     A `steep` particle is let down on its obstacle where that lies within `step` of the obstacle
@@ -156,7 +156,7 @@ def settle_slopes(height, obstacle, resting, steep, step, waiting):  # type: ign
 
 
 @helper
-def _let_down(obstacle, resting, steep, step, row, col, waiting, count):  # type: ignore[no-untyped-def]
+def _let_down(obstacle, resting, steep, step, row, col, waiting, count):
     """Let the steep movable neighbours of a resting particle rest and note them as waiting."""
     for r, c in ((row - 1, col), (row + 1, col), (row, col - 1), (row, col + 1)):
         if 0 <= r < obstacle.shape[0] and 0 <= c < obstacle.shape[1]:
@@ -170,7 +170,7 @@ def _let_down(obstacle, resting, steep, step, row, col, waiting, count):  # type
 
 
 @njit(cache=True, nogil=True)
-def near_surface(first, last, xyz, heights, left, top, cell, threshold, near):  # type: ignore[no-untyped-def]
+def near_surface(first, last, xyz, heights, left, top, cell, threshold, near):
     """Whether each point is within threshold + slope x cell of the bilinear lattice, up or down.
 
     The lattice begins `left` and `top` cells from the origin of the coordinates; beyond its

@@ -25,7 +25,7 @@ class Limits(NamedTuple):
 
 
 @helper
-def _normal(mesh, z, t):  # type: ignore[no-untyped-def]
+def _normal(mesh, z, t):
     """Upward normal of facet t; twice its area in plan is the vertical part."""
     xy = mesh.xy
     a, b, c = mesh.triangles[t, 0], mesh.triangles[t, 1], mesh.triangles[t, 2]
@@ -35,7 +35,7 @@ def _normal(mesh, z, t):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _against(mesh, z, t, x, y, h):  # type: ignore[no-untyped-def]
+def _against(mesh, z, t, x, y, h):
     """Compare a place with facet t.
 
     Signed distance from its plane, greatest angle to its corners in degrees, steepest rise to
@@ -61,7 +61,7 @@ def _against(mesh, z, t, x, y, h):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _enters(mesh, z, t, x, y, h, limits, break_rise):  # type: ignore[no-untyped-def]
+def _enters(mesh, z, t, x, y, h, limits, break_rise):
     """Whether a point may enter facet t, and its distance from it."""
     distance, angle, steepest, longest, rise, top = _against(mesh, z, t, x, y, h)
     most = limits.angle
@@ -82,7 +82,7 @@ def _enters(mesh, z, t, x, y, h, limits, break_rise):  # type: ignore[no-untyped
 
 
 @helper
-def _enters_beyond(mesh, z, t, x, y, h, limits, angle, top):  # type: ignore[no-untyped-def]
+def _enters_beyond(mesh, z, t, x, y, h, limits, angle, top):
     """Mirror a point at corner `top` of facet t, in plan and height: is it on the surface there?
 
     On the other side of a break the surface may be known already. Mirrored in plan alone, plants
@@ -98,7 +98,7 @@ def _enters_beyond(mesh, z, t, x, y, h, limits, angle, top):  # type: ignore[no-
 
 
 @helper
-def _take_points(t, head, following, found, n):  # type: ignore[no-untyped-def]
+def _take_points(t, head, following, found, n):
     """List the points of facet t in `found` from n on, and empty the facet; how many now."""
     i = head[t]
     while i >= 0:
@@ -110,7 +110,7 @@ def _take_points(t, head, following, found, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def points_of(facets, head, following, found):  # type: ignore[no-untyped-def]
+def points_of(facets, head, following, found):
     """List the points of facets, and empty the facets; how many points there are."""
     n = 0
     for t in facets:
@@ -119,7 +119,7 @@ def points_of(facets, head, following, found):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def points_at_rim(mesh, real, head, following, found):  # type: ignore[no-untyped-def]
+def points_at_rim(mesh, real, head, following, found):
     """List the points of facets with a corner from `real` on, and empty them; how many."""
     n = 0
     for t in range(mesh.size[0]):
@@ -130,7 +130,7 @@ def points_at_rim(mesh, real, head, following, found):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True)
-def best_of_facets(  # type: ignore[no-untyped-def]
+def best_of_facets(
     mesh, z, points, entered, limits, break_rise, facet, head, following, best, lowest, chosen, n
 ):
     """Test points against the surface; per facet keep the lowest one that may enter.
@@ -161,7 +161,7 @@ def best_of_facets(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def against_facets(mesh, z, points, facet, seen):  # type: ignore[no-untyped-def]
+def against_facets(mesh, z, points, facet, seen):
     """Greatest angle to a corner of its facet (row 0 of `seen`), and distance, of each point."""
     t = np.int64(0)
     for k in range(len(points)):
@@ -176,7 +176,7 @@ def against_facets(mesh, z, points, facet, seen):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def take_out(mesh, gone, facet, head, following, found):  # type: ignore[no-untyped-def]
+def take_out(mesh, gone, facet, head, following, found):
     """Take the vertices marked in `gone` out; list the points of the facets that go.
 
     Goes through the triangles from the last to the first: those behind have no such vertex, and
@@ -196,7 +196,7 @@ def take_out(mesh, gone, facet, head, following, found):  # type: ignore[no-unty
 
 
 @helper
-def _remove(mesh, t, k, facet, head, following, found, n):  # type: ignore[no-untyped-def]
+def _remove(mesh, t, k, facet, head, following, found, n):
     """Take vertex k of triangle t out of the mesh; it must not be on the hull.
 
     The triangles around it leave a hole, from which corners are cut off where the circle of
@@ -237,7 +237,7 @@ def _remove(mesh, t, k, facet, head, following, found, n):  # type: ignore[no-un
 
 
 @helper
-def _is_ear(xy, corner, count, before, i, after):  # type: ignore[no-untyped-def]
+def _is_ear(xy, corner, count, before, i, after):
     """Whether corner i of a hole and those beside it make a triangle of the mesh."""
     a, b, c = corner[before], corner[i], corner[after]
     ax, ay, bx, by, cx, cy = xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1]
@@ -251,7 +251,7 @@ def _is_ear(xy, corner, count, before, i, after):  # type: ignore[no-untyped-def
 
 
 @helper
-def _join(mesh, s, a, t, b):  # type: ignore[no-untyped-def]
+def _join(mesh, s, a, t, b):
     """Make s and t neighbours across an edge that in s ends at a, and in t at b."""
     for k in range(3):
         if mesh.triangles[s, (k + 2) % 3] == a:
@@ -261,7 +261,7 @@ def _join(mesh, s, a, t, b):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _fill_gap(mesh, t, facet, head, following):  # type: ignore[no-untyped-def]
+def _fill_gap(mesh, t, facet, head, following):
     """Give the last triangle of the mesh, and its points, the number t."""
     mesh.size[0] -= 1
     last = mesh.size[0]
@@ -281,7 +281,7 @@ def _fill_gap(mesh, t, facet, head, following):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def join_patches(mesh, z, real, step, rise, first, last, group, walls, n):  # type: ignore[no-untyped-def]
+def join_patches(mesh, z, real, step, rise, first, last, group, walls, n):
     """Put vertices below `real` that an edge joins into one group, unless it is a wall.
 
     Looks at the triangles first to last. Walls climb more than `step` and steeper than `rise`.
@@ -308,7 +308,7 @@ def join_patches(mesh, z, real, step, rise, first, last, group, walls, n):  # ty
 
 
 @njit(cache=True, nogil=True)
-def patches_of(mesh, first, last, group, boxes):  # type: ignore[no-untyped-def]
+def patches_of(mesh, first, last, group, boxes):
     """Name the patch of each vertex, and widen its box (west, south, -east, -north)."""
     for v in range(first, last):
         group[v] = g = root(group, v)
@@ -318,9 +318,7 @@ def patches_of(mesh, first, last, group, boxes):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def near_surface(  # type: ignore[no-untyped-def]
-    xyz, first, cells, lowest, facet, mesh, z, tolerance, per_rise, near
-):
+def near_surface(xyz, first, cells, lowest, facet, mesh, z, tolerance, per_rise, near):
     """Whether points from `first` on, which lie within the ring, are near the surface.
 
     The search begins at the facet of the lowest point of the cell, if it has one.

@@ -21,7 +21,7 @@ STEEPEST = 1.0  # slope that still widens a threshold, rise over run
 
 
 @helper
-def _height_and_slope(surface, place, x, y):  # type: ignore[no-untyped-def]
+def _height_and_slope(surface, place, x, y):
     """Bilinear height between the known nodes around (x, y), and rise over run."""
     left, top, cell = place
     across, down = x / cell - left - 0.5, top - y / cell - 0.5
@@ -49,7 +49,7 @@ def _height_and_slope(surface, place, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def residuals(first, last, xyz, surface, place, residual, rise):  # type: ignore[no-untyped-def]
+def residuals(first, last, xyz, surface, place, residual, rise):
     """Height of the points above the surface, and what it rises there over one cell."""
     for i in range(first, last):
         height, slope = _height_and_slope(surface, place, xyz[i, 0], xyz[i, 1])
@@ -58,7 +58,7 @@ def residuals(first, last, xyz, surface, place, residual, rise):  # type: ignore
 
 
 @njit(cache=True, nogil=True)
-def interpolate(  # type: ignore[no-untyped-def]
+def interpolate(
     first, last, xyz, lowest, offset, place, trend, trend_place, half, relief, depth, rounds, out
 ):
     """Heights of the nodes in the rows first..last: the trend and a robust plane above it.
@@ -90,7 +90,7 @@ def interpolate(  # type: ignore[no-untyped-def]
 
 
 @helper
-def _window(xyz, lowest, offset, row, col, x, y, cell, points):  # type: ignore[no-untyped-def]
+def _window(xyz, lowest, offset, row, col, x, y, cell, points):
     """Collect the points around a node at (x, y) in the columns of `points`; their number.
 
     The rows of `points`: x and y from the node in cells, height above the trend, and a weight
@@ -113,7 +113,7 @@ def _window(xyz, lowest, offset, row, col, x, y, cell, points):  # type: ignore[
 
 
 @helper
-def _robust_plane(points, count, residual, half, depth, nugget, rounds):  # type: ignore[no-untyped-def]
+def _robust_plane(points, count, residual, half, depth, nugget, rounds):
     """Height at the node of a plane through the lower of the points; see :func:`_window`.
 
     Without a nugget there is no trend to begin with, so all points start out equal.
@@ -150,7 +150,7 @@ def _robust_plane(points, count, residual, half, depth, nugget, rounds):  # type
 
 
 @helper
-def _shift(residual, weight, count, depth):  # type: ignore[no-untyped-def]
+def _shift(residual, weight, count, depth):
     """Mean of the negative residuals: where in their histogram the ground lies."""
     total, mass = 0.0, 0.0
     for i in range(count):
@@ -161,7 +161,7 @@ def _shift(residual, weight, count, depth):  # type: ignore[no-untyped-def]
 
 
 @helper
-def robust_weight(residual, shift, half, depth):  # type: ignore[no-untyped-def]
+def robust_weight(residual, shift, half, depth):
     """1 up to the shift, 1/2 at a half width above it, 0 far above and far below."""
     if residual < -depth:
         return 0.0

@@ -15,7 +15,7 @@ SURE = 0.02  # least variance over the middle one, of points that are a plane fo
 
 
 @njit(cache=True, nogil=True)
-def keys(first, last, xyz, low, side, found):  # type: ignore[no-untyped-def]
+def keys(first, last, xyz, low, side, found):
     """Keys of places along a curve through all cells of an octree (Morton 1966)."""
     fine = (1 << LEVELS) / side
     top = (1 << LEVELS) - 1
@@ -28,7 +28,7 @@ def keys(first, last, xyz, low, side, found):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _spread(bits):  # type: ignore[no-untyped-def]
+def _spread(bits):
     """The low bits of a number, two zeros between each and the next."""
     bits &= np.uint64(0x1FFFFF)
     bits = (bits | bits << np.uint64(32)) & np.uint64(0x1F00000000FFFF)
@@ -39,7 +39,7 @@ def _spread(bits):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def leaves(sorted_keys, most, deepest, starts, levels):  # type: ignore[no-untyped-def]
+def leaves(sorted_keys, most, deepest, starts, levels):
     """Split cells until they hold at most `most` points or are `deepest` levels down.
 
     Fills in where the points of each leaf begin, and its level; returns their number.
@@ -67,7 +67,7 @@ def leaves(sorted_keys, most, deepest, starts, levels):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True)
-def at_two_scales(some, xyz, keys, starts, levels, found):  # type: ignore[no-untyped-def]
+def at_two_scales(some, xyz, keys, starts, levels, found):
     """Middle and least variance of the points of leaves, and of the cells that these are parts of.
 
     Parameters
@@ -88,7 +88,7 @@ def at_two_scales(some, xyz, keys, starts, levels, found):  # type: ignore[no-un
 
 
 @helper
-def _above(keys, start, stop, level):  # type: ignore[no-untyped-def]
+def _above(keys, start, stop, level):
     """The points of the cell of a level in which those of a smaller one lie."""
     if level < 0:
         return start, stop
@@ -99,7 +99,7 @@ def _above(keys, start, stop, level):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def describe(first, last, xyz, keys, starts, levels, up, centres, normals, spread, reach):  # type: ignore[no-untyped-def]
+def describe(first, last, xyz, keys, starts, levels, up, centres, normals, spread, reach):
     """Centre, normal and eigenvalues of leaves.
 
     A leaf with few points, or with points that are no plane, takes the normal of the cell around
@@ -140,7 +140,7 @@ def describe(first, last, xyz, keys, starts, levels, up, centres, normals, sprea
 
 
 @helper
-def _axes(xyz, start, stop):  # type: ignore[no-untyped-def]
+def _axes(xyz, start, stop):
     """Middle and least variance of some points about their plane, and its normal."""
     count = stop - start
     mx = my = mz = 0.0

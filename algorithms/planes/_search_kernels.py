@@ -16,7 +16,7 @@ GROUP = 32  # cells that are looked at together
 
 
 @njit(cache=True, nogil=True)
-def boxes(reach):  # type: ignore[no-untyped-def]
+def boxes(reach):
     """Lowest and highest coordinates of groups of cells, shape (groups, 6)."""
     found = np.empty((-(-len(reach) // GROUP), 6))
     found[:, :3], found[:, 3:] = np.inf, -np.inf
@@ -28,7 +28,7 @@ def boxes(reach):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _meets(box, plane, limit):  # type: ignore[no-untyped-def]
+def _meets(box, plane, limit):
     """Whether a box comes within a distance of a plane."""
     middle, half = -plane[3], limit
     for a in range(3):
@@ -38,7 +38,7 @@ def _meets(box, plane, limit):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _around(keys, levels, cell, up):  # type: ignore[no-untyped-def]
+def _around(keys, levels, cell, up):
     """The run of cells within the cell of the octree that is `up` levels above one."""
     level = levels[cell] - up
     if up <= 0 or level < 0:
@@ -51,7 +51,7 @@ def _around(keys, levels, cell, up):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def draw(chance, running, keys, levels, centres, normals, weights, cosine, cone, planes):  # type: ignore[no-untyped-def]
+def draw(chance, running, keys, levels, centres, normals, weights, cosine, cone, planes):
     """Planes through the centres of three cells drawn from one cell of the octree.
 
     The first cell is drawn by its weight, then how large the cell of the octree around it is, then
@@ -102,7 +102,7 @@ def draw(chance, running, keys, levels, centres, normals, weights, cosine, cone,
 
 
 @njit(cache=True, nogil=True)
-def score(first, last, planes, centres, normals, weights, group, limit, cosine, gains):  # type: ignore[no-untyped-def]
+def score(first, last, planes, centres, normals, weights, group, limit, cosine, gains):
     """How well cells support planes: the sum of weight * (1 - (distance / limit)**2).
 
     Groups of cells that are nowhere near a plane are passed over.
@@ -127,7 +127,7 @@ def score(first, last, planes, centres, normals, weights, group, limit, cosine, 
 
 
 @njit(cache=True, nogil=True)
-def support(plane, centres, normals, weights, group, limit, cosine, found):  # type: ignore[no-untyped-def]
+def support(plane, centres, normals, weights, group, limit, cosine, found):
     """Fill in which cells support a plane; returns their number."""
     x, y, z, offset = plane[0], plane[1], plane[2], plane[3]
     count = 0
@@ -145,7 +145,7 @@ def support(plane, centres, normals, weights, group, limit, cosine, found):  # t
 
 
 @njit(cache=True, nogil=True)
-def hits(some, cells, keys, levels, weights, member):  # type: ignore[no-untyped-def]
+def hits(some, cells, keys, levels, weights, member):
     """Chance that two cells drawn beside one of a plane are of the plane too, on average.
 
     Parameters
@@ -167,7 +167,7 @@ def hits(some, cells, keys, levels, weights, member):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True)
-def sums(cells, xyz, starts, free, plane, middle, limit, found):  # type: ignore[no-untyped-def]
+def sums(cells, xyz, starts, free, plane, middle, limit, found):
     """Sums over the free points of cells near a plane: 1, x, y, z, xx, xy, xz, yy, yz, zz.
 
     Coordinates are measured from `middle`.
@@ -193,7 +193,7 @@ def sums(cells, xyz, starts, free, plane, middle, limit, found):  # type: ignore
 
 
 @njit(cache=True, nogil=True)
-def weighted(xyz, part, plane, middle, limit, found):  # type: ignore[no-untyped-def]
+def weighted(xyz, part, plane, middle, limit, found):
     """The sums of :func:`sums` over some points, the nearer to the plane the more they count.
 
     The weight is Tukey's, (1 - (distance / limit)**2)**2, and 0 beyond the limit.
@@ -219,7 +219,7 @@ def weighted(xyz, part, plane, middle, limit, found):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True)
-def squares(cells, xyz, starts, free, plane, axes, limit, gap, found, owner):  # type: ignore[no-untyped-def]
+def squares(cells, xyz, starts, free, plane, axes, limit, gap, found, owner):
     """The squares of a grid on a plane that hold free points of cells near it.
 
     Squares that follow each other are written once. `owner` is the place in `cells` each is of.
@@ -242,7 +242,7 @@ def squares(cells, xyz, starts, free, plane, axes, limit, gap, found, owner):  #
 
 
 @helper
-def _square(place, axes, gap):  # type: ignore[no-untyped-def]
+def _square(place, axes, gap):
     """The number of the square of a grid in which a place lies."""
     u = axes[0, 0] * place[0] + axes[0, 1] * place[1] + axes[0, 2] * place[2]
     v = axes[1, 0] * place[0] + axes[1, 1] * place[1] + axes[1, 2] * place[2]
@@ -254,7 +254,7 @@ def _square(place, axes, gap):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def pieces(squares, groups):  # type: ignore[no-untyped-def]
+def pieces(squares, groups):
     """Which squares hang together, by their sides and corners and by their groups.
 
     Parameters
@@ -280,7 +280,7 @@ def pieces(squares, groups):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _join(parent, i, j):  # type: ignore[no-untyped-def]
+def _join(parent, i, j):
     a, b = root(parent, i), root(parent, j)
     if a < b:
         parent[b] = a
@@ -289,7 +289,7 @@ def _join(parent, i, j):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def take(plane, axes, limit, gap, squares, xyz, starts, reach, group, free, weights, counts):  # type: ignore[no-untyped-def]
+def take(plane, axes, limit, gap, squares, xyz, starts, reach, group, free, weights, counts):
     """Take the free points near a patch, and the weight off cells that lose most of theirs."""
     taken = 0
     for g in range(len(group)):
@@ -313,7 +313,7 @@ def take(plane, axes, limit, gap, squares, xyz, starts, reach, group, free, weig
 
 
 @njit(cache=True, nogil=True)
-def near(plane, axes, limit, gap, squares, xyz, starts, reach, group, free):  # type: ignore[no-untyped-def]
+def near(plane, axes, limit, gap, squares, xyz, starts, reach, group, free):
     """The number of free points near a patch."""
     count = 0
     for g in range(len(group)):
@@ -330,7 +330,7 @@ def near(plane, axes, limit, gap, squares, xyz, starts, reach, group, free):  # 
 
 
 @njit(cache=True, nogil=True)
-def over(xyz, axes, gap, squares):  # type: ignore[no-untyped-def]
+def over(xyz, axes, gap, squares):
     """Which places of shape (n, 3) lie over squares of a patch."""
     found = np.empty(len(xyz), np.bool_)
     for i in range(len(xyz)):
@@ -339,13 +339,13 @@ def over(xyz, axes, gap, squares):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _within(squares, key):  # type: ignore[no-untyped-def]
+def _within(squares, key):
     j = first_at(squares, key, 0, len(squares))
     return j < len(squares) and squares[j] == key
 
 
 @njit(cache=True, nogil=True)
-def assign(  # type: ignore[no-untyped-def]
+def assign(
     plane,
     axes,
     limit,
@@ -384,7 +384,7 @@ def assign(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def near_edges(  # type: ignore[no-untyped-def]
+def near_edges(
     plane,
     axes,
     tolerance,

@@ -13,7 +13,7 @@ MAD = 1.4826  # standard deviation of a normal distribution over its median abso
 
 
 @njit(cache=True, nogil=True)
-def lowest_means(mean, depth):  # type: ignore[no-untyped-def]
+def lowest_means(mean, depth):
     """The lowest mean distance among the points of every node, shape (2**(depth + 1),)."""
     n = len(mean)
     lowest = np.full(2 << depth, np.inf)
@@ -26,7 +26,7 @@ def lowest_means(mean, depth):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _lowest_around(box, depth, leaf, reach, lowest, held):  # type: ignore[no-untyped-def]
+def _lowest_around(box, depth, leaf, reach, lowest, held):
     """No neighbour within `reach` of any point of the leaf has a lower mean distance."""
     own = box[(1 << depth) + leaf]
     held[0], waiting, low = 1, 1, np.inf
@@ -47,7 +47,7 @@ def _lowest_around(box, depth, leaf, reach, lowest, held):  # type: ignore[no-un
 
 
 @helper
-def _median(values, count):  # type: ignore[no-untyped-def]
+def _median(values, count):
     """Median of the first values, which are sorted (in place; Shell 1959). np.median takes
     seconds to compile."""
     step = count // 2
@@ -63,7 +63,7 @@ def _median(values, count):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _side(xyz, own, near, values, found):  # type: ignore[no-untyped-def]
+def _side(xyz, own, near, values, found):
     """Whether a point is high or low noise, by the median height of its neighbours."""
     for j in range(found):
         values[j] = xyz[near[j], 2]
@@ -71,9 +71,7 @@ def _side(xyz, own, near, values, found):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def judge(  # type: ignore[no-untyped-def]
-    first_leaf, last_leaf, xyz, box, depth, mean, farthest, lowest, k, reach, rule, verdict
-):
+def judge(first_leaf, last_leaf, xyz, box, depth, mean, farthest, lowest, k, reach, rule, verdict):
     """Fill in the verdict on the points of some leaves.
 
     `rule` holds the threshold, the least deviation as a share of what is usual, and the least
@@ -117,7 +115,7 @@ def judge(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def sides(first, last, xyz, box, depth, noise, k, verdict):  # type: ignore[no-untyped-def]
+def sides(first, last, xyz, box, depth, noise, k, verdict):
     """Fill in whether each of some points, in the order of the tree, is low or high noise."""
     n = len(xyz)
     near, far, values = np.empty(k, np.int64), np.empty(k), np.empty(k)

@@ -7,7 +7,7 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def mark(first, last, order, starts, xyz, file, near, marks):  # type: ignore[no-untyped-def]
+def mark(first, last, order, starts, xyz, file, near, marks):
     """Mark the points of groups that are in an earlier file, too.
 
     Parameters

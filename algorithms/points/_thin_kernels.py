@@ -9,7 +9,7 @@ from algorithms.shared.kernels.compiling import helper
 
 
 @njit(cache=True, nogil=True)
-def number(first, last, codes, table, groups, size):  # type: ignore[no-untyped-def]
+def number(first, last, codes, table, groups, size):
     """Give the points from first to before last the number of their group, by a hash table.
 
     Parameters
@@ -37,7 +37,7 @@ def number(first, last, codes, table, groups, size):  # type: ignore[no-untyped-
 
 
 @helper
-def _same(codes, i, j):  # type: ignore[no-untyped-def]
+def _same(codes, i, j):
     for k in range(codes.shape[1]):  # noqa: SIM110  numba compiles loops, not generators
         if codes[i, k] != codes[j, k]:
             return False
@@ -45,7 +45,7 @@ def _same(codes, i, j):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def lowest(first, last, groups, key, xyz, rank, best):  # type: ignore[no-untyped-def]
+def lowest(first, last, groups, key, xyz, rank, best):
     """The point of each group with the lowest key; then x, y, z and rank decide.
 
     Parameters
@@ -68,13 +68,13 @@ def lowest(first, last, groups, key, xyz, rank, best):  # type: ignore[no-untype
 
 
 @helper
-def _order(a, b):  # type: ignore[no-untyped-def]
+def _order(a, b):
     """Below zero if a is lower, above if b is."""
     return -1 if a < b else int(a > b)
 
 
 @njit(cache=True, nogil=True)
-def add(first, last, groups, values, high, low, count):  # type: ignore[no-untyped-def]
+def add(first, last, groups, values, high, low, count):
     """Add values to the sums of their groups; what is no number (NaN) does not count.
 
     The sums, high + low, have twice the digits of a float, so that the order of the points does not

@@ -360,9 +360,7 @@ def _station_features(stations: Floats) -> Features:
 
 
 @njit(cache=True, nogil=True)
-def _first_face(  # type: ignore[no-untyped-def]
-    station, directions, luck, faces, everywhere, start, items, openings, first
-):
+def _first_face(station, directions, luck, faces, everywhere, start, items, openings, first):
     """Distance and face of the nearest hit of each ray; face -1 for the sky and dark rooms."""
     n, bays = len(directions), len(start) - 1
     distance = np.full(n, np.inf)
@@ -395,7 +393,7 @@ def _first_face(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _open(x, z, openings, first, bays):  # type: ignore[no-untyped-def]
+def _open(x, z, openings, first, bays):
     """True where the front wall has a hole."""
     bay = int(np.floor(x / BAY))
     if bay < 0 or bay >= bays:
@@ -408,7 +406,7 @@ def _open(x, z, openings, first, bays):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _meet(face, station, d):  # type: ignore[no-untyped-def]
+def _meet(face, station, d):
     """Distance along a ray to a face, inf where it misses."""
     e, f = face.e, face.f
     nx, ny, nz = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]

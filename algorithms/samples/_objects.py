@@ -205,7 +205,7 @@ def crown(
 
 
 @njit(cache=True, nogil=True)
-def _claim(taken, x, y, ux, uy, a, b):  # type: ignore[no-untyped-def]
+def _claim(taken, x, y, ux, uy, a, b):
     """Mark the 1 m cells of a turned rectangle unless one is marked or outside."""
     rows, cols = taken.shape
     reach = np.hypot(a, b)

@@ -7,7 +7,7 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def elevation(values, west, north, cell, x, y):  # type: ignore[no-untyped-def]
+def elevation(values, west, north, cell, x, y):
     """Bilinear elevation at one point."""
     rows, cols = values.shape
     u = min(max((x - west) / cell - 0.5, 0.0), cols - 1.0)
@@ -20,7 +20,7 @@ def elevation(values, west, north, cell, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def bilinear(values, west, north, cell, x, y):  # type: ignore[no-untyped-def]
+def bilinear(values, west, north, cell, x, y):
     """Bilinear elevation at many points."""
     z = np.empty(len(x))
     for i in range(len(x)):
@@ -29,7 +29,7 @@ def bilinear(values, west, north, cell, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def bucket(low, high, rows, cols):  # type: ignore[no-untyped-def]
+def bucket(low, high, rows, cols):
     """Objects per cell, as starts and items, from the column and row ranges of each object."""
     start = np.zeros(rows * cols + 1, np.int64)
     for i in range(len(low)):
@@ -48,7 +48,7 @@ def bucket(low, high, rows, cols):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def cell_of(x, y, west, south, cell, rows, cols):  # type: ignore[no-untyped-def]
+def cell_of(x, y, west, south, cell, rows, cols):
     """Number of the cell of a point, the border cells reaching to infinity."""
     col = min(max(int((x - west) / cell), 0), cols - 1)
     row = min(max(int((y - south) / cell), 0), rows - 1)
@@ -56,7 +56,7 @@ def cell_of(x, y, west, south, cell, rows, cols):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def first_hits(  # type: ignore[no-untyped-def]
+def first_hits(
     x0, y0, sx, sy, values, level, west, north, cell, blocks,
     start, items, left, south, size, rows, cols,
 ):  # fmt: skip
@@ -87,7 +87,7 @@ def first_hits(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def enter(block, x0, y0, sx, sy):  # type: ignore[no-untyped-def]
+def enter(block, x0, y0, sx, sy):
     """Height and facet where a ray enters a block, -inf where it misses.
 
     A block is convex: the ray is inside where a + b z <= 0 holds for all its half-spaces.
@@ -124,7 +124,7 @@ def enter(block, x0, y0, sx, sy):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def crown_width(shape, t):  # type: ignore[no-untyped-def]
+def crown_width(shape, t):
     """Radius of a crown of unit radius at share t of its height."""
     if shape == 0:
         return np.sqrt(max(0.0, 1 - (2 * t - 1) ** 2))
@@ -134,7 +134,7 @@ def crown_width(shape, t):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def chords(  # type: ignore[no-untyped-def]
+def chords(
     x0, y0, sx, sy, ground, crowns, start, items, left, south, size, rows, cols,
 ):  # fmt: skip
     """Entry and exit height of each ray in the highest crown that it meets; item -1 for none."""
@@ -162,7 +162,7 @@ def chords(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def strikes(  # type: ignore[no-untyped-def]
+def strikes(
     x0, y0, sx, sy, ground, rods, start, items, left, south, size, rows, cols,
 ):  # fmt: skip
     """All meetings of rays and rods: pulse, height of the rod's nearest point, rod."""
@@ -181,7 +181,7 @@ def strikes(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def approach(rod, x0, y0, sx, sy):  # type: ignore[no-untyped-def]
+def approach(rod, x0, y0, sx, sy):
     """Height of the point of a rod nearest to a ray, and their distance."""
     ex, ey, ez = rod.x2 - rod.x1, rod.y2 - rod.y1, rod.z2 - rod.z1
     dx, dy, dz = rod.x1 - x0, rod.y1 - y0, rod.z1

@@ -24,7 +24,7 @@ def random_keys(xyz: NDArray[np.float64], seed: int) -> NDArray[np.uint64]:
 
 
 @njit(cache=True, nogil=True)
-def _keys(bits, seed):  # type: ignore[no-untyped-def]
+def _keys(bits, seed):
     keys = np.empty(len(bits), np.uint64)
     for i in range(len(bits)):
         key = _mixed(seed)
@@ -35,7 +35,7 @@ def _keys(bits, seed):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _mixed(key):  # type: ignore[no-untyped-def]
+def _mixed(key):
     key += np.uint64(0x9E3779B97F4A7C15)
     key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

@@ -38,7 +38,7 @@ def averaged(xy: Array, values: Array, *, ctx: Context = QUIET) -> tuple[Array, 
 
 
 @njit(cache=True, nogil=True)
-def _settle(xy, values, order, first, last, places, means):  # type: ignore[no-untyped-def]
+def _settle(xy, values, order, first, last, places, means):
     """Average the places whose x begins in first..last of the order, and sort them by x, then y.
 
     Returns
@@ -69,7 +69,7 @@ def _settle(xy, values, order, first, last, places, means):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def _sort(y, values):  # type: ignore[no-untyped-def]
+def _sort(y, values):
     """Sort pairs by y, then value, in place (Shell 1959)."""
     gap = 1
     while gap < len(y) // 9:

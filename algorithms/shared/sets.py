@@ -6,7 +6,7 @@ from algorithms.shared.kernels.compiling import helper
 
 
 @helper
-def root(parent, i):  # type: ignore[no-untyped-def]
+def root(parent, i):
     """The number of the set that i is in; shortens the way for those who ask next."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]

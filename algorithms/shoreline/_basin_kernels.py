@@ -12,7 +12,7 @@ PUSHES = 8 * BLOCK  # that they may make
 
 
 @helper
-def _push(levels, items, size, level, item):  # type: ignore[no-untyped-def]
+def _push(levels, items, size, level, item):
     """Put an item on a heap, the one with the lowest level first (Williams 1964)."""
     i = size[0]
     size[0] += 1
@@ -23,7 +23,7 @@ def _push(levels, items, size, level, item):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _pop(levels, items, size):  # type: ignore[no-untyped-def]
+def _pop(levels, items, size):
     """Take the first item off a heap: its level and itself."""
     size[0] -= 1
     first, last = (levels[0], items[0]), (levels[size[0]], items[size[0]])
@@ -41,7 +41,7 @@ def _pop(levels, items, size):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def flood_facets(triangles, neighbours, z, low, used, joined, levels, items, size):  # type: ignore[no-untyped-def]
+def flood_facets(triangles, neighbours, z, low, used, joined, levels, items, size):
     """Spread water over triangles, always where it is lowest; whether there is more to do.
 
     Water gets from one triangle to the next at the lower end of the edge between them.
@@ -72,7 +72,7 @@ def flood_facets(triangles, neighbours, z, low, used, joined, levels, items, siz
 
 
 @njit(cache=True, nogil=True)
-def flood_cells(heights, used, joined, levels, items, size):  # type: ignore[no-untyped-def]
+def flood_cells(heights, used, joined, levels, items, size):
     """The same from cell to cell of a raster, and to the four across a corner.
 
     Arrays of shape (rows, cols); cells are numbered row by row. Water is at a cell above its
@@ -103,7 +103,7 @@ def flood_cells(heights, used, joined, levels, items, size):  # type: ignore[no-
 
 
 @helper
-def _below(a, b, c, level):  # type: ignore[no-untyped-def]
+def _below(a, b, c, level):
     """Share of a triangle below a level between its heights a <= b <= c, and its mean depth."""
     if level <= b:
         share = (level - a) / (b - a) * ((level - a) / (c - a))
@@ -113,7 +113,7 @@ def _below(a, b, c, level):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def add_block(triangles, z, areas, joined, levels, first, last, sums):  # type: ignore[no-untyped-def]
+def add_block(triangles, z, areas, joined, levels, first, last, sums):
     """Add triangles first..last to the sums.
 
     Parameters

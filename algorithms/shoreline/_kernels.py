@@ -9,7 +9,7 @@ NEIGHBOURS = ((-1, 0), (0, -1), (0, 1), (1, 0))  # of a cell: water does not cre
 
 
 @njit(cache=True, nogil=True)
-def gather(cells, z, intensity, is_water, low, count, bright, water):  # type: ignore[no-untyped-def]
+def gather(cells, z, intensity, is_water, low, count, bright, water):
     """Enter points: lowest height, number, sum of intensities, number of class water."""
     for i in range(len(cells)):
         k = cells[i]
@@ -20,7 +20,7 @@ def gather(cells, z, intensity, is_water, low, count, bright, water):  # type: i
 
 
 @njit(cache=True, nogil=True)
-def surroundings(low, first, last, reach, middle, spread, known):  # type: ignore[no-untyped-def]
+def surroundings(low, first, last, reach, middle, spread, known):
     """Median, 20 to 80 % spread and number of the heights within `reach` cells of each cell."""
     rows, cols = low.shape
     held = np.empty((2 * reach + 1) ** 2, low.dtype)
@@ -40,7 +40,7 @@ def surroundings(low, first, last, reach, middle, spread, known):  # type: ignor
 
 
 @njit(cache=True, nogil=True)
-def spread(heights, middle, level, below, most_lower, starts, state, stack):  # type: ignore[no-untyped-def]
+def spread(heights, middle, level, below, most_lower, starts, state, stack):
     """Let water spread from cells at its level to all it can reach; how many cells, how many lower.
 
     A cell is reached when its height is at most the level; `heights` is infinite on land and

@@ -88,7 +88,7 @@ def buckets(xy: Array, cells: int, *, ctx: Context = QUIET) -> Buckets:
 
 
 @njit(cache=True, nogil=True)
-def _count(xy, west, south, size, rows, cols):  # type: ignore[no-untyped-def]
+def _count(xy, west, south, size, rows, cols):
     """Where the points of each square would begin."""
     starts = np.zeros(rows * cols + 1, np.int64)
     for i in range(len(xy)):
@@ -99,7 +99,7 @@ def _count(xy, west, south, size, rows, cols):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _fill(xy, west, south, size, cols, starts):  # type: ignore[no-untyped-def]
+def _fill(xy, west, south, size, cols, starts):
     """Indices of the points, square by square."""
     order, free = np.empty(len(xy), np.int32), starts[:-1].copy()
     for i in range(len(xy)):
@@ -110,7 +110,7 @@ def _fill(xy, west, south, size, cols, starts):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _gather(xy, order, first, last, out):  # type: ignore[no-untyped-def]
+def _gather(xy, order, first, last, out):
     """Fill in the points first..last of the order."""
     for i in range(first, last):
         out[i, 0], out[i, 1] = xy[order[i], 0], xy[order[i], 1]
@@ -177,7 +177,7 @@ def left_out(there: Buckets, values: Array, weighting: Weighting, *, ctx: Contex
 
 
 @njit(cache=True, nogil=True)
-def _weigh_cells(  # type: ignore[no-untyped-def]
+def _weigh_cells(
     there, values, first, last, xs, ys, cell, weighting, max_gap, surface, used, nearest
 ):
     """Fill in the rows first..last."""
@@ -196,7 +196,7 @@ def _weigh_cells(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _leave_out(there, values, first, last, weighting, squares):  # type: ignore[no-untyped-def]
+def _leave_out(there, values, first, last, weighting, squares):
     """Fill in the points first..last of the buckets."""
     k = weighting.neighbours
     most, far, near = np.empty(k), np.empty(4 * k + 64), np.empty(4 * k + 64, np.int32)
@@ -208,7 +208,7 @@ def _leave_out(there, values, first, last, weighting, squares):  # type: ignore[
 
 
 @njit(cache=True, nogil=True)
-def _mean(values, near, far, found, weighting):  # type: ignore[no-untyped-def]
+def _mean(values, near, far, found, weighting):
     """Weighted mean of points at squared distances, the nearest first."""
     least = far[0] + weighting.smoothing**2
     if least == 0.0:
@@ -223,7 +223,7 @@ def _mean(values, near, far, found, weighting):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _search(there, x, y, own, reach, bound, most, far, near):  # type: ignore[no-untyped-def]
+def _search(there, x, y, own, reach, bound, most, far, near):
     """Find the len(most) points nearest to a place, but for point `own`, within `reach`.
 
     Parameters
@@ -280,7 +280,7 @@ def _search(there, x, y, own, reach, bound, most, far, near):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
-def _lower(square, most):  # type: ignore[no-untyped-def]
+def _lower(square, most):
     """Sort a number into the least so far, the largest first.
 
     All places are worked out without a branch, which the processor does in parallel.
@@ -293,7 +293,7 @@ def _lower(square, most):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _first(found, most, reach, far, near):  # type: ignore[no-untyped-def]
+def _first(found, most, reach, far, near):
     """Keep the nearest, in order; of equally near ones those that are first by number."""
     kept = 0
     for k in range(found):
@@ -310,7 +310,7 @@ def _first(found, most, reach, far, near):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _enough(there, x, y, wanted):  # type: ignore[no-untyped-def]
+def _enough(there, x, y, wanted):
     """A distance within which there are as many points as wanted; inf if there are not."""
     _, _, starts, west, south, size, rows, cols = there
     col = min(max(math.floor((x - west) / size), 0), cols - 1)

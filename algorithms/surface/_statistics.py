@@ -72,7 +72,7 @@ def per_cell(
 
 
 @njit(cache=True, nogil=True)
-def _count(cells, starts):  # type: ignore[no-untyped-def]
+def _count(cells, starts):
     """Where the points of each cell begin; -1 is no cell."""
     for i in range(len(cells)):
         if cells[i] >= 0:
@@ -82,7 +82,7 @@ def _count(cells, starts):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _gather(cells, values, starts):  # type: ignore[no-untyped-def]
+def _gather(cells, values, starts):
     """The values, cell by cell."""
     found, free = np.empty(starts[-1]), starts[:-1].copy()
     for i in range(len(cells)):
@@ -93,7 +93,7 @@ def _gather(cells, values, starts):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _summarise(values, starts, first, last, kind, share, surface):  # type: ignore[no-untyped-def]
+def _summarise(values, starts, first, last, kind, share, surface):
     """Fill in the cells first..last; sorts their values, so that sums have one order."""
     for cell in range(first, last):
         here = values[starts[cell] : starts[cell + 1]]
@@ -108,7 +108,7 @@ def _summarise(values, starts, first, last, kind, share, surface):  # type: igno
 
 
 @njit(cache=True, nogil=True)
-def _sort(values):  # type: ignore[no-untyped-def]
+def _sort(values):
     if len(values) > 32:
         values.sort()
     else:
@@ -116,7 +116,7 @@ def _sort(values):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _quantile(values, share):  # type: ignore[no-untyped-def]
+def _quantile(values, share):
     """Of sorted values; between two of them in proportion."""
     place = share * (len(values) - 1)
     i = int(place)
@@ -126,7 +126,7 @@ def _quantile(values, share):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _moment(values, kind):  # type: ignore[no-untyped-def]
+def _moment(values, kind):
     """Mean or standard deviation of sorted values; seen from the lowest, to keep the digits."""
     low, total, squares = values[0], 0.0, 0.0
     for value in values:

@@ -32,7 +32,7 @@ CLOSE = 1e-6  # cells: what rounding may move; candidates this close are put to 
 
 
 @njit(cache=True, nogil=True)
-def _turned(triangles, t):  # type: ignore[no-untyped-def]
+def _turned(triangles, t):
     """Vertices of a triangle, counter-clockwise from the first by number."""
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
     if b < a and b < c:
@@ -43,7 +43,7 @@ def _turned(triangles, t):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _squared_radius(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
+def _squared_radius(ax, ay, bx, by, cx, cy):
     """Of the circle through three places."""
     ab = (bx - ax) ** 2 + (by - ay) ** 2
     bc = (cx - bx) ** 2 + (cy - by) ** 2
@@ -53,7 +53,7 @@ def _squared_radius(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _is_gap(xy, triangles, t, limit):  # type: ignore[no-untyped-def]
+def _is_gap(xy, triangles, t, limit):
     """Whether the empty circle of a triangle is larger than the limit."""
     if np.isinf(limit):
         return False
@@ -63,7 +63,7 @@ def _is_gap(xy, triangles, t, limit):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _crossing(ax, ay, bx, by, y, low, high):  # type: ignore[no-untyped-def]
+def _crossing(ax, ay, bx, by, y, low, high):
     """Widen low..high by what an edge has at height y."""
     if min(ay, by) <= y <= max(ay, by):
         x = ax if ay == by else ax + (y - ay) / (by - ay) * (bx - ax)
@@ -73,7 +73,7 @@ def _crossing(ax, ay, bx, by, y, low, high):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def draw(xy, triangles, first, last, limit, xs, ys, cell, facet):  # type: ignore[no-untyped-def]
+def draw(xy, triangles, first, last, limit, xs, ys, cell, facet):
     """Enter triangles first..last, if they are no gaps, into the cells whose centre they hold.
 
     Of two triangles with a centre on their common edge either may be entered.
@@ -111,7 +111,7 @@ def draw(xy, triangles, first, last, limit, xs, ys, cell, facet):  # type: ignor
 
 
 @njit(cache=True, nogil=True)
-def _weights(xy, a, b, c, x, y):  # type: ignore[no-untyped-def]
+def _weights(xy, a, b, c, x, y):
     """Barycentric weights; one is 0 exactly where the place is on the opposite edge."""
     ax, ay, bx, by, cx, cy = xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1]
     area = orient(ax, ay, bx, by, cx, cy)
@@ -122,7 +122,7 @@ def _weights(xy, a, b, c, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _edge(a, b, c, u, v, w):  # type: ignore[no-untyped-def]
+def _edge(a, b, c, u, v, w):
     """The ends, in rising order, of the edge that a place is on; twice the vertex; or -1, -1."""
     if u == 0.0:
         i, j = (c if v == 0.0 else b), (b if w == 0.0 else c)
@@ -136,14 +136,14 @@ def _edge(a, b, c, u, v, w):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _share(xy, i, j, x, y):  # type: ignore[no-untyped-def]
+def _share(xy, i, j, x, y):
     """How far along the edge from i to j a place is, 0..1."""
     dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
     return (x - xy[i, 0]) / dx if abs(dx) >= abs(dy) else (y - xy[i, 1]) / dy
 
 
 @njit(cache=True, nogil=True)
-def _on_facet(xy, values, triangles, t, x, y):  # type: ignore[no-untyped-def]
+def _on_facet(xy, values, triangles, t, x, y):
     """Linear interpolation in triangle t."""
     a, b, c = _turned(triangles, t)
     u, v, w = _weights(xy, a, b, c, x, y)
@@ -154,7 +154,7 @@ def _on_facet(xy, values, triangles, t, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def linear(xy, values, triangles, facet, first, last, xs, ys, surface):  # type: ignore[no-untyped-def]
+def linear(xy, values, triangles, facet, first, last, xs, ys, surface):
     """Fill in the columns first..last where there is a triangle."""
     for row in range(len(ys)):
         for col in range(first, last):
@@ -167,7 +167,7 @@ def linear(xy, values, triangles, facet, first, last, xs, ys, surface):  # type:
 
 
 @njit(cache=True, nogil=True)
-def _cavity(xy, triangles, neighbours, t, x, y, waiting, rim):  # type: ignore[no-untyped-def]
+def _cavity(xy, triangles, neighbours, t, x, y, waiting, rim):
     """Find the triangles whose circle holds a place that lies in triangle t, and their rim.
 
     Edges are numbered 4 t + k, edge k being opposite vertex k. The rim is found in order,
@@ -202,7 +202,7 @@ def _cavity(xy, triangles, neighbours, t, x, y, waiting, rim):  # type: ignore[n
 
 
 @njit(cache=True, nogil=True)
-def _centre(ax, ay, bx, by):  # type: ignore[no-untyped-def]
+def _centre(ax, ay, bx, by):
     """Of the circle through the origin, a and b; infinitely far if they are on a line."""
     aa, bb, twice = ax * ax + ay * ay, bx * bx + by * by, 2.0 * (ax * by - ay * bx)
     if twice == 0.0:
@@ -211,7 +211,7 @@ def _centre(ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _stolen(xy, triangles, neighbours, x, y, rim, i, here, there):  # type: ignore[no-untyped-def]
+def _stolen(xy, triangles, neighbours, x, y, rim, i, here, there):
     """What a place takes from the Voronoi cell of the vertex between rim edges i and i + 1.
 
     It is a polygon: from the centre `here` of the circle through the place and rim edge i, along
@@ -235,7 +235,7 @@ def _stolen(xy, triangles, neighbours, x, y, rim, i, here, there):  # type: igno
 
 
 @njit(cache=True, nogil=True)
-def _rim_centre(xy, triangles, x, y, edge):  # type: ignore[no-untyped-def]
+def _rim_centre(xy, triangles, x, y, edge):
     """Of the circle through a place and both ends of a rim edge, seen from the place."""
     t, k = edge >> 2, edge & 3
     a, b = triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
@@ -243,7 +243,7 @@ def _rim_centre(xy, triangles, x, y, edge):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def natural(xy, values, triangles, neighbours, limit, facet, first, last, xs, ys, surface, used):  # type: ignore[no-untyped-def]
+def natural(xy, values, triangles, neighbours, limit, facet, first, last, xs, ys, surface, used):
     """Fill in the columns first..last: the mean of the neighbours by what the centre takes of them.
 
     A cell stays empty if a corner of the Voronoi cell of its centre is beyond the limit.
@@ -284,7 +284,7 @@ def natural(xy, values, triangles, neighbours, limit, facet, first, last, xs, ys
 
 
 @njit(cache=True, nogil=True)
-def _at_hull(triangles, neighbours, t, i, j):  # type: ignore[no-untyped-def]
+def _at_hull(triangles, neighbours, t, i, j):
     """Whether there is nothing beyond the edge of triangle t between vertices i and j."""
     for k in range(3):
         if triangles[t, k] not in (i, j):
@@ -293,7 +293,7 @@ def _at_hull(triangles, neighbours, t, i, j):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _begin_with_first(triangles, rim, count):  # type: ignore[no-untyped-def]
+def _begin_with_first(triangles, rim, count):
     """Turn the rim so that its first edge begins at the first vertex by number."""
     start, lowest = 0, -1
     for e in range(count):
@@ -308,7 +308,7 @@ def _begin_with_first(triangles, rim, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def edges(xy, triangles, neighbours, limit, starts):  # type: ignore[no-untyped-def]
+def edges(xy, triangles, neighbours, limit, starts):
     """The vertices at the other ends of the edges of each vertex, in rising order.
 
     Those of vertex i are ends[starts[i] : starts[i + 1]]; edges of gaps are left out.
@@ -340,7 +340,7 @@ def edges(xy, triangles, neighbours, limit, starts):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, nogil=True)
-def planes(xy, values, starts, ends, first, last, ways, inverse, plane):  # type: ignore[no-untyped-def]
+def planes(xy, values, starts, ends, first, last, ways, inverse, plane):
     """Prepare the gradients of vertices first..last.
 
     `ways` takes the direction of each edge, weighted by its length to the power of -3/2;
@@ -366,7 +366,7 @@ def planes(xy, values, starts, ends, first, last, ways, inverse, plane):  # type
 
 
 @njit(cache=True, nogil=True)
-def relax(starts, ends, ways, inverse, plane, first, last, weight, old, new):  # type: ignore[no-untyped-def]
+def relax(starts, ends, ways, inverse, plane, first, last, weight, old, new):
     """One step for the gradients of vertices first..last: those that bend their edges least.
 
     Edges are the cubic curves that the values and gradients of both ends make. `old` holds the
@@ -385,7 +385,7 @@ def relax(starts, ends, ways, inverse, plane, first, last, weight, old, new):  #
 
 
 @njit(cache=True, nogil=True)
-def _tilt(xy, triangles, neighbours, limit, t, i, a, b, c):  # type: ignore[no-untyped-def]
+def _tilt(xy, triangles, neighbours, limit, t, i, a, b, c):
     """Where the derivative across the edge bc is linear: the direction to the apex beyond it.
 
     i is the vertex a as it stands in triangle t. The coefficient `g` of Alfeld's construction;
@@ -404,7 +404,7 @@ def _tilt(xy, triangles, neighbours, limit, t, i, a, b, c):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def _along(xy, values, gradients, i, j):  # type: ignore[no-untyped-def]
+def _along(xy, values, gradients, i, j):
     """The two inner control values of the cubic curve on the edge from i to j."""
     dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
     return (
@@ -414,7 +414,7 @@ def _along(xy, values, gradients, i, j):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _on_curve(xy, values, gradients, i, j, x, y):  # type: ignore[no-untyped-def]
+def _on_curve(xy, values, gradients, i, j, x, y):
     """The cubic curve on the edge from i to j, or the value at the vertex where both are one."""
     if i == j:
         return values[i]
@@ -425,7 +425,7 @@ def _on_curve(xy, values, gradients, i, j, x, y):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def _on_piece(xy, values, gradients, triangles, neighbours, limit, t, x, y):  # type: ignore[no-untyped-def]
+def _on_piece(xy, values, gradients, triangles, neighbours, limit, t, x, y):
     """The cubic surface in triangle t, in the Bernstein form of its three parts.
 
     Names say how often a vertex counts: c210 belongs to twice the first and once the second,
@@ -465,14 +465,14 @@ def _on_piece(xy, values, gradients, triangles, neighbours, limit, t, x, y):  # 
 
 
 @njit(cache=True, nogil=True)
-def _across(g, p, pq, qp, q, inner_p, inner_q):  # type: ignore[no-untyped-def]
+def _across(g, p, pq, qp, q, inner_p, inner_q):
     """Control value beside the middle of an edge p..q that makes the seam smooth."""
     bend = g * (-p + 3.0 * pq - 3.0 * qp + q)
     return (bend - p + 2.0 * pq - qp + inner_p + inner_q) / 2.0
 
 
 @njit(cache=True, nogil=True)
-def cubic(xy, values, gradients, triangles, neighbours, limit, facet, first, last, xs, ys, surface):  # type: ignore[no-untyped-def]
+def cubic(xy, values, gradients, triangles, neighbours, limit, facet, first, last, xs, ys, surface):
     """Fill in the columns first..last where there is a triangle."""
     for row in range(len(ys)):
         for col in range(first, last):
@@ -487,7 +487,7 @@ def cubic(xy, values, gradients, triangles, neighbours, limit, facet, first, las
 
 
 @njit(cache=True, nogil=True)
-def triangle_of_each(triangles, n):  # type: ignore[no-untyped-def]
+def triangle_of_each(triangles, n):
     """A triangle at each vertex, -1 where there is none; shape (n,)."""
     found = np.full(n, -1, np.int32)
     for t in range(len(triangles)):
@@ -497,7 +497,7 @@ def triangle_of_each(triangles, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _ring(xy, triangles, neighbours, limit, t, vertex, ring):  # type: ignore[no-untyped-def]
+def _ring(xy, triangles, neighbours, limit, t, vertex, ring):
     """The neighbours of a vertex, counter-clockwise; how many, or 0 at the hull and at gaps."""
     begin, count = t, 0
     while t >= 0 and not _is_gap(xy, triangles, t, limit):
@@ -513,7 +513,7 @@ def _ring(xy, triangles, neighbours, limit, t, vertex, ring):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
-def _holds(xy, a, b, c, x, y):  # type: ignore[no-untyped-def]
+def _holds(xy, a, b, c, x, y):
     """Whether a place is in the counter-clockwise triangle abc or on its edges."""
     return (
         orient(xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1]) > 0.0
@@ -524,7 +524,7 @@ def _holds(xy, a, b, c, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _without(xy, ring, count, x, y):  # type: ignore[no-untyped-def]
+def _without(xy, ring, count, x, y):
     """The Delaunay triangle of the ring of a vertex that holds the place of the vertex.
 
     Begins with any that does. While a vertex of the ring lies within its circle, one of the
@@ -553,7 +553,7 @@ def _without(xy, ring, count, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def left_out(xy, values, triangles, neighbours, limit, of_each, first, last, squares):  # type: ignore[no-untyped-def]
+def left_out(xy, values, triangles, neighbours, limit, of_each, first, last, squares):
     """Squared differences of vertices first..last from the facet that is there without them.
 
     NaN at the hull and at gaps.

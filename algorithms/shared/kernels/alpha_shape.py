@@ -17,7 +17,7 @@ from algorithms.shared.sets import root
 
 
 @njit(cache=True, nogil=True)
-def radii_block(xy, triangles, first, last, radii):  # type: ignore[no-untyped-def]
+def radii_block(xy, triangles, first, last, radii):
     """Write the radii of the circles around triangles first..last: abc / (4 area)."""
     for t in range(first, last):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -31,7 +31,7 @@ def radii_block(xy, triangles, first, last, radii):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True)
-def areas_block(xy, triangles, first, last, areas):  # type: ignore[no-untyped-def]
+def areas_block(xy, triangles, first, last, areas):
     """Write the areas of triangles first..last."""
     for t in range(first, last):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -39,7 +39,7 @@ def areas_block(xy, triangles, first, last, areas):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True)
-def covering_radius(triangles, radii, least):  # type: ignore[no-untyped-def]
+def covering_radius(triangles, radii, least):
     """The least limit at which each vertex has a triangle with a radius within it.
 
     `least`, of shape (n,), comes filled with infinity.
@@ -55,7 +55,7 @@ def covering_radius(triangles, radii, least):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def patches(neighbours, kept):  # type: ignore[no-untyped-def]
+def patches(neighbours, kept):
     """Number the patches of triangles that are joined by edges and all kept, or all not.
 
     Returns
@@ -83,7 +83,7 @@ def patches(neighbours, kept):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def one_piece(neighbours, radii, order, node, nodes, pieces, slack):  # type: ignore[no-untyped-def]
+def one_piece(neighbours, radii, order, node, nodes, pieces, slack):
     """The radius at which the triangles first are one piece, when added one by one.
 
     Parameters
@@ -112,7 +112,7 @@ def one_piece(neighbours, radii, order, node, nodes, pieces, slack):  # type: ig
 
 
 @njit(cache=True, nogil=True)
-def owners(triangles, rank, owner):  # type: ignore[no-untyped-def]
+def owners(triangles, rank, owner):
     """Write the lowest rank of the triangles at each vertex; `owner` comes filled with a higher."""
     for t in range(len(triangles)):
         if rank[t] >= 0:
@@ -121,14 +121,14 @@ def owners(triangles, rank, owner):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _is_rim(neighbours, kept, t, k):  # type: ignore[no-untyped-def]
+def _is_rim(neighbours, kept, t, k):
     """Whether nothing is kept beyond edge k of triangle t."""
     n = neighbours[t, k]
     return n < 0 or not kept[n]
 
 
 @njit(cache=True, nogil=True)
-def count_rim(neighbours, kept):  # type: ignore[no-untyped-def]
+def count_rim(neighbours, kept):
     """Number of edges around the kept triangles."""
     count = 0
     for t in range(len(kept)):
@@ -139,7 +139,7 @@ def count_rim(neighbours, kept):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def trace(xy, triangles, neighbours, kept, length):  # type: ignore[no-untyped-def]
+def trace(xy, triangles, neighbours, kept, length):
     """The rings around the kept triangles, which are on the left of each.
 
     From the end of an edge the way goes on around the kept triangles at that vertex, so that a
@@ -190,7 +190,7 @@ def trace(xy, triangles, neighbours, kept, length):  # type: ignore[no-untyped-d
 
 
 @helper
-def _emit(xy, loop, place, corners, first):  # type: ignore[no-untyped-def]
+def _emit(xy, loop, place, corners, first):
     """Write a ring from its lowest (x, y), and forget the places; twice its area."""
     low, twice = 0, 0.0
     x0, y0 = xy[loop[0], 0], xy[loop[0], 1]

@@ -26,7 +26,7 @@ SEEN = 16  # points noted while searching, for each one that is wanted
 
 
 @njit(cache=True, nogil=True)
-def nearest(first_leaf, last_leaf, xyz, box, depth, k, reach, found):  # type: ignore[no-untyped-def]
+def nearest(first_leaf, last_leaf, xyz, box, depth, k, reach, found):
     """Fill in `found` (ROWS, points of the leaves) from the k nearest, all nearer than `reach`."""
     n = len(xyz)
     far, near, near_far = np.empty(k), np.empty(k, np.int64), np.empty(k)
@@ -60,7 +60,7 @@ def nearest(first_leaf, last_leaf, xyz, box, depth, k, reach, found):  # type: i
 
 
 @helper
-def _keep(limit, count, seen, seen_far):  # type: ignore[no-untyped-def]
+def _keep(limit, count, seen, seen_far):
     """Keep of the points noted those not farther than the limit (squared); their number."""
     kept = 0
     for j in range(count):
@@ -71,7 +71,7 @@ def _keep(limit, count, seen, seen_far):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _farthest(squared, count):  # type: ignore[no-untyped-def]
+def _farthest(squared, count):
     """The largest of the first distances."""
     most = 0.0
     for j in range(count):
@@ -80,7 +80,7 @@ def _farthest(squared, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def within(first_leaf, last_leaf, xyz, box, depth, reach, found):  # type: ignore[no-untyped-def]
+def within(first_leaf, last_leaf, xyz, box, depth, reach, found):
     """Fill in `found` (ROWS, points of the leaves) from all points nearer than `reach`."""
     n, limit = len(xyz), reach * reach
     leaves, near = np.empty(64, np.int64), np.empty(0, np.int64)
@@ -105,7 +105,7 @@ def within(first_leaf, last_leaf, xyz, box, depth, reach, found):  # type: ignor
 
 
 @helper
-def _leaves_near(box, depth, leaf, limit, leaves, held):  # type: ignore[no-untyped-def]
+def _leaves_near(box, depth, leaf, limit, leaves, held):
     """Nodes of the leaves that may hold points near those of a leaf, and how many there are."""
     own = box[(1 << depth) + leaf]
     held[0], waiting, count = 1, 1, 0
@@ -134,7 +134,7 @@ def _leaves_near(box, depth, leaf, limit, leaves, held):  # type: ignore[no-unty
 
 
 @helper
-def _describe(xyz, own, near, count, reach, row):  # type: ignore[no-untyped-def]
+def _describe(xyz, own, near, count, reach, row):
     """Fill in a row from a point and its neighbours, none farther than `reach`."""
     fine = FINE / reach if reach > 0.0 else 0.0
     east, north, up = xyz[own, 0], xyz[own, 1], xyz[own, 2]
@@ -166,18 +166,18 @@ def _describe(xyz, own, near, count, reach, row):  # type: ignore[no-untyped-def
 
 
 @helper
-def _cross(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
+def _cross(ax, ay, az, bx, by, bz):
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 @helper
-def _unit(x, y, z):  # type: ignore[no-untyped-def]
+def _unit(x, y, z):
     length = math.sqrt(x * x + y * y + z * z)
     return x / length, y / length, z / length
 
 
 @helper
-def eigen(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
+def eigen(xx, xy, xz, yy, yz, zz):
     """Eigenvalues of a covariance matrix, the largest first, and the axis of the smallest.
 
     The eigenvalue that is farthest from the other two comes from the cubic equation (Smith 1961),

@@ -53,7 +53,7 @@ class Arrays(NamedTuple):
 
 
 @helper
-def _add(e, n, b):  # type: ignore[no-untyped-def]
+def _add(e, n, b):
     """Add a float to an exact sum in place; its new length (Shewchuk, figure 6)."""
     length = 0
     for i in range(n):
@@ -71,7 +71,7 @@ def _add(e, n, b):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _add_product(e, n, a, b):  # type: ignore[no-untyped-def]
+def _add_product(e, n, a, b):
     """Add a x b to an exact sum in place; its new length (Dekker's product, figure 14 there)."""
     product = a * b
     if product == 0.0:
@@ -88,7 +88,7 @@ def _add_product(e, n, a, b):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _difference(ax, ay, bx, by):  # type: ignore[no-untyped-def]
+def _difference(ax, ay, bx, by):
     """a - b, exactly: x and y as rounded, and what rounding took from each, which is mostly 0."""
     x, y = ax - bx, ay - by
     u, v = ax - x, ay - y
@@ -96,7 +96,7 @@ def _difference(ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _cross(e, a, b):  # type: ignore[no-untyped-def]
+def _cross(e, a, b):
     """Cross product of two differences as an exact sum; its length."""
     n = _add_product(e, np.int64(0), a[0], b[1])
     n = _add_product(e, n, -a[1], b[0])
@@ -109,7 +109,7 @@ def _cross(e, a, b):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _square(e, a):  # type: ignore[no-untyped-def]
+def _square(e, a):
     """Squared length of a difference as an exact sum; its length."""
     n = _add_product(e, np.int64(0), a[0], a[0])
     n = _add_product(e, n, a[1], a[1])
@@ -122,7 +122,7 @@ def _square(e, a):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _orient_exact(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
+def _orient_exact(ax, ay, bx, by, cx, cy):
     e = np.empty(16)
     n = _cross(e, _difference(ax, ay, cx, cy), _difference(bx, by, cx, cy))
     area = 0.0
@@ -132,7 +132,7 @@ def _orient_exact(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _circle_exact(ax, ay, bx, by, cx, cy, px, py):  # type: ignore[no-untyped-def]
+def _circle_exact(ax, ay, bx, by, cx, cy, px, py):
     """Part of the exact determinant that has its sign, and 0 only if it is 0."""
     a = _difference(ax, ay, px, py)
     b = _difference(bx, by, px, py)
@@ -151,7 +151,7 @@ def _circle_exact(ax, ay, bx, by, cx, cy, px, py):  # type: ignore[no-untyped-de
 
 
 @helper
-def orient(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
+def orient(ax, ay, bx, by, cx, cy):
     """Twice the area of triangle abc, with the exact sign: > 0 counter-clockwise, 0 on a line."""
     left = (ax - cx) * (by - cy)
     right = (ay - cy) * (bx - cx)
@@ -162,7 +162,7 @@ def orient(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
 
 
 @helper
-def in_circle(ax, ay, bx, by, cx, cy, px, py):  # type: ignore[no-untyped-def]
+def in_circle(ax, ay, bx, by, cx, cy, px, py):
     """Whether p is inside the circle of the counter-clockwise triangle abc."""
     adx, ady = ax - px, ay - py
     bdx, bdy = bx - px, by - py
@@ -183,13 +183,13 @@ def in_circle(ax, ay, bx, by, cx, cy, px, py):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _in_pairs(a, b, c, d):  # type: ignore[no-untyped-def]
+def _in_pairs(a, b, c, d):
     """Whether the four are two times two equal numbers."""
     return (d == a and b == c) or (d == b and c == a) or (d == c and a == b)
 
 
 @helper
-def _in_common_circle(ax, ay, bx, by, cx, cy, px, py):  # type: ignore[no-untyped-def]
+def _in_common_circle(ax, ay, bx, by, cx, cy, px, py):
     """The same where all four are on one circle: the greatest (x, y) counts as outside it."""
     a, b, c, p = (ax, ay), (bx, by), (cx, cy), (px, py)
     if p > a and p > b and p > c:
@@ -205,13 +205,13 @@ def _in_common_circle(ax, ay, bx, by, cx, cy, px, py):  # type: ignore[no-untype
 
 
 @helper
-def is_ghost(triangles, t):  # type: ignore[no-untyped-def]
+def is_ghost(triangles, t):
     """Whether a triangle of a live mesh lies outside the hull."""
     return triangles[t, 1] < 0 or triangles[t, 2] < 0
 
 
 @helper
-def walk(xy, triangles, neighbours, x, y, hint):  # type: ignore[no-untyped-def]
+def walk(xy, triangles, neighbours, x, y, hint):
     """A triangle that holds the place, the last real one on the way, and whether it is on its rim.
 
     Outside the hull the first is -1 in a Mesh, a ghost in a LiveMesh. Goes through any edge that
@@ -250,7 +250,7 @@ def walk(xy, triangles, neighbours, x, y, hint):  # type: ignore[no-untyped-def]
 
 
 @helper
-def locate(xy, triangles, neighbours, x, y, hint):  # type: ignore[no-untyped-def]
+def locate(xy, triangles, neighbours, x, y, hint):
     """The triangle of a place, seen from triangle `hint`; always the same for any hint.
 
     On an edge or a vertex it is the triangle a hair to the right (then above); on the hull, where
@@ -264,7 +264,7 @@ def locate(xy, triangles, neighbours, x, y, hint):  # type: ignore[no-untyped-de
 
 
 @helper
-def _of_the_touched(xy, triangles, neighbours, x, y, t):  # type: ignore[no-untyped-def]
+def _of_the_touched(xy, triangles, neighbours, x, y, t):
     """Choose from the triangles that touch a place, of which t is one."""
     outside = False
     k = 0
@@ -285,7 +285,7 @@ def _of_the_touched(xy, triangles, neighbours, x, y, t):  # type: ignore[no-unty
 
 
 @helper
-def _last_around(xy, triangles, neighbours, x, y, t):  # type: ignore[no-untyped-def]
+def _last_around(xy, triangles, neighbours, x, y, t):
     """Turn counter-clockwise around the vertex at a place, if there is one, up to the hull."""
     k = 0
     while k < 3:
@@ -301,7 +301,7 @@ def _last_around(xy, triangles, neighbours, x, y, t):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True)
-def locate_block(xy, triangles, neighbours, places, order, first, last, hint, found):  # type: ignore[no-untyped-def]
+def locate_block(xy, triangles, neighbours, places, order, first, last, hint, found):
     """Write the triangles of places order[first:last]; -1 outside. Returns the next hint."""
     for i in range(first, last):
         x, y = places[order[i], 0], places[order[i], 1]
@@ -314,7 +314,7 @@ def locate_block(xy, triangles, neighbours, places, order, first, last, hint, fo
 
 
 @helper
-def facet_weights(xy, triangles, t, x, y):  # type: ignore[no-untyped-def]
+def facet_weights(xy, triangles, t, x, y):
     """Barycentric weights (three floats >= 0, sum 1) of a place in triangle t."""
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
     ax, ay, bx, by, cx, cy = xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1]
@@ -326,7 +326,7 @@ def facet_weights(xy, triangles, t, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def interpolate_block(xy, triangles, values, places, found, first, last, out):  # type: ignore[no-untyped-def]
+def interpolate_block(xy, triangles, values, places, found, first, last, out):
     """Write the linear interpolation at places[first:last]; NaN where found is -1."""
     for i in range(first, last):
         t = found[i]
@@ -342,7 +342,7 @@ def interpolate_block(xy, triangles, values, places, found, first, last, out):  
 
 
 @njit(cache=True, nogil=True)
-def start(mesh, points):  # type: ignore[no-untyped-def]
+def start(mesh, points):
     """Make the first triangle and its ghosts; False if all points lie on one line."""
     xy, triangles, neighbours = mesh.xy, mesh.triangles, mesh.neighbours
     a, b = points[0], points[0]
@@ -368,7 +368,7 @@ def start(mesh, points):  # type: ignore[no-untyped-def]
 
 
 @helper
-def insert(mesh, point, hint):  # type: ignore[no-untyped-def]
+def insert(mesh, point, hint):
     """Make a point a vertex of a live mesh; a triangle at it, of which it is vertex 0.
 
     ~v (negative) if vertex v is at that place already and nothing was done. All changed
@@ -417,7 +417,7 @@ def insert(mesh, point, hint):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _conflict(xy, triangles, t, x, y):  # type: ignore[no-untyped-def]
+def _conflict(xy, triangles, t, x, y):
     """Whether a new vertex does away with a triangle or ghost."""
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
     if b < 0:
@@ -428,7 +428,7 @@ def _conflict(xy, triangles, t, x, y):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _beyond(ax, ay, bx, by, x, y):  # type: ignore[no-untyped-def]
+def _beyond(ax, ay, bx, by, x, y):
     """Whether a place is outside hull edge ab (to its left) or on it."""
     side = orient(ax, ay, bx, by, x, y)
     if side != 0.0:
@@ -439,7 +439,7 @@ def _beyond(ax, ay, bx, by, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def insert_block(mesh, points, first, last, hint, vertex_of):  # type: ignore[no-untyped-def]
+def insert_block(mesh, points, first, last, hint, vertex_of):
     """Insert points[first:last] and note the vertex at the place of each; the next hint."""
     for i in range(first, last):
         point = points[i]
@@ -453,7 +453,7 @@ def insert_block(mesh, points, first, last, hint, vertex_of):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
-def drop_ghosts(triangles, neighbours, size):  # type: ignore[no-untyped-def]
+def drop_ghosts(triangles, neighbours, size):
     """Move the real triangles to the front, with -1 for neighbours at the hull; their number."""
     for g in range(size):
         if is_ghost(triangles, g):
@@ -475,7 +475,7 @@ def drop_ghosts(triangles, neighbours, size):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _exchange(neighbours, t, old, new):  # type: ignore[no-untyped-def]
+def _exchange(neighbours, t, old, new):
     """Give triangle t a new neighbour in the place of an old one."""
     for k in range(3):
         if neighbours[t, k] == old:
@@ -486,7 +486,7 @@ def _exchange(neighbours, t, old, new):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def keys_block(xy, points, low_x, low_y, scale, rounds, first, last, keys, counts):  # type: ignore[no-untyped-def]
+def keys_block(xy, points, low_x, low_y, scale, rounds, first, last, keys, counts):
     """Write the sort keys of points[first:last] and count their digits."""
     for i in range(first, last):
         x = int((xy[points[i], 0] - low_x) * scale)
@@ -500,7 +500,7 @@ def keys_block(xy, points, low_x, low_y, scale, rounds, first, last, keys, count
 
 
 @helper
-def _hilbert(x, y):  # type: ignore[no-untyped-def]
+def _hilbert(x, y):
     """Number of a cell along the Hilbert curve."""
     key = 0
     for bit in range(BITS - 1, -1, -1):
@@ -514,7 +514,7 @@ def _hilbert(x, y):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _round(key):  # type: ignore[no-untyped-def]
+def _round(key):
     """The round of a place, drawn by its cell alone; the last one has most of all places."""
     mixed = key * 0x2545F4914F6CDD1D
     mixed ^= mixed >> 29
@@ -528,7 +528,7 @@ def _round(key):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def sort_block(keys, points, shift, starts, first, last, keys_out, points_out):  # type: ignore[no-untyped-def]
+def sort_block(keys, points, shift, starts, first, last, keys_out, points_out):
     """One pass of a radix sort for [first:last]: to where the bucket of each digit has got."""
     for i in range(first, last):
         digit = (keys[i] >> shift) & (2**DIGIT - 1)

@@ -46,7 +46,7 @@ def dealt(xy: Floats) -> tuple[Ints, list[int], Floats]:
 
 
 @njit(cache=True, nogil=True)
-def _is_certain(xy, a, b, c, west, east):  # type: ignore[no-untyped-def]
+def _is_certain(xy, a, b, c, west, east):
     """Whether the circle of a triangle is between two meridians for sure."""
     ax, ay = xy[a, 0], xy[a, 1]
     bx, by, cx, cy = xy[b, 0] - ax, xy[b, 1] - ay, xy[c, 0] - ax, xy[c, 1] - ay
@@ -63,7 +63,7 @@ def _is_certain(xy, a, b, c, west, east):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def settle(mesh, order, bounds, first, loose):  # type: ignore[no-untyped-def]
+def settle(mesh, order, bounds, first, loose):
     """Make the certain triangles of a strip those of the whole, and mark its loose vertices.
 
     Parameters
@@ -153,7 +153,7 @@ def _edge_keys(triangles: Ints, edges: Edges, *, forward: bool) -> Edges:
 
 
 @njit(cache=True, nogil=True)
-def _reached(start, across, joined):  # type: ignore[no-untyped-def]
+def _reached(start, across, joined):
     """Whether each triangle is one of some, or joined to one of them by way of others."""
     reached, waiting, count = np.zeros(len(across), np.bool_), np.empty(len(across), np.int64), 0
     for t in start:
@@ -172,7 +172,7 @@ def _reached(start, across, joined):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _close_up(triangles, neighbours, free):  # type: ignore[no-untyped-def]
+def _close_up(triangles, neighbours, free):
     """Move the last triangles to the free places, which are in rising order; how many there are."""
     end, last, i = len(triangles), len(free) - 1, 0
     while i <= last:

@@ -16,7 +16,7 @@ ROUNDING = 1e-6  # cells, as in toolbox.data.Lattice
 
 
 @njit(cache=True, nogil=True)
-def cells_of(xyz, left, top, cell, rows, cols):  # type: ignore[no-untyped-def]
+def cells_of(xyz, left, top, cell, rows, cols):
     """Cells of the points on a lattice that begins `left` and `top` cells from the origin."""
     found = np.empty(len(xyz), np.int32)
     for i in range(len(xyz)):
@@ -27,7 +27,7 @@ def cells_of(xyz, left, top, cell, rows, cols):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def enter_lowest(xyz, use, start, cells, height, lowest):  # type: ignore[no-untyped-def]
+def enter_lowest(xyz, use, start, cells, height, lowest):
     """Enter the points from start on, in `cells`, as the lowest of their cell.
 
     Equal heights are decided by position, never by the order of the points.
@@ -42,7 +42,7 @@ def enter_lowest(xyz, use, start, cells, height, lowest):  # type: ignore[no-unt
 
 
 @helper
-def _support(tops, x, y, z, row, col, cell, reach, metre):  # type: ignore[no-untyped-def]
+def _support(tops, x, y, z, row, col, cell, reach, metre):
     """Count the cells with their lowest point under and above a cone and a plane over (x, y, z).
 
     Cells as near as a group is wide count above only. Enough cells under the plane end the count.
@@ -70,7 +70,7 @@ def _support(tops, x, y, z, row, col, cell, reach, metre):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True)
-def suspects(tops, first, last, cell, reach, metre, ceiling):  # type: ignore[no-untyped-def]
+def suspects(tops, first, last, cell, reach, metre, ceiling):
     """Find the cells of the rows first..last whose lowest point (x, y, z) hardly has support.
 
     `ceiling` takes the height below which points around it tell whether it is an outlier.
@@ -90,7 +90,7 @@ def suspects(tops, first, last, cell, reach, metre, ceiling):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
-def below(xyz, use, start, cells, ceiling):  # type: ignore[no-untyped-def]
+def below(xyz, use, start, cells, ceiling):
     """Indices of the points in use, from start on, below the ceiling of their cell."""
     found, count = np.empty(len(cells), np.int64), 0
     for k in range(len(cells)):
@@ -101,7 +101,7 @@ def below(xyz, use, start, cells, ceiling):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def judge(tops, places, low, cells, cell, reach, metre, alone):  # type: ignore[no-untyped-def]
+def judge(tops, places, low, cells, cell, reach, metre, alone):
     """Mark the low points of the cells at `places` that are outliers, from the lowest upwards.
 
     `low` are points sorted by their `cells`, and by height in each.
@@ -118,7 +118,7 @@ def judge(tops, places, low, cells, cell, reach, metre, alone):  # type: ignore[
 
 
 @helper
-def _is_alone(tops, point, row, col, low, cells, cell, reach, metre):  # type: ignore[no-untyped-def]
+def _is_alone(tops, point, row, col, low, cells, cell, reach, metre):
     """Whether few points lie under the cone, or under the plane in spite of dense terrain."""
     rows, cols, _ = tops.shape
     x, y, z = point
@@ -142,7 +142,7 @@ def _is_alone(tops, point, row, col, low, cells, cell, reach, metre):  # type: i
 
 
 @helper
-def _nearer(x, y, xyz, near, row, col, from_row, from_col):  # type: ignore[no-untyped-def]
+def _nearer(x, y, xyz, near, row, col, from_row, from_col):
     """Let the node take over its neighbour's point if that is nearer than its own."""
     if not (0 <= from_row < near.shape[0] and 0 <= from_col < near.shape[1]):
         return
@@ -158,7 +158,7 @@ def _nearer(x, y, xyz, near, row, col, from_row, from_col):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def spread_rows(xyz, near, empty, xs, ys, start, stop, way):  # type: ignore[no-untyped-def]
+def spread_rows(xyz, near, empty, xs, ys, start, stop, way):
     """Hand points on to `empty` nodes at (xs, ys), row by row from start to stop by `way`.
 
     Two such sweeps, one down and one up, give each node its nearest point (Danielsson 1980,

@@ -16,7 +16,7 @@ ROUNDING = 1e-9  # share by which a bound made of two square roots is widened
 
 
 @helper
-def first(node, level, n):  # type: ignore[no-untyped-def]
+def first(node, level, n):
     """Where the points of a node begin."""
     return (node * n) >> level
 
@@ -25,7 +25,7 @@ def first(node, level, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def split(first_node, last_node, xyz, order, level):  # type: ignore[no-untyped-def]
+def split(first_node, last_node, xyz, order, level):
     """Split some nodes of a level at the median of their widest axis (in place)."""
     n = len(xyz)
     for node in range(first_node, last_node):
@@ -35,7 +35,7 @@ def split(first_node, last_node, xyz, order, level):  # type: ignore[no-untyped-
 
 
 @helper
-def _widest(xyz, start, stop):  # type: ignore[no-untyped-def]
+def _widest(xyz, start, stop):
     """Axis along which the points extend farthest."""
     axis, width = 0, -1.0
     for a in range(3):
@@ -48,7 +48,7 @@ def _widest(xyz, start, stop):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _part(xyz, order, start, stop, middle, axis):  # type: ignore[no-untyped-def]
+def _part(xyz, order, start, stop, middle, axis):
     """Move points until none before `middle` is above any from there on (Hoare 1961)."""
     low, high = start, stop - 1
     while low < high:
@@ -75,7 +75,7 @@ def _part(xyz, order, start, stop, middle, axis):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def boxes(xyz, depth):  # type: ignore[no-untyped-def]
+def boxes(xyz, depth):
     """Lowest and highest coordinates of every node, shape (2**(depth + 1), 6)."""
     n = len(xyz)
     box = np.empty((2 << depth, 6))
@@ -96,7 +96,7 @@ def boxes(xyz, depth):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _beyond(low, high, at):  # type: ignore[no-untyped-def]
+def _beyond(low, high, at):
     """Squared distance of a number from an interval."""
     under, over = low - at, at - high
     most = under if under > over else over
@@ -104,14 +104,14 @@ def _beyond(low, high, at):  # type: ignore[no-untyped-def]
 
 
 @helper
-def away(box, node, x, y, z):  # type: ignore[no-untyped-def]
+def away(box, node, x, y, z):
     """Squared distance of a place from the box of a node."""
     flat = _beyond(box[node, 0], box[node, 3], x) + _beyond(box[node, 1], box[node, 4], y)
     return flat + _beyond(box[node, 2], box[node, 5], z)
 
 
 @helper
-def _scan(xyz, start, stop, own, far, seen, seen_far, count):  # type: ignore[no-untyped-def]
+def _scan(xyz, start, stop, own, far, seen, seen_far, count):
     """Sort the squared distances of a leaf's points from point `own` into the nearest so far."""
     x, y, z = xyz[own, 0], xyz[own, 1], xyz[own, 2]
     last = len(far) - 1
@@ -131,7 +131,7 @@ def _scan(xyz, start, stop, own, far, seen, seen_far, count):  # type: ignore[no
 
 
 @helper
-def search(xyz, box, depth, leaf, own, far, held, held_away, seen, seen_far):  # type: ignore[no-untyped-def]
+def search(xyz, box, depth, leaf, own, far, held, held_away, seen, seen_far):
     """Squared distances from point `own` to its nearest, the largest first.
 
     The search goes from the leaf up to the root, and down into what else may hold a nearer point.
@@ -176,9 +176,7 @@ def search(xyz, box, depth, leaf, own, far, held, held_away, seen, seen_far):  #
 
 
 @njit(cache=True, nogil=True)
-def mean_distances(  # type: ignore[no-untyped-def]
-    first_leaf, last_leaf, xyz, box, depth, k, reach, mean, farthest
-):
+def mean_distances(first_leaf, last_leaf, xyz, box, depth, k, reach, mean, farthest):
     """Fill in the mean and the largest distance to the k nearest for the points of some leaves.
 
     A neighbour that is missing within `reach` counts as being that far away.
@@ -210,7 +208,7 @@ def mean_distances(  # type: ignore[no-untyped-def]
 
 
 @helper
-def _before(x, y, z, place):  # type: ignore[no-untyped-def]
+def _before(x, y, z, place):
     """Whether (x, y, z) comes before a place in the order of x, then y, then z."""
     if x != place[0]:
         return x < place[0]
@@ -220,7 +218,7 @@ def _before(x, y, z, place):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _enter(xyz, i, d, near, far):  # type: ignore[no-untyped-def]
+def _enter(xyz, i, d, near, far):
     """Sort point i at squared distance d into the nearest; of equally near ones x, y, z decide."""
     x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
     at = len(near)
@@ -237,7 +235,7 @@ def _enter(xyz, i, d, near, far):  # type: ignore[no-untyped-def]
 
 
 @helper
-def gather(xyz, box, depth, own, limit, near, far, held):  # type: ignore[no-untyped-def]
+def gather(xyz, box, depth, own, limit, near, far, held):
     """Fill in the nearest of point `own`, none farther than `limit` (squared); their number.
 
     Of points equally near to the last those that come first by x, y, z are taken.
@@ -271,7 +269,7 @@ def gather(xyz, box, depth, own, limit, near, far, held):  # type: ignore[no-unt
 
 
 @helper
-def nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away):  # type: ignore[no-untyped-def]
+def nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away):
     """Fill in the nearest of point `own` that are nearer than `reach`; their number."""
     far[:] = reach * reach
     search(xyz, box, depth, leaf, own, far, held, held_away, near[:0], far[:0])
@@ -282,9 +280,7 @@ def nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away):  # t
 
 
 @njit(cache=True, nogil=True)
-def neighbours(  # type: ignore[no-untyped-def]
-    first_leaf, last_leaf, xyz, order, box, depth, reach, distance, index
-):
+def neighbours(first_leaf, last_leaf, xyz, order, box, depth, reach, distance, index):
     """Fill in the rows of `distance` and `index` for the points of some leaves."""
     n, k = len(xyz), distance.shape[1]
     near, far = np.empty(k, np.int64), np.empty(k)

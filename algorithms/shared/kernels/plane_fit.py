@@ -7,7 +7,7 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def score(first, last, xyz, planes, limit, gains, counts):  # type: ignore[no-untyped-def]
+def score(first, last, xyz, planes, limit, gains, counts):
     """How well points support planes: the sum of limit**2 - distance**2 of those within limit.
 
     Up to a constant that is the cost of MSAC, with the sign turned.
@@ -38,7 +38,7 @@ def score(first, last, xyz, planes, limit, gains, counts):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True)
-def moments(first, last, xyz, origin, normal, centre, limit, block, sums):  # type: ignore[no-untyped-def]
+def moments(first, last, xyz, origin, normal, centre, limit, block, sums):
     """Sums over the points within a distance of a plane.
 
     They are kept with twice the digits of a float, so that the order of points does not matter.

@@ -16,7 +16,7 @@ from algorithms.shared.kernels.delaunay import orient
 
 
 @njit(cache=True, nogil=True)
-def count(edges, west, south, cell, margin, rows, cols):  # type: ignore[no-untyped-def]
+def count(edges, west, south, cell, margin, rows, cols):
     """Where the edges of each cell begin in the list of `fill`, array of rows * cols + 1."""
     starts = np.zeros(rows * cols + 1, np.int64)
     for e in range(len(edges)):
@@ -32,7 +32,7 @@ def count(edges, west, south, cell, margin, rows, cols):  # type: ignore[no-unty
 
 
 @njit(cache=True, nogil=True)
-def fill(edges, west, south, cell, margin, rows, cols, starts):  # type: ignore[no-untyped-def]
+def fill(edges, west, south, cell, margin, rows, cols, starts):
     """Numbers of the edges that may touch each cell, cell by cell."""
     listed, free = np.empty(starts[-1], np.int32), starts[:-1].copy()
     for e in range(len(edges)):
@@ -47,7 +47,7 @@ def fill(edges, west, south, cell, margin, rows, cols, starts):  # type: ignore[
 
 
 @njit(cache=True, nogil=True)
-def corners(edges, listed, starts, west, south, cell, rows, cols):  # type: ignore[no-untyped-def]
+def corners(edges, listed, starts, west, south, cell, rows, cols):
     """Winding number of the lower left corner of each cell; outside of all in the first column."""
     winding = np.zeros(rows * cols, np.int32)
     for row in range(rows):
@@ -64,7 +64,7 @@ def corners(edges, listed, starts, west, south, cell, rows, cols):  # type: igno
 
 
 @njit(cache=True, nogil=True)
-def inside(first, last, xyz, edges, listed, starts, winding, frame, found):  # type: ignore[no-untyped-def]
+def inside(first, last, xyz, edges, listed, starts, winding, frame, found):
     """Set `found` for the points from first to before last that some polygon or its edge holds.
 
     Parameters
@@ -95,7 +95,7 @@ def inside(first, last, xyz, edges, listed, starts, winding, frame, found):  # t
 
 
 @helper
-def _span(a, b, begin, cell, margin, size):  # type: ignore[no-untyped-def]
+def _span(a, b, begin, cell, margin, size):
     """First and last cell that a stretch may touch."""
     first = int((min(a, b) - margin - begin) / cell)
     last = int((max(a, b) + margin - begin) / cell)
@@ -103,7 +103,7 @@ def _span(a, b, begin, cell, margin, size):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _within_row(e, row, south, cell, margin):  # type: ignore[no-untyped-def]
+def _within_row(e, row, south, cell, margin):
     """The x at the ends of the part of an edge that may lie in a row of cells."""
     x1, y1, x2, y2 = e
     low, high = south + row * cell - margin, south + (row + 1) * cell + margin
@@ -117,7 +117,7 @@ def _within_row(e, row, south, cell, margin):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _is_on(e, x, y):  # type: ignore[no-untyped-def]
+def _is_on(e, x, y):
     """Whether a place is on a closed edge, exactly."""
     x1, y1, x2, y2 = e
     if x < min(x1, x2) or x > max(x1, x2) or y < min(y1, y2) or y > max(y1, y2):
@@ -126,7 +126,7 @@ def _is_on(e, x, y):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _crossings_of_ray(e, x, y):  # type: ignore[no-untyped-def]
+def _crossings_of_ray(e, x, y):
     """What a ray to the left meets: 1 for an edge that goes down, -1 for one that goes up."""
     x1, y1, x2, y2 = e
     way = -1
@@ -142,7 +142,7 @@ def _crossings_of_ray(e, x, y):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _crossing_upwards(e, x, low, high):  # type: ignore[no-untyped-def]
+def _crossing_upwards(e, x, low, high):
     """What a way up from low to high (or down) meets: 1 for an edge to the right, -1 to the left.
 
     Going down counts the other way round.

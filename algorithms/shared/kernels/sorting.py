@@ -23,7 +23,7 @@ def distinct(values: NDArray[Number]) -> NDArray[Number]:
 
 
 @njit(cache=True, nogil=True)
-def sort_few(values):  # type: ignore[no-untyped-def]
+def sort_few(values):
     """Sort a few values in place, by insertion."""
     for i in range(1, len(values)):
         value, j = values[i], i
@@ -34,7 +34,7 @@ def sort_few(values):  # type: ignore[no-untyped-def]
 
 
 @helper
-def first_at(rising, value, start, stop):  # type: ignore[no-untyped-def]
+def first_at(rising, value, start, stop):
     """The first place of start..stop whose value is not below one; stop if there is none.
 
     np.searchsorted takes long to compile.
@@ -49,7 +49,7 @@ def first_at(rising, value, start, stop):  # type: ignore[no-untyped-def]
 
 
 @helper
-def median(values):  # type: ignore[no-untyped-def]
+def median(values):
     """Median of values, which are put into another order (selection by Hoare 1961, FIND).
 
     np.median takes seconds to compile.

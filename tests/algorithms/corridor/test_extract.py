@@ -46,7 +46,7 @@ def three_spans() -> tuple[CorridorExtract.Outputs, list[object]]:
     return CorridorExtract(points=points).run(), list(curves)
 
 
-def test_a_distribution_line_is_found_point_by_point(three_spans) -> None:  # type: ignore[no-untyped-def]
+def test_a_distribution_line_is_found_point_by_point(three_spans) -> None:
     result, _ = three_spans
     said, true = result.classified["classification"], result.classified["truth"]
     assert result.span_count == 3
@@ -55,7 +55,7 @@ def test_a_distribution_line_is_found_point_by_point(three_spans) -> None:  # ty
     assert quality(said == 15, true == 15) > 0.8  # of a pole much is hidden in the grass
 
 
-def test_curves_are_within_two_centimetres(three_spans) -> None:  # type: ignore[no-untyped-def]
+def test_curves_are_within_two_centimetres(three_spans) -> None:
     result, curves = three_spans
     frame = result.wires.frame
     assert len(frame) == 9
@@ -69,7 +69,7 @@ def test_curves_are_within_two_centimetres(three_spans) -> None:  # type: ignore
     assert frame.span.between(59, 61).all()
 
 
-def _height(shape, places: Floats) -> Floats:  # type: ignore[no-untyped-def]
+def _height(shape, places: Floats) -> Floats:
     """Height of a line along x at places near it, far away elsewhere."""
     corners = np.array(shape.coords)
     corners = corners[np.argsort(corners[:, 0])]
@@ -78,7 +78,7 @@ def _height(shape, places: Floats) -> Floats:  # type: ignore[no-untyped-def]
     return np.where(near & inside, np.interp(places[:, 0], *corners[:, ::2].T), 1e3)
 
 
-def test_a_wire_keeps_its_number_across_the_poles(three_spans) -> None:  # type: ignore[no-untyped-def]
+def test_a_wire_keeps_its_number_across_the_poles(three_spans) -> None:
     result, _ = three_spans
     frame = result.wires.frame
     assert frame.wire_id.nunique() == 3

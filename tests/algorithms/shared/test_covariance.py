@@ -177,7 +177,7 @@ def matrices(kind: str, n: int = 500) -> Floats:
 
 
 @numba.njit
-def eigen(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
+def eigen(xx, xy, xz, yy, yz, zz):
     """A helper can only be called from compiled code."""
     return kernels.eigen(xx, xy, xz, yy, yz, zz)
 

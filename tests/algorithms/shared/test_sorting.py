@@ -10,7 +10,7 @@ from algorithms.shared.kernels.sorting import distinct, median
 
 
 @njit
-def _median(values):  # type: ignore[no-untyped-def]
+def _median(values):
     return median(values)
 
 

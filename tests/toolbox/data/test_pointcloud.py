@@ -17,7 +17,7 @@ def cloud() -> PointCloud:
 
 
 @pytest.fixture(params=["memory", "las", "laz"])
-def any_cloud(request: pytest.FixtureRequest, cloud: PointCloud, tmp_path) -> PointCloud:  # type: ignore[no-untyped-def]
+def any_cloud(request: pytest.FixtureRequest, cloud: PointCloud, tmp_path) -> PointCloud:
     if request.param == "memory":
         return cloud
     cloud.save(tmp_path / f"c.{request.param}")
@@ -129,7 +129,7 @@ def test_an_empty_cloud() -> None:
 
 
 @pytest.mark.parametrize("suffix", [".las", ".laz", ".csv", ".ply"])
-def test_reading_within_bounds(cloud: PointCloud, tmp_path, suffix: str) -> None:  # type: ignore[no-untyped-def]
+def test_reading_within_bounds(cloud: PointCloud, tmp_path, suffix: str) -> None:
     path = tmp_path / f"c{suffix}"
     cloud.save(path)
     inside = PointCloud.open(path, bounds=(0, 0, 1, 2))  # the edges belong to it
@@ -140,7 +140,7 @@ def test_reading_within_bounds(cloud: PointCloud, tmp_path, suffix: str) -> None
             PointCloud.open(path, bounds=bounds)
 
 
-def test_options_of_text_files_are_for_text_files(cloud: PointCloud, tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_options_of_text_files_are_for_text_files(cloud: PointCloud, tmp_path) -> None:
     cloud.save(tmp_path / "c.las")
     with pytest.raises(DataError, match="are for text files"):
         PointCloud.open(tmp_path / "c.las", columns=["x", "y", "z"])
@@ -198,7 +198,7 @@ def test_joining_refuses_another_crs(any_cloud: PointCloud) -> None:
 
 def test_attributes_that_only_some_clouds_got(
     cloud: PointCloud,
-    tmp_path,  # type: ignore[no-untyped-def]
+    tmp_path,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     cloud.save(tmp_path / "c.las")

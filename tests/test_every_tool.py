@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from process_schema import PROCESS
 from pyproj import CRS
 
-from algorithms.corridor._catenary import Catenary
-from algorithms.corridor._lines import wire_layer
-from algorithms.corridor._spans import Wire
+from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._extraction.layers import wire_layer
+from algorithms.corridor._extraction.spans import Wire
 from toolbox import catalog, reference
 from toolbox.context import Context
 from toolbox.data import Lattice, PointCloud, Raster, Report, Table, Vector

@@ -18,10 +18,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from algorithms.corridor._follow import follow
-from algorithms.corridor._lines import wire_layer
-from algorithms.corridor._network import Scene
-from algorithms.corridor._trace import Airborne, uncrowded
+from algorithms.corridor._curves.network import Scene
+from algorithms.corridor._curves.trace import Airborne, uncrowded
+from algorithms.corridor._extraction.follow import follow
+from algorithms.corridor._extraction.layers import wire_layer
 from algorithms.shared.ground import is_withheld
 from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log

@@ -18,14 +18,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from algorithms.corridor._catenary_kernels import TIGHTEST
-from algorithms.corridor._clearance_layers import object_layer, span_table, violation_cloud
-from algorithms.corridor._clearance_report import report_of
-from algorithms.corridor._distances import Least, Violations, find_violations
-from algorithms.corridor._lines import COVARIANCES, WIRE_COLUMNS
-from algorithms.corridor._matters import what_matters
-from algorithms.corridor._objects import falling_trees, objects_of, with_falls
-from algorithms.corridor._rules import (
+from algorithms.corridor._clearance.distances import Least, Violations, find_violations
+from algorithms.corridor._clearance.layers import object_layer, span_table, violation_cloud
+from algorithms.corridor._clearance.matters import what_matters
+from algorithms.corridor._clearance.objects import falling_trees, objects_of, with_falls
+from algorithms.corridor._clearance.report import report_of
+from algorithms.corridor._clearance.rules import (
     SEVERITIES,
     Rule,
     grown,
@@ -35,14 +33,16 @@ from algorithms.corridor._rules import (
     single,
     unknown_set,
 )
-from algorithms.corridor._sag import (
+from algorithms.corridor._clearance.sag import (
     Conductor,
     State,
     conductor_of,
     conductor_temperature,
     in_state,
 )
-from algorithms.corridor._surroundings import Line, Scene, line_of, scene_of
+from algorithms.corridor._clearance.surroundings import Line, Scene, line_of, scene_of
+from algorithms.corridor._curves.catenary_kernels import TIGHTEST
+from algorithms.corridor._extraction.layers import COVARIANCES, WIRE_COLUMNS
 from algorithms.ground.classify import HEIGHT
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Report, Survey, Table, Vector

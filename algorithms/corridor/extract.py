@@ -26,16 +26,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from algorithms.corridor._candidates import OFF_GROUND, STANDS_FOR, candidates, given_heights
-from algorithms.corridor._follow import follow
-from algorithms.corridor._labels import NUMBERS, classes_of, labelled
-from algorithms.corridor._lines import tower_layer, wire_layer
-from algorithms.corridor._network import Scene
-from algorithms.corridor._spans import Wire, to_supports
-from algorithms.corridor._supports import Support
-from algorithms.corridor._thesis import Settings, Variance, voxel_lines
-from algorithms.corridor._towers import Tower, centred, strings_of, tower_of
-from algorithms.corridor._trace import Airborne, uncrowded
+from algorithms.corridor._curves.network import Scene
+from algorithms.corridor._curves.trace import Airborne, uncrowded
+from algorithms.corridor._extraction.candidates import (
+    OFF_GROUND,
+    STANDS_FOR,
+    candidates,
+    given_heights,
+)
+from algorithms.corridor._extraction.follow import follow
+from algorithms.corridor._extraction.labels import NUMBERS, classes_of, labelled
+from algorithms.corridor._extraction.layers import tower_layer, wire_layer
+from algorithms.corridor._extraction.spans import Wire, to_supports
+from algorithms.corridor._extraction.supports import Support
+from algorithms.corridor._extraction.towers import Tower, centred, strings_of, tower_of
+from algorithms.corridor._extraction.voxels import Settings, Variance, voxel_lines
 from algorithms.ground.classify import HEIGHT, find_terrain, height_above
 from algorithms.shared.ground import may_be_ground, taking_part
 from algorithms.shared.lowest import lattice_around

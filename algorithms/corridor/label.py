@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from algorithms.corridor._labels import NUMBER, NUMBERS, labelled
+from algorithms.corridor._extraction.labels import NUMBER, NUMBERS, labelled
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from algorithms.corridor._catenary import Catenary
+from algorithms.corridor._curves.catenary import Catenary
 from toolbox.data import PointCloud
 
 Floats = NDArray[np.float64]

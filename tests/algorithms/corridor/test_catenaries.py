@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scenes.corridors import cloud, line, wire
 
-from algorithms.corridor._catenary import Catenary, fit
-from algorithms.corridor._lines import catenaries_of
+from algorithms.corridor._curves.catenary import Catenary, fit
+from algorithms.corridor._extraction.layers import catenaries_of
 from algorithms.corridor.catenaries import CorridorCatenaries
 from toolbox.declare import ClassList
 from toolbox.errors import ParameterError

@@ -17,14 +17,12 @@ from pyproj import CRS
 from scipy.optimize import brentq, root
 
 import toolbox
-from algorithms.corridor import _matters
-from algorithms.corridor._catenary import Catenary
-from algorithms.corridor._distances import distances, fall_in, find_violations
-from algorithms.corridor._lines import catenaries_of, wire_layer
-from algorithms.corridor._matters import what_matters
-from algorithms.corridor._objects import groups, tree_tops
-from algorithms.corridor._rules import KINDS, Rule, rule_set, rules_of, shipped
-from algorithms.corridor._sag import (
+from algorithms.corridor._clearance import matters
+from algorithms.corridor._clearance.distances import distances, fall_in, find_violations
+from algorithms.corridor._clearance.matters import what_matters
+from algorithms.corridor._clearance.objects import groups, tree_tops
+from algorithms.corridor._clearance.rules import KINDS, Rule, rule_set, rules_of, shipped
+from algorithms.corridor._clearance.sag import (
     SHIPPED,
     Conductor,
     State,
@@ -34,8 +32,10 @@ from algorithms.corridor._sag import (
     in_state,
     wind_load,
 )
-from algorithms.corridor._spans import Wire
-from algorithms.corridor._surroundings import line_of, scene_of
+from algorithms.corridor._clearance.surroundings import line_of, scene_of
+from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._extraction.layers import catenaries_of, wire_layer
+from algorithms.corridor._extraction.spans import Wire
 from toolbox.data import PointCloud, Survey, Table, Vector
 from toolbox.errors import DataError, ParameterError
 
@@ -146,7 +146,7 @@ def test_vertical_and_horizontal_rules_look_in_their_strip_alone() -> None:
 
 def test_no_point_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every point against every wire, rule and state, one by one."""
-    monkeypatch.setattr("algorithms.corridor._distances.BLOCK", 700)
+    monkeypatch.setattr("algorithms.corridor._clearance.distances.BLOCK", 700)
     rng = np.random.default_rng(4)
     blown = [replace(c, swing=0.4) for c in (LEVEL, SLOPING)]
     curves = [[LEVEL, SLOPING], blown]
@@ -767,7 +767,7 @@ def test_a_survey_that_is_read_in_parts_gives_what_its_cloud_gives(
     for k, name in enumerate("abc"):
         points.select(np.arange(k, len(points), 3)).save(tmp_path / f"{name}.laz")
     survey = Survey.open(tmp_path)
-    monkeypatch.setattr(_matters, "PART", 5000)
+    monkeypatch.setattr(matters, "PART", 5000)
     whole, parts = (run(p, **ON_GROUND, growth=1.0) for p in (survey.read(), survey))
     for name in ("objects", "spans"):
         pd.testing.assert_frame_equal(whole[name].frame, parts[name].frame)

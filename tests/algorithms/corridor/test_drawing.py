@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from algorithms.corridor._drawing import DOT, Drawing, _ticks
+from algorithms.corridor._clearance.drawing import DOT, Drawing, _ticks
 
 
 def drawing() -> Drawing:

@@ -12,14 +12,14 @@ import pytest
 from pyproj import CRS
 from scenes.corridors import CORNER, Floats, bar, cloud, ground, line, pole, tree, wire
 
-from algorithms.corridor._arcs import Binned, agreed, arcs_of, solved
-from algorithms.corridor._catenary import fit
-from algorithms.corridor._network import Piece, Scene
-from algorithms.corridor._supports import Support
-from algorithms.corridor._thesis import otsu
-from algorithms.corridor._towers import centred
-from algorithms.corridor._trace import CELL, Airborne
-from algorithms.corridor._tracks import runs_among
+from algorithms.corridor._curves.arcs import Binned, agreed, arcs_of, solved
+from algorithms.corridor._curves.catenary import fit
+from algorithms.corridor._curves.network import Piece, Scene
+from algorithms.corridor._curves.trace import CELL, Airborne
+from algorithms.corridor._curves.tracks import runs_among
+from algorithms.corridor._extraction.supports import Support
+from algorithms.corridor._extraction.towers import centred
+from algorithms.corridor._extraction.voxels import otsu
 from algorithms.corridor.extract import CorridorExtract
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList

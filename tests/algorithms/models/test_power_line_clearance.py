@@ -13,7 +13,7 @@ from scenes import corridors as scenes
 from scipy.spatial import cKDTree
 
 import toolbox
-from algorithms.corridor._objects import groups
+from algorithms.corridor._clearance.objects import groups
 from toolbox.data import PointCloud, Vector
 from toolbox.errors import ParameterError
 from toolbox.tiles.tiling import Tiling

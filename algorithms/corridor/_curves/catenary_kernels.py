@@ -1,4 +1,4 @@
-"""The compiled rounds of :func:`algorithms.corridor._catenary.fit`. All lengths are metres."""
+"""Compiled loops of :mod:`algorithms.corridor._curves.catenary`. All lengths are metres."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from algorithms.corridor._trace_kernels import solve
+from algorithms.corridor._curves.trace_kernels import solve
 from algorithms.shared.kernels.compiling import helper
 from algorithms.shared.kernels.sorting import median
 

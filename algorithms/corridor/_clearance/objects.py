@@ -14,15 +14,15 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
-from algorithms.corridor._distances import (
+from algorithms.corridor._clearance.distances import (
     TREE,
     UNCLASSIFIED,
     Violations,
     clearance_sd,
     fall_in,
 )
-from algorithms.corridor._rules import KINDS, SEVERITIES, Rule
-from algorithms.corridor._surroundings import Line, Object, Scene
+from algorithms.corridor._clearance.rules import KINDS, SEVERITIES, Rule
+from algorithms.corridor._clearance.surroundings import Line, Object, Scene
 from toolbox.context import QUIET, Context
 
 TOP_CELL = 1.0  # metres, of which the highest point may be the top of a tree

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from algorithms.corridor._catenary import fit
-from algorithms.corridor._network import BESIDE, FARTHEST, PARALLEL, Piece, Scene
+from algorithms.corridor._curves.catenary import fit
+from algorithms.corridor._curves.network import BESIDE, FARTHEST, PARALLEL, Piece, Scene
 
 STEP, MOST_STEPS = 1.0, 1000  # metres between stations
 JUMP, HOLE = 0.5, 2.0  # metres by which heights jump, and without points, where they may

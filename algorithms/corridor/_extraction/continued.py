@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from algorithms.corridor._catenary import Catenary, fit
-from algorithms.corridor._network import WILDEST, Scene
-from algorithms.corridor._spans import Wire, apart_wires, numbered, to_supports
-from algorithms.corridor._supports import Support
+from algorithms.corridor._curves.catenary import Catenary, fit
+from algorithms.corridor._curves.network import WILDEST, Scene
+from algorithms.corridor._extraction.spans import Wire, apart_wires, numbered, to_supports
+from algorithms.corridor._extraction.supports import Support
 
 SAME = 0.35  # metres between two wires at a support that are one
 NEAR, AROUND = 0.35, 0.9  # metres: of what belongs to a wire that is expected, and of its clutter

@@ -17,7 +17,7 @@ import pandas as pd
 from toolbox.data import Table
 from toolbox.errors import DataError, nearest
 
-FOLDER = Path(__file__).with_name("rules")
+FOLDER = Path(__file__).parents[1] / "rules"
 COLUMNS = (
     *("id", "source", "date", "unit", "voltage_min", "voltage_max", "kind", "direction"),
     *("threshold", "per_kv", "within", "severity", "confirmed", "note"),

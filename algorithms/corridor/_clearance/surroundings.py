@@ -10,12 +10,18 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from algorithms.corridor._candidates import given_heights
-from algorithms.corridor._catenary import Catenary
-from algorithms.corridor._distances import BLOCK, TAKES_NO_PART, UNCLASSIFIED, Near, own_points
-from algorithms.corridor._lines import catenaries_of
-from algorithms.corridor._rules import KINDS
-from algorithms.corridor._sag import State
+from algorithms.corridor._clearance.distances import (
+    BLOCK,
+    TAKES_NO_PART,
+    UNCLASSIFIED,
+    Near,
+    own_points,
+)
+from algorithms.corridor._clearance.rules import KINDS
+from algorithms.corridor._clearance.sag import State
+from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._extraction.candidates import given_heights
+from algorithms.corridor._extraction.layers import catenaries_of
 from algorithms.ground.classify import HEIGHT, find_terrain, height_above
 from algorithms.shared.ground import is_withheld
 from algorithms.shared.lowest import require_finite

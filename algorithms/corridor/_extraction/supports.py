@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from algorithms.corridor._network import Piece, Scene, heading
-from algorithms.corridor._tracks import Run
+from algorithms.corridor._curves.network import Piece, Scene, heading
+from algorithms.corridor._curves.tracks import Run
 
 ALONG, ACROSS = 10.0, 12.0  # metres between what belongs to one support
 INNER = 8.0  # metres: a wire that goes on for longer on both sides passes a support

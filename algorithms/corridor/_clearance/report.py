@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from algorithms.corridor._catenary import Catenary
-from algorithms.corridor._drawing import Drawing
-from algorithms.corridor._rules import KINDS, SEVERITIES, Rule
-from algorithms.corridor._sag import Conductor, State
-from algorithms.corridor._surroundings import Line, Object, Scene
+from algorithms.corridor._clearance.drawing import Drawing
+from algorithms.corridor._clearance.rules import KINDS, SEVERITIES, Rule
+from algorithms.corridor._clearance.sag import Conductor, State
+from algorithms.corridor._clearance.surroundings import Line, Object, Scene
+from algorithms.corridor._curves.catenary import Catenary
 from toolbox.context import QUIET, Context
 from toolbox.data import Figure, Report, Rows, Section, Table
 

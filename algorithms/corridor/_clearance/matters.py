@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.corridor._distances import TAKES_NO_PART, find_violations
-from algorithms.corridor._rules import OBJECTS, Rule
-from algorithms.corridor._surroundings import Line, kinds_of, near_wires
+from algorithms.corridor._clearance.distances import TAKES_NO_PART, find_violations
+from algorithms.corridor._clearance.rules import OBJECTS, Rule
+from algorithms.corridor._clearance.surroundings import Line, kinds_of, near_wires
 from algorithms.shared.lowest import lattice_around, lowest_points
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Survey

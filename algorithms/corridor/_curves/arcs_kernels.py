@@ -1,4 +1,4 @@
-"""Compiled loop of :mod:`algorithms.corridor._arcs`."""
+"""Compiled loop of :mod:`algorithms.corridor._curves.arcs`."""
 
 from __future__ import annotations
 

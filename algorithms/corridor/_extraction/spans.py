@@ -18,8 +18,8 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from algorithms.corridor._catenary import Catenary, fit
-from algorithms.corridor._network import (
+from algorithms.corridor._curves.catenary import Catenary, fit
+from algorithms.corridor._curves.network import (
     FARTHEST,
     PARALLEL,
     SIGMAS,
@@ -32,7 +32,7 @@ from algorithms.corridor._network import (
     heading,
     runs_beside,
 )
-from algorithms.corridor._supports import Support
+from algorithms.corridor._extraction.supports import Support
 from algorithms.shared.kernels.sorting import distinct
 
 BESIDE = 15.0  # metres

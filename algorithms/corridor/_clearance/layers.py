@@ -12,9 +12,9 @@ import pandas as pd
 import shapely
 from numpy.typing import NDArray
 
-from algorithms.corridor._distances import Least, Violations, distances
-from algorithms.corridor._rules import KINDS, OBJECTS, SEVERITIES, Rule
-from algorithms.corridor._surroundings import Line, Object, Scene
+from algorithms.corridor._clearance.distances import Least, Violations, distances
+from algorithms.corridor._clearance.rules import KINDS, OBJECTS, SEVERITIES, Rule
+from algorithms.corridor._clearance.surroundings import Line, Object, Scene
 from toolbox.data import PointCloud, Table, Vector
 
 SPAN_COLUMNS = (

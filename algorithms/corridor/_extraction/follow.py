@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.corridor._arcs import arcs_of
-from algorithms.corridor._continued import completed
-from algorithms.corridor._lanes import followed_together
-from algorithms.corridor._network import Scene, curves_of, wires_among
-from algorithms.corridor._spans import Wire, spans_of, with_supports
-from algorithms.corridor._supports import Support, supports_of
-from algorithms.corridor._trace import trace_all
-from algorithms.corridor._tracks import runs_among
+from algorithms.corridor._curves.arcs import arcs_of
+from algorithms.corridor._curves.lanes import followed_together
+from algorithms.corridor._curves.network import Scene, curves_of, wires_among
+from algorithms.corridor._curves.trace import trace_all
+from algorithms.corridor._curves.tracks import runs_among
+from algorithms.corridor._extraction.continued import completed
+from algorithms.corridor._extraction.spans import Wire, spans_of, with_supports
+from algorithms.corridor._extraction.supports import Support, supports_of
 from toolbox.context import Context
 
 

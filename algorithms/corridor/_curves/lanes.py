@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.corridor._catenary import fit
-from algorithms.corridor._network import STRONG, Piece, Scene, curves_of
-from algorithms.corridor._trace import Airborne, trace_all, uncrowded
-from algorithms.corridor._tracks import Run
+from algorithms.corridor._curves.catenary import fit
+from algorithms.corridor._curves.network import STRONG, Piece, Scene, curves_of
+from algorithms.corridor._curves.trace import Airborne, trace_all, uncrowded
+from algorithms.corridor._curves.tracks import Run
 from toolbox.context import Context
 
 SPARSE = 1.0  # points per metre of a track, from which each wire is followed by itself

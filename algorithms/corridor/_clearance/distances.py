@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
-from algorithms.corridor import _clearance_kernels as kernels
-from algorithms.corridor._catenary import Catenary
-from algorithms.corridor._rules import DIRECTIONS, KINDS, SEVERITIES, Rule, reach_of
+from algorithms.corridor._clearance import distances_kernels as kernels
+from algorithms.corridor._clearance.rules import DIRECTIONS, KINDS, SEVERITIES, Rule, reach_of
+from algorithms.corridor._curves.catenary import Catenary
 from algorithms.shared.kernels.sorting import distinct
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context

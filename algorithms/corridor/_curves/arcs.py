@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from algorithms.corridor import _arcs_kernels as kernels
-from algorithms.corridor._catenary import fit
-from algorithms.corridor._network import Piece, Scene
-from algorithms.corridor._tracks import Run
+from algorithms.corridor._curves import arcs_kernels as kernels
+from algorithms.corridor._curves.catenary import fit
+from algorithms.corridor._curves.network import Piece, Scene
+from algorithms.corridor._curves.tracks import Run
 from algorithms.shared.kernels.sorting import distinct
 
 STICKS = 0.2  # metres off its neighbours, of what is no part of a wire

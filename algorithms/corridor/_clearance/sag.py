@@ -22,11 +22,11 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
 
-from algorithms.corridor._catenary import Catenary
+from algorithms.corridor._curves.catenary import Catenary
 from toolbox.data import Table
 from toolbox.errors import DataError, nearest
 
-SHIPPED = Path(__file__).with_name("conductors.csv")
+SHIPPED = Path(__file__).parents[1] / "conductors.csv"
 GRAVITY = 9.80665  # m/s2
 AIR, DRAG = 1.225, 1.0  # kg/m3 at sea level and 15 degrees; of a stranded cylinder
 STEFAN = 5.6704e-8  # W/m2/K4

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.corridor._catenary import Catenary
-from algorithms.corridor._network import Scene
-from algorithms.corridor._spans import Wire
-from algorithms.corridor._supports import TALL, Support
+from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._curves.network import Scene
+from algorithms.corridor._extraction.spans import Wire
+from algorithms.corridor._extraction.supports import TALL, Support
 
 BASE_LATTICE, BASE_POLE = 1.0, 0.8  # metres above the ground that are left to it
 SLIM = 0.5  # metres: half width from which a body is a lattice

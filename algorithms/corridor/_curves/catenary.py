@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.corridor import _catenary_kernels as kernels
+from algorithms.corridor._curves import catenary_kernels as kernels
 
 Floats = NDArray[np.float64]
 

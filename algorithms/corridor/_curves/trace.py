@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.corridor import _trace_kernels as kernels
-from algorithms.corridor._catenary import Catenary
+from algorithms.corridor._curves import trace_kernels as kernels
+from algorithms.corridor._curves.catenary import Catenary
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks
 from toolbox.context import Context

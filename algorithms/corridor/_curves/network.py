@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.corridor import _trace_kernels as kernels
-from algorithms.corridor._catenary import Catenary, fit
-from algorithms.corridor._trace import TUBE, Airborne
+from algorithms.corridor._curves import trace_kernels as kernels
+from algorithms.corridor._curves.catenary import Catenary, fit
+from algorithms.corridor._curves.trace import TUBE, Airborne
 
 CLEAR, CLEAR_STRONG = 0.65, 0.7  # share of a curve along which it stands out from its surroundings
 STRONG = 30.0  # metres from which a curve is a wire by itself

@@ -12,9 +12,9 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from algorithms.corridor._catenary import Catenary
-from algorithms.corridor._spans import Wire
-from algorithms.corridor._towers import Tower
+from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._extraction.spans import Wire
+from algorithms.corridor._extraction.towers import Tower
 from toolbox.data import Vector
 
 CHORD = 0.005  # metres that a drawn line may be off the curve

@@ -1,4 +1,4 @@
-"""Compiled loops of :mod:`algorithms.corridor._trace`. All lengths are metres.
+"""Compiled loops of :mod:`algorithms.corridor._curves.trace`. All lengths are metres.
 
 Points lie in the order of square plan cells, row by row; `start` says where each cell begins.
 A curve is an array: place of its origin x, y; direction x, y; ends lo, hi of the distance u from
@@ -397,7 +397,7 @@ def tube(  # type: ignore[no-untyped-def]
     """The points within a radius of a catenary from u = low to high; how many, and how far away.
 
     `shape` holds x, y, ex, ey, u0, z0, curvature, the chord's height at 0 and its slope, v0, v1 and
-    swing of :class:`algorithms.corridor._catenary.Catenary`.
+    swing of :class:`algorithms.corridor._curves.catenary.Catenary`.
     """
     x0, y0, ex, ey, u0, z0, k, chord, slope, v0, v1, swing = shape
     count = 0

@@ -1,0 +1,1 @@
+"""Clearances from catenaries and points: distances, rules, sag in other states, results."""

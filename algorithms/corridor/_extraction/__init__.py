@@ -1,0 +1,1 @@
+"""Power lines from curves: spans, supports and towers, their layers and the labels of points."""

@@ -14,8 +14,8 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import crs_conflicts, describe_crs, metres_per_unit
 from toolbox.data.las import points as las_points
 from toolbox.data.las.files import las_sink, read_las, write_las
-from toolbox.data.las.header import Frame
-from toolbox.data.las.joint import fitted, housed, joint_frame
+from toolbox.data.las.header import LasMetadata
+from toolbox.data.las.joint import in_layout, joint_metadata, with_layout
 from toolbox.data.places import LAS, TEXT, Places, files_of, name_of, suffix_of
 from toolbox.data.record import own_side_car, with_record, write_beside
 from toolbox.errors import DataError, nearest
@@ -59,9 +59,9 @@ class PointCloud:
     ) -> None:
         self._xyz: NDArray[np.float64] | None = _coordinates(xyz)
         self._size = len(self._xyz)
-        self._frame: Frame | None = None
-        self._record: NDArray[Any] | None = None
-        self._moved = False  # whether the coordinates differ from those of the record
+        self._metadata: LasMetadata | None = None
+        self._packed: NDArray[Any] | None = None
+        self._moved = False  # whether the coordinates differ from those of the point records
         self._origin: NDArray[np.int64] | None = None  # see `origin`
         self._file: NDArray[np.int32] | None = None  # see `file`
         self._columns = _columns(attributes or {}, self._size)
@@ -204,13 +204,13 @@ class PointCloud:
             raise DataError("\n    ".join(problems))
         first = clouds[0].select([])
         names = [cloud.name for cloud in clouds]
-        frames = [cloud._frame for cloud in clouds if cloud._frame is not None]
-        if len(frames) == len(clouds):
+        members = [cloud._metadata for cloud in clouds if cloud._metadata is not None]
+        if len(members) == len(clouds):
             columns = dict.fromkeys(name for cloud in clouds for name in cloud._columns)
-            first._frame = joint_frame(frames, names, boxes, columns)
-            first._record = _frozen(np.empty(0, first._frame.header.point_format.dtype()))
+            first._metadata = joint_metadata(members, names, boxes, columns)
+            first._packed = _frozen(np.empty(0, first._metadata.header.point_format.dtype()))
         else:
-            first._frame = first._record = None
+            first._metadata = first._packed = None
             columns = dict.fromkeys(name for cloud in clouds for name in cloud.names)
             _check_same_attributes(clouds, columns)
         first._columns = {name: _common_column(clouds, name) for name in columns}
@@ -230,22 +230,22 @@ class PointCloud:
         DataError
             The points cannot be written in these records.
         """
-        if template._frame is not None and self._frame is None:
+        if template._metadata is not None and self._metadata is None:
             raise DataError(f"{self.name} has no LAS records to join with those of others")
         cloud = self._copy()
         cloud.__dict__.update(
-            _frame=template._frame, _descriptions=template._descriptions, crs=template.crs
+            _metadata=template._metadata, _descriptions=template._descriptions, crs=template.crs
         )
         cloud._columns = {
             name: self._column_like(name, values) for name, values in template._columns.items()
         }
-        keeps = template._moved or template._frame is None
+        keeps = template._moved or template._metadata is None
         cloud._xyz, cloud._moved = self.xyz if keeps else None, template._moved
-        if self._frame is None or self._record is None or template._frame is None:
-            cloud._record = None
+        if self._metadata is None or self._packed is None or template._metadata is None:
+            cloud._packed = None
             return cloud
         try:
-            cloud._record = _frozen(fitted(self._frame, self._record, template._frame))
+            cloud._packed = _frozen(in_layout(self._metadata, self._packed, template._metadata))
         except DataError as error:
             raise DataError(f"{self.name} {error}") from error
         return cloud
@@ -266,37 +266,37 @@ class PointCloud:
         """
         whole = self._copy()
         columns = {n: np.empty((size, *v.shape[1:]), v.dtype) for n, v in self._columns.items()}
-        record = None if self._record is None else np.empty(size, self._record.dtype)
-        xyz = np.empty((size, 3)) if self._moved or record is None else None
+        packed = None if self._packed is None else np.empty(size, self._packed.dtype)
+        xyz = np.empty((size, 3)) if self._moved or packed is None else None
         start = 0
         for part in parts:
             place = slice(start, start := start + len(part))
             for name, column in columns.items():
                 column[place] = part._columns[name]
-            if record is not None and part._record is not None:
-                _bytes(record)[place] = _bytes(part._record)
+            if packed is not None and part._packed is not None:
+                _bytes(packed)[place] = _bytes(part._packed)
             if xyz is not None:
                 xyz[place] = part.xyz
         if start != size:
             raise DataError(f"{self.name} holds {start} points, and {size} were expected")
         whole._size, whole._columns = size, {n: _frozen(v) for n, v in columns.items()}
-        whole._record = None if record is None else _frozen(record)
+        whole._packed = None if packed is None else _frozen(packed)
         whole._xyz = None if xyz is None else _frozen(xyz)
         whole._file = None
         return whole
 
     @classmethod
-    def _of_las(cls, frame: Frame, record: NDArray[Any], name: str) -> PointCloud:
-        cloud = cls(np.empty((0, 3)), crs=frame.crs, name=name)
-        record.flags.writeable = False
-        cloud._frame, cloud._record, cloud._size = frame, record, len(record)
+    def _of_las(cls, metadata: LasMetadata, packed: NDArray[Any], name: str) -> PointCloud:
+        cloud = cls(np.empty((0, 3)), crs=metadata.crs, name=name)
+        packed.flags.writeable = False
+        cloud._metadata, cloud._packed, cloud._size = metadata, packed, len(packed)
         cloud._xyz = None
         return cloud
 
     @classmethod
-    def of_frame(cls, frame: Frame, name: str) -> PointCloud:
+    def of_metadata(cls, metadata: LasMetadata, name: str) -> PointCloud:
         """A cloud without points, as in a LAS file of which only the header is read."""
-        return cls._of_las(frame, np.empty(0, frame.header.point_format.dtype()), name)
+        return cls._of_las(metadata, np.empty(0, metadata.header.point_format.dtype()), name)
 
     def __len__(self) -> int:
         return self._size
@@ -305,16 +305,16 @@ class PointCloud:
     def xyz(self) -> NDArray[np.float64]:
         """Coordinates of shape (n, 3), in the unit of the CRS; read-only."""
         if self._xyz is None:
-            assert self._frame is not None
-            assert self._record is not None
-            self._xyz = las_points.coordinates(self._frame.header, self._record)
+            assert self._metadata is not None
+            assert self._packed is not None
+            self._xyz = las_points.coordinates(self._metadata.header, self._packed)
             self._xyz.flags.writeable = False
         return self._xyz
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the attributes, those of the file first."""
-        of_file = self._frame.names if self._frame else ()
+        of_file = self._metadata.names if self._metadata else ()
         return of_file + tuple(name for name in self._columns if name not in of_file)
 
     def __contains__(self, name: object) -> bool:
@@ -335,8 +335,8 @@ class PointCloud:
             return self._columns[name]
         if name in ("x", "y", "z"):
             values: NDArray[Any] = np.ascontiguousarray(self.xyz[:, "xyz".index(name)])
-        elif self._frame is not None and self._record is not None and name in self.names:
-            values = las_points.attribute(self._frame.header.point_format, self._record, name)
+        elif self._metadata is not None and self._packed is not None and name in self.names:
+            values = las_points.attribute(self._metadata.header.point_format, self._packed, name)
         else:
             raise DataError(self._unknown(name))
         values.flags.writeable = False
@@ -350,7 +350,7 @@ class PointCloud:
     @property
     def descriptions(self) -> dict[str, str]:
         """Descriptions of attributes that LAS does not know."""
-        extras = self._frame.extras if self._frame else ()
+        extras = self._metadata.extras if self._metadata else ()
         return {extra.name: extra.description for extra in extras} | self._descriptions
 
     @property
@@ -371,8 +371,8 @@ class PointCloud:
         index = _indices(np.asarray(which), len(self))
         cloud = self._copy()
         cloud._size = len(index)
-        cloud._record = None if self._record is None else _frozen(self._record[index])
-        keeps = self._moved or self._record is None
+        cloud._packed = None if self._packed is None else _frozen(self._packed[index])
+        keeps = self._moved or self._packed is None
         cloud._xyz = _frozen(self.xyz[index]) if keeps else None
         cloud._columns = {name: _frozen(values[index]) for name, values in self._columns.items()}
         cloud._origin = None if self._origin is None else _frozen(self._origin[index])
@@ -453,9 +453,9 @@ class PointCloud:
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All that tells the points apart: arrays of n rows, for :meth:`with_arrays`."""
         found = {f"column {name}": values for name, values in self._columns.items()}
-        if self._record is not None:
-            found["record"] = self._record
-        if self._moved or self._record is None:
+        if self._packed is not None:
+            found["packed"] = self._packed
+        if self._moved or self._packed is None:
             found["xyz"] = self.xyz
         return found
 
@@ -463,7 +463,7 @@ class PointCloud:
         """A cloud like this, mostly one without points, with the points of :meth:`arrays`."""
         cloud = self._copy()
         cloud._size = len(next(iter(arrays.values())))
-        cloud._record = arrays.get("record")
+        cloud._packed = arrays.get("packed")
         cloud._xyz = arrays.get("xyz")
         cloud._columns = {name: arrays[f"column {name}"] for name in self._columns}
         cloud._origin = cloud._file = None
@@ -528,26 +528,26 @@ class PointCloud:
 
     def _save_las(self, path: Path, record: str, *, compress: bool, ctx: Context) -> None:
         try:
-            frame, points = self.as_las()
-            frame = with_record(frame, record)
+            metadata, points = self.as_las()
+            metadata = with_record(metadata, record)
         except DataError as error:
             raise DataError(f"{path} cannot be written: {error}") from error
-        write_las(path, frame, points, compress=compress, ctx=ctx)
+        write_las(path, metadata, points, compress=compress, ctx=ctx)
 
-    def as_las(self) -> tuple[Frame, NDArray[Any]]:
-        """What a LAS file of the points holds: its frame, and its records of shape (n,).
+    def as_las(self) -> tuple[LasMetadata, NDArray[Any]]:
+        """What a LAS file of the points holds: its metadata, and point records of shape (n,).
 
         Raises
         ------
         DataError
             LAS cannot hold a value.
         """
-        frame, points, xyz = self._frame, self._record, self.xyz if self._moved else None
-        if frame is None or points is None:
+        metadata, points, xyz = self._metadata, self._packed, self.xyz if self._moved else None
+        if metadata is None or points is None:
             xyz = self.xyz
-            frame, points = las_points.new_frame(xyz, self._columns)
+            metadata, points = las_points.new_metadata(xyz, self._columns)
         return las_points.revised(
-            frame,
+            metadata,
             points,
             xyz=xyz,
             columns=self._columns,
@@ -578,21 +578,21 @@ class PointCloud:
         DataError
             The file cannot be written.
         """
-        frame, _ = self.as_las()
+        metadata, _ = self.as_las()
         done = 0
         with las_sink(
-            path, with_record(frame, record), compress=suffix_of(path) == ".laz"
+            path, with_record(metadata, record), compress=suffix_of(path) == ".laz"
         ) as write:
             for part in parts:
                 ctx.progress(done / max(size, 1))
                 write(part.as_las()[1])
                 done += len(part)
 
-    def housed(self, owner: PointCloud) -> PointCloud:
+    def with_header_of(self, owner: PointCloud) -> PointCloud:
         """A template with header and records of the file that is the owner, but its own layout."""
         cloud = self._copy()
-        if self._frame is not None and owner._frame is not None:
-            cloud._frame = housed(self._frame, owner._frame)
+        if self._metadata is not None and owner._metadata is not None:
+            cloud._metadata = with_layout(self._metadata, owner._metadata)
         return cloud
 
     def read_back(self) -> PointCloud:
@@ -603,8 +603,8 @@ class PointCloud:
     @property
     def decimals(self) -> tuple[int | None, int | None, int | None]:
         """Decimals that say x, y and z without loss; None where only all digits do."""
-        if self._frame is not None and not self._moved:
-            header = self._frame.header
+        if self._metadata is not None and not self._moved:
+            header = self._metadata.header
             pairs = zip(header.scales, header.offsets, strict=True)
             return tuple(las_points.step_decimals(*pair) for pair in pairs)  # type: ignore[return-value]
         return tuple(las_points.decimals(self.xyz[:, axis]) for axis in range(3))  # type: ignore[return-value]
@@ -649,9 +649,9 @@ def _indices(which: NDArray[Any], size: int) -> NDArray[np.intp]:
     return np.flatnonzero(which)
 
 
-def _bytes(record: NDArray[Any]) -> NDArray[np.uint8]:
+def _bytes(packed: NDArray[Any]) -> NDArray[np.uint8]:
     """Records as rows of bytes, which numpy copies faster than their many fields."""
-    return record.view(np.uint8).reshape(len(record), record.itemsize)
+    return packed.view(np.uint8).reshape(len(packed), packed.itemsize)
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:
@@ -666,9 +666,9 @@ def _is_box(bounds: Sequence[float]) -> bool:
 def _boxes(clouds: Sequence[PointCloud]) -> list[las_points.Box]:
     """Lowest and highest coordinates of the clouds that have points, as their records say."""
     return [
-        las_points.box_of(cloud._frame.header, cloud._record)
+        las_points.box_of(cloud._metadata.header, cloud._packed)
         for cloud in clouds
-        if cloud._frame is not None and cloud._record is not None and len(cloud)
+        if cloud._metadata is not None and cloud._packed is not None and len(cloud)
     ]
 
 

@@ -28,7 +28,7 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-from toolbox.data.las.header import Frame, Record, read_frame
+from toolbox.data.las.header import LasMetadata, Vlr, parse_metadata
 from toolbox.errors import DataError
 
 MEMBER = "lidar-toolbox"
@@ -172,8 +172,8 @@ def write_into_geopackage(path: Path, text: str, timestamp: str) -> None:
         raise DataError(f"{path} cannot be written: {error}") from error
 
 
-def with_record(frame: Frame, text: str) -> Frame:
-    """The frame of a LAS file with this record, and without one of an earlier run.
+def with_record(metadata: LasMetadata, text: str) -> LasMetadata:
+    """The metadata of a LAS file with this record, and without one of an earlier run.
 
     A record of more than 65 535 bytes goes behind the points, which only LAS 1.4 can do.
 
@@ -182,25 +182,25 @@ def with_record(frame: Frame, text: str) -> Frame:
     DataError
         It is too long for an older version of LAS.
     """
-    frame = frame.without(lambda record: record.key == _VLR)
+    metadata = metadata.without(lambda vlr: vlr.key == _VLR)
     if not text:
-        return frame
+        return metadata
     data = checked(text).encode()
     if len(data) <= _LONGEST:
-        return replace(frame, vlrs=(*frame.vlrs, Record.make(*_VLR, "provenance", data)))
-    if frame.header.version.minor < 4:
+        return replace(metadata, vlrs=(*metadata.vlrs, Vlr.make(*_VLR, "provenance", data)))
+    if metadata.header.version.minor < 4:
         raise DataError(f"a record of {len(data)} bytes is too long for LAS before 1.4")
     head = struct.pack("<2x16sHQ32s", _VLR[0].encode(), _VLR[1], len(data), b"provenance")
-    return replace(frame, evlrs=(*frame.evlrs, Record(head, data)))
+    return replace(metadata, evlrs=(*metadata.evlrs, Vlr(head, data)))
 
 
 def _of_las(path: Path) -> str:
     with path.open("rb") as stream:
         try:
-            frame = read_frame(stream, path.stat().st_size, lambda text: None)
+            metadata = parse_metadata(stream, path.stat().st_size, lambda text: None)
         except DataError as error:
             raise DataError(f"{path} {error}") from error
-    return next((_decoded(found.data) for found in frame.records if found.key == _VLR), "")
+    return next((_decoded(found.data) for found in metadata.all_vlrs if found.key == _VLR), "")
 
 
 def _decoded(data: bytes) -> str:

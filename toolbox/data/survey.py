@@ -15,8 +15,8 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import crs_conflicts, metres_per_unit
-from toolbox.data.las.files import chunk_sizes, read_header
-from toolbox.data.las.header import Frame
+from toolbox.data.las.files import chunk_sizes, read_metadata
+from toolbox.data.las.header import LasMetadata
 from toolbox.data.las.points import Box
 from toolbox.data.places import LAS, Places, files_of, name_of, suffix_of
 from toolbox.data.pointcloud import PointCloud
@@ -91,17 +91,17 @@ class SurveyFile:
         if columns or separator:
             raise DataError(f"{path}: columns and separator are for text files")
         remarks: list[str] = []
-        frame = _header(path, remarks.append)
-        header = frame.header
+        metadata = _header(path, remarks.append)
+        header = metadata.header
         file = cls(
             path=path,
             count=int(header.point_count),
             bounds=(*header.mins.tolist(), *header.maxs.tolist()),
-            crs=assume_crs if frame.crs is None else frame.crs,
-            version=f"1.{frame.minor}",
+            crs=assume_crs if metadata.crs is None else metadata.crs,
+            version=f"1.{metadata.minor}",
             point_format=int(header.point_format.id),
             scales=tuple(header.scales.tolist()),
-            attributes=_attributes(PointCloud.of_frame(frame, path.name)),
+            attributes=_attributes(PointCloud.of_metadata(metadata, path.name)),
             remarks=tuple(remarks),
         )
         return file._with_bounds(ctx)
@@ -361,9 +361,9 @@ class Survey:
         return np.searchsorted(ends, number, side="right")
 
 
-def _header(path: Path, warn: Callable[[str], None]) -> Frame:
+def _header(path: Path, warn: Callable[[str], None]) -> LasMetadata:
     try:
-        return read_header(path, warn)
+        return read_metadata(path, warn)
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror or error}") from error
 
@@ -372,7 +372,9 @@ def _empty(file: SurveyFile) -> PointCloud:
     """A cloud as in the file, without its points."""
     name = file.path.name
     if file.version:
-        return PointCloud.of_frame(_header(file.path, lambda text: None), name).with_crs(file.crs)
+        return PointCloud.of_metadata(_header(file.path, lambda text: None), name).with_crs(
+            file.crs
+        )
     columns = {name: np.empty((0, *shape), kind) for name, kind, shape in file.attributes}
     return PointCloud(np.empty((0, 3)), columns, crs=file.crs, name=name)
 

@@ -105,7 +105,7 @@ def _write_points(
     if file is not None:
         before = sum(other.count for other in survey.files[:file])
         span = before, before + survey.files[file].count
-        template = template.housed(survey.files[file].read(0, 0))
+        template = template.with_header_of(survey.files[file].read(0, 0))
     size = points.size(span) if points else 0
     windows = points.windows(span) if points else iter(())
     if place.suffix.lower() in LAS:

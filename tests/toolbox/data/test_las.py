@@ -20,7 +20,7 @@ from toolbox.data import PointCloud
 from toolbox.data.crs import LOCAL, parse_crs, same_crs
 from toolbox.data.las import files as las
 from toolbox.data.las.crs import read_crs
-from toolbox.data.las.header import read_frame
+from toolbox.data.las.header import parse_metadata
 from toolbox.errors import Cancelled, DataError
 
 COMBINATIONS = [(2, f) for f in range(4)] + [(3, f) for f in range(6)] + [(4, f) for f in range(11)]
@@ -541,8 +541,8 @@ def test_real_files_come_back_unchanged(
 def test_the_crs_of_real_files(data: Callable[[str], Path], name: str, code: str) -> None:
     path = data(name)
     with path.open("rb") as stream:
-        frame = read_frame(stream, path.stat().st_size, lambda text: None)
-    crs = read_crs(frame.records, wkt=frame.header.global_encoding.wkt, name=name)
+        metadata = parse_metadata(stream, path.stat().st_size, lambda text: None)
+    crs = read_crs(metadata.all_vlrs, wkt=metadata.header.global_encoding.wkt, name=name)
     assert crs is not None
     assert crs.to_authority() == tuple(code.split(":")) or same_crs(crs, parse_crs(code))
 
@@ -577,8 +577,8 @@ def plain(number: int, minor: int = 4, **fields: Any) -> PointCloud:
         points[name] = values
     file = io.BytesIO()
     points.write(file)
-    frame = read_frame(io.BytesIO(file.getvalue()), len(file.getvalue()), print)
-    return PointCloud._of_las(frame, points.points.array.copy(), f"format{number}.las")
+    metadata = parse_metadata(io.BytesIO(file.getvalue()), len(file.getvalue()), print)
+    return PointCloud._of_las(metadata, points.points.array.copy(), f"format{number}.las")
 
 
 @pytest.mark.parametrize("oldest", [2, 4])

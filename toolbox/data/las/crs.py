@@ -1,4 +1,4 @@
-"""The CRS records of LAS files: OGC WKT, and GeoTIFF keys."""
+"""The CRS in the VLRs of LAS files: OGC WKT, and GeoTIFF keys."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from pyproj.exceptions import CRSError
 
 from toolbox.context import log
 from toolbox.data.crs import describe_crs, horizontal_part, is_local, same_crs, vertical_unit
-from toolbox.data.las.header import Record
+from toolbox.data.las.header import Vlr
 
 WKT_BIT = 16  # of the global encoding
 _USER = "LASF_Projection"
 _WKT, _KEYS, _DOUBLES, _TEXT = 2112, 34735, 34736, 34737
 
 
-def is_crs_record(record: Record) -> bool:
+def is_crs_vlr(vlr: Vlr) -> bool:
     """Whether a VLR or EVLR states a CRS (2111 is the unused math transform)."""
-    user, number = record.key
+    user, number = vlr.key
     return user == _USER and number in (2111, _WKT, _KEYS, _DOUBLES, _TEXT)
 
 
-def read_crs(records: Iterable[Record], *, wkt: bool, name: str) -> CRS | None:
-    """The CRS that the records state, or None.
+def read_crs(vlrs: Iterable[Vlr], *, wkt: bool, name: str) -> CRS | None:
+    """The CRS that VLRs state, or None.
 
     Parameters
     ----------
-    records : VLRs and EVLRs
+    vlrs : VLRs and EVLRs
     wkt : whether the file says that its CRS is stated as WKT; decides where both are present
     name : of the file, for the log, which tells why a CRS cannot be understood
     """
-    keyed = [(*record.key, record.data) for record in records]
+    keyed = [(*vlr.key, vlr.data) for vlr in vlrs]
     found = {number: data for user, number, data in keyed if user == _USER}
     readers = {_WKT: _read_wkt, _KEYS: _read_geotiff}
     order = (_WKT, _KEYS) if wkt else (_KEYS, _WKT)
@@ -49,26 +49,24 @@ def read_crs(records: Iterable[Record], *, wkt: bool, name: str) -> CRS | None:
     return None
 
 
-def crs_records(
-    crs: CRS | None, point_format: int, *, wkt: bool
-) -> tuple[tuple[Record, ...], bool]:
-    """The records that state a CRS, and whether they are WKT.
+def crs_vlrs(crs: CRS | None, point_format: int, *, wkt: bool) -> tuple[tuple[Vlr, ...], bool]:
+    """The VLRs that state a CRS, and whether they are WKT.
 
     Point formats 6-10 need WKT (LAS 1.4, 2.2). For the older ones GeoTIFF keys are written where
     they can say it, that is where the parts of the CRS have EPSG codes.
 
     Parameters
     ----------
-    crs : None or LOCAL give no record
+    crs : None or LOCAL give no VLR
     point_format : of the file
-    wkt : the WKT bit that is returned if there is no record
+    wkt : the WKT bit that is returned if there is no VLR
     """
     if crs is None or is_local(crs):
         return (), wkt or point_format >= 6
     keys = _geotiff(crs) if point_format < 6 else None
     if keys is not None:
-        return (Record.make(_USER, _KEYS, "GeoTIFF keys", keys),), False
-    return (Record.make(_USER, _WKT, "OGC WKT", _wkt(crs).encode() + b"\0"),), True
+        return (Vlr.make(_USER, _KEYS, "GeoTIFF keys", keys),), False
+    return (Vlr.make(_USER, _WKT, "OGC WKT", _wkt(crs).encode() + b"\0"),), True
 
 
 def _read_wkt(found: dict[int, bytes]) -> CRS | None:

@@ -1,7 +1,7 @@
 """Reading and writing LAS, LAZ and COPC files with laspy and lazrs.
 
 Every file is checked before these see it (see also `las_header`), so that a damaged one ends in a
-message and not in a hang, and records are put back as they were.
+message and not in a hang, and VLRs are put back as they were.
 
 References
 ----------
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data.las.crs import read_crs
-from toolbox.data.las.header import SIZES, Frame, demand, read_frame
+from toolbox.data.las.header import SIZES, LasMetadata, demand, parse_metadata
 from toolbox.data.las.points import attribute, box_of
 from toolbox.errors import DataError
 
@@ -51,7 +51,7 @@ def read_las(
     bounds: Sequence[float] | None = None,
     part: tuple[int, int] | None = None,
     ctx: Context = QUIET,
-) -> tuple[Frame, Array]:
+) -> tuple[LasMetadata, Array]:
     """Read a LAS, LAZ or COPC file.
 
     Parameters
@@ -65,8 +65,8 @@ def read_las(
 
     Returns
     -------
-    frame : all but the points
-    record : packed point records, of shape (n,)
+    metadata : all but the points
+    packed : packed point records, of shape (n,)
 
     Raises
     ------
@@ -75,16 +75,16 @@ def read_las(
     """
     size = path.stat().st_size
     with _named(path), path.open("rb") as stream:
-        frame = read_frame(stream, size, lambda text: log.warning("%s %s", path.name, text))
+        metadata = parse_metadata(stream, size, lambda text: log.warning("%s %s", path.name, text))
         with _errors("is damaged: its points cannot be read"):
-            record = _read_points(stream, frame, size, bounds, part, ctx)
-    _check_box(frame.header, record, path.name)
-    if frame.laszip and _mixes_waveforms(frame, record):
+            packed = _read_points(stream, metadata, size, bounds, part, ctx)
+    _check_box(metadata.header, packed, path.name)
+    if metadata.laszip and _mixes_waveforms(metadata, packed):
         log.warning("%s: %s; read with care", path.name, _MIXED)
-    return _with_crs(frame, path), record
+    return _with_crs(metadata, path), packed
 
 
-def read_header(path: Path, warn: Callable[[str], None]) -> Frame:
+def read_metadata(path: Path, warn: Callable[[str], None]) -> LasMetadata:
     """Read and check all but the points of a LAS, LAZ or COPC file.
 
     Parameters
@@ -98,8 +98,8 @@ def read_header(path: Path, warn: Callable[[str], None]) -> Frame:
         The file is damaged or of an unknown kind; says which rule it breaks.
     """
     with _named(path), path.open("rb") as stream:
-        frame = read_frame(stream, path.stat().st_size, warn)
-    return _with_crs(frame, path)
+        metadata = parse_metadata(stream, path.stat().st_size, warn)
+    return _with_crs(metadata, path)
 
 
 def chunk_sizes(path: Path) -> list[int] | None:
@@ -112,17 +112,17 @@ def chunk_sizes(path: Path) -> list[int] | None:
     """
     size = path.stat().st_size
     with _named(path), path.open("rb") as stream:
-        frame = read_frame(stream, size, lambda text: None)
-        if frame.header.point_count == 0 or not frame.header.are_points_compressed:
+        metadata = parse_metadata(stream, size, lambda text: None)
+        if metadata.header.point_count == 0 or not metadata.header.are_points_compressed:
             return None
         with _errors("is damaged: its points cannot be read"):
-            _check_laszip(frame)
-            return [points for *_, points in _all_chunks(stream, frame, size)]
+            _check_laszip(metadata)
+            return [points for *_, points in _all_chunks(stream, metadata, size)]
 
 
-def _with_crs(frame: Frame, path: Path) -> Frame:
-    crs = read_crs(frame.records, wkt=frame.header.global_encoding.wkt, name=path.name)
-    return replace(frame, crs=crs)
+def _with_crs(metadata: LasMetadata, path: Path) -> LasMetadata:
+    crs = read_crs(metadata.all_vlrs, wkt=metadata.header.global_encoding.wkt, name=path.name)
+    return replace(metadata, crs=crs)
 
 
 @contextmanager
@@ -151,28 +151,28 @@ def _errors(text: str) -> Iterator[None]:
 
 def _read_points(
     stream: BinaryIO,
-    frame: Frame,
+    metadata: LasMetadata,
     size: int,
     bounds: Sequence[float] | None,
     part: tuple[int, int] | None,
     ctx: Context,
 ) -> Array:
-    header = frame.header
+    header = metadata.header
     start, stop = part or (0, header.point_count)
     demand(0 <= start <= stop <= header.point_count, f"has no points {start} to {stop}")
     if header.point_count == 0 or not header.are_points_compressed:
         return _read_plain(stream, header, start, stop, ctx)
-    _check_laszip(frame)
-    if bounds is not None and frame.copc:
-        chunks = _copc_chunks(stream, frame, size, bounds)
+    _check_laszip(metadata)
+    if bounds is not None and metadata.copc:
+        chunks = _copc_chunks(stream, metadata, size, bounds)
     else:
-        chunks = _all_chunks(stream, frame, size)
+        chunks = _all_chunks(stream, metadata, size)
     ahead = 0
     if part:
         chunks, ahead = _covering(chunks, start, stop)
-    _check_chunks(stream, frame, chunks)
-    record = _read_chunks(stream, frame, chunks, ctx)
-    return record[ahead : ahead + stop - start] if part else record
+    _check_chunks(stream, metadata, chunks)
+    packed = _read_chunks(stream, metadata, chunks, ctx)
+    return packed[ahead : ahead + stop - start] if part else packed
 
 
 def _covering(chunks: list[Chunk], start: int, stop: int) -> tuple[list[Chunk], int]:
@@ -187,32 +187,34 @@ def _covering(chunks: list[Chunk], start: int, stop: int) -> tuple[list[Chunk], 
 def _read_plain(
     stream: BinaryIO, header: laspy.LasHeader, start: int, stop: int, ctx: Context
 ) -> Array:
-    record = np.empty(stop - start, header.point_format.dtype())
-    stream.seek(header.offset_to_point_data + start * record.itemsize)
-    for place in range(0, len(record), _BLOCK):
-        ctx.progress(place / len(record))
-        block = record[place : place + _BLOCK]
-        block[:] = np.fromfile(stream, record.dtype, len(block))
-    return record
+    packed = np.empty(stop - start, header.point_format.dtype())
+    stream.seek(header.offset_to_point_data + start * packed.itemsize)
+    for place in range(0, len(packed), _BLOCK):
+        ctx.progress(place / len(packed))
+        block = packed[place : place + _BLOCK]
+        block[:] = np.fromfile(stream, packed.dtype, len(block))
+    return packed
 
 
-def _read_chunks(stream: BinaryIO, frame: Frame, chunks: list[Chunk], ctx: Context) -> Array:
+def _read_chunks(
+    stream: BinaryIO, metadata: LasMetadata, chunks: list[Chunk], ctx: Context
+) -> Array:
     """The points of chunks.
 
     Not with the reader of laspy: it sets memory aside for as many points as the LASzip record
     claims for a chunk, and ends the process if there is not so much.
     """
-    record = np.empty(sum(points for *_, points in chunks), frame.header.point_format.dtype())
+    packed = np.empty(sum(points for *_, points in chunks), metadata.header.point_format.dtype())
     done = 0
     for number in range(0, len(chunks), _GROUP):
         ctx.progress(number / len(chunks))
         group = chunks[number : number + _GROUP]
         data = b"".join(_bytes(stream, start, size) for start, size, _ in group)
         table = [(points, size) for _, size, points in group]
-        block = record[done : done + sum(points for points, _ in table)]
-        lazrs.decompress_points_with_chunk_table(data, frame.laszip, block.view("u1"), table)
+        block = packed[done : done + sum(points for points, _ in table)]
+        lazrs.decompress_points_with_chunk_table(data, metadata.laszip, block.view("u1"), table)
         done += len(block)
-    return record
+    return packed
 
 
 def _bytes(stream: BinaryIO, start: int, size: int) -> bytes:
@@ -220,27 +222,27 @@ def _bytes(stream: BinaryIO, start: int, size: int) -> bytes:
     return stream.read(size)
 
 
-def _check_laszip(frame: Frame) -> None:
+def _check_laszip(metadata: LasMetadata) -> None:
     """Whether lazrs knows this way of compression, and its items make up a point record."""
     with _errors("has a damaged LASzip record"):
-        length = lazrs.LazVlr(frame.laszip).item_size()
-    compressor, coder = struct.unpack_from("<HH", frame.laszip)
+        length = lazrs.LazVlr(metadata.laszip).item_size()
+    compressor, coder = struct.unpack_from("<HH", metadata.laszip)
     demand(
         compressor in (2, _LAYERED) and coder == 0,
         f"is compressed in the way {compressor} (coder {coder}) of LASzip; only chunked files "
         "(2 and 3) can be read, as LASzip writes them since 2011",
     )
-    stated = frame.header.point_format.size
+    stated = metadata.header.point_format.size
     same = length == stated
     demand(same, f"has point records of {stated} bytes, but compressed ones of {length}")
 
 
-def _all_chunks(stream: BinaryIO, frame: Frame, size: int) -> list[Chunk]:
+def _all_chunks(stream: BinaryIO, metadata: LasMetadata, size: int) -> list[Chunk]:
     """The chunks in the order of the file, from its chunk table.
 
     lazrs sets memory aside for as many chunks as the table claims, so they are looked at first.
     """
-    header, laszip = frame.header, lazrs.LazVlr(frame.laszip)
+    header, laszip = metadata.header, lazrs.LazVlr(metadata.laszip)
     start, total = header.offset_to_point_data, header.point_count
     demand(start + 8 <= size, "is cut off where its points begin")
     (table,) = struct.unpack("<q", _bytes(stream, start, 8))
@@ -270,19 +272,19 @@ def _all_chunks(stream: BinaryIO, frame: Frame, size: int) -> list[Chunk]:
     return chunks
 
 
-def _check_chunks(stream: BinaryIO, frame: Frame, chunks: list[Chunk]) -> None:
+def _check_chunks(stream: BinaryIO, metadata: LasMetadata, chunks: list[Chunk]) -> None:
     """Whether the chunks can hold their points.
 
     In layers a chunk begins with a plain point, the number of points, and the size of each layer,
     for which lazrs would set memory aside before it looks whether they are there.
     """
-    layout = frame.header.point_format
+    layout = metadata.header.point_format
     layers = _LAYERS.get(layout.id, 0) + layout.num_extra_bytes
     ahead = layout.size + 4
     for start, size, points in chunks:
         dense = points > _DENSEST * size
         demand(not dense, f"is damaged: it claims {points} points in {size} bytes")
-        if frame.laszip[0] == _LAYERED:
+        if metadata.laszip[0] == _LAYERED:
             data = _bytes(stream, start + ahead, 4 * layers)
             needed = ahead + len(data) + sum(memoryview(data[: len(data) // 4 * 4]).cast("I"))
             demand(
@@ -308,11 +310,13 @@ class _Pages:
         return self._stream.read(length)
 
 
-def _copc_chunks(stream: BinaryIO, frame: Frame, size: int, bounds: Sequence[float]) -> list[Chunk]:
+def _copc_chunks(
+    stream: BinaryIO, metadata: LasMetadata, size: int, bounds: Sequence[float]
+) -> list[Chunk]:
     """The chunks of the octree nodes that touch the bounds, in the order of the file."""
     info, pages = CopcInfoVlr(), _Pages(stream, size)
     with _errors("has a damaged COPC record"):
-        info.parse_record_data(frame.copc)
+        info.parse_record_data(metadata.copc)
     pages.seek(info.hierarchy_root_offset)
     root = HierarchyPage.from_bytes(pages.read(info.hierarchy_root_size))
     box = Bounds(np.array([*bounds[:2], -np.inf]), np.array([*bounds[2:], np.inf]))
@@ -320,16 +324,16 @@ def _copc_chunks(stream: BinaryIO, frame: Frame, size: int, bounds: Sequence[flo
     chunks = [[node.offset, node.byte_size, node.point_count] for node in nodes]
     chunks = sorted(chunk for chunk in chunks if chunk[2] > 0)
     fits = all(0 < length <= size - start for start, length, _ in chunks)
-    fits &= sum(points for *_, points in chunks) <= frame.header.point_count
+    fits &= sum(points for *_, points in chunks) <= metadata.header.point_count
     demand(fits, "has a damaged COPC hierarchy")
     return chunks
 
 
-def _check_box(header: laspy.LasHeader, record: Array, name: str) -> None:
+def _check_box(header: laspy.LasHeader, packed: Array, name: str) -> None:
     """Log a bounding box that does not contain the points; it is computed anew on writing."""
-    if len(record) == 0:
+    if len(packed) == 0:
         return
-    corners = box_of(header, record)
+    corners = box_of(header, packed)
     near = np.abs(header.scales)
     if not (np.all(header.mins <= corners[0] + near) and np.all(header.maxs >= corners[1] - near)):
         log.warning(
@@ -338,82 +342,84 @@ def _check_box(header: laspy.LasHeader, record: Array, name: str) -> None:
         )
 
 
-def _mixes_waveforms(frame: Frame, record: Array) -> bool:
+def _mixes_waveforms(metadata: LasMetadata, packed: Array) -> bool:
     """Whether compression spoils the wave packets (as of lazrs 0.8)."""
-    return len(_waveform_channels(frame, record)) > 1
+    return len(_waveform_channels(metadata, packed)) > 1
 
 
-def _waveform_channels(frame: Frame, record: Array) -> set[int]:
+def _waveform_channels(metadata: LasMetadata, packed: Array) -> set[int]:
     """The scanner channels of points that have wave packets."""
-    if frame.header.point_format.id not in (9, 10):
+    if metadata.header.point_format.id not in (9, 10):
         return set()
-    channels = attribute(frame.header.point_format, record, "scanner_channel")
+    channels = attribute(metadata.header.point_format, packed, "scanner_channel")
     return set(np.unique(channels).tolist())
 
 
 def write_las(
-    path: Path, frame: Frame, record: Array, *, compress: bool, ctx: Context = QUIET
+    path: Path, metadata: LasMetadata, packed: Array, *, compress: bool, ctx: Context = QUIET
 ) -> None:
-    """Write records and frame as they are; counts, bounds and places are computed anew.
+    """Write point records and metadata as they are; counts, bounds and positions are computed anew.
 
     Raises
     ------
     DataError
         The points are too many for the version of LAS, or LAZ would not keep their waveforms.
     """
-    with las_sink(path, frame, compress=compress) as write:
-        for place in range(0, len(record), _BLOCK):
-            ctx.progress(place / len(record))
-            write(record[place : place + _BLOCK])
+    with las_sink(path, metadata, compress=compress) as write:
+        for place in range(0, len(packed), _BLOCK):
+            ctx.progress(place / len(packed))
+            write(packed[place : place + _BLOCK])
 
 
 @contextmanager
-def las_sink(path: Path, frame: Frame, *, compress: bool) -> Iterator[Callable[[Array], None]]:
-    """Write a file block by block: gives the function that writes records of shape (n,).
+def las_sink(
+    path: Path, metadata: LasMetadata, *, compress: bool
+) -> Iterator[Callable[[Array], None]]:
+    """Write a file block by block: gives the function that writes point records of shape (n,).
 
-    The file does not depend on how the records are divided.
+    The file does not depend on how the point records are divided.
 
     Raises
     ------
     DataError
         As for :func:`write_las`.
     """
-    header = frame.header.copy()
+    header = metadata.header.copy()
     header.vlrs.clear()
-    header.vlrs.extend(laspy.VLR("", 0, "", vlr.data) for vlr in frame.vlrs)  # see _restore
+    header.vlrs.extend(laspy.VLR("", 0, "", vlr.data) for vlr in metadata.vlrs)  # see _restore
     channels: set[int] = set()
     with path.open("wb") as stream, _errors(f"{path} cannot be written"):
         writer = laspy.LasWriter(stream, header, compress, closefd=False, encoding_errors="ignore")
 
-        def write(record: Array) -> None:
-            if header.version.minor < 4 and writer.header.point_count + len(record) >= 2**32:
+        def write(packed: Array) -> None:
+            if header.version.minor < 4 and writer.header.point_count + len(packed) >= 2**32:
                 raise DataError(f"{path}: LAS {header.version} holds fewer than 2^32 points")
-            channels.update(_waveform_channels(frame, record))
+            channels.update(_waveform_channels(metadata, packed))
             if compress and len(channels) > 1:
                 raise DataError(f"{path}: {_MIXED}; write .las")
-            block = np.ascontiguousarray(record)
+            block = np.ascontiguousarray(packed)
             writer.write_points(laspy.PackedPointRecord(block, header.point_format))
 
         yield write
         writer.point_writer.done()
         writer.done = True
-        _write_evlrs(stream, frame, writer.header)
-        _tidy_box(frame.header, writer.header)
+        _write_evlrs(stream, metadata, writer.header)
+        _tidy_box(metadata.header, writer.header)
         writer.close()
-        _restore(stream, frame, writer.header)
+        _restore(stream, metadata, writer.header)
 
 
-def _write_evlrs(stream: BinaryIO, frame: Frame, header: laspy.LasHeader) -> None:
+def _write_evlrs(stream: BinaryIO, metadata: LasMetadata, header: laspy.LasHeader) -> None:
     """Records after the points, which laspy does not write in LAS 1.3, and their places."""
     start = stream.seek(0, 2)
     if not header.global_encoding.waveform_data_packets_external:
         header.start_of_waveform_data_packet_record = 0
-    for evlr in frame.evlrs:
-        if evlr is frame.waveform:
+    for evlr in metadata.evlrs:
+        if evlr is metadata.waveform:
             header.start_of_waveform_data_packet_record = stream.tell()
         stream.write(evlr.head + evlr.data)
-    header.start_of_first_evlr = start if frame.evlrs else 0
-    header.number_of_evlrs = len(frame.evlrs)
+    header.start_of_first_evlr = start if metadata.evlrs else 0
+    header.number_of_evlrs = len(metadata.evlrs)
 
 
 def _tidy_box(stated: laspy.LasHeader, header: laspy.LasHeader) -> None:
@@ -425,14 +431,14 @@ def _tidy_box(stated: laspy.LasHeader, header: laspy.LasHeader) -> None:
         header.maxs = np.where(np.abs(stated.maxs - high) <= half, stated.maxs, high)
 
 
-def _restore(stream: BinaryIO, frame: Frame, header: laspy.LasHeader) -> None:
+def _restore(stream: BinaryIO, metadata: LasMetadata, header: laspy.LasHeader) -> None:
     """What laspy cannot write: LAS 1.0, no date, counts for older readers, texts to the byte."""
-    minor = frame.minor if header.version.minor <= 2 else header.version.minor
+    minor = metadata.minor if header.version.minor <= 2 else header.version.minor
     stream.seek(25)
-    stream.write(bytes([minor]) + frame.texts)
+    stream.write(bytes([minor]) + metadata.texts)
     if header.point_format.id < 6 and header.point_count < 2**32:
         counts = header.number_of_points_by_return[:5]
         stream.seek(107)
         stream.write(struct.pack("<6I", header.point_count, *map(int, counts)))
     stream.seek(SIZES[header.version.minor] + len(header.extra_header_bytes))
-    stream.write(b"".join(vlr.head + vlr.data for vlr in frame.vlrs))
+    stream.write(b"".join(vlr.head + vlr.data for vlr in metadata.vlrs))

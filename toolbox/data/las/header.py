@@ -1,4 +1,4 @@
-"""The header of a LAS file and the records around its points.
+"""The header of a LAS file and its variable length records (VLR, EVLR).
 
 What a file claims is checked here before laspy and lazrs see it: they would wait for billions of
 records, set memory aside for points that are not there, or read fewer points without a word.
@@ -37,14 +37,14 @@ _COMPRESSION = (_LASZIP, _COPC, ("copc", 1000))
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class Vlr:
     """The bytes of a variable length record (VLR), or an extended one (head of 60 bytes)."""
 
     head: bytes
     data: bytes
 
     @classmethod
-    def make(cls, user: str, number: int, description: str, data: bytes) -> Record:
+    def make(cls, user: str, number: int, description: str, data: bytes) -> Vlr:
         head = struct.pack("<2x16sHH32s", user.encode(), number, len(data), description.encode())
         return cls(head, data)
 
@@ -56,34 +56,34 @@ class Record:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class LasMetadata:
     """All that a LAS file holds beside its points; whoever changes the header copies it.
 
     Parameters
     ----------
-    header : of laspy, in the oldest version it can write; its own lists of records are not used
+    header : of laspy, in the oldest version it can write; its own lists of VLRs are not used
     minor : version 1.x that the file states
     texts : bytes 26-93 of the file: system, software and date, where laspy is not exact
     vlrs : without those that describe the compression (LASzip, COPC)
-    evlrs : records after the points; in LAS 1.3 the waveform packets alone
+    evlrs : VLRs after the points; in LAS 1.3 the waveform packets alone
     waveform : the one that holds the waveform packets, or None
     laszip : content of the LASzip VLR; b"" if the points are not compressed
     copc : content of the COPC info VLR; b"" if there is none
-    crs : that the records state, or None
+    crs : that the VLRs state, or None
     """
 
     header: LasHeader
     minor: int
     texts: bytes
-    vlrs: tuple[Record, ...] = ()
-    evlrs: tuple[Record, ...] = ()
-    waveform: Record | None = None
+    vlrs: tuple[Vlr, ...] = ()
+    evlrs: tuple[Vlr, ...] = ()
+    waveform: Vlr | None = None
     laszip: bytes = b""
     copc: bytes = b""
     crs: CRS | None = None
 
     @property
-    def records(self) -> tuple[Record, ...]:
+    def all_vlrs(self) -> tuple[Vlr, ...]:
         return self.vlrs + self.evlrs
 
     @property
@@ -104,11 +104,10 @@ class Frame:
         extras = tuple(dimension.name for dimension in self.extras)
         return standard_names(self.header.point_format.id) + extras
 
-    def without(self, dropped: Callable[[Record], bool]) -> Frame:
-        """The frame without the records for which dropped(record) holds."""
+    def without(self, dropped: Callable[[Vlr], bool]) -> LasMetadata:
+        """The metadata without the VLRs and EVLRs for which dropped(vlr) holds."""
         vlrs, evlrs = (
-            tuple(record for record in records if not dropped(record))
-            for records in (self.vlrs, self.evlrs)
+            tuple(vlr for vlr in vlrs if not dropped(vlr)) for vlrs in (self.vlrs, self.evlrs)
         )
         return replace(self, vlrs=vlrs, evlrs=evlrs)
 
@@ -146,7 +145,7 @@ def demand(holds: bool, text: str) -> None:
         raise DataError(text)
 
 
-def read_frame(stream: BinaryIO, size: int, warn: Callable[[str], None]) -> Frame:
+def parse_metadata(stream: BinaryIO, size: int, warn: Callable[[str], None]) -> LasMetadata:
     """Read and check everything but the points.
 
     Parameters
@@ -165,7 +164,7 @@ def read_frame(stream: BinaryIO, size: int, warn: Callable[[str], None]) -> Fram
     start = header.offset_to_point_data
     _check_places(header, len(raw), size, warn)
     (count,) = struct.unpack_from("<I", raw, 100)
-    vlrs, places = _records(stream, len(raw), start, count, 54)
+    vlrs, places = _read_vlrs(stream, len(raw), start, count, 54)
     if len(vlrs) < count:
         warn(
             f"promises {count} variable length records, but only {len(vlrs)} fit before the "
@@ -176,13 +175,13 @@ def read_frame(stream: BinaryIO, size: int, warn: Callable[[str], None]) -> Fram
     evlrs, waveform = _read_evlrs(stream, header, size)
     header.version = oldest_version(raw[25], header.point_format.id)
     header.point_format = _described(header, vlrs, warn)
-    frame = Frame(header, raw[25], raw[26:94], vlrs, evlrs, waveform)
-    frame = frame.without(lambda record: record.key in _COMPRESSION)
+    metadata = LasMetadata(header, raw[25], raw[26:94], vlrs, evlrs, waveform)
+    metadata = metadata.without(lambda vlr: vlr.key in _COMPRESSION)
     if not header.are_points_compressed:
-        return frame
-    found = {record.key: record.data for record in vlrs}
+        return metadata
+    found = {vlr.key: vlr.data for vlr in vlrs}
     demand(_LASZIP in found, "is compressed, but has no LASzip record that says how")
-    return replace(frame, laszip=found[_LASZIP], copc=found.get(_COPC, b""))
+    return replace(metadata, laszip=found[_LASZIP], copc=found.get(_COPC, b""))
 
 
 def _raw_header(stream: BinaryIO, size: int) -> bytes:
@@ -205,7 +204,7 @@ def _raw_header(stream: BinaryIO, size: int) -> bytes:
 
 
 def _parsed(raw: bytes, warn: Callable[[str], None]) -> LasHeader:
-    """The header as laspy reads it, without the records, which it would not read unchanged."""
+    """The header as laspy reads it, without the VLRs, which it would not read unchanged."""
     start, _, packed, record_length, legacy = struct.unpack_from("<IIBHI", raw, 96)
     number = packed & 0x3F
     demand(packed >> 6 in (0, 2) and number <= 10, f"has the unknown point format {packed}")
@@ -215,7 +214,7 @@ def _parsed(raw: bytes, warn: Callable[[str], None]) -> LasHeader:
         f"has point records of {record_length} bytes; point format {number} needs {least}",
     )
     alone = bytearray(raw)
-    struct.pack_into("<HHHII", alone, 90, 0, 0, len(raw), len(raw), 0)  # no date, no records
+    struct.pack_into("<HHHII", alone, 90, 0, 0, len(raw), len(raw), 0)  # no date, no VLRs
     header = LasHeader.read_from(io.BytesIO(alone))
     header.offset_to_point_data = start
     header.point_count = header.point_count or legacy
@@ -231,7 +230,7 @@ def _parsed(raw: bytes, warn: Callable[[str], None]) -> LasHeader:
 
 
 def _check_places(header: LasHeader, length: int, size: int, warn: Callable[[str], None]) -> None:
-    """Whether points and records lie within the file."""
+    """Whether points and VLRs lie within the file."""
     start, end, count = header.offset_to_point_data, size, header.point_count
     demand(
         length <= start <= size,
@@ -252,47 +251,47 @@ def _check_places(header: LasHeader, length: int, size: int, warn: Callable[[str
         warn(f"has room for {more} points more than its header promises; they are not read")
 
 
-def _records(
+def _read_vlrs(
     stream: BinaryIO, start: int, end: int, count: int, head: int
-) -> tuple[tuple[Record, ...], list[int]]:
-    """Up to count records that fit before the end; where each begins, and the last one ends."""
-    records: list[Record] = []
+) -> tuple[tuple[Vlr, ...], list[int]]:
+    """Up to count VLRs that fit before the end; where each begins, and the last one ends."""
+    vlrs: list[Vlr] = []
     places = [start]
-    while len(records) < count and start + head <= end:
+    while len(vlrs) < count and start + head <= end:
         stream.seek(start)
         top = stream.read(head)
         (length,) = struct.unpack_from("<H" if head == 54 else "<Q", top, 20)
         start += head + length
         if start > end:
             break
-        records.append(Record(top, stream.read(length)))
+        vlrs.append(Vlr(top, stream.read(length)))
         places.append(start)
-    return tuple(records), places
+    return tuple(vlrs), places
 
 
 def _read_evlrs(
     stream: BinaryIO, header: LasHeader, size: int
-) -> tuple[tuple[Record, ...], Record | None]:
-    """The records after the points, and the one that holds the waveform packets."""
+) -> tuple[tuple[Vlr, ...], Vlr | None]:
+    """The EVLRs, and the one that holds the waveform packets."""
     start, count = header.start_of_first_evlr, header.number_of_evlrs
     wave = header.start_of_waveform_data_packet_record
     if header.version.minor == 3 and header.global_encoding.waveform_data_packets_internal:
         start, count = wave, 1
-    records, places = _records(stream, start, size, count, 60)
-    found = len(records)
+    vlrs, places = _read_vlrs(stream, start, size, count, 60)
+    found = len(vlrs)
     demand(
         found == count,
         f"is cut off: record {found + 1} of {count} after the points ends beyond the file",
     )
-    return records, dict(zip(places, records, strict=False)).get(wave)
+    return vlrs, dict(zip(places, vlrs, strict=False)).get(wave)
 
 
 def _described(
-    header: LasHeader, vlrs: tuple[Record, ...], warn: Callable[[str], None]
+    header: LasHeader, vlrs: tuple[Vlr, ...], warn: Callable[[str], None]
 ) -> PointFormat:
     """The point format; extra bytes whose description is wrong are kept but not named."""
     number, size = header.point_format.id, header.point_format.size
-    data = b"".join(record.data for record in vlrs if record.key == EXTRA_BYTES)
+    data = b"".join(vlr.data for vlr in vlrs if vlr.key == EXTRA_BYTES)
     plain = PointFormat(number)
     try:
         made = ExtraBytesVlr()

@@ -1,7 +1,7 @@
-"""Points of several LAS files in the records of one.
+"""Points of several LAS files joined in the layout of one.
 
 Files of the same layout (point format, extra bytes, scale and offset) are joined as they are, bit
-for bit. Otherwise the first file gives the header and its records, and the layout becomes one that
+for bit. Otherwise the first file gives the header and its VLRs, and the layout becomes one that
 holds the attributes of all.
 """
 
@@ -17,11 +17,11 @@ from laspy.point.dims import DimensionInfo
 from numpy.typing import NDArray
 
 from toolbox.context import log
-from toolbox.data.las.crs import is_crs_record
+from toolbox.data.las.crs import is_crs_vlr
 from toolbox.data.las.header import (
     EXTRA_BYTES,
     SPARE,
-    Frame,
+    LasMetadata,
     oldest_version,
     point_format,
     standard_names,
@@ -43,22 +43,22 @@ _NEW_IN_6 = {"overlap", "scanner_channel", "scan_angle"}  # older formats do wit
 _FURTHEST = 2**31 - 1  # steps from the offset
 
 
-def joint_frame(
-    frames: Sequence[Frame],
+def joint_metadata(
+    members: Sequence[LasMetadata],
     names: Sequence[str],
     boxes: Callable[[], Sequence[Box]],
     covered: Collection[str] = (),
-) -> Frame:
+) -> LasMetadata:
     """All that a LAS file with the points of several ones holds beside them.
 
-    The records around the points are those of the first file. The point format is the first one
+    Header and VLRs are those of the first file. The point format is the first one
     with the attributes of all, an extra-byte dimension that files hold in different types takes
     one for all, the scale is the finest, and the offset that of the first file unless 32 bits do
     not reach the others from there. What a file does not hold will be 0 in its points.
 
     Parameters
     ----------
-    frames : of the files
+    members : of the files
     names : of the files, for messages
     boxes : gives those of the files that hold points
     covered : attributes that do not come from the files, so that it matters not who lacks them
@@ -68,85 +68,85 @@ def joint_frame(
     DataError
         No layout suits all files.
     """
-    first, *others = frames
+    first, *others = members
     if all(_same_layout(first, other) for other in others):
-        _warn(frames, names, first, covered)
+        _warn(members, names, first, covered)
         return first
     number = number_with(
-        {name for frame in frames for name in standard_names(_number(frame))},
-        max(map(_number, frames)),
+        {name for metadata in members for name in standard_names(_number(metadata))},
+        max(map(_number, members)),
     )
-    extras, changed = _joint_extras(frames, names, number)
+    extras, changed = _joint_extras(members, names, number)
     header = first.header.copy()
     header.version = oldest_version(header.version.minor, number)  # first: laspy compares them
-    header.point_format = point_format(number, extras, max(frame.spare for frame in frames))
-    header.scales, header.offsets = _grid(frames, boxes())
+    header.point_format = point_format(number, extras, max(metadata.spare for metadata in members))
+    header.scales, header.offsets = _joint_scales(members, boxes())
     joint = replace(first, header=header, minor=max(first.minor, header.version.minor))
     joint = with_description(joint, changed, others)
-    unread = joint.crs is None and any(map(is_crs_record, joint.records))  # kept as it is
+    unread = joint.crs is None and any(map(is_crs_vlr, joint.all_vlrs))  # kept as it is
     if _number(first) < 6 <= number and not unread:
         joint = with_crs(joint, joint.crs)
     scales = ", ".join(f"{scale:g}" for scale in header.scales)
     text = "files of different layouts are joined in LAS %s, point format %s, scale %s"
     log.info(text, header.version, number, scales)
-    _warn(frames, names, joint, covered)
+    _warn(members, names, joint, covered)
     return joint
 
 
-def housed(layout: Frame, owner: Frame) -> Frame:
-    """Header and records of one frame around points in the layout of another."""
+def with_layout(layout: LasMetadata, owner: LasMetadata) -> LasMetadata:
+    """The metadata of one file (owner) for points in the layout of another."""
     header = owner.header.copy()
     header.version = oldest_version(owner.header.version.minor, _number(layout))
     header.point_format = layout.header.point_format
     header.scales, header.offsets = layout.header.scales, layout.header.offsets
     header.global_encoding.wkt = layout.header.global_encoding.wkt
-    kept = owner.without(lambda record: is_crs_record(record) or record.key == EXTRA_BYTES)
-    own = [r for r in layout.vlrs if is_crs_record(r) or r.key == EXTRA_BYTES]
+    kept = owner.without(lambda vlr: is_crs_vlr(vlr) or vlr.key == EXTRA_BYTES)
+    own = [r for r in layout.vlrs if is_crs_vlr(r) or r.key == EXTRA_BYTES]
     minor = max(owner.minor, header.version.minor)
     return replace(kept, header=header, minor=minor, vlrs=(*kept.vlrs, *own), crs=layout.crs)
 
 
-def fitted(frame: Frame, record: Array, joint: Frame) -> Array:
-    """Records in the layout of a joint frame; the same array if that is theirs.
+def in_layout(metadata: LasMetadata, packed: Array, joint: LasMetadata) -> Array:
+    """Point records in the joint layout; the same array if they have it already.
 
     Raises
     ------
     DataError
         The points are too far from the offset, so the box in the header of their file is wrong.
     """
-    if frame is joint or _same_layout(frame, joint):
-        return record
-    old, new = frame.header.point_format, joint.header.point_format
+    if metadata is joint or _same_layout(metadata, joint):
+        return packed
+    old, new = metadata.header.point_format, joint.header.point_format
     kinds = _kinds(joint)
-    changed = [name for name, kind in _kinds(frame).items() if kinds.get(name) != kind]
-    points = converted(record, old, new, [*changed, SPARE])
+    changed = [name for name, kind in _kinds(metadata).items() if kinds.get(name) != kind]
+    points = converted(packed, old, new, [*changed, SPARE])
     for name in changed:
-        put(points, name, attribute(old, record, name))
-    if frame.spare:
-        target = points.array[SPARE].reshape(len(record), -1)
-        target[:, : frame.spare] = record[SPARE].reshape(len(record), -1)
-    if _steps(frame) != _steps(joint):
-        _move(points.array, frame, joint)
+        put(points, name, attribute(old, packed, name))
+    if metadata.spare:
+        target = points.array[SPARE].reshape(len(packed), -1)
+        target[:, : metadata.spare] = packed[SPARE].reshape(len(packed), -1)
+    if _steps(metadata) != _steps(joint):
+        _move(points.array, metadata, joint)
     made: Array = points.array
     return made
 
 
-def _number(frame: Frame) -> int:
-    return int(frame.header.point_format.id)
+def _number(metadata: LasMetadata) -> int:
+    return int(metadata.header.point_format.id)
 
 
-def _same_layout(a: Frame, b: Frame) -> bool:
+def _same_layout(a: LasMetadata, b: LasMetadata) -> bool:
     same = _number(a) == _number(b) and a.spare == b.spare and _steps(a) == _steps(b)
     return same and list(_kinds(a).items()) == list(_kinds(b).items())
 
 
-def _steps(frame: Frame) -> list[float]:
-    return [*frame.header.scales.tolist(), *frame.header.offsets.tolist()]
+def _steps(metadata: LasMetadata) -> list[float]:
+    return [*metadata.header.scales.tolist(), *metadata.header.offsets.tolist()]
 
 
-def _kinds(frame: Frame) -> dict[str, tuple[Any, ...]]:
+def _kinds(metadata: LasMetadata) -> dict[str, tuple[Any, ...]]:
     """What the numbers of each extra-byte dimension mean."""
-    return {extra.name: _kind(extra) for extra in frame.extras}
+    return {extra.name: _kind(extra) for extra in metadata.extras}
 
 
 def _kind(extra: DimensionInfo) -> tuple[Any, ...]:
@@ -157,13 +157,15 @@ def _kind(extra: DimensionInfo) -> tuple[Any, ...]:
 
 
 def _joint_extras(
-    frames: Sequence[Frame], names: Sequence[str], number: int
+    members: Sequence[LasMetadata], names: Sequence[str], number: int
 ) -> tuple[list[ExtraBytesParams], set[str]]:
     """Extra bytes that hold those of all files, and the names of those of a new type."""
     extras: list[ExtraBytesParams] = []
     changed: set[str] = set()
     known = [
-        (file, extra) for file, frame in zip(names, frames, strict=True) for extra in frame.extras
+        (file, extra)
+        for file, metadata in zip(names, members, strict=True)
+        for extra in metadata.extras
     ]
     for name in dict.fromkeys(extra.name for _, extra in known):
         if name in standard_names(number):
@@ -188,11 +190,11 @@ def _values_type(extra: DimensionInfo) -> np.dtype[Any]:
     return np.dtype("f8") if extra.is_scaled else extra.dtype.base
 
 
-def _grid(
-    frames: Sequence[Frame], boxes: Sequence[Box]
+def _joint_scales(
+    members: Sequence[LasMetadata], boxes: Sequence[Box]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The finest scales, and offsets from which 32 bits reach all boxes."""
-    headers = [frame.header for frame in frames]
+    headers = [metadata.header for metadata in members]
     scales = np.min([np.abs(header.scales) for header in headers], axis=0)
     offsets = headers[0].offsets.copy()
     if not boxes:
@@ -211,10 +213,10 @@ def _grid(
     return scales, offsets
 
 
-def _move(points: Array, frame: Frame, joint: Frame) -> None:
-    """Coordinates as steps of the joint frame."""
+def _move(points: Array, metadata: LasMetadata, joint: LasMetadata) -> None:
+    """Write coordinates as steps of the joint scale from the joint offset."""
     for axis, name in enumerate("XYZ"):
-        scale, offset = frame.header.scales[axis], frame.header.offsets[axis]
+        scale, offset = metadata.header.scales[axis], metadata.header.offsets[axis]
         place = points[name] * scale + (offset - joint.header.offsets[axis])
         steps = np.rint(place / joint.header.scales[axis])
         if len(steps) and np.abs(steps).max() > _FURTHEST:
@@ -226,46 +228,55 @@ def _move(points: Array, frame: Frame, joint: Frame) -> None:
 
 
 def _warn(
-    frames: Sequence[Frame], names: Sequence[str], joint: Frame, covered: Collection[str]
+    members: Sequence[LasMetadata],
+    names: Sequence[str],
+    joint: LasMetadata,
+    covered: Collection[str],
 ) -> None:
     """Tell what is lost or filled in, once for all files that it concerns."""
-    for text, files in _differences(frames, names, joint, covered):
+    for text, files in _differences(members, names, joint, covered):
         more = f" and {len(files) - 1} more files" if len(files) > 1 else ""
         log.warning("%s%s: %s", files[0], more, text)
 
 
 def _differences(
-    frames: Sequence[Frame], names: Sequence[str], joint: Frame, covered: Collection[str]
+    members: Sequence[LasMetadata],
+    names: Sequence[str],
+    joint: LasMetadata,
+    covered: Collection[str],
 ) -> Iterable[tuple[str, list[str]]]:
     """What is lost or filled in, and the files that it concerns."""
     found: dict[str, list[str]] = {}
-    first = frames[0]
-    for file, frame in zip(names, frames, strict=True):
-        there = {*frame.names, *covered, *(_NEW_IN_6 if _number(frame) < 6 else ())}
+    first = members[0]
+    for file, metadata in zip(names, members, strict=True):
+        there = {*metadata.names, *covered, *(_NEW_IN_6 if _number(metadata) < 6 else ())}
         lacking = [name for name in joint.names if name not in there]
         if lacking:
             found.setdefault(f"has no {', '.join(lacking)}; 0 is written there", []).append(file)
-        if not _whole(frame, joint):
+        if not _whole(metadata, joint):
             text = "coordinates are rounded by up to half a step of the joint scale"
             found.setdefault(text, []).append(file)
-        if not _same_clock(frame, first):
+        if not _same_clock(metadata, first):
             text = "its GPS times count from another day than those of the first file"
             found.setdefault(text, []).append(file)
-        if frame.waveform and frame.waveform.data != (first.waveform and first.waveform.data):
+        if metadata.waveform and metadata.waveform.data != (first.waveform and first.waveform.data):
             text = "its waveform packets are not kept, only those of the first file"
             found.setdefault(text, []).append(file)
     return found.items()
 
 
-def _same_clock(a: Frame, b: Frame) -> bool:
+def _same_clock(a: LasMetadata, b: LasMetadata) -> bool:
     """Whether both count GPS time alike, or have none."""
     if not ("gps_time" in a.names and "gps_time" in b.names):
         return True
     return bool(a.header.global_encoding.gps_time_type == b.header.global_encoding.gps_time_type)
 
 
-def _whole(frame: Frame, joint: Frame) -> bool:
+def _whole(metadata: LasMetadata, joint: LasMetadata) -> bool:
     """Whether steps and offset of a file are multiples of the joint step, up to rounding."""
     scales = joint.header.scales
-    ratios = [frame.header.scales / scales, (frame.header.offsets - joint.header.offsets) / scales]
+    ratios = [
+        metadata.header.scales / scales,
+        (metadata.header.offsets - joint.header.offsets) / scales,
+    ]
     return all(np.allclose(ratio, np.rint(ratio), rtol=0, atol=1e-3) for ratio in ratios)

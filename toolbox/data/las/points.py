@@ -18,12 +18,12 @@ from pyproj import CRS
 
 from toolbox.context import log
 from toolbox.data.crs import same_crs
-from toolbox.data.las.crs import crs_records, is_crs_record
+from toolbox.data.las.crs import crs_vlrs, is_crs_vlr
 from toolbox.data.las.header import (
     DESCRIPTOR,
     EXTRA_BYTES,
-    Frame,
-    Record,
+    LasMetadata,
+    Vlr,
     oldest_version,
     point_format,
     standard_names,
@@ -42,28 +42,28 @@ SCAN_ANGLE = 0.006  # degrees per step of scan_angle in point formats 6-10
 _WEEK = 604_800  # seconds; larger GPS times are not times of the week
 
 
-def coordinates(header: LasHeader, record: Array) -> NDArray[np.float64]:
+def coordinates(header: LasHeader, packed: Array) -> NDArray[np.float64]:
     """x, y, z of shape (n, 3) in the unit of the CRS: integer times scale plus offset."""
-    xyz = np.empty((len(record), 3))
+    xyz = np.empty((len(packed), 3))
     for axis, name in enumerate("XYZ"):
-        np.multiply(record[name], header.scales[axis], out=xyz[:, axis])
+        np.multiply(packed[name], header.scales[axis], out=xyz[:, axis])
     xyz += header.offsets
     return xyz
 
 
-def box_of(header: LasHeader, record: Array) -> Box:
+def box_of(header: LasHeader, packed: Array) -> Box:
     """Lowest and highest coordinates of at least one point."""
-    limits = np.array([[record[axis].min(), record[axis].max()] for axis in "XYZ"], float)
+    limits = np.array([[packed[axis].min(), packed[axis].max()] for axis in "XYZ"], float)
     low, high = np.sort(limits.T * header.scales + header.offsets, axis=0)
     return low, high
 
 
-def attribute(layout: PointFormat, record: Array, name: str) -> Array:
+def attribute(layout: PointFormat, packed: Array, name: str) -> Array:
     """One attribute of n points; (n, k) for an extra-byte dimension of k elements."""
     dimension = layout.dimension_by_name(name)
     if dimension.is_standard:
-        return np.ascontiguousarray(PackedPointRecord(record, layout)[name])
-    values = np.ascontiguousarray(record[name])
+        return np.ascontiguousarray(PackedPointRecord(packed, layout)[name])
+    values = np.ascontiguousarray(packed[name])
     return values * dimension.scales + dimension.offsets if dimension.is_scaled else values
 
 
@@ -103,8 +103,10 @@ def _too_far(steps: NDArray[np.float64]) -> bool:
     return len(steps) > 0 and bool(steps.min() < limits.min or steps.max() > limits.max)
 
 
-def new_frame(xyz: NDArray[np.float64], columns: Mapping[str, Array]) -> tuple[Frame, Array]:
-    """LAS 1.4 for points that come from elsewhere, and their records, still without content.
+def new_metadata(
+    xyz: NDArray[np.float64], columns: Mapping[str, Array]
+) -> tuple[LasMetadata, Array]:
+    """LAS 1.4 metadata for points that come from elsewhere, and point records of zeros.
 
     The scale is the coarsest power of ten from 0.01 to 1e-6 that reproduces the coordinates, or
     0.0001 if none does; the offset is the rounded minimum. The date is left at zero, so that the
@@ -122,7 +124,7 @@ def new_frame(xyz: NDArray[np.float64], columns: Mapping[str, Array]) -> tuple[F
     if "return_number" not in columns and "number_of_returns" not in columns:
         points.array["bit_fields"] = 0x11
     software = b"lidar-toolbox".ljust(32, b"\0")
-    return Frame(header, 4, software + software + bytes(4)), points.array
+    return LasMetadata(header, 4, software + software + bytes(4)), points.array
 
 
 def decimals(values: NDArray[np.float64]) -> int | None:
@@ -153,85 +155,85 @@ def _scales(xyz: NDArray[np.float64]) -> list[float]:
 
 
 def revised(
-    frame: Frame,
-    record: Array,
+    metadata: LasMetadata,
+    packed: Array,
     *,
     xyz: NDArray[np.float64] | None,
     columns: Mapping[str, Array],
     descriptions: Mapping[str, str],
     crs: CRS | None,
-) -> tuple[Frame, Array]:
-    """Frame and records with changes; what is not changed stays as it is, bit for bit.
+) -> tuple[LasMetadata, Array]:
+    """Metadata and point records with changes; what is not changed stays as it is, bit for bit.
 
     Parameters
     ----------
-    frame, record : as read, or from :func:`new_frame`
+    metadata, packed : as read, or from :func:`new_metadata`
     xyz : changed coordinates, or None
     columns : changed and new attributes; what the point format lacks becomes extra bytes, or
         leads to the point format that has it
     descriptions : of new extra bytes
-    crs : of the points; its records are written anew if it is not the one that was read
+    crs : of the points; its VLRs are written anew if it is not the one that was read
 
     Raises
     ------
     DataError
         A value does not fit in its LAS field, or LAS has no type for an attribute.
     """
-    before = frame.header.point_format.id
-    frame = replace(frame, header=frame.header.copy())
+    before = metadata.header.point_format.id
+    metadata = replace(metadata, header=metadata.header.copy())
     if columns:
-        frame, record = _with_columns(frame, record, dict(columns), descriptions)
+        metadata, packed = _with_columns(metadata, packed, dict(columns), descriptions)
     if xyz is not None:
-        frame.header.offsets, integers = quantised(xyz, frame.header)
-        record = record if columns else record.copy()
+        metadata.header.offsets, integers = quantised(xyz, metadata.header)
+        packed = packed if columns else packed.copy()
         for axis, name in enumerate("XYZ"):
-            record[name] = integers[:, axis]
-    upgraded = before < 6 <= frame.header.point_format.id
-    unread = crs is None and any(map(is_crs_record, frame.records))  # kept as it is
-    if not same_crs(crs, frame.crs) or (upgraded and not unread):
-        frame = with_crs(frame, crs)
-    return frame, record
+            packed[name] = integers[:, axis]
+    upgraded = before < 6 <= metadata.header.point_format.id
+    unread = crs is None and any(map(is_crs_vlr, metadata.all_vlrs))  # kept as it is
+    if not same_crs(crs, metadata.crs) or (upgraded and not unread):
+        metadata = with_crs(metadata, crs)
+    return metadata, packed
 
 
-def with_crs(frame: Frame, crs: CRS | None) -> Frame:
-    encoding, number = frame.header.global_encoding, frame.header.point_format.id
-    records, encoding.wkt = crs_records(crs, number, wkt=encoding.wkt)
+def with_crs(metadata: LasMetadata, crs: CRS | None) -> LasMetadata:
+    encoding, number = metadata.header.global_encoding, metadata.header.point_format.id
+    vlrs, encoding.wkt = crs_vlrs(crs, number, wkt=encoding.wkt)
     if encoding.wkt:
-        frame.header.version = oldest_version(4, number)
-    frame = frame.without(is_crs_record)
-    return replace(frame, vlrs=frame.vlrs + records, crs=crs)
+        metadata.header.version = oldest_version(4, number)
+    metadata = metadata.without(is_crs_vlr)
+    return replace(metadata, vlrs=metadata.vlrs + vlrs, crs=crs)
 
 
 def _with_columns(
-    frame: Frame, record: Array, columns: dict[str, Array], descriptions: Mapping[str, str]
-) -> tuple[Frame, Array]:
-    header, old = frame.header, frame.header.point_format
-    number = _number(frame, columns)
-    known = {dimension.name for dimension in frame.extras} - columns.keys()
+    metadata: LasMetadata, packed: Array, columns: dict[str, Array], descriptions: Mapping[str, str]
+) -> tuple[LasMetadata, Array]:
+    header, old = metadata.header, metadata.header.point_format
+    number = _number(metadata, columns)
+    known = {dimension.name for dimension in metadata.extras} - columns.keys()
     for name in known & set(standard_names(number)):  # e.g. nir, so far in extra bytes
-        columns[name] = attribute(old, record, name)
+        columns[name] = attribute(old, packed, name)
     if number >= 6 and "scan_angle_rank" in columns:
         columns.setdefault("scan_angle", _steps(columns.pop("scan_angle_rank")))
-    extras = _extras(frame, number, columns, descriptions)
-    new = point_format(number, extras, frame.spare)
-    points = converted(record, old, new, columns)
+    extras = _extras(metadata, number, columns, descriptions)
+    new = point_format(number, extras, metadata.spare)
+    points = converted(packed, old, new, columns)
     for name, values in columns.items():
         put(points, name, values)
     if number != old.id:
         header.version = oldest_version(header.version.minor, number)
-        frame = replace(frame, minor=header.version.minor)
+        metadata = replace(metadata, minor=header.version.minor)
         text = "written as LAS %s point format %s instead of %s, which cannot hold the attributes"
         log.info(text, header.version, number, old.id)
-    before, header.point_format = frame.extras, new
-    if frame.extras != before or any(dimension.name in columns for dimension in before):
-        frame = with_description(frame, columns)
-    return frame, points.array
+    before, header.point_format = metadata.extras, new
+    if metadata.extras != before or any(dimension.name in columns for dimension in before):
+        metadata = with_description(metadata, columns)
+    return metadata, points.array
 
 
-def _number(frame: Frame, columns: Mapping[str, Array]) -> int:
+def _number(metadata: LasMetadata, columns: Mapping[str, Array]) -> int:
     """The first point format with all that is needed, beginning with the present one."""
-    present: int = frame.header.point_format.id
-    extras = {dimension.name for dimension in frame.extras}
+    present: int = metadata.header.point_format.id
+    extras = {dimension.name for dimension in metadata.extras}
     needed = set(standard_names(present)) | (columns.keys() & STANDARD - extras)
     small = all(
         (columns[name] <= PointFormat(0)[name].max).all()
@@ -258,10 +260,13 @@ def number_with(needed: set[str], present: int, *, small: bool = True) -> int:
 
 
 def _extras(
-    frame: Frame, number: int, columns: Mapping[str, Array], descriptions: Mapping[str, str]
+    metadata: LasMetadata,
+    number: int,
+    columns: Mapping[str, Array],
+    descriptions: Mapping[str, str],
 ) -> list[ExtraBytesParams]:
     """Extra bytes: those of the file that stay, those that change their type, the new ones."""
-    old = {dimension.name: dimension for dimension in frame.extras}
+    old = {dimension.name: dimension for dimension in metadata.extras}
     extras = []
     for name in dict.fromkeys([*old, *columns]):
         if name in standard_names(number):
@@ -292,19 +297,19 @@ def extra_bytes(name: str, values: Array, description: str) -> ExtraBytesParams:
 
 
 def converted(
-    record: Array, old: PointFormat, new: PointFormat, changed: Iterable[str]
+    packed: Array, old: PointFormat, new: PointFormat, changed: Iterable[str]
 ) -> PackedPointRecord:
-    """The records in another format; what will be changed need not be there."""
+    """Point records in another point format; what will be changed need not be there."""
     if old.id == new.id and old.dtype() == new.dtype():
-        return PackedPointRecord(record.copy(), new)
-    points = PackedPointRecord.zeros(len(record), new)
+        return PackedPointRecord(packed.copy(), new)
+    points = PackedPointRecord.zeros(len(packed), new)
     for name in set(old.dimension_names) & set(new.dimension_names) - set(changed):
-        if {name} <= set(record.dtype.names or ()) & set(points.array.dtype.names or ()):
-            points.array[name] = record[name]
+        if {name} <= set(packed.dtype.names or ()) & set(points.array.dtype.names or ()):
+            points.array[name] = packed[name]
         else:
-            points[name] = attribute(old, record, name)
+            points[name] = attribute(old, packed, name)
     if old.id < 6 <= new.id:
-        put(points, "scan_angle", _steps(record["scan_angle_rank"]))
+        put(points, "scan_angle", _steps(packed["scan_angle_rank"]))
     return points
 
 
@@ -314,7 +319,7 @@ def _steps(degrees: Array) -> NDArray[np.float64]:
 
 
 def put(points: PackedPointRecord, name: str, values: Array) -> None:
-    """Write an attribute into the records, or say why its values do not fit."""
+    """Write an attribute into the point records, or say why its values do not fit."""
     dimension = points.point_format.dimension_by_name(name)
     if not dimension.is_standard:  # of the type of the values
         points.array[name] = values
@@ -332,22 +337,24 @@ def put(points: PackedPointRecord, name: str, values: Array) -> None:
     points[name] = values.astype(dtype)
 
 
-def with_description(frame: Frame, changed: Collection[str], others: Sequence[Frame] = ()) -> Frame:
+def with_description(
+    metadata: LasMetadata, changed: Collection[str], others: Sequence[LasMetadata] = ()
+) -> LasMetadata:
     """Describe the extra bytes; what is not changed in the words of the file, or of the others."""
     known: dict[bytes, bytes] = {}
-    for source in (*reversed(others), frame):
-        old = b"".join(record.data for record in source.vlrs if record.key == EXTRA_BYTES)
+    for source in (*reversed(others), metadata):
+        old = b"".join(vlr.data for vlr in source.vlrs if vlr.key == EXTRA_BYTES)
         pieces = [old[place : place + DESCRIPTOR] for place in range(0, len(old), DESCRIPTOR)]
         known |= {piece[4:36].split(b"\0")[0]: piece for piece in pieces}
     data = b""
-    for dimension in frame.extras:
+    for dimension in metadata.extras:
         new = dimension.name in changed
         data += _descriptor(dimension) if new else known[dimension.name.encode()]
     if data == old:
-        return frame
-    frame = frame.without(lambda record: record.key == EXTRA_BYTES)
-    record = Record.make(*EXTRA_BYTES, "Extra bytes", data)
-    return replace(frame, vlrs=frame.vlrs + ((record,) if data else ()))
+        return metadata
+    metadata = metadata.without(lambda vlr: vlr.key == EXTRA_BYTES)
+    vlr = Vlr.make(*EXTRA_BYTES, "Extra bytes", data)
+    return replace(metadata, vlrs=metadata.vlrs + ((vlr,) if data else ()))
 
 
 def _descriptor(dimension: DimensionInfo) -> bytes:

@@ -9,7 +9,7 @@ from typing import Any
 
 from toolbox import catalog
 from toolbox.declare.fields import Spec
-from toolbox.models.diagram import mermaid
+from toolbox.models.diagram import markdown
 from toolbox.models.model import Model
 
 ROOT = catalog.METADATA.parent
@@ -41,7 +41,7 @@ def chain(spec: Spec) -> str:
         return ""
     text = "An output of a step is written with `--step.output PATH`, such as"
     first = next(name for name, field in spec.between.items() if field.kind.is_layer)
-    return f"## Steps\n\n{text} `--{first}`.\n\n```mermaid\n{mermaid(spec)}```\n"
+    return f"## Steps\n\n{text} `--{first}`.\n\n{markdown(spec)}"
 
 
 def page(tool: Mapping[str, Any], chain: str = "") -> str:

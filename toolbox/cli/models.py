@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 STARTER = Path(__file__).with_name("starter.yaml")
 STARTER_ID = "my.model"
+DIAGRAMS = (".mmd", ".md")  # a Mermaid file, or a block of a Markdown file
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +25,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     verbs = parser.add_subparsers(dest="what", required=True)
     helps = {
         "check": "say all that is wrong with a model file",
-        "show": "print the chain of a model as Mermaid text",
+        "show": "print the steps of a model as a Mermaid diagram, or write it",
         "new": "print a model to begin with, or write it into a file",
         "to-qgis": "write a model as a .model3 file of QGIS",
         "from-qgis": "write a .model3 file of QGIS as a model, or say what cannot be converted",
@@ -35,7 +36,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
     }
     made["check"].add_argument("file")
     made["show"].add_argument("model", help="a model file, or the id of a model")
-    made["show"].add_argument("--picture", metavar="FILE", help="draw it too, as .svg or .png")
+    made["show"].add_argument(
+        "--picture", metavar="FILE", help=f"write it: {' or '.join(DIAGRAMS)}"
+    )
     made["show"].add_argument("--overwrite", action="store_true", help="let it replace a file")
     made["new"].add_argument("file", nargs="?")
     made["to-qgis"].add_argument("model", help="a model file, or the id of a model")
@@ -76,17 +79,13 @@ def _show(args: argparse.Namespace) -> str:
     from toolbox.models import diagram
 
     model = _model(args.model)
-    if args.picture:
-        path = Path(args.picture)
-        suffixes, reads = {"picture": diagram.SUFFIXES}, [Path(args.model)]
-        found = files.problems(
-            {"picture": path}, suffixes, {"picture": _alone}, reads, overwrite=args.overwrite
-        )
-        if found:
-            raise ParameterError(model.id, found)
-        with files.staged({path: _alone}, overwrite=args.overwrite) as places:
-            diagram.draw(model, places[path])
-    return diagram.mermaid(model)
+    if not args.picture:
+        return diagram.mermaid(model)
+    path = Path(args.picture)
+    markdown = path.suffix.lower() == ".md"
+    text = diagram.markdown(model) if markdown else diagram.mermaid(model)
+    _write(args, "picture", path, DIAGRAMS, text)
+    return f"{path}: the steps of {model.id}\n"
 
 
 def _new(args: argparse.Namespace) -> str:
@@ -96,22 +95,10 @@ def _new(args: argparse.Namespace) -> str:
     from toolbox.declare.spec import NAME
 
     path = Path(args.file)
-    if problem := _new_problem(path):
-        raise ParameterError("model new", {"file": problem})
     if NAME.fullmatch(path.stem):
         text = text.replace(STARTER_ID, f"my.{path.stem}", 1)
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as err:
-        raise DataError(f"{path} cannot be written: {err.strerror}") from err
+    _write(args, "file", path, catalog.MODEL, text)
     return f"{path}: change it, then: model check {path}\n"
-
-
-def _new_problem(path: Path) -> str | None:
-    found = files.problems(
-        {"file": path}, {"file": catalog.MODEL}, {"file": _alone}, [], overwrite=False
-    )
-    return found["file"].removesuffix("; allow it with --overwrite") if found else None
 
 
 def _to_qgis(args: argparse.Namespace) -> str:
@@ -126,7 +113,7 @@ def _to_qgis(args: argparse.Namespace) -> str:
         values[name] = value
     given = tuple(vars(args)["with"])
     text, notes = qgis_model.to_qgis(model, values, given=given, point_layers=args.point_layers)
-    path = _exchanged(args, qgis_model.SUFFIX, (qgis_model.SUFFIX,), text)
+    path = _exchanged(args, (qgis_model.SUFFIX,), text)
     return _told(path, notes, f"run it with: qgis_process run {path}")
 
 
@@ -139,25 +126,38 @@ def _from_qgis(args: argparse.Namespace) -> str:
         raise ParameterError(f"{args.model} cannot be read: {err}") from None
     made, notes = qgis_model.from_qgis(text, args.model)
     text = documents.text(made)
-    path = _exchanged(args, catalog.MODEL[0], catalog.MODEL, text)
+    path = _exchanged(args, catalog.MODEL, text)
     return _told(path, notes, f"look at it with: model check {path}")
 
 
-def _exchanged(args: argparse.Namespace, suffix: str, suffixes: tuple[str, ...], text: str) -> Path:
-    """Write the other form of a model; without a name beside it, or here if it is one of ours."""
-    beside = Path(args.model).with_suffix(suffix)
-    own = Path(args.model.rpartition(".")[2] + suffix)
-    path = Path(args.file) if args.file else own if args.model in catalog.ids() else beside
+def _exchanged(args: argparse.Namespace, suffixes: tuple[str, ...], text: str) -> Path:
+    """Write the other form of a model: into its file, beside the model, or here for our own."""
+    if args.file:
+        path = Path(args.file)
+    elif args.model in catalog.ids():
+        path = Path(args.model.rpartition(".")[2] + suffixes[0])
+    else:
+        path = Path(args.model).with_suffix(suffixes[0])
+    _write(args, "file", path, suffixes, text)
+    return path
+
+
+def _write(
+    args: argparse.Namespace, option: str, path: Path, suffixes: tuple[str, ...], text: str
+) -> None:
+    """Write a text into the file that an option names, or raise what is wrong with its path."""
+    overwrite = getattr(args, "overwrite", None)  # `model new` has no such option
     found = files.problems(
-        {"file": path}, {"file": suffixes}, {"file": _alone}, [], overwrite=args.overwrite
+        {option: path}, {option: suffixes}, {option: _alone}, [], overwrite=bool(overwrite)
     )
+    if overwrite is None:
+        found = {n: says.removesuffix("; allow it with --overwrite") for n, says in found.items()}
     if found:
         raise ParameterError(f"model {args.what}", found)
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as err:
         raise DataError(f"{path} cannot be written: {err.strerror}") from err
-    return path
 
 
 def _told(path: Path, notes: list[str], then: str) -> str:

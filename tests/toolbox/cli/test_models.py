@@ -1,23 +1,18 @@
-"""The verbs for models: check, show, new; and diagrams."""
+"""The verbs for models: check, show, new."""
 
 from __future__ import annotations
 
-import itertools
 import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 from pyproj import CRS
 
-from toolbox import catalog
 from toolbox.cli.main import main
 from toolbox.data import PointCloud, Raster
-from toolbox.errors import DataError
-from toolbox.models import diagram, documents
-from toolbox.models.model import Model
+from toolbox.models import documents
 
 Capture = pytest.CaptureFixture[str]
 
@@ -92,9 +87,8 @@ def test_new_gives_a_model_that_passes_and_runs(tmp_path: Path, capsys: Capture)
     assert documents.mapping(capsys.readouterr().out)["id"] == "my.model"
 
 
-def test_show_prints_mermaid_and_draws(many: Path, tmp_path: Path, capsys: Capture) -> None:
-    picture = tmp_path / "many.svg"
-    assert main(["model", "show", str(many), "--picture", str(picture)]) == 0
+def test_show_prints_mermaid(many: Path, capsys: Capture) -> None:
+    assert main(["model", "show", str(many)]) == 0
     text = capsys.readouterr().out
     assert text.startswith("flowchart TD\n")
     assert '    s_opt["<b>opt</b><br/>points.filter<br/>if inputs.flag"]' in text
@@ -102,42 +96,31 @@ def test_show_prints_mermaid_and_draws(many: Path, tmp_path: Path, capsys: Captu
     assert '    s_opt -->|"kept"| s_alt\n    s_a4 -.->|"kept"| s_alt' in text
     assert "where: z #lt; 100 and intensity #gt; 5" in text
     assert "style s_opt stroke-dasharray" in text
-    first = picture.read_bytes()
-    assert b"points.filter" in first
-    assert main(["model", "show", str(many), "--picture", str(picture)]) == 2
-    argv = ["model", "show", str(many), "--picture", str(picture), "--overwrite"]
-    assert main(argv) == 0
-    assert picture.read_bytes() == first
+    nodes = [line for line in text.splitlines() if "<b>" in line]
+    arrows = [line for line in text.splitlines() if "--> " in line or "->|" in line]
+    assert len(nodes) == 1 + 20 + 2
+    assert len(arrows) == 24
     assert main(["model", "show", "ground.csf"]) == 2
     assert "ground.csf is a tool, no model" in capsys.readouterr().err
     assert main(["model", "show", "models.terrain"]) == 0
     assert 'i_points(["<b>points</b><br/>PointCloud"])' in capsys.readouterr().out
 
 
-def test_a_picture_as_png(many: Path, tmp_path: Path) -> None:
-    model = catalog.load(str(many))
-    assert isinstance(model, Model)
-    diagram.draw(model, tmp_path / "m.png")
-    with Image.open(tmp_path / "m.png") as picture:
-        assert min(picture.size) > 500
-    with pytest.raises(DataError, match=r"written as .svg or .png"):
-        diagram.draw(model, tmp_path / "m.jpg")
-
-
-def test_boxes_do_not_overlap_and_arrows_point_down(many: Path) -> None:
-    model = catalog.load(str(many))
-    assert isinstance(model, Model)
-    layers, routes = diagram._placed(model)
-    for layer in layers:
-        for left, right in itertools.pairwise(layer):
-            assert left.x + left.width / 2 < right.x - right.width / 2
-    for route in routes:
-        ranks = [box.layer for box in route.boxes]
-        assert ranks == list(range(ranks[0], ranks[-1] + 1))
-        assert len(ranks) > 1
-    nodes, edges = diagram.graph(model)
-    assert len(nodes) == 1 + 20 + 2
-    assert len(routes) == len(edges) == 24
+def test_show_writes_mermaid_or_markdown(many: Path, tmp_path: Path, capsys: Capture) -> None:
+    assert main(["model", "show", str(many)]) == 0
+    text = capsys.readouterr().out
+    argv = ["model", "show", str(many), "--picture"]
+    assert main([*argv, str(tmp_path / "many.mmd")]) == 0
+    assert (tmp_path / "many.mmd").read_text("utf-8") == text
+    assert main([*argv, str(tmp_path / "many.md")]) == 0
+    assert (tmp_path / "many.md").read_text("utf-8") == f"```mermaid\n{text}```\n"
+    capsys.readouterr()
+    assert main([*argv, str(tmp_path / "many.md")]) == 2
+    assert "exists; allow it with --overwrite" in capsys.readouterr().err
+    assert main([*argv, str(tmp_path / "many.md"), "--overwrite"]) == 0
+    assert main([*argv, str(tmp_path / "many.svg")]) == 2
+    assert "picture: cannot write .svg; use .mmd, .md" in capsys.readouterr().err
+    assert not (tmp_path / "many.svg").exists()
 
 
 def test_results_of_a_repeated_step_are_printed_one_by_one(

@@ -46,7 +46,7 @@ def test_commands_work(town: Path, tmp_path: Path) -> None:
     programs = {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
     where = {"cwd": tmp_path, "env": os.environ | programs | {"TOOLBOX_HISTORY": ""}}
     subprocess.run([*shell, COMMANDS[0]], check=True, capture_output=True, **where)  # type: ignore[call-overload]
-    assert (tmp_path / "starter.svg").exists()
+    assert (tmp_path / "starter.md").exists()
     assert len(PointCloud.open(town)) > 0
     (tmp_path / "heights.yaml").write_text(MODELS[0], "utf-8")
     subprocess.run([*shell, COMMANDS[1]], check=True, capture_output=True, **where)  # type: ignore[call-overload]

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-Parts = Callable[[Path], tuple[Path, ...]]  # all files that belong to a path, itself included
+OwnFiles = Callable[[Path], tuple[Path, ...]]  # all files that belong to a path, itself included
 
 PREFIX = ".unfinished-"
 FULL = 2**20  # bytes; with less than this left a disk counts as full
@@ -22,7 +22,7 @@ _moving = threading.Lock()  # held while outputs are moved into place
 def problems(
     targets: Mapping[str, Path],
     suffixes: Mapping[str, tuple[str, ...]],
-    parts: Mapping[str, Parts],
+    own_files: Mapping[str, OwnFiles],
     inputs: Iterable[Path],
     *,
     overwrite: bool,
@@ -33,13 +33,13 @@ def problems(
     ----------
     targets : path of each output
     suffixes : file name endings that each output can be written with
-    parts : which files belong to the path of each output
+    own_files : which files belong to the path of each output
     inputs : files that the run reads
     """
     reads = list(inputs)
     found: dict[str, str] = {}
     for name, path in targets.items():
-        files = parts[name](path)
+        files = own_files[name](path)
         text = _wrong_format(path, suffixes[name]) or _wrong_place(files, overwrite=overwrite)
         text = text or _clash(name, files, targets, reads)
         if text:
@@ -51,7 +51,7 @@ def _clash(
     name: str, files: tuple[Path, ...], targets: Mapping[str, Path], reads: list[Path]
 ) -> str | None:
     """Say if a file of this output is an input or another output."""
-    used = [part for part in files if any(_same(part, read) for read in reads)]
+    used = [own for own in files if any(_same(own, read) for read in reads)]
     if used:
         return f"{used[0]} is also an input; choose another name"
     twin = next((n for n, p in targets.items() if n != name and _same(p, files[0])), None)
@@ -70,14 +70,14 @@ def _wrong_format(path: Path, suffixes: tuple[str, ...]) -> str | None:
 def _wrong_place(files: tuple[Path, ...], *, overwrite: bool) -> str | None:
     path, folder = files[0], files[0].parent
     try:
-        there = [part for part in files if part.exists()]
+        there = [own for own in files if own.exists()]
     except (OSError, ValueError) as err:
         return f"{path} cannot be a file: {getattr(err, 'strerror', err)}"
     if not folder.is_dir():
         return f"there is no folder {folder}"
     if not os.access(folder, os.W_OK | os.X_OK):
         return f"no permission to write in folder {folder}"
-    if folders := [part for part in there if part.is_dir()]:
+    if folders := [own for own in there if own.is_dir()]:
         return f"{folders[0]} is a folder"
     if there and not overwrite:
         return f"{there[0]} exists; allow it with --overwrite"
@@ -91,7 +91,7 @@ def _same(one: Path, other: Path) -> bool:
 
 
 @contextmanager
-def staged(targets: Mapping[Path, Parts], *, overwrite: bool) -> Iterator[dict[Path, Path]]:
+def staged(targets: Mapping[Path, OwnFiles], *, overwrite: bool) -> Iterator[dict[Path, Path]]:
     """Give a place beside each target to write to; move all there at the end, or none.
 
     Each output is written under its own name in a hidden folder beside the target, because some
@@ -116,7 +116,7 @@ def staged(targets: Mapping[Path, Parts], *, overwrite: bool) -> Iterator[dict[P
             folders[target] = _new_folder(target.parent)
         yield {target: folder / target.name for target, folder in folders.items()}
         with _moving:
-            _move_all([(folders[t], parts(t), overwrite) for t, parts in targets.items()])
+            _move_all([(folders[t], own_files(t), overwrite) for t, own_files in targets.items()])
     finally:
         for folder in folders.values():
             _discard(folder)

@@ -75,7 +75,7 @@ class Returns:
         count = len(points) if isinstance(points, PointCloud) else points.count
         packed, intensity = np.empty((count, 3), np.int32), np.empty(count, np.float32)
         water, size = np.zeros(count, bool), 0
-        parts = [points] if isinstance(points, PointCloud) else points.parts(BATCH, ctx=ctx)
+        parts = [points] if isinstance(points, PointCloud) else points.batches(BATCH, ctx=ctx)
         for cloud in parts:
             use = may_be_ground(cloud, "last") & taking_part(cloud, ignore)
             here = slice(size, size + int(use.sum()))

@@ -25,10 +25,14 @@ def check(
     inputs: list[Path] | None = None,
     *,
     overwrite: bool = False,
-    parts: files.Parts = alone,
+    own_files: files.OwnFiles = alone,
 ) -> str | None:
     found = files.problems(
-        {"out": path}, {"out": (".laz", ".shp")}, {"out": parts}, inputs or [], overwrite=overwrite
+        {"out": path},
+        {"out": (".laz", ".shp")},
+        {"out": own_files},
+        inputs or [],
+        overwrite=overwrite,
     )
     return found.get("out")
 
@@ -81,8 +85,8 @@ def test_input_is_refused_under_any_name(tmp_path: Path) -> None:
 def test_two_outputs_may_not_share_a_path(tmp_path: Path) -> None:
     path = tmp_path / "a.laz"
     endings = {"one": (".laz",), "two": (".laz",)}
-    parts = {"one": alone, "two": alone}
-    found = files.problems({"one": path, "two": path}, endings, parts, [], overwrite=False)
+    own_files = {"one": alone, "two": alone}
+    found = files.problems({"one": path, "two": path}, endings, own_files, [], overwrite=False)
     assert found.keys() == {"one", "two"}
 
 
@@ -127,9 +131,9 @@ def test_unfinished_files_can_be_discarded_from_outside(tmp_path: Path) -> None:
 def test_parts_of_a_format_count_as_outputs(tmp_path: Path) -> None:
     other = tmp_path / "a.dbf"
     other.write_text("not mine")
-    assert "a.dbf exists" in str(check(tmp_path / "a.shp", parts=shapefile))
+    assert "a.dbf exists" in str(check(tmp_path / "a.shp", own_files=shapefile))
     assert "also an input" in str(
-        check(tmp_path / "a.shp", [other], overwrite=True, parts=shapefile)
+        check(tmp_path / "a.shp", [other], overwrite=True, own_files=shapefile)
     )
 
 
@@ -145,7 +149,9 @@ def test_stale_parts_do_not_survive(tmp_path: Path) -> None:
 
 def test_a_folder_named_like_a_part_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "a.dbf").mkdir()
-    assert "a.dbf is a folder" in str(check(tmp_path / "a.shp", overwrite=True, parts=shapefile))
+    assert "a.dbf is a folder" in str(
+        check(tmp_path / "a.shp", overwrite=True, own_files=shapefile)
+    )
 
 
 def test_a_file_that_appears_meanwhile_is_not_replaced(tmp_path: Path) -> None:

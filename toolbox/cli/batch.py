@@ -78,8 +78,8 @@ class Batch:
             found["rows"] = f"{paths[twice[0]]} of them write {twice[0]}"
         if self.result:
             named, suffixes = {"result": self.result}, {"result": Table.SUFFIXES}
-            parts = {"result": Table.parts}
-            found |= files.problems(named, suffixes, parts, [self.file], overwrite=overwrite)
+            own_files = {"result": Table.own_files}
+            found |= files.problems(named, suffixes, own_files, [self.file], overwrite=overwrite)
         if found:
             raise ParameterError(self.id, dict(sorted(found.items())))
 
@@ -142,7 +142,7 @@ class Batch:
         if self.result is None:
             return
         try:
-            with files.staged({self.result: Table.parts}, overwrite=True) as places:
+            with files.staged({self.result: Table.own_files}, overwrite=True) as places:
                 self.table.save(places[self.result])
         except OSError as err:
             raise DataError(self.id, {"result": f"cannot be written: {err}"}) from err

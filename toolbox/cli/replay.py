@@ -65,7 +65,7 @@ def replay(path: str | Path, *, inputs: Path | None = None, ctx: Context = QUIET
         log.warning("%s was made with QGIS %s; this is %s", path, record.qgis, here)
     with tempfile.TemporaryDirectory(prefix="toolbox-replay-") as folder:
         made = _made_again(record, tool, values, Path(folder) / path.name, ctx.part(FIND, COMPARE))
-        if _same_files(path, made, kind_of(record.output, catalog.load(tool)).parts):
+        if _same_files(path, made, kind_of(record.output, catalog.load(tool)).own_files):
             log.info("%s: the same, byte for byte", path.name)
             return []
         found = list(_differences(path, made, record, tool))
@@ -162,9 +162,13 @@ def _made_again(
     return Path(made)
 
 
-def _same_files(path: Path, made: Path, parts: Callable[[Path], tuple[Path, ...]]) -> bool:
+def _same_files(path: Path, made: Path, own_files: Callable[[Path], tuple[Path, ...]]) -> bool:
     """Whether all files that were made again are the same; others may have been added since."""
-    pairs = [(old, new) for old, new in zip(parts(path), parts(made), strict=False) if new.exists()]
+    pairs = [
+        (old, new)
+        for old, new in zip(own_files(path), own_files(made), strict=False)
+        if new.exists()
+    ]
     return all(old.exists() and _same_bytes(old, new) for old, new in pairs)
 
 

@@ -14,7 +14,7 @@ OPTIONS = {"dataset_options": {"VERSION": "1.3"}}  # which older QGIS reads too
 _BESIDE = ("-wal", "-shm", "-journal")  # of the SQLite database that it is
 
 
-def parts(path: Path) -> tuple[Path, ...]:
+def own_files(path: Path) -> tuple[Path, ...]:
     """The file itself, and all that would be written or read with it."""
     return path, *(Path(f"{path}{ending}") for ending in _BESIDE)
 

@@ -76,7 +76,7 @@ class PointCloud:
         columns: Sequence[str] | None = None,
         separator: str | None = None,
         bounds: Sequence[float] | None = None,
-        part: tuple[int, int] | None = None,
+        point_range: tuple[int, int] | None = None,
         assume_crs: CRS | None = None,
         ctx: Context = QUIET,
     ) -> PointCloud:
@@ -93,7 +93,7 @@ class PointCloud:
         bounds : (xmin, ymin, xmax, ymax), in the CRS of the file: only points within, or on the
             edge; of a COPC file no more than needed is read, and of a survey only the files whose
             bounding boxes touch it
-        part : only the points from the first of these places in the file to before the second
+        point_range : (start, stop): only the points with these indices, stop excluded
         assume_crs : of files that state none
         ctx : told of progress, and asked whether to stop
 
@@ -117,7 +117,7 @@ class PointCloud:
         if suffix not in TEXT and (columns or separator):
             raise DataError(f"{file}: columns and separator are for text files, not for {suffix}")
         try:
-            cloud = cls._read(file, suffix, columns, separator, bounds, part, ctx)
+            cloud = cls._read(file, suffix, columns, separator, bounds, point_range, ctx)
         except OSError as error:
             raise DataError(f"{file} cannot be read: {error.strerror or error}") from error
         cloud.crs = assume_crs if cloud.crs is None else cloud.crs
@@ -131,11 +131,13 @@ class PointCloud:
         columns: Sequence[str] | None,
         separator: str | None,
         bounds: Sequence[float] | None,
-        part: tuple[int, int] | None,
+        point_range: tuple[int, int] | None,
         ctx: Context,
     ) -> PointCloud:
         if suffix in LAS:
-            return cls._of_las(*read_las(path, bounds=bounds, part=part, ctx=ctx), path.name)
+            return cls._of_las(
+                *read_las(path, bounds=bounds, point_range=point_range, ctx=ctx), path.name
+            )
         crs = None
         if suffix in TEXT:
             from toolbox.data.text import read_text
@@ -154,7 +156,7 @@ class PointCloud:
 
             xyz, attributes, crs = read_e57(path, ctx=ctx)
         cloud = cls(xyz, attributes, crs=crs, name=path.name)
-        return cloud.select(np.arange(*part)) if part else cloud
+        return cloud.select(np.arange(*point_range)) if point_range else cloud
 
     @classmethod
     def concat(cls, clouds: Iterable[PointCloud]) -> PointCloud:
@@ -176,13 +178,13 @@ class PointCloud:
         DataError
             The CRS or the attributes of two clouds differ, or no LAS layout suits all of them.
         """
-        parts = list(clouds)
-        if not parts:
+        given = list(clouds)
+        if not given:
             raise DataError("there are no clouds to join")
-        if len(parts) == 1:
-            return parts[0]
-        empty = cls.template([part.select([]) for part in parts], lambda: _boxes(parts))
-        return empty.filled((part.like(empty) for part in parts), sum(map(len, parts)))
+        if len(given) == 1:
+            return given[0]
+        empty = cls.template([cloud.select([]) for cloud in given], lambda: _boxes(given))
+        return empty.filled((cloud.like(empty) for cloud in given), sum(map(len, given)))
 
     @classmethod
     def template(
@@ -256,12 +258,12 @@ class PointCloud:
             return _frozen(self[name].astype(values.dtype, copy=False))
         return _frozen(np.zeros((len(self), *values.shape[1:]), values.dtype))
 
-    def filled(self, parts: Iterable[PointCloud], size: int) -> PointCloud:
+    def filled(self, clouds: Iterable[PointCloud], size: int) -> PointCloud:
         """A template with the points of clouds that are like it.
 
         Parameters
         ----------
-        parts : made one after the other, so that they need not be in memory at the same time
+        clouds : made one after the other, so that they need not be in memory at the same time
         size : number of all their points
         """
         whole = self._copy()
@@ -269,14 +271,14 @@ class PointCloud:
         packed = None if self._packed is None else np.empty(size, self._packed.dtype)
         xyz = np.empty((size, 3)) if self._moved or packed is None else None
         start = 0
-        for part in parts:
-            place = slice(start, start := start + len(part))
+        for cloud in clouds:
+            place = slice(start, start := start + len(cloud))
             for name, column in columns.items():
-                column[place] = part._columns[name]
-            if packed is not None and part._packed is not None:
-                _bytes(packed)[place] = _bytes(part._packed)
+                column[place] = cloud._columns[name]
+            if packed is not None and cloud._packed is not None:
+                _bytes(packed)[place] = _bytes(cloud._packed)
             if xyz is not None:
-                xyz[place] = part.xyz
+                xyz[place] = cloud.xyz
         if start != size:
             raise DataError(f"{self.name} holds {start} points, and {size} were expected")
         whole._size, whole._columns = size, {n: _frozen(v) for n, v in columns.items()}
@@ -481,7 +483,7 @@ class PointCloud:
         return cloud
 
     @classmethod
-    def parts(cls, path: str | Path) -> tuple[Path, ...]:
+    def own_files(cls, path: str | Path) -> tuple[Path, ...]:
         """The file itself, and a record that an earlier run has put beside it."""
         return Path(path), *own_side_car(path)
 
@@ -555,10 +557,10 @@ class PointCloud:
             crs=self.crs,
         )
 
-    def save_parts(
+    def save_batches(
         self,
         path: Path,
-        parts: Iterable[PointCloud],
+        clouds: Iterable[PointCloud],
         size: int,
         *,
         record: str = "",
@@ -569,7 +571,7 @@ class PointCloud:
         Parameters
         ----------
         path : ends in .las or .laz
-        parts : clouds like this one, a template of clouds that are as read from LAS
+        clouds : clouds like this one, a template of clouds that are as read from LAS
         size : number of all their points
         record, ctx : as for :meth:`save`
 
@@ -583,10 +585,10 @@ class PointCloud:
         with las_sink(
             path, with_record(metadata, record), compress=suffix_of(path) == ".laz"
         ) as write:
-            for part in parts:
+            for cloud in clouds:
                 ctx.progress(done / max(size, 1))
-                write(part.as_las()[1])
-                done += len(part)
+                write(cloud.as_las()[1])
+                done += len(cloud)
 
     def with_header_of(self, owner: PointCloud) -> PointCloud:
         """A template with header and records of the file that is the owner, but its own layout."""
@@ -695,7 +697,7 @@ def _common_column(clouds: Sequence[PointCloud], name: str) -> NDArray[Any]:
 
 
 def _joint_name(names: Sequence[str]) -> str:
-    """The name of all parts, or of the first and how many more there are."""
+    """The name of all clouds, or of the first and how many more there are."""
     distinct = dict.fromkeys(names)
     more = f" and {len(distinct) - 1} more" if len(distinct) > 1 else ""
     return f"{names[0]}{more}"

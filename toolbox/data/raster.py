@@ -111,7 +111,7 @@ class Raster:
         )
 
     @classmethod
-    def parts(cls, path: str | Path) -> tuple[Path, ...]:
+    def own_files(cls, path: str | Path) -> tuple[Path, ...]:
         """The file itself, and all that would be read with it: another CRS, overviews, a mask.
 
         World files are none of them, since the position in the file comes first.
@@ -240,8 +240,8 @@ class Raster:
         }
         plain = path.with_name(f".plain.{path.name}") if cog else path
         try:
-            for part in self.parts(path):  # or a CRS that is stale would be read back
-                part.unlink(missing_ok=True)
+            for old in self.own_files(path):  # or a CRS that is stale would be read back
+                old.unlink(missing_ok=True)
             with (
                 _position_unchecked(),
                 rasterio.open(plain, "w", **profile, **_layout(wanted)) as sink,

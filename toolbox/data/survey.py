@@ -44,7 +44,7 @@ class SurveyFile:
     attributes : name, type and further dimensions of each
     remarks : what is odd in the header but does no harm
     columns, separator : how a text file is read
-    only : xmin, ymin, xmax, ymax of the part that is read, if not all
+    only : xmin, ymin, xmax, ymax of the area that is read, if not all
     """
 
     path: Path
@@ -115,10 +115,10 @@ class SurveyFile:
             return self
         text = "has no bounding box in its header; its points are read to find it"
         log.warning("%s %s", self.path.name, text)
-        found = [self.read(*batch, ctx=ctx).bounds for batch in self.batches(_BATCH)]
+        found = [self.read(*batch, ctx=ctx).bounds for batch in self.ranges(_BATCH)]
         return replace(self, bounds=_union(found), remarks=(*self.remarks, text))
 
-    def batches(self, size: int) -> list[tuple[int, int]]:
+    def ranges(self, size: int) -> list[tuple[int, int]]:
         """Ranges of points, from start to before stop, that can be read with bounded memory.
 
         Parameters
@@ -151,7 +151,7 @@ class SurveyFile:
         return found
 
     def read(self, start: int, stop: int, *, ctx: Context = QUIET) -> PointCloud:
-        """The points of a range, as in the whole file; those of the part that is to be read.
+        """The points of a range, as in the whole file; only those in the area that is read.
 
         Raises
         ------
@@ -159,7 +159,9 @@ class SurveyFile:
             The file is damaged, or has not so many points.
         """
         whole = start == 0 and stop == self.count
-        cloud = self._opened(part=None if whole else (start, stop), bounds=self.only, ctx=ctx)
+        cloud = self._opened(
+            point_range=None if whole else (start, stop), bounds=self.only, ctx=ctx
+        )
         if not self.only and len(cloud) != stop - start:
             raise DataError(f"{self.path} has {len(cloud)} points now, and {self.count} before")
         return cloud
@@ -240,12 +242,12 @@ class Survey:
         paths = files_of(places, log.warning)
         files, problems = [], []
         for number, path in enumerate(paths):
-            part = ctx.part(number / len(paths), (number + 1) / len(paths))
-            part.progress(0)
+            share = ctx.part(number / len(paths), (number + 1) / len(paths))
+            share.progress(0)
             try:
                 files.append(
                     SurveyFile.open(
-                        path, columns=columns, separator=separator, assume_crs=assume_crs, ctx=part
+                        path, columns=columns, separator=separator, assume_crs=assume_crs, ctx=share
                     )
                 )
             except DataError as error:
@@ -261,7 +263,7 @@ class Survey:
         files = tuple(replace(file, path=file.path.absolute()) for file in self.files)
         return replace(self, files=files)
 
-    def part(self, bounds: Sequence[float]) -> Survey:
+    def limited_to(self, bounds: Sequence[float]) -> Survey:
         """The same files, of which only the points within xmin, ymin, xmax, ymax are read."""
         files = tuple(replace(file, only=tuple(bounds)) for file in self.files)
         return replace(self, files=files)
@@ -299,7 +301,7 @@ class Survey:
     def template(self) -> PointCloud:
         """A cloud without points, to which those of all files are made alike before they join.
 
-        ``survey.files[i].read(start, stop).like(survey.template)`` is, bit for bit, that part of
+        ``survey.files[i].read(start, stop).like(survey.template)`` is, bit for bit, that piece of
         what `PointCloud.open` makes of the survey.
         """
         return PointCloud.template([_empty(file) for file in self.files], self._boxes)
@@ -320,21 +322,21 @@ class Survey:
         numbers = [n for n, f in enumerate(self.files) if bounds is None or f.touches(bounds)]
         files = [self.files[number] for number in numbers]
         shares = np.cumsum([0, *(file.count for file in files)]) / max(self.count, 1)
-        parts = (
+        clouds = (
             file.within(bounds, ctx=ctx.part(*share)).like(self.template)
             for file, share in zip(files, itertools.pairwise(shares.tolist()), strict=True)
         )
         counts = [file.count for file in files]
         if bounds is None:
-            whole = self.template.filled(parts, self.count)
+            whole = self.template.filled(clouds, self.count)
         else:
-            found = list(parts)
-            counts = [len(part) for part in found]
+            found = list(clouds)
+            counts = [len(cloud) for cloud in found]
             whole = self.template.filled(found, sum(counts))
         whole.name = self.name
         return whole.with_file(np.repeat(np.array(numbers, np.int32), counts))
 
-    def parts(self, size: int, *, ctx: Context = QUIET) -> Iterator[PointCloud]:
+    def batches(self, size: int, *, ctx: Context = QUIET) -> Iterator[PointCloud]:
         """All points in the order of the files, some at a time; at least one cloud, like template.
 
         Parameters
@@ -348,7 +350,7 @@ class Survey:
         """
         done = 0
         for file in self.files:
-            for start, stop in file.batches(size):
+            for start, stop in file.ranges(size):
                 yield file.read(start, stop).like(self.template)
                 done += stop - start
                 ctx.progress(done / self.count)

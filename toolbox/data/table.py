@@ -38,11 +38,11 @@ class Table:
         self._frame, self.name = frame.reset_index(drop=True), name
 
     @classmethod
-    def parts(cls, path: str | Path) -> tuple[Path, ...]:
+    def own_files(cls, path: str | Path) -> tuple[Path, ...]:
         """The file itself, and all that would be written with it."""
         path = Path(path)
         if path.suffix.lower() == geopackage.SUFFIX:
-            return geopackage.parts(path)
+            return geopackage.own_files(path)
         return path, *own_side_car(path)
 
     @property

@@ -72,8 +72,8 @@ def _write_parquet(table: Table, path: Path) -> None:
 def _write_geopackage(frame: pd.DataFrame, path: Path, layer: str | None, *, add: bool) -> None:
     import pyogrio
 
-    for part in () if add else geopackage.parts(path):
-        part.unlink(missing_ok=True)
+    for old in () if add else geopackage.own_files(path):
+        old.unlink(missing_ok=True)
     with geopackage.same_date(), _library_errors():
         pyogrio.write_dataframe(
             frame, path, layer=layer or path.stem, driver="GPKG", **geopackage.OPTIONS

@@ -86,14 +86,14 @@ class Vector:
         return len(self._frame)
 
     @classmethod
-    def parts(cls, path: str | Path) -> tuple[Path, ...]:
+    def own_files(cls, path: str | Path) -> tuple[Path, ...]:
         """The file itself, and all that would be written or read with it."""
         path = Path(path)
         if path.suffix.lower() == ".shp":
             endings = (path.with_suffix(ending) for ending in _SHAPEFILE)
             return path, *endings, *own_side_car(path)
         if path.suffix.lower() == geopackage.SUFFIX:
-            return geopackage.parts(path)
+            return geopackage.own_files(path)
         return path, *own_side_car(path)
 
     @staticmethod
@@ -182,8 +182,8 @@ class Vector:
         if suffix == ".kml":
             frame = _for_kml(frame, path)
         with _errors_named(f"{path} cannot be written"):
-            for part in () if add else self.parts(path):  # or GDAL would add a layer to them
-                part.unlink(missing_ok=True)
+            for old in () if add else self.own_files(path):  # or GDAL would add a layer to them
+                old.unlink(missing_ok=True)
             if suffix == ".parquet":
                 need_pyarrow()
                 frame.to_parquet(path)

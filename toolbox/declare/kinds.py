@@ -37,7 +37,7 @@ class Kind:
     plain : the word alone says what a text must look like, so errors need no more
     suffixes : endings of the files that it can be written to; empty for what is no layer
     open_options, save_options : names in `OPTIONS` that a source or target of it may carry
-    parts : all files that a layer written to a path consists of
+    own_files : all files that a layer written to a path consists of
     several : one value may be read from many files: of a folder, a pattern or a list
     """
 
@@ -50,7 +50,7 @@ class Kind:
     suffixes: tuple[str, ...] = ()
     open_options: tuple[str, ...] = ()
     save_options: tuple[str, ...] = ()
-    parts: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
+    own_files: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
     several: bool = False
 
     def files(self, place: Any) -> list[Path]:
@@ -266,7 +266,7 @@ def _layer(
         suffixes=cls.SUFFIXES,
         open_options=known,
         save_options=_options_of(cls.save),
-        parts=getattr(cls, "parts", lambda path: (path,)),
+        own_files=getattr(cls, "own_files", lambda path: (path,)),
         several=several,
     )
 

@@ -136,7 +136,7 @@ class Model(Spec):
         steps = self.active(settings)
         inputs = dict(self.inputs)
         for name, field in self.sources.items():
-            if field.kind is CLOUD and reads_parts(steps, f"{INPUTS}.{name}"):
+            if field.kind is CLOUD and reads_batches(steps, f"{INPUTS}.{name}"):
                 inputs[name] = dataclasses.replace(field, kind=EITHER)
         return dataclasses.replace(self, inputs=inputs)
 
@@ -203,8 +203,8 @@ class Model(Spec):
         return super().describe() | {"between": between}
 
 
-def reads_parts(steps: Iterable[Step], name: str) -> bool:
-    """Whether all of the steps that take a cloud can read it part by part, and some step does."""
+def reads_batches(steps: Iterable[Step], name: str) -> bool:
+    """Whether all of the steps that take a cloud can read it in batches, and some step does."""
     takers = [
         step.spec.inputs[parameter].kind
         for step in steps

@@ -47,7 +47,7 @@ class Target:
     options: Mapping[str, Any]
     suffixes: tuple[str, ...]
     known: tuple[str, ...]
-    parts: files.Parts
+    own_files: files.OwnFiles
     folder: bool = False
 
     @classmethod
@@ -61,7 +61,7 @@ class Target:
         folder = kind.several and (
             str(path).endswith(("/", os.sep)) or bool(home and home.is_dir())
         )
-        return cls(place, home, how, kind.suffixes, kind.save_options, kind.parts, folder)
+        return cls(place, home, how, kind.suffixes, kind.save_options, kind.own_files, folder)
 
     @property
     def layer(self) -> str | None:
@@ -151,7 +151,7 @@ def problems(
     return found | files.problems(
         {name: target.home for name, target in good.items() if target.home},
         {name: target.suffixes for name, target in good.items()},
-        {name: target.parts for name, target in good.items()},
+        {name: target.own_files for name, target in good.items()},
         reads,
         overwrite=overwrite,
     )
@@ -208,8 +208,8 @@ def write(
         assert piece.target.home is not None
         groups.setdefault(piece.target.home, []).append(piece)
     try:
-        parts = {home: group[0].target.parts for home, group in groups.items()}
-        with files.staged(parts, overwrite=overwrite) as places:
+        own_files = {home: group[0].target.own_files for home, group in groups.items()}
+        with files.staged(own_files, overwrite=overwrite) as places:
             for index, (home, group) in enumerate(groups.items()):
                 part = ctx.part(index / len(groups), (index + 1) / len(groups))
                 _save_all(spec.id, group, record, places[home], part)

@@ -37,7 +37,7 @@ from toolbox.data import Survey
 from toolbox.declare.fields import Spec
 from toolbox.declare.values import Share
 from toolbox.errors import DataError, ParameterError, ToolboxError
-from toolbox.models.model import INPUTS, Model, Run, reads_parts, resolved
+from toolbox.models.model import INPUTS, Model, Run, reads_batches, resolved
 from toolbox.runs.cache import code_of
 from toolbox.runs.provenance import Count, Record, counting
 from toolbox.runs.source import absolute
@@ -233,10 +233,10 @@ def _finish(
     made = record and replace(record, counts=tuple(plan.ordered(crew.counts)))
     others = {n: target for n, target in targets.items() if n in found or n in SHOWN}
     try:
-        parts = {product.home: product.target.parts for product in products}
+        own_files = {product.home: product.target.own_files for product in products}
         for folder in {product.home.parent for product in products}:
             folder.mkdir(exist_ok=True)
-        with files.staged(parts, overwrite=overwrite) as staged:
+        with files.staged(own_files, overwrite=overwrite) as staged:
             prepared = [replace(product, place=staged[product.home]) for product in products]
             crew.write(prepared, made, ctx.part(0.5, 0.9))
             found |= write(
@@ -531,14 +531,14 @@ class _Crew:
         needs = {need for step in steps for need in step.needs}
         clouds = {
             name: survey
-            if reads_parts(steps, f"{INPUTS}.{name}")
+            if reads_batches(steps, f"{INPUTS}.{name}")
             else survey.read(ctx=ctx.part(0, 0.1))
             for name, survey in self.job.surveys.items()
             if f"{INPUTS}.{name}" in needs
         }
         given = self.found | {
             name: StoredSurvey.of(self.home(self.plan.keep[name]), name)
-            if reads_parts(steps, name)
+            if reads_batches(steps, name)
             else self.read(name)
             for name in needs & self.plan.keep.keys()
         }

@@ -239,4 +239,4 @@ def _survey(value: Any, many: bool, assume_crs: CRS | None, ctx: Context) -> Sur
     bounds = how.pop("bounds", None)
     survey = Survey.open(places, assume_crs=assume_crs, ctx=ctx.part(0, 0), **how)
     survey = survey.absolute()
-    return survey.part(bounds) if bounds else survey
+    return survey.limited_to(bounds) if bounds else survey

@@ -109,7 +109,7 @@ def _write_points(
     size = points.size(span) if points else 0
     windows = points.windows(span) if points else iter(())
     if place.suffix.lower() in LAS:
-        template.save_parts(place, windows, size, record=record)
+        template.save_batches(place, windows, size, record=record)
     else:
         template.filled(windows, size).save(place, record=record)
 
@@ -142,11 +142,11 @@ class StoredSurvey(Survey):
     def template(self) -> PointCloud:
         return self.points.template
 
-    def parts(self, size: int, *, ctx: Context = QUIET) -> Iterator[PointCloud]:
+    def batches(self, size: int, *, ctx: Context = QUIET) -> Iterator[PointCloud]:
         done = 0
-        for part in self.points.windows():
-            yield part
-            done += len(part)
+        for cloud in self.points.windows():
+            yield cloud
+            done += len(cloud)
             ctx.progress(done / max(self.count, 1))
 
     def read(self, *, bounds: Sequence[float] | None = None, ctx: Context = QUIET) -> PointCloud:

@@ -88,7 +88,7 @@ def batches(source: str, survey: Survey, file: int, size: int) -> list[Batch]:
         The file is damaged.
     """
     before = sum(other.count for other in survey.files[:file])
-    cuts = survey.files[file].batches(size)
+    cuts = survey.files[file].ranges(size)
     return [Batch(source, file, start, stop, before + start) for start, stop in cuts]
 
 

@@ -51,7 +51,7 @@ def what_matters(
 
     if isinstance(points, PointCloud):
         return matters(points, ctx)
-    parts = [matters(part) for part in points.parts(PART, ctx=ctx.part(0.0, 0.9))]
+    parts = [matters(part) for part in points.batches(PART, ctx=ctx.part(0.0, 0.9))]
     return matters(points.template.filled(parts, sum(map(len, parts))), ctx.part(0.9, 1.0))
 
 

@@ -555,7 +555,7 @@ def test_parts_join_to_the_whole(
     """With spare bytes, extra bytes and records; whatever was not changed is as it was."""
     path = write(tmp_path / "a.laz", make(minor, number, compress=compress))
     whole = PointCloud.open(path)
-    parts = [PointCloud.open(path, part=part) for part in [(0, 7), (7, 7), (7, 40)]]
+    parts = [PointCloud.open(path, point_range=span) for span in [(0, 7), (7, 7), (7, 40)]]
     joined = PointCloud.concat(parts)
     assert not caplog.text
     whole.save(tmp_path / "b.las")

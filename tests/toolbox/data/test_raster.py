@@ -239,7 +239,7 @@ def test_values_that_a_file_cannot_hold(
 
 def test_stale_parts_are_removed(tmp_path: Path) -> None:
     """A CRS in an .aux.xml would be taken for that of the new file, and so would a mask."""
-    path, *side_cars = Raster.parts(tmp_path / "a.tif")
+    path, *side_cars = Raster.own_files(tmp_path / "a.tif")
     assert path == tmp_path / "a.tif"
     noise("uint8").save(path)
     with rasterio.open(path, "r+") as file:

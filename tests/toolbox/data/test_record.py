@@ -66,7 +66,7 @@ def test_round_trip(make: Any, suffix: str, how: dict[str, Any], tmp_path: Path)
     make().save(path, record=RECORD, **how)
     assert read_record(path) == RECORD
     assert (tmp_path / f"a{suffix}.json").exists() is (suffix not in INSIDE)
-    assert set(tmp_path.iterdir()) <= set(type(make()).parts(path))
+    assert set(tmp_path.iterdir()) <= set(type(make()).own_files(path))
 
 
 @layers
@@ -90,7 +90,9 @@ def test_the_layer_is_the_same_with_and_without(
     plain = type(make()).open(path)
     make().save(path, record=RECORD, **how)
     found = type(make()).open(path)
-    assert set(tmp_path.iterdir()) <= set(type(make()).parts(path))  # nothing written by reading
+    assert set(tmp_path.iterdir()) <= set(
+        type(make()).own_files(path)
+    )  # nothing written by reading
     if isinstance(found, Vector | Table):
         assert found.frame.equals(plain.frame)
     elif isinstance(found, Raster):
@@ -166,7 +168,7 @@ def test_side_cars_of_others_are_left_alone(tmp_path: Path) -> None:
         beside.write_text(text)
         table().save(path)
         assert read_record(path) == ""
-        assert Table.parts(path) == (path,)
+        assert Table.own_files(path) == (path,)
         assert foreign_side_car(path) == beside
         with pytest.raises(DataError, match=r"a\.csv\.json is no record of ours"):
             table().save(path, record=RECORD)

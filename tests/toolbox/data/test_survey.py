@@ -42,14 +42,14 @@ def same(one: PointCloud, other: PointCloud) -> bool:
     return one.names == other.names and alike
 
 
-def in_parts(survey: Survey, size: int) -> PointCloud:
+def in_batches(survey: Survey, size: int) -> PointCloud:
     """The whole survey, read batch by batch, as by other processes."""
     survey, template = pickle.loads(pickle.dumps((survey, survey.template)))
     return PointCloud.concat(
         [
             file.read(start, stop).like(template)
             for file in survey.files
-            for start, stop in file.batches(size)
+            for start, stop in file.ranges(size)
         ]
     )
 
@@ -159,7 +159,7 @@ def test_folders_of_other_formats(tmp_path: Path) -> None:
     assert survey.names == ("intensity",)
     whole = PointCloud.open(tmp_path)
     assert whole["intensity"].tolist() == [0, 7, 1, 7, 2, 7]
-    assert same(whole, in_parts(survey, 1))
+    assert same(whole, in_batches(survey, 1))
     (tmp_path / "d.csv").write_text("x,y,z,height\n1,2,3,4\n")
     with pytest.raises(
         DataError, match=r"a\.xyz has no attribute height.*\n.*\n.*\n.*d\.csv has no"
@@ -173,7 +173,7 @@ def test_options_of_text_files(tmp_path: Path) -> None:
     how: dict[str, Any] = {"columns": ["y", "x", "z", "label"], "separator": ";"}
     survey = Survey.open(tmp_path, **how)
     assert survey.bounds == (2, 1, 3, 6, 5, 7)
-    assert same(PointCloud.open(tmp_path, **how), in_parts(survey, 1))
+    assert same(PointCloud.open(tmp_path, **how), in_batches(survey, 1))
     tile(tmp_path / "c.las")
     with pytest.raises(DataError, match=r"c\.las: columns and separator are for text files"):
         Survey.open([tmp_path / "a.txt", tmp_path / "c.las"], **how)
@@ -197,7 +197,7 @@ def test_what_the_headers_say(folder: Path) -> None:
 @pytest.mark.parametrize("size", [1, 60, 10**6])
 def test_reading_in_parts_gives_the_whole(folder: Path, size: int) -> None:
     whole = PointCloud.open(folder)
-    assert same(whole, in_parts(Survey.open(folder), size))
+    assert same(whole, in_batches(Survey.open(folder), size))
     single = [PointCloud.open(path) for path in files_of(folder)]
     assert np.array_equal(whole["intensity"], np.concatenate([c["intensity"] for c in single]))
     assert np.array_equal(whole["height"], np.concatenate([c["height"] for c in single]))
@@ -206,11 +206,11 @@ def test_reading_in_parts_gives_the_whole(folder: Path, size: int) -> None:
 
 def test_batches(folder: Path, tmp_path: Path) -> None:
     plain, packed, _ = Survey.open(folder).files
-    assert plain.batches(80) == [(0, 80), (80, 160), (160, 200)]
-    assert packed.batches(80) == [(0, 200)]  # one chunk
-    assert plain.batches(200) == [(0, 200)]
+    assert plain.ranges(80) == [(0, 80), (80, 160), (160, 200)]
+    assert packed.ranges(80) == [(0, 200)]  # one chunk
+    assert plain.ranges(200) == [(0, 200)]
     empty = Survey.open(tile(tmp_path / "e.laz", count=0)).files[0]
-    assert empty.batches(80) == [(0, 0)]
+    assert empty.ranges(80) == [(0, 0)]
     assert len(empty.read(0, 0)) == 0
 
 
@@ -218,8 +218,8 @@ def test_chunks_are_read_on_their_own(tmp_path: Path) -> None:
     path = tile(tmp_path / "a.laz", count=120_001)
     file = Survey.open(path).files[0]
     whole = PointCloud.open(path)
-    assert file.batches(1) == [(0, 50_000), (50_000, 100_000), (100_000, 120_001)]
-    assert file.batches(100_000) == [(0, 100_000), (100_000, 120_001)]
+    assert file.ranges(1) == [(0, 50_000), (50_000, 100_000), (100_000, 120_001)]
+    assert file.ranges(100_000) == [(0, 100_000), (100_000, 120_001)]
     ranges = [(0, 1), (49_999, 50_001), (50_000, 100_000), (60_000, 120_001), (120_001, 120_001)]
     for start, stop in ranges:
         assert same(file.read(start, stop), whole.select(np.arange(start, stop)))
@@ -361,7 +361,7 @@ def test_a_crs_is_assumed_for_files_that_state_none(tmp_path: Path) -> None:
     assert PointCloud.open(tmp_path / "a.las", assume_crs=LOCAL).crs == FRANCE
     whole = PointCloud.open(tmp_path, assume_crs=FRANCE)
     assert whole.crs == FRANCE
-    assert same(whole, in_parts(survey, 50))
+    assert same(whole, in_batches(survey, 50))
     with pytest.raises(DataError, match=r"b\.las is in .*local"):
         Survey.open(tmp_path, assume_crs=LOCAL)
     (tmp_path / "a.las").unlink()
@@ -378,7 +378,7 @@ def test_empty_files_in_a_survey(tmp_path: Path) -> None:
     assert np.isnan(survey.files[0].bounds).all()
     assert survey.bounds == survey.files[1].bounds
     assert not survey.files[0].touches(survey.bounds[:2] + survey.bounds[3:5])
-    assert same(PointCloud.open(tmp_path), in_parts(survey, 50))
+    assert same(PointCloud.open(tmp_path), in_batches(survey, 50))
     empty = Survey.open(tmp_path / "a.laz")
     assert np.isnan(empty.bounds).all()
     assert len(PointCloud.open(tmp_path / "a.laz")) == 0
@@ -430,7 +430,7 @@ def test_files_of_different_layout(tmp_path: Path, caplog: pytest.LogCaptureFixt
     assert caplog.text.count("a.las: has no red, green, blue, pair; 0 is written there") == 1
     assert "b.las: has no" not in caplog.text
     assert caplog.text.count("different layouts") == 1
-    assert same(whole, in_parts(Survey.open(tmp_path, assume_crs=FRANCE), 60))
+    assert same(whole, in_batches(Survey.open(tmp_path, assume_crs=FRANCE), 60))
     whole.save(tmp_path / "c.las")
     again = laspy.read(tmp_path / "c.las")
     assert (again.header.point_format.id, again.header.version.minor) == (7, 4)
@@ -457,7 +457,7 @@ def test_real_tiles(data: Callable[[str], Path], tmp_path: Path) -> None:
     assert survey.count == 216_900
     assert survey.bounds[:2] == (770_500, 6_277_500)
     whole = PointCloud.open(folder)
-    assert same(whole, in_parts(survey, 30_000))
+    assert same(whole, in_batches(survey, 30_000))
     whole.save(tmp_path / "whole.laz")
     assert same(PointCloud.open(tmp_path / "whole.laz"), whole)
 
@@ -466,9 +466,9 @@ def test_real_copc_in_parts(data: Callable[[str], Path]) -> None:
     path = data("copc/ign_77050_627755_ground.copc.laz")
     survey = Survey.open(path)
     whole = PointCloud.open(path)
-    batches = survey.files[0].batches(1000)
+    batches = survey.files[0].ranges(1000)
     assert len(batches) > 3
-    assert same(whole, in_parts(survey, 1000))
+    assert same(whole, in_batches(survey, 1000))
     bounds = (770_500, 6_277_500, 770_520, 6_277_510)
     assert 0 < len(survey.read(bounds=bounds)) < len(whole)
     assert same(survey.read(bounds=bounds), PointCloud.open(path, bounds=bounds))

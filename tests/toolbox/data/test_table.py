@@ -101,7 +101,7 @@ def test_records_are_ready_for_json(tmp_path: Path) -> None:
     }
     Table(frame).save(tmp_path / "a.json")
     assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == [first, second]
-    assert Table.parts(tmp_path / "a.json") == (tmp_path / "a.json",)
+    assert Table.own_files(tmp_path / "a.json") == (tmp_path / "a.json",)
 
 
 @pytest.mark.parametrize("suffix", Table.SUFFIXES)

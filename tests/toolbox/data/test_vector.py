@@ -82,7 +82,7 @@ def test_stale_parts_are_removed(tmp_path: Path) -> None:
     path = tmp_path / "a.shp"
     Vector(points("EPSG:32631")).save(path)
     (tmp_path / "a.sbn").write_text("index of other features")
-    assert set(tmp_path.iterdir()) <= set(Vector.parts(path))
+    assert set(tmp_path.iterdir()) <= set(Vector.own_files(path))
     Vector(points(None)).save(path)
     assert Vector.open(path).crs is None
     endings = sorted(part.suffix for part in tmp_path.iterdir())
@@ -90,8 +90,8 @@ def test_stale_parts_are_removed(tmp_path: Path) -> None:
 
 
 def test_parts_of_one_file_formats() -> None:
-    assert Vector.parts("b/a.geojson") == (Path("b/a.geojson"),)
-    assert Vector.parts("b/a.gpkg")[:2] == (Path("b/a.gpkg"), Path("b/a.gpkg-wal"))
+    assert Vector.own_files("b/a.geojson") == (Path("b/a.geojson"),)
+    assert Vector.own_files("b/a.gpkg")[:2] == (Path("b/a.gpkg"), Path("b/a.gpkg-wal"))
 
 
 def test_kml_draws_lines_at_their_heights_and_areas_on_the_ground(tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def read_las(
     path: Path,
     *,
     bounds: Sequence[float] | None = None,
-    part: tuple[int, int] | None = None,
+    point_range: tuple[int, int] | None = None,
     ctx: Context = QUIET,
 ) -> tuple[LasMetadata, Array]:
     """Read a LAS, LAZ or COPC file.
@@ -59,7 +59,7 @@ def read_las(
     path : of an existing file
     bounds : (xmin, ymin, xmax, ymax); of a COPC file only the nodes that touch it are read,
         of others everything
-    part : only the points from the first of these places in the file to before the second; of a
+    point_range : (start, stop): only the points with these indices, stop excluded; of a
         compressed file the chunks that hold them are unpacked
     ctx : progress is reported every million points
 
@@ -77,7 +77,7 @@ def read_las(
     with _named(path), path.open("rb") as stream:
         metadata = parse_metadata(stream, size, lambda text: log.warning("%s %s", path.name, text))
         with _errors("is damaged: its points cannot be read"):
-            packed = _read_points(stream, metadata, size, bounds, part, ctx)
+            packed = _read_points(stream, metadata, size, bounds, point_range, ctx)
     _check_box(metadata.header, packed, path.name)
     if metadata.laszip and _mixes_waveforms(metadata, packed):
         log.warning("%s: %s; read with care", path.name, _MIXED)
@@ -154,11 +154,11 @@ def _read_points(
     metadata: LasMetadata,
     size: int,
     bounds: Sequence[float] | None,
-    part: tuple[int, int] | None,
+    point_range: tuple[int, int] | None,
     ctx: Context,
 ) -> Array:
     header = metadata.header
-    start, stop = part or (0, header.point_count)
+    start, stop = point_range or (0, header.point_count)
     demand(0 <= start <= stop <= header.point_count, f"has no points {start} to {stop}")
     if header.point_count == 0 or not header.are_points_compressed:
         return _read_plain(stream, header, start, stop, ctx)
@@ -168,11 +168,11 @@ def _read_points(
     else:
         chunks = _all_chunks(stream, metadata, size)
     ahead = 0
-    if part:
+    if point_range:
         chunks, ahead = _covering(chunks, start, stop)
     _check_chunks(stream, metadata, chunks)
     packed = _read_chunks(stream, metadata, chunks, ctx)
-    return packed[ahead : ahead + stop - start] if part else packed
+    return packed[ahead : ahead + stop - start] if point_range else packed
 
 
 def _covering(chunks: list[Chunk], start: int, stop: int) -> tuple[list[Chunk], int]:

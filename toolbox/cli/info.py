@@ -13,7 +13,7 @@ import pandas as pd
 from toolbox.context import QUIET, Context
 from toolbox.data import Raster, Table, Vector
 from toolbox.data.crs import describe_crs
-from toolbox.data.places import Places, missing
+from toolbox.data.paths import Paths, missing
 from toolbox.data.text import standard_names
 from toolbox.errors import ParameterError
 from toolbox.execute import run
@@ -25,7 +25,7 @@ TABLES = (".parquet", ".json")
 Row = dict[str, Any]
 
 
-def describe_file(places: Places, ctx: Context = QUIET) -> Table:
+def describe_file(places: Paths, ctx: Context = QUIET) -> Table:
     """Properties of a point cloud, raster, vector or table: rows of property, value and unit.
 
     A CSV file whose columns include x, y and z, or have no names, is a point cloud, and any other
@@ -58,7 +58,7 @@ def describe_file(places: Places, ctx: Context = QUIET) -> Table:
     return _points(items, ctx)
 
 
-def _points(places: Places, ctx: Context) -> Table:
+def _points(places: Paths, ctx: Context) -> Table:
     made: Table = run("points.info", {"points": places}, ctx=ctx)["table"]
     return made
 

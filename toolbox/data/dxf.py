@@ -118,14 +118,14 @@ def _draw(space: Any, part: Any, how: Mapping[str, str]) -> list[Any]:
         return []
     solid = bool(part.has_z)
     if shapely.get_dimensions(part) == 0:
-        (place,) = shapely.get_coordinates(part, include_z=solid)
-        return [space.add_point(place, how)]
+        (xyz,) = shapely.get_coordinates(part, include_z=solid)
+        return [space.add_point(xyz, how)]
     polygon = shapely.get_dimensions(part) == 2
     lines = [part.exterior, *part.interiors] if polygon else [part]
     draw = space.add_polyline3d if solid else space.add_lwpolyline
     made = []
     for line in lines:
-        places = shapely.get_coordinates(line, include_z=solid)
+        vertices = shapely.get_coordinates(line, include_z=solid)
         closed = polygon or bool(line.is_closed)
-        made.append(draw(places[:-1] if closed else places, close=closed, dxfattribs=how))
+        made.append(draw(vertices[:-1] if closed else vertices, close=closed, dxfattribs=how))
     return made

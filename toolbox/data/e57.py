@@ -21,7 +21,7 @@ _ROUNDING = 1e-6  # of the range of values, by which they may go beyond it
 def read_e57(
     path: Path, *, ctx: Context = QUIET
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]], CRS | None]:
-    """Read all scans of a file, each moved to its place by its pose.
+    """Read all scans of a file, each transformed by its pose.
 
     Points that the scanner marked as invalid are left out. `point_source_id` tells the scans
     apart: 1, 2, ... Intensity and colours are stretched from the limits that the file states to

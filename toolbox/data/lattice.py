@@ -96,7 +96,7 @@ class Lattice:
 
     def window(self, rows: slice, cols: slice) -> Lattice:
         """The cells of some rows and columns."""
-        (col, east), (top, north) = _place(self.west, self.cell), _place(self.north, self.cell)
+        (col, east), (top, north) = self._corner
         first_row, last_row, _ = rows.indices(self.rows)
         first_col, last_col, _ = cols.indices(self.cols)
         return Lattice(
@@ -126,35 +126,37 @@ class Lattice:
 
     @classmethod
     def union(cls, lattices: Iterable[Lattice]) -> Lattice:
-        """The smallest lattice with all cells of lattices that are parts of one.
+        """The smallest lattice that has all cells of some windows of one lattice.
 
         Raises
         ------
         DataError
             Their cells do not fit each other.
         """
-        parts = list(lattices)
-        first = parts[0]
-        west, north = min(p.west for p in parts), max(p.north for p in parts)
-        rows = max(round((north - p.north) / first.cell) + p.rows for p in parts)
-        cols = max(round((p.west - west) / first.cell) + p.cols for p in parts)
+        windows = list(lattices)
+        first = windows[0]
+        west, north = min(w.west for w in windows), max(w.north for w in windows)
+        rows = max(round((north - w.north) / first.cell) + w.rows for w in windows)
+        cols = max(round((w.west - west) / first.cell) + w.cols for w in windows)
         whole = cls(west, north, first.cell, rows, cols)
-        for part in parts:
-            whole.place(part)
+        for window in windows:
+            whole.position_of(window)
         return whole
 
-    def place(self, part: Lattice) -> tuple[int, int]:
-        """Row and column where a part of this lattice begins.
+    def position_of(self, window: Lattice) -> tuple[int, int]:
+        """Row and column of this lattice at which a window of it begins.
 
         Raises
         ------
         DataError
-            Its cells are of another size, or lie between those of this lattice.
+            The cells of the window are of another size, or lie between those of this lattice.
         """
-        row, col = (self.north - part.north) / self.cell, (part.west - self.west) / self.cell
+        row, col = (self.north - window.north) / self.cell, (window.west - self.west) / self.cell
         off = max(abs(row - round(row)), abs(col - round(col)))
-        if part.cell != self.cell or off > 1e-3:
-            raise DataError(f"cells of {part.cell:g} do not fit those of {self.cell:g} beside them")
+        if window.cell != self.cell or off > 1e-3:
+            raise DataError(
+                f"cells of {window.cell:g} do not fit those of {self.cell:g} beside them"
+            )
         return round(row), round(col)
 
     @property
@@ -170,7 +172,7 @@ class Lattice:
     @property
     def bounds(self) -> tuple[float, float, float, float]:
         """(xmin, ymin, xmax, ymax) of the outer edges."""
-        (col, east), (top, north) = _place(self.west, self.cell), _place(self.north, self.cell)
+        (col, east), (top, north) = self._corner
         return (
             self.west,
             _multiple(top - self.rows, self.cell) + north * self.cell,
@@ -178,9 +180,14 @@ class Lattice:
             self.north,
         )
 
+    @property
+    def _corner(self) -> tuple[tuple[int, float], tuple[int, float]]:
+        """Cells from the origin to the west and the north edge; whole ones, and the rest of one."""
+        return _cells_from_origin(self.west, self.cell), _cells_from_origin(self.north, self.cell)
+
     def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Coordinates of the cell centres: x of shape (cols,), y of shape (rows,)."""
-        (col, east), (top, north) = _place(self.west, self.cell), _place(self.north, self.cell)
+        (col, east), (top, north) = self._corner
         cols = np.arange(col, col + self.cols, dtype=np.float64)
         rows = np.arange(top, top - self.rows, -1, dtype=np.float64)
         return (cols + (0.5 + east)) * self.cell, (rows - (0.5 - north)) * self.cell
@@ -211,7 +218,7 @@ class Lattice:
         return (row >= 0) & (row < self.rows) & (col >= 0) & (col < self.cols)
 
 
-def _place(value: float, cell: float) -> tuple[int, float]:
+def _cells_from_origin(value: float, cell: float) -> tuple[int, float]:
     """A corner as whole cells from the origin and the rest, which is 0 on a snapped lattice."""
     whole = round(value / cell)
     rest = value / cell - whole
@@ -220,7 +227,7 @@ def _place(value: float, cell: float) -> tuple[int, float]:
 
 def _cells(values: ArrayLike, corner: float, cell: float) -> NDArray[np.int64]:
     """Whole cells between a corner and each value, downwards."""
-    whole, rest = _place(corner, cell)
+    whole, rest = _cells_from_origin(corner, cell)
     cells = np.floor(np.asarray(values, float) / cell - rest + _ROUNDING).astype(np.int64)
     return np.asarray(cells - whole)
 

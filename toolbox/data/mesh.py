@@ -75,8 +75,8 @@ def triangulated(polygon: Any) -> tuple[Floats, NDArray[np.int64]]:
     shell, *holes = np.split(uv, ends[:-1])
     cut = shapely.constrained_delaunay_triangles(shapely.Polygon(shell, holes))
     triangles = shapely.get_coordinates(shapely.get_parts(cut)).reshape(-1, 4, 2)[:, :3]
-    place = {tuple(corner): number for number, corner in enumerate(uv.tolist())}
-    found = [place[tuple(corner)] for corner in triangles.reshape(-1, 2).tolist()]
+    index = {tuple(corner): number for number, corner in enumerate(uv.tolist())}
+    found = [index[tuple(corner)] for corner in triangles.reshape(-1, 2).tolist()]
     return xyz, np.array(found, np.int64).reshape(-1, 3)
 
 

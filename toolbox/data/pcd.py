@@ -20,7 +20,7 @@ _ERRORS = (ValueError, KeyError, TypeError, IndexError, MemoryError, OverflowErr
 def read_pcd(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
     """Read points with their fields; "rgb" becomes 16-bit red, green and blue.
 
-    Points whose coordinates are NaN are places of an organised scan where nothing was measured:
+    Points whose coordinates are NaN are cells of an organised scan where nothing was measured:
     they are left out, and the log says how many.
 
     Returns

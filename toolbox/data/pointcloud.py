@@ -16,7 +16,7 @@ from toolbox.data.las import points as las_points
 from toolbox.data.las.files import las_sink, read_las, write_las
 from toolbox.data.las.header import LasMetadata
 from toolbox.data.las.joint import in_layout, joint_metadata, with_layout
-from toolbox.data.places import LAS, TEXT, Places, files_of, name_of, suffix_of
+from toolbox.data.paths import LAS, TEXT, Paths, files_of, name_of, suffix_of
 from toolbox.data.record import own_side_car, with_record, write_beside
 from toolbox.errors import DataError, nearest
 
@@ -71,7 +71,7 @@ class PointCloud:
     @classmethod
     def open(
         cls,
-        path: Places,
+        path: Paths,
         *,
         columns: Sequence[str] | None = None,
         separator: str | None = None,
@@ -272,13 +272,13 @@ class PointCloud:
         xyz = np.empty((size, 3)) if self._moved or packed is None else None
         start = 0
         for cloud in clouds:
-            place = slice(start, start := start + len(cloud))
+            rows = slice(start, start := start + len(cloud))
             for name, column in columns.items():
-                column[place] = cloud._columns[name]
+                column[rows] = cloud._columns[name]
             if packed is not None and cloud._packed is not None:
-                _bytes(packed)[place] = _bytes(cloud._packed)
+                _bytes(packed)[rows] = _bytes(cloud._packed)
             if xyz is not None:
-                xyz[place] = cloud.xyz
+                xyz[rows] = cloud.xyz
         if start != size:
             raise DataError(f"{self.name} holds {start} points, and {size} were expected")
         whole._size, whole._columns = size, {n: _frozen(v) for n, v in columns.items()}
@@ -430,7 +430,7 @@ class PointCloud:
 
     @property
     def number(self) -> NDArray[np.int64]:
-        """The place of each point in the survey, also of neighbours of a tile; see `origin`."""
+        """The index of each point in the survey, also of neighbours of a tile; see `origin`."""
         if self._origin is None:
             return np.arange(len(self))
         return np.where(self._origin < 0, -1 - self._origin, self._origin)

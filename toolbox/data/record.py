@@ -119,14 +119,14 @@ def side_car(path: str | Path) -> Path | None:
 
 def own_side_car(path: str | Path) -> tuple[Path, ...]:
     """The side-car of a file, in a tuple, if it is there and holds a record of ours."""
-    place = side_car(path)
-    return (place,) if place and place.is_file() and is_record(_text(place)) else ()
+    beside = side_car(path)
+    return (beside,) if beside and beside.is_file() and is_record(_text(beside)) else ()
 
 
 def foreign_side_car(path: str | Path) -> Path | None:
     """A file that is no record of ours, and stands where the record of a file would be written."""
-    place = side_car(path)
-    return place if place and place.exists() and not own_side_car(path) else None
+    beside = side_car(path)
+    return beside if beside and beside.exists() and not own_side_car(path) else None
 
 
 def write_beside(path: Path, text: str) -> None:
@@ -137,8 +137,8 @@ def write_beside(path: Path, text: str) -> None:
     DataError
         Another file stands in its place.
     """
-    place = side_car(path)
-    if place is None:
+    beside = side_car(path)
+    if beside is None:
         raise ValueError(f"{path} holds its record itself")
     if not text:
         for stale in own_side_car(path):
@@ -146,7 +146,7 @@ def write_beside(path: Path, text: str) -> None:
         return
     if other := foreign_side_car(path):
         raise DataError(f"{other} is no record of ours, and would be replaced by one")
-    place.write_text(checked(text) + "\n", encoding="utf-8", newline="\n")
+    beside.write_text(checked(text) + "\n", encoding="utf-8", newline="\n")
 
 
 def write_into_geopackage(path: Path, text: str, timestamp: str) -> None:
@@ -221,10 +221,10 @@ def _of_tiff(path: Path) -> str:
 
 
 def _of_geopackage(path: Path) -> str:
-    place = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+    address = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
     query = "SELECT metadata FROM gpkg_metadata WHERE md_standard_uri = ?"
     try:
-        with closing(sqlite3.connect(place, uri=True)) as database:
+        with closing(sqlite3.connect(address, uri=True)) as database:
             tables = database.execute("SELECT name FROM sqlite_master").fetchall()
             if ("gpkg_metadata",) not in tables:
                 return ""
@@ -238,13 +238,13 @@ def _of_png(path: Path) -> str:
     content = path.read_bytes()
     if not content.startswith(_PNG_START):
         raise DataError(f"{path} is not a PNG file")
-    place, wanted = len(_PNG_START), CHUNK.encode() + b"\0"
-    while place + 8 <= len(content):
-        length, kind = struct.unpack_from(">I4s", content, place)
-        data = content[place + 8 : place + 8 + length]
+    position, wanted = len(_PNG_START), CHUNK.encode() + b"\0"
+    while position + 8 <= len(content):
+        length, kind = struct.unpack_from(">I4s", content, position)
+        data = content[position + 8 : position + 8 + length]
         if kind == b"tEXt" and data.startswith(wanted):
             return data[len(wanted) :].decode("latin-1")
-        place += length + 12  # with the four bytes of its checksum
+        position += length + 12  # with the four bytes of its checksum
     return ""
 
 
@@ -255,8 +255,8 @@ def _of_html(path: Path) -> str:
 
 
 def _beside(path: Path) -> str:
-    place = side_car(path)
-    return _text(place).strip() if place and place.is_file() else ""
+    beside = side_car(path)
+    return _text(beside).strip() if beside and beside.is_file() else ""
 
 
 def _text(path: Path) -> str:

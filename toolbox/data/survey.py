@@ -18,7 +18,7 @@ from toolbox.data.crs import crs_conflicts, metres_per_unit
 from toolbox.data.las.files import chunk_sizes, read_metadata
 from toolbox.data.las.header import LasMetadata
 from toolbox.data.las.points import Box
-from toolbox.data.places import LAS, Places, files_of, name_of, suffix_of
+from toolbox.data.paths import LAS, Paths, files_of, name_of, suffix_of
 from toolbox.data.pointcloud import PointCloud
 from toolbox.errors import DataError
 
@@ -212,23 +212,23 @@ class Survey:
     @classmethod
     def open(
         cls,
-        places: Places,
+        paths: Paths,
         *,
         columns: Sequence[str] | None = None,
         separator: str | None = None,
         assume_crs: CRS | None = None,
         ctx: Context = QUIET,
     ) -> Survey:
-        """Read the headers of all files at some places.
+        """Read the headers of all files that paths stand for.
 
         LAS and LAZ files have headers; those of other formats are read once from end to end, for
         their number of points and their bounds.
 
         Parameters
         ----------
-        places : a file, a folder (files directly in it; nested folders are not searched), a
+        paths : a file, a folder (files directly in it; nested folders are not searched), a
             pattern such as ``tiles/**/*.laz``, a virtual point cloud (.vpc), or a list of these;
-            see :func:`toolbox.data.places.files_of`
+            see :func:`toolbox.data.paths.files_of`
         columns, separator : of text files, as in :meth:`PointCloud.open`
         assume_crs : of files that state none
         ctx : told of progress, and asked whether to stop
@@ -236,13 +236,13 @@ class Survey:
         Raises
         ------
         DataError
-            A place is missing, files are damaged, given twice, or in another CRS or unit than the
-            first; tells all of them.
+            A path does not exist, or files are damaged, given twice, or in another CRS or unit
+            than the first; tells all of them.
         """
-        paths = files_of(places, log.warning)
+        found = files_of(paths, log.warning)
         files, problems = [], []
-        for number, path in enumerate(paths):
-            share = ctx.part(number / len(paths), (number + 1) / len(paths))
+        for number, path in enumerate(found):
+            share = ctx.part(number / len(found), (number + 1) / len(found))
             share.progress(0)
             try:
                 files.append(
@@ -256,7 +256,7 @@ class Survey:
             problems = crs_conflicts([(str(file.path), file.crs) for file in files])
         if problems:
             raise DataError("\n    ".join(problems))
-        return cls(tuple(files), name_of(places))
+        return cls(tuple(files), name_of(paths))
 
     def absolute(self) -> Survey:
         """The same files for a process that may be in another folder."""

@@ -1,4 +1,4 @@
-"""Tables: rows of numbers, texts and yes/no values without a place."""
+"""Tables: rows of numbers, texts and yes/no values without a geometry."""
 
 from __future__ import annotations
 

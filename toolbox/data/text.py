@@ -104,11 +104,11 @@ def standard_names(texts: Sequence[str]) -> list[str]:
     ]
     exact = {name for word, name in zip(plain, names, strict=True) if word == _plain(name)}
     taken: set[str] = set()
-    for place, (word, text) in enumerate(zip(plain, texts, strict=True)):
-        name = names[place]
+    for index, (word, text) in enumerate(zip(plain, texts, strict=True)):
+        name = names[index]
         if word != _plain(name) and (name in exact or name in taken):
-            names[place] = text
-        taken.add(names[place])
+            names[index] = text
+        taken.add(names[index])
     return names
 
 
@@ -201,11 +201,11 @@ def _begin(
     path: Path, content: list[tuple[int, str]], comment: str, separator: str | None
 ) -> _Table:
     """Tell names from numbers; names stay empty where there is no line of them."""
-    for place, (number, text) in enumerate(content):
+    for index, (number, text) in enumerate(content):
         found = _separator(text, separator)
         if found is None:
             continue
-        names = _cells(content[0][1], found[0]) if place == 1 else []
+        names = _cells(content[0][1], found[0]) if index == 1 else []
         return _Table(standard_names(names), found[0], number)
     if len(content) == 1 and not any(_is_number(cell) for cell in _split(content[0][1])):
         names = _split(content[0][1], separator)  # a line of names without points

@@ -16,7 +16,7 @@ from pyproj import CRS
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Raster, Report, Survey, Table, Vector
 from toolbox.data.crs import parse_crs
-from toolbox.data.places import Places, files_of
+from toolbox.data.paths import Paths, files_of
 from toolbox.declare.expression import Expression
 from toolbox.declare.values import Attribute, ClassList, Direction, Extent, Position, Range
 
@@ -272,7 +272,7 @@ def _layer(
 
 
 def _cloud_or_survey(
-    place: Places,
+    place: Paths,
     *,
     columns: Sequence[str] | None = None,
     separator: str | None = None,

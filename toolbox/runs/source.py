@@ -10,7 +10,7 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import describe_crs, same_crs
-from toolbox.data.places import missing
+from toolbox.data.paths import missing
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import Kind, located, parsed_options
 from toolbox.errors import DataError

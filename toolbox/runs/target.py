@@ -13,7 +13,7 @@ from typing import Any
 from toolbox import files
 from toolbox.context import Context, log
 from toolbox.data import Report, Table, geopackage
-from toolbox.data.places import LAS
+from toolbox.data.paths import LAS
 from toolbox.data.record import foreign_side_car
 from toolbox.declare.fields import Spec
 from toolbox.declare.kinds import Kind, find, parsed_options

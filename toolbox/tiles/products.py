@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster, Survey, Vector
-from toolbox.data.places import LAS
+from toolbox.data.paths import LAS
 from toolbox.data.raster import STRIP
 from toolbox.data.survey import SurveyFile
 from toolbox.runs.provenance import Record
@@ -225,12 +225,12 @@ class Mosaic:
     def __init__(self, places: list[Path]) -> None:
         self._shells: list[Raster] = [tile_store.load_object(p / "layer") for p in places]
         self._values = [tile_store.load_arrays(place)["values"] for place in places]
-        parts = [
+        windows = [
             dataclasses.replace(Lattice.of(shell), rows=values.shape[1], cols=values.shape[2])
             for shell, values in zip(self._shells, self._values, strict=True)
         ]
-        self.lattice = Lattice.union(parts)
-        self._corners = [self.lattice.place(part) for part in parts]
+        self.lattice = Lattice.union(windows)
+        self._corners = [self.lattice.position_of(window) for window in windows]
 
     def strips(self) -> Iterator[NDArray[Any]]:
         """Values of shape (bands, STRIP, cols) from north to south, the last may be shorter."""

@@ -411,7 +411,7 @@ def test_only_cells_near_the_window_are_filled(method: Method) -> None:
     window = west + 3.0, south + 2.0, west + 7.0, south + 5.0
     part = tool.run(Context(window=window)).surface
     assert part.values.size < 60
-    row, col = Lattice.of(whole).place(Lattice.of(part))
+    row, col = Lattice.of(whole).position_of(Lattice.of(part))
     inner = whole.values[:, row : row + part.shape[0], col : col + part.shape[1]]
     np.testing.assert_array_equal(part.values, inner)
     with pytest.raises(NothingToDo, match="no cell of the raster"):

@@ -17,7 +17,7 @@ from pyproj import CRS
 
 from toolbox.data import PointCloud, Survey
 from toolbox.data.crs import LOCAL
-from toolbox.data.places import files_of
+from toolbox.data.paths import files_of
 from toolbox.errors import DataError
 
 FRANCE = CRS("EPSG:2154+5720")

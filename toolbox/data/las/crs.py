@@ -152,12 +152,12 @@ def _tiff(keys: bytes, doubles: bytes, text: bytes) -> bytes:
     tags += [(_KEYS, short, keys), (_DOUBLES, double, doubles), (_TEXT, characters, text)]
     tags = sorted(tag for tag in tags if tag[2])
     size = {short: 2, double: 8, characters: 1}
-    place = 16 + 2 + 12 * len(tags) + 4  # of the values that do not fit in an entry
+    offset = 16 + 2 + 12 * len(tags) + 4  # of the values that do not fit in an entry
     entries, values = b"", b""
     for number, kind, content in tags:
         entries += struct.pack("<HHI", number, kind, len(content) // size[kind])
         fits = len(content) <= 4
-        entries += content.ljust(4, b"\0") if fits else struct.pack("<I", place + len(values))
+        entries += content.ljust(4, b"\0") if fits else struct.pack("<I", offset + len(values))
         values += b"" if fits else content + b"\0" * (len(content) % 2)
     start = struct.pack("<2sHI", b"II", 42, 16) + bytes(8)  # the pixel is at byte 8
     return start + struct.pack("<H", len(tags)) + entries + bytes(4) + values

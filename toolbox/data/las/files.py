@@ -189,9 +189,9 @@ def _read_plain(
 ) -> Array:
     packed = np.empty(stop - start, header.point_format.dtype())
     stream.seek(header.offset_to_point_data + start * packed.itemsize)
-    for place in range(0, len(packed), _BLOCK):
-        ctx.progress(place / len(packed))
-        block = packed[place : place + _BLOCK]
+    for done in range(0, len(packed), _BLOCK):
+        ctx.progress(done / len(packed))
+        block = packed[done : done + _BLOCK]
         block[:] = np.fromfile(stream, packed.dtype, len(block))
     return packed
 
@@ -366,9 +366,9 @@ def write_las(
         The points are too many for the version of LAS, or LAZ would not keep their waveforms.
     """
     with las_sink(path, metadata, compress=compress) as write:
-        for place in range(0, len(packed), _BLOCK):
-            ctx.progress(place / len(packed))
-            write(packed[place : place + _BLOCK])
+        for done in range(0, len(packed), _BLOCK):
+            ctx.progress(done / len(packed))
+            write(packed[done : done + _BLOCK])
 
 
 @contextmanager
@@ -410,7 +410,7 @@ def las_sink(
 
 
 def _write_evlrs(stream: BinaryIO, metadata: LasMetadata, header: laspy.LasHeader) -> None:
-    """Records after the points, which laspy does not write in LAS 1.3, and their places."""
+    """Records after the points, which laspy does not write in LAS 1.3, and their positions."""
     start = stream.seek(0, 2)
     if not header.global_encoding.waveform_data_packets_external:
         header.start_of_waveform_data_packet_record = 0

@@ -162,16 +162,16 @@ def parse_metadata(stream: BinaryIO, size: int, warn: Callable[[str], None]) -> 
     raw = _raw_header(stream, size)
     header = _parsed(raw, warn)
     start = header.offset_to_point_data
-    _check_places(header, len(raw), size, warn)
+    _check_positions(header, len(raw), size, warn)
     (count,) = struct.unpack_from("<I", raw, 100)
-    vlrs, places = _read_vlrs(stream, len(raw), start, count, 54)
+    vlrs, starts = _read_vlrs(stream, len(raw), start, count, 54)
     if len(vlrs) < count:
         warn(
             f"promises {count} variable length records, but only {len(vlrs)} fit before the "
             "points; the others are ignored"
         )
-    stream.seek(places[-1])
-    header.extra_vlr_bytes = stream.read(start - places[-1])
+    stream.seek(starts[-1])
+    header.extra_vlr_bytes = stream.read(start - starts[-1])
     evlrs, waveform = _read_evlrs(stream, header, size)
     header.version = oldest_version(raw[25], header.point_format.id)
     header.point_format = _described(header, vlrs, warn)
@@ -229,7 +229,9 @@ def _parsed(raw: bytes, warn: Callable[[str], None]) -> LasHeader:
     return header
 
 
-def _check_places(header: LasHeader, length: int, size: int, warn: Callable[[str], None]) -> None:
+def _check_positions(
+    header: LasHeader, length: int, size: int, warn: Callable[[str], None]
+) -> None:
     """Whether points and VLRs lie within the file."""
     start, end, count = header.offset_to_point_data, size, header.point_count
     demand(
@@ -256,7 +258,7 @@ def _read_vlrs(
 ) -> tuple[tuple[Vlr, ...], list[int]]:
     """Up to count VLRs that fit before the end; where each begins, and the last one ends."""
     vlrs: list[Vlr] = []
-    places = [start]
+    starts = [start]
     while len(vlrs) < count and start + head <= end:
         stream.seek(start)
         top = stream.read(head)
@@ -265,8 +267,8 @@ def _read_vlrs(
         if start > end:
             break
         vlrs.append(Vlr(top, stream.read(length)))
-        places.append(start)
-    return tuple(vlrs), places
+        starts.append(start)
+    return tuple(vlrs), starts
 
 
 def _read_evlrs(
@@ -277,13 +279,13 @@ def _read_evlrs(
     wave = header.start_of_waveform_data_packet_record
     if header.version.minor == 3 and header.global_encoding.waveform_data_packets_internal:
         start, count = wave, 1
-    vlrs, places = _read_vlrs(stream, start, size, count, 60)
+    vlrs, starts = _read_vlrs(stream, start, size, count, 60)
     found = len(vlrs)
     demand(
         found == count,
         f"is cut off: record {found + 1} of {count} after the points ends beyond the file",
     )
-    return vlrs, dict(zip(places, vlrs, strict=False)).get(wave)
+    return vlrs, dict(zip(starts, vlrs, strict=False)).get(wave)
 
 
 def _described(

@@ -217,8 +217,8 @@ def _move(points: Array, metadata: LasMetadata, joint: LasMetadata) -> None:
     """Write coordinates as steps of the joint scale from the joint offset."""
     for axis, name in enumerate("XYZ"):
         scale, offset = metadata.header.scales[axis], metadata.header.offsets[axis]
-        place = points[name] * scale + (offset - joint.header.offsets[axis])
-        steps = np.rint(place / joint.header.scales[axis])
+        shifted = points[name] * scale + (offset - joint.header.offsets[axis])
+        steps = np.rint(shifted / joint.header.scales[axis])
         if len(steps) and np.abs(steps).max() > _FURTHEST:
             raise DataError(
                 "has points so far outside the bounding box in its header that they cannot be "

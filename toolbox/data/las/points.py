@@ -344,7 +344,7 @@ def with_description(
     known: dict[bytes, bytes] = {}
     for source in (*reversed(others), metadata):
         old = b"".join(vlr.data for vlr in source.vlrs if vlr.key == EXTRA_BYTES)
-        pieces = [old[place : place + DESCRIPTOR] for place in range(0, len(old), DESCRIPTOR)]
+        pieces = [old[start : start + DESCRIPTOR] for start in range(0, len(old), DESCRIPTOR)]
         known |= {piece[4:36].split(b"\0")[0]: piece for piece in pieces}
     data = b""
     for dimension in metadata.extras:

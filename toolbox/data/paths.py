@@ -19,7 +19,7 @@ from urllib.request import url2pathname
 
 from toolbox.errors import DataError
 
-Places = str | Path | Sequence[str | Path]
+Paths = str | Path | Sequence[str | Path]
 """One path, folder, pattern or VPC, or several of them."""
 
 LAS = (".las", ".laz")
@@ -35,12 +35,12 @@ def suffix_of(path: Path) -> str:
     return Path(name.removesuffix(".gz")).suffix
 
 
-def files_of(places: Places, warn: Callable[[str], None] = lambda text: None) -> list[Path]:
-    """The files of points at some places, sorted by path.
+def files_of(paths: Paths, warn: Callable[[str], None] = lambda text: None) -> list[Path]:
+    """The point cloud files that paths stand for, sorted by path.
 
     Parameters
     ----------
-    places : a file; a folder, which stands for the files of points directly in it that are not
+    paths : a file; a folder, which stands for the files of points directly in it that are not
         hidden: LAS and LAZ if there are any, else those of all other formats; a pattern such as
         ``tiles/*.laz`` or ``survey/**/*.las`` (where ** searches nested folders); a virtual point
         cloud (.vpc); or a list of these
@@ -49,10 +49,10 @@ def files_of(places: Places, warn: Callable[[str], None] = lambda text: None) ->
     Raises
     ------
     DataError
-        A place is missing or holds no files of points, a file of a VPC is missing or remote, a
+        A path does not exist or holds no files of points, a file of a VPC is missing or remote, a
         file is of another format or empty, or is named twice; tells all that is wrong.
     """
-    items = [places] if isinstance(places, str | Path) else list(places)
+    items = [paths] if isinstance(paths, str | Path) else list(paths)
     if not items:
         raise DataError("no files of points are given")
     found: list[Path] = []
@@ -69,9 +69,9 @@ def files_of(places: Places, warn: Callable[[str], None] = lambda text: None) ->
     return sorted(found)
 
 
-def missing(places: Places) -> list[Path]:
-    """The places at which there is nothing, or that no file matches."""
-    items = [places] if isinstance(places, str | Path) else places
+def missing(paths: Paths) -> list[Path]:
+    """The paths that do not exist, and the patterns that no file matches."""
+    items = [paths] if isinstance(paths, str | Path) else paths
     return [Path(item) for item in items if not (Path(item).exists() or _matches(str(item)))]
 
 
@@ -79,26 +79,26 @@ def _matches(pattern: str) -> bool:
     return glob.has_magic(pattern) and any(glob.iglob(pattern, recursive=True))
 
 
-def name_of(places: Places) -> str:
-    """What messages call the points at some places."""
-    items = [places] if isinstance(places, str | Path) else list(places)
+def name_of(paths: Paths) -> str:
+    """The name that messages give to the points at some paths."""
+    items = [paths] if isinstance(paths, str | Path) else list(paths)
     first = Path(items[0]).resolve().name if items else ""
     return f"{first} and {len(items) - 1} more" if len(items) > 1 else first
 
 
-def _files(place: str | Path, warn: Callable[[str], None]) -> list[Path]:
-    if not str(place):
+def _files(item: str | Path, warn: Callable[[str], None]) -> list[Path]:
+    if not str(item):
         raise DataError("an empty path names no file")
-    path = Path(place)
+    path = Path(item)
     try:
         if path.is_dir():
             return _in_folder(path, warn)
         if path.exists():
             return _in_vpc(path) if suffix_of(path) == VPC else [path]
-        if glob.has_magic(str(place)):
-            return _matching(str(place), warn)
+        if glob.has_magic(str(item)):
+            return _matching(str(item), warn)
     except OSError as error:
-        raise DataError(f"{place} cannot be read: {error.strerror or error}") from error
+        raise DataError(f"{item} cannot be read: {error.strerror or error}") from error
     return [path]
 
 

@@ -18,7 +18,7 @@ from toolbox.data import PointCloud, Raster, Report, Survey, Table, Vector
 from toolbox.data.crs import parse_crs
 from toolbox.data.paths import Paths, files_of
 from toolbox.declare.expression import Expression
-from toolbox.declare.values import Attribute, ClassList, Direction, Extent, Position, Range
+from toolbox.declare.values import Attribute, ClassList, Direction, Extent, Position, Range, whole
 
 TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 
@@ -91,20 +91,10 @@ class Option:
 
 
 def _number(value: Any) -> float:
-    if isinstance(value, numbers.Real) and not _is_number(value):
+    number = float(value) if isinstance(value, str) else value
+    if not _is_number(number):
         raise ValueError
-    number = float(value)
-    if not math.isfinite(number):
-        raise ValueError
-    return number
-
-
-def _integer(value: Any) -> int:
-    if isinstance(value, str):
-        return int(value)
-    if isinstance(value, float) and value.is_integer():  # JSON does not tell 3 from 3.0
-        return int(value)
-    raise ValueError
+    return float(number)
 
 
 def _boolean(value: Any) -> bool:
@@ -132,53 +122,27 @@ def _text(value: Any) -> str:
     return value
 
 
-def _class_list(value: Any) -> ClassList:
-    if isinstance(value, str):
-        return ClassList.parse(value)
-    return ClassList([value] if _is_integer(value) else map(_integer_item, value))
-
-
-def _integer_item(value: Any) -> int:
-    return int(value) if _is_integer(value) else _integer(value)
-
-
-def _range(value: Any) -> Range:
-    return Range.parse(value) if isinstance(value, str) else Range.of(value)
-
-
-def _position(value: Any) -> Position:
-    return Position.parse(value) if isinstance(value, str) else Position.of(value)
-
-
-def _extent(value: Any) -> Extent:
-    return Extent.parse(value) if isinstance(value, str) else Extent.of(value)
-
-
-def _direction(value: Any) -> Direction:
-    return Direction.parse(value) if isinstance(value, str) else Direction.of(value)
-
-
 def _is(*types: type) -> Callable[[Any], bool]:
     return lambda value: isinstance(value, types)
 
 
+def _several(cls: Any) -> Kind:
+    """The kind of a value that consists of several numbers."""
+    count = len(cls._fields)
+    schema = {"type": "array", "items": {"type": "number"}, "minItems": count, "maxItems": count}
+    return Kind(cls.__name__.lower(), schema, _is(cls), cls.parse, list)
+
+
 def _scalars() -> dict[Any, Kind]:
-    number = {"type": "number"}
     text = {"type": "string"}
-    pair = {"type": "array", "items": number, "minItems": 2, "maxItems": 2}
-    box = {"type": "array", "items": number, "minItems": 4, "maxItems": 4}
-    triple = {"type": "array", "items": number, "minItems": 3, "maxItems": 3}
-    classes = {"type": "string", "pattern": r"^\d+(-\d+)?(,\d+(-\d+)?)*$"}
+    classes = text | {"pattern": r"^\d+(-\d+)?(,\d+(-\d+)?)*$"}
     return {
-        float: Kind("number", number, _is_number, _number, plain=True),
-        int: Kind("integer", {"type": "integer"}, _is_integer, _integer, plain=True),
+        float: Kind("number", {"type": "number"}, _is_number, _number, plain=True),
+        int: Kind("integer", {"type": "integer"}, _is_integer, whole, plain=True),
         bool: Kind("boolean", {"type": "boolean"}, _is(bool), _boolean, plain=True),
         str: Kind("text", text, _is(str), _text, plain=True),
-        ClassList: Kind("class list", classes, _is(ClassList), _class_list, str),
-        Range: Kind("range", pair, _is(Range), _range, list),
-        Position: Kind("position", pair, _is(Position), _position, list),
-        Direction: Kind("direction", triple, _is(Direction), _direction, list),
-        Extent: Kind("extent", box, _is(Extent), _extent, list),
+        ClassList: Kind("class list", classes, _is(ClassList), ClassList.parse, str),
+        **{cls: _several(cls) for cls in (Range, Position, Direction, Extent)},
         CRS: Kind("CRS", text, _is(CRS), parse_crs, lambda crs: crs.to_string()),
         Attribute: Kind("attribute", text, _is(Attribute), lambda v: Attribute(_text(v)), str),
         Expression: Kind("expression", text, _is(Expression), lambda v: Expression(_text(v)), str),
@@ -198,9 +162,9 @@ OPTIONS: Mapping[str, Option] = {
         _columns,
     ),
     "separator": Option("What stands between the columns of a text file", _text),
-    "bounds": Option("Read only xmin,ymin,xmax,ymax", _extent),
+    "bounds": Option("Read only xmin,ymin,xmax,ymax", Extent.parse),
     "layer": Option("Name of the layer in the file", _text),
-    "band": Option("Number of the band to read, counted from 1", _integer_item),
+    "band": Option("Number of the band to read, counted from 1", whole),
     "cog": Option("Write a cloud-optimised GeoTIFF", _boolean),
 }
 

@@ -1,7 +1,9 @@
-"""Values that a parameter may hold beside numbers and words, each with its text form."""
+"""Types of parameters beside numbers and words; each reads and writes its text form."""
 
 from __future__ import annotations
 
+import math
+import numbers
 import re
 from collections.abc import Iterable
 from typing import NamedTuple, Self
@@ -34,16 +36,27 @@ class ClassList(tuple[int, ...]):
         return super().__new__(cls, found)
 
     @classmethod
-    def parse(cls, text: str) -> Self:
-        """Read single classes and ranges: ``2,9,14-16``."""
+    def parse(cls, value: str | int | Iterable[int]) -> Self:
+        """Read classes and ranges of classes from a text, or classes from a number or a list.
+
+        >>> ClassList.parse("2,9,14-16") == ClassList.parse([9, 2, 14, 15, 16])
+        True
+
+        Raises
+        ------
+        ValueError
+            There is none, or one is not a whole number between 0 and 255.
+        """
+        if not isinstance(value, str):
+            return cls(map(whole, value if isinstance(value, Iterable) else [value]))
         classes: list[int] = []
-        for part in text.split(","):
-            found = CLASSES.fullmatch(part.strip())
+        for item in map(str.strip, value.split(",")):
+            found = CLASSES.fullmatch(item)
             if not found:
-                raise ValueError(f"{part.strip()!r} is no class or range of classes")
+                raise ValueError(f"{item!r} is no class or range of classes")
             first, last = int(found[1]), int(found[2] or found[1])
             if first > last or last > HIGHEST_CLASS:
-                raise ValueError(f"{part.strip()!r} is not a range within 0 and {HIGHEST_CLASS}")
+                raise ValueError(f"{item!r} is not a range within 0 and {HIGHEST_CLASS}")
             classes += range(first, last + 1)
         return cls(classes)
 
@@ -61,20 +74,15 @@ class Range(NamedTuple):
     high: float
 
     @classmethod
-    def parse(cls, text: str) -> Self:
-        """Read two numbers, the lower first."""
-        return cls.of(_numbers(text, 2))
-
-    @classmethod
-    def of(cls, numbers: Iterable[float]) -> Self:
-        """Take two numbers.
+    def parse(cls, value: str | Iterable[float]) -> Self:
+        """Read two numbers, the lower first, from a text or a list.
 
         Raises
         ------
         ValueError
             They are not two finite numbers in rising order.
         """
-        low, high = _finite(numbers, 2)
+        low, high = _numbers(value, 2)
         if low > high:
             raise ValueError(f"the lower limit {low:g} is above the upper limit {high:g}")
         return cls(low, high)
@@ -92,20 +100,15 @@ class Extent(NamedTuple):
     ymax: float
 
     @classmethod
-    def parse(cls, text: str) -> Self:
-        """Read four numbers in the order of OGC bounding boxes."""
-        return cls.of(_numbers(text, 4))
-
-    @classmethod
-    def of(cls, numbers: Iterable[float]) -> Self:
-        """Take four numbers.
+    def parse(cls, value: str | Iterable[float]) -> Self:
+        """Read four numbers, as in an OGC bounding box, from a text or a list.
 
         Raises
         ------
         ValueError
             They are not four finite numbers, or the rectangle is empty.
         """
-        box = cls(*_finite(numbers, 4))
+        box = cls(*_numbers(value, 4))
         if box.xmin >= box.xmax or box.ymin >= box.ymax:
             raise ValueError("xmin must be below xmax, and ymin below ymax")
         return box
@@ -115,26 +118,21 @@ class Extent(NamedTuple):
 
 
 class Position(NamedTuple):
-    """A place in the coordinates of the data; as text ``x,y``."""
+    """A position in the coordinates of the data; as text ``x,y``."""
 
     x: float
     y: float
 
     @classmethod
-    def parse(cls, text: str) -> Self:
-        """Read two numbers, easting first."""
-        return cls.of(_numbers(text, 2))
-
-    @classmethod
-    def of(cls, numbers: Iterable[float]) -> Self:
-        """Take two numbers.
+    def parse(cls, value: str | Iterable[float]) -> Self:
+        """Read two numbers, easting first, from a text or a list.
 
         Raises
         ------
         ValueError
             They are not two finite numbers.
         """
-        return cls(*_finite(numbers, 2))
+        return cls(*_numbers(value, 2))
 
     def __str__(self) -> str:
         return f"{self.x!r},{self.y!r}"
@@ -148,20 +146,15 @@ class Direction(NamedTuple):
     z: float
 
     @classmethod
-    def parse(cls, text: str) -> Self:
-        """Read three numbers: eastwards, northwards, upwards."""
-        return cls.of(_numbers(text, 3))
-
-    @classmethod
-    def of(cls, numbers: Iterable[float]) -> Self:
-        """Take three numbers.
+    def parse(cls, value: str | Iterable[float]) -> Self:
+        """Read numbers to the east, to the north and upwards from a text or a list.
 
         Raises
         ------
         ValueError
             They are not three finite numbers, or all of them are 0.
         """
-        made = cls(*_finite(numbers, 3))
+        made = cls(*_numbers(value, 3))
         if not any(made):
             raise ValueError("a direction has a length, and 0,0,0 has none")
         return made
@@ -176,47 +169,63 @@ class Attribute(str):
     __slots__ = ()
 
 
-def _numbers(text: str, count: int) -> list[float]:
-    return [float(part) for part in re.split(r"[,;\s]+", text.strip(" []()"), maxsplit=count)]
+def whole(value: object) -> int:
+    """Read a whole number from a text or from JSON, which does not tell 3 from 3.0.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    if isinstance(value, str | numbers.Integral) and not isinstance(value, bool):
+        return int(value)
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    raise ValueError(f"{value!r} is no whole number")
 
 
-def _finite(numbers: Iterable[float], count: int) -> list[float]:
-    found = [float(number) for number in numbers]
+def _numbers(value: str | Iterable[float], count: int) -> list[float]:
+    """Read so many finite numbers from a text or a list."""
+    if isinstance(value, str):
+        items: Iterable[str | float] = re.split(r"[,;\s]+", value.strip(" []()"), maxsplit=count)
+    else:
+        items = value
+    found = [float(item) for item in items]
     if len(found) != count:
         raise ValueError(f"needs {count} numbers, got {len(found)}")
-    if not all(abs(number) < float("inf") for number in found):  # false for NaN as well
+    if not all(map(math.isfinite, found)):
         raise ValueError("numbers must be finite")
     return found
 
 
 class Share(float):
-    """Part of a number of things, from 0 to 1, which shares of other things can be added to.
+    """The ratio of a count to a total, from 0 to 1; shares of several totals can be added.
 
     >>> Share(1, 4) + Share(1, 1)
     Share(2, 5)
     """
 
-    part: int
-    of: int
+    count: int
+    total: int
 
-    def __new__(cls, part: int, of: int) -> Share:
-        made = super().__new__(cls, part / of if of else 0.0)
-        made.part, made.of = int(part), int(of)
+    def __new__(cls, count: int, total: int) -> Share:
+        made = super().__new__(cls, count / total if total else 0.0)
+        made.count, made.total = int(count), int(total)
         return made
 
     @classmethod
     def of_points(cls, which: NDArray[np.bool_], core: NDArray[np.bool_]) -> Share:
-        """The share of points in a mask, of those alone that are no neighbours of a tile."""
+        """The share of the core points, which lie in the tile itself, that a mask holds."""
         return cls(int(np.count_nonzero(which & core)), int(np.count_nonzero(core)))
 
     def __getnewargs__(self) -> tuple[int, int]:  # type: ignore[override]
         """For pickle."""
-        return self.part, self.of
+        return self.count, self.total
 
     def __add__(self, other: float) -> Share | float:
         if isinstance(other, Share):
-            return Share(self.part + other.part, self.of + other.of)
+            return Share(self.count + other.count, self.total + other.total)
         return float(self) + other
 
     def __repr__(self) -> str:
-        return f"Share({self.part}, {self.of})"
+        return f"Share({self.count}, {self.total})"

@@ -14,6 +14,10 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
 def test_class_list_reads_numbers_and_ranges_in_any_order() -> None:
     assert ClassList.parse("14-16, 2,9,2") == (2, 9, 14, 15, 16)
     assert str(ClassList([16, 2, 14, 15, 9])) == "2,9,14-16"
+    assert ClassList.parse([9, 2.0, "7"]) == (2, 7, 9)
+    assert ClassList.parse(2) == (2,)
+    with pytest.raises(ValueError, match=r"2\.5 is no whole number"):
+        ClassList.parse([2.5])
 
 
 @given(st.sets(st.integers(0, 255), min_size=1))
@@ -34,10 +38,10 @@ def test_class_list_refuses(text: str) -> None:
 @given(finite, finite)
 def test_range_keeps_order(a: float, b: float) -> None:
     if a <= b:
-        assert Range.of([a, b]) == (a, b)
+        assert Range.parse([a, b]) == (a, b)
     else:
         with pytest.raises(ValueError, match="above the upper"):
-            Range.of([a, b])
+            Range.parse([a, b])
 
 
 def test_extent_round_trip_and_order() -> None:
@@ -47,13 +51,13 @@ def test_extent_round_trip_and_order() -> None:
 
 
 def test_position_round_trip_and_refusals() -> None:
-    place = Position.parse("500000.125, -7e5")
-    assert place == (500000.125, -7e5)
-    assert Position.parse(str(place)) == place
+    position = Position.parse("500000.125, -7e5")
+    assert position == (500000.125, -7e5)
+    assert Position.parse(str(position)) == position
     with pytest.raises(ValueError, match="needs 2"):
         Position.parse("1,2,3")
     with pytest.raises(ValueError, match="finite"):
-        Position.of([1, float("nan")])
+        Position.parse([1, float("nan")])
 
 
 @pytest.mark.parametrize(

@@ -41,5 +41,6 @@ docs: .venv/installed ## rewrite metadata/tools and docs/tools from the declarat
 bench: .venv/installed ## measure speed and memory; needs TOOLBOX_TEST_DATA
 	$(BIN)/python -m tests.bench
 
-clean: ## remove what the targets made
+clean: ## remove what the targets made, compiled loops too
 	rm -rf .venv $(OUT)
+	find algorithms -name '*.nb[ic]' -delete

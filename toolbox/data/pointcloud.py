@@ -13,9 +13,10 @@ from pyproj import CRS
 from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import crs_conflicts, describe_crs, metres_per_unit
 from toolbox.data.las import points as las_points
-from toolbox.data.las.files import las_sink, read_las, write_las
 from toolbox.data.las.header import LasMetadata
 from toolbox.data.las.joint import in_layout, joint_metadata, with_layout
+from toolbox.data.las.read import read_las
+from toolbox.data.las.write import las_sink, write_las
 from toolbox.data.paths import LAS, TEXT, Paths, files_of, name_of, suffix_of
 from toolbox.data.record import own_side_car, with_record, write_beside
 from toolbox.errors import DataError, nearest
@@ -266,26 +267,15 @@ class PointCloud:
         clouds : made one after the other, so that they need not be in memory at the same time
         size : number of all their points
         """
-        whole = self._copy()
-        columns = {n: np.empty((size, *v.shape[1:]), v.dtype) for n, v in self._columns.items()}
-        packed = None if self._packed is None else np.empty(size, self._packed.dtype)
-        xyz = np.empty((size, 3)) if self._moved or packed is None else None
+        whole = {n: np.empty((size, *a.shape[1:]), a.dtype) for n, a in self.arrays().items()}
         start = 0
         for cloud in clouds:
             rows = slice(start, start := start + len(cloud))
-            for name, column in columns.items():
-                column[rows] = cloud._columns[name]
-            if packed is not None and cloud._packed is not None:
-                _bytes(packed)[rows] = _bytes(cloud._packed)
-            if xyz is not None:
-                xyz[rows] = cloud.xyz
+            for name, array in cloud.arrays().items():
+                _plain(whole[name])[rows] = _plain(array)
         if start != size:
             raise DataError(f"{self.name} holds {start} points, and {size} were expected")
-        whole._size, whole._columns = size, {n: _frozen(v) for n, v in columns.items()}
-        whole._packed = None if packed is None else _frozen(packed)
-        whole._xyz = None if xyz is None else _frozen(xyz)
-        whole._file = None
-        return whole
+        return self.with_arrays({name: _frozen(array) for name, array in whole.items()})
 
     @classmethod
     def _of_las(cls, metadata: LasMetadata, packed: NDArray[Any], name: str) -> PointCloud:
@@ -651,9 +641,11 @@ def _indices(which: NDArray[Any], size: int) -> NDArray[np.intp]:
     return np.flatnonzero(which)
 
 
-def _bytes(packed: NDArray[Any]) -> NDArray[np.uint8]:
-    """Records as rows of bytes, which numpy copies faster than their many fields."""
-    return packed.view(np.uint8).reshape(len(packed), packed.itemsize)
+def _plain(array: NDArray[Any]) -> NDArray[Any]:
+    """Point records as rows of bytes, which numpy copies faster than their many fields."""
+    if array.dtype.names is None:
+        return array
+    return array.view(np.uint8).reshape(len(array), array.itemsize)
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:

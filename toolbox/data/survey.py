@@ -15,9 +15,9 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import crs_conflicts, metres_per_unit
-from toolbox.data.las.files import chunk_sizes, read_metadata
 from toolbox.data.las.header import LasMetadata
 from toolbox.data.las.points import Box
+from toolbox.data.las.read import chunk_sizes, read_metadata
 from toolbox.data.paths import LAS, Paths, files_of, name_of, suffix_of
 from toolbox.data.pointcloud import PointCloud
 from toolbox.errors import DataError

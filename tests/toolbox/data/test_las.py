@@ -18,7 +18,7 @@ from laspy.vlrs.vlrlist import VLRList
 from toolbox.context import Context
 from toolbox.data import PointCloud
 from toolbox.data.crs import LOCAL, parse_crs, same_crs
-from toolbox.data.las import files as las
+from toolbox.data.las import read as las
 from toolbox.data.las.crs import read_crs
 from toolbox.data.las.header import parse_metadata
 from toolbox.errors import Cancelled, DataError

@@ -12,11 +12,13 @@ from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, BinaryIO
 
+import lazrs
 import numpy as np
 from laspy import ExtraBytesParams, LasHeader, PointFormat
 from laspy.errors import LaspyException
@@ -34,6 +36,9 @@ _FAR = 1e290  # beyond that, coordinates are no numbers any more
 SPARE = "_spare"  # bytes of a point that nothing describes
 _LASZIP, _COPC = ("laszip encoded", 22204), ("copc", 1)
 _COMPRESSION = (_LASZIP, _COPC, ("copc", 1000))
+
+Chunk = list[int]
+"""Compressed points: where in the file, how many bytes, how many points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +148,26 @@ def demand(holds: bool, text: str) -> None:
     """Refuse a file for which something does not hold."""
     if not holds:
         raise DataError(text)
+
+
+@contextmanager
+def library_errors(text: str) -> Iterator[None]:
+    """Turn what laspy and lazrs raise into a DataError; a panic in Rust is no Exception."""
+    try:
+        yield
+    except (
+        LaspyException,
+        lazrs.LazrsError,
+        ArithmeticError,
+        TypeError,
+        ValueError,
+        struct.error,
+    ) as error:
+        raise DataError(f"{text} ({error})") from error
+    except BaseException as error:
+        if type(error).__name__ != "PanicException":
+            raise
+        raise DataError(f"{text} ({error})") from error
 
 
 def parse_metadata(stream: BinaryIO, size: int, warn: Callable[[str], None]) -> LasMetadata:

@@ -38,6 +38,9 @@ Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 STANDARD = frozenset(name for number in range(11) for name in standard_names(number))
 """Attributes that some LAS point format has."""
 
+MIXED_WAVEFORMS = "lazrs does not keep the wave packets of several scanner channels in LAZ"
+"""Why LAZ spoils a file in which :func:`waveform_channels` finds more than one (lazrs 0.8)."""
+
 SCAN_ANGLE = 0.006  # degrees per step of scan_angle in point formats 6-10
 _WEEK = 604_800  # seconds; larger GPS times are not times of the week
 
@@ -65,6 +68,14 @@ def attribute(layout: PointFormat, packed: Array, name: str) -> Array:
         return np.ascontiguousarray(PackedPointRecord(packed, layout)[name])
     values = np.ascontiguousarray(packed[name])
     return values * dimension.scales + dimension.offsets if dimension.is_scaled else values
+
+
+def waveform_channels(metadata: LasMetadata, packed: Array) -> set[int]:
+    """The scanner channels of the points that have waveform packets."""
+    if metadata.header.point_format.id not in (9, 10):
+        return set()
+    channels = attribute(metadata.header.point_format, packed, "scanner_channel")
+    return set(np.unique(channels).tolist())
 
 
 def quantised(

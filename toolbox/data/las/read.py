@@ -1,12 +1,12 @@
-"""Reading and writing LAS, LAZ and COPC files with laspy and lazrs.
+"""Points and metadata of LAS, LAZ and COPC files, read with laspy and lazrs.
 
-Every file is checked before these see it (see also `las_header`), so that a damaged one ends in a
-message and not in a hang, and VLRs are put back as they were.
+Every file is checked before these libraries see it (see also `header`), so that a damaged one ends
+in a message and not in a hang.
 
 References
 ----------
 ASPRS (2019). LAS specification 1.4, R15. Isenburg, M. (2013). LASzip: lossless compression of
-LiDAR data. Bell, A. et al. (2021). COPC: cloud optimized point cloud, 1.0.
+LiDAR data.
 """
 
 from __future__ import annotations
@@ -21,28 +21,21 @@ from typing import Any, BinaryIO
 import laspy
 import lazrs
 import numpy as np
-from laspy.copc import Bounds, CopcInfoVlr, HierarchyPage, load_octree_for_query
-from laspy.errors import LaspyException
 from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context, log
+from toolbox.data.las.copc import copc_chunks
 from toolbox.data.las.crs import read_crs
-from toolbox.data.las.header import SIZES, LasMetadata, demand, parse_metadata
-from toolbox.data.las.points import attribute, box_of
+from toolbox.data.las.header import Chunk, LasMetadata, demand, library_errors, parse_metadata
+from toolbox.data.las.points import MIXED_WAVEFORMS, box_of, waveform_channels
 from toolbox.errors import DataError
 
 _BLOCK = 1_000_000  # points between two reports of progress
 _GROUP = 20  # chunks between two reports; most have 50 000 points
 _LAYERED = 3  # compressor: each attribute of a chunk in a layer of its own
 _LAYERS = {6: 9, 7: 10, 8: 11, 9: 10, 10: 12}  # of a point format; and one per extra byte
-_MIXED = "lazrs does not keep the wave packets of several scanner channels in LAZ"
 _DENSEST = 1000  # points per compressed byte; identical points, the densest there are, reach 150
-
-_BAD = (ArithmeticError, TypeError, ValueError, struct.error)
-
 Array = NDArray[Any]
-Chunk = list[int]
-"""Compressed points: where in the file, how many bytes, how many points."""
 
 
 def read_las(
@@ -76,11 +69,11 @@ def read_las(
     size = path.stat().st_size
     with _named(path), path.open("rb") as stream:
         metadata = parse_metadata(stream, size, lambda text: log.warning("%s %s", path.name, text))
-        with _errors("is damaged: its points cannot be read"):
+        with library_errors("is damaged: its points cannot be read"):
             packed = _read_points(stream, metadata, size, bounds, point_range, ctx)
     _check_box(metadata.header, packed, path.name)
-    if metadata.laszip and _mixes_waveforms(metadata, packed):
-        log.warning("%s: %s; read with care", path.name, _MIXED)
+    if metadata.laszip and len(waveform_channels(metadata, packed)) > 1:
+        log.warning("%s: %s; read with care", path.name, MIXED_WAVEFORMS)
     return _with_crs(metadata, path), packed
 
 
@@ -115,7 +108,7 @@ def chunk_sizes(path: Path) -> list[int] | None:
         metadata = parse_metadata(stream, size, lambda text: None)
         if metadata.header.point_count == 0 or not metadata.header.are_points_compressed:
             return None
-        with _errors("is damaged: its points cannot be read"):
+        with library_errors("is damaged: its points cannot be read"):
             _check_laszip(metadata)
             return [points for *_, points in _all_chunks(stream, metadata, size)]
 
@@ -136,19 +129,6 @@ def _named(path: Path) -> Iterator[None]:
         raise DataError(f"{path} {error}") from error
 
 
-@contextmanager
-def _errors(text: str) -> Iterator[None]:
-    """Turn what laspy and lazrs raise into a DataError; a panic in Rust is no Exception."""
-    try:
-        yield
-    except (LaspyException, lazrs.LazrsError, *_BAD) as error:
-        raise DataError(f"{text} ({error})") from error
-    except BaseException as error:
-        if type(error).__name__ != "PanicException":
-            raise
-        raise DataError(f"{text} ({error})") from error
-
-
 def _read_points(
     stream: BinaryIO,
     metadata: LasMetadata,
@@ -164,7 +144,7 @@ def _read_points(
         return _read_plain(stream, header, start, stop, ctx)
     _check_laszip(metadata)
     if bounds is not None and metadata.copc:
-        chunks = _copc_chunks(stream, metadata, size, bounds)
+        chunks = copc_chunks(stream, metadata, size, bounds)
     else:
         chunks = _all_chunks(stream, metadata, size)
     ahead = 0
@@ -224,7 +204,7 @@ def _bytes(stream: BinaryIO, start: int, size: int) -> bytes:
 
 def _check_laszip(metadata: LasMetadata) -> None:
     """Whether lazrs knows this way of compression, and its items make up a point record."""
-    with _errors("has a damaged LASzip record"):
+    with library_errors("has a damaged LASzip record"):
         length = lazrs.LazVlr(metadata.laszip).item_size()
     compressor, coder = struct.unpack_from("<HH", metadata.laszip)
     demand(
@@ -293,42 +273,6 @@ def _check_chunks(stream: BinaryIO, metadata: LasMetadata, chunks: list[Chunk]) 
             )
 
 
-class _Pages:
-    """Pages of a COPC hierarchy; laspy would follow pages in a circle for ever."""
-
-    def __init__(self, stream: BinaryIO, size: int) -> None:
-        self._stream, self._size = stream, size
-        self._seen: set[int] = set()
-
-    def seek(self, start: int) -> None:
-        demand(start < self._size and start not in self._seen, "has a damaged COPC hierarchy")
-        self._seen.add(self._stream.seek(start))
-
-    def read(self, length: int) -> bytes:
-        room = self._size - self._stream.tell()
-        demand(0 <= length <= room, "has a damaged COPC hierarchy")
-        return self._stream.read(length)
-
-
-def _copc_chunks(
-    stream: BinaryIO, metadata: LasMetadata, size: int, bounds: Sequence[float]
-) -> list[Chunk]:
-    """The chunks of the octree nodes that touch the bounds, in the order of the file."""
-    info, pages = CopcInfoVlr(), _Pages(stream, size)
-    with _errors("has a damaged COPC record"):
-        info.parse_record_data(metadata.copc)
-    pages.seek(info.hierarchy_root_offset)
-    root = HierarchyPage.from_bytes(pages.read(info.hierarchy_root_size))
-    box = Bounds(np.array([*bounds[:2], -np.inf]), np.array([*bounds[2:], np.inf]))
-    nodes = load_octree_for_query(pages, info, root, box)
-    chunks = [[node.offset, node.byte_size, node.point_count] for node in nodes]
-    chunks = sorted(chunk for chunk in chunks if chunk[2] > 0)
-    fits = all(0 < length <= size - start for start, length, _ in chunks)
-    fits &= sum(points for *_, points in chunks) <= metadata.header.point_count
-    demand(fits, "has a damaged COPC hierarchy")
-    return chunks
-
-
 def _check_box(header: laspy.LasHeader, packed: Array, name: str) -> None:
     """Log a bounding box that does not contain the points; it is computed anew on writing."""
     if len(packed) == 0:
@@ -340,105 +284,3 @@ def _check_box(header: laspy.LasHeader, packed: Array, name: str) -> None:
             "%s: the bounding box in its header does not contain its points; the points are used",
             name,
         )
-
-
-def _mixes_waveforms(metadata: LasMetadata, packed: Array) -> bool:
-    """Whether compression spoils the wave packets (as of lazrs 0.8)."""
-    return len(_waveform_channels(metadata, packed)) > 1
-
-
-def _waveform_channels(metadata: LasMetadata, packed: Array) -> set[int]:
-    """The scanner channels of points that have wave packets."""
-    if metadata.header.point_format.id not in (9, 10):
-        return set()
-    channels = attribute(metadata.header.point_format, packed, "scanner_channel")
-    return set(np.unique(channels).tolist())
-
-
-def write_las(
-    path: Path, metadata: LasMetadata, packed: Array, *, compress: bool, ctx: Context = QUIET
-) -> None:
-    """Write point records and metadata as they are; counts, bounds and positions are computed anew.
-
-    Raises
-    ------
-    DataError
-        The points are too many for the version of LAS, or LAZ would not keep their waveforms.
-    """
-    with las_sink(path, metadata, compress=compress) as write:
-        for done in range(0, len(packed), _BLOCK):
-            ctx.progress(done / len(packed))
-            write(packed[done : done + _BLOCK])
-
-
-@contextmanager
-def las_sink(
-    path: Path, metadata: LasMetadata, *, compress: bool
-) -> Iterator[Callable[[Array], None]]:
-    """Write a file block by block: gives the function that writes point records of shape (n,).
-
-    The file does not depend on how the point records are divided.
-
-    Raises
-    ------
-    DataError
-        As for :func:`write_las`.
-    """
-    header = metadata.header.copy()
-    header.vlrs.clear()
-    header.vlrs.extend(laspy.VLR("", 0, "", vlr.data) for vlr in metadata.vlrs)  # see _restore
-    channels: set[int] = set()
-    with path.open("wb") as stream, _errors(f"{path} cannot be written"):
-        writer = laspy.LasWriter(stream, header, compress, closefd=False, encoding_errors="ignore")
-
-        def write(packed: Array) -> None:
-            if header.version.minor < 4 and writer.header.point_count + len(packed) >= 2**32:
-                raise DataError(f"{path}: LAS {header.version} holds fewer than 2^32 points")
-            channels.update(_waveform_channels(metadata, packed))
-            if compress and len(channels) > 1:
-                raise DataError(f"{path}: {_MIXED}; write .las")
-            block = np.ascontiguousarray(packed)
-            writer.write_points(laspy.PackedPointRecord(block, header.point_format))
-
-        yield write
-        writer.point_writer.done()
-        writer.done = True
-        _write_evlrs(stream, metadata, writer.header)
-        _tidy_box(metadata.header, writer.header)
-        writer.close()
-        _restore(stream, metadata, writer.header)
-
-
-def _write_evlrs(stream: BinaryIO, metadata: LasMetadata, header: laspy.LasHeader) -> None:
-    """Records after the points, which laspy does not write in LAS 1.3, and their positions."""
-    start = stream.seek(0, 2)
-    if not header.global_encoding.waveform_data_packets_external:
-        header.start_of_waveform_data_packet_record = 0
-    for evlr in metadata.evlrs:
-        if evlr is metadata.waveform:
-            header.start_of_waveform_data_packet_record = stream.tell()
-        stream.write(evlr.head + evlr.data)
-    header.start_of_first_evlr = start if metadata.evlrs else 0
-    header.number_of_evlrs = len(metadata.evlrs)
-
-
-def _tidy_box(stated: laspy.LasHeader, header: laspy.LasHeader) -> None:
-    """The bounding box as in the source where the points agree with it within half a step."""
-    if header.point_count:
-        low, high = np.sort([header.mins, header.maxs], axis=0)
-        half = np.abs(header.scales) / 2
-        header.mins = np.where(np.abs(stated.mins - low) <= half, stated.mins, low)
-        header.maxs = np.where(np.abs(stated.maxs - high) <= half, stated.maxs, high)
-
-
-def _restore(stream: BinaryIO, metadata: LasMetadata, header: laspy.LasHeader) -> None:
-    """What laspy cannot write: LAS 1.0, no date, counts for older readers, texts to the byte."""
-    minor = metadata.minor if header.version.minor <= 2 else header.version.minor
-    stream.seek(25)
-    stream.write(bytes([minor]) + metadata.texts)
-    if header.point_format.id < 6 and header.point_count < 2**32:
-        counts = header.number_of_points_by_return[:5]
-        stream.seek(107)
-        stream.write(struct.pack("<6I", header.point_count, *map(int, counts)))
-    stream.seek(SIZES[header.version.minor] + len(header.extra_header_bytes))
-    stream.write(b"".join(vlr.head + vlr.data for vlr in metadata.vlrs))

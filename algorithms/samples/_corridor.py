@@ -167,16 +167,16 @@ def random_design(rng: np.random.Generator) -> Design:
 
 
 def _transmission(rng: np.random.Generator) -> System:
-    """Conductors on both sides of a lattice tower, at one to three heights, and an earth wire."""
+    """Conductors on both sides of a lattice tower, at one to three heights, and a guard wire."""
     height, c = float(rng.uniform(26, 60)), float(rng.uniform(900, 2000))
     shares = [(0.9,), (0.72, 0.9), (0.55, 0.72, 0.9)][int(rng.integers(3))]
-    strands = [(0.0,), (-0.2, 0.2), (-0.25, 0.25)][int(rng.integers(3))]
+    bundle = [(0.0,), (-0.2, 0.2), (-0.25, 0.25)][int(rng.integers(3))]
     reach = 0.15 * height + 1.0
     wires = [
-        (side * reach * (1.2 if k == 1 else 1.0) + strand, share * height, c, WIRE)
+        (side * reach * (1.2 if k == 1 else 1.0) + aside, share * height, c, WIRE)
         for k, share in enumerate(shares)
         for side in (-1, 1)
-        for strand in strands
+        for aside in bundle
     ]
     wires.append((0.0, height, 1.3 * c, GUARD))
     return System(
@@ -199,7 +199,7 @@ def _distribution(rng: np.random.Generator) -> System:
 
 @dataclass(frozen=True)
 class Axis:
-    """Centre line of two legs; stations run along it, offsets to its left."""
+    """Centre line of two legs; chainages run along it, offsets to its left."""
 
     start: tuple[float, float]
     leg: float
@@ -218,23 +218,23 @@ class Axis:
         hx, hy = np.where(second, bx, ax), np.where(second, by, ay)
         return self.leg + dx * hx + dy * hy, dy * hx - dx * hy
 
-    def place(self, station: float, offset: float) -> tuple[float, float]:
-        """Position of a station and offset; at the bend on the bisector."""
+    def place(self, chainage: float, offset: float) -> tuple[float, float]:
+        """Position of a chainage and offset; at the bend on the bisector."""
         (ax, ay), (bx, by) = self.headings
         x, y = self.bend
-        if abs(station - self.leg) < 1e-6:
+        if abs(chainage - self.leg) < 1e-6:
             mx, my = ax + bx, ay + by
             offset *= 2 / (mx * mx + my * my)
             return x - offset * my, y + offset * mx
-        hx, hy = (ax, ay) if station < self.leg else (bx, by)
-        along = station - self.leg
+        hx, hy = (ax, ay) if chainage < self.leg else (bx, by)
+        along = chainage - self.leg
         return x + along * hx - offset * hy, y + along * hy + offset * hx
 
-    def arm(self, station: float) -> tuple[float, float]:
+    def arm(self, chainage: float) -> tuple[float, float]:
         """Unit vector to the left of the line."""
         (ax, ay), (bx, by) = self.headings
-        hx, hy = (ax, ay) if station <= self.leg else (bx, by)
-        if abs(station - self.leg) < 1e-6:
+        hx, hy = (ax, ay) if chainage <= self.leg else (bx, by)
+        if abs(chainage - self.leg) < 1e-6:
             hx, hy = ax + bx, ay + by
         norm = float(np.hypot(hx, hy))
         return -hy / norm, hx / norm
@@ -295,8 +295,8 @@ def _built(
     world = replace(plan.world(), rods=np.concatenate([np.empty(0, ROD), *network.rods]))
 
     def inside(x: Floats, y: Floats) -> NDArray[np.bool_]:
-        station, offset = axis.locate(x, y)
-        return np.asarray((station >= 0) & (station < size) & (np.abs(offset) <= width / 2))
+        chainage, offset = axis.locate(x, y)
+        return np.asarray((chainage >= 0) & (chainage < size) & (np.abs(offset) <= width / 2))
 
     xyz, attributes = survey(
         world,
@@ -322,8 +322,8 @@ def _land(design: Design, size: float, width: float, rng: np.random.Generator) -
     x, y = terrain.centres()
     waves = ((6.0, 420), (3.0, 210), (0.8, 95), (0.12, 23))
     z = 210 + rolling(rng, x, y, [(design.relief * height, length) for height, length in waves])
-    station, offset = axis.locate(x, y)
-    road = station - 0.3 * size - 4.0 * np.sin(offset / 30)
+    chainage, offset = axis.locate(x, y)
+    road = chainage - 0.3 * size - 4.0 * np.sin(offset / 30)
     # The road follows the hills along its centre line and is level across.
     reach = np.linspace(-width, width, 200)
     line = np.array([axis.place(0.3 * size + 4.0 * float(np.sin(v / 30)), float(v)) for v in reach])
@@ -368,17 +368,17 @@ def _string_up(network: Network, system: System, size: float) -> None:
     leg = size / 2 - margin
     count = max(1, round(leg / system.spacing))
     first = margin + leg * np.arange(count) / count
-    stations = [*first, size / 2, *(size - first[::-1])]
+    chainages = [*first, size / 2, *(size - first[::-1])]
     raise_tower = _lattice if system.lattice else _pole
     supports = []
-    for station in stations:
-        x, y = network.axis.place(float(station), system.offset)
+    for chainage in chainages:
+        x, y = network.axis.place(float(chainage), system.offset)
         plan = network.plan
         network.towers += 1
-        tension = station in (stations[0], size / 2, stations[-1])
+        tension = chainage in (chainages[0], size / 2, chainages[-1])
         support = Support(
             network.towers, plan.new_object(), x, y, float(plan.terrain.at(x, y)),
-            network.axis.arm(float(station)), tension,
+            network.axis.arm(float(chainage)), tension,
         )  # fmt: skip
         raise_tower(network, support, system)
         plan.claim(x, y, 0.0, a=3.0, b=3.0)
@@ -527,10 +527,10 @@ def _vegetation(network: Network, size: float, width: float, ctx: Context) -> No
         for system, share in zip(systems, (0.34, 0.61), strict=False):
             _intruder(network, system, (share + 0.1 * k) * size, gap)
     spots = rng.uniform((0, -width / 2), (size, width / 2), (int(size * width / 28), 2))
-    for number, (station, offset) in enumerate(spots):
+    for number, (chainage, offset) in enumerate(spots):
         if number % 500 == 0:
             ctx.progress(0.2 * number / len(spots))
-        x, y = axis.place(station, offset)
+        x, y = axis.place(chainage, offset)
         away = min(abs(offset - system.offset) - system.cleared for system in systems)
         if away < 0:
             if rng.random() < 0.4:
@@ -539,10 +539,10 @@ def _vegetation(network: Network, size: float, width: float, ctx: Context) -> No
             tree(plan, x, y)
 
 
-def _intruder(network: Network, system: System, station: float, gap: float) -> None:
+def _intruder(network: Network, system: System, chainage: float, gap: float) -> None:
     """A round tree whose top ends `gap` metres below the lowest wire above it."""
     plan = network.plan
-    x, y = network.axis.place(station, system.offset + system.wires[0][0])
+    x, y = network.axis.place(chainage, system.offset + system.wires[0][0])
     if not network.spans or not plan.claim(x, y, 0.0, a=1.5, b=1.5):
         return
     wires = np.concatenate([span.points(0.5) for span in network.spans])

@@ -14,7 +14,7 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import parse_crs
 from toolbox.declare.fields import Spec
 from toolbox.errors import ParameterError
-from toolbox.models.model import Run
+from toolbox.models.model import ModelRun
 from toolbox.runs import source as sources
 from toolbox.runs import target as targets
 from toolbox.runs.cache import Cache
@@ -111,11 +111,11 @@ def run(
     job = spec.build(settings | layers)
     asked = writes.keys() & spec.between.keys()
     counts: list[Count] = []
-    around = Cache().around(counting(counts)) if resume else counting(counts)
-    if isinstance(job, Run):
-        result = replace(job, keep=frozenset(asked), around=around).run(ctx.part(READ, WRITE))
+    runner = Cache().runner(counting(counts)) if resume else counting(counts)
+    if isinstance(job, ModelRun):
+        result = replace(job, keep=frozenset(asked), runner=runner).run(ctx.part(READ, WRITE))
     else:
-        result = around(id, job, ctx.part(READ, WRITE))
+        result = runner(id, job, ctx.part(READ, WRITE))
     found = {name: getattr(result, name) for name in [*spec.outputs, *asked]}
     record = record and replace(record, counts=tuple(counts))
     part = ctx.part(WRITE, 1)

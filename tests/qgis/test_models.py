@@ -91,7 +91,7 @@ def test_a_model_that_qgis_wrote_comes_back(qgis: Qgis, mixed: Path, tmp_path: P
     for name, step in one.steps.items():
         assert two.steps[name].spec.id == step.spec.id
         assert dict(two.steps[name].settings) == dict(step.settings)
-        assert dict(two.steps[name].wires) == dict(step.wires)
+        assert dict(two.steps[name].links) == dict(step.links)
 
 
 def test_a_shipped_model_as_a_file_of_qgis(qgis: Qgis, cloud: Path, tmp_path: Path) -> None:

@@ -57,8 +57,8 @@ def graph(model: Model) -> tuple[list[Node], list[Edge]]:
 
 def _layers(step: Step, model: Model) -> Iterator[Reference]:
     """The references of a step to layers and to results of others."""
-    for wire in step.wires.values():
-        for reference in references(wire):
+    for link in step.links.values():
+        for reference in references(link):
             names = [n for n in reference.names if n.removeprefix(f"{INPUTS}.") in model.sources]
             names += [n for n in reference.names if not n.startswith(f"{INPUTS}.")]
             if names:
@@ -80,8 +80,8 @@ def _step_node(step: Step) -> Node:
         field = step.input(name)
         texts = [_text(field, item) for item in (field.items(value) if field else (value,))]
         lines.append(_cut(f"{name}: {', '.join(texts)}"))
-    for name, wire in step.params.items():
-        names = [full for r in references(wire) for full in r.names]
+    for name, link in step.params.items():
+        names = [full for r in references(link) for full in r.names]
         lines.append(_cut(f"{name}: {' or '.join(names)}"))
     title, repeated = step.name, step.repeat is not None
     return Node(f"s_{title}", "step", title, tuple(lines), step.when is not None, repeated)

@@ -26,7 +26,7 @@ class Reference:
     names: tuple[str, ...]
 
 
-Wire = Reference | tuple[Reference, ...]
+Link = Reference | tuple[Reference, ...]
 """What a parameter is connected to; several for a list, which keeps those that there are."""
 
 
@@ -58,7 +58,7 @@ class Step:
     Attributes
     ----------
     settings : values that stand in the file
-    wires : references, by parameter
+    links : references, by parameter
     when : the step is left out where this does not hold
     repeat : the parameter that is given a list, of which each run takes one
     """
@@ -66,20 +66,22 @@ class Step:
     name: str
     spec: Spec
     settings: Mapping[str, Any]
-    wires: Mapping[str, Wire]
+    links: Mapping[str, Link]
     when: Condition | None = None
     repeat: str | None = None
 
     @property
     def needs(self) -> list[str]:
         """All values that the step refers to."""
-        return [name for wire in self.wires.values() for r in references(wire) for name in r.names]
+        return [name for link in self.links.values() for r in references(link) for name in r.names]
 
     @property
-    def params(self) -> dict[str, Wire]:
+    def params(self) -> dict[str, Link]:
         """The references of what is no layer."""
         inputs = self.spec.inputs
-        return {n: w for n, w in self.wires.items() if n in inputs and inputs[n].role == "param"}
+        return {
+            n: link for n, link in self.links.items() if n in inputs and inputs[n].role == "param"
+        }
 
     def input(self, name: str) -> Field | None:
         """The field of a parameter as the model sees it: for the repeated one a list, needed."""
@@ -109,21 +111,21 @@ class Model(Spec):
     returns : what each output refers to
     """
 
-    make: Callable[..., Run] = dataclasses.field(init=False, repr=False, compare=False)
+    make: Callable[..., ModelRun] = dataclasses.field(init=False, repr=False, compare=False)
     steps: Mapping[str, Step]
     returns: Mapping[str, Reference]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "make", self._run)
 
-    def _run(self, **values: Any) -> Run:
+    def _run(self, **values: Any) -> ModelRun:
         """This model with its values, checked as the class of a tool checks them."""
         if problems := self.problems(values) or self.rules(values):
             raise ParameterError(self.id, problems)
         defaults = {name: f.default for name, f in self.inputs.items() if not f.required}
-        return Run(self, defaults | values)
+        return ModelRun(self, defaults | values)
 
-    def part(self, names: Collection[str]) -> Model:
+    def subset(self, names: Collection[str]) -> Model:
         """The model with these steps alone, and the outputs that refer to one of them."""
         steps = {name: step for name, step in self.steps.items() if name in names}
         made = {name for step in steps.values() for name in step.outputs}
@@ -208,49 +210,49 @@ def reads_batches(steps: Iterable[Step], name: str) -> bool:
     takers = [
         step.spec.inputs[parameter].kind
         for step in steps
-        for parameter, wire in step.wires.items()
-        if any(name in reference.names for reference in references(wire))
+        for parameter, link in step.links.items()
+        if any(name in reference.names for reference in references(link))
     ]
     return bool(takers) and all(kind is EITHER for kind in takers)
 
 
-def references(wire: Wire) -> tuple[Reference, ...]:
-    """The single references of a wire."""
-    return wire if isinstance(wire, tuple) else (wire,)
+def references(link: Link) -> tuple[Reference, ...]:
+    """The single references of a link."""
+    return link if isinstance(link, tuple) else (link,)
 
 
-def step_values(step: Step, wires: Mapping[str, Wire], found: Mapping[str, Any]) -> dict[str, Any]:
+def step_values(step: Step, links: Mapping[str, Link], found: Mapping[str, Any]) -> dict[str, Any]:
     """The values of a step; where a reference finds nothing, the tool's own default stays."""
     values = dict(step.settings)
-    for name, wire in wires.items():
-        value = resolved(wire, found)
-        stated = any(full in found for r in references(wire) for full in r.names)
+    for name, link in links.items():
+        value = resolved(link, found)
+        stated = any(full in found for r in references(link) for full in r.names)
         if value is not None or (stated and step.spec.inputs[name].optional):
             values[name] = value
     return values
 
 
-def resolved(wire: Wire, found: Mapping[str, Any]) -> Any:
-    """The value that a wire carries; None if there is none."""
-    if isinstance(wire, tuple):
-        values = (resolved(reference, found) for reference in wire)
+def resolved(link: Link, found: Mapping[str, Any]) -> Any:
+    """The value that a link carries; None if there is none."""
+    if isinstance(link, tuple):
+        values = (resolved(reference, found) for reference in link)
         return tuple(value for value in values if value is not None)
-    return next((found[name] for name in wire.names if found.get(name) is not None), None)
+    return next((found[name] for name in link.names if found.get(name) is not None), None)
 
 
 def _ready(step: Step, known: Mapping[str, Any]) -> bool:
     """Whether all values that are no layers are known."""
-    return all(_there(wire, known) for wire in step.params.values())
+    return all(_there(link, known) for link in step.params.values())
 
 
-def _there(wire: Wire, known: Mapping[str, Any]) -> bool:
-    return all(name in known for r in references(wire) for name in r.names)
+def _there(link: Link, known: Mapping[str, Any]) -> bool:
+    return all(name in known for r in references(link) for name in r.names)
 
 
 def _draft(step: Step, known: Mapping[str, Any]) -> dict[str, Any]:
     """The settings of a step, as far as they are known."""
-    wires = {name: wire for name, wire in step.params.items() if _there(wire, known)}
-    return step_values(step, wires, known)
+    links = {name: link for name, link in step.params.items() if _there(link, known)}
+    return step_values(step, links, known)
 
 
 def _each(step: Step, draft: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
@@ -284,24 +286,24 @@ def _active(steps: Mapping[str, Step], known: Mapping[str, Any]) -> list[Step]:
     return [step for step in steps.values() if step.when is None or step.when.holds(known)]
 
 
-Around = Callable[[str, Any, Context], Any]
+Runner = Callable[[str, Any, Context], Any]
 """Called for each run of a step with its name, its tool and the context; gives the result."""
 
 
-def plainly(name: str, job: Any, ctx: Context) -> Any:
+def run_tool(name: str, job: Any, ctx: Context) -> Any:
     """Just run the tool."""
     return job.run(ctx)
 
 
 @dataclasses.dataclass(frozen=True)
-class Run:
+class ModelRun:
     """A model with its values, ready to run.
 
     Attributes
     ----------
     keep : results in between, by step.output, that are wanted too
     given : results of steps that are not run here, by step.output
-    around : runs each tool; those of a model inside go by "step/step of that model"
+    runner : runs each tool; those of a model inside go by "step/step of that model"
     gaps : whether a step is left out that is not given a layer that it needs, as in a tile where
         there is nothing for the step before it
     """
@@ -310,7 +312,7 @@ class Run:
     values: Mapping[str, Any]
     keep: frozenset[str] = frozenset()
     given: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    around: Around = plainly
+    runner: Runner = run_tool
     gaps: bool = False
 
     def run(self, ctx: Context = QUIET) -> SimpleNamespace:
@@ -327,12 +329,12 @@ class Run:
             used = wanted.union(*(left.needs for left in steps[index + 1 :]))
             found = {name: value for name, value in found.items() if name in used}
         ctx.progress(1.0)
-        outs = {name: resolved(wire, found) for name, wire in self.spec.returns.items()}
+        outs = {name: resolved(link, found) for name, link in self.spec.returns.items()}
         return SimpleNamespace(**outs, **{name: found.get(name) for name in self.keep})
 
     def _results(self, step: Step, found: Mapping[str, Any], ctx: Context) -> dict[str, Any]:
         """What a step gives, by step.output; if it is repeated, tuples of what each run gives."""
-        values = step_values(step, step.wires, found)
+        values = step_values(step, step.links, found)
         if step.repeat is None:
             result = self._result(step, step.name, values, ctx)
             return {f"{step.name}.{name}": getattr(result, name) for name in step.spec.outputs}
@@ -354,20 +356,22 @@ class Run:
             return SimpleNamespace(**dict.fromkeys(step.spec.outputs))
         job = step.spec.build(values, where)
         try:
-            if not isinstance(job, Run):
-                return self.around(name, job, ctx)
-            inner = dataclasses.replace(job, around=self._around_within(name), gaps=self.gaps)
+            if not isinstance(job, ModelRun):
+                return self.runner(name, job, ctx)
+            inner = dataclasses.replace(job, runner=self._runner_within(name), gaps=self.gaps)
             return inner.run(ctx)
         except (ParameterError, DataError) as err:
-            if isinstance(job, Run) and err.problems:  # named after the step of that model, too
+            if (
+                isinstance(job, ModelRun) and err.problems
+            ):  # named after the step of that model, too
                 where = f"{where}: {err.where}"
             raise err.named(where) from err
         except Exception as err:
             err.add_note(f"in {where}")
             raise
 
-    def _around_within(self, step: str) -> Around:
-        return lambda name, job, ctx: self.around(f"{step}/{name}", job, ctx)
+    def _runner_within(self, step: str) -> Runner:
+        return lambda name, job, ctx: self.runner(f"{step}/{name}", job, ctx)
 
     def _where(self, step: Step, name: str) -> str:
         return f"{self.spec.id}, step '{name}' ({step.spec.id})"

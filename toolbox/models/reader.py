@@ -20,8 +20,8 @@ from toolbox.errors import ParameterError, nearest
 from toolbox.models import documents
 from toolbox.models import inputs as model_inputs
 from toolbox.models.inputs import parsed, short, word_problems
-from toolbox.models.model import INPUTS, Condition, Model, Reference, Step, Wire, references
-from toolbox.models.wiring import condition_of, is_sure, misfit, of_inputs, wire_of
+from toolbox.models.links import condition_of, is_sure, link_of, misfit, of_inputs
+from toolbox.models.model import INPUTS, Condition, Link, Model, Reference, Step, references
 
 MODEL_WORDS = ("id", "title", "help", "inputs", "steps", "outputs")
 NEEDED = ("id", "title", "steps", "outputs")
@@ -124,9 +124,9 @@ class _Reader:
             self._check(step, known, steps)
         return steps
 
-    def _unknown(self, wire: Reference, known: Mapping[str, Field]) -> str | None:
+    def _unknown(self, link: Reference, known: Mapping[str, Field]) -> str | None:
         """Say which of the referred values there is not."""
-        missing = [n for n in wire.names if n not in known and not self._excused(n)]
+        missing = [n for n in link.names if n not in known and not self._excused(n)]
         return f"nothing called {missing[0]!r}{nearest(missing[0], known)}" if missing else None
 
     def _excused(self, name: str) -> bool:
@@ -142,19 +142,19 @@ class _Reader:
         except ParameterError as err:
             self.problems[f"{name}.tool"] = str(err).replace("\n", "\n  ")
             return None
-        wires: dict[str, Wire] = {}
+        links: dict[str, Link] = {}
         plain: dict[str, Any] = {}
         for key in [key for key in says if key not in STEP_WORDS]:
             try:
-                wire = wire_of(says[key])
+                link = link_of(says[key])
             except ValueError as err:
                 self.problems[f"{name}.{key}"] = str(err)
                 continue
-            if wire:
-                wires[key] = wire
+            if link:
+                links[key] = link
             else:
                 plain[key] = says[key]
-        step = Step(name, spec, {}, wires, self._when(name, says), self._repeat(name, says, spec))
+        step = Step(name, spec, {}, links, self._when(name, says), self._repeat(name, says, spec))
         return dataclasses.replace(step, settings=self._settings(step, plain))
 
     def _when(self, name: str, says: Mapping[str, Any]) -> Condition | None:
@@ -180,7 +180,7 @@ class _Reader:
     def _settings(self, step: Step, given: Mapping[str, Any]) -> dict[str, Any]:
         """The plain values of a step as its tool takes them."""
         found: dict[str, Any] = {}
-        for name, text in step.spec.names_problems([*given, *step.wires]).items():
+        for name, text in step.spec.names_problems([*given, *step.links]).items():
             self.problems.setdefault(f"{step.name}.{name}", text)
         for name, value in given.items():
             if (field := step.input(name)) is None:
@@ -215,9 +215,9 @@ class _Reader:
         """Whether what the step refers to is there, and fits."""
         if step.when and (text := self._condition_problem(step.when, known)):
             self.problems[f"{step.name}.when"] = text
-        for name, wire in step.wires.items():
+        for name, link in step.links.items():
             want = step.input(name)
-            if want and (text := self._wire_problem(step, want, wire, known, steps)):
+            if want and (text := self._link_problem(step, want, link, known, steps)):
                 self.problems[f"{step.name}.{name}"] = text
 
     def _condition_problem(self, when: Condition, known: Mapping[str, Field]) -> str | None:
@@ -233,22 +233,22 @@ class _Reader:
             return f"{when.name} is {words}, got {when.word!r}"
         return None
 
-    def _wire_problem(
+    def _link_problem(
         self,
         step: Step,
         want: Field,
-        wire: Wire,
+        link: Link,
         known: Mapping[str, Field],
         steps: Mapping[str, Step],
     ) -> str | None:
         """Say why a parameter cannot take what it refers to."""
-        if isinstance(wire, tuple) and not want.many:
+        if isinstance(link, tuple) and not want.many:
             return "takes one value, not a list"
-        one = dataclasses.replace(want, many=False) if isinstance(wire, tuple) else want
-        for reference in references(wire):
+        one = dataclasses.replace(want, many=False) if isinstance(link, tuple) else want
+        for reference in references(link):
             if text := self._unknown(reference, known) or misfit(reference, known, one):
                 return text
-        names = [name for reference in references(wire) for name in reference.names]
+        names = [name for reference in references(link) for name in reference.names]
         excused = any(map(self._excused, names))
         if excused or not want.required or is_sure(names, step.when, known, steps):
             return None
@@ -269,16 +269,16 @@ class _Reader:
             text = dict(says) if isinstance(says, Mapping) else {"from": says}
             help = text.pop("help", None)
             try:
-                wire = wire_of(text)
+                link = link_of(text)
             except ValueError as err:
                 self.problems[f"outputs.{name}"] = str(err)
                 continue
-            if problem := self._output_problem(name, wire, inputs, known):
+            if problem := self._output_problem(name, link, inputs, known):
                 self.problems[f"outputs.{name}"] = problem
-            elif isinstance(wire, Reference) and not any(map(self._excused, wire.names)):
-                first = known[wire.names[0]]
-                sure = is_sure(wire.names, None, known, steps)
-                returns[name] = wire
+            elif isinstance(link, Reference) and not any(map(self._excused, link.names)):
+                first = known[link.names[0]]
+                sure = is_sure(link.names, None, known, steps)
+                returns[name] = link
                 outs[name] = dataclasses.replace(
                     first, name=name, help=str(help or first.help), optional=not sure
                 )
@@ -287,17 +287,17 @@ class _Reader:
     def _output_problem(
         self,
         name: str,
-        wire: Wire | None,
+        link: Link | None,
         inputs: Mapping[str, Field],
         known: Mapping[str, Field],
     ) -> str | None:
-        if not isinstance(wire, Reference):
+        if not isinstance(link, Reference):
             return "must be {from: step.output}"
         if name in inputs:
             return "is the name of an input too"
-        if taken := [full for full in wire.names if of_inputs(full)]:
+        if taken := [full for full in link.names if of_inputs(full)]:
             return f"{taken[0]!r} is what the model is given; an output is what a step gives"
-        if text := self._unknown(wire, known):
+        if text := self._unknown(link, known):
             return text
-        there = [known[full] for full in wire.names if full in known]
-        return misfit(wire, known, there[0]) if there else None
+        there = [known[full] for full in link.names if full in known]
+        return misfit(link, known, there[0]) if there else None

@@ -18,7 +18,7 @@ from toolbox.declare.kinds import CHOICE
 from toolbox.declare.spec import NAME
 from toolbox.declare.values import Extent
 from toolbox.errors import ParameterError
-from toolbox.models.model import INPUTS, Model, Reference, Step, Wire, references
+from toolbox.models.model import INPUTS, Link, Model, Reference, Step, references
 from toolbox.qgis import model3
 from toolbox.qgis.model3 import Foreign
 from toolbox.qgis.tools import PROVIDER, SEPARATOR, algorithm, field, names
@@ -152,8 +152,8 @@ class _Writer:
         for name, value in step.settings.items():
             plain = self._plain(step, name, value)
             params[name.upper()] = [{"source": CONSTANT, "static_value": plain}]
-        for name, wire in step.wires.items():
-            if sources := self._sources(step, name, wire):
+        for name, link in step.links.items():
+            if sources := self._sources(step, name, link):
                 params[name.upper()] = sources
         column = 1 + max((self._column(n) for n in self._before(step)), default=0)
         made = _component(None, column, list(self.steps).index(step.name))
@@ -181,8 +181,8 @@ class _Writer:
             return places if f.many else places[0]
         return constant(f, value)
 
-    def _sources(self, step: Step, name: str, wire: Wire) -> list[dict[str, Any]]:
-        found = [self._source(step, name, reference) for reference in references(wire)]
+    def _sources(self, step: Step, name: str, link: Link) -> list[dict[str, Any]]:
+        found = [self._source(step, name, reference) for reference in references(link)]
         return [source for source in found if source]
 
     def _source(self, step: Step, name: str, reference: Reference) -> dict[str, Any] | None:

@@ -32,7 +32,7 @@ from toolbox.context import Context, log
 from toolbox.data import Survey
 from toolbox.declare.fields import Field, Spec
 from toolbox.errors import ParameterError
-from toolbox.models.model import Around, plainly
+from toolbox.models.model import Runner, run_tool
 from toolbox.runs.provenance import file_hash
 
 LIMIT = 20e9  # bytes of all entries
@@ -77,8 +77,8 @@ class Cache:
     limit: float = field(default_factory=limit)
     keys: WeakKeyDictionary[Any, str] = field(default_factory=WeakKeyDictionary)
 
-    def around(self, inner: Around = plainly) -> Around:
-        """For `Run.around`: each tool that `inner` runs is looked up here first."""
+    def runner(self, inner: Runner = run_tool) -> Runner:
+        """For `ModelRun.runner`: each tool that `inner` runs is looked up here first."""
         return lambda name, job, ctx: inner(name, _Cached(job, name, self), ctx)
 
     def __post_init__(self) -> None:

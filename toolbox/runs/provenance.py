@@ -32,7 +32,7 @@ from toolbox.data.record import MEMBER, read_record
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import located, parsed_options
 from toolbox.errors import DataError
-from toolbox.models.model import Around, Model, leading_steps, plainly
+from toolbox.models.model import Model, Runner, leading_steps, run_tool
 
 LONGEST = 60_000  # bytes of a record; a VLR of a LAS file holds 65 535
 MANY = 100  # files of a source; of more the record keeps one hash instead of their names
@@ -330,8 +330,8 @@ def _is_among(count: Count, leads: frozenset[tuple[str, str]]) -> bool:
     return (step, count.name) in leads or bool(inside and any(step == name for name, _ in leads))
 
 
-def counting(counts: list[Count], inner: Around = plainly) -> Around:
-    """For `Run.around`: what `inner` does, while adding to a list how large the layers are."""
+def counting(counts: list[Count], inner: Runner = run_tool) -> Runner:
+    """For `ModelRun.runner`: what `inner` does, while adding to a list how large the layers are."""
 
     def run(step: str, job: Any, ctx: Context) -> Any:
         counts.extend(counted(step, job.spec.sources, job))

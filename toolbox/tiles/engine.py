@@ -37,7 +37,7 @@ from toolbox.data import Survey
 from toolbox.declare.fields import Spec
 from toolbox.declare.values import Share
 from toolbox.errors import DataError, ParameterError, ToolboxError
-from toolbox.models.model import INPUTS, Model, Run, reads_batches, resolved
+from toolbox.models.model import INPUTS, Model, ModelRun, reads_batches, resolved
 from toolbox.runs.cache import code_of
 from toolbox.runs.provenance import Count, Record, counting
 from toolbox.runs.source import absolute
@@ -223,7 +223,7 @@ def _finish(
         complete, done = crew.complete(), crew.done
         products = [p for p in products if p.file in complete and plan.keep[p.result] in done]
     known = {n: w for n, w in plan.model.returns.items() if crew.found.keys() & set(w.names)}
-    found = {n: resolved(wire, crew.found) for n, wire in known.items()}
+    found = {n: resolved(link, crew.found) for n, link in known.items()}
     found |= {n: value for n, value in crew.found.items() if n in targets}
     if lost := [n for n, value in found.items() if value is None and n in plan.stored]:
         log.warning("not known from tiles: %s", ", ".join(lost))
@@ -362,7 +362,7 @@ def _outline(spec: Spec) -> Any:
     if not isinstance(spec, Model):
         return spec.id
     steps = spec.steps.values()
-    return [[s.name, _outline(s.spec), s.settings, s.wires, s.when, s.repeat] for s in steps]
+    return [[s.name, _outline(s.spec), s.settings, s.links, s.when, s.repeat] for s in steps]
 
 
 @dataclass(frozen=True)
@@ -526,7 +526,7 @@ class _Crew:
         """What the steps of a pass give that need the whole, from what the others gave."""
         one = self.plan.passes[number]
         _, model, layers = tile_work.opened(self.home(0))
-        part = model.part(one.rest)
+        part = model.subset(one.rest)
         steps = part.steps.values()
         needs = {need for step in steps for need in step.needs}
         clouds = {
@@ -543,8 +543,8 @@ class _Crew:
             for name in needs & self.plan.keep.keys()
         }
         values = dict.fromkeys(model.sources) | dict(self.plan.settings) | layers | clouds
-        around = counting(self.counts)
-        run = Run(part, values, keep=one.gives, given=given, around=around)
+        runner = counting(self.counts)
+        run = ModelRun(part, values, keep=one.gives, given=given, runner=runner)
         result = run.run(ctx.part(0.1, 1))
         return {name: getattr(result, name) for name in one.gives}
 

@@ -26,9 +26,9 @@ def as_model(spec: Spec) -> Model:
     """A tool as a model of one step; a model as it is."""
     if isinstance(spec, Model):
         return spec
-    wires = {name: Reference((f"{INPUTS}.{name}",)) for name in spec.inputs}
+    links = {name: Reference((f"{INPUTS}.{name}",)) for name in spec.inputs}
     returns = {name: Reference((f"{ALONE}.{name}",)) for name in spec.outputs}
-    steps = {ALONE: Step(ALONE, spec, {}, wires)}
+    steps = {ALONE: Step(ALONE, spec, {}, links)}
     return Model(
         id=spec.id,
         title=spec.title,
@@ -88,8 +88,8 @@ class Plan:
         active = {step.name: step for step in model.active(settings)}
         results = {name for step in active.values() for name in step.outputs}
         returned = {
-            output: next((name for name in wire.names if name in results), "")
-            for output, wire in model.returns.items()
+            output: next((name for name in link.names if name in results), "")
+            for output, link in model.returns.items()
         }
         returned |= {name: name for name in targets if name in results}
         numbers = {n for n, f in model.outputs.items() if not f.kind.is_layer}
@@ -161,8 +161,8 @@ class _Turns:
         if step.repeat:
             return False  # its results are lists, which are not put together from tiles
         on_points = False
-        for name, wire in step.wires.items():
-            for need in (need for reference in references(wire) for need in reference.names):
+        for name, link in step.links.items():
+            for need in (need for reference in references(link) for need in reference.names):
                 maker, _, output = need.partition(".")
                 if maker == INPUTS:
                     on_points |= self.model.inputs[output].kind.several

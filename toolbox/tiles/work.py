@@ -29,7 +29,7 @@ from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.data.survey import Survey
 from toolbox.declare.fields import Field
 from toolbox.errors import NothingToDo
-from toolbox.models.model import INPUTS, Model, Run
+from toolbox.models.model import INPUTS, Model, ModelRun
 from toolbox.runs.provenance import Count, counted
 from toolbox.runs.source import open_source
 from toolbox.tiles import store as tile_store
@@ -128,7 +128,7 @@ def run_tile(home: Path, tile: Tile, batches: tuple[Batch, ...]) -> Result:
         for name in job.surveys
         if f"{INPUTS}.{name}" in needs
     }
-    pieces = {name: _around(job, tile, folder, name) for name, folder in job.before.items()}
+    pieces = {name: _earlier(job, tile, folder, name) for name, folder in job.before.items()}
     first = clouds.get(job.first, next(iter(pieces.values()), None))
     with _said() as said, tile_store.whole(place) as draft:
         values = dict.fromkeys(model.sources) | dict(job.settings) | layers | clouds
@@ -161,7 +161,7 @@ def _gathered(
     return cloud.with_origin(np.where(core, origin, -1 - origin))
 
 
-def _around(job: Job, tile: Tile, folder: Path, name: str) -> PointCloud | None:
+def _earlier(job: Job, tile: Tile, folder: Path, name: str) -> PointCloud | None:
     """What an earlier pass has given in a tile and its surroundings; None if there is nothing."""
     reach = math.ceil(job.halo / job.grid.size)
     rows, cols = (range(k - reach, k + reach + 1) for k in tile)
@@ -181,15 +181,15 @@ def _results(
 ) -> dict[str, Any]:  # fmt: skip
     """What the local steps give, by step.output."""
 
-    def around(name: str, tool: Any, ctx: Context) -> Any:
+    def runner(name: str, tool: Any, ctx: Context) -> Any:
         step = tool.spec.id if name == ALONE else name
         result = _result(tool, ctx)
         counts.extend(_counts(job, tile, step, tool.spec.sources, tool))
         counts.extend(_counts(job, tile, step, tool.spec.outputs, result))
         return result
 
-    part = model.part(job.steps)
-    run = Run(part, values, keep=job.keep, given=given, around=around, gaps=True)
+    part = model.subset(job.steps)
+    run = ModelRun(part, values, keep=job.keep, given=given, runner=runner, gaps=True)
     result = run.run(Context(window=job.grid.bounds(tile, job.halo)))
     return {name: getattr(result, name) for name in sorted(job.keep)}
 

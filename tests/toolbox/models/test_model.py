@@ -24,7 +24,7 @@ from toolbox.declare.spec import REGISTRY, outputs, param, sink, source, tool
 from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.execute import run
 from toolbox.models import reader as model_reader
-from toolbox.models.model import Model, Run
+from toolbox.models.model import Model, ModelRun
 
 Load = Callable[[str], Model]
 seen: list[weakref.ref[PointCloud]] = []  # clouds that toy.shift has made
@@ -512,7 +512,7 @@ def test_nothing_to_repeat_for(load: Load, cloud: PointCloud) -> None:
     }
     assert made.rules({"bys": (1.0, 500.0)}) == {"a.by": "must be < 100 m, got 500.0"}
     with pytest.raises(ParameterError, match="empty list"):
-        Run(made, {"points": cloud, "bys": ()}).run()
+        ModelRun(made, {"points": cloud, "bys": ()}).run()
     one = inputs.replace("many: true, default: [1]", "default: 1")
     wrong = problems(load, chain(f"a: {SHIFT}, repeat: by, by: {{from: inputs.bys}}}}", inputs=one))
     assert wrong == {"a.by": "takes a list; write [{from: inputs.bys}]"}
@@ -572,15 +572,15 @@ def test_layers_in_between_are_forgotten_after_their_last_use(
     made = load(chain("\n".join(steps), "n: {from: h.top}"))
     alive: list[int] = []
 
-    def around(name: str, job: Any, ctx: Context) -> Any:
+    def runner(name: str, job: Any, ctx: Context) -> Any:
         alive.append(sum(ref() is not None for ref in seen))
         return job.run(ctx)
 
-    assert Run(made, {"points": cloud}, around=around).run().n == 14
+    assert ModelRun(made, {"points": cloud}, runner=runner).run().n == 14
     assert alive == [0, 1, 1, 1, 1, 1, 1, 1]
     alive.clear()
     seen.clear()
-    kept = Run(made, {"points": cloud}, frozenset({"b.moved"}), around=around).run()
+    kept = ModelRun(made, {"points": cloud}, frozenset({"b.moved"}), runner=runner).run()
     assert getattr(kept, "b.moved").xyz[0, 2] == 7
     assert alive == [0, 1, 1, 2, 2, 2, 2, 2]
 
@@ -588,10 +588,10 @@ def test_layers_in_between_are_forgotten_after_their_last_use(
 def test_part_of_a_model_with_given_results(load: Load, cloud: PointCloud) -> None:
     steps = f"a: {SHIFT}, by: 2}}\nb: {{tool: toy.shift, points: {{from: a.moved}}}}"
     made = load(chain(steps, "n: {from: a.top}\n  m: {from: b.top}"))
-    first, second = made.part(["a"]), made.part(["b"])
+    first, second = made.subset(["a"]), made.subset(["b"])
     assert (list(first.outputs), list(second.outputs)) == (["n"], ["m"])
-    one = Run(first, {"points": cloud}, keep=frozenset({"a.moved"})).run()
-    two = Run(second, {"points": cloud}, given={"a.moved": getattr(one, "a.moved")}).run()
+    one = ModelRun(first, {"points": cloud}, keep=frozenset({"a.moved"})).run()
+    two = ModelRun(second, {"points": cloud}, given={"a.moved": getattr(one, "a.moved")}).run()
     assert (one.n, two.m) == (8, 9)
 
 
@@ -611,7 +611,7 @@ def test_mistakes_of_ours_say_the_step_too(load: Load, cloud: PointCloud) -> Non
 
     made = load(chain(f"a: {SHIFT}}}"))
     with pytest.raises(ZeroDivisionError) as error:
-        Run(made, {"points": cloud}, around=broken).run()
+        ModelRun(made, {"points": cloud}, runner=broken).run()
     assert error.value.__notes__ == ["in my.test, step 'a' (toy.shift)"]
 
 
@@ -688,11 +688,11 @@ def test_a_model_runs_another_beside_it(models: Path, classified: PointCloud) ->
     assert outer.halo({}) == pytest.approx(2, rel=1e-4)  # half a cell of 4 m
     names: list[str] = []
 
-    def around(name: str, job: Any, ctx: Context) -> Any:
+    def runner(name: str, job: Any, ctx: Context) -> Any:
         names.append(name)
         return job.run(ctx)
 
-    result = Run(outer, {"points": classified}, around=around).run()
+    result = ModelRun(outer, {"points": classified}, runner=runner).run()
     assert result.raster.cell == 4
     assert names == ["clean", "sub/grid"]
     assert run(str(models / "outer.yaml"), {"points": classified})["raster"].cell == 4

@@ -98,7 +98,7 @@ def test_round_trip(tmp_path: Path, capsys: Capture) -> None:
         again = two.steps[name]
         assert again.spec.id == step.spec.id
         assert dict(again.settings) == dict(step.settings), name
-        assert dict(again.wires) == dict(step.wires), name
+        assert dict(again.links) == dict(step.links), name
     assert two.returns == one.returns
     for name, field in one.inputs.items():
         again_field = two.inputs[name]

@@ -8,10 +8,10 @@ from typing import Any
 
 from toolbox.declare.fields import Field
 from toolbox.models.inputs import short
-from toolbox.models.model import INPUTS, Condition, Reference, Step, Wire
+from toolbox.models.model import INPUTS, Condition, Link, Reference, Step
 
 
-def wire_of(value: Any) -> Wire | None:
+def link_of(value: Any) -> Link | None:
     """The reference, or list of them, that a value of the file is; None for a plain value.
 
     Raises
@@ -19,13 +19,13 @@ def wire_of(value: Any) -> Wire | None:
     ValueError
         It looks like one and is none.
     """
-    if isinstance(value, list) and any(map(_looks_wired, value)):
-        wires = [wire_of(item) for item in value]
-        found = tuple(wire for wire in wires if isinstance(wire, Reference))
-        if len(found) < len(wires):
+    if isinstance(value, list) and any(map(_looks_linked, value)):
+        links = [link_of(item) for item in value]
+        found = tuple(link for link in links if isinstance(link, Reference))
+        if len(found) < len(links):
             raise ValueError("must be references alone, or values alone")
         return found
-    if not _looks_wired(value):
+    if not _looks_linked(value):
         return None
     names = value["from"] if isinstance(value["from"], list) else [value["from"]]
     if value.keys() != {"from"} or not names or not all(map(_is_reference, names)):
@@ -33,7 +33,7 @@ def wire_of(value: Any) -> Wire | None:
     return Reference(tuple(names))
 
 
-def _looks_wired(value: Any) -> bool:
+def _looks_linked(value: Any) -> bool:
     return isinstance(value, Mapping) and "from" in value
 
 
@@ -62,9 +62,9 @@ def of_inputs(name: str) -> bool:
     return name.startswith(f"{INPUTS}.")
 
 
-def misfit(wire: Reference, known: Mapping[str, Field], want: Field) -> str | None:
+def misfit(link: Reference, known: Mapping[str, Field], want: Field) -> str | None:
     """Say why a value does not fit a parameter."""
-    for name in [name for name in wire.names if name in known]:
+    for name in [name for name in link.names if name in known]:
         have = known[name]
         words = have.kind.word, want.kind.word  # a PointCloud also for who takes surveys too
         alike = words[0] == words[1] or words == ("integer", "number")

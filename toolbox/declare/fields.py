@@ -12,8 +12,8 @@ from toolbox.declare.kinds import CHOICE, OPTIONS, Kind
 from toolbox.declare.values import Range
 from toolbox.errors import DataError, ParameterError, ToolboxError, nearest
 
-LENGTHS = {"m": 1, "m2": 2, "m3": 3, "1/m": -1, "1/m2": -2}  # unit: power of the metre
-UNITS = (*LENGTHS, "1", "%", "deg", "s", "degC", "V", "kV", "A", "m/s", "W/m2")
+METRE_POWERS = {"m": 1, "m2": 2, "m3": 3, "1/m": -1, "1/m2": -2}  # of each unit of length
+UNITS = (*METRE_POWERS, "1", "%", "deg", "s", "degC", "V", "kV", "A", "m/s", "W/m2")
 MEETS: Mapping[str, Callable[[Any, Any], bool]] = {
     "gt": operator.gt,
     "ge": operator.ge,
@@ -132,7 +132,7 @@ class Field:
 
     def scaled(self, value: Any, metre: float) -> Any:
         """A length in metres in the unit of the data, of which `metre` make one metre."""
-        power = LENGTHS.get(self.unit or "")
+        power = METRE_POWERS.get(self.unit or "")
         if power is None or value is None or self.kind.is_layer:
             return value
         factor = metre**power

@@ -23,7 +23,7 @@ from toolbox.data import PointCloud, Survey
 from toolbox.data.crs import crs_conflict, length_problem
 from toolbox.declare import kinds
 from toolbox.declare.expression import Expression
-from toolbox.declare.fields import LENGTHS, MEETS, UNITS, Field, Spec
+from toolbox.declare.fields import MEETS, METRE_POWERS, UNITS, Field, Spec
 from toolbox.errors import DataError, ParameterError, nearest
 from toolbox.shown import SHOWN
 
@@ -197,7 +197,7 @@ def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
     layers = list(_layers(spec, values))
     settings = {n: v for n, v in values.items() if n not in spec.sources}
     # A tool that reaches some metres far measures, even if it has no length to set.
-    lengths = any(f.unit in LENGTHS and values[n] is not None for n, f in spec.inputs.items())
+    lengths = any(f.unit in METRE_POWERS and values[n] is not None for n, f in spec.inputs.items())
     lengths = lengths or 0 < spec.halo(settings) < math.inf
     for name, layer in layers:
         if not (text := length_problem(layer.crs)):

@@ -1,4 +1,4 @@
-"""Who does the work of a run in tiles: processes of our own, or a Dask cluster of the user."""
+"""Workers for a run in tiles: local processes, or a Dask cluster of the user."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from toolbox import files
 from toolbox.errors import DataError, ParameterError
 from toolbox.tiles.tiling import Tiling
 
-SHARE = 0.8  # of the memory that all workers together may use
+MEMORY_SHARE = 0.8  # of the memory of this computer, for all workers together
 CONNECT = 10  # seconds
 WARNINGS = "PYTHONWARNINGS"
 DASK = {
@@ -25,19 +25,19 @@ DASK = {
 
 
 def memory_of(tiling: Tiling) -> int:
-    """Bytes that a worker may use: most of what this computer or container has, unless said."""
+    """Bytes that a worker may use: those of the option, or its share of this computer's memory."""
     from distributed.system import MEMORY_LIMIT
 
-    return tiling.memory or int(SHARE * MEMORY_LIMIT / tiling.workers)
+    return tiling.memory or int(MEMORY_SHARE * MEMORY_LIMIT / tiling.workers)
 
 
 @contextmanager
 def cluster(workers: int, memory: int) -> Iterator[str]:
-    """Processes of our own that wait for work; gives the address of their scheduler.
+    """Start local worker processes, and give the address of their scheduler.
 
     Parameters
     ----------
-    memory : bytes that each may use
+    memory : bytes per worker
     """
     import dask
     from distributed import LocalCluster
@@ -46,7 +46,7 @@ def cluster(workers: int, memory: int) -> Iterator[str]:
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(DASK))
         folder = stack.enter_context(files.scratch())
-        with _deaf_children(), _starting():
+        with _ignoring_interrupts(), _starting():
             made = stack.enter_context(
                 LocalCluster(  # type: ignore[no-untyped-call]
                     n_workers=workers,
@@ -64,7 +64,7 @@ def cluster(workers: int, memory: int) -> Iterator[str]:
 
 @contextmanager
 def client_of(tiling: Tiling) -> Iterator[Any]:
-    """Who gives work to processes of our own, or to those of the user's scheduler."""
+    """Give a Dask client of local processes, or of the scheduler that the user names."""
     from distributed import Client
 
     with ExitStack() as stack:
@@ -81,7 +81,7 @@ def client_of(tiling: Tiling) -> Iterator[Any]:
 
 @contextmanager
 def _starting() -> Iterator[None]:
-    """Tell a user, and not of a mistake in the toolbox, if processes die while they start."""
+    """Report processes that die while they start as an error of data, not as a mistake of ours."""
     try:
         yield
     except RuntimeError as err:
@@ -89,12 +89,12 @@ def _starting() -> Iterator[None]:
 
 
 @contextmanager
-def _deaf_children() -> Iterator[None]:
-    """Let processes that are started here not hear Ctrl-C, which a terminal sends to all.
+def _ignoring_interrupts() -> Iterator[None]:
+    """Keep Ctrl-C, which a terminal sends to all processes, from those that are started here.
 
-    It is for us to stop them. They inherit the mask of signals of the thread that starts them.
-    The process of Python that looks after semaphores is started here too, told not to complain of
-    those that it clears away after a hard exit.
+    This process stops them. They inherit the signal mask of the thread that starts them. Python's
+    resource tracker is started here too, and told not to warn of semaphores that are left over
+    after a hard exit.
     """
     from multiprocessing import resource_tracker
 

@@ -1,13 +1,14 @@
 """Run a tool or model on a survey of any size: tile by tile, on the workers of a Dask cluster.
 
-1. Each file is read once, and its points are stored sorted by bucket (`tile_store`).
-2. Each tile is run with its neighbourhood, as wide as the tool's own `halo()` says, and what it
-   gives is cut to the tile (`tile_work`). Steps of a model that need the whole run here, once, on
-   what the tiles gave; those that wait for them make another pass over the tiles (`tile_plan`).
-3. The pieces become one product each (`tile_products`).
+1. Each file is read once, and its points are stored sorted by position (`toolbox.tiles.store`).
+2. The local steps run on each tile and its neighbourhood, whose width is the `halo()` of the tool,
+   and their results are cut to the tile (`toolbox.tiles.work`). Steps that need the whole survey
+   run in this process, on the joined results of the tiles. Steps that need their results run in
+   another pass over the tiles (`toolbox.tiles.plan`).
+3. The pieces of all tiles are joined to one product each (`toolbox.tiles.products`).
 
-All of it happens in a working folder beside the first output, where a run that was stopped can
-go on. On disk that takes the size of all point records, and of all results once more.
+The intermediate files lie in a working folder beside the first output, with which `--resume`
+continues a run that was stopped. They take as much space as all points and all results together.
 """
 
 from __future__ import annotations
@@ -48,18 +49,18 @@ from toolbox.tiles import products as tile_products
 from toolbox.tiles import store as tile_store
 from toolbox.tiles import work as tile_work
 from toolbox.tiles.cluster import client_of, memory_of
-from toolbox.tiles.plan import Plan, as_model, surveys_of
+from toolbox.tiles.plan import TilePlan, as_model, surveys_of
 from toolbox.tiles.products import StoredSurvey
-from toolbox.tiles.store import SIDE, Batch, Grid
+from toolbox.tiles.store import SIDE, FileBlock, TileGrid
 from toolbox.tiles.tiling import Tiling
-from toolbox.tiles.work import Job, Tile
+from toolbox.tiles.work import Tile, TileJob
 
-BATCH = 2_000_000  # points that are read and sorted at a time
+BLOCK = 2_000_000  # points that are read and sorted at a time
 BYTES_PER_POINT = 400  # that the hungriest tools need for a tile with its neighbours
 SLACK, NEAR = 1 + 1e-9, 1e-6  # of the halo, and metres: what lies on its edge is not lost
 SMALLEST, MOST_TILES = 0.1, 10**6  # metres; more are taken for a mistake in the size
 RIM = 40.0  # metres that a raster may reach beyond all points: whole blocks of its cells
-LISTED = 10  # problems and warnings that are spelt out
+LISTED = 10  # problems and warnings that are listed
 STORED, DONE = 0.1, 0.9  # of the progress, when all points are stored, and when all tiles are done
 
 
@@ -81,19 +82,19 @@ def run(
 
     Parameters
     ----------
-    id, spec : of the tool, and what is known of it
+    id, spec : the tool and its specification
     settings : values of its parameters
-    sources : as they were given; point clouds as places of files
-    targets : where results are written
-    record : of the run, which each product carries
+    sources : layers, or their paths; point clouds are paths
+    targets : the outputs to write
+    record : the provenance record, which each product carries
     overwrite : whether products may replace files
-    resume : whether to go on where an earlier run was stopped
-    assume_crs : of sources that state none
+    resume : whether to continue an earlier run that was stopped
+    assume_crs : CRS of sources that state none
 
     Returns
     -------
     dict
-        By output name the path, or the number; layers without a path are not made.
+        By output name the path of a layer, or the number; layers without a path are not made.
 
     Raises
     ------
@@ -102,7 +103,7 @@ def run(
     """
     defaults = {name: f.default for name, f in spec.inputs.items() if not f.required}
     settings = {n: v for n, v in (defaults | dict(settings)).items() if n not in spec.sources}
-    plan = Plan.of(as_model(spec), settings, targets)
+    plan = TilePlan.of(as_model(spec), settings, targets)
     surveys = surveys_of(spec, sources, assume_crs, ctx)
     survey = next(iter(surveys.values()))  # the one whose tiles are run
     metre, size = survey.metre, tiling.size or suitable_size(survey, plan.halo, tiling)
@@ -110,7 +111,7 @@ def run(
         raise ParameterError(spec.id, {"tile": f"must be at least {least:g} m here, got {size:g}"})
     log.info("tiles of %g m, each with %g m of its neighbourhood", size, plan.halo)
     others = {n: v for n, v in sources.items() if n not in surveys and v is not None}
-    job = Job(
+    job = TileJob(
         str(Path(id).absolute()) if id.endswith(MODEL) else id,
         settings,
         {name: absolute(spec.inputs[name], value) for name, value in others.items()},
@@ -122,7 +123,7 @@ def run(
         keep=frozenset(plan.keep),
         las=frozenset(plan.stored[n] for n, t in targets.items() if n in plan.stored and t.is_las),
         halo=_reach(plan.halo, metre),
-        grid=Grid(size * metre),
+        grid=TileGrid(size * metre),
     )
     products = _products(plan, targets, survey)
     _check_products(spec.id, products, surveys, overwrite=overwrite)
@@ -143,30 +144,31 @@ def run(
 
 @dataclass(frozen=True)
 class _Product:
-    """A file to be written from the pieces of tiles.
+    """A file to write from the pieces of tiles.
 
     Attributes
     ----------
-    output, result : its name, and the step.output that it is
+    output, result : the output, and the step.output that it comes from
     target : the file
-    place : where it is prepared
-    file : of a folder of files, the number of the file of the survey
+    path : the temporary path where it is prepared
+    file : for a folder of files, the index of the file of the survey
     """
 
     output: str
     result: str
     target: Target
     file: int | None = None
-    place: Path = Path()
+    path: Path = Path()
 
     @property
-    def home(self) -> Path:
+    def resolved(self) -> Path:
+        """The path of the file, links followed."""
         assert self.target.home is not None
         return self.target.home
 
 
-def _products(plan: Plan, targets: Mapping[str, Target], survey: Survey) -> list[_Product]:
-    """All files to be written from pieces; in a folder one for each file of the survey."""
+def _products(plan: TilePlan, targets: Mapping[str, Target], survey: Survey) -> list[_Product]:
+    """The files to write from pieces; for a folder, one for each file of the survey."""
     found: list[_Product] = []
     for name, target in targets.items():
         if (result := plan.stored.get(name)) is None or _is_vector(plan, name):
@@ -179,30 +181,30 @@ def _products(plan: Plan, targets: Mapping[str, Target], survey: Survey) -> list
     return found
 
 
-def _is_vector(plan: Plan, output: str) -> bool:
-    """Whether it is written from memory, as a GeoPackage of several layers needs it."""
+def _is_vector(plan: TilePlan, output: str) -> bool:
+    """Whether an output is of features, which are written at once: layers may share a file."""
     return plan.model.results[output].kind.word == "Vector"
 
 
 def _check_products(
     id: str, products: list[_Product], surveys: Mapping[str, Survey], *, overwrite: bool
 ) -> None:
-    """See that nothing is in the way of the products, and that no two are one file."""
+    """Raise an error if a product must not be written, or two products have the same path."""
     problems: dict[str, str] = {}
     paths = {n: file.path for n, file in enumerate(next(iter(surveys.values())).files)}
-    homes: dict[Path, _Product] = {}
+    twins: dict[Path, _Product] = {}
     for product in [product for product in products if product.file is not None]:
-        if twin := homes.get(product.home):
+        if twin := twins.get(product.resolved):
             one, other = paths[twin.file or 0], paths[product.file or 0]
-            problems[product.output] = f"{one} and {other} would both become {product.home}"
-        homes[product.home] = product
-        if not product.home.parent.parent.is_dir():
-            problems[product.output] = f"there is no folder {product.home.parent.parent}"
+            problems[product.output] = f"{one} and {other} would both become {product.resolved}"
+        twins[product.resolved] = product
+        if not product.resolved.parent.parent.is_dir():
+            problems[product.output] = f"there is no folder {product.resolved.parent.parent}"
     if problems:
         raise ParameterError(id, problems)
     reads = [file.path for survey in surveys.values() for file in survey.files]
-    there = [p for p in products if p.file is None or p.home.parent.is_dir()]
-    names = [p.output if p.file is None else f"{p.output} {p.home.name}" for p in there]
+    there = [p for p in products if p.file is None or p.resolved.parent.is_dir()]
+    names = [p.output if p.file is None else f"{p.output} {p.resolved.name}" for p in there]
     of_files = {name: product.target for name, product in zip(names, there, strict=True)}
     if problems := targets_problems(of_files, reads, overwrite=overwrite):
         raise ParameterError(id, problems)
@@ -217,7 +219,7 @@ def _finish(
     overwrite: bool,
     ctx: Context,
 ) -> dict[str, Any]:
-    """Write all products, or after failures the files of folders that are complete."""
+    """Write all products; after failures, only those files of folders that are complete."""
     plan = crew.plan
     if crew.failures:
         complete, done = crew.complete(), crew.done
@@ -233,11 +235,11 @@ def _finish(
     made = record and replace(record, counts=tuple(plan.ordered(crew.counts)))
     others = {n: target for n, target in targets.items() if n in found or n in SHOWN}
     try:
-        own_files = {product.home: product.target.own_files for product in products}
-        for folder in {product.home.parent for product in products}:
+        own_files = {product.resolved: product.target.own_files for product in products}
+        for folder in {product.resolved.parent for product in products}:
             folder.mkdir(exist_ok=True)
         with files.staged(own_files, overwrite=overwrite) as staged:
-            prepared = [replace(product, place=staged[product.home]) for product in products]
+            prepared = [replace(product, path=staged[product.resolved]) for product in products]
             crew.write(prepared, made, ctx.part(0.5, 0.9))
             found |= write(
                 spec, found, others, record=made, overwrite=overwrite, ctx=ctx.part(0.9, 1)
@@ -249,12 +251,12 @@ def _finish(
 
 
 def _reach(halo: float, metre: float) -> float:
-    """A halo in the unit of the coordinates, with what lies on its edge."""
+    """A halo in coordinate units, a little wider, so that points on its edge are within."""
     return (halo * SLACK + NEAR) * metre
 
 
 def _sum(values: list[Any]) -> Any:
-    """The number of all tiles: counts and shares add up, of others there is none."""
+    """The sum of the numbers of all tiles; None if they are no counts and no shares."""
     if all(isinstance(value, Share) for value in values) or all(type(v) is int for v in values):
         return functools.reduce(operator.add, values)
     return None
@@ -269,11 +271,11 @@ def _reason(error: BaseException) -> str:
 
 
 def _tiles(table: NDArray[np.int64], reach: int) -> set[Tile]:
-    """The tiles that have one of the buckets within reach, which is in buckets.
+    """The tiles that have one of some buckets within reach, which is a number of buckets.
 
     Parameters
     ----------
-    table : of shape (m, 3), row and column of each bucket, and its points
+    table : of shape (m, 3): row, column and number of points of each bucket
     """
     low, high = (table[:, :2] - reach) // SIDE, (table[:, :2] + reach) // SIDE
     found: set[Tile] = set()
@@ -285,7 +287,7 @@ def _tiles(table: NDArray[np.int64], reach: int) -> set[Tile]:
 
 
 def suitable_size(survey: Survey, halo: float, tiling: Tiling) -> float:
-    """The largest tile that fits into memory with its neighbours, and leaves no worker idle.
+    """Choose the largest tile that fits into memory with its halo and gives each worker some.
 
     Parameters
     ----------
@@ -294,7 +296,7 @@ def suitable_size(survey: Survey, halo: float, tiling: Tiling) -> float:
     Returns
     -------
     float
-        Metres, but not less than half of the halo, or most of the work would be done twice.
+        Metres; at least half of the halo, or most of the work would be done twice.
     """
     boxes = np.reshape([file.bounds for file in survey.files if file.count], (-1, 2, 3))
     area = float(np.prod(boxes[:, 1, :2] - boxes[:, 0, :2], axis=1).sum()) / survey.metre**2
@@ -305,17 +307,22 @@ def suitable_size(survey: Survey, halo: float, tiling: Tiling) -> float:
 
 @contextmanager
 def _working_folder(
-    job: Job, plan: Plan, record: Record | None, targets: Mapping[str, Target], *, resume: bool
+    job: TileJob,
+    plan: TilePlan,
+    record: Record | None,
+    targets: Mapping[str, Target],
+    *,
+    resume: bool,
 ) -> Iterator[Path]:
-    """Where a run keeps what is done; removed when all is, and left for the next run if not."""
-    home = next((target.home for target in targets.values() if target.home), None)
-    if record is None or home is None:  # only numbers are asked for
+    """Make the working folder of a run; it is removed after success, and kept after a failure."""
+    first = next((target.home for target in targets.values() if target.home), None)
+    if record is None or first is None:  # only numbers are asked for
         with files.scratch() as work:
-            for part in _folders(work, plan):
-                part.mkdir(parents=True)
+            for folder in _folders(work, plan):
+                folder.mkdir(parents=True)
             yield work
         return
-    work = home.parent / f".tiles-{_key(job, plan.model, record)}"
+    work = first.parent / f".tiles-{_key(job, plan.model, record)}"
     goes_on = resume and work.exists()
     work.mkdir(exist_ok=True)
     lock = FileLock(work / "lock", blocking=False)
@@ -326,24 +333,24 @@ def _working_folder(
     try:
         if goes_on:
             log.info("going on where an earlier run was stopped (%s)", work)
-        for part in _folders(work, plan):
+        for folder in _folders(work, plan):
             if not goes_on:
-                shutil.rmtree(part, ignore_errors=True)
-            part.mkdir(parents=True, exist_ok=True)
-            tile_store.sweep(part)
+                shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True, exist_ok=True)
+            tile_store.sweep(folder)
         yield work
         shutil.rmtree(work, ignore_errors=True)
     finally:
         lock.release()
 
 
-def _folders(work: Path, plan: Plan) -> list[Path]:
-    """Where the points are stored, and what the tiles of each pass give."""
+def _folders(work: Path, plan: TilePlan) -> list[Path]:
+    """The folders of the stored points, and of the results of the tiles of each pass."""
     return [work / "points", *(work / str(k) / "tiles" for k in range(len(plan.passes)))]
 
 
-def _key(job: Job, model: Model, record: Record) -> str:
-    """The same for the same code, tool, settings, contents of files, and tiles."""
+def _key(job: TileJob, model: Model, record: Record) -> str:
+    """A name that is the same for the same code, tool, settings, contents of files, and tiles."""
     says = [
         record.entry(),
         _outline(model),
@@ -358,7 +365,7 @@ def _key(job: Job, model: Model, record: Record) -> str:
 
 
 def _outline(spec: Spec) -> Any:
-    """What a tool is: its id, and of a model its steps."""
+    """What identifies a tool: its id, or the steps of a model."""
     if not isinstance(spec, Model):
         return spec.id
     steps = spec.steps.values()
@@ -367,25 +374,25 @@ def _outline(spec: Spec) -> Any:
 
 @dataclass(frozen=True)
 class _Failed:
-    """A task that has failed twice."""
+    """The result of a task that has failed twice."""
 
     why: str
 
 
 class _Crew:
-    """The workers of a run, and what has gone wrong so far.
+    """Gives tasks to the workers of a run, and collects their results and failures.
 
     Attributes
     ----------
     job : what all passes have in common
-    found : numbers of tiles, None where they do not add up, and results of steps on the whole
-    counts : how large the layers were
+    found : numbers of all tiles, None where they have no sum, and results on the whole survey
+    counts : sizes of the layers of each step
     done : passes whose tiles were run
-    failed : why a tile could not be run
-    unreadable : why the points of a file could not be read or stored
+    failed : the reason, for each tile that could not be run
+    unreadable : the reason, for each file whose points could not be read or stored
     """
 
-    def __init__(self, client: Any, id: str, work: Path, job: Job, plan: Plan) -> None:
+    def __init__(self, client: Any, id: str, work: Path, job: TileJob, plan: TilePlan) -> None:
         self.client, self.id, self.work, self.job, self.plan = client, id, work, job, plan
         self.found: dict[str, Any] = {}
         self.counts: list[Count] = []
@@ -393,18 +400,18 @@ class _Crew:
         self.failed: dict[Tile, str] = {}
         self.unreadable: dict[Path, str] = {}
 
-    def home(self, number: int) -> Path:
+    def folder(self, number: int) -> Path:
         """The folder of a pass."""
         return self.work / str(number)
 
     def read(self, name: str) -> Any:
-        """A result of tiles in memory."""
-        return tile_products.read(self.home(self.plan.keep[name]), name)
+        """Join a result of the tiles in memory."""
+        return tile_products.read(self.folder(self.plan.keep[name]), name)
 
     def all(
         self, task: Callable[..., Any], calls: list[tuple[Any, ...]], ctx: Context
     ) -> list[Any]:
-        """What a task gives for each of the arguments, or how it failed after a second try."""
+        """Run a task for each tuple of arguments: its results, or `_Failed` after a second try."""
         futures = [self.client.submit(task, *call, pure=False, retries=1) for call in calls]
         try:
             while left := sum(not future.done() for future in futures):
@@ -418,33 +425,33 @@ class _Crew:
 
     # Points
 
-    def split(self, rim: float, ctx: Context) -> dict[Tile, list[Batch]]:
-        """Store all points by bucket; gives the batches with points in or near each tile.
+    def split(self, rim: float, ctx: Context) -> dict[Tile, list[FileBlock]]:
+        """Store all points, and give the stored blocks with points in or near each tile.
 
         Parameters
         ----------
-        rim : how far beyond the points a result may reach
+        rim : distance beyond the points to which a result may extend, in coordinate units
         """
-        batches: list[Batch] = []
+        blocks: list[FileBlock] = []
         for source, survey in self.job.surveys.items():
             for number, file in enumerate(survey.files):
                 try:
-                    batches += tile_store.batches(source, survey, number, BATCH)
+                    blocks += tile_store.blocks(source, survey, number, BLOCK)
                 except DataError as err:
                     self.unreadable[file.path] = str(err)
         self._begin(0)
-        tables = self.all(tile_work.split, [(self.home(0), batch) for batch in batches], ctx)
+        tables = self.all(tile_work.split, [(self.folder(0), block) for block in blocks], ctx)
         reach = math.ceil(self.job.halo * SIDE / self.job.grid.size)
-        near: dict[Tile, list[Batch]] = {}
+        near: dict[Tile, list[FileBlock]] = {}
         core: set[Tile] = set()
-        for batch, table in zip(batches, tables, strict=True):
+        for block, table in zip(blocks, tables, strict=True):
             if isinstance(table, _Failed):
-                path = self.job.surveys[batch.source].files[batch.file].path
+                path = self.job.surveys[block.source].files[block.file].path
                 self.unreadable[path] = table.why
                 continue
             for tile in _tiles(table, reach):
-                near.setdefault(tile, []).append(batch)
-            core |= _tiles(table, 0) if batch.source == self.job.first else set()
+                near.setdefault(tile, []).append(block)
+            core |= _tiles(table, 0) if block.source == self.job.first else set()
         self._give_up(near.keys() | core)
         if not core:
             return {}
@@ -459,7 +466,7 @@ class _Crew:
         return {tile: b for tile, b in among.items() if tile not in self.failed}
 
     def _give_up(self, tiles: Iterable[Tile]) -> None:
-        """Tiles that would lack the points of files that cannot be read."""
+        """Mark the tiles that need points of unreadable files as failed."""
         survey_files = [file for survey in self.job.surveys.values() for file in survey.files]
         lost = [file for file in survey_files if file.path in self.unreadable]
         for tile in tiles if lost else ():
@@ -469,8 +476,8 @@ class _Crew:
 
     # Tiles
 
-    def run_pass(self, number: int, tiles: Mapping[Tile, list[Batch]], ctx: Context) -> None:
-        """Run the local steps of a pass on all tiles, and the others on what these give."""
+    def run_pass(self, number: int, tiles: Mapping[Tile, list[FileBlock]], ctx: Context) -> None:
+        """Run the local steps of a pass on all tiles, then its other steps on whole results."""
         one = self.plan.passes[number]
         if one.local:
             self._begin(number)
@@ -480,7 +487,7 @@ class _Crew:
             self.found |= self._run_rest(number, ctx.part(0.7, 1))
 
     def _begin(self, number: int) -> None:
-        """Tell the workers of a pass what they need to know."""
+        """Write the job file of a pass for the workers."""
         one, model, keep = self.plan.passes[number], self.plan.model, self.plan.keep
         needs = {need for name in one.local for need in model.steps[name].needs}
         earlier = {n for n in needs & keep.keys() if keep[n] < number}
@@ -490,15 +497,15 @@ class _Crew:
             steps=one.local,
             given={n: value for n, value in self.found.items() if n in needs}
             | {n: self.read(n) for n in earlier - clouds},
-            before={n: self.home(keep[n]) for n in sorted(clouds)},
+            before={n: self.folder(keep[n]) for n in sorted(clouds)},
             keep=one.keep,
             halo=_reach(one.halo, self.job.surveys[self.job.first].metre),
         )
-        tile_store.save_object(self.home(number) / "job", job)
+        tile_store.save_object(self.folder(number) / "job", job)
 
-    def _run_tiles(self, number: int, tiles: Mapping[Tile, list[Batch]], ctx: Context) -> None:
-        home = self.home(number)
-        calls = [(home, tile, tuple(tiles[tile])) for tile in sorted(tiles)]
+    def _run_tiles(self, number: int, tiles: Mapping[Tile, list[FileBlock]], ctx: Context) -> None:
+        folder = self.folder(number)
+        calls = [(folder, tile, tuple(tiles[tile])) for tile in sorted(tiles)]
         results = self.all(tile_work.run_tile, calls, ctx)
         said: dict[str, list[Tile]] = {}
         numbers: dict[str, list[Any]] = {}
@@ -523,11 +530,11 @@ class _Crew:
         self.counts += [Count(*key, count) for key, count in counts.items()]
 
     def _run_rest(self, number: int, ctx: Context) -> dict[str, Any]:
-        """What the steps of a pass give that need the whole, from what the others gave."""
+        """Run the steps of a pass that need the whole survey or whole results."""
         one = self.plan.passes[number]
-        _, model, layers = tile_work.opened(self.home(0))
-        part = model.subset(one.rest)
-        steps = part.steps.values()
+        _, model, layers = tile_work.opened(self.folder(0))
+        rest = model.subset(one.rest)
+        steps = rest.steps.values()
         needs = {need for step in steps for need in step.needs}
         clouds = {
             name: survey
@@ -537,25 +544,25 @@ class _Crew:
             if f"{INPUTS}.{name}" in needs
         }
         given = self.found | {
-            name: StoredSurvey.of(self.home(self.plan.keep[name]), name)
+            name: StoredSurvey.of(self.folder(self.plan.keep[name]), name)
             if reads_batches(steps, name)
             else self.read(name)
             for name in needs & self.plan.keep.keys()
         }
         values = dict.fromkeys(model.sources) | dict(self.plan.settings) | layers | clouds
         runner = counting(self.counts)
-        run = ModelRun(part, values, keep=one.gives, given=given, runner=runner)
+        run = ModelRun(rest, values, keep=one.gives, given=given, runner=runner)
         result = run.run(ctx.part(0.1, 1))
         return {name: getattr(result, name) for name in one.gives}
 
     # Products
 
     def write(self, products: list[_Product], record: Record | None, ctx: Context) -> None:
-        """Write products to the places where they are prepared."""
-        homes = [self.home(self.plan.keep[p.result]) for p in products]
+        """Write products to the temporary paths where they are prepared."""
+        folders = [self.folder(self.plan.keep[p.result]) for p in products]
         calls = [
-            (home, p.output, p.result, p.place, p.target.how, p.file, record)
-            for home, p in zip(homes, products, strict=True)
+            (folder, p.output, p.result, p.path, p.target.how, p.file, record)
+            for folder, p in zip(folders, products, strict=True)
         ]
         done = self.all(tile_products.write, calls, ctx)
         pairs = zip(products, done, strict=True)
@@ -568,14 +575,14 @@ class _Crew:
         return bool(self.failed or self.unreadable)
 
     def complete(self) -> set[int]:
-        """The numbers of the files of the survey without points in tiles that have failed."""
+        """The indices of the files of the survey that no failed tile touches."""
         files = enumerate(self.job.surveys[self.job.first].files)
         boxes = [self.job.grid.bounds(tile) for tile in self.failed]
         lost = self.unreadable
         return {n for n, f in files if f.path not in lost and not any(map(f.touches, boxes))}
 
     def report(self) -> None:
-        """Raise an error that tells what has failed, and where."""
+        """Raise an error that lists the failures, if there are any."""
         if not self.failures:
             return
         where: dict[str, list[Tile]] = {}
@@ -592,7 +599,7 @@ class _Crew:
         raise DataError(self.id, lines)
 
     def _names(self, tiles: list[Tile]) -> str:
-        """The first of some tiles with its bounds, and how many more there are."""
+        """Name the first of some tiles, with its bounds, and the number of the others."""
         box = ", ".join(f"{value:.10g}" for value in self.job.grid.bounds(tiles[0]))
         more = f" and {len(tiles) - 1} more tiles" if len(tiles) > 1 else ""
         return f"tile {tile_work.name_of(tiles[0])} ({box}){more}"

@@ -1,4 +1,4 @@
-"""What of a tool or model is run on tiles of a survey, and the survey itself."""
+"""Decides which steps of a tool or model run on the tiles of a survey, and opens the survey."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ALONE = "tool"  # the step of a model that stands for a tool
 
 
 def as_model(spec: Spec) -> Model:
-    """A tool as a model of one step; a model as it is."""
+    """Turn a tool into a model of one step; a model stays as it is."""
     if isinstance(spec, Model):
         return spec
     links = {name: Reference((f"{INPUTS}.{name}",)) for name in spec.inputs}
@@ -42,14 +42,14 @@ def as_model(spec: Spec) -> Model:
 
 @dataclass(frozen=True)
 class Pass:
-    """Steps that are run tile by tile, and those that need the whole of what these give.
+    """One pass over the tiles: local steps run on each tile, then the others on whole results.
 
     Attributes
     ----------
-    local : steps that need no more than the neighbourhood of a tile
-    rest : steps that need the whole, run after all tiles
-    keep, gives : results of the former and of the latter that are wanted, or used by others
-    halo : metres that the local steps reach
+    local : steps that need no more than a tile and its neighbourhood
+    rest : steps that need the whole survey or whole results, run after all tiles
+    keep, gives : results of the local and of the other steps that are asked for or used later
+    halo : metres beyond a tile that the local steps look
     """
 
     local: tuple[str, ...]
@@ -60,13 +60,15 @@ class Pass:
 
 
 @dataclass(frozen=True)
-class Plan:
-    """How a model is run on tiles: pass after pass, since what the whole tells may be used locally.
+class TilePlan:
+    """The passes in which a model is run on tiles.
+
+    A local step that needs the result of a step on the whole survey runs in the pass after it.
 
     Attributes
     ----------
-    passes : in order; a local step belongs to the pass after the steps on the whole that it needs
-    stored : for outputs that come from local steps, their step.output
+    passes : in the order in which they are run
+    stored : for each output that comes from a local step, its step.output
     """
 
     model: Model
@@ -75,8 +77,8 @@ class Plan:
     stored: Mapping[str, str]
 
     @classmethod
-    def of(cls, model: Model, settings: Mapping[str, Any], targets: Iterable[str]) -> Plan:
-        """Cut a model where the whole cloud is needed; steps that nobody asks for are left out.
+    def of(cls, model: Model, settings: Mapping[str, Any], targets: Iterable[str]) -> TilePlan:
+        """Distribute the steps of a model over passes; steps that no target needs are left out.
 
         Raises
         ------
@@ -107,32 +109,32 @@ class Plan:
 
     @property
     def halo(self) -> float:
-        """Metres that the local steps of any pass reach."""
+        """Metres beyond a tile that the local steps of any pass look."""
         return max(one.halo for one in self.passes)
 
     @property
     def keep(self) -> dict[str, int]:
-        """The pass that gives each result of local steps that is kept, by step.output."""
+        """The number of the pass that makes each stored result of local steps, by step.output."""
         return {name: number for number, one in enumerate(self.passes) for name in one.keep}
 
     @property
     def gives_rasters(self) -> bool:
-        """Whether a raster is put together from tiles."""
+        """Whether any raster is joined from tiles."""
         return any(self.model.between[name].kind.word == "Raster" for name in self.keep)
 
     def ordered(self, counts: Iterable[Count]) -> list[Count]:
-        """Counts of tiles and of the whole in the order of the steps."""
-        places = {name: place for place, name in enumerate(self.model.steps)}
-        return sorted(counts, key=lambda c: places.get(c.step.partition("/")[0].split()[0], 0))
+        """Sort the counts of tiles and of whole results in the order of the steps."""
+        order = {name: index for index, name in enumerate(self.model.steps)}
+        return sorted(counts, key=lambda c: order.get(c.step.partition("/")[0].split()[0], 0))
 
 
 class _Turns:
-    """In which pass each step is run.
+    """Assigns each step to a pass.
 
     Attributes
     ----------
-    turn : of each step that was added
-    reach : of the local ones, metres from the points that their pass is given
+    turn : number of the pass of each step added so far
+    reach : of each local step, metres that it looks into the points given to its pass
     """
 
     def __init__(self, model: Model, active: Mapping[str, Step]) -> None:
@@ -141,7 +143,7 @@ class _Turns:
         self.reach: dict[str, float] = {}
 
     def add(self, step: Step, halo: float) -> None:
-        """Find the place of a step after those that it needs."""
+        """Find the pass of a step, after those of the steps that it needs."""
         makers = {need.partition(".")[0] for need in step.needs} & self.turn.keys()
         local = {name for name in makers if name in self.reach}
         after = max((self.turn[name] for name in makers), default=0)
@@ -154,9 +156,9 @@ class _Turns:
         self.reach[step.name] = halo + max(same, default=0.0)
 
     def _is_local(self, step: Step) -> bool:
-        """Whether a step works on points in tiles, directly or not, and on no number of tiles.
+        """Whether a step can run on tiles: it takes points, and no number that tiles give.
 
-        A number that a tile gives is not that of the whole survey.
+        The number of a tile is not that of the whole survey.
         """
         if step.repeat:
             return False  # its results are lists, which are not put together from tiles
@@ -177,7 +179,7 @@ class _Turns:
         return on_points
 
     def passes(self, steps: Mapping[str, Step], wanted: Collection[str]) -> Iterator[Pass]:
-        """The passes for these steps, of which results are wanted."""
+        """Make the passes of some steps, of which some results are wanted."""
         for turn in range(max(self.turn.values()) + 1):
             local = tuple(n for n in steps if self.turn[n] == turn and n in self.reach)
             rest = tuple(n for n in steps if self.turn[n] == turn and n not in self.reach)
@@ -190,13 +192,13 @@ class _Turns:
     def _kept(
         makers: Collection[str], steps: Mapping[str, Step], wanted: Collection[str]
     ) -> frozenset[str]:
-        """Results of some steps that are wanted, or used by other steps."""
+        """The results of some steps that are wanted, or used by other steps."""
         used = {need for name, step in steps.items() if name not in makers for need in step.needs}
         return frozenset(n for n in {*wanted, *used} if n.partition(".")[0] in makers)
 
 
 def _whole(model: Model, reach: Mapping[str, float]) -> str:
-    """Why nothing can be run on tiles, in the words of the first tool that looks too far."""
+    """Say why nothing can run on tiles: the docstring of `halo` of the first tool with no limit."""
     text = "the whole cloud is needed with these settings; leave it out"
     far = [model.steps[name].spec for name, metres in reach.items() if math.isinf(metres)]
     tools: list[Any] = [spec.make for spec in far if not isinstance(spec, Model)]
@@ -206,7 +208,7 @@ def _whole(model: Model, reach: Mapping[str, float]) -> str:
 def surveys_of(
     spec: Spec, sources: Mapping[str, Any], assume_crs: CRS | None, ctx: Context
 ) -> dict[str, Survey]:
-    """Headers of all point clouds, which must be in one CRS that knows metres."""
+    """Open all point clouds as surveys; they must be in one CRS in which metres have a meaning."""
     found: dict[str, Survey] = {}
     problems: dict[str, str] = {}
     for name, field in spec.sources.items():

@@ -1,4 +1,4 @@
-"""One product of a survey from the pieces that its tiles have stored: points, raster, vector."""
+"""One product of a survey, made of the pieces that its tiles have stored."""
 
 from __future__ import annotations
 
@@ -22,69 +22,69 @@ from toolbox.tiles.work import opened
 
 WINDOW = 1_000_000  # points that are written at a time
 
-Span = tuple[int, int]
-"""Points of the survey, from the first of these origins to before the second."""
+Interval = tuple[int, int]
+"""Origins of points: from the first of these numbers up to, but without, the second."""
 
 
-def pieces(home: Path, name: str) -> list[Path]:
+def pieces_of(folder: Path, name: str) -> list[Path]:
     """The stored pieces of a result, tile by tile from south to north and west to east."""
-    done = [path for path in (home / "tiles").iterdir() if not path.name.startswith(".")]
+    done = [path for path in (folder / "tiles").iterdir() if not path.name.startswith(".")]
     folders = [path for path in done if (path / name / "layer").exists()]
     tiles = {tuple(map(int, path.name.split("_"))): path / name for path in folders}
     return [tiles[tile] for tile in sorted(tiles)]
 
 
-def read(home: Path, name: str) -> Any:
-    """A result in memory; None if no tile gave any."""
-    places = pieces(home, name)
-    if not places:
+def read(folder: Path, name: str) -> Any:
+    """The whole result of a step in memory; None if no tile gave any of it."""
+    stored = pieces_of(folder, name)
+    if not stored:
         return None
-    first = tile_store.load_object(places[0] / "layer")
+    first = tile_store.load_object(stored[0] / "layer")
     if isinstance(first, Vector):
-        return _vector(places)
+        return _vector(stored)
     if isinstance(first, Raster):
-        mosaic = Mosaic(places)
+        mosaic = Mosaic(stored)
         values = np.concatenate(list(mosaic.strips()), axis=1)
         return dataclasses.replace(first, values=values, transform=mosaic.lattice.transform)
-    points = Points(places)
+    points = Points(stored)
     return points.template.filled(points.windows(), points.size())
 
 
 def write(
-    home: Path,
+    folder: Path,
     output: str,
     name: str,
-    place: Path,
+    path: Path,
     options: Mapping[str, Any],
     file: int | None,
     record: Record | None,
 ) -> None:
-    """Write points or a raster to a file.
+    """Write a point cloud or raster from its stored pieces to a file.
 
-    LAS, LAZ and rasters are written in blocks; what goes into other formats is in memory.
+    LAS, LAZ and rasters are written in blocks; for other formats the whole result is in memory.
 
     Parameters
     ----------
-    home : folder of the pass that has given it
-    output, name : of the tool, and the step.output that it is
-    place : the file to write
+    folder : of the pass that made the pieces
+    output, name : the output of the tool, and the step.output that it comes from
+    path : the file to write
     options : of the format
     file : only the points of this file of the survey
-    record : of the run
+    record : the provenance record of the run
     """
-    places = pieces(home, name)
-    first = tile_store.load_object(places[0] / "layer") if places else None
+    stored = pieces_of(folder, name)
+    first = tile_store.load_object(stored[0] / "layer") if stored else None
     if isinstance(first, Raster):
-        mosaic, text = Mosaic(places), _text(record, output, first, options)
-        first.save_strips(place, mosaic.lattice, mosaic.strips(), record=text, **options)
+        mosaic, text = Mosaic(stored), _text(record, output, first, options)
+        first.save_strips(path, mosaic.lattice, mosaic.strips(), record=text, **options)
     else:
-        job, _, _ = opened(home)
+        job, _, _ = opened(folder)
         survey = job.surveys[job.first]
-        points = Points(places) if places else None
+        points = Points(stored) if stored else None
         template = points.template if points else survey.template
         name = "" if file is None else survey.files[file].path.name
         text = _text(record, output, template, options, name)
-        _write_points(points, template, survey, file, place, text)
+        _write_points(points, template, survey, file, path, text)
 
 
 def _text(
@@ -98,38 +98,38 @@ def _write_points(
     template: PointCloud,
     survey: Survey,
     file: int | None,
-    place: Path,
+    path: Path,
     record: str,
 ) -> None:
-    span = None
+    interval = None
     if file is not None:
         before = sum(other.count for other in survey.files[:file])
-        span = before, before + survey.files[file].count
+        interval = before, before + survey.files[file].count
         template = template.with_header_of(survey.files[file].read(0, 0))
-    size = points.size(span) if points else 0
-    windows = points.windows(span) if points else iter(())
-    if place.suffix.lower() in LAS:
-        template.save_batches(place, windows, size, record=record)
+    size = points.size(interval) if points else 0
+    windows = points.windows(interval) if points else iter(())
+    if path.suffix.lower() in LAS:
+        template.save_batches(path, windows, size, record=record)
     else:
-        template.filled(windows, size).save(place, record=record)
+        template.filled(windows, size).save(path, record=record)
 
 
-def _vector(places: list[Path]) -> Vector:
+def _vector(stored: list[Path]) -> Vector:
     import pandas as pd
 
-    parts: list[Vector] = [tile_store.load_object(place / "layer") for place in places]
-    frame = pd.concat([part.frame for part in parts if len(part)] or [parts[0].frame])
-    return Vector(frame, name=parts[0].name, geometry_type=parts[0].geometry_type)
+    layers: list[Vector] = [tile_store.load_object(piece / "layer") for piece in stored]
+    frame = pd.concat([layer.frame for layer in layers if len(layer)] or [layers[0].frame])
+    return Vector(frame, name=layers[0].name, geometry_type=layers[0].geometry_type)
 
 
 @dataclasses.dataclass(frozen=True)
 class StoredSurvey(Survey):
-    """The stored pieces of a point cloud as a survey, for tools that read one part by part."""
+    """The stored pieces of a point cloud as a survey, for tools that read one piece by piece."""
 
     @classmethod
-    def of(cls, home: Path, name: str) -> StoredSurvey | None:
-        """A result of tiles; None if no tile gave any."""
-        stored = [(place, *tile_store.load_object(place / "layer")) for place in pieces(home, name)]
+    def of(cls, folder: Path, name: str) -> StoredSurvey | None:
+        """The survey of a result of tiles; None if no tile gave any of it."""
+        stored = [(p, *tile_store.load_object(p / "layer")) for p in pieces_of(folder, name)]
         files = tuple(_stored_file(*piece) for piece in stored)
         return cls(files, stored[0][1].name) if files else None
 
@@ -144,9 +144,9 @@ class StoredSurvey(Survey):
 
     def batches(self, size: int, *, ctx: Context = QUIET) -> Iterator[PointCloud]:
         done = 0
-        for cloud in self.points.windows():
-            yield cloud
-            done += len(cloud)
+        for piece in self.points.windows():
+            yield piece
+            done += len(piece)
             ctx.progress(done / max(self.count, 1))
 
     def read(self, *, bounds: Sequence[float] | None = None, ctx: Context = QUIET) -> PointCloud:
@@ -154,64 +154,64 @@ class StoredSurvey(Survey):
         return whole if bounds is None else whole.within(bounds)
 
 
-def _stored_file(place: Path, shell: PointCloud, box: NDArray[np.float64]) -> SurveyFile:
-    count = len(next(iter(tile_store.load_arrays(place).values())))
+def _stored_file(folder: Path, shell: PointCloud, box: NDArray[np.float64]) -> SurveyFile:
+    count = len(next(iter(tile_store.load_arrays(folder).values())))
     bounds: Any = tuple(box.ravel().tolist())
     attributes = tuple((n, shell[n].dtype.str, shell[n].shape[1:]) for n in shell.names)
-    return SurveyFile(path=place, count=count, bounds=bounds, crs=shell.crs, attributes=attributes)
+    return SurveyFile(path=folder, count=count, bounds=bounds, crs=shell.crs, attributes=attributes)
 
 
 class Points:
-    """The stored pieces of a point cloud.
+    """Reads the stored pieces of a point cloud in the order of the survey.
 
     Attributes
     ----------
-    template : the cloud without points that all pieces can be made alike to
+    template : a cloud without points, whose attributes and header suit all pieces
     """
 
-    def __init__(self, places: list[Path]) -> None:
-        stored = [tile_store.load_object(place / "layer") for place in places]
+    def __init__(self, pieces: list[Path]) -> None:
+        stored = [tile_store.load_object(piece / "layer") for piece in pieces]
         self._shells = [shell for shell, _ in stored]
-        self._places = places
+        self._pieces = pieces
         boxes = [(low, high) for _, (low, high) in stored if np.isfinite(low).all()]
         self.template = PointCloud.template(self._shells, lambda: boxes)
-        origins = [self._origin(number) for number in range(len(places))]
+        origins = [self._origin(number) for number in range(len(pieces))]
         self._sizes = np.array([len(origin) for origin in origins])
         ends = [(o[0], o[-1]) if len(o) else (0, -1) for o in origins]
         self._first, self._last = np.array(ends, np.int64).T
 
     def _origin(self, number: int) -> NDArray[np.int64]:
-        """Origins of the points of a piece; if it has none, they come after all pieces before."""
-        path = self._places[number] / "origin.npy"
+        """The origins of the points of a piece; without any, they follow those of other pieces."""
+        path = self._pieces[number] / "origin.npy"
         if path.exists():
             found: NDArray[np.int64] = np.load(path, mmap_mode="r")
             return found
-        size = len(next(iter(tile_store.load_arrays(self._places[number]).values())))
+        size = len(next(iter(tile_store.load_arrays(self._pieces[number]).values())))
         return (number << 40) + np.arange(size)
 
-    def size(self, span: Span | None = None) -> int:
-        """How many of the points there are."""
-        if span is None:
+    def size(self, interval: Interval | None = None) -> int:
+        """The number of points, or of those whose origin is in an interval."""
+        if interval is None:
             return int(self._sizes.sum())
-        return sum(rows.stop - rows.start for _, rows in self._within(*span))
+        return sum(rows.stop - rows.start for _, rows in self._within(*interval))
 
     def _within(self, start: int, stop: int) -> Iterator[tuple[int, slice]]:
-        """The pieces with points of a span, and which of theirs those are."""
+        """The numbers of the pieces with points in an interval, and the rows of these points."""
         for number in np.flatnonzero((self._first < stop) & (self._last >= start)):
             low, high = np.searchsorted(self._origin(int(number)), (start, stop))
             yield int(number), slice(int(low), int(high))
 
-    def windows(self, span: Span | None = None) -> Iterator[PointCloud]:
-        """The points in order, a part at a time, all like the template."""
-        start, stop = span or (int(self._first.min()), int(self._last.max()) + 1)
+    def windows(self, interval: Interval | None = None) -> Iterator[PointCloud]:
+        """The points in order, a window at a time, all like the template."""
+        start, stop = interval or (int(self._first.min()), int(self._last.max()) + 1)
         while start < stop:
             end = min(start + WINDOW, stop)
             clouds, origins = [], [np.empty(0, np.int64)]
             for number, rows in self._within(start, end):
-                arrays = tile_store.load_arrays(self._places[number])
+                arrays = tile_store.load_arrays(self._pieces[number])
                 arrays.pop("origin", None)
-                part = {name: np.array(values[rows]) for name, values in arrays.items()}
-                clouds.append(self._shells[number].with_arrays(part).like(self.template))
+                columns = {name: np.array(values[rows]) for name, values in arrays.items()}
+                clouds.append(self._shells[number].with_arrays(columns).like(self.template))
                 origins.append(self._origin(number)[rows])
             joint = self.template.filled(clouds, sum(map(len, clouds)))
             yield joint.select(np.argsort(np.concatenate(origins)))
@@ -220,17 +220,17 @@ class Points:
 
 
 class Mosaic:
-    """The stored pieces of a raster, side by side on one lattice."""
+    """Joins the stored pieces of a raster on one lattice."""
 
-    def __init__(self, places: list[Path]) -> None:
-        self._shells: list[Raster] = [tile_store.load_object(p / "layer") for p in places]
-        self._values = [tile_store.load_arrays(place)["values"] for place in places]
-        windows = [
+    def __init__(self, pieces: list[Path]) -> None:
+        self._shells: list[Raster] = [tile_store.load_object(p / "layer") for p in pieces]
+        self._values = [tile_store.load_arrays(p)["values"] for p in pieces]
+        lattices = [
             dataclasses.replace(Lattice.of(shell), rows=values.shape[1], cols=values.shape[2])
             for shell, values in zip(self._shells, self._values, strict=True)
         ]
-        self.lattice = Lattice.union(windows)
-        self._corners = [self.lattice.position_of(window) for window in windows]
+        self.lattice = Lattice.union(lattices)
+        self._corners = [self.lattice.position_of(lattice) for lattice in lattices]
 
     def strips(self) -> Iterator[NDArray[Any]]:
         """Values of shape (bands, STRIP, cols) from north to south, the last may be shorter."""
@@ -243,6 +243,6 @@ class Mosaic:
             for (row, col), values in zip(self._corners, self._values, strict=True):
                 first, last = max(row, top), min(row + values.shape[1], top + rows)
                 if first < last:
-                    part = values[:, first - row : last - row]
-                    strip[:, first - top : last - top, col : col + values.shape[2]] = part
+                    inside = strip[:, first - top : last - top, col : col + values.shape[2]]
+                    inside[:] = values[:, first - row : last - row]
             yield strip

@@ -1,8 +1,9 @@
-"""Points of a survey on disk, sorted into buckets, so that a tile reads no more than it needs.
+"""Stores the points of a survey sorted by position, so that a tile reads no more than it needs.
 
-A bucket is a square of the plane; a tile is SIDE x SIDE of them. Each batch of points is read from
-its file once and stored sorted by bucket, with the place of each point in the survey. Whatever is
-stored appears under its name whole or not at all, so that a run can go on where another was killed.
+A bucket is a square of the plane; a tile consists of SIDE x SIDE buckets. Each block of points is
+read once and stored sorted by bucket, with the index of each point in the survey, its origin.
+A stored folder appears under its name only when it is complete, so that a later run can continue
+one that was killed.
 """
 
 from __future__ import annotations
@@ -32,40 +33,40 @@ Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Grid:
-    """Square tiles whose corners are whole multiples of their size.
+class TileGrid:
+    """The grid of square tiles, whose corners are whole multiples of their size.
 
     Attributes
     ----------
-    size : of a tile, in the unit of the coordinates
+    size : side of a tile, in the unit of the coordinates
     """
 
     size: float
 
     def bounds(self, tile: tuple[int, int], halo: float = 0.0) -> Box:
-        """xmin, ymin, xmax, ymax of the tile in this row and column, grown by a halo."""
+        """xmin, ymin, xmax, ymax of the tile in this row and column, widened by a halo."""
         row, col = tile
         west, south = col * self.size, row * self.size
         return west - halo, south - halo, west + self.size + halo, south + self.size + halo
 
     def buckets(self, xy: NDArray[np.float64]) -> Indices:
-        """Row and column, of shape (n, 2), of the bucket that holds each point."""
+        """Row and column of the bucket of each point: array of shape (n, 2)."""
         return np.floor(xy[:, ::-1] * (SIDE / self.size)).astype(np.int64)
 
     def holds(self, tile: tuple[int, int], xy: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which points of shape (n, 2) are in a tile, which has its west and south edge."""
+        """Mask of the points, of shape (n, 2), in a tile; its west and south edges belong to it."""
         return np.asarray((self.buckets(xy) // SIDE == tile).all(axis=1))
 
 
 @dataclass(frozen=True)
-class Batch:
-    """Points start to before stop of a file of a survey.
+class FileBlock:
+    """A block of the points of one file of a survey: from start up to, but without, stop.
 
     Attributes
     ----------
-    source : the parameter that the survey is given for
-    file : number of the file
-    first : how many points of the survey come before
+    source : the parameter that takes the survey
+    file : index of the file in the survey
+    first : number of points of the survey before this block
     """
 
     source: str
@@ -79,8 +80,8 @@ class Batch:
         return f"{self.source}_{self.file}_{self.start}"
 
 
-def batches(source: str, survey: Survey, file: int, size: int) -> list[Batch]:
-    """All points of a file of a survey, cut so that each batch can be read in bounded memory.
+def blocks(source: str, survey: Survey, file: int, size: int) -> list[FileBlock]:
+    """Cut the points of a file of a survey into blocks of at most `size` points.
 
     Raises
     ------
@@ -89,20 +90,22 @@ def batches(source: str, survey: Survey, file: int, size: int) -> list[Batch]:
     """
     before = sum(other.count for other in survey.files[:file])
     cuts = survey.files[file].ranges(size)
-    return [Batch(source, file, start, stop, before + start) for start, stop in cuts]
+    return [FileBlock(source, file, start, stop, before + start) for start, stop in cuts]
 
 
-def split(survey: Survey, batch: Batch, grid: Grid, folder: Path, ctx: Context = QUIET) -> Indices:
-    """Store a batch sorted by bucket.
+def split(
+    survey: Survey, block: FileBlock, grid: TileGrid, folder: Path, ctx: Context = QUIET
+) -> Indices:
+    """Read a block of points and store it sorted by bucket, unless it is stored already.
 
     Returns
     -------
     array of shape (m, 3)
-        Row and column of each bucket with points, and the number of these.
+        Row, column and number of points of each bucket that has any.
     """
-    place = folder / batch.name
-    if not place.exists():
-        cloud = survey.files[batch.file].read(batch.start, batch.stop, ctx=ctx)
+    path = folder / block.name
+    if not path.exists():
+        cloud = survey.files[block.file].read(block.start, block.stop, ctx=ctx)
         cloud = cloud.like(survey.template)
         if not np.isfinite(cloud.xyz).all():
             raise DataError(f"{cloud.name} has coordinates that are no finite numbers")
@@ -113,31 +116,31 @@ def split(survey: Survey, batch: Batch, grid: Grid, folder: Path, ctx: Context =
             np.r_[True, (buckets[1:] != buckets[:-1]).any(axis=1)][: len(order)]
         )
         table = np.column_stack([buckets[starts], np.diff(starts, append=len(order))])
-        arrays = cloud.select(order).arrays() | {"origin": batch.first + order, "table": table}
-        with whole(place) as draft:
+        arrays = cloud.select(order).arrays() | {"origin": block.first + order, "table": table}
+        with whole(path) as draft:
             save_arrays(draft, arrays)
-    stored: Indices = np.load(place / "table.npy")
+    stored: Indices = np.load(path / "table.npy")
     return stored
 
 
 def gather(
-    survey: Survey, parts: Iterable[Batch], bounds: Box, grid: Grid, folder: Path
+    survey: Survey, blocks: Iterable[FileBlock], bounds: Box, grid: TileGrid, folder: Path
 ) -> PointCloud:
-    """The points within bounds, edges included, in the order of the survey, with their origin.
+    """Read the points within bounds, edges included, in the order of the survey.
 
     Parameters
     ----------
-    parts : the batches that may have points there
+    blocks : stored blocks that may have points there
     """
     low, high = grid.buckets(np.reshape(bounds, (2, 2)))
     clouds: list[PointCloud] = []
     origins: list[Any] = []
-    for batch in parts:
-        arrays = load_arrays(folder / batch.name)
-        for rows in _runs(arrays.pop("table"), low, high):
-            part = {name: np.array(values[rows]) for name, values in arrays.items()}
-            origin = part.pop("origin")
-            cloud = survey.template.with_arrays(part).with_origin(origin).within(bounds)
+    for block in blocks:
+        arrays = load_arrays(folder / block.name)
+        for rows in _row_slices(arrays.pop("table"), low, high):
+            columns = {name: np.array(values[rows]) for name, values in arrays.items()}
+            origin = columns.pop("origin")
+            cloud = survey.template.with_arrays(columns).with_origin(origin).within(bounds)
             clouds.append(cloud)
             origins.append(cloud.origin)
     joint = survey.template.filled(clouds, sum(map(len, clouds)))
@@ -145,26 +148,26 @@ def gather(
 
 
 def in_order(cloud: PointCloud, origin: Indices) -> PointCloud:
-    """Points in the order of the survey, given the place there of each."""
+    """Sort points by their origin, the index of each in the survey."""
     order = np.argsort(origin)
     return cloud.select(order).with_origin(origin[order])
 
 
-def save_points(place: Path, cloud: PointCloud) -> None:
-    """Store points: what there is many of as arrays, apart from the rest."""
+def save_points(folder: Path, cloud: PointCloud) -> None:
+    """Store points: their columns as arrays, all else as a pickle."""
     origin = {} if cloud.origin is None else {"origin": cloud.origin}
-    save_arrays(place, cloud.arrays() | origin)
+    save_arrays(folder, cloud.arrays() | origin)
     box = np.reshape(cloud.bounds, (2, 3))
-    save_object(place / "layer", (cloud.select([]).with_origin(None), box))
+    save_object(folder / "layer", (cloud.select([]).with_origin(None), box))
 
 
-def joined(places: Iterable[Path], bounds: Box) -> PointCloud | None:
-    """Those of stored points within bounds, in the order of the survey; None if there are none."""
+def joined(folders: Iterable[Path], bounds: Box) -> PointCloud | None:
+    """Read the stored points within bounds, in the order of the survey; None if there are none."""
     clouds: list[PointCloud] = []
-    for place in places:
-        shell, box = load_object(place / "layer")
+    for folder in folders:
+        shell, box = load_object(folder / "layer")
         if (box[0, :2] <= bounds[2:]).all() and (box[1, :2] >= bounds[:2]).all():
-            arrays = load_arrays(place)
+            arrays = load_arrays(folder)
             origin = arrays.pop("origin", None)
             clouds.append(shell.with_arrays(arrays).with_origin(origin).within(bounds))
     if not any(map(len, clouds)):
@@ -174,8 +177,8 @@ def joined(places: Iterable[Path], bounds: Box) -> PointCloud | None:
     return in_order(joint, np.concatenate(origins)) if len(origins) == len(clouds) else joint
 
 
-def _runs(table: Indices, low: Indices, high: Indices) -> Iterator[slice]:
-    """The stored points of buckets from low to high: one slice per row of buckets."""
+def _row_slices(table: Indices, low: Indices, high: Indices) -> Iterator[slice]:
+    """The rows of the stored points in the buckets from low to high: a slice per row of buckets."""
     ends = np.cumsum(table[:, 2])
     inside = ((table[:, :2] >= low) & (table[:, :2] <= high)).all(axis=1)
     chosen = np.flatnonzero(inside)
@@ -185,36 +188,36 @@ def _runs(table: Indices, low: Indices, high: Indices) -> Iterator[slice]:
 
 
 @contextmanager
-def whole(place: Path) -> Iterator[Path]:
-    """A folder to write into, which is moved to its place when all is written."""
-    draft = place.with_name(f".{place.name}.{os.getpid()}")
+def whole(path: Path) -> Iterator[Path]:
+    """Give a temporary folder to write into, and rename it to `path` when all is written."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
     shutil.rmtree(draft, ignore_errors=True)
     draft.mkdir(parents=True)
     try:
         yield draft
-        shutil.rmtree(place, ignore_errors=True)
-        draft.replace(place)
+        shutil.rmtree(path, ignore_errors=True)
+        draft.replace(path)
     except OSError as err:
         full = "; the disk is full" if files.is_full(draft) else ""
-        raise DataError(f"{place} cannot be written: {err}{full}") from err
+        raise DataError(f"{path} cannot be written: {err}{full}") from err
     finally:
         shutil.rmtree(draft, ignore_errors=True)
 
 
 def sweep(folder: Path) -> None:
-    """Remove what was being written when its writer died; nobody else may be at work there."""
+    """Remove unfinished folders of processes that died; no other process may write there."""
     for draft in folder.glob(".*"):
         shutil.rmtree(draft, ignore_errors=True)
 
 
 def save_arrays(folder: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write each array as a file of its own."""
+    """Write each array to a file of its own."""
     for name, values in arrays.items():
         np.save(folder / f"{name}.npy", values)
 
 
 def load_arrays(folder: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of a folder, of which only what is used will be read."""
+    """Open the arrays of a folder; only the values that are used are read from disk."""
     return {path.stem: np.load(path, mmap_mode="r") for path in sorted(folder.glob("*.npy"))}
 
 

@@ -1,4 +1,4 @@
-"""How a survey is to be run in tiles, as a user says it."""
+"""The options of a run in tiles: size, workers, memory and scheduler."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from toolbox.errors import ParameterError
 
-UNITS = {"": 1, "kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30}
+BYTES = {"": 1, "kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30}
 
 LEAST, MOST = 5 * 10**8, 10**15  # bytes for a worker: what its libraries need, and a mistake
 MOST_WORKERS = 1024
@@ -18,14 +18,14 @@ MOST_WORKERS = 1024
 
 @dataclass(frozen=True)
 class Tiling:
-    """How a survey is cut, and who works on it.
+    """The size of the tiles of a survey, and the workers that process them.
 
     Attributes
     ----------
-    size : of a tile, metres; None for one that suits the memory
-    workers : processes
-    memory : bytes that each of them may use; None for an equal share of what there is
-    scheduler : address of a Dask scheduler to use instead of processes of our own
+    size : side of a tile, metres; None to choose one that suits the memory
+    workers : number of processes
+    memory : bytes per worker; None for an equal share of the memory of this computer
+    scheduler : address of a Dask scheduler to use instead of local processes
     """
 
     size: float | None
@@ -35,7 +35,7 @@ class Tiling:
 
     @classmethod
     def parse(cls, given: Mapping[str, Any]) -> Tiling | None:
-        """The options tile, workers, memory and scheduler; None unless tiles are asked for.
+        """Read the options tile, workers, memory and scheduler; None without the option tile.
 
         Raises
         ------
@@ -76,12 +76,12 @@ def _number(name: str, value: Any, problems: dict[str, str], *, auto: bool = Fal
 
 
 def _memory(value: Any, problems: dict[str, str]) -> int | None:
-    """Bytes, from a text such as 4GB."""
+    """Read a number of bytes from a text such as 4GB."""
     if value is None:
         return None
     match = re.fullmatch(r"\s*([\d.]+)\s*([a-z]*)\s*", str(value).lower())
     try:
-        found = float(match[1]) * UNITS[match[2]] if match else 0
+        found = float(match[1]) * BYTES[match[2]] if match else 0
     except (ValueError, KeyError):
         found = 0
     if not LEAST <= found <= MOST:

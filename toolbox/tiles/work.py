@@ -1,7 +1,7 @@
-"""What a worker does for a survey in tiles: sort points into buckets, and run the tool on a tile.
+"""The tasks of a worker: store a block of points, and run the local steps on one tile.
 
-All that a worker must know is in the job, which lies in the folder of its pass within the working
-folder; its tasks are named by that folder alone. A task whose result is there already is done.
+A worker reads all that it must know from the job file in the folder of the pass. A task whose
+result is stored already is not done again.
 """
 
 from __future__ import annotations
@@ -34,28 +34,28 @@ from toolbox.runs.provenance import Count, counted
 from toolbox.runs.source import open_source
 from toolbox.tiles import store as tile_store
 from toolbox.tiles.plan import ALONE, as_model
-from toolbox.tiles.store import Batch, Grid
+from toolbox.tiles.store import FileBlock, TileGrid
 
 Tile = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class Job:
-    """A pass of a tool or model over the survey that it is run on.
+class TileJob:
+    """All that a worker must know to run one pass of a tool or model on a tile.
 
     Attributes
     ----------
     id : of the tool or model
     settings : values of its parameters
-    layers : other sources, as they were given
-    assume_crs : of those that state none
-    surveys : point clouds, by the name of the source; the first one has the tiles
-    steps : those that are run on tiles
-    given : results of steps on the whole, by step.output
-    before : for results of tiles in earlier passes, by step.output, the folder of that pass
-    keep : results that are stored, by step.output
-    las : those of them that become LAS files
-    halo : how far beyond a tile its points must be known, in the unit of the coordinates
+    layers : the other sources, as the user gave them
+    assume_crs : CRS of the sources that state none
+    surveys : point clouds by source; the tiles are those of the first one
+    steps : the steps to run on each tile
+    given : results of steps on the whole survey, by step.output
+    before : for each result of an earlier pass, by step.output, the folder of that pass
+    keep : the results to store, by step.output
+    las : those of `keep` that become LAS files
+    halo : distance beyond a tile within which its steps need points, in coordinate units
     """
 
     id: str
@@ -69,24 +69,24 @@ class Job:
     keep: frozenset[str]
     las: frozenset[str]
     halo: float
-    grid: Grid
+    grid: TileGrid
 
     @property
     def first(self) -> str:
-        """The source whose tiles are run."""
+        """The source whose survey is cut into tiles."""
         return next(iter(self.surveys))
 
 
 @dataclass(frozen=True)
 class Result:
-    """What a tile gave beside the layers that it stored.
+    """The numbers and messages of one tile; its layers are stored on disk.
 
     Attributes
     ----------
     values : numbers, by step.output
-    counts : how large the layers of each step were, without what is only near the tile
+    counts : sizes of the layers of each step, within the tile
     said : warnings
-    memory : bytes that the worker had needed at most, so far
+    memory : peak memory of the worker so far, bytes
     """
 
     values: Mapping[str, Any]
@@ -96,41 +96,41 @@ class Result:
 
 
 @lru_cache(maxsize=2)
-def opened(home: Path) -> tuple[Job, Model, dict[str, Any]]:
-    """The job of a pass, its model, and its other layers."""
-    job: Job = tile_store.load_object(home / "job")
+def opened(folder: Path) -> tuple[TileJob, Model, dict[str, Any]]:
+    """Read the job of a pass, its model, and the layers that are not point clouds."""
+    job: TileJob = tile_store.load_object(folder / "job")
     model = as_model(catalog.load(job.id))
     layers = {n: open_source(model.inputs[n], v, job.assume_crs) for n, v in job.layers.items()}
     return job, model, layers
 
 
-def points_of(home: Path) -> Path:
-    """Where the points are that all passes share."""
-    return home.parent / "points"
+def points_of(folder: Path) -> Path:
+    """The folder of the stored points, which all passes share."""
+    return folder.parent / "points"
 
 
-def split(home: Path, batch: Batch) -> NDArray[np.int64]:
-    """Store a batch of points by bucket; see :func:`tile_store.split`."""
-    job, _, _ = opened(home)
-    return tile_store.split(job.surveys[batch.source], batch, job.grid, points_of(home))
+def split(folder: Path, block: FileBlock) -> NDArray[np.int64]:
+    """Store a block of points sorted by bucket; see :func:`toolbox.tiles.store.split`."""
+    job, _, _ = opened(folder)
+    return tile_store.split(job.surveys[block.source], block, job.grid, points_of(folder))
 
 
-def run_tile(home: Path, tile: Tile, batches: tuple[Batch, ...]) -> Result:
-    """Run the local steps on one tile and store what they give in its core."""
-    place = home / "tiles" / name_of(tile)
-    if place.exists():
-        found: Result = tile_store.load_object(place / "result")
+def run_tile(folder: Path, tile: Tile, blocks: tuple[FileBlock, ...]) -> Result:
+    """Run the local steps on one tile and its neighbourhood, and store the results in the tile."""
+    path = folder / "tiles" / name_of(tile)
+    if path.exists():
+        found: Result = tile_store.load_object(path / "result")
         return found
-    job, model, layers = opened(home)
+    job, model, layers = opened(folder)
     needs = {need for name in job.steps for need in model.steps[name].needs}
     clouds = {
-        name: _gathered(job, name, tile, batches, points_of(home))
+        name: _gathered(job, name, tile, blocks, points_of(folder))
         for name in job.surveys
         if f"{INPUTS}.{name}" in needs
     }
-    pieces = {name: _earlier(job, tile, folder, name) for name, folder in job.before.items()}
+    pieces = {name: _earlier(job, tile, made_in, name) for name, made_in in job.before.items()}
     first = clouds.get(job.first, next(iter(pieces.values()), None))
-    with _said() as said, tile_store.whole(place) as draft:
+    with _said() as said, tile_store.whole(path) as draft:
         values = dict.fromkeys(model.sources) | dict(job.settings) | layers | clouds
         counts: list[Count] = []
         given = {**job.given, **pieces}
@@ -148,12 +148,12 @@ def name_of(tile: Tile) -> str:
 
 
 def _gathered(
-    job: Job, source: str, tile: Tile, batches: tuple[Batch, ...], points: Path
+    job: TileJob, source: str, tile: Tile, blocks: tuple[FileBlock, ...], points: Path
 ) -> PointCloud:
-    """The points of a tile and its surroundings; what is only a neighbour has an origin < 0."""
-    parts = [batch for batch in batches if batch.source == source]
+    """The points of a tile and its neighbourhood; those outside the tile have an origin < 0."""
+    own = [block for block in blocks if block.source == source]
     bounds = job.grid.bounds(tile, job.halo)
-    cloud = tile_store.gather(job.surveys[source], parts, bounds, job.grid, points)
+    cloud = tile_store.gather(job.surveys[source], own, bounds, job.grid, points)
     core = job.grid.holds(tile, cloud.xyz[:, :2])
     origin = cloud.origin
     assert origin is not None
@@ -161,12 +161,12 @@ def _gathered(
     return cloud.with_origin(np.where(core, origin, -1 - origin))
 
 
-def _earlier(job: Job, tile: Tile, folder: Path, name: str) -> PointCloud | None:
-    """What an earlier pass has given in a tile and its surroundings; None if there is nothing."""
+def _earlier(job: TileJob, tile: Tile, folder: Path, name: str) -> PointCloud | None:
+    """The points that an earlier pass made in a tile and its neighbourhood; None without any."""
     reach = math.ceil(job.halo / job.grid.size)
     rows, cols = (range(k - reach, k + reach + 1) for k in tile)
-    places = [folder / "tiles" / name_of(near) / name for near in itertools.product(rows, cols)]
-    cloud = tile_store.joined([p for p in places if p.exists()], job.grid.bounds(tile, job.halo))
+    folders = [folder / "tiles" / name_of(near) / name for near in itertools.product(rows, cols)]
+    cloud = tile_store.joined([f for f in folders if f.exists()], job.grid.bounds(tile, job.halo))
     if cloud is None or cloud.origin is None:
         return cloud
     core = job.grid.holds(tile, cloud.xyz[:, :2])
@@ -176,10 +176,10 @@ def _earlier(job: Job, tile: Tile, folder: Path, name: str) -> PointCloud | None
 
 
 def _results(
-    job: Job, model: Model, values: Mapping[str, Any], given: Mapping[str, Any], tile: Tile,
+    job: TileJob, model: Model, values: Mapping[str, Any], given: Mapping[str, Any], tile: Tile,
     counts: list[Count],
 ) -> dict[str, Any]:  # fmt: skip
-    """What the local steps give, by step.output."""
+    """Run the local steps on a tile and give their results, by step.output."""
 
     def runner(name: str, tool: Any, ctx: Context) -> Any:
         step = tool.spec.id if name == ALONE else name
@@ -188,14 +188,14 @@ def _results(
         counts.extend(_counts(job, tile, step, tool.spec.outputs, result))
         return result
 
-    part = model.subset(job.steps)
-    run = ModelRun(part, values, keep=job.keep, given=given, runner=runner, gaps=True)
+    local = model.subset(job.steps)
+    run = ModelRun(local, values, keep=job.keep, given=given, runner=runner, gaps=True)
     result = run.run(Context(window=job.grid.bounds(tile, job.halo)))
     return {name: getattr(result, name) for name in sorted(job.keep)}
 
 
 def _result(tool: Any, ctx: Context) -> Any:
-    """What a tool gives; in a tile that has nothing for it, what it says instead."""
+    """Run a tool; in a tile without data for it, give the result that it names instead."""
     try:
         return tool.run(ctx)
     except NothingToDo as err:
@@ -205,9 +205,9 @@ def _result(tool: Any, ctx: Context) -> Any:
 
 
 def _counts(
-    job: Job, tile: Tile, step: str, fields: Mapping[str, Field], holder: Any
+    job: TileJob, tile: Tile, step: str, fields: Mapping[str, Field], holder: Any
 ) -> Iterator[Count]:
-    """How large the layers of a step are within the tile."""
+    """Count the points, features or cells of the layers of a step within the tile."""
     for name in fields:
         layer = getattr(holder, name)
         if isinstance(layer, PointCloud):
@@ -217,13 +217,13 @@ def _counts(
             yield from counted(step, {name: fields[name]}, cropped)
 
 
-def _core(job: Job, tile: Tile, cloud: PointCloud) -> NDArray[np.bool_]:
-    """The points that belong to the tile: for new ones their place decides."""
+def _core(job: TileJob, tile: Tile, cloud: PointCloud) -> NDArray[np.bool_]:
+    """Mask of the points in the tile; that of points which a step has made is by position."""
     return cloud.core if cloud.origin is not None else job.grid.holds(tile, cloud.xyz[:, :2])
 
 
-def _cropped(job: Job, tile: Tile, layer: Any) -> Any:
-    """The part of a layer that belongs to the tile; None if there is none."""
+def _cropped(job: TileJob, tile: Tile, layer: Any) -> Any:
+    """Cut a layer to the tile; None if nothing of it is there."""
     if isinstance(layer, PointCloud):
         return layer.select(_core(job, tile, layer))
     if isinstance(layer, Raster):
@@ -236,8 +236,8 @@ def _cropped(job: Job, tile: Tile, layer: Any) -> Any:
     return None
 
 
-def _cropped_raster(raster: Raster, grid: Grid, tile: Tile) -> Raster | None:
-    """The cells whose centres are in the tile."""
+def _cropped_raster(raster: Raster, grid: TileGrid, tile: Tile) -> Raster | None:
+    """Cut a raster to the cells whose centres are in the tile."""
     x, y = Lattice.of(raster).centres()
     middle = np.array(tile) * grid.size + grid.size / 2
     cols = np.flatnonzero(grid.holds(tile, np.column_stack([x, np.full(len(x), middle[0])])))
@@ -247,23 +247,23 @@ def _cropped_raster(raster: Raster, grid: Grid, tile: Tile) -> Raster | None:
     return raster.window(slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1))
 
 
-def _store(place: Path, layer: Any, *, las: bool) -> None:
-    """Store a piece of a layer: what there is many of as arrays, apart from the rest."""
+def _store(folder: Path, layer: Any, *, las: bool) -> None:
+    """Store the piece of a layer in a tile: points and cells as arrays, all else as a pickle."""
     if layer is None:
         return
-    place.mkdir()
+    folder.mkdir()
     if isinstance(layer, PointCloud):
-        tile_store.save_points(place, layer.read_back() if las else layer)
+        tile_store.save_points(folder, layer.read_back() if las else layer)
     elif isinstance(layer, Raster):
-        tile_store.save_arrays(place, {"values": layer.values})
-        tile_store.save_object(place / "layer", layer.window(slice(0, 1), slice(0, 1)))
+        tile_store.save_arrays(folder, {"values": layer.values})
+        tile_store.save_object(folder / "layer", layer.window(slice(0, 1), slice(0, 1)))
     else:
-        tile_store.save_object(place / "layer", layer)
+        tile_store.save_object(folder / "layer", layer)
 
 
 @contextmanager
 def _said() -> Iterator[list[str]]:
-    """Collect the warnings of the library; a worker has nobody to tell."""
+    """Collect the warnings of the library, which a worker cannot show to the user."""
     texts: list[str] = []
 
     class Collector(logging.Handler):
@@ -281,7 +281,7 @@ def _said() -> Iterator[list[str]]:
 
 
 def _peak() -> int:
-    """Bytes that this process has needed at most."""
+    """The peak memory of this process, bytes."""
     if sys.platform == "win32":
         return int(psutil.Process().memory_info().peak_wset)
     import resource

@@ -83,7 +83,7 @@ class Scene:
             ground = np.isin(cloud["classification"], self.ground_classes) & ~is_withheld(cloud)
             found = find_terrain(_frozen(self.xyz[ground]), metre=cloud.metre, ctx=ctx)
             return ground, height_above(self.xyz, found)
-        candidates = Candidates.of(cloud, "last", None)
+        candidates = Candidates.of(cloud)
         ground = np.zeros(len(cloud), bool)
         if not candidates.chosen.any():
             return ground, np.full(len(ground), np.nan)

@@ -33,11 +33,13 @@ from algorithms.classify import _evidence
 from algorithms.classify._bridges import bridges
 from algorithms.classify._plan import Plan
 from algorithms.classify._squared import squared
+from algorithms.shared import parameters
 from algorithms.shared.alpha_shape import alpha_shape
-from algorithms.shared.ground import taking_part
+from algorithms.shared.ground import among, taking_part
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks
 from algorithms.shared.neighbours import PointTree
+from algorithms.shared.parameters import STRUCTURES
 from algorithms.shared.polygons import Polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Vector
@@ -103,16 +105,8 @@ class ClassifyBuildings:
         gt=0,
         le=1,
     )
-    radius: float = param(
-        "Radius in which a plane is looked for; raise it for sparse points",
-        default=1.0,
-        unit="m",
-        gt=0,
-        le=10,
-    )
-    context: float = param(
-        "Points this near share what they look like", default=3.0, unit="m", ge=0, le=20
-    )
+    radius: float = parameters.plane_radius()
+    context: float = parameters.context()
     alpha: float = param(
         "Radius of the disc that rolls around a roof; gaps of twice that are closed",
         default=1.5,
@@ -121,7 +115,7 @@ class ClassifyBuildings:
         le=20,
     )
     outline: Literal["squared", "alpha"] = param("How outlines are drawn", default="squared")
-    ground_classes: ClassList = param("Classes that are ground", default=ClassList([2]))
+    ground_classes: ClassList = parameters.ground_classes()
     overhang: float = param(
         "Roof beyond the walls, taken off the outlines; 0 shows roofs",
         default=0.0,
@@ -129,9 +123,8 @@ class ClassifyBuildings:
         ge=0,
         le=2,
     )
-    ignore: ClassList | None = param(
-        "Classes that take no part and stay as they are", default=ClassList([7, 9, 18])
-    )
+    ignore: ClassList | None = parameters.ignore()
+    keep_classes: ClassList | None = parameters.keep_classes()
 
     @outputs
     class Outputs:
@@ -156,7 +149,7 @@ class ClassifyBuildings:
     def run(self, ctx: Context = QUIET) -> ClassifyBuildings.Outputs:
         """Find roof points, join them, and take what belongs to them."""
         cloud, metre = self.points, self.points.metre
-        part = taking_part(cloud, self.ignore)
+        part = taking_part(cloud, self.ignore, among(self.keep_classes, STRUCTURES))
         scene = self._scene(part, ctx.part(0.0, 0.6))
         roof = self._roof(scene)
         planes = on_planes(scene, roof, ctx.part(0.6, 0.65))
@@ -255,12 +248,13 @@ class ClassifyBuildings:
             rows, columns=[*COLUMNS, "geometry"], geometry="geometry", crs=cloud.crs
         )
         old = cloud["classification"]
-        classes = np.where(part & (old == BUILDING), OTHER, old)
-        classes = np.where(found, BUILDING, classes).astype(np.uint8)
+        free = part & ~np.isin(old, self.keep_classes or ())
+        classes = np.where(free & (old == BUILDING), OTHER, old)
+        classes = np.where(free & found, BUILDING, classes).astype(np.uint8)
         return self.Outputs(
             classified=cloud.with_attributes({"classification": classes}),
             outlines=Vector(frame, geometry_type="Polygon"),
-            building_share=Share.of_points(found, cloud.core),
+            building_share=Share.of_points(free & found, cloud.core),
         )
 
 

@@ -27,6 +27,7 @@ from algorithms.classify._feature_map import (
     split,
     trained,
 )
+from algorithms.shared import parameters
 from algorithms.shared.chance import random_keys
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
@@ -112,20 +113,8 @@ class ClassifySom:
         ge=1,
         le=20,
     )
-    radius: float = param(
-        "Radius in which a plane is looked for, for planarity and roughness",
-        default=1.0,
-        unit="m",
-        gt=0,
-        le=10,
-    )
-    context: float = param(
-        "Points this near share their planarity, roughness and returns",
-        default=3.0,
-        unit="m",
-        ge=0,
-        le=20,
-    )
+    radius: float = parameters.plane_radius()
+    context: float = parameters.context()
     sample: int = param(
         "Points that the map learns from; of more, as many chosen by chance",
         default=1_000_000,
@@ -133,10 +122,8 @@ class ClassifySom:
         ge=2,
         le=100_000_000,
     )
-    seed: int = param("Seed of all chance", default=0, unit="1", ge=0)
-    ignore: ClassList | None = param(
-        "Classes that take no part and stay as they are, such as noise 7,18", default=None
-    )
+    seed: int = parameters.seed()
+    ignore: ClassList | None = parameters.ignore()
 
     @outputs
     class Outputs:

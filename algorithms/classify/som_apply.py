@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from algorithms.classify import _evidence
 from algorithms.classify._feature_map import NOBODY, FeatureMap
 from algorithms.classify.som import features_of, missing_feature, nobody_has_all, with_classes
+from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
-from toolbox.declare import ClassList, outputs, param, sink, source, tool
+from toolbox.declare import ClassList, outputs, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
 
 LARGEST_RADIUS, LARGEST_CONTEXT = 10.0, 20.0  # metres, as in classify.som
@@ -32,9 +33,7 @@ class ClassifySomApply:
 
     points: PointCloud = source("Points to classify")
     map: Table = source("Trained map, as classify.som gives it")
-    ignore: ClassList | None = param(
-        "Classes that take no part and stay as they are, such as noise 7,18", default=None
-    )
+    ignore: ClassList | None = parameters.ignore()
 
     @outputs
     class Outputs:

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from algorithms.classify import _evidence
 from algorithms.classify._heights import by_height
 from algorithms.classify.buildings import FOOT, solid
-from algorithms.shared.ground import taking_part
+from algorithms.shared import parameters
+from algorithms.shared.ground import among, taking_part
+from algorithms.shared.parameters import STRUCTURES, SURFACES
 from algorithms.shared.polygons import Polygons, polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
@@ -65,19 +67,10 @@ class ClassifyUrban:
         gt=0,
         le=1,
     )
-    radius: float = param(
-        "Radius in which a plane is looked for; raise it for sparse points",
-        default=1.0,
-        unit="m",
-        gt=0,
-        le=10,
-    )
-    context: float = param(
-        "Points this near share what they look like", default=3.0, unit="m", ge=0, le=20
-    )
-    ignore: ClassList | None = param(
-        "Classes that take no part and stay as they are", default=ClassList([7, 18])
-    )
+    radius: float = parameters.plane_radius()
+    context: float = parameters.context()
+    ignore: ClassList | None = parameters.ignore()
+    keep_classes: ClassList | None = parameters.keep_classes()
 
     @outputs
     class Outputs:
@@ -109,13 +102,14 @@ class ClassifyUrban:
     def run(self, ctx: Context = QUIET) -> ClassifyUrban.Outputs:
         """Judge what is neither ground nor building."""
         cloud = self.points
-        part = taking_part(cloud, self.ignore)
+        part = taking_part(cloud, self.ignore, among(self.keep_classes, STRUCTURES))
         chosen = cloud if part.all() else cloud.select(part)
         classes = np.array(cloud["classification"], np.uint8)
         confidence = np.zeros(len(cloud), np.float32)
-        if not (chosen["classification"] == GROUND).any():
+        bare = ClassList([int(GROUND), *among(self.keep_classes, SURFACES)])
+        if not np.isin(chosen["classification"], bare).any():
             raise NothingToDo(
-                f"points: none is of class {GROUND}; classify ground first",
+                f"points: none is of class {bare}; classify ground first",
                 instead=self._packed(classes, confidence),
             )
         if not _evidence.has_several_returns(chosen):
@@ -126,10 +120,10 @@ class ClassifyUrban:
             self.context,
             ctx.part(0.0, 0.9),
             flat=self.flat / cloud.metre,
-            ground_classes=(int(GROUND),),
+            ground_classes=bare,
         )
         classes[part] = self._judged(scene)
-        confidence[part] = np.where(np.isin(classes[part], (GROUND, WATER)), 1.0, clear(scene))
+        confidence[part] = np.where(np.isin(classes[part], (*bare, WATER)), 1.0, clear(scene))
         ctx.progress(1.0)
         return self._packed(classes, confidence)
 
@@ -142,11 +136,12 @@ class ClassifyUrban:
         wet = np.zeros(len(cloud), bool)
         if self.water is not None:
             wet[low] = Polygons.of(polygons(sure(self.water), "water")).hold(cloud.xyz[low])
-        left = ~ground & ~built & ~wet
+        free = ~np.isin(classes, self.keep_classes or ())
+        left = free & ~ground & ~built & ~wet
         plant = ~(solid(scene) & (scene.around["planarity"] >= self.planarity))
         kinds = by_height(height * cloud.metre, self.low, self.high)
         classes[left] = np.where(plant & np.isfinite(height), kinds, REST)[left]
-        classes[wet] = WATER
+        classes[wet & free] = WATER
         return classes
 
     def _packed(

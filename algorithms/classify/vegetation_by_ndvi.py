@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from algorithms.classify._heights import PLANTS, by_height
 from algorithms.classify.ndvi import chosen_threshold, named, ndvi
 from algorithms.points.height_above_ground import NAME as HEIGHT
+from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Raster
@@ -63,9 +64,8 @@ class ClassifyVegetationByNdvi:
     )
     low: float = param("Vegetation below this height is low", default=0.5, unit="m", ge=0)
     high: float = param("Vegetation from this height on is high", default=1.5, unit="m", ge=0)
-    ignore: ClassList | None = param(
-        "Classes that take no part and stay as they are", default=ClassList([7, 9, 18])
-    )
+    ignore: ClassList | None = parameters.ignore()
+    keep_classes: ClassList | None = parameters.keep_classes()
 
     @outputs
     class Outputs:
@@ -104,7 +104,7 @@ class ClassifyVegetationByNdvi:
         cloud = self.points
         values = self._ndvi()
         ctx.progress(0.4)
-        part = taking_part(cloud, self.ignore)
+        part = taking_part(cloud, self.ignore, self.keep_classes)
         known = part & np.isfinite(values)
         self._warn(values, known)
         limit = chosen_threshold(values[known], self.threshold, "points: all NDVI")

@@ -24,6 +24,7 @@ from algorithms.classify._canny import TRUNCATE, canny
 from algorithms.classify._heights import PLANTS, by_height
 from algorithms.classify._pulses import How, pulses
 from algorithms.points.height_above_ground import NAME as HEIGHT
+from algorithms.shared import parameters
 from algorithms.shared.ground import GROUND, taking_part
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud
@@ -99,9 +100,8 @@ class ClassifyVegetationByReturns:
     )
     low: float = param("Vegetation below this height is low", default=0.5, unit="m", ge=0)
     high: float = param("Vegetation from this height on is high", default=1.5, unit="m", ge=0)
-    ignore: ClassList | None = param(
-        "Classes that take no part and stay as they are", default=ClassList([7, 9, 18])
-    )
+    ignore: ClassList | None = parameters.ignore()
+    keep_classes: ClassList | None = parameters.keep_classes()
 
     @outputs
     class Outputs:
@@ -137,7 +137,7 @@ class ClassifyVegetationByReturns:
     def run(self, ctx: Context = QUIET) -> ClassifyVegetationByReturns.Outputs:
         """Find the candidates, leave out edges, and spread."""
         cloud = self.points
-        part = taking_part(cloud, self.ignore)
+        part = taking_part(cloud, self.ignore, self.keep_classes)
         chosen = cloud if part.all() else cloud.select(part)
         candidate, above = self._candidates(chosen)
         ctx.progress(0.3)

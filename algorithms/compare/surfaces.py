@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.compare._spread import Quarters, spread
+from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from algorithms.shared.heights import heights_problem
 from algorithms.shared.lowest import require_finite
@@ -100,9 +101,7 @@ class CompareSurfaces:
     resample: bool = param(
         "Take a reference on other cells bilinearly at the cell centres", default=False
     )
-    classes: ClassList | None = param(
-        "Classes of the points that are used; all by default", default=None
-    )
+    classes: ClassList | None = parameters.classes()
     cover_attribute: str | None = param(
         "Attribute of polygons, checkpoints or points that is the land cover", default=None
     )

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 from algorithms.corridor._extraction.candidates import CELL, STANDS_FOR, candidates, given_heights
 from algorithms.corridor._extraction.labels import NUMBER
 from algorithms.ground.classify import HEIGHT
+from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud
-from toolbox.declare import ClassList, outputs, param, sink, source, tool
+from toolbox.declare import ClassList, outputs, sink, source, tool
 
 
 @tool("corridor.candidates")
@@ -24,7 +25,7 @@ class CorridorCandidates:
     """
 
     points: PointCloud = source("Points with HeightAboveGround, as ground.classify gives it")
-    ignore: ClassList | None = param("Classes that take no part, such as noise", default=None)
+    ignore: ClassList | None = parameters.ignore()
 
     @outputs
     class Outputs:

@@ -14,7 +14,7 @@ IEEE Std 738-2012: temperature of a conductor that carries a current.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -44,6 +44,7 @@ from algorithms.corridor._clearance.surroundings import Line, Scene, line_of, sc
 from algorithms.corridor._curves.catenary_kernels import TIGHTEST
 from algorithms.corridor._extraction.layers import COVARIANCES, WIRE_COLUMNS
 from algorithms.ground.classify import HEIGHT
+from algorithms.shared import parameters
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Report, Survey, Table, Vector
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
@@ -98,10 +99,8 @@ class CorridorClearance:
     )  # fmt: skip
     tree_classes: ClassList = param("Classes that are vegetation", default=ClassList([3, 4, 5]))
     building_classes: ClassList = param("Classes that are buildings", default=ClassList([6]))
-    ground_classes: ClassList = param("Classes that are ground", default=ClassList([2]))
-    ignore: ClassList | None = param(
-        "Classes that take no part, such as noise", default=ClassList([7, 18])
-    )
+    ground_classes: ClassList = parameters.ground_classes()
+    ignore: ClassList | None = parameters.ignore()
     wire_radius: float = param(
         "Points without a class that are nearer to a wire are of it", default=0.5, unit="m",
         ge=0.0, le=5.0,
@@ -350,11 +349,12 @@ class CorridorClearance:
         return max(reach_of(rules), FARTHEST_TREE if self.falling else LEAST_REACH)
 
     @property
-    def _classes(self) -> dict[str, ClassList]:
+    def _classes(self) -> dict[str, Sequence[int]]:
+        """Classes by kind; water, rail and road are kinds of their own, with their own rules."""
         return {
             "tree": self.tree_classes,
             "building": self.building_classes,
-            "ground": self.ground_classes,
+            "ground": [c for c in self.ground_classes if c not in parameters.SURFACES],
         }
 
 

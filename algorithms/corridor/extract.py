@@ -42,6 +42,7 @@ from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import Tower, centred, strings_of, tower_of
 from algorithms.corridor._extraction.voxels import Settings, Variance, voxel_lines
 from algorithms.ground.classify import HEIGHT, find_terrain, height_above
+from algorithms.shared import parameters
 from algorithms.shared.ground import may_be_ground, taking_part
 from algorithms.shared.lowest import lattice_around
 from toolbox.context import QUIET, Context, log
@@ -112,10 +113,8 @@ class CorridorExtract:
     thesis_gap: float = param(
         "Method thesis: farthest voxel that may go on a line", default=20.0, unit="m", gt=0
     )
-    seed: int = param("Method thesis: seed of the random samples", default=0, unit="1", ge=0)
-    ignore: ClassList | None = param(
-        "Classes that take no part and stay as they are, such as noise 7,18", default=None
-    )
+    seed: int = parameters.seed()
+    ignore: ClassList | None = parameters.ignore()
 
     @outputs
     class Outputs:

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from algorithms.corridor._extraction.labels import NUMBER, NUMBERS, labelled
+from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud
-from toolbox.declare import ClassList, outputs, param, sink, source, tool
+from toolbox.declare import ClassList, outputs, sink, source, tool
 from toolbox.errors import DataError
 
 
@@ -24,9 +25,7 @@ class CorridorLabel:
 
     points: PointCloud = source("All points")
     line: PointCloud = source("Those with a wire_id or tower_id, with their point_number")
-    ignore: ClassList | None = param(
-        "Classes that take no part and stay as they are, such as noise", default=None
-    )
+    ignore: ClassList | None = parameters.ignore()
 
     @outputs
     class Outputs:

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared import parameters
 from algorithms.shared.covariance import FEATURES, Name, covariance_features
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
@@ -67,7 +68,7 @@ class FeaturesLocal:
     suffix: str = param(
         "Added to the name of each new attribute, to tell several radii apart", default=""
     )
-    ignore: ClassList | None = param("Classes that take no part, such as noise 7,18", default=None)
+    ignore: ClassList | None = parameters.ignore()
 
     @outputs
     class Outputs:

@@ -33,6 +33,7 @@ from scipy.ndimage import (
 )
 
 from algorithms.ground import _classify_kernels as kernels
+from algorithms.shared import parameters
 from algorithms.shared.ground import NOWHERE, Candidates, Mask, Returns
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import (
@@ -84,19 +85,17 @@ class GroundClassify:
     dense data, cities, forests, slopes and quarries alike. The attribute `confidence` says from 0
     to 1 how far a point is from the other verdict, so that the doubtful ones can be looked at.
 
+    Points of water, rail and road (9 to 11) count like all others and keep their class; wires,
+    towers, bridges and other structures (13 to 17, 19) keep theirs and take no part. Without
+    `keep_classes` they become 2 or 1, too.
+
     Takes 50 bytes per square metre of the bounding box and 30 bytes per point.
     """
 
     points: PointCloud = source("Points to classify")
-    returns: Returns = param(
-        "Returns that can be ground; points without return numbers always can", default="last"
-    )
-    ignore: ClassList | None = param(
-        "Classes that take no part and stay as they are, such as noise 7,18", default=None
-    )
-    keep_classes: bool = param(
-        "Let points that are not ground keep their class, unless it was 2", default=False
-    )
+    returns: Returns = parameters.ground_returns()
+    ignore: ClassList | None = parameters.ignore()
+    keep_classes: ClassList | None = parameters.keep_classes()
     heights: bool = param(
         "Also give the attribute HeightAboveGround, measured from the terrain", default=False
     )
@@ -104,8 +103,9 @@ class GroundClassify:
     @outputs
     class Outputs:
         classified: PointCloud = sink("The same points, class 2 on ground, 1 elsewhere, confidence")
+        ground: PointCloud = sink("Those of them that are ground, also if they keep their class")
         surface: Raster = sink("Elevation of the terrain, smoothed, empty beyond 50 m from ground")
-        ground_share: float = sink("Share of points that became ground", unit="1")
+        ground_share: float = sink("Share of points that are ground", unit="1")
 
     def halo(self) -> float:
         """Beyond this the terrain has no say that changes labels; measured, see the page."""
@@ -114,15 +114,16 @@ class GroundClassify:
     def run(self, ctx: Context = QUIET) -> GroundClassify.Outputs:
         """Find the terrain, and compare the points with it."""
         cloud = self.points
-        candidates = Candidates.of(cloud, self.returns, self.ignore)
+        candidates = Candidates.of(cloud, self.returns, self.ignore, self.keep_classes)
         if not candidates.chosen.any():
             none = self._classified(candidates, NOWHERE, np.zeros(0), None)
             raise candidates.nothing_to_do(none, surface=None)
         terrain = find_terrain(candidates.xyz, metre=cloud.metre, ctx=ctx.part(0, 0.95))
         ground, clear = verdict(candidates.xyz, terrain)
+        classified = self._classified(candidates, ground, clear, terrain)
         ctx.progress(1.0)
         return self.Outputs(
-            classified=self._classified(candidates, ground, clear, terrain),
+            classified=classified,
             surface=Raster.from_lattice(
                 terrain.heights * np.float32(cloud.metre),
                 terrain.lattice,
@@ -130,6 +131,7 @@ class GroundClassify:
                 descriptions=("terrain",),
                 units=(vertical_unit(cloud.crs),),
             ),
+            ground=candidates.ground(classified, ground),
             ground_share=candidates.share(ground),
         )
 
@@ -150,7 +152,7 @@ class GroundClassify:
             told[HEIGHT] = (
                 f"above ground, {vertical_unit(cloud.crs)}" if cloud.crs else "above ground"
             )
-        labelled = candidates.classified(ground, keep_classes=self.keep_classes)
+        labelled = candidates.classified(ground)
         return labelled.with_attributes(made, descriptions=told)
 
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve, grey_closing, maximum_filter
 
 from algorithms.ground import _csf_kernels as kernels
+from algorithms.shared import parameters
 from algorithms.shared.ground import NOWHERE, Candidates, Returns
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import (
@@ -70,6 +71,10 @@ class GroundCsf:
     slopes. `smooth_slopes` lets the cloth down everywhere; it then climbs low roofs too, so leave
     it off among large buildings. A smaller `time_step` spans halls wider than some 30 m. The cloth
     covers gaps and can serve as a first terrain model.
+
+    Points of water, rail and road (9 to 11) count like all others and keep their class; wires,
+    towers, bridges and other structures (13 to 17, 19) keep theirs and take no part. Without
+    `keep_classes` they become 2 or 1, too.
     """
 
     points: PointCloud = source("Points to classify")
@@ -92,22 +97,17 @@ class GroundCsf:
         le=2,
     )
     iterations: int = param("Most steps until the cloth rests", default=500, unit="1", ge=1)
-    returns: Returns = param(
-        "Returns that can be ground; points without return numbers always can", default="last"
-    )
-    ignore: ClassList | None = param(
-        "Classes that take no part and stay as they are, such as noise 7,18", default=None
-    )
-    keep_classes: bool = param(
-        "Let points that are not ground keep their class, unless it was 2", default=False
-    )
+    returns: Returns = parameters.ground_returns()
+    ignore: ClassList | None = parameters.ignore()
+    keep_classes: ClassList | None = parameters.keep_classes()
 
     @outputs
     class Outputs:
         classified: PointCloud = sink("The same points, class 2 on ground and 1 elsewhere")
+        ground: PointCloud = sink("Those of them that are ground, also if they keep their class")
         cloth: Raster = sink("Elevation of the cloth at rest; its rigidness as second band")
         mean_rigidness: float = sink("Rigidness of the cloth, chosen or given, mean", unit="1")
-        ground_share: float = sink("Share of points that became ground", unit="1")
+        ground_share: float = sink("Share of points that are ground", unit="1")
 
     def halo(self) -> float:
         """What lies farther away moves the cloth by millimetres; auto looks at blocks around."""
@@ -116,9 +116,9 @@ class GroundCsf:
     def run(self, ctx: Context = QUIET) -> GroundCsf.Outputs:
         """Simulate, and compare points and cloth."""
         cloud = self.points
-        candidates = Candidates.of(cloud, self.returns, self.ignore)
+        candidates = Candidates.of(cloud, self.returns, self.ignore, self.keep_classes)
         if not candidates.chosen.any():
-            none = candidates.classified(NOWHERE, keep_classes=self.keep_classes)
+            none = candidates.classified(NOWHERE)
             raise candidates.nothing_to_do(none, cloth=None, mean_rigidness=math.nan)
         xyz = candidates.xyz
         cloth = cloth_simulation(
@@ -139,8 +139,9 @@ class GroundCsf:
             log.info("rigidness: %.2f on average, below 3 on %.0f %%", mean, 100 * softer)
         ground = ground_mask(xyz, cloth, class_threshold=self.class_threshold)
         ctx.progress(1.0)
+        classified = candidates.classified(ground)
         return self.Outputs(
-            classified=candidates.classified(ground, keep_classes=self.keep_classes),
+            classified=classified,
             cloth=Raster.from_lattice(
                 np.stack([cloth.heights.astype(np.float32), cloth.rigidness]),
                 cloth.lattice,
@@ -149,6 +150,7 @@ class GroundCsf:
                 units=(vertical_unit(cloud.crs), "1"),
             ),
             mean_rigidness=mean,
+            ground=candidates.ground(classified, ground),
             ground_share=candidates.share(ground),
         )
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from algorithms.ground import _ptd_kernels as kernels
+from algorithms.shared import parameters
 from algorithms.shared.delaunay import LiveMesh
 from algorithms.shared.ground import NOWHERE, Candidates, Returns
 from algorithms.shared.kernels.threads import side_by_side
@@ -67,6 +68,10 @@ class GroundPtd:
     Ground becomes class 2, all else class 1. The defaults fit towns and forests alike. Set
     `max_building_size` a little above the widest building. Lower `iteration_angle` on flat ground
     with low plants, raise it in rough terrain.
+
+    Points of water, rail and road (9 to 11) count like all others and keep their class; wires,
+    towers, bridges and other structures (13 to 17, 19) keep theirs and take no part. Without
+    `keep_classes` they become 2 or 1, too.
     """
 
     points: PointCloud = source("Points to classify")
@@ -107,21 +112,16 @@ class GroundPtd:
         gt=0,
     )
     cell: float = param("Cell size of the surface", default=1.0, unit="m", gt=0)
-    returns: Returns = param(
-        "Returns that can be ground; points without return numbers always can", default="last"
-    )
-    ignore: ClassList | None = param(
-        "Classes that take no part and stay as they are, such as noise 7,18", default=None
-    )
-    keep_classes: bool = param(
-        "Let points that are not ground keep their class, unless it was 2", default=False
-    )
+    returns: Returns = parameters.ground_returns()
+    ignore: ClassList | None = parameters.ignore()
+    keep_classes: ClassList | None = parameters.keep_classes()
 
     @outputs
     class Outputs:
         classified: PointCloud = sink("The same points, class 2 on ground and 1 elsewhere")
+        ground: PointCloud = sink("Those of them that are ground, also if they keep their class")
         surface: Raster = sink("Elevation of the triangulated surface at the cell centres")
-        ground_share: float = sink("Share of points that became ground", unit="1")
+        ground_share: float = sink("Share of points that are ground", unit="1")
 
     def halo(self) -> float:
         """Seeds and the test for raised patches look about two building sizes far.
@@ -133,9 +133,9 @@ class GroundPtd:
     def run(self, ctx: Context = QUIET) -> GroundPtd.Outputs:
         """Grow the surface, and compare points with it."""
         cloud = self.points
-        candidates = Candidates.of(cloud, self.returns, self.ignore)
+        candidates = Candidates.of(cloud, self.returns, self.ignore, self.keep_classes)
         if not candidates.chosen.any():
-            none = candidates.classified(NOWHERE, keep_classes=self.keep_classes)
+            none = candidates.classified(NOWHERE)
             raise candidates.nothing_to_do(none, surface=None)
         xyz = candidates.xyz
         require_finite(xyz)
@@ -163,8 +163,9 @@ class GroundPtd:
             ctx=ctx.part(0.9, 0.95),
         )
         heights = heights_on(surface, lattice, ctx=ctx.part(0.95, 1))
+        classified = candidates.classified(ground)
         return self.Outputs(
-            classified=candidates.classified(ground, keep_classes=self.keep_classes),
+            classified=classified,
             surface=Raster.from_lattice(
                 heights,
                 lattice,
@@ -172,6 +173,7 @@ class GroundPtd:
                 descriptions=("surface",),
                 units=(vertical_unit(cloud.crs),),
             ),
+            ground=candidates.ground(classified, ground),
             ground_share=candidates.share(ground),
         )
 

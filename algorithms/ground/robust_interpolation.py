@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.ground import _robust_interpolation_kernels as kernels
+from algorithms.shared import parameters
 from algorithms.shared.ground import NOWHERE, Candidates, Returns
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import (
@@ -60,6 +61,10 @@ class GroundRobustInterpolation:
     the coarse ones remove buildings, the fine ones vegetation. Raise `building_size` for wider
     buildings and `relief` where hilltops, dams or terraces get lost; lower `relief` on flat land
     with low buildings. The surface also bridges gaps and can serve as a first terrain model.
+
+    Points of water, rail and road (9 to 11) count like all others and keep their class; wires,
+    towers, bridges and other structures (13 to 17, 19) keep theirs and take no part. Without
+    `keep_classes` they become 2 or 1, too.
     """
 
     points: PointCloud = source("Points to classify")
@@ -89,21 +94,16 @@ class GroundRobustInterpolation:
     below: float = param(
         "Greatest depth of a ground point below the surface", default=1.0, unit="m", gt=0
     )
-    returns: Returns = param(
-        "Returns that can be ground; points without return numbers always can", default="last"
-    )
-    ignore: ClassList | None = param(
-        "Classes that take no part and stay as they are, such as noise 7,18", default=None
-    )
-    keep_classes: bool = param(
-        "Let points that are not ground keep their class, unless it was 2", default=False
-    )
+    returns: Returns = parameters.ground_returns()
+    ignore: ClassList | None = parameters.ignore()
+    keep_classes: ClassList | None = parameters.keep_classes()
 
     @outputs
     class Outputs:
         classified: PointCloud = sink("The same points, class 2 on ground and 1 elsewhere")
+        ground: PointCloud = sink("Those of them that are ground, also if they keep their class")
         surface: Raster = sink("Elevation of the surface through the ground")
-        ground_share: float = sink("Share of points that became ground", unit="1")
+        ground_share: float = sink("Share of points that are ground", unit="1")
 
     def halo(self) -> float:
         """All levels and the search for outliers together."""
@@ -112,9 +112,9 @@ class GroundRobustInterpolation:
     def run(self, ctx: Context = QUIET) -> GroundRobustInterpolation.Outputs:
         """Interpolate, and compare points and surface."""
         cloud = self.points
-        candidates = Candidates.of(cloud, self.returns, self.ignore)
+        candidates = Candidates.of(cloud, self.returns, self.ignore, self.keep_classes)
         if not candidates.chosen.any():
-            none = candidates.classified(NOWHERE, keep_classes=self.keep_classes)
+            none = candidates.classified(NOWHERE)
             raise candidates.nothing_to_do(none, surface=None)
         xyz = candidates.xyz
         surface = robust_interpolation(
@@ -132,8 +132,9 @@ class GroundRobustInterpolation:
         ground = ground_mask(
             xyz, surface, above=self.above, below=self.below, ctx=ctx.part(0.95, 1)
         )
+        classified = candidates.classified(ground)
         return self.Outputs(
-            classified=candidates.classified(ground, keep_classes=self.keep_classes),
+            classified=classified,
             surface=Raster.from_lattice(
                 surface.heights.astype(np.float32),
                 surface.lattice,
@@ -141,6 +142,7 @@ class GroundRobustInterpolation:
                 descriptions=("surface",),
                 units=(vertical_unit(cloud.crs),),
             ),
+            ground=candidates.ground(classified, ground),
             ground_share=candidates.share(ground),
         )
 

@@ -15,6 +15,7 @@ from algorithms.planes._outlines import drawn
 from algorithms.planes._regular import regular
 from algorithms.planes._search import Rules
 from algorithms.planes._segment import segment
+from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
@@ -101,7 +102,7 @@ class PlanesExtract:
         "Probability that the best plane is among those drawn", default=0.99, unit="1", gt=0, lt=1
     )
     max_trials: int = param("Draws at most", default=1_000_000, unit="1", ge=1)
-    seed: int = param("Seed of the random draws", default=0, unit="1", ge=0)
+    seed: int = parameters.seed()
 
     @outputs
     class Outputs:

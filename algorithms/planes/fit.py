@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
 from algorithms.shared.lowest import require_finite
 from algorithms.shared.plane_fit import Cone, Fit, Plane, fit, is_line, sample, search
@@ -66,7 +67,7 @@ class PlanesFit:
         lt=1,
     )
     max_trials: int = param("Give up after this many trials", default=10_000, unit="1", ge=1)
-    seed: int = param("Seed of the random draws", default=0, unit="1", ge=0)
+    seed: int = parameters.seed()
 
     @outputs
     class Outputs:

@@ -18,6 +18,7 @@ from algorithms.planes._cells import ROUNDING
 from algorithms.planes._search import Rules
 from algorithms.planes._segment import NOISES, cells_of, segment_cells
 from algorithms.planes.extract import Orientation, steepness
+from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
@@ -67,7 +68,7 @@ class PlanesSweep:
         gt=0,
         lt=45,
     )
-    seed: int = param("Seed of the random draws", default=0, unit="1", ge=0)
+    seed: int = parameters.seed()
 
     @outputs
     class Outputs:

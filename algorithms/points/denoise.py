@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.points import _denoise_kernels as kernels
+from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks, require_finite
@@ -89,9 +90,7 @@ class PointsDenoise:
         unit="m",
         gt=0,
     )
-    ignore: ClassList | None = param(
-        "Classes that take no part and stay as they are, such as wires 13,14", default=None
-    )
+    ignore: ClassList | None = parameters.ignore()
 
     @outputs
     class Outputs:

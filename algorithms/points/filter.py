@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared import parameters
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList, Expression, Range, Share, outputs, param, sink, source, tool
@@ -30,7 +31,7 @@ class PointsFilter:
     """
 
     points: PointCloud = source("Points to choose from")
-    classes: ClassList | None = param("Classes to keep", default=None)
+    classes: ClassList | None = parameters.classes()
     returns: Returns = param("Returns to keep", default="all")
     where: Expression | None = param("Condition to meet", default=None, of="points")
     elevation_above_lowest: Range | None = param(

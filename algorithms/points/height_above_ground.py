@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from algorithms.shared import parameters
 from algorithms.shared.delaunay import triangulate
 from algorithms.shared.ground import is_withheld
 from algorithms.shared.lowest import require_finite
@@ -49,7 +50,7 @@ class PointsHeightAboveGround:
 
     points: PointCloud = source("Points with classified ground")
     method: Method = param("How to find the ground below a point", default="tin")
-    ground_classes: ClassList = param("Classes that are ground", default=ClassList([2]))
+    ground_classes: ClassList = parameters.ground_classes()
     count: int = param(
         "Ground points used for each point, for nearest", default=1, unit="1", ge=1, le=1000
     )

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.points import _thin_kernels as kernels
+from algorithms.shared import parameters
 from algorithms.shared.chance import random_keys
 from algorithms.shared.lowest import blocks, require_finite
 from toolbox.context import QUIET, Context
@@ -58,7 +59,7 @@ class PointsThin:
         default=None,
         of="points",
     )
-    seed: int = param("Seed of the random choice", default=0, unit="1", ge=0)
+    seed: int = parameters.seed()
 
     @outputs
     class Outputs:

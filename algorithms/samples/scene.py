@@ -13,6 +13,7 @@ from algorithms.samples._facade import facade
 from algorithms.samples._reservoir import reservoir
 from algorithms.samples._survey import SceneData
 from algorithms.samples._town import town
+from algorithms.shared import parameters
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.data.crs import length_problem, metres_per_unit
@@ -58,7 +59,7 @@ class SamplesScene:
         ge=0,
         le=0.1,
     )
-    seed: int = param("Seed of the random numbers", default=0, unit="1", ge=0)
+    seed: int = parameters.seed()
     crs: CRS = param("Projected CRS in metres to place the survey in", default=CRS(32635))
 
     @outputs

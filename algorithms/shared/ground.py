@@ -5,12 +5,14 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared.parameters import STRUCTURES, SURFACES
 from toolbox.data import PointCloud
 from toolbox.declare import Share
 from toolbox.errors import NothingToDo
@@ -22,17 +24,26 @@ Returns = Literal["last", "all"]
 Mask = NDArray[np.bool_]
 
 
-def taking_part(cloud: PointCloud, ignore: Sequence[int] | None) -> Mask:
-    """True for the points that a filter looks at: neither of an ignored class nor withheld.
+def taking_part(cloud: PointCloud, *without: Sequence[int] | None) -> Mask:
+    """True for the points that a tool looks at: neither of these classes nor withheld.
+
+    Parameters
+    ----------
+    without : lists of classes, or None for no class
 
     Returns
     -------
     array of shape (n,)
     """
     part = ~is_withheld(cloud)
-    if ignore and "classification" in cloud:
-        part &= ~np.isin(cloud["classification"], ignore)
+    if "classification" in cloud:
+        part &= ~np.isin(cloud["classification"], [*chain(*(some or () for some in without))])
     return part
+
+
+def among(keep: Sequence[int] | None, classes: Sequence[int]) -> tuple[int, ...]:
+    """Those of some classes that are kept."""
+    return tuple(set(keep or ()).intersection(classes))
 
 
 def is_withheld(cloud: PointCloud) -> Mask:
@@ -68,17 +79,25 @@ class Candidates:
     cloud : n points
     part : array of shape (n,), see :func:`taking_part`; all other points keep their class
     chosen : array of shape (n,), the m points to decide on; the rest of `part` is not ground
+    keep : classes of points that keep them unless they are ground, and of `SURFACES` even then
     """
 
     cloud: PointCloud
     part: Mask
     chosen: Mask
+    keep: Sequence[int] = ()
 
     @classmethod
-    def of(cls, cloud: PointCloud, returns: Returns, ignore: Sequence[int] | None) -> Candidates:
-        """The points that take part and may be ground."""
-        part = taking_part(cloud, ignore)
-        return cls(cloud, part, part & may_be_ground(cloud, returns))
+    def of(
+        cls,
+        cloud: PointCloud,
+        returns: Returns = "last",
+        ignore: Sequence[int] | None = None,
+        keep: Sequence[int] | None = None,
+    ) -> Candidates:
+        """The points that take part and may be ground; structures that are kept may not."""
+        part = taking_part(cloud, ignore, among(keep, STRUCTURES))
+        return cls(cloud, part, part & may_be_ground(cloud, returns), keep or ())
 
     @functools.cached_property
     def xyz(self) -> NDArray[np.float64]:
@@ -90,28 +109,34 @@ class Candidates:
         xyz.flags.writeable = False
         return xyz
 
-    def classified(self, found: Mask, *, keep_classes: bool) -> PointCloud:
-        """The cloud with class 2 on ground and 1 elsewhere.
+    def classified(self, found: Mask) -> PointCloud:
+        """The cloud with class 2 on ground and 1 elsewhere, but for the classes that are kept.
 
         Parameters
         ----------
         found : array of shape (m,), ground among the chosen points
-        keep_classes : let points that are not ground keep their class, unless it was 2
         """
-        cloud, ground = self.cloud, np.zeros(len(self.cloud), bool)
-        ground[self.chosen] = found
+        cloud, ground = self.cloud, self._of_all(found)
         old = cloud["classification"] if "classification" in cloud else np.zeros(len(cloud), "u1")
+        still = np.isin(old, among(self.keep, SURFACES))  # a class of its own on the ground, too
+        kept = np.where(ground, still, np.isin(old, self.keep) & (old != GROUND))
         classes = np.where(ground, GROUND, OTHER)
-        if keep_classes:
-            classes = np.where(ground | (old == GROUND), classes, old)
-        classes = np.where(self.part, classes, old).astype(np.uint8, copy=False)
+        classes = np.where(kept | ~self.part, old, classes).astype(np.uint8, copy=False)
         return cloud.with_attributes({"classification": classes})
 
+    def ground(self, classified: PointCloud, found: Mask) -> PointCloud:
+        """The points that are ground, whatever their class, given which of the chosen ones are."""
+        return classified.select(self._of_all(found))
+
     def share(self, found: Mask) -> Share:
-        """Share of all points that are ground, given it for the chosen ones."""
+        """Share of all points that are ground, given which of the chosen ones are."""
+        return Share.of_points(self._of_all(found), self.cloud.core)
+
+    def _of_all(self, found: Mask) -> Mask:
+        """True for ground, array of shape (n,)."""
         ground = np.zeros(len(self.cloud), bool)
         ground[self.chosen] = found
-        return Share.of_points(ground, self.cloud.core)
+        return ground
 
     def nothing_to_do(self, classified: PointCloud, **others: Any) -> NothingToDo:
         """The error where no point is chosen; a tile of a survey has no ground there.
@@ -124,7 +149,7 @@ class Candidates:
         withheld = is_withheld(self.cloud)
         excluded = {
             "withheld": withheld,
-            "of classes to ignore": ~withheld & ~self.part,
+            "of classes that take no part (ignore, keep_classes)": ~withheld & ~self.part,
             "no last returns (--returns all takes them, too)": self.part,
         }
         counts = {why: np.count_nonzero(which) for why, which in excluded.items()}
@@ -132,6 +157,9 @@ class Candidates:
         return NothingToDo(
             f"points: none can be ground: {reasons or 'there are none'}",
             instead=SimpleNamespace(
-                classified=classified, ground_share=self.share(NOWHERE), **others
+                classified=classified,
+                ground=self.ground(classified, NOWHERE),
+                ground_share=self.share(NOWHERE),
+                **others,
             ),
         )

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared import parameters
 from algorithms.shared.alpha_shape import AlphaShape, alpha_shape
 from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
@@ -60,7 +61,7 @@ class ShorelineAlphaShape:
     )
     hole_threshold: float = param("Fill holes smaller than this", default=0.0, unit="m2", ge=0)
     region_threshold: float = param("Drop regions smaller than this", default=0.0, unit="m2", ge=0)
-    classes: ClassList | None = param("Classes to use; all by default", default=None)
+    classes: ClassList | None = parameters.classes()
     group: Attribute | None = param(
         "Attribute whose values each have a shape of their own", default=None, of="points"
     )

@@ -17,6 +17,7 @@ from typing import Any, Literal
 
 import geopandas
 
+from algorithms.shared import parameters
 from algorithms.shoreline._bodies import Grid
 from algorithms.shoreline._outline import Outline, draw
 from algorithms.shoreline._returns import Returns
@@ -68,7 +69,7 @@ class ShorelineExtract:
     )
     sloped: bool = param("Allow rivers, whose surface is not level", default=False)
     water_classes: ClassList | None = param("Classes that are water, if known", default=None)
-    ignore: ClassList | None = param("Classes to leave out", default=ClassList([7, 18]))
+    ignore: ClassList | None = parameters.ignore()
 
     @outputs
     class Outputs:

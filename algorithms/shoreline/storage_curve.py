@@ -15,6 +15,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from algorithms.shared import parameters
 from algorithms.shared.heights import heights_problem
 from algorithms.shared.lowest import require_finite
 from algorithms.shared.polygons import polygons
@@ -69,7 +70,7 @@ class ShorelineStorageCurve:
     )
     fill: Literal["connected", "all"] = param("What counts as water", default="connected")
     seed_point: Position | None = param("A place in the basin", default=None)
-    classes: ClassList | None = param("Classes of points to use; all by default", default=None)
+    classes: ClassList | None = parameters.classes()
     max_gap: float | None = param(
         "Leave gaps farther than this from any point; none by default",
         default=None,

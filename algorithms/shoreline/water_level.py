@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from algorithms.shared import parameters
 from algorithms.shared.polygons import polygons
 from algorithms.shoreline._bodies import LEVEL, STEP, Body, Grid, grid
 from algorithms.shoreline._level import lowest_mode
@@ -39,7 +40,7 @@ class ShorelineWaterLevel:
     water: Vector | None = source("Polygons of water, instead of finding it", default=None)
     min_area: float = param("Smallest body to find", default=100.0, unit="m2", gt=0)
     water_classes: ClassList | None = param("Classes that are water, if known", default=None)
-    ignore: ClassList | None = param("Classes to leave out", default=ClassList([7, 18]))
+    ignore: ClassList | None = parameters.ignore()
 
     @outputs
     class Outputs:

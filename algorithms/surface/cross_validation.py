@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from algorithms.compare.surfaces import measures
 from algorithms.points.filter import Returns, choice_problems, chosen
+from algorithms.shared import parameters
 from algorithms.surface._samples import samples, why_none
 from algorithms.surface.grid import STATISTICS, grid
 from toolbox.context import QUIET, Context, log
@@ -67,7 +68,7 @@ class SurfaceCrossValidation:
     )
     cell: float = param("Cell size", default=1.0, unit="m", gt=0)
     attribute: Attribute = param("Attribute to grid", default=Attribute("z"), of="points")
-    classes: ClassList | None = param("Classes to use; all by default", default=None)
+    classes: ClassList | None = parameters.classes()
     returns: Returns = param("Returns to use", default="all")
     where: Expression | None = param("Condition that points must meet", default=None, of="points")
     block: float | None = param(
@@ -80,7 +81,7 @@ class SurfaceCrossValidation:
     rounds: int | None = param(
         "Parts to leave out, where all of them would take too long", default=None, unit="1", ge=1
     )
-    seed: int = param("Seed of the random numbers", default=0, unit="1", ge=0)
+    seed: int = parameters.seed()
     max_gap: float | None = param(
         "Leave cells empty that lie farther than this from any point", default=None, unit="m", gt=0
     )

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.points.filter import Returns, choice_problems, chosen
+from algorithms.shared import parameters
 from algorithms.shared.places import averaged
 from algorithms.shared.polygons import polygons
 from algorithms.surface import _near as near
@@ -99,7 +100,7 @@ class SurfaceGrid:
         "Rectangle whose cells to fill; that of the points by default", default=None
     )
     attribute: Attribute = param("Attribute to grid", default=Attribute("z"), of="points")
-    classes: ClassList | None = param("Classes to use; all by default", default=None)
+    classes: ClassList | None = parameters.classes()
     returns: Returns = param("Returns to use", default="all")
     where: Expression | None = param("Condition that points must meet", default=None, of="points")
     max_gap: float | None = param(

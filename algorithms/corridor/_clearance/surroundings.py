@@ -17,7 +17,7 @@ from algorithms.corridor._clearance.distances import (
     Near,
     own_points,
 )
-from algorithms.corridor._clearance.rules import KINDS
+from algorithms.corridor._clearance.rules import KINDS, OBJECTS
 from algorithms.corridor._clearance.sag import State
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._extraction.candidates import given_heights
@@ -146,7 +146,7 @@ def scene_of(
     index = near_wires(cloud, line, reach)
     kind, left_out = kinds_of(cloud, classes, ignore)
     kind = kind[index]
-    height = _heights(cloud, index, kind == KINDS.index("ground"), ctx.part(0.0, 0.5))
+    height = _heights(cloud, index, kind >= len(OBJECTS), ctx.part(0.0, 0.5))
     xyz = cloud.xyz[index]
     xyz -= line.origin
     xyz /= cloud.metre

@@ -23,7 +23,7 @@ def scene() -> dict[str, PointCloud]:
     on_wire = np.flatnonzero(points.xyz[:, 2] > 107)[::20]
     classes[on_wire] = 7
     points = points.with_attributes({"classification": classes})
-    settings = {"points": points, "ignore": "7", "heights": True, "keep_classes": True}
+    settings = {"points": points, "ignore": "7", "heights": True, "keep_classes": "0-255"}
     whole = toolbox.run("ground.classify", settings)["classified"]
     few = toolbox.run("corridor.candidates", {"points": whole, "ignore": "7"})["candidates"]
     return {"whole": whole, "few": few, "noise": points.select(on_wire)}

@@ -277,8 +277,10 @@ def test_ignored_classes_take_no_part_and_others_may_be_kept() -> None:
     xyz, roof = town()
     low = inside(xyz, 24, 28, 4, 8)
     xyz[low, 2] -= 3  # too many to be outliers
-    before = np.where(low, 7, np.where(roof, 6, 9))
-    out = GroundPtd(points=cloud(xyz, before), ignore=ClassList([7]), keep_classes=True).run()
+    before = np.where(low, 7, np.where(roof, 6, 5))
+    out = GroundPtd(
+        points=cloud(xyz, before), ignore=ClassList([7]), keep_classes=ClassList(range(256))
+    ).run()
     found = out.classified["classification"]
     np.testing.assert_array_equal(found, np.where(low, 7, np.where(roof, 6, 2)))
 

@@ -39,6 +39,21 @@ def test_a_tree_below_the_wires_is_found() -> None:
     assert len(found["classified"]) == len(cloud)
 
 
+def test_roads_that_the_file_knows_have_rules_of_their_own() -> None:
+    """6.0 m are too little above a road, by ČSN EN 50423-1 for 22 kV, and enough above a field."""
+    _, points, poles = scenes.line([0.0, 60.0, 120.0], [-1.0, 1.0], 8.2, 300.0)
+    ground = scenes.ground(120.0, 40.0, 6.0)
+    cloud = scenes.cloud(ground, *points, poles)
+    road = np.arange(len(cloud)) < len(ground)
+    road &= abs(cloud.xyz[:, 0] - scenes.CORNER[0] - 30) < 4
+    values = {"rules": "en_50341", "voltage": 22, "falling": False}
+    for kind, breached in ((11, {"cz-mv-road"}), (1, set())):
+        classes = {"classification": np.where(road, kind, 1).astype(np.uint8)}
+        found = toolbox.run(MODEL, {"points": cloud.with_attributes(classes), **values})
+        assert set(found["objects"].frame["rule"]) == breached
+        assert (found["classified"]["classification"][road] == (11 if breached else 2)).all()
+
+
 def test_without_a_line_there_is_nothing_too_close(caplog: pytest.LogCaptureFixture) -> None:
     cloud = scenes.cloud(scenes.ground(60.0, 60.0, 3.0), scenes.tree(30, 0, 8, 2, 300))
     found = toolbox.run(MODEL, {"points": cloud})

@@ -1,0 +1,73 @@
+"""Parameters that several tools declare: each has one help, one default and one unit.
+
+A tool that declares one of them writes ``ignore: ClassList | None = parameters.ignore()``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from toolbox.declare import ClassList, param
+
+SURFACES = ClassList([9, 10, 11])
+"""Classes of what lies on the ground: water, rail and road surface."""
+
+STRUCTURES = ClassList([*range(13, 18), 19])
+"""Classes of what stands on the ground or spans it: wires, towers, bridges, other structures."""
+
+
+def ignore() -> Any:
+    """Declare the classes of noise, which no tool looks at: ``ClassList | None``."""
+    return param(
+        "Classes that take no part and stay as they are; none if all take part",
+        default=ClassList([7, 18]),
+    )
+
+
+def keep_classes() -> Any:
+    """Declare the classes that a classifier leaves as they are: ``ClassList | None``."""
+    return param(
+        "Classes that points keep unless they are ground; water, rail, road (9-11) even then",
+        default=ClassList([*SURFACES, *STRUCTURES]),
+    )
+
+
+def ground_classes() -> Any:
+    """Declare the classes that tell the height of the terrain: ``ClassList``."""
+    return param(
+        "Classes that are ground, with water, rail and road on it",
+        default=ClassList([2, *SURFACES]),
+    )
+
+
+def classes() -> Any:
+    """Declare the classes of the points that a tool reads: ``ClassList | None``."""
+    return param("Classes to use; all by default", default=None)
+
+
+def ground_returns() -> Any:
+    """Declare the returns among which a filter looks for ground: ``Returns``."""
+    return param(
+        "Returns that can be ground; points without return numbers always can", default="last"
+    )
+
+
+def plane_radius() -> Any:
+    """Declare the radius in which a classifier looks for planes: ``float``."""
+    return param(
+        "Radius in which a plane is looked for; raise it for sparse points",
+        default=1.0,
+        unit="m",
+        gt=0,
+        le=10,
+    )
+
+
+def context() -> Any:
+    """Declare how far features are averaged: ``float``."""
+    return param("Points this near share what they look like", default=3.0, unit="m", ge=0, le=20)
+
+
+def seed() -> Any:
+    """Declare the seed of all that a tool draws: ``int``."""
+    return param("Seed of the random numbers", default=0, unit="1", ge=0)

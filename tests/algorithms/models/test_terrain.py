@@ -1,0 +1,45 @@
+"""models.terrain: what the file calls road or water is terrain, bridges and viaducts are not."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS
+
+import toolbox
+from toolbox.data import PointCloud, Raster
+
+ROAD, BRIDGE = 11, 17
+
+
+def hillside() -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """A slope of 10 % with a road along its contours, and which points are road."""
+    x, y = (axis.ravel() + 0.01 for axis in np.mgrid[0:90:0.5, 0:90:0.5])
+    road = abs(x - 45) < 6
+    return np.column_stack([x, y, 0.1 * x + 0.03 * np.sin(7 * x + 3 * y)]), road
+
+
+def dtm(xyz: NDArray[np.float64], classes: NDArray[np.int64]) -> Raster:
+    attributes = {"classification": classes.astype(np.uint8), "intensity": classes.astype("u2")}
+    cloud = PointCloud(xyz + np.array([5e5, 4.6e6, 0.0]), attributes, crs=CRS(32635))
+    found = toolbox.run("models.terrain", {"points": cloud, "denoise": False})
+    kept = np.isin(classes, (ROAD, BRIDGE))
+    np.testing.assert_array_equal(found["classified"]["classification"][kept], classes[kept])
+    made: Raster = found["dtm"]
+    return made
+
+
+def test_a_road_leaves_neither_hole_nor_step() -> None:
+    xyz, road = hillside()
+    with_road, without = (dtm(xyz, np.where(road, kind, 1)).band() for kind in (ROAD, 1))
+    assert np.isfinite(with_road).all()
+    np.testing.assert_array_equal(with_road, without)
+    assert abs(np.diff(with_road, axis=1) - 0.1).max() < 0.1
+
+
+def test_a_bridge_is_no_terrain_whatever_its_class() -> None:
+    xyz, road = hillside()
+    deck = road & (abs(xyz[:, 1] - 45) < 30)
+    xyz[deck, 2] += 7
+    for kind in (ROAD, BRIDGE):
+        assert abs(dtm(xyz, np.where(road, kind, 1)).band() - 4.5).max() < 5

@@ -157,10 +157,11 @@ class CompareLines:
         self, own: Route, other: Route, least: float, ctx: Context
     ) -> tuple[float, bool] | None:
         """Fréchet distance, and whether one line runs the other way; None where not defined."""
-        counts = len(own.closed), len(other.closed)
-        if counts != (1, 1) or own.closed[0] != other.closed[0]:
-            why = "%d lines against %d" if counts != (1, 1) else "a closed line against an open one"
-            log.info(f"no Fréchet distance: {why}", *(counts if counts != (1, 1) else ()))
+        if (counts := (len(own.closed), len(other.closed))) != (1, 1):
+            log.info("no Fréchet distance: %d lines against %d", *counts)
+            return None
+        if own.closed[0] != other.closed[0]:
+            log.info("no Fréchet distance: a closed line against an open one")
             return None
         one, two = own.vertices(0), other.vertices(0)
         return frechet(one, two, least, WITHIN * self.lines.metre, self.step, ctx)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import geopandas
 import numpy as np
+import pandas
 import pytest
 import shapely
 from affine import Affine
@@ -27,14 +29,24 @@ from toolbox import catalog, reference
 from toolbox.context import Context
 from toolbox.data import Lattice, PointCloud, Raster, Report, Table, Vector
 from toolbox.data.crs import vertical_unit
+from toolbox.declare import outputs, sink, source, tool
 from toolbox.declare.fields import Field, Spec
+from toolbox.declare.kinds import KINDS
+from toolbox.declare.spec import REGISTRY
 from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.models.model import Model
+
+
+def cloud_name(spec: Spec) -> str | None:
+    """The source that the laws about points speak of: the first cloud."""
+    clouds = (name for name, f in spec.sources.items() if f.kind.word == "PointCloud")
+    return next(clouds, None)
+
 
 TOOLS = [catalog.load(id) for id in catalog.own_ids()]
 NUMBERS = [(s, f) for s in TOOLS for f in s.inputs.values() if f.kind.word in ("number", "integer")]
 LIMITED = [(s, f) for s, f in NUMBERS if f.limits]
-POINT_TOOLS = [s for s in TOOLS if "points" in s.sources]
+POINT_TOOLS = [s for s in TOOLS if cloud_name(s)]
 FAST = {"samples.scene": {"size": 50.0, "density": 2.0}}  # settings that make a tool quick
 REFERENCE: dict[str, dict[str, Any]] = {  # settings that a tool needs
     "compare.classes": {"reference_attribute": "truth"},
@@ -42,24 +54,6 @@ REFERENCE: dict[str, dict[str, Any]] = {  # settings that a tool needs
     "planes.openings": {"attribute": "classification", "plane": 2},
 }
 WEST, TILE = 500_002.0, 300.0  # metres, three tiles in the strip; no cell begins where they do
-SMALL = Raster(np.eye(4), Affine(1, 0, 0, 0, -1, 4), crs=CRS(32635))
-SQUARES = Vector(
-    geopandas.GeoDataFrame(geometry=[shapely.box(0, 0, 9, 9), shapely.box(5, 5, 12, 12)], crs=32635)
-)
-TWO_BANDS = Raster(
-    np.stack([np.eye(4), 2 + np.eye(4)]),
-    SMALL.transform,
-    crs=SMALL.crs,
-    descriptions=("NIR", "red"),
-)
-LAYERS = {  # sources of tools that read no points
-    "classify.ndvi": {"image": TWO_BANDS},
-    "compare.areas": {"areas": SQUARES, "reference": SQUARES},
-    "compare.lines": {"lines": SQUARES, "reference": SQUARES},
-    "surface.difference": {"surface": SMALL, "base": SMALL},
-    "surface.hillshade": {"surface": SMALL},
-    "surface.contours": {"surface": SMALL},
-}
 IN_STRIP: dict[str, dict[str, Any]] = {  # settings that suit the strip
     "features.local": {"neighbours": None, "radius": 3.0},
     "classify.vegetation_by_returns": {"difference": 0.1, "spread": 9.0, "building_classes": None},
@@ -186,16 +180,62 @@ def job(
     spec: Spec, points: PointCloud | None = None, reference: PointCloud | None = None, **more: Any
 ) -> Any:
     """The tool with its defaults on the given points."""
-    if spec.id == "corridor.candidates" and points is not None:
-        points = with_heights(points)
-    source: dict[str, Any] = {"points": points} if "points" in spec.sources else {}
-    source |= {"reference": reference} if reference else {}
-    source |= layers(spec, points) | ({"map": trained_map()} if "map" in spec.sources else {})
+    source = layers(spec, points) | ({"reference": reference} if reference else {})
     settings, problems = spec.parse(
         FAST.get(spec.id, {}) | REFERENCE.get(spec.id, {}) | more, present=source
     )
     assert not problems
     return spec.make(**settings, **source)
+
+
+def layers(spec: Spec, points: PointCloud | None = None) -> dict[str, Any]:
+    """Every layer that the tool requires, made from its declaration, in the unit of the points.
+
+    The first cloud among them is the points themselves. Layers in SPECIAL are given even if they
+    are not required.
+    """
+    points = PointCloud(np.zeros((0, 3)), crs=CRS(32635)) if points is None else points
+    first, special = cloud_name(spec), SPECIAL.get(spec.id, {})
+    made: dict[str, Any] = {}
+    for name, field in spec.sources.items():
+        if name in special:
+            layer = special[name](points)
+        elif name == first:
+            layer = points
+        elif field.required:
+            layer = MADE[field.kind.word](points)
+        else:
+            continue
+        made[name] = (layer,) if field.many else layer
+    return made
+
+
+def mirrored(points: PointCloud) -> PointCloud:
+    """Another cloud of the same eastings: its points in a tile come from points in that tile."""
+    return points.with_xyz(points.xyz * (1, -1, 1) + np.array([0, 9_200_040 * points.metre, 0]))
+
+
+def slope(points: PointCloud) -> Raster:
+    """Below all points."""
+    lattice = Lattice.cover(edges(points), 10 * points.metre)
+    height = 0.1 * (lattice.centres()[0] - 500_000.3 * points.metre)
+    return Raster.from_lattice(np.tile(height, (lattice.rows, 1)), lattice, crs=points.crs)
+
+
+def shapes(points: PointCloud) -> Vector:
+    """Two polygons among the points that overlap."""
+    triangle = np.array([[500_010, 4_600_001], [500_700, 4_600_020], [500_020, 4_600_030]])
+    square = np.array(shapely.box(500_100, 4_600_010, 500_120, 4_600_030).exterior.coords)
+    polygons = [shapely.Polygon(corners * points.metre) for corners in (triangle, square)]
+    return Vector(geopandas.GeoDataFrame(geometry=polygons, crs=points.crs), name="shapes.gpkg")
+
+
+MADE: dict[str, Callable[[PointCloud], Any]] = {  # a layer of each kind
+    "PointCloud": mirrored,
+    "Raster": slope,
+    "Vector": shapes,
+    "Table": lambda points: Table(pandas.DataFrame({"name": ["a", "b"], "value": [1.0, 2.0]})),
+}
 
 
 def with_heights(points: PointCloud) -> PointCloud:
@@ -206,51 +246,42 @@ def with_heights(points: PointCloud) -> PointCloud:
     return points.with_attributes(heights, descriptions=dict.fromkeys(heights, unit))
 
 
-def layers(spec: Spec, points: PointCloud | None) -> dict[str, Any]:
-    """Other sources: a slope below all points, or a polygon among them, in their unit."""
-    if "wires" in spec.sources:
-        return wires_above(points or PointCloud(np.zeros((0, 3)), {}, crs=CRS(32635)), spec)
-    if spec.id == "corridor.label" and points is not None:
-        on_line = np.flatnonzero(points["intensity"] > 400)
-        ids = {
-            name: np.ones(len(on_line), np.uint32) for name in ("wire_id", "span_id", "tower_id")
-        }
-        sure = np.full(len(on_line), 0.5, np.float32)
-        labels = {**ids, "confidence": sure, NUMBER: on_line}
-        return {"line": points.select(on_line).with_attributes(labels)}
-    if spec.id == "points.clip" and points is not None:
-        triangle = np.array([[500_010, 4_600_001], [500_700, 4_600_020], [500_020, 4_600_030]])
-        shape = shapely.Polygon(triangle * points.metre)
-        frame = geopandas.GeoDataFrame(geometry=[shape], crs=points.crs)
-        return {"polygons": Vector(frame, name="triangle.gpkg")}
-    if spec.id == "classify.vegetation_by_ndvi" and points is not None:
-        lattice = Lattice.cover(strip_edges(points), 7 * points.metre)
-        greenness = np.sin(np.arange(lattice.cols)) * np.ones((lattice.rows, 1))
-        return {"image": Raster.from_lattice(greenness, lattice, crs=points.crs)}
-    if "surface" not in spec.sources or points is None or "points" not in spec.sources:
-        return LAYERS.get(spec.id, {})
-    lattice = Lattice.cover(strip_edges(points), 10 * points.metre)
-    height = 0.1 * (lattice.centres()[0] - 500_000.3 * points.metre)
-    slope = np.tile(height, (lattice.rows, 1))
-    return {"surface": Raster.from_lattice(slope, lattice, crs=points.crs)}
+def extracted_line(points: PointCloud) -> PointCloud:
+    """Some of the points with the numbers of a wire."""
+    on_line = np.flatnonzero(points["intensity"] > 400)
+    ids = {name: np.ones(len(on_line), np.uint32) for name in ("wire_id", "span_id", "tower_id")}
+    sure = np.full(len(on_line), 0.5, np.float32)
+    return points.select(on_line).with_attributes({**ids, "confidence": sure, NUMBER: on_line})
 
 
-def strip_edges(points: PointCloud) -> NDArray[np.float64]:
+def greenness(points: PointCloud) -> Raster:
+    """An NDVI that changes eastwards."""
+    lattice = Lattice.cover(edges(points), 7 * points.metre)
+    ndvi = np.sin(np.arange(lattice.cols)) * np.ones((lattice.rows, 1))
+    return Raster.from_lattice(ndvi, lattice, crs=points.crs)
+
+
+def two_bands(points: PointCloud) -> Raster:
+    """An image in near infrared and red."""
+    values = np.stack([np.eye(4), 2 + np.eye(4)])
+    corner = Affine(1, 0, 0, 0, -1, 4)
+    return Raster(values, corner, crs=points.crs, descriptions=("NIR", "red"))
+
+
+def edges(points: PointCloud) -> NDArray[np.float64]:
     """Bounds around the block and the strip, in the unit of the points."""
     return np.array([499_900, 4_599_900, 501_000, 4_600_100]) * points.metre
 
 
-def wires_above(points: PointCloud, spec: Spec) -> dict[str, Any]:
-    """One wire along the block, above its ground and through its roofs; also as the reference."""
-    metre = points.metre
+def wire(points: PointCloud) -> Vector:
+    """One wire along the block, above its ground and through its roofs."""
     curve = Catenary(500_000.3, 4_600_020.4, 1.0, 0.0, 480.0, 20.0, 64.0, 1 / 3000.0)
-    wire = Wire(curve, (-1, -1), (0.0, curve.length), 1, 1, 1)
-    layer = wire_layer([wire], np.zeros(3), metre, points.crs)
-    return {name: layer for name in ("wires", "reference") if name in spec.sources}
+    found = Wire(curve, (-1, -1), (0.0, curve.length), 1, 1, 1)
+    return wire_layer([found], np.zeros(3), points.metre, points.crs)
 
 
 @functools.cache
-def trained_map() -> Table:
+def trained() -> Table:
     """A self-organising map of level ground, trees and a roof, with all features."""
     rng = np.random.default_rng(3)
     n = 6000
@@ -261,6 +292,18 @@ def trained_map() -> Table:
     features = ("height_above_ground", "ground", "planarity", "roughness", "returns", "intensity")
     made: Table = catalog.load("classify.som").make(points=cloud, features=features).run().map
     return made
+
+
+SPECIAL: dict[str, dict[str, Callable[[PointCloud], Any]]] = {  # layers that need certain content
+    "classify.ndvi": {"image": two_bands},  # finds the bands by their names
+    "classify.som_apply": {"map": lambda points: trained()},  # reads the columns of classify.som
+    "classify.vegetation_by_ndvi": {"image": greenness},  # unless the points have a colour
+    "compare.spans": {"wires": wire, "reference": wire},  # reads the columns of corridor.extract
+    "corridor.candidates": {"points": with_heights},  # asks for heights above ground
+    "corridor.clearance": {"wires": wire},  # reads the columns of corridor.extract
+    "corridor.label": {"line": extracted_line},  # its points are among those of the cloud
+    "points.clip": {"polygons": shapes},  # asks for these or an extent
+}
 
 
 def values(layer: Any) -> Any:
@@ -289,10 +332,8 @@ def beyond(field: Field) -> Iterator[float]:
 def test_limits_are_enforced_by_name(spec: Spec, field: Field, block: PointCloud) -> None:
     kind = int if field.kind.word == "integer" else float
     for value in beyond(field):
-        source: dict[str, Any] = {"points": block} if "points" in spec.sources else {}
-        source |= layers(spec, block)
         with pytest.raises(ParameterError, match=rf"{field.name}: must be"):
-            spec.build(source | {field.name: kind(value)})
+            spec.build(layers(spec, block) | {field.name: kind(value)})
 
 
 @pytest.mark.parametrize(("spec", "field"), NUMBERS, ids=name_of)
@@ -525,6 +566,52 @@ def test_description_is_an_ogc_process(spec: Spec) -> None:
             Draft202012Validator(field["schema"]).validate(field["schema"]["default"])
         for value in beyond(spec.inputs[name]):
             assert not Draft202012Validator(field["schema"]).is_valid(value)
+
+
+def any_layers(first: Any, second: Any) -> Spec:
+    """A tool that requires layers of two types and a list of the second, and gives the two back."""
+
+    def run(job: Any, ctx: Context) -> Any:
+        ctx.progress(1.0)
+        return job.Outputs(one_again=job.one, other_again=job.other)
+
+    given = {"one": first, "other": second, "more": tuple[second, ...]}
+    again = {"one_again": first, "other_again": second}
+    sinks = {"__annotations__": again} | {name: sink("A layer") for name in again}
+    body = {
+        "__doc__": "Give layers back.\n\nAs they are.",
+        "__annotations__": given,
+        "Outputs": outputs(type("Outputs", (), sinks)),
+        "run": run,
+        "halo": lambda job: 0.0,
+    }
+    number = len(REGISTRY)  # no id twice
+    cls = type(f"TestingAny{number}", (), body | {name: source("A layer") for name in given})
+    return cast(Spec, cast(Any, tool(f"testing.any{number}")(cls)).spec)
+
+
+@pytest.mark.parametrize(("first", "second"), list(itertools.product(MADE, repeat=2)))
+def test_a_tool_with_any_layers_is_covered(
+    first: str, second: str, block: PointCloud, strip: PointCloud
+) -> None:
+    """The moment it is declared: each law finds layers for it, and passes."""
+    types = {kind.word: hint for hint, kind in KINDS.items()}  # a cloud alone comes last there
+    spec = any_layers(types[first], types[second])
+    for law in (
+        test_defaults_are_accepted,
+        test_same_input_same_answer_and_input_untouched,
+        test_progress_rises_and_cancel_stops,
+    ):
+        law(spec, block)
+    test_names_and_help_follow_the_house_style(spec)
+    test_reach_and_rules_need_no_layers(spec)
+    if cloud_name(spec):
+        test_order_of_points_does_not_matter(spec, block)
+        test_feet_give_the_answer_of_metres(spec, block)
+        test_attributes_survive(spec, block)
+        test_tiles_with_halo_equal_the_whole(spec, {}, strip)
+        for count in range(4):
+            test_hardly_any_points(spec, count, block)
 
 
 def test_published_files_are_current() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from itertools import pairwise
 from typing import Any
@@ -11,6 +12,8 @@ import numpy as np
 import pytest
 import shapely
 from pyproj import CRS
+from scenes import layers
+from scenes.layers import UTM, WEST
 from scipy import stats
 
 from algorithms.compare import surfaces as module
@@ -20,15 +23,10 @@ from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.declare import ClassList
 from toolbox.errors import DataError, ParameterError
 
-UTM, FEET = CRS(32635), CRS(2263)
-WEST, NORTH = 500_000.0, 100.0
+FEET = CRS(2263)
+NORTH = 100.0
+raster = functools.partial(layers.raster, north=NORTH)
 ERRORS = np.array([-0.3, -0.1, 0.0, 0.1, 0.8])
-
-
-def raster(values: Any, west: float = WEST, north: float = NORTH, **more: Any) -> Raster:
-    array = np.asarray(values)
-    lattice = Lattice(west, north, more.pop("cell", 1.0), *array.shape)
-    return Raster(array, lattice.transform, **({"crs": UTM} | more))
 
 
 def slope(rows: int = 12, cols: int = 12, cell: float = 1.0, **more: Any) -> Raster:

@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pyproj import CRS
+from scenes import towns
+from scenes.layers import UTM, cloud
+from scenes.towns import EAST, NORTH, Box, inside, isprs
 from scipy.ndimage import map_coordinates
 
 from algorithms.ground import _classify_kernels as kernels
@@ -25,45 +28,27 @@ from toolbox.errors import Cancelled, DataError
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Box = tuple[float, float, float, float]
 THREADS = numba.get_num_threads()
 FOOT = 0.3048
-EAST, NORTH = 700_000, 5_200_000
 
 # sample: total error in % that we reach with nothing set
 ISPRS = {12: 2.40, 21: 1.20, 23: 4.72, 31: 1.17, 42: 3.14, 51: 1.59, 54: 2.63, 61: 1.41}
 
 
+HOUSES: dict[Box, float] = {(15, 27, 15, 25): 4.0, (60, 80, 20, 50): 8.0, (30, 36, 80, 86): 3.0}
+
+
 def plane(side: float = 120.0, spacing: float = 1.0, tilt: float = 0.05) -> Floats:
-    """Jittered points on a plane, far from the origin; it rises to the east by `tilt`."""
-    rng = np.random.default_rng(1)
-    x, y = np.meshgrid(np.arange(0.0, side, spacing), np.arange(0.0, side, spacing))
-    x = (x + rng.uniform(0, 0.7 * spacing, x.shape)).ravel()
-    y = (y + rng.uniform(0, 0.7 * spacing, y.shape)).ravel()
-    return np.column_stack([x + EAST, y + NORTH, 300 + tilt * x + 0.03 * y])
-
-
-def inside(xyz: Floats, box: Box) -> Mask:
-    """True within x from, x to, y from, y to."""
-    x, y = xyz[:, 0] - EAST, xyz[:, 1] - NORTH
-    west, east, south, north = box
-    return (x > west) & (x < east) & (y > south) & (y < north)
-
-
-HOUSES: tuple[Box, ...] = ((15, 27, 15, 25), (60, 80, 20, 50), (30, 36, 80, 86))
+    return towns.plane(side, spacing, jitter=0.7 * spacing, tilt=tilt)
 
 
 def town() -> Floats:
     """The plane with three flat-roofed houses of 4 to 8 m and no ground under them."""
-    xyz = plane()
-    for house, height in zip(HOUSES, (4.0, 8.0, 3.0), strict=True):
-        xyz[inside(xyz, house), 2] += height
-    return xyz
+    return towns.town(plane(), HOUSES)[0]
 
 
 def on_roof(xyz: Floats) -> Mask:
-    roof: Mask = np.any([inside(xyz, house) for house in HOUSES], axis=0)
-    return roof
+    return towns.town(xyz, HOUSES)[1]
 
 
 def forest() -> tuple[Floats, Mask]:
@@ -77,16 +62,6 @@ def forest() -> tuple[Floats, Mask]:
 
 def labels(xyz: Floats) -> Mask:
     return verdict(xyz, find_terrain(xyz))[0]
-
-
-def cloud(xyz: Floats, classes: Any = None) -> PointCloud:
-    columns = {} if classes is None else {"classification": np.asarray(classes, np.uint8)}
-    return PointCloud(xyz, columns, crs=CRS(32632))
-
-
-def isprs(path: Path) -> tuple[Floats, Mask]:
-    table = np.loadtxt(path)
-    return table[:, :3], table[:, 3] == 0
 
 
 def kappa(said: Mask, true: Mask) -> float:
@@ -757,7 +732,7 @@ def test_the_tool_gives_classes_share_and_surface() -> None:
     assert out.classified["classification"].dtype == np.uint8
     assert out.ground_share == ground.mean()
     np.testing.assert_array_equal(out.surface.band(), find_terrain(xyz).heights)
-    assert (out.surface.crs, out.surface.units) == (CRS(32632), ("metre",))
+    assert (out.surface.crs, out.surface.units) == (UTM, ("metre",))
     assert out.surface.cell == 1.0
 
 
@@ -826,7 +801,7 @@ def test_only_last_returns_can_be_ground() -> None:
     ]
     for zero, returns, expected in cases:
         numbers = {name: zero * column for name, column in columns.items()}
-        points = PointCloud(xyz, numbers, crs=CRS(32632))
+        points = PointCloud(xyz, numbers, crs=UTM)
         found = GroundClassify(points=points, returns=returns).run().classified
         np.testing.assert_array_equal(found["classification"] == 2, expected)
 

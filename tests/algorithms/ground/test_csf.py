@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pyproj import CRS
+from scenes import towns
+from scenes.layers import UTM, cloud
+from scenes.towns import Box, inside, isprs, terrain
 from scipy.ndimage import correlate
 from scipy.spatial import cKDTree
 
@@ -41,40 +45,17 @@ ISPRS = {
 }
 
 
-def plane(side: float = 60.0, spacing: float = 0.7, seed: int = 1) -> Floats:
-    """Jittered points on a tilted plane, far from the origin."""
-    rng = np.random.default_rng(seed)
-    x, y = np.meshgrid(np.arange(0.0, side, spacing), np.arange(0.0, side, spacing))
-    x = (x + rng.uniform(0, 0.5, x.shape)).ravel()
-    y = (y + rng.uniform(0, 0.5, y.shape)).ravel()
-    return np.column_stack([x + 700_000, y + 5_200_000, terrain(x, y)])
-
-
-def terrain(x: Any, y: Any) -> Any:
-    """Height of the plane, 6 % steep."""
-    return 300 + 0.05 * x + 0.03 * y
-
-
-def inside(xyz: Floats, box: tuple[float, float, float, float]) -> Mask:
-    """True within x from, x to, y from, y to."""
-    x, y = xyz[:, 0] - 700_000, xyz[:, 1] - 5_200_000
-    west, east, south, north = box
-    return (x > west) & (x < east) & (y > south) & (y < north)
-
-
-BOXES = ((10.0, 20.0, 10.0, 25.0), (32.0, 52.0, 15.0, 35.0), (15.0, 19.0, 40.0, 44.0))
+BOXES: dict[Box, float] = {(10, 20, 10, 25): 4.0, (32, 52, 15, 35): 8.0, (15, 19, 40, 44): 5.0}
+plane = functools.partial(towns.plane, side=60.0)
 
 
 def town() -> Floats:
     """The plane with three flat-roofed boxes of 4 to 8 m and no ground under them."""
-    xyz = plane()
-    for box, height in zip(BOXES, (4.0, 8.0, 5.0), strict=True):
-        xyz[inside(xyz, box), 2] += height
-    return xyz
+    return towns.town(plane(), BOXES)[0]
 
 
 def on_roof(xyz: Floats) -> Mask:
-    return inside(xyz, BOXES[0]) | inside(xyz, BOXES[1]) | inside(xyz, BOXES[2])
+    return towns.town(xyz, BOXES)[1]
 
 
 def dike() -> tuple[Floats, Floats]:
@@ -85,18 +66,8 @@ def dike() -> tuple[Floats, Floats]:
     return xyz, height
 
 
-def cloud(xyz: Floats, classes: Any = None) -> PointCloud:
-    columns = {} if classes is None else {"classification": np.asarray(classes, np.uint8)}
-    return PointCloud(xyz, columns, crs=CRS(32632))
-
-
 def labels(xyz: Floats, **options: object) -> Mask:
     return ground_mask(xyz, cloth_simulation(xyz, **options))  # type: ignore[arg-type]
-
-
-def isprs(path: Path) -> tuple[Floats, Mask]:
-    table = np.loadtxt(path)
-    return table[:, :3], table[:, 3] == 0
 
 
 def test_buildings_on_a_tilted_plane_are_told_from_it_exactly() -> None:
@@ -422,7 +393,7 @@ def test_the_tool_gives_classes_share_and_cloth() -> None:
     assert out.ground_share == ground.mean()
     cloth = cloth_simulation(xyz)
     np.testing.assert_array_equal(out.cloth.band(), cloth.heights.astype(np.float32))
-    assert (out.cloth.crs, out.cloth.units) == (CRS(32632), ("metre", "1"))
+    assert (out.cloth.crs, out.cloth.units) == (UTM, ("metre", "1"))
     assert out.cloth.descriptions == ("cloth", "rigidness")
     np.testing.assert_array_equal(out.cloth.band(2), cloth.rigidness)
     assert out.mean_rigidness == pytest.approx(cloth.rigidness.mean())

@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pyproj import CRS
+from scenes import towns
+from scenes.layers import cloud
+from scenes.towns import EAST, NORTH, inside
 
 from algorithms.ground import _ptd_kernels as kernels
 from algorithms.ground.ptd import GroundPtd, Growth, densified, ground_mask, heights_on
@@ -22,15 +25,11 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 THREADS = numba.get_num_threads()
 FOOT = 1200 / 3937
-EAST, NORTH = 700_000, 5_200_000
 
 
 def ground_of(height: Callable[[Floats, Floats], Floats], side: float = 80.0) -> Floats:
     """Jittered points on a surface, far from the origin."""
-    rng = np.random.default_rng(1)
-    x, y = np.meshgrid(np.arange(0.0, side, 0.8), np.arange(0.0, side, 0.8))
-    x = (x + rng.uniform(0, 0.5, x.shape)).ravel().round(3)
-    y = (y + rng.uniform(0, 0.5, y.shape)).ravel().round(3)
+    x, y = (axis.round(3) for axis in towns.jittered(side, 0.8))
     return np.column_stack([x + EAST, y + NORTH, (300 + height(x, y)).round(3)])
 
 
@@ -38,29 +37,14 @@ def tilted(x: Floats, y: Floats) -> Floats:
     return 0.05 * x + 0.03 * y
 
 
-def inside(xyz: Floats, west: float, east: float, south: float, north: float) -> Mask:
-    x, y = xyz[:, 0] - EAST, xyz[:, 1] - NORTH
-    return (x > west) & (x < east) & (y > south) & (y < north)
-
-
 def town() -> tuple[Floats, Mask]:
     """A tilted plane with three boxes and no ground under them; what is roof."""
-    xyz = ground_of(tilted)
-    roof = np.zeros(len(xyz), bool)
-    for box, height in (((10, 20, 10, 25), 4), ((38, 68, 20, 60), 8), ((15, 19, 50, 54), 5)):
-        within = inside(xyz, *box)
-        xyz[within, 2] += height
-        roof |= within
-    return xyz, roof
+    boxes = {(10, 20, 10, 25): 4, (38, 68, 20, 60): 8, (15, 19, 50, 54): 5}
+    return towns.town(ground_of(tilted), boxes)
 
 
 def labels(xyz: Floats, **settings: Any) -> Mask:
     return ground_mask(xyz, densified(xyz, **settings))
-
-
-def cloud(xyz: Floats, classes: Any = None) -> PointCloud:
-    columns = {} if classes is None else {"classification": np.asarray(classes, np.uint8)}
-    return PointCloud(xyz, columns, crs=CRS(32632))
 
 
 @pytest.mark.parametrize("thresholds", ["facets", "median"])
@@ -72,7 +56,7 @@ def test_buildings_on_a_tilted_plane_are_told_from_it(thresholds: str) -> None:
 def test_a_hall_that_fills_its_seed_cell_is_found_out() -> None:
     """Seeds on a roof start a patch that drops on all sides."""
     xyz = ground_of(tilted, side=120)
-    hall = inside(xyz, 30, 70, 35, 75)
+    hall = inside(xyz, (30, 70, 35, 75))
     xyz[hall, 2] += 7
     found = labels(xyz, max_building_size=30.0)
     assert found[hall].mean() < 0.01
@@ -89,7 +73,7 @@ def test_points_on_the_walls_of_a_hall_do_not_let_its_roof_in() -> None:
     """They enter one above the other; mirrored at them, the roof would follow."""
     rng = np.random.default_rng(1)
     xyz = ground_of(tilted, 120)
-    hall, inner = inside(xyz, 30, 65, 30, 90), inside(xyz, 31.5, 63.5, 31.5, 88.5)
+    hall, inner = inside(xyz, (30, 65, 30, 90)), inside(xyz, (31.5, 63.5, 31.5, 88.5))
     wall = hall & ~inner & (rng.random(len(xyz)) < 0.9)
     xyz[hall, 2] += 4
     xyz[wall, 2] -= rng.uniform(0, 4, wall.sum())
@@ -235,7 +219,7 @@ def rough() -> Floats:
     xyz = ground_of(lambda x, y: 3 * np.sin(x / 8) + 0.2 * y + np.where(y > 50, 3.0, 0.0), 120)
     plants = rng.random(len(xyz)) < 0.3
     xyz[plants, 2] += rng.uniform(0, 2.0, plants.sum())
-    xyz[inside(xyz, 30, 65, 20, 45), 2] += 5
+    xyz[inside(xyz, (30, 65, 20, 45)), 2] += 5
     return xyz
 
 
@@ -275,7 +259,7 @@ def test_the_tool_in_feet_is_the_tool_in_metres(thresholds: Any) -> None:
 
 def test_ignored_classes_take_no_part_and_others_may_be_kept() -> None:
     xyz, roof = town()
-    low = inside(xyz, 24, 28, 4, 8)
+    low = inside(xyz, (24, 28, 4, 8))
     xyz[low, 2] -= 3  # too many to be outliers
     before = np.where(low, 7, np.where(roof, 6, 5))
     out = GroundPtd(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pyproj import CRS
+from scenes import towns
+from scenes.layers import UTM, cloud
+from scenes.towns import EAST, NORTH, Box, inside, isprs, terrain
 
 from algorithms.ground import _robust_interpolation_kernels as kernels
 from algorithms.ground.robust_interpolation import (
@@ -33,52 +37,28 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 THREADS = numba.get_num_threads()
 FOOT = 0.3048
-EAST, NORTH = 700_000, 5_200_000
 
 # sample: total error in % that the defaults reach
 ISPRS = {12: 2.84, 21: 1.28, 23: 7.93, 31: 1.38, 42: 2.12, 51: 2.21, 54: 3.02, 61: 3.08}
 
 
-def plane(side: float = 90.0, spacing: float = 0.7, seed: int = 1) -> Floats:
-    """Jittered points on a tilted plane, far from the origin."""
-    rng = np.random.default_rng(seed)
-    x, y = np.meshgrid(np.arange(0.0, side, spacing), np.arange(0.0, side, spacing))
-    x = (x + rng.uniform(0, 0.5, x.shape)).ravel()
-    y = (y + rng.uniform(0, 0.5, y.shape)).ravel()
-    return np.column_stack([x + EAST, y + NORTH, terrain(x, y)])
-
-
-def terrain(x: Floats, y: Floats) -> Floats:
-    """Height of the plane, 6 % steep."""
-    return 300 + 0.05 * x + 0.03 * y
-
-
-def inside(xyz: Floats, box: tuple[float, float, float, float]) -> Mask:
-    """True within x from, x to, y from, y to."""
-    x, y = xyz[:, 0] - EAST, xyz[:, 1] - NORTH
-    west, east, south, north = box
-    return (x > west) & (x < east) & (y > south) & (y < north)
-
-
-BOXES = ((10.0, 20.0, 10.0, 25.0), (32.0, 76.0, 25.0, 69.0), (15.0, 19.0, 40.0, 44.0))
+BOXES: dict[Box, float] = {(10, 20, 10, 25): 4.0, (32, 76, 25, 69): 8.0, (15, 19, 40, 44): 5.0}
+plane = functools.partial(towns.plane, side=90.0)
 
 
 def town() -> Floats:
     """The plane with three flat-roofed boxes of 4 to 8 m, the widest 44 m, no ground below."""
-    xyz = plane()
-    for box, height in zip(BOXES, (4.0, 8.0, 5.0), strict=True):
-        xyz[inside(xyz, box), 2] += height
-    return xyz
+    return towns.town(plane(), BOXES)[0]
 
 
 def on_roof(xyz: Floats) -> Mask:
-    return inside(xyz, BOXES[0]) | inside(xyz, BOXES[1]) | inside(xyz, BOXES[2])
+    return towns.town(xyz, BOXES)[1]
 
 
 def forest(side: float = 90.0, slope: float = 0.4) -> tuple[Floats, Mask]:
     """A steep rough slope of which few points reach the ground, and which do."""
     rng = np.random.default_rng(4)
-    xyz = plane(side)
+    xyz = plane(side=side)
     x, y = xyz[:, 0] - EAST, xyz[:, 1] - NORTH
     xyz[:, 2] += slope * x + np.sin(x / 7) + np.cos(y / 5) + rng.normal(0, 0.05, len(xyz))
     ground = rng.random(len(xyz)) < 0.3
@@ -93,18 +73,8 @@ def hill() -> Floats:
     return xyz
 
 
-def cloud(xyz: Floats, classes: Any = None) -> PointCloud:
-    columns = {} if classes is None else {"classification": np.asarray(classes, np.uint8)}
-    return PointCloud(xyz, columns, crs=CRS(32632))
-
-
 def labels(xyz: Floats, **options: Any) -> Mask:
     return ground_mask(xyz, robust_interpolation(xyz, **options))
-
-
-def isprs(path: Path) -> tuple[Floats, Mask]:
-    table = np.loadtxt(path)
-    return np.ascontiguousarray(table[:, :3]), table[:, 3] == 0
 
 
 def test_buildings_on_a_tilted_plane_are_told_from_it_exactly() -> None:
@@ -209,7 +179,7 @@ def test_coarse_cells_remove_what_is_as_wide_as_said() -> None:
     xyz = town()
     found = labels(xyz, building_size=15.0)
     assert found[inside(xyz, (48.0, 60.0, 41.0, 53.0))].all()
-    assert not found[inside(xyz, BOXES[0])].any()
+    assert not found[inside(xyz, (10, 20, 10, 25))].any()
 
 
 def test_levels_go_down_and_those_for_vegetation_twice() -> None:
@@ -437,7 +407,7 @@ def test_the_tool_gives_classes_share_and_surface() -> None:
     assert out.ground_share == ground.mean()
     surface = robust_interpolation(xyz)
     np.testing.assert_array_equal(out.surface.band(), surface.heights.astype(np.float32))
-    assert (out.surface.crs, out.surface.units) == (CRS(32632), ("metre",))
+    assert (out.surface.crs, out.surface.units) == (UTM, ("metre",))
     assert out.surface.cell == 1.0
 
 
@@ -523,7 +493,7 @@ def test_only_last_returns_can_be_ground() -> None:
     }
     for zero, expected in [(1, ~first), (0, np.ones(len(xyz), bool))]:
         numbers = {name: zero * column for name, column in columns.items()}
-        points = PointCloud(xyz, numbers, crs=CRS(32632))
+        points = PointCloud(xyz, numbers, crs=UTM)
         found = GroundRobustInterpolation(points=points).run().classified["classification"]
         np.testing.assert_array_equal(found == 2, expected)
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pyproj import CRS
+from scenes.layers import cloud
 from scipy.spatial import cKDTree
 
 from algorithms.points.denoise import HIGH, LOW, PointsDenoise, cut_off, main_layer, noise
@@ -19,7 +20,6 @@ from toolbox.declare import ClassList
 from toolbox.errors import DataError, NothingToDo, ParameterError
 
 Floats = NDArray[np.float64]
-UTM = CRS(32635)
 
 
 def terrain(side: float = 60.0, density: float = 2.0, seed: int = 0) -> Floats:
@@ -27,10 +27,6 @@ def terrain(side: float = 60.0, density: float = 2.0, seed: int = 0) -> Floats:
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(0, side, (2, int(density * side * side)))
     return np.column_stack([x, y, 0.2 * x + rng.normal(0, 0.05, len(x))])
-
-
-def cloud(xyz: Floats, **attributes: Any) -> PointCloud:
-    return PointCloud(xyz, attributes, crs=UTM, name="a.laz")
 
 
 PLANTED = np.array([[20, 20, 14], [40, 30, 300], [30, 40, -4], [10, 50, -250.0]])

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import shapely
 from pyproj import CRS
+from scenes.layers import UTM, cloud
 
 from algorithms.shoreline.alpha_shape import ShorelineAlphaShape
 from toolbox.context import Context
@@ -18,7 +19,7 @@ from toolbox.data import PointCloud, Vector
 from toolbox.declare import Attribute, ClassList
 from toolbox.errors import Cancelled, DataError, NothingToDo, ParameterError
 
-UTM, FEET = CRS(32635), CRS(2263)
+FEET = CRS(2263)
 FOOT = 1200 / 3937
 
 
@@ -26,10 +27,6 @@ def squares(*origins: tuple[float, float], side: int = 11) -> Any:
     """Lattices of 1 m, one after the other; shape (n, 3)."""
     x, y = (a.ravel() for a in np.meshgrid(np.arange(side), np.arange(side)))
     return np.vstack([np.column_stack([x + e, y + n, 0 * x]) for e, n in origins]).astype(float)
-
-
-def cloud(xyz: Any, crs: CRS | None = UTM, **attributes: Any) -> PointCloud:
-    return PointCloud(xyz, attributes, crs=crs, name="a.laz")
 
 
 def test_regions_come_with_their_measures() -> None:
@@ -55,7 +52,9 @@ def test_auto_joins_all_and_says_how() -> None:
 
 def test_lengths_are_metres_in_feet_too() -> None:
     xyz = squares((500_000, 200_000))
-    feet = ShorelineAlphaShape(points=cloud(xyz / FOOT, FEET), hole_threshold=3.0, alpha=0.8).run()
+    feet = ShorelineAlphaShape(
+        points=cloud(xyz / FOOT, crs=FEET), hole_threshold=3.0, alpha=0.8
+    ).run()
     assert feet.alpha_used == pytest.approx(0.8)
     assert feet.area == pytest.approx(100)
     assert feet.shapes.frame["area"][0] == pytest.approx(100 / FOOT**2)
@@ -114,7 +113,7 @@ def test_wrong_data() -> None:
     with pytest.raises(DataError, match="points: all 11 lie on one line"):
         ShorelineAlphaShape(points=cloud(line)).run()
     with pytest.raises(DataError, match="no CRS"):
-        ShorelineAlphaShape(points=cloud(squares((0, 0)), None))
+        ShorelineAlphaShape(points=cloud(squares((0, 0)), crs=None))
     with pytest.raises(DataError, match=r"classes: a\.laz has no classification"):
         ShorelineAlphaShape(points=cloud(squares((0, 0))), classes=ClassList([9]))
     area = cloud(squares((0, 0)), area=np.zeros(121))

@@ -14,28 +14,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pyproj import CRS
+from scenes.layers import NORTH, UTM, WEST, cloud, raster
 
 from algorithms.shoreline._basin import Pieces, RasterBasin, _of_any_square
 from algorithms.shoreline.storage_curve import ShorelineStorageCurve, height_system, storage
 from toolbox.context import Context
-from toolbox.data import Lattice, PointCloud, Raster, Vector
+from toolbox.data import Lattice, Raster, Vector
 from toolbox.declare import ClassList, Position
 from toolbox.errors import Cancelled, DataError, NothingToDo, ParameterError
 
 Floats = NDArray[np.float64]
-UTM, FEET = CRS(32635), CRS(2263)
+FEET = CRS(2263)
 FOOT = 1200 / 3937
-WEST, NORTH = 500_000.0, 4_600_000.0
-
-
-def raster(values: Any, cell: float = 1.0, crs: CRS | None = UTM, **more: Any) -> Raster:
-    values = np.asarray(values, float)
-    lattice = Lattice(WEST, NORTH, cell, *values.shape)
-    return Raster(values, lattice.transform, crs=crs, **more)
-
-
-def cloud(xyz: Any, crs: CRS | None = UTM, **attributes: Any) -> PointCloud:
-    return PointCloud(xyz, attributes, crs=crs, name="a.laz")
 
 
 def outline(shape: Any, crs: CRS = UTM) -> Vector:
@@ -242,7 +232,7 @@ def test_feet_give_the_answer_of_metres() -> None:
     """The levels are in the unit of the heights, all else in metres."""
     _, xyz = bowl()
     metres = ShorelineStorageCurve(points=cloud(xyz), highest=110.0, step=2.0).run()
-    feet = ShorelineStorageCurve(points=cloud(xyz / FOOT, FEET), highest=110.0, step=2.0).run()
+    feet = ShorelineStorageCurve(points=cloud(xyz / FOOT, crs=FEET), highest=110.0, step=2.0).run()
     here, there = feet.curve.frame, metres.curve.frame
     for name in ("level_m", "area_m2", "volume_m3", "volume_gain_m3"):
         np.testing.assert_allclose(here[name], there[name], rtol=1e-6, atol=1e-3)

@@ -13,20 +13,14 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import CRS
+from scenes.layers import NORTH, UTM, WEST, raster
 
 from algorithms.surface.contours import SurfaceContours
 from toolbox.context import Context
 from toolbox.data import Lattice, Raster, Vector
 from toolbox.errors import Cancelled, DataError, ParameterError
 
-UTM, FEET = CRS(32635), CRS(2263)
-WEST, NORTH = 500_000.0, 4_600_000.0
-
-
-def raster(values: Any, cell: float = 1.0, crs: CRS | None = UTM, **more: Any) -> Raster:
-    values = np.asarray(values, float)
-    lattice = Lattice(WEST, NORTH, cell, *values.shape)
-    return Raster(values, lattice.transform, crs=crs, **more)
+FEET = CRS(2263)
 
 
 def cone(size: int = 41, top: float = 20.0) -> Any:
@@ -178,13 +172,13 @@ def test_gdal_contour_gives_the_same_vertices() -> None:
 def test_interval_is_metres_in_feet_too() -> None:
     foot = 1200 / 3937
     slope = np.array([np.arange(0, 60.0)] * 2)
-    feet = SurfaceContours(surface=raster(slope / foot, 1.0, FEET), interval=7.0, base=1.0).run()
+    feet = SurfaceContours(surface=raster(slope / foot, crs=FEET), interval=7.0, base=1.0).run()
     metres = SurfaceContours(surface=raster(slope), interval=7.0, base=1.0).run()
     here, there = feet.contours.frame, metres.contours.frame
     np.testing.assert_allclose(here["elevation"] * foot, there["elevation"], atol=1e-8)
     z = shapely.get_coordinates(here.geometry, include_z=True)[:, 2]
     assert sorted(set(z)) == here["elevation"].tolist()
-    two_feet = SurfaceContours(surface=raster(slope, 1.0, FEET), interval=2 * foot).run()
+    two_feet = SurfaceContours(surface=raster(slope, crs=FEET), interval=2 * foot).run()
     np.testing.assert_array_equal(two_feet.contours.frame["elevation"], np.arange(0, 59, 2))
 
 

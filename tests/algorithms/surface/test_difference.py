@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 from pyproj import CRS
+from scenes import layers
+from scenes.layers import UTM
 
 from algorithms.surface.difference import SurfaceDifference, misfit
 from toolbox.data import Lattice, Raster
 from toolbox.errors import DataError
 
-UTM = CRS(32635)
-
-
-def raster(values: Any, west: float = 500_000, north: float = 100, **more: Any) -> Raster:
-    array = np.asarray(values)
-    lattice = Lattice(west, north, more.pop("cell", 0.5), *array.shape)
-    return Raster(array, lattice.transform, **({"crs": UTM} | more))
+raster = functools.partial(layers.raster, cell=0.5, north=100.0)
 
 
 def test_known_answer_on_the_cells_of_the_first() -> None:

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 from pyproj import CRS
+from scenes.layers import UTM, raster
 
 from algorithms.surface import hillshade as module
 from algorithms.surface.hillshade import SurfaceHillshade, from_one_side, hillshade, slopes
-from toolbox.data import Lattice, Raster
+from toolbox.data import Raster
 from toolbox.errors import DataError
 
-UTM, FEET = CRS(32635), CRS(2263)
+FEET = CRS(2263)
 ROUGH = np.array(
     [
         [7, 3, 8, 1, 9, 2],
@@ -35,12 +36,6 @@ GDAL_EDGES = [  # the outermost rows and columns without the corners
     [68, 244, 231],
     [129, 159, 233],
 ]
-
-
-def raster(values: Any, cell: float = 1.0, crs: CRS | None = UTM, **more: Any) -> Raster:
-    values = np.asarray(values, float)
-    lattice = Lattice(500_000, 100, cell, *values.shape)
-    return Raster(values, lattice.transform, crs=crs, **more)
 
 
 def plane(east: float, north: float, cell: float = 1.0) -> Raster:
@@ -168,7 +163,7 @@ def test_blocks_of_rows_are_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_feet_are_as_good_as_metres() -> None:
     np.testing.assert_array_equal(
-        shades(raster(ROUGH, 2.0, FEET, units=("us-ft",))), shades(raster(ROUGH, 2.0))
+        shades(raster(ROUGH, 2.0, crs=FEET, units=("us-ft",))), shades(raster(ROUGH, 2.0))
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from affine import Affine
 from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 from pyproj import CRS
+from scenes import layers
 
 from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import LOCAL, parse_crs
@@ -27,6 +29,7 @@ from toolbox.pictures.maps import _EMPTY
 from toolbox.pictures.picture import draw, has_something_to_see
 
 LAMBERT = CRS(2154)
+raster = functools.partial(layers.raster, west=100.0, north=200.0, crs=LAMBERT)
 
 
 def square(size: int = 20, **attributes: NDArray[Any]) -> PointCloud:
@@ -34,10 +37,6 @@ def square(size: int = 20, **attributes: NDArray[Any]) -> PointCloud:
     y, x = np.mgrid[size - 1 : -1 : -1, 0:size]
     xyz = np.column_stack([x.ravel() + 0.5, y.ravel() + 0.5, np.zeros(size * size)])
     return PointCloud(xyz, attributes, crs=LAMBERT)
-
-
-def raster(values: Any, **more: Any) -> Raster:
-    return Raster(np.asarray(values), Affine(1, 0, 100, 0, -1, 200), crs=LAMBERT, **more)
 
 
 def outline(*shapes: Any, crs: CRS | None = LAMBERT) -> Vector:

@@ -1,0 +1,31 @@
+"""The files that a page names are there, and its links lead to files."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+NOW = [page for page in PAGES if page.parent.name != "decisions"]  # these tell of their time
+FILES = re.compile(r"`((?:toolbox|algorithms|tests|docs|metadata)/[\w./-]*)`")
+LINKS = re.compile(r"\]\((?!https?:|mailto:|#)([^)#\s]+)")
+NOT_YET = {"algorithms/points/higher.py", "tests/algorithms/points/test_higher.py"}  # of a lesson
+
+
+def name_of(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("page", NOW, ids=name_of)
+def test_files_that_a_page_names_are_there(page: Path) -> None:
+    named = set(FILES.findall(page.read_text("utf-8"))) - NOT_YET
+    assert not [name for name in named if not (ROOT / name).exists()]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_lead_to_files(page: Path) -> None:
+    links = LINKS.findall(page.read_text("utf-8"))
+    assert not [link for link in links if not (page.parent / link).exists()]

@@ -16,7 +16,7 @@ CLOSE = 1e-5  # metres along the wire: a smaller step of Newton's method is the 
 
 
 @njit(cache=True, nogil=True)
-def _place(w, u):  # type: ignore[no-untyped-def]
+def _place(w, u):
     """Offset and height of a wire at u, and slope and second derivative of the height."""
     grown = math.expm1(w[K] * (u - w[U0]))
     rise = 0.5 * (grown + grown / (1.0 + grown))  # sinh, and cosh less one below: exact if small
@@ -27,7 +27,7 @@ def _place(w, u):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _slope(w, u, p, q, h, tall):  # type: ignore[no-untyped-def]
+def _slope(w, u, p, q, h, tall):
     """Half the derivative of the squared distance at u, and its own derivative.
 
     `tall` is 1 for the distance in space and 0 for that in plan.
@@ -41,7 +41,7 @@ def _slope(w, u, p, q, h, tall):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _within(w, low, high, start, p, q, h, tall):  # type: ignore[no-untyped-def]
+def _within(w, low, high, start, p, q, h, tall):
     """The u between low and high where the distance is least: Newton, kept inside.
 
     Where that goes to and fro it is halving.
@@ -62,7 +62,7 @@ def _within(w, low, high, start, p, q, h, tall):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _nearest(w, p, q, h):  # type: ignore[no-untyped-def]
+def _nearest(w, p, q, h):
     """The u of the place of a wire that is nearest to a point at (p, q, h) of its frame.
 
     The squared distance has one minimum if the point is nearer to all of the wire than this is
@@ -84,14 +84,14 @@ def _nearest(w, p, q, h):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _framed(w, x, y):  # type: ignore[no-untyped-def]
+def _framed(w, x, y):
     """A place in plan along the axis of a wire, and to the left of it."""
     dx, dy = x - w[X], y - w[Y]
     return dx * w[EX] + dy * w[EY], dy * w[EX] - dx * w[EY]
 
 
 @njit(cache=True, nogil=True)
-def _in_space(w, x, y, z):  # type: ignore[no-untyped-def]
+def _in_space(w, x, y, z):
     """Distance in space, and u of the nearest place."""
     p, q = _framed(w, x, y)
     u = _nearest(w, p, q, z)
@@ -100,7 +100,7 @@ def _in_space(w, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _in_plan(w, x, y, z):  # type: ignore[no-untyped-def]
+def _in_plan(w, x, y, z):
     """Vertical and horizontal distance where the wire is nearest in plan; above zero under it."""
     p, q = _framed(w, x, y)
     u = _within(w, 0.0, w[LENGTH], p, p, q, z, 0.0)
@@ -109,7 +109,7 @@ def _in_plan(w, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _at_least(w, x, y, z):  # type: ignore[no-untyped-def]
+def _at_least(w, x, y, z):
     """Squares that those of the distance in space and in plan are not below.
 
     A wire whose slopes are at most s is no nearer to a point than its distance square to the axis
@@ -129,7 +129,7 @@ def _at_least(w, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def distances(first, last, xyz, wire, result):  # type: ignore[no-untyped-def]
+def distances(first, last, xyz, wire, result):
     """In space, vertical, horizontal, and u, of each point from a wire; shape (n, 4)."""
     for i in range(first, last):
         result[i, 0], result[i, 3] = _in_space(wire, xyz[i, 0], xyz[i, 1], xyz[i, 2])
@@ -137,7 +137,7 @@ def distances(first, last, xyz, wire, result):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _judged(rule, space, tall, flat):  # type: ignore[no-untyped-def]
+def _judged(rule, space, tall, flat):
     """What a rule measures, and how much of what it allows is left; infinite if it is kept."""
     value, other = space, 0.0
     if rule[0] == 1:
@@ -150,7 +150,7 @@ def _judged(rule, space, tall, flat):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _matters(kind, old, ratio, rules, masks):  # type: ignore[no-untyped-def]
+def _matters(kind, old, ratio, rules, masks):
     """The distance in space from which no rule is broken worse than `old` is, at its ratio."""
     farthest = 0.0
     for r in range(len(rules)):
@@ -163,7 +163,7 @@ def _matters(kind, old, ratio, rules, masks):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _wires_near(x, y, cells, starts, candidates):  # type: ignore[no-untyped-def]
+def _wires_near(x, y, cells, starts, candidates):
     """The wires that are near the cell of a place."""
     column, row = int((x - cells[0]) // cells[2]), int((y - cells[1]) // cells[2])
     if column < 0 or row < 0 or column >= cells[3] or row >= cells[4]:
@@ -173,7 +173,7 @@ def _wires_near(x, y, cells, starts, candidates):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def _bound(wires, near, x, y, z, least, limit, bounds):  # type: ignore[no-untyped-def]
+def _bound(wires, near, x, y, z, least, limit, bounds):
     """Fill in what `_at_least` gives for several wires; which of them may be the nearest.
 
     Infinite for those that are higher above the point than it matters: `limit`, or `least` of the
@@ -191,11 +191,25 @@ def _bound(wires, near, x, y, z, least, limit, bounds):  # type: ignore[no-untyp
     return nearest
 
 
-# fmt: off
 @njit(cache=True, nogil=True)
-def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks,  # type: ignore[no-untyped-def]
-          far, reach, own, real, least, who):
-    # fmt: on
+def check(
+    first,
+    last,
+    xyz,
+    kind,
+    cells,
+    starts,
+    candidates,
+    wires,
+    rules,
+    masks,
+    far,
+    reach,
+    own,
+    real,
+    least,
+    who,
+):
     """Find the worst broken rule of each point, and the nearest point of each kind to each wire.
 
     Parameters
@@ -260,7 +274,7 @@ def check(first, last, xyz, kind, cells, starts, candidates, wires, rules, masks
 
 
 @njit(cache=True, nogil=True)
-def falls(first, last, xyz, foot, cells, starts, candidates, wires, own, real):  # type: ignore[no-untyped-def]
+def falls(first, last, xyz, foot, cells, starts, candidates, wires, own, real):
     """How near a tree comes to the wires when it falls: the least of what is left.
 
     Parameters

@@ -11,7 +11,7 @@ TINY = 1e-9
 
 
 @helper
-def _misfit(m, bend, sigma):  # type: ignore[no-untyped-def]
+def _misfit(m, bend, sigma):
     """Least sum of squares of a + b x + c x^2 / 2, with c known to be bend within sigma.
 
     `m` holds the sums of w, w x, w x^2 / 2, w x^2, w x^3 / 2, w x^4 / 4, w y, w x y, w x^2 y / 2
@@ -33,7 +33,7 @@ def _misfit(m, bend, sigma):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _add(m, w, d, y):  # type: ignore[no-untyped-def]
+def _add(m, w, d, y):
     """Add an observation to the sums of `_misfit`."""
     h = 0.5 * d * d
     m[0] += w
@@ -49,7 +49,7 @@ def _add(m, w, d, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def cuts(tall, flat, x, z, v, price, bend, spread, least, total, before):  # type: ignore[no-untyped-def]
+def cuts(tall, flat, x, z, v, price, bend, spread, least, total, before):
     """Cut tracks into arcs at the same stations so that misfit and price are least in all.
 
     Parameters
@@ -93,7 +93,7 @@ def cuts(tall, flat, x, z, v, price, bend, spread, least, total, before):  # typ
 
 
 @njit(cache=True, nogil=True)
-def misfits(tall, flat, x, z, v, low, high, bend, spread, out):  # type: ignore[no-untyped-def]
+def misfits(tall, flat, x, z, v, low, high, bend, spread, out):
     """Misfit of each track as arcs between the stations low and high, two arrays of shape (k,).
 
     `out` is an array of shape (k, tracks) and filled in. The other parameters are those of

@@ -24,7 +24,7 @@ SIZE = 8
 
 
 @helper
-def _hung(length, z_start, z_end, curvature):  # type: ignore[no-untyped-def]
+def _hung(length, z_start, z_end, curvature):
     """Where the lowest point is, and its height."""
     half = math.sinh(0.5 * curvature * length)
     u0 = length / 2 - math.asinh(0.5 * curvature * (z_end - z_start) / half) / curvature
@@ -32,12 +32,12 @@ def _hung(length, z_start, z_end, curvature):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _height(u, u0, z0, curvature):  # type: ignore[no-untyped-def]
+def _height(u, u0, z0, curvature):
     return z0 + 2 * math.sinh(0.5 * curvature * (u - u0)) ** 2 / curvature
 
 
 @helper
-def _add(row, value, weight, normal, right):  # type: ignore[no-untyped-def]
+def _add(row, value, weight, normal, right):
     """Add an observation to the normal equations."""
     for j in range(3):
         right[j] += weight * row[j] * value
@@ -46,7 +46,7 @@ def _add(row, value, weight, normal, right):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _begun(u, z, length, normal, right, result, inverse):  # type: ignore[no-untyped-def]
+def _begun(u, z, length, normal, right, result, inverse):
     """Heights at both ends and second derivative of the parabola through points."""
     normal[:], right[:] = 0.0, 0.0
     for i in range(len(u)):
@@ -60,7 +60,7 @@ def _begun(u, z, length, normal, right, result, inverse):  # type: ignore[no-unt
 
 
 @helper
-def _plan(u, v, length, weight, sways, shape, off, normal, right, result, inverse):  # type: ignore[no-untyped-def]
+def _plan(u, v, length, weight, sways, shape, off, normal, right, result, inverse):
     """Fit the plan curve to the offsets v; `off` receives what it leaves of them."""
     u0, z0 = _hung(length, shape[Z_START], shape[Z_END], shape[CURVATURE])
     slope = (shape[Z_END] - shape[Z_START]) / length
@@ -79,7 +79,7 @@ def _plan(u, v, length, weight, sways, shape, off, normal, right, result, invers
 
 
 @helper
-def _rise(u, z, length, weight, known, sigma, shape, normal, right, result, inverse):  # type: ignore[no-untyped-def]
+def _rise(u, z, length, weight, known, sigma, shape, normal, right, result, inverse):
     """One step of Gauss and Newton for the heights at both ends and the curvature.
 
     A curvature that is known of other wires, above 0, is one more observation.
@@ -111,7 +111,7 @@ def _rise(u, z, length, weight, known, sigma, shape, normal, right, result, inve
 
 
 @helper
-def _squares(u, z, length, weight, shape, off, square):  # type: ignore[no-untyped-def]
+def _squares(u, z, length, weight, shape, off, square):
     """Squares of distances from the curve, and the standard error of a height."""
     u0, z0 = _hung(length, shape[Z_START], shape[Z_END], shape[CURVATURE])
     total, tall, flat, count = 0.0, 0.0, 0.0, 0
@@ -128,7 +128,7 @@ def _squares(u, z, length, weight, shape, off, square):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True)
-def fitted(u, v, z, length, spread, known, sways, shape, covariance):  # type: ignore[no-untyped-def]
+def fitted(u, v, z, length, spread, known, sways, shape, covariance):
     """Fit a catenary to points along, aside and above its axis; how many it rests on, 0 for none.
 
     Parameters

@@ -26,7 +26,7 @@ SUPPORT = 0.3  # of the usual number of points must be found after a gap
 
 
 @njit(cache=True, nogil=True)
-def in_cells(xyz, by_x, cell, free, start, order):  # type: ignore[no-untyped-def]
+def in_cells(xyz, by_x, cell, free, start, order):
     """Fill in the order of points by cell, x, y and z, given that by x.
 
     `free` is where the next point of each cell goes; it begins as `start`.
@@ -44,7 +44,7 @@ def in_cells(xyz, by_x, cell, free, start, order):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, nogil=True)
-def crowding(keys, masks, offsets, first, last, out):  # type: ignore[no-untyped-def]
+def crowding(keys, masks, offsets, first, last, out):
     """Occupied eighths of the voxels around each, those of sorted `keys` from first to last.
 
     `offsets` are the first and last key of each column around, relative to that of the middle.
@@ -62,7 +62,7 @@ def crowding(keys, masks, offsets, first, last, out):  # type: ignore[no-untyped
 
 
 @helper
-def _cells(x, y, radius, west, south, cell, rows, cols):  # type: ignore[no-untyped-def]
+def _cells(x, y, radius, west, south, cell, rows, cols):
     """First and last row and column of a square around a place; those of the edge beyond it."""
     r0 = min(max(0, int((y - radius - south) / cell)), rows - 1)
     r1 = max(0, min(rows - 1, int((y + radius - south) / cell)))
@@ -72,7 +72,7 @@ def _cells(x, y, radius, west, south, cell, rows, cols):  # type: ignore[no-unty
 
 
 @njit(cache=True, nogil=True)
-def straightness(  # type: ignore[no-untyped-def]
+def straightness(
     first, last, seeds, xyz, start, west, south, cell, rows, cols, reach, tube, steepest,
     score, heading,
 ):  # fmt: skip
@@ -126,7 +126,7 @@ def straightness(  # type: ignore[no-untyped-def]
 
 
 @helper
-def _values(curve, u):  # type: ignore[no-untyped-def]
+def _values(curve, u):
     """Offset and height of a curve at u."""
     t = (u - curve[MID]) / curve[HALF]
     v = curve[V0] + t * (curve[V0 + 1] + t * curve[V0 + 2])
@@ -135,7 +135,7 @@ def _values(curve, u):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _gather(  # type: ignore[no-untyped-def]
+def _gather(
     curve, low, high, tolerance, spread, xyz, start, west, south, cell, rows, cols, found, count
 ):
     """Append to `found` the points near the curve with u from low to high; how many there are.
@@ -180,7 +180,7 @@ def _gather(  # type: ignore[no-untyped-def]
 
 
 @helper
-def solve(normal, right, result, inverse):  # type: ignore[no-untyped-def]
+def solve(normal, right, result, inverse):
     """Solve a symmetric system of three equations, and invert its matrix."""
     a, b, c = normal[0, 0], normal[0, 1], normal[0, 2]
     d, e, f = normal[1, 1], normal[1, 2], normal[2, 2]
@@ -197,7 +197,7 @@ def solve(normal, right, result, inverse):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _fit(curve, found, count, tolerance, xyz, spread, rounds):  # type: ignore[no-untyped-def]
+def _fit(curve, found, count, tolerance, xyz, spread, rounds):
     """Parabolas through points in plan and height, robustly (Tukey); updates curve and spread."""
     old_mid, old_half = curve[MID], curve[HALF]
     lo, hi = np.inf, -np.inf
@@ -259,7 +259,7 @@ def _fit(curve, found, count, tolerance, xyz, spread, rounds):  # type: ignore[n
 
 
 @helper
-def _keep_near(curve, found, count, tolerance, xyz):  # type: ignore[no-untyped-def]
+def _keep_near(curve, found, count, tolerance, xyz):
     """Drop points that the curve has left; how many remain."""
     kept = 0
     for k in range(count):
@@ -275,7 +275,7 @@ def _keep_near(curve, found, count, tolerance, xyz):  # type: ignore[no-untyped-
 
 
 @helper
-def _begin(  # type: ignore[no-untyped-def]
+def _begin(
     seed, heading, xyz, start, west, south, cell, rows, cols, reach, tolerance, curve, found, spread
 ):
     """A first curve through the points around a seed; their number, 0 if they are too few."""
@@ -297,7 +297,7 @@ def _begin(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def trace(  # type: ignore[no-untyped-def]
+def trace(
     seed,
     heading,
     xyz,
@@ -365,9 +365,7 @@ def trace(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def profile(  # type: ignore[no-untyped-def]
-    curve, step, tube, xyz, start, west, south, cell, rows, cols, tubed, shelled
-):
+def profile(curve, step, tube, xyz, start, west, south, cell, rows, cols, tubed, shelled):
     """Count the points in a tube around a curve and in a shell thrice as wide, per `step` of it."""
     for k in range(len(tubed)):
         u = curve[LO] + (k + 0.5) * step
@@ -391,9 +389,7 @@ def profile(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def tube(  # type: ignore[no-untyped-def]
-    shape, low, high, radius, xyz, start, west, south, cell, rows, cols, found, away
-):
+def tube(shape, low, high, radius, xyz, start, west, south, cell, rows, cols, found, away):
     """The points within a radius of a catenary from u = low to high; how many, and how far away.
 
     `shape` holds x, y, ex, ey, u0, z0, curvature, the chord's height at 0 and its slope, v0, v1 and

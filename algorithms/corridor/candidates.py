@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from algorithms.corridor._extraction.candidates import CELL, STANDS_FOR, candidates, given_heights
+from algorithms.corridor._extraction.candidates import CELL, STANDS_FOR, candidates
+from algorithms.corridor._extraction.ground import given_heights
 from algorithms.corridor._extraction.labels import NUMBER
 from algorithms.ground.classify import HEIGHT
 from algorithms.shared import parameters

@@ -136,6 +136,7 @@ CASES: tuple[Case, ...] = (
     ("wires", "corridor.extract", {"points": LINE, **DUTCH}),
     ("hills", "corridor.extract", {"points": HILLS}),
     ("few", "corridor.extract", {"points": "random-points.laz"}),
+    ("voxels", "corridor.extract_voxels", {"points": LINE, **DUTCH}),
     ("part", "corridor.extract", {"points": "candidates-candidates.laz"}),
     (
         "label",

@@ -81,3 +81,8 @@ def cloud(*parts: Floats, classes: Sequence[int] | None = None) -> PointCloud:
     """One cloud of several parts, with their classes as truth."""
     truth = np.repeat(classes or [0] * len(parts), [len(part) for part in parts]).astype(np.uint8)
     return PointCloud(np.vstack(parts) + CORNER, {"truth": truth}, crs=CRS(32635), name="line.laz")
+
+
+def quality(said: Floats, true: Floats) -> float:
+    """Share of points that are both among those that are either; masks of shape (n,)."""
+    return float((said & true).sum() / (said | true).sum())

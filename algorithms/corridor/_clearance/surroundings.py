@@ -20,7 +20,7 @@ from algorithms.corridor._clearance.distances import (
 from algorithms.corridor._clearance.rules import KINDS, OBJECTS
 from algorithms.corridor._clearance.sag import State
 from algorithms.corridor._curves.catenary import Catenary
-from algorithms.corridor._extraction.candidates import given_heights
+from algorithms.corridor._extraction.ground import given_heights
 from algorithms.corridor._extraction.layers import catenaries_of
 from algorithms.ground.classify import HEIGHT, find_terrain, height_above
 from algorithms.shared.ground import is_withheld

@@ -5,35 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.ground.classify import HEIGHT
+from algorithms.corridor._extraction.ground import OFF_GROUND
 from algorithms.shared.lowest import cells_of, lattice_around, lowest_points
 from toolbox.context import QUIET, Context
-from toolbox.data import PointCloud
-from toolbox.errors import DataError
 
 STANDS_FOR = "stands_for"
-OFF_GROUND = 0.4  # metres, from which a point can be of a tower
 CELL = 1.0  # metres; of the other points in one, the lowest stands for all
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-
-def given_heights(cloud: PointCloud) -> Floats:
-    """Metres above the ground of points that have them; NaN where not known.
-
-    Raises
-    ------
-    DataError
-        Some are infinite.
-    """
-    height = np.asarray(cloud[HEIGHT], float) / cloud.metre
-    if infinite := np.count_nonzero(np.isinf(height)):
-        raise DataError(
-            f"points: {HEIGHT} of {cloud.name} must be a number, or NaN where it is not known, "
-            f"but is infinite for {infinite}"
-        )
-    return height
 
 
 def candidates(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +38,7 @@ def labelled(
     index : array of shape (m,), of the points that have labels
     labels : wire_id, span_id, tower_id and confidence of these, arrays of shape (m,)
     """
-    made = {name: np.zeros(len(cloud), np.uint32) for name in NUMBERS}
-    made |= {"confidence": part.astype(np.float32)}
+    made = none_labelled(len(cloud)) | {"confidence": part.astype(np.float32)}
     for name, values in made.items():
         values[index] = labels[name]
     old = classes_of(cloud)
@@ -46,6 +46,12 @@ def labelled(
     classes[made["tower_id"] > 0] = TOWER
     classes[made["wire_id"] > 0] = WIRE
     return cloud.with_attributes({"classification": classes, **made}, descriptions=DESCRIPTIONS)
+
+
+def none_labelled(count: int) -> dict[str, NDArray[Any]]:
+    """Labels of points none of which is of a line, for sure."""
+    labels: dict[str, NDArray[Any]] = {name: np.zeros(count, np.uint32) for name in NUMBERS}
+    return labels | {"confidence": np.ones(count, np.float32)}
 
 
 def classes_of(cloud: PointCloud) -> NDArray[np.uint8]:

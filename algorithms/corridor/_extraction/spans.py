@@ -45,6 +45,7 @@ ENOUGH, VALLEY, PEAK = 40, 0.6, 0.25  # points; depth of a valley between, heigh
 SHORT = 0.5  # share of a span, below which a wire is not known by what was followed of it
 ALIKE = 0.3  # share of the sag by which wires of a span may differ
 STUB = 12.0  # metres: what is shorter and has one support went beyond the end of its arc
+TUBE, TUBE_LEAST, TUBE_MOST = 2.6, 0.12, 0.45  # of the scatter of a wire; metres
 LINKED = 3.0  # metres between a wire and its continuation at a support
 
 Floats = NDArray[np.float64]
@@ -69,6 +70,12 @@ class Wire:
     span: int = -1
     bundle: int = -1
     wire: int = -1
+
+
+def on_wire(scene: Scene, wire: Wire) -> tuple[Ints, Floats, float]:
+    """The points in the air that lie on a wire, how far from it, and how far that may be."""
+    radius = min(max(TUBE * wire.curve.rms, TUBE_LEAST), TUBE_MOST)
+    return *scene.air.around(wire.curve, radius), radius
 
 
 # --- spans ---------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Scene
-from algorithms.corridor._extraction.spans import Wire
+from algorithms.corridor._extraction.spans import Wire, on_wire, to_supports
 from algorithms.corridor._extraction.supports import TALL, Support
 
 BASE_LATTICE, BASE_POLE = 1.0, 0.8  # metres above the ground that are left to it
@@ -201,3 +201,37 @@ def waist_of(away: Floats, z: Floats, waist: float, height: float) -> float:
     near = (z < waist) & (z > waist - 0.25 * height) & (away < 0.1 * height)
     width = float(np.quantile(away[near], 0.85)) if near.sum() >= FEWEST else THIN
     return THIN if width > SLIM and height < TALL else width  # of trees around a pole
+
+
+# --- wires that end at their insulators ----------------------------------------------------
+
+
+def dressed(
+    scene: Scene, wires: Sequence[Wire], supports: Sequence[Support]
+) -> tuple[list[Wire], list[Tower], list[float]]:
+    """Wires that end at their insulators, towers, and the length of the insulators of each."""
+    take(scene, wires)
+    supports = [centred(scene, support) for support in supports]
+    wires = [to_supports(wire, supports) for wire in wires]
+    strings = strings_of(scene, wires, supports)
+    ended = [without_strings(wire, *own) for wire, own in zip(wires, strings, strict=True)]
+    take(scene, ended)
+    held = np.array([wire.supports for wire in wires])
+    longest = [float(strings[held == number].max()) for number in range(len(supports))]
+    return ended, [tower_of(scene, support) for support in supports], longest
+
+
+def take(scene: Scene, wires: Sequence[Wire]) -> None:
+    """Leave the points that do not lie on wires free."""
+    scene.free[:] = True
+    for wire in wires:
+        scene.free[on_wire(scene, wire)[0]] = False
+
+
+def without_strings(wire: Wire, low: float, high: float) -> Wire:
+    """A wire that begins and ends at its insulators, of these lengths."""
+    if 3 * (low + high) >= wire.curve.length:
+        return wire
+    curve = wire.curve.between(low, wire.curve.length - high)
+    known = (max(wire.known[0] - low, 0.0), min(wire.known[1] - low, curve.length))
+    return replace(wire, curve=curve, known=known)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pyproj import CRS
-from scenes.corridors import CORNER, Floats, bar, cloud, ground, line, pole, tree, wire
+from scenes.corridors import CORNER, Floats, bar, cloud, ground, line, pole, quality, tree, wire
 
 from algorithms.corridor._curves.arcs import Binned, agreed, arcs_of, solved
 from algorithms.corridor._curves.catenary import fit
@@ -19,7 +19,6 @@ from algorithms.corridor._curves.trace import CELL, Airborne
 from algorithms.corridor._curves.tracks import runs_among
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import centred
-from algorithms.corridor._extraction.voxels import otsu
 from algorithms.corridor.extract import CorridorExtract
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList
@@ -33,10 +32,6 @@ RNG = np.random.default_rng(1)
 
 def found(*parts: Floats) -> CorridorExtract.Outputs:
     return CorridorExtract(points=cloud(*parts)).run()
-
-
-def quality(said: Floats, true: Floats) -> float:
-    return float((said & true).sum() / (said | true).sum())
 
 
 @pytest.fixture(scope="module")
@@ -555,23 +550,6 @@ def test_a_real_transmission_line(tile: str, corner: tuple[float, float]) -> Non
     assert (said & true).sum() / true.sum() > 0.97
     assert quality(said, true) > 0.95
     assert (result.span_count, result.tower_count) == (2, 1)
-
-
-def test_the_thesis_finds_high_wires_with_low_variance_only() -> None:
-    _, wires, towers = line([0, 90, 180], [-6, 0, 6], 32, 900, per_metre=8)
-    points = cloud(GROUND, *wires, towers, classes=[2, *[14] * 6, 15])
-    shares = {}
-    for variance in ("low", "high"):
-        result = CorridorExtract(points=points, method="thesis", thesis_variance=variance).run()
-        said, true = result.classified["classification"] == 14, points["truth"] == 14
-        shares[variance] = quality(said, true)
-    assert shares["low"] > 0.6
-    assert shares["high"] < 0.2
-
-
-def test_the_threshold_of_otsu_parts_two_groups() -> None:
-    values = np.concatenate([RNG.normal(1, 0.2, 500), RNG.normal(5, 0.5, 300)])
-    assert 1.6 < otsu(values) < 3.8
 
 
 def test_points_are_in_the_order_of_cells_and_places_whatever_theirs() -> None:

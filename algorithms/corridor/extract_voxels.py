@@ -1,4 +1,4 @@
-"""Power lines by voxels, step by step as in Muş (2019); method `thesis` of `corridor.extract`.
+"""Power lines by voxels, step by step as in Muş (2019).
 
 Points high above the ground are put into voxels. Those of little (or much) variance of height hold
 straight lines, found by random samples, and grow together where their lines agree. Where much
@@ -17,7 +17,6 @@ Fischler, M. A. and Bolles, R. C. (1981). Random sample consensus. CACM 24(6), 3
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -27,7 +26,18 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from toolbox.context import Context
+from algorithms.corridor._curves.network import Scene
+from algorithms.corridor._curves.trace import uncrowded
+from algorithms.corridor._extraction.follow import follow
+from algorithms.corridor._extraction.labels import NUMBERS, labelled, none_labelled
+from algorithms.corridor._extraction.layers import wire_layer
+from algorithms.corridor._extraction.points import CorridorPoints
+from algorithms.corridor._extraction.spans import on_wire
+from algorithms.shared import parameters
+from algorithms.shared.ground import taking_part
+from toolbox.context import QUIET, Context
+from toolbox.data import PointCloud, Vector
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
 
 CERTAINTY, OUTLIERS, SAMPLE = 0.99, 0.6, 2  # of the random samples: p, share of outliers, points
 NEAR_LINE = 0.3  # metres
@@ -43,25 +53,113 @@ Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class Settings:
-    """What the thesis sets: keep points from this height, voxels of this size, gaps (metres)."""
+@tool("corridor.extract_voxels")
+class CorridorExtractVoxels:
+    """Find wires and pylons in a raw point cloud by voxels, as a thesis published it.
 
-    height: float
-    voxel: float
-    variance: Variance
-    gap: float
-    seed: int
+    The method of Muş (2019), to compare corridor.extract with. Points high above the ground are put
+    into voxels; those of little variance of height hold lines, which grow together where they
+    agree. Wires become class 14 and pylons class 15, as corridor.extract classifies. A pylon holds
+    all points in its bounds in plan, and no wires are found below `height`.
+
+    `wires` has the catenaries that are fitted to the points of wires; a point on one of them has
+    its wire_id and span_id, any other point of a wire has wire_id 1 and span_id 0.
+    """
+
+    points: PointCloud = source("Points of a corridor, with the ground below the line")
+    ground_classes: ClassList | None = param(
+        "Classes that are ground; without them the ground is found", default=None
+    )
+    height: float = param(
+        "Lowest points that are kept, above the ground", default=20.0, unit="m", ge=1.0
+    )
+    voxel: float = param("Size of the voxels", default=3.0, unit="m", ge=0.5)
+    variance: Variance = param(
+        "Voxels to keep, by their variance of height: high as printed, low works", default="low"
+    )
+    voxel_gap: float = param(
+        "Farthest voxel in which a line may go on", default=20.0, unit="m", gt=0
+    )
+    seed: int = parameters.seed()
+    max_gap: float = param(
+        "Longest piece of a wire that may be missing", default=60.0, unit="m", ge=0.0, le=500.0
+    )
+    tolerance: float = param(
+        "Farthest that a point may lie from the wire that is followed",
+        default=0.25,
+        unit="m",
+        ge=0.05,
+        le=2.0,
+    )
+    ignore: ClassList | None = parameters.ignore()
+
+    @outputs
+    class Outputs:
+        classified: PointCloud = sink("The same points with classes 14 and 15 and their numbers")
+        wires: Vector = sink("One catenary per conductor and span, with its covariance")
+        span_count: int = sink("Spans found", unit="1")
+
+    def halo(self) -> float:
+        """A span is one whatever its length, and so is the line that it is part of."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> CorridorExtractVoxels.Outputs:
+        """Find wires and pylons by voxels, and catenaries through the wires."""
+        cloud, part = self.points, taking_part(self.points, self.ignore)
+        metre = cloud.metre
+        points = CorridorPoints.of(cloud, part, self.ground_classes, ctx.part(0.0, 0.4))
+        air, height = points.air, points.height[points.own]
+        high, pylon = voxel_lines(
+            air.xyz,
+            height,
+            height=self.height / metre,
+            voxel=self.voxel / metre,
+            variance=self.variance,
+            voxel_gap=self.voxel_gap / metre,
+            seed=self.seed,
+            ctx=ctx.part(0.4, 0.9),
+        )
+        labels = none_labelled(len(points.index))
+        wire_id, span_id, tower_id = (labels[name] for name in NUMBERS)
+        tower_id[points.own] = pylon
+        wire_id[points.own[high]] = 1
+        scene = Scene(
+            air, height, high, self.tolerance / metre, lambda x, y: 0.0, lambda x, y: False
+        )
+        _, voxel = uncrowded(scene.wires, 1.0)
+        wires, _ = follow(scene, voxel, self.max_gap / metre, ctx.part(0.9, 1.0))
+        for wire in wires:
+            near, _, _ = on_wire(scene, wire)
+            mine = points.own[near[high[near]]]
+            wire_id[mine], span_id[mine] = wire.wire, wire.span
+        if not wires:
+            points.warn_of_no_line()
+        ctx.progress(1.0)
+        return self.Outputs(
+            classified=labelled(cloud, part, points.index, labels),
+            wires=wire_layer(wires, points.origin, metre, cloud.crs),
+            span_count=len({wire.span for wire in wires}),
+        )
 
 
-def voxel_lines(xyz: Floats, height: Floats, settings: Settings, ctx: Context) -> tuple[Mask, Ints]:
+def voxel_lines(
+    xyz: Floats,
+    heights: Floats,
+    *,
+    height: float,
+    voxel: float,
+    variance: Variance,
+    voxel_gap: float,
+    seed: int,
+    ctx: Context,
+) -> tuple[Mask, Ints]:
     """Which points are wire, and the number of the pylon that each belongs to.
 
     Parameters
     ----------
     xyz : array of shape (n, 3), metres
-    height : array of shape (n,), above the ground
-    settings : see :class:`Settings`
+    heights : array of shape (n,), above the ground, metres
+    height, voxel, variance, voxel_gap, seed : see :class:`CorridorExtractVoxels`, metres
     ctx : progress and cancellation
 
     Returns
@@ -70,31 +168,31 @@ def voxel_lines(xyz: Floats, height: Floats, settings: Settings, ctx: Context) -
     pylon : array of shape (n,), from 1, 0 for none
     """
     wire, pylon = np.zeros(len(xyz), bool), np.zeros(len(xyz), np.int64)
-    high = np.flatnonzero(height > settings.height)
+    high = np.flatnonzero(heights > height)
     if len(high) < SAMPLE:
         return wire, pylon
-    place = np.floor(xyz[high] / settings.voxel).astype(np.int64)
-    _, voxel, count = np.unique(place, axis=0, return_inverse=True, return_counts=True)
-    voxel = voxel.ravel()
-    centroid = np.column_stack([np.bincount(voxel, xyz[high, k]) / count for k in range(3)])
-    spread = np.bincount(voxel, xyz[high, 2] ** 2) / count - centroid[:, 2] ** 2
+    cell = np.floor(xyz[high] / voxel).astype(np.int64)
+    _, of_voxel, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+    of_voxel = of_voxel.ravel()
+    centroid = np.column_stack([np.bincount(of_voxel, xyz[high, k]) / count for k in range(3)])
+    spread = np.bincount(of_voxel, xyz[high, 2] ** 2) / count - centroid[:, 2] ** 2
     filled = count > SAMPLE
     limit = otsu(spread[filled])
-    chosen = filled & ((spread <= limit) if settings.variance == "low" else (spread > limit))
+    chosen = filled & ((spread <= limit) if variance == "low" else (spread > limit))
     ctx.progress(0.2)
-    direction = directions(xyz[high], voxel, np.flatnonzero(chosen), settings.seed, ctx)
-    grown = grow(centroid, direction, chosen, settings)
-    column, total = np.unique(place[:, :2], axis=0, return_inverse=True)[1].ravel(), count[voxel]
+    direction = directions(xyz[high], of_voxel, np.flatnonzero(chosen), seed, ctx)
+    grown = grow(centroid, direction, chosen, voxel, voxel_gap)
+    column = np.unique(cell[:, :2], axis=0, return_inverse=True)[1].ravel()
     density = np.bincount(column)
     tall = density > otsu(density.astype(float))
-    pylon[high] = clusters(xyz[high], tall[column] & grown_near(centroid, grown, settings)[voxel])
+    pylon[high] = clusters(xyz[high], tall[column] & grown_near(centroid, grown, voxel)[of_voxel])
     bounds = boxes(xyz, pylon)
     for number, (low, top) in enumerate(bounds, start=1):
         pylon[((xyz[:, :2] >= low) & (xyz[:, :2] <= top)).all(axis=1)] = number
     ctx.progress(0.9)
-    lines = high[grown[voxel] & (total > 0)]
+    lines = high[grown[of_voxel]]
     lines = lines[pylon[lines] == 0]
-    wire[high[inside_hulls(xyz[high], xyz[lines], settings)]] = True
+    wire[high[inside_hulls(xyz[high], xyz[lines], voxel)]] = True
     wire &= pylon == 0
     return wire, pylon
 
@@ -140,7 +238,7 @@ def directions(xyz: Floats, voxel: Ints, chosen: Ints, seed: int, ctx: Context) 
     return result
 
 
-def grow(centroid: Floats, direction: Floats, chosen: Mask, settings: Settings) -> Mask:
+def grow(centroid: Floats, direction: Floats, chosen: Mask, voxel: float, gap: float) -> Mask:
     """Voxels that hang together: near each other, with lines of one direction.
 
     As printed, voxels among the 26 neighbours must be nearer than 20 m, which all of them are; so
@@ -150,11 +248,11 @@ def grow(centroid: Floats, direction: Floats, chosen: Mask, settings: Settings) 
     grown = np.zeros(len(centroid), bool)
     if len(some) < LEAST_VOXELS:
         return grown
-    pairs = cKDTree(centroid[some]).query_pairs(settings.gap, output_type="ndarray")
+    pairs = cKDTree(centroid[some]).query_pairs(gap, output_type="ndarray")
     one, other = some[pairs[:, 0]], some[pairs[:, 1]]
     step = centroid[other] - centroid[one]
     size = np.linalg.norm(step, axis=1)
-    next_to = size < math.sqrt(3) * settings.voxel * 1.5
+    next_to = size < math.sqrt(3) * voxel * 1.5
     step /= np.maximum(size, 1e-9)[:, None]
     alike = np.abs((direction[one] * direction[other]).sum(axis=1)) > math.cos(ANGLE)
     ahead = np.abs((step * direction[one]).sum(axis=1)) > math.cos(ANGLE / 3)
@@ -165,12 +263,12 @@ def grow(centroid: Floats, direction: Floats, chosen: Mask, settings: Settings) 
     return grown
 
 
-def grown_near(centroid: Floats, grown: Mask, settings: Settings) -> Mask:
+def grown_near(centroid: Floats, grown: Mask, voxel: float) -> Mask:
     """Voxels near those that grew: a pylon stands at its wires."""
     if not grown.any():
         return np.zeros(len(centroid), bool)
     away, _ = cKDTree(centroid[grown, :2]).query(centroid[:, :2])
-    return np.asarray(away < 2 * settings.voxel)
+    return np.asarray(away < 2 * voxel)
 
 
 def clusters(xyz: Floats, tall: Mask) -> Ints:
@@ -194,12 +292,12 @@ def boxes(xyz: Floats, pylon: Ints) -> list[tuple[Floats, Floats]]:
     return found
 
 
-def inside_hulls(xyz: Floats, lines: Floats, settings: Settings) -> Mask:
+def inside_hulls(xyz: Floats, lines: Floats, voxel: float) -> Mask:
     """Points within the concave hull of the wires in plan, and near their heights there."""
     if len(lines) < 4:
         return np.zeros(len(xyz), bool)
     hull = shapely.concave_hull(shapely.MultiPoint(lines[:, :2]), HOLES).buffer(NEAR_LINE)
     shapely.prepare(hull)
     inside = shapely.contains_xy(hull, xyz[:, 0], xyz[:, 1])
-    away, near = cKDTree(lines).query(xyz, distance_upper_bound=settings.voxel)
-    return np.asarray(inside & (away < settings.voxel / 2) & (near < len(lines)))
+    away, near = cKDTree(lines).query(xyz, distance_upper_bound=voxel)
+    return np.asarray(inside & (away < voxel / 2) & (near < len(lines)))

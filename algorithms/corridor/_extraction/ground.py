@@ -1,0 +1,110 @@
+"""Heights of points above the ground, and the elevation of the ground below a support."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from algorithms.corridor._extraction.labels import classes_of
+from algorithms.ground.classify import HEIGHT, find_terrain, height_above
+from algorithms.shared.ground import may_be_ground
+from toolbox.context import Context
+from toolbox.data import PointCloud
+from toolbox.errors import DataError
+
+OFF_GROUND = 0.4  # metres, from which a point can be of a tower
+COMPANY, ALMOST_ALL = (2.0, 2.0, 1.0), 0.9  # metres, and share of the points with others so near
+AROUND = 8  # points of the ground through which the plane under a support is laid
+
+Floats = NDArray[np.float64]
+
+
+def heights_of(
+    cloud: PointCloud, part: NDArray[np.bool_], ground_classes: Sequence[int] | None, ctx: Context
+) -> Floats:
+    """Metres of n points above the ground, array of shape (n,); NaN where not known.
+
+    Parameters
+    ----------
+    part : array of shape (n,), points that take part
+    ground_classes : classes that are ground; None to take the heights that the points have, or to
+        find the ground
+
+    Raises
+    ------
+    DataError
+        No point is of the ground classes.
+    """
+    if HEIGHT in cloud and ground_classes is None:
+        return given_heights(cloud)
+    ground = part & may_be_ground(cloud, "last")
+    if ground_classes is not None:
+        ground = part & np.isin(classes_of(cloud), ground_classes)
+        if part.any() and not ground.any():
+            raise DataError(f"points: none is of the ground_classes {ground_classes}")
+    if not ground.any():
+        return np.full(len(cloud), np.nan)
+    ground &= accompanied(cloud.xyz, cloud.metre)
+    bare = cloud.xyz[ground]
+    bare.flags.writeable = False  # kernels would be compiled for writable arrays once more
+    known = ground_classes is not None
+    return height_above(cloud.xyz, find_terrain(bare, known=known, metre=cloud.metre, ctx=ctx))
+
+
+def given_heights(cloud: PointCloud) -> Floats:
+    """Metres above the ground of points that have them; NaN where not known.
+
+    Raises
+    ------
+    DataError
+        Some are infinite.
+    """
+    height = np.asarray(cloud[HEIGHT], float) / cloud.metre
+    if infinite := np.count_nonzero(np.isinf(height)):
+        raise DataError(
+            f"points: {HEIGHT} of {cloud.name} must be a number, or NaN where it is not known, "
+            f"but is infinite for {infinite}"
+        )
+    return height
+
+
+def accompanied(xyz: Floats, metre: float) -> NDArray[np.bool_]:
+    """False for points with no other near them, if most have one: many low ones sink the terrain.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    metre : length of one metre in the unit of the points
+    """
+    cell = np.floor((xyz - xyz.min(axis=0)) / (np.array(COMPANY) * metre)).astype(np.int64)
+    size = cell.max(axis=0) + 1
+    key = (cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]
+    _, which, count = np.unique(key, return_inverse=True, return_counts=True)
+    found = count[which] > 1
+    return found if found.mean() > ALMOST_ALL else np.ones(len(xyz), bool)
+
+
+def elevation(places: Floats, height: Floats) -> Callable[[float, float], float]:
+    """Elevation of the ground at a place, by the plane through what is known of it near by.
+
+    Parameters
+    ----------
+    places : array of shape (n, 3), metres
+    height : array of shape (n,), above the ground, metres; NaN where not known
+    """
+    low = np.flatnonzero(height <= OFF_GROUND)
+    low = low if len(low) else np.flatnonzero(np.isfinite(height))
+    xy, ground = places[low, :2], places[low, 2] - height[low]
+    tree = cKDTree(xy)
+
+    def at(x: float, y: float) -> float:
+        near = np.asarray(tree.query((x, y), k=range(1, min(AROUND, len(low)) + 1))[1])
+        middle = xy[near].mean(axis=0)
+        sides = np.column_stack([xy[near] - middle, np.ones(len(near))])
+        slope = np.linalg.lstsq(sides, ground[near], rcond=0.01)[0]
+        return float(np.append((x, y) - middle, 1.0) @ slope)
+
+    return at

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from algorithms.corridor._extraction.candidates import CELL, STANDS_FOR, candidates
+from algorithms.corridor._extraction.candidates import GROUND_CELL, STANDS_FOR, candidates
 from algorithms.corridor._extraction.ground import given_heights
-from algorithms.corridor._extraction.labels import NUMBER
+from algorithms.corridor._extraction.labels import POINT_NUMBER
 from algorithms.ground.classify import HEIGHT
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
@@ -39,22 +39,25 @@ class CorridorCandidates:
 
     def halo(self) -> float:
         """A square may lie across the edge of a tile."""
-        return 1.5 * CELL
+        return 1.5 * GROUND_CELL
 
     def run(self, ctx: Context = QUIET) -> CorridorCandidates.Outputs:
         """Choose, and number."""
         cloud = self.points
         index, stands_for = candidates(
-            cloud.xyz, given_heights(cloud), taking_part(cloud, self.ignore),
-            metre=cloud.metre, ctx=ctx,
-        )  # fmt: skip
+            cloud.xyz,
+            given_heights(cloud),
+            taking_part(cloud, self.ignore),
+            metre=cloud.metre,
+            ctx=ctx,
+        )
         ctx.progress(1.0)
         return self.Outputs(
             candidates=cloud.select(index).with_attributes(
-                {STANDS_FOR: stands_for, NUMBER: cloud.number[index]},
+                {STANDS_FOR: stands_for, POINT_NUMBER: cloud.number[index]},
                 descriptions={
                     STANDS_FOR: "points that are represented",
-                    NUMBER: "place of the point in the survey",
+                    POINT_NUMBER: "place of the point in the survey",
                 },
             )
         )

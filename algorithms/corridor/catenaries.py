@@ -18,7 +18,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from algorithms.corridor._curves.network import Scene
+from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import Airborne, uncrowded
 from algorithms.corridor._extraction.follow import follow
 from algorithms.corridor._extraction.layers import wire_layer
@@ -28,8 +28,8 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table, Vector
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
 
-SPARSE = 100.0  # points per square metre: everything is uncrowded
-BELOW = 20.0  # metres under the lowest point, where the ground may be
+UNCROWDED_DENSITY = 100.0  # points per square metre: everything is uncrowded
+GROUND_BELOW = 20.0  # metres under the lowest point, where the ground may be
 
 
 @tool("corridor.catenaries")
@@ -37,8 +37,8 @@ class CorridorCatenaries:
     """Fit one catenary to every conductor of every span.
 
     The points of wires must be classified, by corridor.extract or otherwise; of a cloud without
-    classes all points are taken. Conductors of a bundle are told apart where the points allow it.
-    Points of towers help to find the ends of spans, but are not needed.
+    classes all points are taken. Subconductors of a bundle are told apart where the points allow
+    it. Points of towers help to find the ends of spans, but are not needed.
 
     The lines run in three dimensions from support to support, and carry the horizontal tension
     over weight c, the lowest point, sag, length, the swing by wind, the scatter of the points and
@@ -89,14 +89,18 @@ class CorridorCatenaries:
         index = np.flatnonzero(use | tower)
         air = Airborne.of((cloud.xyz[index] - origin) / metre)
         may = use[index][air.order]
-        _, voxel = uncrowded(air.select(may), SPARSE)
+        _, voxel = uncrowded(air.select(may), UNCROWDED_DENSITY)
         lowest = float(air.xyz[:, 2].min(initial=0.0))
-        height = air.xyz[:, 2] - lowest + BELOW
-        scene = Scene(
-            air, height, may, self.tolerance / metre, lambda x, y: lowest - BELOW,
+        height = air.xyz[:, 2] - lowest + GROUND_BELOW
+        corridor = Corridor(
+            air,
+            height,
+            may,
+            self.tolerance / metre,
+            lambda x, y: lowest - GROUND_BELOW,
             lambda x, y: False,
-        )  # fmt: skip
-        found, _ = follow(scene, voxel, self.max_gap / metre, ctx)
+        )
+        found, _ = follow(corridor, voxel, self.max_gap / metre, ctx)
         if not found:
             log.warning("no wire was found among %d points", np.count_nonzero(use))
         ctx.progress(1.0)

@@ -40,8 +40,13 @@ from algorithms.corridor._clearance.sag import (
     conductor_temperature,
     in_state,
 )
-from algorithms.corridor._clearance.surroundings import Line, Scene, line_of, scene_of
-from algorithms.corridor._curves.catenary_kernels import TIGHTEST
+from algorithms.corridor._clearance.surroundings import (
+    LineStates,
+    Surroundings,
+    line_of,
+    surroundings_of,
+)
+from algorithms.corridor._curves.catenary_kernels import MOST_CURVATURE
 from algorithms.corridor._extraction.layers import COVARIANCES, WIRE_COLUMNS
 from algorithms.ground.classify import HEIGHT
 from algorithms.shared import parameters
@@ -53,13 +58,36 @@ from toolbox.errors import DataError
 FARTHEST_TREE = 60.0  # metres to the side from which a tree may fall on a wire
 LEAST_REACH = 10.0  # metres to the side up to which the least clearances are looked for
 FALLING = Rule(
-    "falling", "height of the tree against the distance of its foot", "", "tree", "3-D", 0.0, 0.0,
-    "watch", confirmed=True, note="A tree that falls towards the line reaches it",
-)  # fmt: skip
-WHOLE = ("wire_id", "span_id", "from_tower", "to_tower")
-NUMBERS = (*WHOLE, "azimuth", "x0", "y0", "z_start", "z_end", "v0", "v1", "rms", "points")
-BETWEEN = {"span": (0.0, math.inf), "curvature": (0.0, 2 * TIGHTEST), "swing": (-90.0, 90.0)}
-VARIANCES = tuple(name for name, (i, j) in COVARIANCES.items() if i == j)
+    "falling",
+    "height of the tree against the distance of its foot",
+    "",
+    "tree",
+    "3-D",
+    0.0,
+    0.0,
+    "watch",
+    confirmed=True,
+    note="A tree that falls towards the line reaches it",
+)
+WHOLE_COLUMNS = ("wire_id", "span_id", "from_tower", "to_tower")
+NUMBER_COLUMNS = (
+    *WHOLE_COLUMNS,
+    "azimuth",
+    "x0",
+    "y0",
+    "z_start",
+    "z_end",
+    "v0",
+    "v1",
+    "rms",
+    "points",
+)
+BOUNDED_COLUMNS = {
+    "span": (0.0, math.inf),
+    "curvature": (0.0, 2 * MOST_CURVATURE),
+    "swing": (-90.0, 90.0),
+}
+VARIANCE_COLUMNS = tuple(name for name, (i, j) in COVARIANCES.items() if i == j)
 
 
 @tool("corridor.clearance")
@@ -90,34 +118,52 @@ class CorridorClearance:
     conductor_table: Table | None = source("Conductors of your own", default=None)
     rules: str = param("Name of a rule table of the toolbox", default="thesis")
     distance: float | None = param(
-        "One distance in space that all must keep, in place of rules", default=None, unit="m",
-        gt=0.0, le=100.0,
-    )  # fmt: skip
+        "One distance in space that all must keep, in place of rules",
+        default=None,
+        unit="m",
+        gt=0.0,
+        le=100.0,
+    )
     voltage: float | None = param(
-        "Voltage between two phases, for rules that depend on it", default=None, unit="kV", gt=0.0,
+        "Voltage between two phases, for rules that depend on it",
+        default=None,
+        unit="kV",
+        gt=0.0,
         le=1500.0,
-    )  # fmt: skip
+    )
     tree_classes: ClassList = param("Classes that are vegetation", default=ClassList([3, 4, 5]))
     building_classes: ClassList = param("Classes that are buildings", default=ClassList([6]))
     ground_classes: ClassList = parameters.ground_classes()
     ignore: ClassList | None = parameters.ignore()
     wire_radius: float = param(
-        "Points without a class that are nearer to a wire are of it", default=0.5, unit="m",
-        ge=0.0, le=5.0,
-    )  # fmt: skip
+        "Points without a class that are nearer to a wire are of it",
+        default=0.5,
+        unit="m",
+        ge=0.0,
+        le=5.0,
+    )
     attachment: float = param(
         "Points without a class that are nearer to the end of a wire are of its support",
-        default=5.0, unit="m", ge=0.0, le=20.0,
-    )  # fmt: skip
+        default=5.0,
+        unit="m",
+        ge=0.0,
+        le=20.0,
+    )
     object_gap: float = param(
-        "Points that are farther apart are of different objects", default=2.0, unit="m", ge=0.1,
+        "Points that are farther apart are of different objects",
+        default=2.0,
+        unit="m",
+        ge=0.1,
         le=50.0,
-    )  # fmt: skip
+    )
     min_points: int = param("Fewest points of an object", default=3, unit="1", ge=1, le=10_000)
     growth: float | None = param(
         "How much trees may grow until the next visit; what is too close then is watched",
-        default=None, unit="m", gt=0.0, le=20.0,
-    )  # fmt: skip
+        default=None,
+        unit="m",
+        gt=0.0,
+        le=20.0,
+    )
     falling: bool = param("Whether to look for trees that may fall on a wire", default=True)
     conductor: str | None = param("Name of the conductor, such as Drake", default=None)
     survey_temperature: float | None = param(
@@ -130,16 +176,22 @@ class CorridorClearance:
         "Highest temperature of the conductors", default=None, unit="degC", ge=-60.0, le=300.0
     )
     current: float | None = param(
-        "Current that heats them, in place of temperature (IEEE 738)", default=None, unit="A",
-        gt=0.0, le=20_000.0,
-    )  # fmt: skip
+        "Current that heats them, in place of temperature (IEEE 738)",
+        default=None,
+        unit="A",
+        gt=0.0,
+        le=20_000.0,
+    )
     air_temperature: float = param(
         "Temperature of the air, for current", default=40.0, unit="degC", ge=-60.0, le=60.0
     )
     breeze: float = param(
-        "Wind square to the line that cools them, for current", default=0.6, unit="m/s", ge=0.0,
+        "Wind square to the line that cools them, for current",
+        default=0.6,
+        unit="m/s",
+        ge=0.0,
         le=50.0,
-    )  # fmt: skip
+    )
     sun: float = param(
         "Power of the sun, for current", default=1000.0, unit="W/m2", ge=0.0, le=1500.0
     )
@@ -147,13 +199,19 @@ class CorridorClearance:
         "Wind square to the line that swings them", default=None, unit="m/s", gt=0.0, le=70.0
     )
     wind_temperature: float | None = param(
-        "Temperature of the conductors in wind; that of the survey by default", default=None,
-        unit="degC", ge=-60.0, le=250.0,
-    )  # fmt: skip
+        "Temperature of the conductors in wind; that of the survey by default",
+        default=None,
+        unit="degC",
+        ge=-60.0,
+        le=250.0,
+    )
     ruling_span: float | None = param(
-        "Level span that tells the tension; each span its own by default", default=None, unit="m",
-        ge=10.0, le=3000.0,
-    )  # fmt: skip
+        "Level span that tells the tension; each span its own by default",
+        default=None,
+        unit="m",
+        ge=10.0,
+        le=3000.0,
+    )
     point_sd: float = param(
         "Standard deviation of a point, in height", default=0.05, unit="m", ge=0.0, le=5.0
     )
@@ -220,39 +278,50 @@ class CorridorClearance:
         line = metric._in_all_states(line_of(self.wires), conductor)
         cloud = metric._cloud(line, rules, ctx.part(0.0, 0.3))
         if len(line.states) > 1 and line.open_spans:
-            log.warning("%d spans end without a tower; hot or in wind: held there, where in truth "
-                        "they hang on", len(line.open_spans))  # fmt: skip
-        scene = metric._scene(cloud, line, rules, ctx.part(0.3, 0.4))
+            log.warning(
+                "%d spans end without a tower; hot or in wind: held there, where in truth "
+                "they hang on",
+                len(line.open_spans),
+            )
+        surroundings = metric._surroundings(cloud, line, rules, ctx.part(0.3, 0.4))
         if not line.spans:
             log.warning("there are no wires, so nothing is too close to one")
             found, least = Violations.none(), Least.none(len(line.states))
         else:
             found, least = find_violations(
-                scene.xyz, scene.kind, line.curves, rules,
-                reach=_measured(rules), point_sd=metric.point_sd,
+                surroundings.xyz,
+                surroundings.kind,
+                line.curves,
+                rules,
+                reach=_measured(rules),
+                point_sd=metric.point_sd,
                 ctx=ctx.part(0.4, 0.8),
-            )  # fmt: skip
+            )
         settings: Any = {"gap": metric.object_gap, "fewest": self.min_points}
-        objects, lone = objects_of(scene, found, rules, **settings)
+        objects, lone = objects_of(surroundings, found, rules, **settings)
         if lone:
             log.warning("%d points break a rule, but are too few for an object", lone)
-            scene.left_out["break a rule, but are too few for an object"] = lone
+            surroundings.left_out["break a rule, but are too few for an object"] = lone
         nearest = float(found.space.min(initial=math.inf))
         if self.falling:
             rules = [*rules, FALLING]
             falls = falling_trees(
-                scene, line, rule=len(rules) - 1, point_sd=metric.point_sd, **settings,
+                surroundings,
+                line,
+                rule=len(rules) - 1,
+                point_sd=metric.point_sd,
+                **settings,
                 ctx=ctx.part(0.8, 0.9),
-            )  # fmt: skip
-            objects, found = with_falls(scene, objects, found, falls, rules)
-        spans = span_table(scene, line, least, objects, metric.point_sd)
-        layer = object_layer(cloud, scene, line, rules, objects)
+            )
+            objects, found = with_falls(surroundings, objects, found, falls, rules)
+        spans = span_table(surroundings, line, least, objects, metric.point_sd)
+        layer = object_layer(cloud, surroundings, line, rules, objects)
         page = report_of(
-            scene, line, rules, objects, layer.frame, spans, conductor, ctx.part(0.9, 1.0)
+            surroundings, line, rules, objects, layer.frame, spans, conductor, ctx.part(0.9, 1.0)
         )
         ctx.progress(1.0)
         return self.Outputs(
-            violations=violation_cloud(cloud, scene, line, rules, found, objects),
+            violations=violation_cloud(cloud, surroundings, line, rules, found, objects),
             objects=layer,
             spans=spans,
             report=page,
@@ -264,7 +333,12 @@ class CorridorClearance:
     def _in_metres(self) -> CorridorClearance:
         """The same job with lengths in metres, not in the unit of the data."""
         names = (
-            *("distance", "wire_radius", "attachment", "object_gap", "growth", "ruling_span"),
+            "distance",
+            "wire_radius",
+            "attachment",
+            "object_gap",
+            "growth",
+            "ruling_span",
             "point_sd",
         )
         given = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
@@ -289,20 +363,26 @@ class CorridorClearance:
     def _conductor(self) -> Conductor | None:
         return conductor_of(self.conductor, self.conductor_table) if self.conductor else None
 
-    def _in_all_states(self, line: Line, conductor: Conductor | None) -> Line:
+    def _in_all_states(self, line: LineStates, conductor: Conductor | None) -> LineStates:
         """The wires as surveyed, and as they hang in all other states that are asked for."""
         if conductor is None or self.survey_temperature is None:
             return line
         surveyed = line.curves[0]
         states, curves = [*line.states, *self._other_states(conductor)], [surveyed]
         for state in states[1:]:
-            curves.append([
-                in_state(
-                    curve, conductor, state, surveyed=self.survey_temperature,
-                    surveyed_sd=self.survey_temperature_sd, ruling_span=self.ruling_span,
-                )
-                for curve in surveyed
-            ])  # fmt: skip
+            curves.append(
+                [
+                    in_state(
+                        curve,
+                        conductor,
+                        state,
+                        surveyed=self.survey_temperature,
+                        surveyed_sd=self.survey_temperature_sd,
+                        ruling_span=self.ruling_span,
+                    )
+                    for curve in surveyed
+                ]
+            )
         return replace(line, states=states, curves=curves)
 
     def _other_states(self, conductor: Conductor) -> list[State]:
@@ -311,9 +391,12 @@ class CorridorClearance:
         hottest = self.temperature
         if self.current is not None:
             hottest = conductor_temperature(
-                conductor, current=self.current, air=self.air_temperature, wind=self.breeze,
+                conductor,
+                current=self.current,
+                air=self.air_temperature,
+                wind=self.breeze,
                 sun=self.sun,
-            )  # fmt: skip
+            )
         if hottest is not None:
             states.append(State(f"{hottest:.0f} C", hottest))
         if self.wind is not None:
@@ -321,7 +404,7 @@ class CorridorClearance:
                 states.append(State(f"blown {side}", self.wind_temperature, wind))
         return states
 
-    def _cloud(self, line: Line, rules: list[Rule], ctx: Context) -> PointCloud:
+    def _cloud(self, line: LineStates, rules: list[Rule], ctx: Context) -> PointCloud:
         """The points that are looked at: few, if heights need no others; lengths are in metres."""
         if HEIGHT not in self.points.names:
             return self.points if isinstance(self.points, PointCloud) else self.points.read(ctx=ctx)
@@ -332,17 +415,31 @@ class CorridorClearance:
                 else self.points.template
             )
         return what_matters(
-            self.points, line, rules, classes=self._classes, ignore=self.ignore or ClassList([]),
-            reach=self._reach(rules), measured=_measured(rules), ctx=ctx,
-        )  # fmt: skip
+            self.points,
+            line,
+            rules,
+            classes=self._classes,
+            ignore=self.ignore or ClassList([]),
+            reach=self._reach(rules),
+            measured=_measured(rules),
+            ctx=ctx,
+        )
 
-    def _scene(self, cloud: PointCloud, line: Line, rules: list[Rule], ctx: Context) -> Scene:
+    def _surroundings(
+        self, cloud: PointCloud, line: LineStates, rules: list[Rule], ctx: Context
+    ) -> Surroundings:
         """The points around the line; lengths of this job are in metres."""
-        return scene_of(
-            cloud, line, classes=self._classes, ignore=self.ignore or ClassList([]),
-            reach=self._reach(rules), wire_radius=self.wire_radius, attachment=self.attachment,
-            towers=self.towers, ctx=ctx,
-        )  # fmt: skip
+        return surroundings_of(
+            cloud,
+            line,
+            classes=self._classes,
+            ignore=self.ignore or ClassList([]),
+            reach=self._reach(rules),
+            wire_radius=self.wire_radius,
+            attachment=self.attachment,
+            towers=self.towers,
+            ctx=ctx,
+        )
 
     def _reach(self, rules: list[Rule]) -> float:
         """Metres to the side of the wires up to which points are looked at."""
@@ -365,7 +462,7 @@ def _measured(rules: list[Rule]) -> float:
 
 def _bad_wires(wires: Vector) -> Iterator[tuple[str, str]]:
     """Curves must have an extent and be bent; their covariance need not be known."""
-    names = [*NUMBERS, *BETWEEN, *VARIANCES]
+    names = [*NUMBER_COLUMNS, *BOUNDED_COLUMNS, *VARIANCE_COLUMNS]
     for number, row in enumerate(wires.frame[names].to_dict("records"), start=1):
         for name, value in row.items():
             if rule := _broken(str(name), value):
@@ -375,13 +472,13 @@ def _bad_wires(wires: Vector) -> Iterator[tuple[str, str]]:
 
 def _broken(name: str, value: object) -> str:
     """What a value in a column of wires must be, if it is not."""
-    if name in VARIANCES:
+    if name in VARIANCE_COLUMNS:
         return "at least 0" if isinstance(value, float) and value < 0 else ""
     if not isinstance(value, int | float) or not math.isfinite(value):
         return "a number"
-    if name in WHOLE and value % 1:
+    if name in WHOLE_COLUMNS and value % 1:
         return "a whole number"
-    low, high = BETWEEN.get(name, (-math.inf, math.inf))
+    low, high = BOUNDED_COLUMNS.get(name, (-math.inf, math.inf))
     if not low < value < high:
         return f"above {low:g}" + (f" and below {high:g}" if math.isfinite(high) else "")
     return ""

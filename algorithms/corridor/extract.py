@@ -25,11 +25,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.corridor._curves.network import Scene
+from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import uncrowded
 from algorithms.corridor._extraction.follow import follow
 from algorithms.corridor._extraction.ground import elevation
-from algorithms.corridor._extraction.labels import NUMBERS, labelled, none_labelled
+from algorithms.corridor._extraction.labels import LABEL_NUMBERS, labelled, none_labelled
 from algorithms.corridor._extraction.layers import tower_layer, wire_layer
 from algorithms.corridor._extraction.points import CorridorPoints
 from algorithms.corridor._extraction.spans import Wire, on_wire
@@ -90,8 +90,8 @@ class CorridorExtract:
 
     def run(self, ctx: Context = QUIET) -> CorridorExtract.Outputs:
         """Find the line, and label the points on it."""
-        cloud, part = self.points, taking_part(self.points, self.ignore)
-        points = CorridorPoints.of(cloud, part, self.ground_classes, ctx.part(0.0, 0.4))
+        cloud, use = self.points, taking_part(self.points, self.ignore)
+        points = CorridorPoints.of(cloud, use, self.ground_classes, ctx.part(0.0, 0.4))
         line = find_line(
             points,
             min_height=self.min_height / cloud.metre,
@@ -102,7 +102,7 @@ class CorridorExtract:
         if not line.wires:
             points.warn_of_no_line()
         return self.Outputs(
-            classified=labelled(cloud, part, points.index, line.labels),
+            classified=labelled(cloud, use, points.index, line.labels),
             towers=tower_layer(line.towers, line.strings, points.origin, cloud.metre, cloud.crs),
             wires=wire_layer(line.wires, points.origin, cloud.metre, cloud.crs),
             span_count=len({wire.span for wire in line.wires}),
@@ -150,22 +150,22 @@ def find_line(
     may[may] = alone
     ctx.progress(0.1)
     ground = elevation(points.xyz, points.height)
-    scene = Scene(air, height, may, tolerance, ground, points.seen)
-    wires, supports = follow(scene, voxel[alone], max_gap, ctx.part(0.1, 0.9))
+    corridor = Corridor(air, height, may, tolerance, ground, points.seen)
+    wires, supports = follow(corridor, voxel[alone], max_gap, ctx.part(0.1, 0.9))
     if not wires:
         return line
-    wires, towers, strings = dressed(scene, wires, supports)
+    wires, towers, strings = dressed(corridor, wires, supports)
     line = replace(line, wires=wires, towers=towers, strings=strings)
-    label_points(line, scene, points.own)
+    label_points(line, corridor, points.own)
     ctx.progress(1.0)
     return line
 
 
-def label_points(line: PowerLine, scene: Scene, own: NDArray[np.int64]) -> None:
+def label_points(line: PowerLine, corridor: Corridor, own: NDArray[np.int64]) -> None:
     """Enter which points are of wires and towers; `own` are those in the air."""
-    wire, span, tower, confidence = (line.labels[name] for name in (*NUMBERS, "confidence"))
+    wire, span, tower, confidence = (line.labels[name] for name in (*LABEL_NUMBERS, "confidence"))
     for one in line.wires:
-        near, away, radius = on_wire(scene, one)
+        near, away, radius = on_wire(corridor, one)
         points = own[near]
         wire[points], span[points] = one.wire, one.span
         confidence[points] = 1 - 0.5 * (away / radius) ** 2

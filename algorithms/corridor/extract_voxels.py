@@ -2,7 +2,7 @@
 
 Points high above the ground are put into voxels. Those of little (or much) variance of height hold
 straight lines, found by random samples, and grow together where their lines agree. Where much
-stands above one place is a pylon. Where the text leaves a step open, or cannot work as printed, the
+stands above one place is a tower. Where the text leaves a step open, or cannot work as printed, the
 notes of the functions say what is done.
 
 References
@@ -26,10 +26,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from algorithms.corridor._curves.network import Scene
+from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import uncrowded
 from algorithms.corridor._extraction.follow import follow
-from algorithms.corridor._extraction.labels import NUMBERS, labelled, none_labelled
+from algorithms.corridor._extraction.labels import LABEL_NUMBERS, labelled, none_labelled
 from algorithms.corridor._extraction.layers import wire_layer
 from algorithms.corridor._extraction.points import CorridorPoints
 from algorithms.corridor._extraction.spans import on_wire
@@ -39,13 +39,14 @@ from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Vector
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
 
-CERTAINTY, OUTLIERS, SAMPLE = 0.99, 0.6, 2  # of the random samples: p, share of outliers, points
+CERTAINTY = 0.99  # that one of the random samples has no outlier
+OUTLIER_SHARE, SAMPLE_POINTS = 0.6, 2
 NEAR_LINE = 0.3  # metres
-ANGLE = math.radians(45.0)  # a difference of slopes of 1, for lines in any direction
+LARGEST_ANGLE = math.radians(45.0)  # a difference of slopes of 1, for lines in any direction
 LEAST_VOXELS = 5  # of a piece of line
-BINS = 256  # of the histogram
-SPACING = 30.0  # metres between pylons
-HOLES = 0.05  # of the concave hull: 0 as tight as can be, 1 convex
+HISTOGRAM_BINS = 256  # of the histogram
+TOWER_SPACING = 30.0  # metres between towers
+HULL_TIGHTNESS = 0.05  # of the concave hull: 0 as tight as can be, 1 convex
 
 Variance = Literal["low", "high"]
 Floats = NDArray[np.float64]
@@ -55,11 +56,11 @@ Mask = NDArray[np.bool_]
 
 @tool("corridor.extract_voxels")
 class CorridorExtractVoxels:
-    """Find wires and pylons in a raw point cloud by voxels, as a thesis published it.
+    """Find wires and towers in a raw point cloud by voxels, as a thesis published it.
 
     The method of Muş (2019), to compare corridor.extract with. Points high above the ground are put
     into voxels; those of little variance of height hold lines, which grow together where they
-    agree. Wires become class 14 and pylons class 15, as corridor.extract classifies. A pylon holds
+    agree. Wires become class 14 and towers class 15, as corridor.extract classifies. A tower holds
     all points in its bounds in plan, and no wires are found below `height`.
 
     `wires` has the catenaries that are fitted to the points of wires; a point on one of them has
@@ -104,12 +105,12 @@ class CorridorExtractVoxels:
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> CorridorExtractVoxels.Outputs:
-        """Find wires and pylons by voxels, and catenaries through the wires."""
-        cloud, part = self.points, taking_part(self.points, self.ignore)
+        """Find wires and towers by voxels, and catenaries through the wires."""
+        cloud, use = self.points, taking_part(self.points, self.ignore)
         metre = cloud.metre
-        points = CorridorPoints.of(cloud, part, self.ground_classes, ctx.part(0.0, 0.4))
+        points = CorridorPoints.of(cloud, use, self.ground_classes, ctx.part(0.0, 0.4))
         air, height = points.air, points.height[points.own]
-        high, pylon = voxel_lines(
+        high, tower = voxel_lines(
             air.xyz,
             height,
             height=self.height / metre,
@@ -120,23 +121,23 @@ class CorridorExtractVoxels:
             ctx=ctx.part(0.4, 0.9),
         )
         labels = none_labelled(len(points.index))
-        wire_id, span_id, tower_id = (labels[name] for name in NUMBERS)
-        tower_id[points.own] = pylon
+        wire_id, span_id, tower_id = (labels[name] for name in LABEL_NUMBERS)
+        tower_id[points.own] = tower
         wire_id[points.own[high]] = 1
-        scene = Scene(
+        corridor = Corridor(
             air, height, high, self.tolerance / metre, lambda x, y: 0.0, lambda x, y: False
         )
-        _, voxel = uncrowded(scene.wires, 1.0)
-        wires, _ = follow(scene, voxel, self.max_gap / metre, ctx.part(0.9, 1.0))
+        _, voxel = uncrowded(corridor.wires, 1.0)
+        wires, _ = follow(corridor, voxel, self.max_gap / metre, ctx.part(0.9, 1.0))
         for wire in wires:
-            near, _, _ = on_wire(scene, wire)
+            near, _, _ = on_wire(corridor, wire)
             mine = points.own[near[high[near]]]
             wire_id[mine], span_id[mine] = wire.wire, wire.span
         if not wires:
             points.warn_of_no_line()
         ctx.progress(1.0)
         return self.Outputs(
-            classified=labelled(cloud, part, points.index, labels),
+            classified=labelled(cloud, use, points.index, labels),
             wires=wire_layer(wires, points.origin, metre, cloud.crs),
             span_count=len({wire.span for wire in wires}),
         )
@@ -153,7 +154,7 @@ def voxel_lines(
     seed: int,
     ctx: Context,
 ) -> tuple[Mask, Ints]:
-    """Which points are wire, and the number of the pylon that each belongs to.
+    """Which points are wire, and the number of the tower that each belongs to.
 
     Parameters
     ----------
@@ -165,18 +166,18 @@ def voxel_lines(
     Returns
     -------
     wire : array of shape (n,)
-    pylon : array of shape (n,), from 1, 0 for none
+    tower : array of shape (n,), from 1, 0 for none
     """
-    wire, pylon = np.zeros(len(xyz), bool), np.zeros(len(xyz), np.int64)
+    wire, tower = np.zeros(len(xyz), bool), np.zeros(len(xyz), np.int64)
     high = np.flatnonzero(heights > height)
-    if len(high) < SAMPLE:
-        return wire, pylon
+    if len(high) < SAMPLE_POINTS:
+        return wire, tower
     cell = np.floor(xyz[high] / voxel).astype(np.int64)
     _, of_voxel, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
     of_voxel = of_voxel.ravel()
     centroid = np.column_stack([np.bincount(of_voxel, xyz[high, k]) / count for k in range(3)])
     spread = np.bincount(of_voxel, xyz[high, 2] ** 2) / count - centroid[:, 2] ** 2
-    filled = count > SAMPLE
+    filled = count > SAMPLE_POINTS
     limit = otsu(spread[filled])
     chosen = filled & ((spread <= limit) if variance == "low" else (spread > limit))
     ctx.progress(0.2)
@@ -185,23 +186,23 @@ def voxel_lines(
     column = np.unique(cell[:, :2], axis=0, return_inverse=True)[1].ravel()
     density = np.bincount(column)
     tall = density > otsu(density.astype(float))
-    pylon[high] = clusters(xyz[high], tall[column] & grown_near(centroid, grown, voxel)[of_voxel])
-    bounds = boxes(xyz, pylon)
+    tower[high] = clusters(xyz[high], tall[column] & grown_near(centroid, grown, voxel)[of_voxel])
+    bounds = boxes(xyz, tower)
     for number, (low, top) in enumerate(bounds, start=1):
-        pylon[((xyz[:, :2] >= low) & (xyz[:, :2] <= top)).all(axis=1)] = number
+        tower[((xyz[:, :2] >= low) & (xyz[:, :2] <= top)).all(axis=1)] = number
     ctx.progress(0.9)
     lines = high[grown[of_voxel]]
-    lines = lines[pylon[lines] == 0]
+    lines = lines[tower[lines] == 0]
     wire[high[inside_hulls(xyz[high], xyz[lines], voxel)]] = True
-    wire &= pylon == 0
-    return wire, pylon
+    wire &= tower == 0
+    return wire, tower
 
 
 def otsu(values: Floats) -> float:
     """The threshold that separates two groups with the least variance within them."""
     if not len(values):
         return 0.0
-    count, edges = np.histogram(values, BINS)
+    count, edges = np.histogram(values, HISTOGRAM_BINS)
     middle = (edges[:-1] + edges[1:]) / 2
     below, above = np.cumsum(count), len(values) - np.cumsum(count)
     total = np.cumsum(count * middle)
@@ -219,7 +220,7 @@ def directions(xyz: Floats, voxel: Ints, chosen: Ints, seed: int, ctx: Context) 
     a direction also where a slope would be infinite.
     """
     rng = np.random.default_rng(seed)
-    tries = math.ceil(math.log(1 - CERTAINTY) / math.log(1 - (1 - OUTLIERS) ** SAMPLE))
+    tries = math.ceil(math.log(1 - CERTAINTY) / math.log(1 - (1 - OUTLIER_SHARE) ** SAMPLE_POINTS))
     order = np.argsort(voxel, kind="stable")
     start = np.searchsorted(voxel[order], np.arange(voxel.max() + 2))
     result = np.zeros((voxel.max() + 1, 3))
@@ -227,7 +228,7 @@ def directions(xyz: Floats, voxel: Ints, chosen: Ints, seed: int, ctx: Context) 
         if number % 200 == 0:
             ctx.progress(0.2 + 0.5 * number / len(chosen))
         points = xyz[order[start[which] : start[which + 1]]]
-        pairs = rng.integers(0, len(points), (tries, SAMPLE))
+        pairs = rng.integers(0, len(points), (tries, SAMPLE_POINTS))
         step = points[pairs[:, 1]] - points[pairs[:, 0]]
         size = np.linalg.norm(step, axis=1)
         step, first = step[size > 0] / size[size > 0, None], points[pairs[size > 0, 0]]
@@ -254,8 +255,8 @@ def grow(centroid: Floats, direction: Floats, chosen: Mask, voxel: float, gap: f
     size = np.linalg.norm(step, axis=1)
     next_to = size < math.sqrt(3) * voxel * 1.5
     step /= np.maximum(size, 1e-9)[:, None]
-    alike = np.abs((direction[one] * direction[other]).sum(axis=1)) > math.cos(ANGLE)
-    ahead = np.abs((step * direction[one]).sum(axis=1)) > math.cos(ANGLE / 3)
+    alike = np.abs((direction[one] * direction[other]).sum(axis=1)) > math.cos(LARGEST_ANGLE)
+    ahead = np.abs((step * direction[one]).sum(axis=1)) > math.cos(LARGEST_ANGLE / 3)
     linked = pairs[alike & (next_to | ahead)]
     graph = coo_array((np.ones(len(linked)), linked.T), shape=(len(some), len(some)))
     _, label = connected_components(graph, directed=False)
@@ -264,7 +265,7 @@ def grow(centroid: Floats, direction: Floats, chosen: Mask, voxel: float, gap: f
 
 
 def grown_near(centroid: Floats, grown: Mask, voxel: float) -> Mask:
-    """Voxels near those that grew: a pylon stands at its wires."""
+    """Voxels near those that grew: a tower stands at its wires."""
     if not grown.any():
         return np.zeros(len(centroid), bool)
     away, _ = cKDTree(centroid[grown, :2]).query(centroid[:, :2])
@@ -272,22 +273,22 @@ def grown_near(centroid: Floats, grown: Mask, voxel: float) -> Mask:
 
 
 def clusters(xyz: Floats, tall: Mask) -> Ints:
-    """Number of the pylon of each point; pylons are farther apart than SPACING."""
+    """Number of the tower of each point; towers are farther apart than TOWER_SPACING."""
     number = np.zeros(len(xyz), np.int64)
     if not tall.any():
         return number
     cells, cell = np.unique(np.floor(xyz[tall, :2]), axis=0, return_inverse=True)
-    pairs = cKDTree(cells).query_pairs(SPACING, output_type="ndarray")
+    pairs = cKDTree(cells).query_pairs(TOWER_SPACING, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(cells), len(cells)))
     number[tall] = 1 + connected_components(graph, directed=False)[1][cell.ravel()]
     return number
 
 
-def boxes(xyz: Floats, pylon: Ints) -> list[tuple[Floats, Floats]]:
-    """Bounds in plan of each pylon."""
+def boxes(xyz: Floats, tower: Ints) -> list[tuple[Floats, Floats]]:
+    """Bounds in plan of each tower."""
     found = []
-    for number in range(1, int(pylon.max(initial=0)) + 1):
-        plan = xyz[pylon == number, :2]
+    for number in range(1, int(tower.max(initial=0)) + 1):
+        plan = xyz[tower == number, :2]
         found.append((plan.min(axis=0), plan.max(axis=0)))
     return found
 
@@ -296,7 +297,7 @@ def inside_hulls(xyz: Floats, lines: Floats, voxel: float) -> Mask:
     """Points within the concave hull of the wires in plan, and near their heights there."""
     if len(lines) < 4:
         return np.zeros(len(xyz), bool)
-    hull = shapely.concave_hull(shapely.MultiPoint(lines[:, :2]), HOLES).buffer(NEAR_LINE)
+    hull = shapely.concave_hull(shapely.MultiPoint(lines[:, :2]), HULL_TIGHTNESS).buffer(NEAR_LINE)
     shapely.prepare(hull)
     inside = shapely.contains_xy(hull, xyz[:, 0], xyz[:, 1])
     away, near = cKDTree(lines).query(xyz, distance_upper_bound=voxel)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from algorithms.corridor._extraction.labels import NUMBER, NUMBERS, labelled
+from algorithms.corridor._extraction.labels import LABEL_NUMBERS, POINT_NUMBER, labelled
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context
@@ -33,15 +33,15 @@ class CorridorLabel:
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """Numbers tell which point is which."""
-        line, needed = self.line, (NUMBER, *NUMBERS, "confidence")
+        line, needed = self.line, (POINT_NUMBER, *LABEL_NUMBERS, "confidence")
         if missing := [name for name in needed if name not in line]:
             yield "line", f"{line.name} has no attribute {', '.join(missing)}"
             return
         if unknown := [name for name in needed if not np.all(line[name] >= 0)]:
             yield "line", f"{line.name} has values of {', '.join(unknown)} that are not 0 or more"
-        number = np.sort(line[NUMBER])
+        number = np.sort(line[POINT_NUMBER])
         if len(twice := number[1:][number[1:] == number[:-1]]):
-            yield "line", f"{line.name} has more than one point of {NUMBER} {twice[0]}"
+            yield "line", f"{line.name} has more than one point of {POINT_NUMBER} {twice[0]}"
 
     def halo(self) -> float:
         """Each point is labelled by itself."""
@@ -51,15 +51,15 @@ class CorridorLabel:
         """Find the points of the line by their numbers."""
         cloud, line = self.points, self.line
         number = cloud.number  # rises: the points of a tile are in the order of the survey
-        index = np.searchsorted(number, line[NUMBER])
+        index = np.searchsorted(number, line[POINT_NUMBER])
         here = index < len(number)
-        here[here] = number[index[here]] == line[NUMBER][here]
+        here[here] = number[index[here]] == line[POINT_NUMBER][here]
         index = index[here]
         # A tile has but some points of a line that is there as a whole.
         complete = here.all() or (cloud.origin is not None and line.origin is None)
         if not (complete and np.array_equal(cloud.xyz[index], line.xyz[here])):
             raise DataError(f"line: {line.name} was not chosen from {cloud.name}")
-        names = (*NUMBERS, "confidence")
+        names = (*LABEL_NUMBERS, "confidence")
         labels = {name: line[name][here] for name in names}
         ctx.progress(1.0)
         return self.Outputs(

@@ -122,7 +122,7 @@ class System:
     wires: tuple[tuple[float, float, float, int], ...]  # offset, height, catenary c, class
     string: float  # length of the insulators
     lattice: bool  # towers, not poles
-    cleared: float  # half width of the strip without trees
+    cleared: float  # half width of the belt without trees
 
 
 TRANSMISSION = System(
@@ -211,7 +211,7 @@ class Axis:
         return x + hx * self.leg, y + hy * self.leg
 
     def locate(self, x: Any, y: Any) -> tuple[Floats, Floats]:
-        """Station and offset of points."""
+        """Chainage and offset of points."""
         (ax, ay), (bx, by) = self.headings
         dx, dy = x - self.bend[0], y - self.bend[1]
         second = dx * (ax + bx) + dy * (ay + by) > 0
@@ -313,7 +313,7 @@ def _built(
 
 
 def _land(design: Design, size: float, width: float, rng: np.random.Generator) -> tuple[Plan, Axis]:
-    """Hills, a road across, woods on both sides of the cleared strip."""
+    """Hills, a road across, woods on both sides of the cleared belt."""
     leg, half = size / 2, design.bend / 2
     rise, run = float(np.sin(half)), float(np.cos(half))
     axis = Axis((0.5 * width * rise, 0.5 * width), leg, ((run, rise), (run, -rise)))
@@ -329,8 +329,8 @@ def _land(design: Design, size: float, width: float, rng: np.random.Generator) -
     line = np.array([axis.place(0.3 * size + 4.0 * float(np.sin(v / 30)), float(v)) for v in reach])
     profile = replace(terrain, values=z.astype(np.float32)).at(line[:, 0], line[:, 1]) + 0.5
     z = graded(z, np.interp(offset, reach, profile), np.abs(road) - 3.5, 1 / 1.5)
-    strip = np.any([np.abs(offset - s.offset) < s.cleared for s in design.systems], axis=0)
-    cover = np.where(strip, MEADOW, FOREST)
+    cleared = np.any([np.abs(offset - s.offset) < s.cleared for s in design.systems], axis=0)
+    cover = np.where(cleared, MEADOW, FOREST)
     cover[np.abs(road) < 9] = GRASS
     cover[np.abs(road) < 3] = ASPHALT
     terrain = replace(terrain, values=z.astype(np.float32))

@@ -25,9 +25,13 @@ def ground(length: float, width: float, density: float, seed: int = 0) -> Floats
 
 
 def wire(
-    start: Sequence[float], end: Sequence[float], c: float, per_metre: float = 4.0, seed: int = 0,
+    start: Sequence[float],
+    end: Sequence[float],
+    c: float,
+    per_metre: float = 4.0,
+    seed: int = 0,
     noise: float = 0.03,
-) -> tuple[Catenary, Floats]:  # fmt: skip
+) -> tuple[Catenary, Floats]:
     """A wire between two places, and points on it."""
     rng = np.random.default_rng(seed + int(1000 * abs(start[1]) + 10 * start[2] + start[0]))
     a, b = np.array(start, float), np.array(end, float)
@@ -38,8 +42,13 @@ def wire(
     return curve, curve.points(u) + rng.normal(0, noise, (len(u), 3))
 
 
-def bar(start: Sequence[float], end: Sequence[float], per_metre: float, noise: float = 0.05,
-        seed: int = 0) -> Floats:  # fmt: skip
+def bar(
+    start: Sequence[float],
+    end: Sequence[float],
+    per_metre: float,
+    noise: float = 0.05,
+    seed: int = 0,
+) -> Floats:
     """Points along a straight bar."""
     rng = np.random.default_rng(seed)
     a, b = np.array(start, float), np.array(end, float)
@@ -63,18 +72,21 @@ def tree(x: float, y: float, top: float, radius: float, count: int, seed: int = 
 
 
 def line(
-    stations: Sequence[float], offsets: Sequence[float], height: float, c: float,
+    positions: Sequence[float],
+    offsets: Sequence[float],
+    height: float,
+    c: float,
     per_metre: float = 4.0,
-) -> tuple[list[Catenary], list[Floats], Floats]:  # fmt: skip
+) -> tuple[list[Catenary], list[Floats], Floats]:
     """Wires along the x axis between poles: curves, their points, and points of the poles."""
     curves, points = [], []
-    for k, (a, b) in enumerate(itertools.pairwise(stations)):
+    for k, (a, b) in enumerate(itertools.pairwise(positions)):
         for offset in offsets:
             made = wire((a, offset, height), (b, offset, height), c, per_metre, seed=k)
             curves.append(made[0])
             points.append(made[1])
     half = max(map(abs, offsets)) + 0.3
-    return curves, points, np.vstack([pole(x, 0.0, height + 0.5, half=half) for x in stations])
+    return curves, points, np.vstack([pole(x, 0.0, height + 0.5, half=half) for x in positions])
 
 
 def cloud(*parts: Floats, classes: Sequence[int] | None = None) -> PointCloud:

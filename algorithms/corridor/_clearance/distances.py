@@ -18,9 +18,9 @@ from algorithms.shared.kernels.sorting import distinct
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 
-BLOCK = 100_000  # points between two looks at whether the user cancelled
-STEP = 5.0  # metres between the places of a wire that are looked up in a lattice
-CELL, MOST_CELLS = 10.0, 4_000_000  # of the lattice: metres; number
+MEASURED_BLOCK = 100_000  # points between two looks at whether the user cancelled
+LATTICE_STEP = 5.0  # metres between the places of a wire that are looked up in a lattice
+LATTICE_CELL, MOST_LATTICE_CELLS = 10.0, 4_000_000  # of the lattice: metres; number
 UNCLASSIFIED, TREE = KINDS.index("unclassified"), KINDS.index("tree")
 TAKES_NO_PART = np.int8(-1)
 
@@ -30,7 +30,7 @@ Kinds = NDArray[np.int8]
 
 
 @dataclass(frozen=True)
-class Near:
+class WireLattice:
     """The wires that are near each cell of a lattice in plan.
 
     Attributes
@@ -44,19 +44,19 @@ class Near:
     candidates: Ints
 
     @classmethod
-    def of(cls, curves: Sequence[Sequence[Catenary]], reach: float) -> Near:
+    def of(cls, curves: Sequence[Sequence[Catenary]], reach: float) -> WireLattice:
         """The lattice of wires, each of which may be in several places."""
         places, owners = [], []
         for states in zip(*curves, strict=True):
             for curve in states:
-                count = max(2, math.ceil(curve.length / STEP) + 1)
+                count = max(2, math.ceil(curve.length / LATTICE_STEP) + 1)
                 places.append(curve.points(np.linspace(0.0, curve.length, count))[:, :2])
             owners.append(sum(map(len, places[-len(states) :])))
         xy = np.concatenate(places)
-        reach += STEP
+        reach += LATTICE_STEP
         west, south = xy.min(axis=0) - reach
         width, height = np.ptp(xy, axis=0) + 2 * reach
-        cell = max(CELL, reach / 2, math.sqrt(width * height / MOST_CELLS))
+        cell = max(LATTICE_CELL, reach / 2, math.sqrt(width * height / MOST_LATTICE_CELLS))
         columns, rows = int(width // cell) + 1, int(height // cell) + 1
         wire = np.repeat(np.arange(len(owners)), owners)
         around = math.ceil(reach / cell)
@@ -125,10 +125,12 @@ class Violations:
 
     def joined(self, other: Violations) -> Violations:
         """These, and others."""
-        return Violations(*(
-            np.concatenate([getattr(self, field.name), getattr(other, field.name)])
-            for field in fields(self)
-        ))  # fmt: skip
+        return Violations(
+            *(
+                np.concatenate([getattr(self, field.name), getattr(other, field.name)])
+                for field in fields(self)
+            )
+        )
 
 
 @dataclass(frozen=True)
@@ -169,9 +171,25 @@ def _row_of(c: Catenary) -> tuple[float, ...]:
     lowest = float(c.height(np.clip(c.u0, 0.0, c.length)))
     longest = math.hypot(1.0, steep)  # cosh where sinh is the slope
     return (
-        *(c.x, c.y, c.ex, c.ey, c.length, c.z_start, chord, c.curvature, c.u0, c.z0, c.v0, c.v1),
-        *(c.swing, lowest, max(c.z_start, c.z_end), c.curvature * longest),
-        *(c.curvature**3 / 24 * (longest - 1), 1 / (1 + aside**2), 1 / (1 + aside**2 + steep**2)),
+        c.x,
+        c.y,
+        c.ex,
+        c.ey,
+        c.length,
+        c.z_start,
+        chord,
+        c.curvature,
+        c.u0,
+        c.z0,
+        c.v0,
+        c.v1,
+        c.swing,
+        lowest,
+        max(c.z_start, c.z_end),
+        c.curvature * longest,
+        c.curvature**3 / 24 * (longest - 1),
+        1 / (1 + aside**2),
+        1 / (1 + aside**2 + steep**2),
     )
 
 
@@ -194,9 +212,14 @@ def distances(xyz: Floats, curve: Catenary) -> Floats:
 
 
 def own_points(
-    xyz: Floats, kind: Kinds, curves: Sequence[Catenary], *, radius: float, attachment: float,
+    xyz: Floats,
+    kind: Kinds,
+    curves: Sequence[Catenary],
+    *,
+    radius: float,
+    attachment: float,
     ctx: Context = QUIET,
-) -> NDArray[np.bool_]:  # fmt: skip
+) -> NDArray[np.bool_]:
     """Points without a class that are of the line: on a wire, or at an end of one.
 
     Parameters
@@ -209,31 +232,50 @@ def own_points(
     reach = max(radius, attachment)
     if not (some >= 0).any() or reach <= 0:
         return mine
-    near, wires = Near.of([curves], reach), rows_of(curves)
+    near, wires = WireLattice.of([curves], reach), rows_of(curves)
     far = np.full((len(KINDS), 2), (reach * 1.001, 0.0))
     ends = cKDTree(np.concatenate([c.points(np.array([0.0, c.length])) for c in curves]))
 
     def work(first: int, last: int) -> None:
         own, real = np.empty((last - first, 2), np.int64), np.empty((last - first, 6))
         kernels.check(
-            0, last - first, xyz[first:last], some[first:last], near.lattice, near.starts,
-            near.candidates, wires, np.empty((0, 4)), np.empty(0, np.int64), far, reach, own, real,
-            np.zeros((len(wires), len(KINDS))), np.empty((0, 0), np.int64),
-        )  # fmt: skip
+            0,
+            last - first,
+            xyz[first:last],
+            some[first:last],
+            near.lattice,
+            near.starts,
+            near.candidates,
+            wires,
+            np.empty((0, 4)),
+            np.empty(0, np.int64),
+            far,
+            reach,
+            own,
+            real,
+            np.zeros((len(wires), len(KINDS))),
+            np.empty((0, 0), np.int64),
+        )
         space = real[:, 2]
         mine[first:last] = space <= radius
         close = np.flatnonzero(space <= attachment)
         away = ends.query(xyz[first:last][close])[0]
         mine[first + close[away <= attachment]] = True
 
-    in_blocks(work, len(xyz), BLOCK, ctx)
+    in_blocks(work, len(xyz), MEASURED_BLOCK, ctx)
     return mine
 
 
 def find_violations(
-    xyz: Floats, kind: Kinds, curves: Sequence[Sequence[Catenary]], rules: Sequence[Rule], *,
-    reach: float, point_sd: float, ctx: Context = QUIET,
-) -> tuple[Violations, Least]:  # fmt: skip
+    xyz: Floats,
+    kind: Kinds,
+    curves: Sequence[Sequence[Catenary]],
+    rules: Sequence[Rule],
+    *,
+    reach: float,
+    point_sd: float,
+    ctx: Context = QUIET,
+) -> tuple[Violations, Least]:
     """Points that break a rule in any of several states of the wires.
 
     Parameters
@@ -246,11 +288,14 @@ def find_violations(
     point_sd : standard deviation of a point, metres
     ctx : progress and cancellation
     """
-    near, wires = Near.of(curves, reach), [rows_of(state) for state in curves]
-    numbers = np.array([
-        (DIRECTIONS.index(r.direction), r.threshold, r.within, SEVERITIES.index(r.severity))
-        for r in rules
-    ], float).reshape(-1, 4)  # fmt: skip
+    near, wires = WireLattice.of(curves, reach), [rows_of(state) for state in curves]
+    numbers = np.array(
+        [
+            (DIRECTIONS.index(r.direction), r.threshold, r.within, SEVERITIES.index(r.severity))
+            for r in rules
+        ],
+        float,
+    ).reshape(-1, 4)
     masks = np.array(
         [sum(r.holds_for(name) << k for k, name in enumerate(KINDS)) for r in rules], np.int64
     )
@@ -266,16 +311,29 @@ def find_violations(
         for state, rows in enumerate(wires):
             own, real = np.empty((size, 2), np.int64), np.empty((size, 6))
             kernels.check(
-                0, size, xyz[first:last], kind[first:last], near.lattice, near.starts,
-                near.candidates, rows, numbers, masks, far, reach, own, real,
-                seen.distance[state], seen.point[state],
-            )  # fmt: skip
+                0,
+                size,
+                xyz[first:last],
+                kind[first:last],
+                near.lattice,
+                near.starts,
+                near.candidates,
+                rows,
+                numbers,
+                masks,
+                far,
+                reach,
+                own,
+                real,
+                seen.distance[state],
+                seen.point[state],
+            )
             _keep_worse(worst, measures, own, real, numbers[:, 3], state)
         seen.point[seen.point >= 0] += first
         bad = np.flatnonzero(worst[:, 1] >= 0)
         found[first], nearest[first] = (bad + first, worst[bad], measures[bad]), seen
 
-    in_blocks(work, len(xyz), BLOCK, ctx)
+    in_blocks(work, len(xyz), MEASURED_BLOCK, ctx)
     least = Least.none(len(curves), len(curves[0]))
     for first in sorted(nearest):
         less = nearest[first].distance < least.distance
@@ -298,9 +356,11 @@ def _keep_worse(
 
 
 def _violations(
-    blocks: Sequence[tuple[Ints, Ints, Floats]], curves: Sequence[Sequence[Catenary]],
-    numbers: Floats, point_sd: float,
-) -> Violations:  # fmt: skip
+    blocks: Sequence[tuple[Ints, Ints, Floats]],
+    curves: Sequence[Sequence[Catenary]],
+    numbers: Floats,
+    point_sd: float,
+) -> Violations:
     """Those of all blocks, and how sure they are."""
     none = (np.empty(0, np.int64), np.empty((0, 3), np.int64), np.empty((0, 6)))
     point, worst, real = map(np.concatenate, zip(none, *blocks, strict=True))
@@ -358,22 +418,34 @@ def fall_in(
         Distance of the nearest wire from the foot less the height, its index and state, and u.
         Infinite and -1 where no wire is as near as the highest of the trees is high.
     """
-    near = Near.of(curves, float(height.max(initial=0.0)))
+    near = WireLattice.of(curves, float(height.max(initial=0.0)))
     foot = np.ascontiguousarray(tops[:, 2] - height)
     left, u = np.full(len(tops), np.inf), np.zeros(len(tops))
     wire, state = np.full(len(tops), -1, np.int64), np.zeros(len(tops), np.int64)
     for number, wires in enumerate(map(rows_of, curves)):
         own, real = np.empty(len(tops), np.int64), np.empty((len(tops), 2))
 
-        def work(first: int, last: int, wires: Floats = wires, own: Ints = own,
-                 real: Floats = real) -> None:  # fmt: skip
+        def work(
+            first: int, last: int, wires: Floats = wires, own: Ints = own, real: Floats = real
+        ) -> None:
             kernels.falls(
-                first, last, tops, foot, near.lattice, near.starts, near.candidates, wires, own,
+                first,
+                last,
+                tops,
+                foot,
+                near.lattice,
+                near.starts,
+                near.candidates,
+                wires,
+                own,
                 real,
-            )  # fmt: skip
+            )
 
         in_blocks(
-            work, len(tops), BLOCK, ctx.part(number / len(curves), (number + 1) / len(curves))
+            work,
+            len(tops),
+            MEASURED_BLOCK,
+            ctx.part(number / len(curves), (number + 1) / len(curves)),
         )
         less = real[:, 0] - height < left
         left[less], wire[less] = (real[:, 0] - height)[less], own[less]

@@ -1,4 +1,4 @@
-"""Distances from points to catenaries, exactly."""
+"""Compiled loops of :mod:`algorithms.corridor._clearance.distances`: points and catenaries."""
 
 from __future__ import annotations
 
@@ -8,22 +8,29 @@ import numpy as np
 from numba import njit
 
 # Columns of the array of wires, metres; see `Catenary`, and `rows_of` for the last ones.
-X, Y, EX, EY, LENGTH, Z_START, CHORD, K, U0, Z0, V0, V1, SWING = range(13)
-LOW, TOP, BEND, FOURTH, FLAT, SPACE = range(13, 19)
-STARTS = 24  # places along a wire that are looked at where its distance may have several minima
-ROUNDS, EARLY = 60, 12  # of Newton's method, the early ones without halving
-CLOSE = 1e-5  # metres along the wire: a smaller step of Newton's method is the last
+WIRE_X, WIRE_Y, WIRE_EX, WIRE_EY, WIRE_LENGTH = range(5)
+WIRE_Z_START, WIRE_CHORD, WIRE_CURVATURE, WIRE_U0, WIRE_Z0 = range(5, 10)
+WIRE_V0, WIRE_V1, WIRE_SWING = range(10, 13)
+WIRE_LOW, WIRE_TOP, WIRE_BEND, WIRE_FOURTH, WIRE_FLAT, WIRE_SPACE = range(13, 19)
+NEWTON_STARTS = 24  # steps along a wire where its distance may have several minima
+NEWTON_ROUNDS, NEWTON_EARLY = 60, 12  # of Newton's method, the early ones without halving
+NEWTON_LAST_STEP = 1e-5  # metres along the wire: a smaller step of Newton's method is the last
 
 
 @njit(cache=True, nogil=True)
 def _place(w, u):
     """Offset and height of a wire at u, and slope and second derivative of the height."""
-    grown = math.expm1(w[K] * (u - w[U0]))
+    grown = math.expm1(w[WIRE_CURVATURE] * (u - w[WIRE_U0]))
     rise = 0.5 * (grown + grown / (1.0 + grown))  # sinh, and cosh less one below: exact if small
     hung = 0.5 * grown * grown / (1.0 + grown)
-    z = w[Z0] + hung / w[K]
-    chord = w[Z_START] + w[CHORD] * u
-    return w[V0] + w[V1] * u + w[SWING] * (chord - z), z, rise, w[K] * (1.0 + hung)
+    z = w[WIRE_Z0] + hung / w[WIRE_CURVATURE]
+    chord = w[WIRE_Z_START] + w[WIRE_CHORD] * u
+    return (
+        w[WIRE_V0] + w[WIRE_V1] * u + w[WIRE_SWING] * (chord - z),
+        z,
+        rise,
+        w[WIRE_CURVATURE] * (1.0 + hung),
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -33,9 +40,9 @@ def _slope(w, u, p, q, h, tall):
     `tall` is 1 for the distance in space and 0 for that in plan.
     """
     v, z, rise, curve = _place(w, u)
-    aside = w[V1] + w[SWING] * (w[CHORD] - rise)
+    aside = w[WIRE_V1] + w[WIRE_SWING] * (w[WIRE_CHORD] - rise)
     first = (u - p) + (v - q) * aside + tall * (z - h) * rise
-    second = 1.0 + aside * aside - (v - q) * w[SWING] * curve
+    second = 1.0 + aside * aside - (v - q) * w[WIRE_SWING] * curve
     second += tall * (rise * rise + (z - h) * curve)
     return first, second
 
@@ -47,15 +54,15 @@ def _within(w, low, high, start, p, q, h, tall):
     Where that goes to and fro it is halving.
     """
     u = min(max(start, low), high)
-    for k in range(ROUNDS):
+    for k in range(NEWTON_ROUNDS):
         first, second = _slope(w, u, p, q, h, tall)
         if first > 0.0:
             high = u
         else:
             low = u
         step = -first / second if second > 0.0 else -math.copysign(math.inf, first)
-        fresh = min(max(u + step, low), high) if k < EARLY else 0.5 * (low + high)
-        if abs(fresh - u) < CLOSE:
+        fresh = min(max(u + step, low), high) if k < NEWTON_EARLY else 0.5 * (low + high)
+        if abs(fresh - u) < NEWTON_LAST_STEP:
             return fresh
         u = fresh
     return u
@@ -63,37 +70,40 @@ def _within(w, low, high, start, p, q, h, tall):
 
 @njit(cache=True, nogil=True)
 def _nearest(w, p, q, h):
-    """The u of the place of a wire that is nearest to a point at (p, q, h) of its frame.
+    """The u at which a wire is nearest to a point: p along its axis, q to the left, at height h.
 
     The squared distance has one minimum if the point is nearer to all of the wire than this is
     bent; else it is looked for from several places.
     """
-    length = w[LENGTH]
-    away = max(abs(w[TOP] - h), abs(w[Z0] - h)) + abs(w[SWING] * q)
-    if away * w[BEND] < 0.9:
+    length = w[WIRE_LENGTH]
+    away = max(abs(w[WIRE_TOP] - h), abs(w[WIRE_Z0] - h)) + abs(w[WIRE_SWING] * q)
+    if away * w[WIRE_BEND] < 0.9:
         return _within(w, 0.0, length, p, p, q, h, 1.0)
     best, least = 0, math.inf
-    for i in range(STARTS + 1):
-        u = length * i / STARTS
+    for i in range(NEWTON_STARTS + 1):
+        u = length * i / NEWTON_STARTS
         v, z, _, _ = _place(w, u)
         square = (u - p) ** 2 + (v - q) ** 2 + (z - h) ** 2
         if square < least:
             best, least = i, square
-    low, high = length * max(best - 1, 0) / STARTS, length * min(best + 1, STARTS) / STARTS
-    return _within(w, low, high, length * best / STARTS, p, q, h, 1.0)
+    low, high = (
+        length * max(best - 1, 0) / NEWTON_STARTS,
+        length * min(best + 1, NEWTON_STARTS) / NEWTON_STARTS,
+    )
+    return _within(w, low, high, length * best / NEWTON_STARTS, p, q, h, 1.0)
 
 
 @njit(cache=True, nogil=True)
-def _framed(w, x, y):
+def _along_axis(w, x, y):
     """A place in plan along the axis of a wire, and to the left of it."""
-    dx, dy = x - w[X], y - w[Y]
-    return dx * w[EX] + dy * w[EY], dy * w[EX] - dx * w[EY]
+    dx, dy = x - w[WIRE_X], y - w[WIRE_Y]
+    return dx * w[WIRE_EX] + dy * w[WIRE_EY], dy * w[WIRE_EX] - dx * w[WIRE_EY]
 
 
 @njit(cache=True, nogil=True)
 def _in_space(w, x, y, z):
     """Distance in space, and u of the nearest place."""
-    p, q = _framed(w, x, y)
+    p, q = _along_axis(w, x, y)
     u = _nearest(w, p, q, z)
     v, height, _, _ = _place(w, u)
     return math.sqrt((u - p) ** 2 + (v - q) ** 2 + (height - z) ** 2), u
@@ -102,8 +112,8 @@ def _in_space(w, x, y, z):
 @njit(cache=True, nogil=True)
 def _in_plan(w, x, y, z):
     """Vertical and horizontal distance where the wire is nearest in plan; above zero under it."""
-    p, q = _framed(w, x, y)
-    u = _within(w, 0.0, w[LENGTH], p, p, q, z, 0.0)
+    p, q = _along_axis(w, x, y)
+    u = _within(w, 0.0, w[WIRE_LENGTH], p, p, q, z, 0.0)
     v, height, _, _ = _place(w, u)
     return height - z, math.hypot(u - p, v - q)
 
@@ -116,16 +126,21 @@ def _at_least(w, x, y, z):
     over sqrt(1 + s^2); beyond an end, that to the end along the axis comes to it. The height is
     only bounded, by the series of cosh and its remainder, which is several times as fast.
     """
-    p, q = _framed(w, x, y)
-    u = min(max(p, 0.0), w[LENGTH])
-    square = (u - w[U0]) ** 2
-    low = w[Z0] + w[K] * square * (0.5 + w[K] ** 2 * square * (1 / 24))
-    spare = w[FOURTH] * square**2
-    chord = w[Z_START] + w[CHORD] * u
-    beside = abs(w[V0] + w[V1] * u + w[SWING] * (chord - low) - q) - abs(w[SWING]) * spare
+    p, q = _along_axis(w, x, y)
+    u = min(max(p, 0.0), w[WIRE_LENGTH])
+    square = (u - w[WIRE_U0]) ** 2
+    low = w[WIRE_Z0] + w[WIRE_CURVATURE] * square * (
+        0.5 + w[WIRE_CURVATURE] ** 2 * square * (1 / 24)
+    )
+    spare = w[WIRE_FOURTH] * square**2
+    chord = w[WIRE_Z_START] + w[WIRE_CHORD] * u
+    beside = (
+        abs(w[WIRE_V0] + w[WIRE_V1] * u + w[WIRE_SWING] * (chord - low) - q)
+        - abs(w[WIRE_SWING]) * spare
+    )
     above = max(low - z, z - low - spare, 0.0) ** 2
     beside, past = max(beside, 0.0) ** 2, (p - u) ** 2
-    return past + (beside + above) * w[SPACE], past + beside * w[FLAT]
+    return past + (beside + above) * w[WIRE_SPACE], past + beside * w[WIRE_FLAT]
 
 
 @njit(cache=True, nogil=True)
@@ -182,7 +197,7 @@ def _bound(wires, near, x, y, z, least, limit, bounds):
     nearest = 0
     for j in range(len(near)):
         k = near[j]
-        if wires[k, LOW] - z >= max(limit, least[k]):
+        if wires[k, WIRE_LOW] - z >= max(limit, least[k]):
             bounds[j, 0] = bounds[j, 1] = math.inf
             continue
         bounds[j, 0], bounds[j, 1] = _at_least(wires[k], x, y, z)

@@ -14,19 +14,49 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._clearance.distances import Least, Violations, distances
 from algorithms.corridor._clearance.rules import KINDS, OBJECTS, SEVERITIES, Rule
-from algorithms.corridor._clearance.surroundings import Line, Object, Scene
+from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
 from toolbox.data import PointCloud, Table, Vector
 
 SPAN_COLUMNS = (
-    *("span_id", "state", "temperature", "wind", "from_tower", "to_tower", "wires", "length"),
-    *("sag", "swing", "clearance", "clearance_sd", *KINDS, "objects"),
+    "span_id",
+    "state",
+    "temperature",
+    "wind",
+    "from_tower",
+    "to_tower",
+    "wires",
+    "length",
+    "sag",
+    "swing",
+    "clearance",
+    "clearance_sd",
+    *KINDS,
+    "objects",
 )
 OBJECT_COLUMNS = (
-    *("object_id", "severity", "rule", "kind", "clearance", "required", "direction", "sd"),
-    *("probability", "falls", "span_id", "wire_id", "state", "distance", "vertical", "horizontal"),
-    *("station", "height", "points", "confirmed", "source"),
+    "object_id",
+    "severity",
+    "rule",
+    "kind",
+    "clearance",
+    "required",
+    "direction",
+    "sd",
+    "probability",
+    "falls",
+    "span_id",
+    "wire_id",
+    "state",
+    "distance",
+    "vertical",
+    "horizontal",
+    "chainage",
+    "height",
+    "points",
+    "confirmed",
+    "source",
 )
-DESCRIPTIONS = {
+VIOLATION_DESCRIPTIONS = {
     "clearance": "in the direction of the rule, m",
     "clearance_sd": "standard deviation, m",
     "probability": "that the rule is broken",
@@ -45,43 +75,62 @@ Ints = NDArray[np.int64]
 
 
 def object_layer(
-    cloud: PointCloud, scene: Scene, line: Line, rules: Sequence[Rule], objects: Sequence[Object]
+    cloud: PointCloud,
+    surroundings: Surroundings,
+    line: LineStates,
+    rules: Sequence[Rule],
+    objects: Sequence[Object],
 ) -> Vector:
     """One point per object, where it is closest."""
     rows: list[dict[str, Any]] = []
     for number, one in enumerate(objects, start=1):
         rule = rules[one.rule]
-        rows.append({
-            "object_id": number, "severity": rule.severity, "rule": rule.id, "kind": one.kind,
-            "clearance": one.measure, "required": rule.threshold, "direction": rule.direction,
-            "sd": one.sd, "probability": one.probability, "falls": one.falls,
-            "span_id": int(line.span[one.wire]), "wire_id": int(line.wire[one.wire]),
-            "state": line.states[one.state].name, "distance": one.space,
-            "vertical": one.vertical, "horizontal": one.flat, "station": one.u,
-            "height": one.height, "points": len(one.points), "confirmed": rule.confirmed,
-            "source": rule.source,
-        })  # fmt: skip
-    places = shapely.points(cloud.xyz[scene.index[[one.nearest for one in objects]]])
+        rows.append(
+            {
+                "object_id": number,
+                "severity": rule.severity,
+                "rule": rule.id,
+                "kind": one.kind,
+                "clearance": one.measure,
+                "required": rule.threshold,
+                "direction": rule.direction,
+                "sd": one.sd,
+                "probability": one.probability,
+                "falls": one.falls,
+                "span_id": int(line.span[one.wire]),
+                "wire_id": int(line.wire[one.wire]),
+                "state": line.states[one.state].name,
+                "distance": one.space,
+                "vertical": one.vertical,
+                "horizontal": one.flat,
+                "chainage": one.u,
+                "height": one.height,
+                "points": len(one.points),
+                "confirmed": rule.confirmed,
+                "source": rule.source,
+            }
+        )
+    places = shapely.points(cloud.xyz[surroundings.index[[one.nearest for one in objects]]])
     frame = geopandas.GeoDataFrame(rows, columns=OBJECT_COLUMNS, geometry=places, crs=cloud.crs)
     return Vector(frame, geometry_type="Point Z")
 
 
 def violation_cloud(
     cloud: PointCloud,
-    scene: Scene,
-    line: Line,
+    surroundings: Surroundings,
+    line: LineStates,
     rules: Sequence[Rule],
     found: Violations,
     objects: Sequence[Object],
 ) -> PointCloud:
     """The points that break a rule, in their order."""
     order = np.argsort(found.point, kind="stable")
-    number = np.zeros(len(scene.index), np.uint32)
+    number = np.zeros(len(surroundings.index), np.uint32)
     for k, one in enumerate(objects, start=1):
         number[one.points] = k
     severity = np.array([SEVERITIES.index(rule.severity) + 1 for rule in rules], np.uint8)
     wire = found.wire[order]
-    return cloud.select(scene.index[found.point[order]]).with_attributes(
+    return cloud.select(surroundings.index[found.point[order]]).with_attributes(
         {
             "clearance": found.measure[order].astype(np.float32),
             "clearance_sd": found.sd[order].astype(np.float32),
@@ -96,12 +145,16 @@ def violation_cloud(
             "span_id": line.span[wire].astype(np.uint32),
             "object_id": number[found.point[order]],
         },
-        descriptions=DESCRIPTIONS,
+        descriptions=VIOLATION_DESCRIPTIONS,
     )
 
 
 def span_table(
-    scene: Scene, line: Line, least: Least, objects: Sequence[Object], point_sd: float
+    surroundings: Surroundings,
+    line: LineStates,
+    least: Least,
+    objects: Sequence[Object],
+    point_sd: float,
 ) -> Table:
     """One row per span and state; clearances in space, in metres."""
     rows = []
@@ -109,21 +162,34 @@ def span_table(
         own = np.flatnonzero(line.span == span)
         for number, state in enumerate(line.states):
             curves = [line.curves[number][k] for k in own]
-            rows.append({
-                "span_id": span, "state": state.name, "temperature": state.temperature,
-                "wind": state.wind, "from_tower": int(line.start[own[0]]),
-                "to_tower": int(line.end[own[0]]), "wires": len(own),
-                "length": max(curve.length for curve in curves),
-                "sag": max(curve.sag for curve in curves),
-                "swing": math.degrees(math.atan(max((c.swing for c in curves), key=abs))),
-                **_least_of(line, least, own, number, scene, point_sd),
-                "objects": sum(o.state == number and line.span[o.wire] == span for o in objects),
-            })  # fmt: skip
+            rows.append(
+                {
+                    "span_id": span,
+                    "state": state.name,
+                    "temperature": state.temperature,
+                    "wind": state.wind,
+                    "from_tower": int(line.start[own[0]]),
+                    "to_tower": int(line.end[own[0]]),
+                    "wires": len(own),
+                    "length": max(curve.length for curve in curves),
+                    "sag": max(curve.sag for curve in curves),
+                    "swing": math.degrees(math.atan(max((c.swing for c in curves), key=abs))),
+                    **_least_of(line, least, own, number, surroundings, point_sd),
+                    "objects": sum(
+                        o.state == number and line.span[o.wire] == span for o in objects
+                    ),
+                }
+            )
     return Table(pd.DataFrame(rows, columns=SPAN_COLUMNS), name="spans")
 
 
 def _least_of(
-    line: Line, least: Least, own: Ints, state: int, scene: Scene, point_sd: float
+    line: LineStates,
+    least: Least,
+    own: Ints,
+    state: int,
+    surroundings: Surroundings,
+    point_sd: float,
 ) -> dict[str, float | None]:
     """Least clearance of a span from anything, its standard deviation, and that of each kind."""
     table = least.distance[state, own]
@@ -131,7 +197,7 @@ def _least_of(
     row: dict[str, float | None] = {"clearance": None, "clearance_sd": None}
     if math.isfinite(table[wire, kind]):
         curve = line.curves[state][own[wire]]
-        point = scene.xyz[[least.point[state, own[wire], kind]]]
+        point = surroundings.xyz[[least.point[state, own[wire], kind]]]
         sigma = float(curve.height_sigma(distances(point, curve)[:, 3])[0])
         row["clearance"] = float(table[wire, kind])
         row["clearance_sd"] = math.hypot(point_sd, sigma) if math.isfinite(sigma) else point_sd

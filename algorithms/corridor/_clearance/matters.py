@@ -13,27 +13,33 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._clearance.distances import TAKES_NO_PART, find_violations
 from algorithms.corridor._clearance.rules import OBJECTS, Rule
-from algorithms.corridor._clearance.surroundings import Line, kinds_of, near_wires
+from algorithms.corridor._clearance.surroundings import LineStates, kinds_of, near_wires
 from algorithms.shared.lowest import lattice_around, lowest_points
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Survey
 
-PART = 1_000_000  # points that are looked at at a time
-CELL = 1.0  # metres; the lowest point of the ground in each is shown
+SURVEY_BLOCK = 1_000_000  # points that are looked at at a time
+SHOWN_CELL = 1.0  # metres; the lowest point of the ground in each is shown
 
 Ints = NDArray[np.int64]
 
 
 def what_matters(
-    points: PointCloud | Survey, line: Line, rules: Sequence[Rule], *,
-    classes: Mapping[str, Sequence[int]], ignore: Sequence[int], reach: float,
-    measured: float, ctx: Context = QUIET,
-) -> PointCloud:  # fmt: skip
+    points: PointCloud | Survey,
+    line: LineStates,
+    rules: Sequence[Rule],
+    *,
+    classes: Mapping[str, Sequence[int]],
+    ignore: Sequence[int],
+    reach: float,
+    measured: float,
+    ctx: Context = QUIET,
+) -> PointCloud:
     """Those of the points with which all clearances come out as with all points, in their order.
 
     Parameters
     ----------
-    points : with HeightAboveGround; a survey is read part by part
+    points : with HeightAboveGround; a survey is read batch by batch
     classes, ignore, reach : see `scene_of`
     measured : to the side of the wires up to which clearances are measured, metres
     """
@@ -51,14 +57,19 @@ def what_matters(
 
     if isinstance(points, PointCloud):
         return matters(points, ctx)
-    parts = [matters(part) for part in points.batches(PART, ctx=ctx.part(0.0, 0.9))]
-    return matters(points.template.filled(parts, sum(map(len, parts))), ctx.part(0.9, 1.0))
+    chosen = [matters(batch) for batch in points.batches(SURVEY_BLOCK, ctx=ctx.part(0.0, 0.9))]
+    return matters(points.template.filled(chosen, sum(map(len, chosen))), ctx.part(0.9, 1.0))
 
 
 def _telling(
-    cloud: PointCloud, line: Line, rules: Sequence[Rule], ground: Ints, kind: NDArray[np.int8],
-    measured: float, ctx: Context,
-) -> Ints:  # fmt: skip
+    cloud: PointCloud,
+    line: LineStates,
+    rules: Sequence[Rule],
+    ground: Ints,
+    kind: NDArray[np.int8],
+    measured: float,
+    ctx: Context,
+) -> Ints:
     """Which of the points of the ground break a rule, are the nearest to a wire, or are shown."""
     if not len(ground):
         return ground
@@ -68,5 +79,5 @@ def _telling(
         xyz, kind, line.curves, rules, reach=measured, point_sd=0.0, ctx=ctx
     )
     use = np.ones(len(ground), bool)
-    shown = lowest_points(places, use, lattice_around(places, CELL * cloud.metre), QUIET)
+    shown = lowest_points(places, use, lattice_around(places, SHOWN_CELL * cloud.metre), QUIET)
     return np.concatenate([found.point, least.point[least.point >= 0], shown[shown >= 0]])

@@ -22,13 +22,13 @@ from algorithms.corridor._clearance.distances import (
     fall_in,
 )
 from algorithms.corridor._clearance.rules import KINDS, SEVERITIES, Rule
-from algorithms.corridor._clearance.surroundings import Line, Object, Scene
+from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
 from toolbox.context import QUIET, Context
 
 TOP_CELL = 1.0  # metres, of which the highest point may be the top of a tree
-CROWN = 3.0  # metres: within this no tree has a higher neighbour at its top
+CROWN_RADIUS = 3.0  # metres: within this no tree has a higher neighbour at its top
 LOWEST_TREE = 3.0  # metres
-WIDEST = 15.0  # metres: a group that is wider is parted tree by tree
+WIDEST_OBJECT = 15.0  # metres: a group that is wider is parted tree by tree
 TREES = (TREE, UNCLASSIFIED)  # kinds of points that may be trees
 
 Floats = NDArray[np.float64]
@@ -36,7 +36,7 @@ Ints = NDArray[np.int64]
 
 
 def objects_of(
-    scene: Scene, found: Violations, rules: Sequence[Rule], *, gap: float, fewest: int
+    surroundings: Surroundings, found: Violations, rules: Sequence[Rule], *, gap: float, fewest: int
 ) -> tuple[list[Object], int]:
     """Violations put together to objects, the most urgent first.
 
@@ -49,15 +49,17 @@ def objects_of(
     -------
     objects, and the number of points that are too few for one
     """
-    xyz, height = scene.xyz[found.point], scene.height[found.point]
-    kind = scene.kind[found.point].astype(np.int64)
+    xyz, height = surroundings.xyz[found.point], surroundings.height[found.point]
+    kind = surroundings.kind[found.point].astype(np.int64)
     may_part = np.isin(kind, TREES)
     tops = xyz[may_part][tree_tops(xyz[may_part], height[may_part])]
     group = parted(xyz, groups(xyz, kind, gap), may_part, tops)
     rank = np.array([SEVERITIES.index(rule.severity) for rule in rules])[found.rule]
     members = _members(group)
     made = [(worst, members[group[worst]]) for worst in _worst(xyz, group, rank, found.ratio)]
-    objects = [_object(scene, found, worst, own) for worst, own in made if len(own) >= fewest]
+    objects = [
+        _object(surroundings, found, worst, own) for worst, own in made if len(own) >= fewest
+    ]
     return objects, sum(len(own) for _, own in made if len(own) < fewest)
 
 
@@ -72,15 +74,15 @@ def _worst(xyz: Floats, group: Ints, rank: Ints, ratio: Floats) -> Ints:
     return np.asarray(order[np.sort(np.unique(group[order], return_index=True)[1])])
 
 
-def _object(scene: Scene, found: Violations, worst: int, own: Ints) -> Object:
+def _object(surroundings: Surroundings, found: Violations, worst: int, own: Ints) -> Object:
     """The violations `own` as one, of which one is worst."""
     points = found.point[own]
-    heights = scene.height[points]
+    heights = surroundings.height[points]
     known = heights[np.isfinite(heights)]
     return Object(
         points=points,
         nearest=int(found.point[worst]),
-        kind=KINDS[scene.kind[found.point[worst]]],
+        kind=KINDS[surroundings.kind[found.point[worst]]],
         rule=int(found.rule[worst]),
         wire=int(found.wire[worst]),
         state=int(found.state[worst]),
@@ -104,36 +106,58 @@ def _members(group: Ints) -> list[Ints]:
 
 
 def falling_trees(
-    scene: Scene, line: Line, *, rule: int, gap: float, fewest: int, point_sd: float,
+    surroundings: Surroundings,
+    line: LineStates,
+    *,
+    rule: int,
+    gap: float,
+    fewest: int,
+    point_sd: float,
     ctx: Context = QUIET,
-) -> Violations:  # fmt: skip
+) -> Violations:
     """Tops of trees that reach a wire if they fall, as violations of a rule.
 
     Parameters
     ----------
     gap, fewest : points that have fewer around them are no trees, metres; see `lonely`
     """
-    trees = np.flatnonzero(np.isin(scene.kind, TREES) & (scene.height >= LOWEST_TREE))
-    trees = trees[~lonely(scene.xyz[trees], gap, fewest)]
-    tops = trees[tree_tops(scene.xyz[trees], scene.height[trees])]
+    trees = np.flatnonzero(np.isin(surroundings.kind, TREES) & (surroundings.height >= LOWEST_TREE))
+    trees = trees[~lonely(surroundings.xyz[trees], gap, fewest)]
+    tops = trees[tree_tops(surroundings.xyz[trees], surroundings.height[trees])]
     if not len(tops):
         return Violations.none()
     left, wire, state, u = fall_in(
-        np.ascontiguousarray(scene.xyz[tops]), scene.height[tops], line.curves, ctx=ctx
+        np.ascontiguousarray(surroundings.xyz[tops]),
+        surroundings.height[tops],
+        line.curves,
+        ctx=ctx,
     )
     hit = left < 0
     nan = np.full(int(hit.sum()), np.nan)
     sd = clearance_sd(line.curves, state[hit], wire[hit], u[hit], point_sd)
     return Violations(
-        tops[hit], wire[hit], np.full(len(nan), rule), state[hit], left[hit], left[hit],
-        nan, nan, nan, u[hit], sd, ndtr(-left[hit] / sd),
-    )  # fmt: skip
+        tops[hit],
+        wire[hit],
+        np.full(len(nan), rule),
+        state[hit],
+        left[hit],
+        left[hit],
+        nan,
+        nan,
+        nan,
+        u[hit],
+        sd,
+        ndtr(-left[hit] / sd),
+    )
 
 
 def with_falls(
-    scene: Scene, objects: Sequence[Object], found: Violations, falls: Violations,
+    surroundings: Surroundings,
+    objects: Sequence[Object],
+    found: Violations,
+    falls: Violations,
     rules: Sequence[Rule],
-) -> tuple[list[Object], Violations]:  # fmt: skip
+) -> tuple[list[Object], Violations]:
     """Objects that know whether a tree of them may fall on a wire, and all other such trees.
 
     Returns
@@ -142,12 +166,14 @@ def with_falls(
     """
     number = np.repeat(np.arange(len(objects)), [len(one.points) for one in objects])
     points = np.concatenate([one.points for one in objects] or [np.empty(0, np.int64)])
-    may_fall = np.isin(scene.kind[points], TREES)
+    may_fall = np.isin(surroundings.kind[points], TREES)
     owner = np.full(len(falls), -1)
     if may_fall.any() and len(falls):
-        tree = cKDTree(scene.xyz[points[may_fall], :2], compact_nodes=False, balanced_tree=False)
-        near = tree.query(scene.xyz[falls.point, :2])
-        owner = np.where(near[0] <= CROWN, number[may_fall][near[1]], -1)
+        tree = cKDTree(
+            surroundings.xyz[points[may_fall], :2], compact_nodes=False, balanced_tree=False
+        )
+        near = tree.query(surroundings.xyz[falls.point, :2])
+        owner = np.where(near[0] <= CROWN_RADIUS, number[may_fall][near[1]], -1)
     least = np.full(len(objects), np.inf)
     np.minimum.at(least, owner[owner >= 0], falls.measure[owner >= 0])
     reaching = [
@@ -155,8 +181,8 @@ def with_falls(
         for one, left in zip(objects, least, strict=True)
     ]
     alone = falls.select(owner < 0)
-    order = np.lexsort((*scene.xyz[alone.point].T, alone.measure))
-    trees = [_object(scene, alone, k, np.array([k])) for k in order]
+    order = np.lexsort((*surroundings.xyz[alone.point].T, alone.measure))
+    trees = [_object(surroundings, alone, k, np.array([k])) for k in order]
     trees = [replace(one, falls=one.measure) for one in trees]
     known = found.joined(alone.select(~np.isin(alone.point, found.point)))
     rank = [SEVERITIES.index(rule.severity) for rule in rules]
@@ -174,13 +200,15 @@ def lonely(xyz: Floats, gap: float, fewest: int) -> NDArray[np.bool_]:
     if not len(xyz):
         return np.empty(0, bool)
     cell = np.floor((xyz - xyz.min(axis=0)) / gap).astype(np.int64) + 1
-    steps = np.cumprod([1, *(cell.max(axis=0)[:2] + 2)])  # no cell has two neighbours in one place
+    steps = np.cumprod(
+        [1, *(cell.max(axis=0)[:2] + 2)]
+    )  # no two neighbours of a cell have one number
     cells, own, count = np.unique(cell @ steps, return_inverse=True, return_counts=True)
     around = np.zeros(len(cells), np.int64)
     for step in itertools.product((-1, 0, 1), repeat=3):
         wanted = cells + np.array(step) @ steps
-        place = np.minimum(np.searchsorted(cells, wanted), len(cells) - 1)
-        around += np.where(cells[place] == wanted, count[place], 0)
+        index = np.minimum(np.searchsorted(cells, wanted), len(cells) - 1)
+        around += np.where(cells[index] == wanted, count[index], 0)
     return np.asarray(around[own.reshape(-1)] < fewest)
 
 
@@ -194,7 +222,7 @@ def _numbers(cell: Ints) -> Ints:
 
 
 def tree_tops(xyz: Floats, height: Floats) -> Ints:
-    """Points that are the highest within CROWN in plan, and high enough for a tree.
+    """Points that are the highest within CROWN_RADIUS in plan, and high enough for a tree.
 
     Parameters
     ----------
@@ -216,7 +244,7 @@ def tree_tops(xyz: Floats, height: Floats) -> Ints:
     high = np.flatnonzero(z == best[own])
     order = high[np.lexsort((y[high], x[high], -z[high]))]  # the highest first, and always the same
     tops = tall[order[np.sort(np.unique(own[order], return_index=True)[1])]]
-    pairs = cKDTree(xyz[tops, :2]).query_pairs(CROWN, output_type="ndarray")
+    pairs = cKDTree(xyz[tops, :2]).query_pairs(CROWN_RADIUS, output_type="ndarray")
     beaten = np.zeros(len(tops), bool)
     beaten[pairs.max(axis=1)] = True  # the later of two is the lower
     return tops[~beaten]
@@ -272,7 +300,7 @@ def parted(xyz: Floats, group: Ints, may_part: NDArray[np.bool_], tops: Floats) 
         low, high = np.full(len(wide), np.inf), np.full(len(wide), -np.inf)
         np.minimum.at(low, group, values)
         np.maximum.at(high, group, values)
-        wide |= high - low > WIDEST
+        wide |= high - low > WIDEST_OBJECT
     some = wide[group] & may_part
     nearest = np.zeros(len(group), np.int64)
     nearest[some] = 1 + cKDTree(tops[:, :2]).query(xyz[some, :2])[1]

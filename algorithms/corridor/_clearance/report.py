@@ -1,4 +1,4 @@
-"""The page of a clearance analysis: map, profiles of the spans, objects in order of urgency."""
+"""The report of a clearance analysis: map, profiles of the spans, objects in order of urgency."""
 
 from __future__ import annotations
 
@@ -13,40 +13,60 @@ from numpy.typing import NDArray
 from algorithms.corridor._clearance.drawing import Drawing
 from algorithms.corridor._clearance.rules import KINDS, SEVERITIES, Rule
 from algorithms.corridor._clearance.sag import Conductor, State
-from algorithms.corridor._clearance.surroundings import Line, Object, Scene
+from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
 from algorithms.corridor._curves.catenary import Catenary
 from toolbox.context import QUIET, Context
 from toolbox.data import Figure, Report, Rows, Section, Table
 
 MOST_PROFILES, MOST_OBJECTS, MOST_SPANS, MOST_NUMBERS = 100, 200, 400, 30
-BESIDE = 20.0  # metres to both sides of a span that its profile shows
+PROFILE_BESIDE = 20.0  # metres to both sides of a span that its profile shows
 SHEET, MOST_SHEETS = 800.0, 20  # length of a sheet of the map, metres; longer if there were more
 MAP_SIZE, PROFILE_SIZE = (850.0, 930.0), (880.0, 350.0)  # pixels, the former at most
-STRETCH = 10.0  # metres
-COLOURS = {
-    "tree": "#4a9c4a", "building": "#b0703c", "other": "#7a5ea8", "unclassified": "#9a9a9a",
-    "ground": "#c9b48a", "water": "#7fb2e0", "rail": "#6b6b6b", "road": "#8c8c8c",
-}  # fmt: skip
-SIGNS = {"critical": "#d40000", "warning": "#f08000", "watch": "#d8c000"}
+STRETCH_LENGTH = 10.0  # metres
+KIND_COLOURS = {
+    "tree": "#4a9c4a",
+    "building": "#b0703c",
+    "other": "#7a5ea8",
+    "unclassified": "#9a9a9a",
+    "ground": "#c9b48a",
+    "water": "#7fb2e0",
+    "rail": "#6b6b6b",
+    "road": "#8c8c8c",
+}
+SEVERITY_COLOURS = {"critical": "#d40000", "warning": "#f08000", "watch": "#d8c000"}
 LISTED = (
-    *("object_id", "severity", "kind", "rule", "clearance", "required", "sd", "probability"),
-    *("falls", "distance", "state", "span_id", "wire_id", "station", "height", "points"),
+    "object_id",
+    "severity",
+    "kind",
+    "rule",
+    "clearance",
+    "required",
+    "sd",
+    "probability",
+    "falls",
+    "distance",
+    "state",
+    "span_id",
+    "wire_id",
+    "chainage",
+    "height",
+    "points",
 )
 LIST_CAPTION = (
     "Lengths in metres, places as in the data. sd is the standard deviation of the clearance; "
     "falls is by how much a tree reaches beyond the wire when it falls towards it, below 0"
 )
 SPAN_CAPTION = "Least distances in space to what is near the wires in plan, m"
-LINES, DASHES = "#0040a0", ("", "6 3", "1 3", "6 3 1 3")  # of wires, by state
+WIRE_COLOUR, WIRE_DASHES = "#0040a0", ("", "6 3", "1 3", "6 3 1 3")  # of wires, by state
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Spot = tuple[int, Object, Floats]  # number of an object, the object, its place in a picture
+Spot = tuple[int, Object, Floats]  # number of an object, the object, its position in a picture
 
 
 def report_of(
-    scene: Scene,
-    line: Line,
+    surroundings: Surroundings,
+    line: LineStates,
     rules: Sequence[Rule],
     objects: Sequence[Object],
     listed: pd.DataFrame,
@@ -54,13 +74,13 @@ def report_of(
     conductor: Conductor | None,
     ctx: Context = QUIET,
 ) -> Report:
-    """Put the page together.
+    """Put the report together.
 
     Parameters
     ----------
     listed : the columns of the layer of objects, in the same order
     """
-    across = _Across.of(scene, line)
+    across = _Across.of(surroundings, line)
     sections = [
         Section("Objects, the most urgent first", _list(listed)),
         Section("Map", _map(across, line, rules, objects, ctx.part(0.0, 0.3))),
@@ -68,20 +88,24 @@ def report_of(
         Section("Profiles", _profiles(across, line, rules, objects, ctx.part(0.3, 1.0))),
         Section("Rules", [Rows(_rule_table(rules), "Distances in metres")]),
         Section("Wires", [_wires_text(line, conductor)]),
-        Section("Points that take no part", [_left_out(scene)] if scene.left_out else []),
+        Section(
+            "Points that take no part", [_left_out(surroundings)] if surroundings.left_out else []
+        ),
     ]
     shown = [section for section in sections if section.blocks]
-    summary = _summary(scene, line, rules, objects)
+    summary = _summary(surroundings, line, rules, objects)
     return Report("Clearances of a power line", shown, summary=summary, name="clearance")
 
 
-def _summary(scene: Scene, line: Line, rules: Sequence[Rule], objects: Sequence[Object]) -> str:
+def _summary(
+    surroundings: Surroundings, line: LineStates, rules: Sequence[Rule], objects: Sequence[Object]
+) -> str:
     if not line.spans:
         return "There are no wires, so nothing is too close to one."
     counts = {word: sum(rules[o.rule].severity == word for o in objects) for word in SEVERITIES}
     found = ", ".join(f"{count} {word}" for word, count in counts.items())
     text = f"{len(objects)} objects in {len(line.spans)} spans: {found}."
-    if not np.isfinite(scene.height).any():
+    if not np.isfinite(surroundings.height).any():
         text += "\nNo point is ground: heights are not known, and falling trees not looked for."
     doubtful = [rule.id for rule in rules if not rule.confirmed]
     if doubtful:
@@ -115,17 +139,23 @@ def _rounded(frame: pd.DataFrame) -> Table:
 def _rule_table(rules: Sequence[Rule]) -> Table:
     return Table.from_rows(
         {
-            "number": number, "rule": rule.id, "kind": rule.kind, "direction": rule.direction,
+            "number": number,
+            "rule": rule.id,
+            "kind": rule.kind,
+            "direction": rule.direction,
             "distance": round(rule.threshold, 3),
             "within": None if rule.direction == "3-D" else round(rule.within, 3),
-            "severity": rule.severity, "confirmed": "yes" if rule.confirmed else "NO",
-            "source": rule.source, "date": rule.date, "note": rule.note,
+            "severity": rule.severity,
+            "confirmed": "yes" if rule.confirmed else "NO",
+            "source": rule.source,
+            "date": rule.date,
+            "note": rule.note,
         }
         for number, rule in enumerate(rules, start=1)
-    )  # fmt: skip
+    )
 
 
-def _wires_text(line: Line, conductor: Conductor | None) -> str:
+def _wires_text(line: LineStates, conductor: Conductor | None) -> str:
     states = ", ".join(_told(state) for state in line.states)
     text = f"States of the wires: {states}."
     if len(line.states) > 1 and line.open_spans:
@@ -152,8 +182,8 @@ def _told(state: State) -> str:
     return state.name + wind + warm
 
 
-def _left_out(scene: Scene) -> str:
-    return "\n".join(f"{count} points {why}" for why, count in scene.left_out.items())
+def _left_out(surroundings: Surroundings) -> str:
+    return "\n".join(f"{count} points {why}" for why, count in surroundings.left_out.items())
 
 
 @dataclass(frozen=True)
@@ -163,42 +193,46 @@ class _Across:
     Attributes
     ----------
     side : 0 if that is x, 1 if it is y
-    order : array of shape (n,), indices of points, stretch by stretch of STRETCH metres
+    order : array of shape (n,), indices of points, stretch by stretch of STRETCH_LENGTH metres
     low : where the first stretch begins
     starts : where each stretch begins in that order
     """
 
-    scene: Scene
+    surroundings: Surroundings
     side: int
     order: Ints
     low: float
     starts: Ints
 
     @classmethod
-    def of(cls, scene: Scene, line: Line) -> _Across:
+    def of(cls, surroundings: Surroundings, line: LineStates) -> _Across:
         side = int(np.ptp(_ends(line), axis=0).argmax()) if line.spans else 0
-        along = scene.xyz[:, side]
+        along = surroundings.xyz[:, side]
         low = float(along.min(initial=0.0))
-        stretch = ((along - low) / STRETCH).astype(np.uint16)  # quick to sort; up to 655 km
+        stretch = ((along - low) / STRETCH_LENGTH).astype(np.uint16)  # quick to sort; up to 655 km
         order = np.argsort(stretch, kind="stable")
-        return cls(scene, side, order, low, np.append(0, np.cumsum(np.bincount(stretch))))
+        return cls(surroundings, side, order, low, np.append(0, np.cumsum(np.bincount(stretch))))
 
     def between(self, low: float, high: float) -> tuple[Floats, NDArray[np.int8]]:
         """Places and kinds of the points of a stretch that are of a kind, and of a bit more."""
-        ends = (low - self.low) / STRETCH, (high - self.low) / STRETCH + 1
+        ends = (low - self.low) / STRETCH_LENGTH, (high - self.low) / STRETCH_LENGTH + 1
         first, last = self.starts[np.clip(np.floor(ends).astype(int), 0, len(self.starts) - 1)]
         some = self.order[first:last]
-        some = some[self.scene.kind[some] >= 0]
-        return self.scene.xyz[some], self.scene.kind[some]
+        some = some[self.surroundings.kind[some] >= 0]
+        return self.surroundings.xyz[some], self.surroundings.kind[some]
 
 
-def _ends(line: Line) -> Floats:
+def _ends(line: LineStates) -> Floats:
     """Both ends of each wire in plan."""
     return np.concatenate([c.points(np.array([0.0, c.length]))[:, :2] for c in line.curves[0]])
 
 
 def _map(
-    across: _Across, line: Line, rules: Sequence[Rule], objects: Sequence[Object], ctx: Context
+    across: _Across,
+    line: LineStates,
+    rules: Sequence[Rule],
+    objects: Sequence[Object],
+    ctx: Context,
 ) -> list[Figure]:
     """Wires, objects, and what stands around them: sheet by sheet along the line."""
     if not line.spans:
@@ -227,14 +261,19 @@ def _map(
 
 
 def _sheet(
-    across: _Across, line: Line, rules: Sequence[Rule], objects: Sequence[Object],
-    wires: Sequence[tuple[int, Floats]], first: float, last: float,
-) -> bytes:  # fmt: skip
+    across: _Across,
+    line: LineStates,
+    rules: Sequence[Rule],
+    objects: Sequence[Object],
+    wires: Sequence[tuple[int, Floats]],
+    first: float,
+    last: float,
+) -> bytes:
     """A picture of the stretch of the line between two coordinates, with its wires and spans."""
     side = across.side
     seen = np.concatenate([xy for _, xy in wires])
-    low, high = seen.min(axis=0) - BESIDE, seen.max(axis=0) + BESIDE
-    low[side], high[side] = first - BESIDE, last + BESIDE
+    low, high = seen.min(axis=0) - PROFILE_BESIDE, seen.max(axis=0) + PROFILE_BESIDE
+    low[side], high[side] = first - PROFILE_BESIDE, last + PROFILE_BESIDE
     wide, tall = high - low
     scale = min(MAP_SIZE[0] / wide, MAP_SIZE[1] / tall)
     labels = (f"m from x = {line.origin[0]:.0f}", f"m from y = {line.origin[1]:.0f}")
@@ -248,8 +287,8 @@ def _sheet(
         middles.setdefault(span, []).append(xy[len(xy) // 2])
     for span, some in middles.items():
         x, y = np.mean(some, axis=0).tolist()
-        drawing.text(x, y, f"span {span}", LINES)
-    places = [across.scene.xyz[one.nearest, :2] for one in objects]
+        drawing.text(x, y, f"span {span}", WIRE_COLOUR)
+    places = [across.surroundings.xyz[one.nearest, :2] for one in objects]
     spots = list(zip(range(1, len(objects) + 1), objects, places, strict=True))
     _mark(drawing, rules, [s for s in spots if (s[2] >= low).all() and (s[2] <= high).all()])
     return drawing.svg()
@@ -257,25 +296,29 @@ def _sheet(
 
 def _draw_points(drawing: Drawing, xy: Floats, kinds: NDArray[np.int8], opacity: float) -> None:
     """What is around the line, in the colours of its kinds."""
-    drawing.points(xy[0], xy[1], kinds, [COLOURS[kind] for kind in KINDS], opacity)
+    drawing.points(xy[0], xy[1], kinds, [KIND_COLOURS[kind] for kind in KINDS], opacity)
     for number in np.flatnonzero(np.bincount(kinds)).tolist():
-        drawing.key_of_points(KINDS[number], COLOURS[KINDS[number]])
+        drawing.key_of_points(KINDS[number], KIND_COLOURS[KINDS[number]])
 
 
 def _mark(drawing: Drawing, rules: Sequence[Rule], spots: Sequence[Spot]) -> None:
     """Objects where they are closest, the most urgent on top, with the numbers of the first."""
     told = [rules[one.rule].severity for _, one, _ in spots]
     for _, one, place in reversed(spots):
-        drawing.mark(place[0], place[1], SIGNS[rules[one.rule].severity])
+        drawing.mark(place[0], place[1], SEVERITY_COLOURS[rules[one.rule].severity])
     for number, _, place in spots[:MOST_NUMBERS]:
         drawing.text(place[0], place[1], str(number))
-    for severity, colour in SIGNS.items():
+    for severity, colour in SEVERITY_COLOURS.items():
         if severity in told:
             drawing.key_of_marks(severity, colour)
 
 
 def _profiles(
-    across: _Across, line: Line, rules: Sequence[Rule], objects: Sequence[Object], ctx: Context
+    across: _Across,
+    line: LineStates,
+    rules: Sequence[Rule],
+    objects: Sequence[Object],
+    ctx: Context,
 ) -> list[Figure | str]:
     """One picture per span, the most urgent first."""
     urgent = [int(line.span[one.wire]) for one in objects]
@@ -290,15 +333,15 @@ def _profiles(
 
 
 def _profile(
-    across: _Across, line: Line, rules: Sequence[Rule], objects: Sequence[Object], span: int
+    across: _Across, line: LineStates, rules: Sequence[Rule], objects: Sequence[Object], span: int
 ) -> Figure:
     """A span from the side: wires in each state, what is around them, objects."""
     own = np.flatnonzero(line.span == span)
     axis = max((line.curves[0][k] for k in own), key=lambda curve: curve.length)
     stretch = axis.points(np.array([0.0, axis.length]))[:, across.side]
-    xyz, kinds = across.between(stretch.min() - BESIDE, stretch.max() + BESIDE)
+    xyz, kinds = across.between(stretch.min() - PROFILE_BESIDE, stretch.max() + PROFILE_BESIDE)
     along, beside = axis.along(xyz)
-    near = (np.abs(beside) < BESIDE) & (along > -5) & (along < axis.length + 5)
+    near = (np.abs(beside) < PROFILE_BESIDE) & (along > -5) & (along < axis.length + 5)
     along, z, kinds = along[near], xyz[near, 2], kinds[near]
     wires = [
         (number, curves[k].points(np.linspace(0.0, line.curves[0][k].length, 100)))
@@ -311,30 +354,32 @@ def _profile(
     drawing = Drawing(first, last, PROFILE_SIZE, ("m along the span", "height, m"))
     _draw_points(drawing, np.array([along, z]), kinds, 1.0)
     for number, places in wires:
-        drawing.curve(axis.along(places)[0], places[:, 2], LINES, 1.0, DASHES[min(number, 3)])
+        drawing.curve(
+            axis.along(places)[0], places[:, 2], WIRE_COLOUR, 1.0, WIRE_DASHES[min(number, 3)]
+        )
     for number, state in enumerate(line.states):
-        drawing.key_of_curves(state.name, LINES, DASHES[min(number, 3)])
+        drawing.key_of_curves(state.name, WIRE_COLOUR, WIRE_DASHES[min(number, 3)])
     spots = _spots(across, line, objects, axis, span)
     for _, one, place in spots:
         foot = line.curves[one.state][one.wire].points(np.array([one.u]))
         x, y = np.array([place, (axis.along(foot)[0][0], foot[0, 2])]).T
-        drawing.curve(x, y, SIGNS[rules[one.rule].severity], 1.0)
+        drawing.curve(x, y, SEVERITY_COLOURS[rules[one.rule].severity], 1.0)
     _mark(drawing, rules, spots)
     worst = f"; closest: {spots[0][1].measure:.2f} m" if spots else ""
     caption = (
         f"Span {span}, {axis.length:.0f} m, {len(own)} wires, {len(spots)} objects{worst}. "
-        f"Points up to {BESIDE:.0f} m to the side; numbers as in the list."
+        f"Points up to {PROFILE_BESIDE:.0f} m to the side; numbers as in the list."
     )
     return Figure(drawing.svg(), caption)
 
 
 def _spots(
-    across: _Across, line: Line, objects: Sequence[Object], axis: Catenary, span: int
+    across: _Across, line: LineStates, objects: Sequence[Object], axis: Catenary, span: int
 ) -> list[Spot]:
     """Objects of a span, where they are closest: along its axis and in height."""
     spots: list[Spot] = []
     for number, one in enumerate(objects, start=1):
         if line.span[one.wire] == span:
-            point = across.scene.xyz[[one.nearest]]
+            point = across.surroundings.xyz[[one.nearest]]
             spots.append((number, one, np.array([axis.along(point)[0][0], point[0, 2]])))
     return spots

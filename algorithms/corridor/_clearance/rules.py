@@ -1,6 +1,6 @@
 """Rule tables: how far which objects must keep from a conductor, by which source.
 
-The tables that are shipped lie beside this file, one CSV file per set. A table of a user has the
+The tables of the toolbox are in the folder `rules`, one CSV file per set. A table of a user has the
 same columns.
 """
 
@@ -17,18 +17,40 @@ import pandas as pd
 from toolbox.data import Table
 from toolbox.errors import DataError, nearest
 
-FOLDER = Path(__file__).parents[1] / "rules"
-COLUMNS = (
-    *("id", "source", "date", "unit", "voltage_min", "voltage_max", "kind", "direction"),
-    *("threshold", "per_kv", "within", "severity", "confirmed", "note"),
+RULES_FOLDER = Path(__file__).parents[1] / "rules"
+RULE_COLUMNS = (
+    "id",
+    "source",
+    "date",
+    "unit",
+    "voltage_min",
+    "voltage_max",
+    "kind",
+    "direction",
+    "threshold",
+    "per_kv",
+    "within",
+    "severity",
+    "confirmed",
+    "note",
 )
-NEEDED = ("id", "source", "date", "unit", "kind", "direction", "threshold", "severity", "confirmed")
-UNITS = {"m": 1.0, "ft": 0.3048}
+NEEDED_RULE_COLUMNS = (
+    "id",
+    "source",
+    "date",
+    "unit",
+    "kind",
+    "direction",
+    "threshold",
+    "severity",
+    "confirmed",
+)
+UNIT_METRES = {"m": 1.0, "ft": 0.3048}
 KINDS = ("tree", "building", "other", "unclassified", "ground", "water", "rail", "road")
 OBJECTS = KINDS[:4]
 DIRECTIONS = ("3-D", "vertical", "horizontal")
 SEVERITIES = ("critical", "warning", "watch")
-FARTHEST = 200.0  # metres that a rule may ask for
+LARGEST_THRESHOLD = 200.0  # metres that a rule may ask for
 
 
 @dataclass(frozen=True)
@@ -70,7 +92,7 @@ class Rule:
 
 def shipped() -> tuple[str, ...]:
     """Names of the rule sets of the toolbox."""
-    return tuple(sorted(path.stem for path in FOLDER.glob("*.csv")))
+    return tuple(sorted(path.stem for path in RULES_FOLDER.glob("*.csv")))
 
 
 def unknown_set(name: str) -> str:
@@ -82,7 +104,7 @@ def unknown_set(name: str) -> str:
 
 def rule_set(name: str) -> Table:
     """A table of the toolbox."""
-    return Table.open(FOLDER / f"{name}.csv")
+    return Table.open(RULES_FOLDER / f"{name}.csv")
 
 
 def single(distance: float) -> list[Rule]:
@@ -96,7 +118,7 @@ def rules_of(table: Table, voltage: float | None) -> list[Rule]:
 
     Parameters
     ----------
-    table : with the columns COLUMNS; those that are not in NEEDED may be missing
+    table : with the columns RULE_COLUMNS; those that are not in NEEDED_RULE_COLUMNS may be missing
     voltage : between two phases, kV; None where no rule depends on it
 
     Raises
@@ -105,7 +127,7 @@ def rules_of(table: Table, voltage: float | None) -> list[Rule]:
         A column or value is missing or wrong, the rules depend on the voltage and none is given, or
         none of them holds for it. All that is wrong is told at once.
     """
-    missing = [name for name in NEEDED if name not in table.frame.columns]
+    missing = [name for name in NEEDED_RULE_COLUMNS if name not in table.frame.columns]
     if missing:
         raise DataError(f"{table.name}: no column {', '.join(missing)}; a rule needs them")
     if not len(table):
@@ -140,9 +162,15 @@ def rules_of(table: Table, voltage: float | None) -> list[Rule]:
 
 def _problems(row: Mapping[Any, Any]) -> list[str]:
     """All that is wrong with one row."""
-    found = [f"{name} is empty" for name in NEEDED if pd.isna(row[name]) or row[name] == ""]
-    choices = {"unit": tuple(UNITS), "direction": DIRECTIONS, "severity": SEVERITIES,
-               "kind": (*KINDS, "any")}  # fmt: skip
+    found = [
+        f"{name} is empty" for name in NEEDED_RULE_COLUMNS if pd.isna(row[name]) or row[name] == ""
+    ]
+    choices = {
+        "unit": tuple(UNIT_METRES),
+        "direction": DIRECTIONS,
+        "severity": SEVERITIES,
+        "kind": (*KINDS, "any"),
+    }
     for name, words in choices.items():
         if not pd.isna(row[name]) and row[name] not in words:
             found.append(f"{name} must be one of {', '.join(words)}, got {row[name]!r}")
@@ -150,10 +178,12 @@ def _problems(row: Mapping[Any, Any]) -> list[str]:
         value = row.get(name)
         if not _is_missing(value) and not _is_number(value):
             found.append(f"{name} must be a number of at least 0, got {value!r}")
-    if _is_number(row["threshold"]) and row["unit"] in UNITS:
-        metres = float(row["threshold"]) * UNITS[row["unit"]]
-        if not 0 < metres <= FARTHEST:
-            found.append(f"threshold must be above 0 and at most {FARTHEST:g} m, got {metres:g} m")
+    if _is_number(row["threshold"]) and row["unit"] in UNIT_METRES:
+        metres = float(row["threshold"]) * UNIT_METRES[row["unit"]]
+        if not 0 < metres <= LARGEST_THRESHOLD:
+            found.append(
+                f"threshold must be above 0 and at most {LARGEST_THRESHOLD:g} m, got {metres:g} m"
+            )
     low: Any = row.get("voltage_min")
     high: Any = row.get("voltage_max")
     if _is_number(low) and _is_number(high) and float(low) > float(high):
@@ -184,29 +214,39 @@ def _voltages(row: Mapping[Any, Any]) -> tuple[float, float]:
 
 
 def _rule(row: Mapping[Any, Any], voltage: float) -> Rule:
-    unit = UNITS[row["unit"]]
+    unit = UNIT_METRES[row["unit"]]
     more = 0.0 if _is_missing(row.get("per_kv")) else float(row["per_kv"])
     threshold = (float(row["threshold"]) + more * voltage) * unit
     within: Any = row.get("within")
     note = row.get("note")
     return Rule(
-        str(row["id"]), str(row["source"]), str(row["date"]), row["kind"], row["direction"],
-        threshold, threshold if _is_missing(within) else float(within) * unit,
-        row["severity"], str(row["confirmed"]).lower() == "true",
+        str(row["id"]),
+        str(row["source"]),
+        str(row["date"]),
+        row["kind"],
+        row["direction"],
+        threshold,
+        threshold if _is_missing(within) else float(within) * unit,
+        row["severity"],
+        str(row["confirmed"]).lower() == "true",
         "" if _is_missing(note) else str(note),
-    )  # fmt: skip
+    )
 
 
 def grown(rules: Sequence[Rule], growth: float) -> list[Rule]:
     """What trees must keep now to keep the rules when they have grown by some metres."""
     return [
         replace(
-            rule, id=f"{rule.id}+{growth:g}m", kind="tree", threshold=rule.threshold + growth,
-            severity=SEVERITIES[-1], note=f"After {growth:g} m of growth",
+            rule,
+            id=f"{rule.id}+{growth:g}m",
+            kind="tree",
+            threshold=rule.threshold + growth,
+            severity=SEVERITIES[-1],
+            note=f"After {growth:g} m of growth",
         )
         for rule in rules
         if rule.holds_for("tree")
-    ]  # fmt: skip
+    ]
 
 
 def reach_of(rules: Sequence[Rule]) -> float:

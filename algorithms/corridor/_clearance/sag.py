@@ -26,12 +26,19 @@ from algorithms.corridor._curves.catenary import Catenary
 from toolbox.data import Table
 from toolbox.errors import DataError, nearest
 
-SHIPPED = Path(__file__).parents[1] / "conductors.csv"
+CONDUCTORS_FILE = Path(__file__).parents[1] / "conductors.csv"
 GRAVITY = 9.80665  # m/s2
-AIR, DRAG = 1.225, 1.0  # kg/m3 at sea level and 15 degrees; of a stranded cylinder
+AIR_DENSITY, DRAG = 1.225, 1.0  # kg/m3 at sea level and 15 degrees; of a cylinder of wires
 STEFAN = 5.6704e-8  # W/m2/K4
-NEEDED = ("name", "diameter_mm", "area_mm2", "mass_kg_per_m", "modulus_gpa", "expansion_1e_6_per_k")
-SLACKEST, TIGHTEST = 2.0, 1e6  # metres of tension over weight that are looked for
+NEEDED_CONDUCTOR_COLUMNS = (
+    "name",
+    "diameter_mm",
+    "area_mm2",
+    "mass_kg_per_m",
+    "modulus_gpa",
+    "expansion_1e_6_per_k",
+)
+LEAST_C, MOST_C = 2.0, 1e6  # metres of tension over weight that are looked for
 
 
 @dataclass(frozen=True)
@@ -67,8 +74,10 @@ def conductor_of(name: str, table: Table | None = None) -> Conductor:
     DataError
         The table does not have it, or one of its values is missing or not above zero.
     """
-    table = Table.open(SHIPPED) if table is None else table
-    if missing := [column for column in NEEDED if column not in table.frame.columns]:
+    table = Table.open(CONDUCTORS_FILE) if table is None else table
+    if missing := [
+        column for column in NEEDED_CONDUCTOR_COLUMNS if column not in table.frame.columns
+    ]:
         raise DataError(f"{table.name}: no column {', '.join(missing)}; a conductor needs them")
     rows = {str(row["name"]).lower(): row for row in table.frame.to_dict("records")}
     row = rows.get(name.lower())
@@ -78,7 +87,7 @@ def conductor_of(name: str, table: Table | None = None) -> Conductor:
             f"{table.name}: no conductor {name!r}; there are {', '.join(names)}"
             f"{nearest(name, names)}"
         )
-    values = {column: _positive(table.name, row, column) for column in NEEDED[1:]}
+    values = {column: _positive(table.name, row, column) for column in NEEDED_CONDUCTOR_COLUMNS[1:]}
     low, high = (row.get(f"resistance_{t}_ohm_per_km") for t in (25, 75))
     return Conductor(
         name=str(row["name"]),
@@ -127,7 +136,7 @@ class State:
 
 def wind_load(conductor: Conductor, wind: float) -> float:
     """Force of a wind in m/s on a metre of wire, N/m, with its sign."""
-    return 0.5 * AIR * DRAG * conductor.diameter * wind * abs(wind)
+    return 0.5 * AIR_DENSITY * DRAG * conductor.diameter * wind * abs(wind)
 
 
 def in_state(
@@ -195,8 +204,8 @@ def _curvature(
         stretch = _stretch(tension, load, *after, conductor.stiffness)
         return _length(tension / load, *after) - stretch - rest
 
-    low = max(SLACKEST, after[0] / 20) * load
-    high = TIGHTEST * load
+    low = max(LEAST_C, after[0] / 20) * load
+    high = MOST_C * load
     if misfit(low) < 0 or misfit(high) > 0:
         raise DataError(
             f"wires: a span of {span:.1f} m with {curve.sag:.2f} m of sag has no state that is "

@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from algorithms.corridor._clearance.distances import (
-    BLOCK,
+    MEASURED_BLOCK,
     TAKES_NO_PART,
     UNCLASSIFIED,
-    Near,
+    WireLattice,
     own_points,
 )
 from algorithms.corridor._clearance.rules import KINDS, OBJECTS
 from algorithms.corridor._clearance.sag import State
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._extraction.ground import given_heights
+from algorithms.corridor._extraction.labels import LINE_CLASSES
 from algorithms.corridor._extraction.layers import catenaries_of
 from algorithms.ground.classify import HEIGHT, find_terrain, height_above
 from algorithms.shared.ground import is_withheld
@@ -28,8 +29,12 @@ from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
 
-LINE = (13, 14, 15, 16)  # classes: wire guard, conductor, tower, connector
-KNOWN = {"unclassified": (0, 1), "water": (9,), "rail": (10,), "road": (11,)}  # kinds and classes
+KIND_CLASSES = {
+    "unclassified": (0, 1),
+    "water": (9,),
+    "rail": (10,),
+    "road": (11,),
+}  # kinds and classes
 BESIDE_TOWER = 1.0  # metres around the body of a tower
 
 Floats = NDArray[np.float64]
@@ -37,7 +42,7 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Line:
+class LineStates:
     """Wires in all states, in metres from an origin.
 
     Attributes
@@ -69,7 +74,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Scene:
+class Surroundings:
     """The points around the line, in metres from its origin.
 
     Attributes
@@ -113,7 +118,7 @@ class Object:
     falls: float
 
 
-def line_of(wires: Vector) -> Line:
+def line_of(wires: Vector) -> LineStates:
     """The wires of a layer as they were surveyed, in metres from an origin near by."""
     frame, metre = wires.frame, wires.metre
     # Whole metres: the same place whatever the unit.
@@ -121,14 +126,21 @@ def line_of(wires: Vector) -> Line:
     origin = np.array([*corner, 0.0]) * metre
     columns = ("wire_id", "span_id", "from_tower", "to_tower")
     numbers = [frame[name].to_numpy(np.int64) for name in columns]
-    return Line(origin, [State("survey")], [catenaries_of(wires, origin)], *numbers)
+    return LineStates(origin, [State("survey")], [catenaries_of(wires, origin)], *numbers)
 
 
-def scene_of(
-    cloud: PointCloud, line: Line, *, classes: Mapping[str, Sequence[int]], ignore: Sequence[int],
-    reach: float, wire_radius: float, attachment: float, towers: Vector | None = None,
+def surroundings_of(
+    cloud: PointCloud,
+    line: LineStates,
+    *,
+    classes: Mapping[str, Sequence[int]],
+    ignore: Sequence[int],
+    reach: float,
+    wire_radius: float,
+    attachment: float,
+    towers: Vector | None = None,
     ctx: Context = QUIET,
-) -> Scene:  # fmt: skip
+) -> Surroundings:
     """Points near the wires in metres, what they are, and how high above the ground.
 
     Parameters
@@ -142,7 +154,9 @@ def scene_of(
     """
     require_finite(cloud.xyz)
     if not line.spans:
-        return Scene(np.empty(0, np.int64), np.empty((0, 3)), np.empty(0, np.int8), np.empty(0), {})
+        return Surroundings(
+            np.empty(0, np.int64), np.empty((0, 3)), np.empty(0, np.int8), np.empty(0), {}
+        )
     index = near_wires(cloud, line, reach)
     kind, left_out = kinds_of(cloud, classes, ignore)
     kind = kind[index]
@@ -157,15 +171,15 @@ def scene_of(
         mine |= _at_towers(xyz, kind, towers, line.origin)
     kind[mine] = TAKES_NO_PART
     left_out["without a class, on a wire or at a support"] = int(mine.sum())
-    return Scene(index, xyz, kind, height, left_out)
+    return Surroundings(index, xyz, kind, height, left_out)
 
 
-def near_wires(cloud: PointCloud, line: Line, reach: float) -> Ints:
+def near_wires(cloud: PointCloud, line: LineStates, reach: float) -> Ints:
     """Indices of the points near the wires in plan."""
-    cells = Near.of(line.curves, reach)
+    cells = WireLattice.of(line.curves, reach)
     found = [np.empty(0, np.int64)]
-    for first in range(0, len(cloud), BLOCK):
-        xy = (cloud.xyz[first : first + BLOCK, :2] - line.origin[:2]) / cloud.metre
+    for first in range(0, len(cloud), MEASURED_BLOCK):
+        xy = (cloud.xyz[first : first + MEASURED_BLOCK, :2] - line.origin[:2]) / cloud.metre
         found.append(first + np.flatnonzero(cells.has(xy)))
     return np.concatenate(found)
 
@@ -176,9 +190,13 @@ def kinds_of(
     """Index into KINDS of each point, and how many points take no part, and why."""
     given = np.asarray(cloud["classification"])
     kind = np.full(len(cloud), KINDS.index("other"), np.int8)
-    for name, codes in (*KNOWN.items(), *classes.items()):
+    for name, codes in (*KIND_CLASSES.items(), *classes.items()):
         kind[np.isin(given, codes)] = KINDS.index(name)
-    withheld, noise, of_line = is_withheld(cloud), np.isin(given, ignore), np.isin(given, LINE)
+    withheld, noise, of_line = (
+        is_withheld(cloud),
+        np.isin(given, ignore),
+        np.isin(given, LINE_CLASSES),
+    )
     kind[withheld | noise | of_line] = TAKES_NO_PART
     ignored = ", ".join(map(str, ignore))
     left_out = {

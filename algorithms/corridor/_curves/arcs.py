@@ -25,28 +25,32 @@ from scipy.ndimage import maximum_filter1d
 
 from algorithms.corridor._curves import arcs_kernels as kernels
 from algorithms.corridor._curves.catenary import fit
-from algorithms.corridor._curves.network import Piece, Scene
-from algorithms.corridor._curves.tracks import Run
+from algorithms.corridor._curves.network import Corridor, Piece
+from algorithms.corridor._curves.tracks import Alignment
 from algorithms.shared.kernels.sorting import distinct
 
-STICKS = 0.2  # metres off its neighbours, of what is no part of a wire
-SMOOTH = 0.12  # metres: scatter of a wire
-COARSE = 3  # steps, to find the common curvature
-TIGHT, SLACK, RATIO = 1 / 3000, 1 / 100, 1.3  # 1 / metre: curvatures to try, and their ratio
-SPREAD = 0.3  # of the curvature of a line, by which wires and spans differ
-SHORTEST = 20.0  # metres between two supports
-NOISE, BLUR, SWAY = 0.03, 0.03, 0.15  # metres: least scatter of a point; of many, up and aside
-CUT, CUT_EACH = 10.0, 6.0  # squares of sigmas: price of a cut, and for each wire
-CLEAR = 15.0  # squares of sigmas: a certain arm
+SPIKE = 0.2  # metres off its neighbours, of what is no part of a wire
+SMOOTH_TRACK = 0.12  # metres: scatter of a wire
+COARSE_BINS = 3  # bins put together to find the common curvature
+LEAST_TRIED, MOST_TRIED, TRIED_RATIO = 1 / 3000, 1 / 100, 1.3  # 1 / metre: curvatures; their ratio
+CURVATURE_SPREAD = 0.3  # of the curvature of a line, by which wires and spans differ
+SHORTEST_SPAN = 20.0  # metres between two supports
+LEAST_SCATTER = 0.03  # metres, of a point
+HEIGHT_BLUR, OFFSET_BLUR = 0.03, 0.15  # metres: least scatter of the mean of many points
+CUT_PRICE, CUT_PRICE_PER_WIRE = 10.0, 6.0  # squares of sigmas
+CERTAIN_ARM = 15.0  # squares of sigmas: a certain arm
 MOST_PAID = 1.4  # of its share of the price, by a wire among many
-OFF, ARM, FEWEST = 0.15, 0.3, 0.25  # metres off all wires, half width of an arm; points
-ASIDE, ABOVE, BELOW, DEEP = 1.0, 1.2, 0.3, 2.6  # metres around the wires: an arm, and trees
-COLUMN = 0.1  # metres: across the line, what hangs from one wire
-CLOSE, NEXT, WIDE = 0.5, 1.5, 6.0  # metres from an arm, where the usual points are counted
-FINER = 4  # places between stations at which an arm may be
-STUB = 12.0  # metres: what goes on so far beyond the outermost support
-MEET = 0.1  # metres by which arcs may miss each other at a support
-SHIFT = 5.0  # metres by which a cut may be moved to where they meet
+OFF_WIRES = 0.15  # metres off all wires, of a point of an arm
+ARM_HALF_WIDTH = 0.3  # metres along the line
+LEAST_USUAL = 0.25  # points: the number that is usual there is not below
+ARM_ASIDE, ARM_ABOVE, ARM_BELOW = 1.0, 1.2, 0.3  # metres around the wires that arms may reach
+TREE_BELOW = 2.6  # metres below the wires, from where trees are seen to come up
+COLUMN_WIDTH = 0.1  # metres: across the line, what hangs from one wire
+RING_INNER, RING_MIDDLE, RING_OUTER = 0.5, 1.5, 6.0  # metres from an arm: the usual is counted
+POSITIONS_PER_BIN = 4  # positions in a bin at which an arm may be
+LONGEST_STUB = 12.0  # metres: a piece that goes on so far beyond the outermost support is none
+MEETING_SD = 0.1  # metres by which arcs may miss each other at a support
+MOST_SHIFT = 5.0  # metres by which a cut may be moved to where they meet
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -54,9 +58,9 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Binned:
-    """What is seen of the tracks between stations, arrays of shape (steps, tracks)."""
+    """What is seen of the tracks in each bin along an alignment, arrays of shape (bins, tracks)."""
 
-    step: float  # metres between stations
+    step: float  # metres, length of a bin
     tall: Floats  # 1 / variance of heights; 0 where nothing is seen
     flat: Floats  # the same of offsets
     u: Floats
@@ -64,58 +68,67 @@ class Binned:
     v: Floats
 
 
-def arcs_of(scene: Scene, runs: Sequence[Run]) -> tuple[list[Piece], list[Run]]:
-    """The wires of runs cut at their supports, and the runs with the places of these."""
+def arcs_of(
+    corridor: Corridor, alignments: Sequence[Alignment]
+) -> tuple[list[Piece], list[Alignment]]:
+    """Arcs of wires, cut at their supports, and the alignments with the chainages of the cuts."""
     arcs: list[Piece] = []
-    cut: list[Run] = []
-    for number, run in enumerate(runs):
-        certain = [piece for piece in run.pieces if is_certain(scene, run, piece)]
-        cuts = cuts_of(scene, replace(run, pieces=certain or run.pieces))
-        cut.append(replace(run, cuts=cuts))
-        for piece in run.pieces:
-            arcs += cut_up(scene, cut[-1], piece, number)
+    cut: list[Alignment] = []
+    for number, alignment in enumerate(alignments):
+        certain = [piece for piece in alignment.pieces if is_certain(corridor, alignment, piece)]
+        cuts = cuts_of(corridor, replace(alignment, pieces=certain or alignment.pieces))
+        cut.append(replace(alignment, cuts=cuts))
+        for piece in alignment.pieces:
+            arcs += cut_up(corridor, cut[-1], piece, number)
     return arcs, cut
 
 
-def is_certain(scene: Scene, run: Run, piece: Piece) -> bool:
+def is_certain(corridor: Corridor, alignment: Alignment, piece: Piece) -> bool:
     """Whether a track has a say in where supports are: it is a wire by itself, and smooth."""
-    xyz = scene.wires.xyz[piece.points]
-    return piece.sure and scatter(run.along(xyz)[0], xyz[:, 2]) < SMOOTH
+    xyz = corridor.wires.xyz[piece.points]
+    return piece.sure and scatter(alignment.along(xyz)[0], xyz[:, 2]) < SMOOTH_TRACK
 
 
-def cut_up(scene: Scene, run: Run, piece: Piece, number: int) -> Iterator[Piece]:
+def cut_up(corridor: Corridor, alignment: Alignment, piece: Piece, number: int) -> Iterator[Piece]:
     """The arcs of one track; none of what goes a short way beyond the outermost supports."""
-    u, _ = run.along(scene.wires.xyz[piece.points])
-    arc = np.searchsorted(run.cuts, u)
-    edges = [0.0, *run.cuts, run.step * run.steps]
+    u, _ = alignment.along(corridor.wires.xyz[piece.points])
+    arc = np.searchsorted(alignment.cuts, u)
+    edges = [0.0, *alignment.cuts, alignment.step * alignment.steps]
     for k in np.unique(arc).tolist():
-        stub = len(run.cuts) > 0 and k in (0, len(run.cuts)) and edges[k + 1] - edges[k] < STUB
+        stub = (
+            len(alignment.cuts) > 0
+            and k in (0, len(alignment.cuts))
+            and edges[k + 1] - edges[k] < LONGEST_STUB
+        )
         points = piece.points[arc == k]
-        curve = fit(scene.wires.xyz[points], spread=2 * scene.tolerance)
+        curve = fit(corridor.wires.xyz[points], spread=2 * corridor.tolerance)
         if curve is not None and not stub:
             yield replace(piece, points=points, curve=curve, arc=(number, k))
 
 
-def binned(scene: Scene, run: Run, step: float) -> Binned:
-    """Mean place, height and offset of the points of each track between stations."""
-    steps = math.ceil(run.step * run.steps / step)
-    parts = Binned(step, *(np.zeros((steps, len(run.pieces))) for _ in range(5)))
-    for k, piece in enumerate(run.pieces):
-        xyz = scene.wires.xyz[piece.points]
-        u, v = run.along(xyz)
+def binned(corridor: Corridor, alignment: Alignment, step: float) -> Binned:
+    """Mean chainage, height and offset of the points of each track in each bin."""
+    steps = math.ceil(alignment.step * alignment.steps / step)
+    bins = Binned(step, *(np.zeros((steps, len(alignment.pieces))) for _ in range(5)))
+    for k, piece in enumerate(alignment.pieces):
+        xyz = corridor.wires.xyz[piece.points]
+        u, v = alignment.along(xyz)
         cell = np.clip((u / step).astype(np.int64), 0, steps - 1)
         count = np.maximum(np.bincount(cell, minlength=steps), 1e-9)
-        for part, values in ((parts.u, u), (parts.z, xyz[:, 2]), (parts.v, v)):
-            part[:, k] = np.bincount(cell, values, steps) / count
-        for part, values, blur in ((parts.tall, xyz[:, 2], BLUR), (parts.flat, v, SWAY)):
+        for table, values in ((bins.u, u), (bins.z, xyz[:, 2]), (bins.v, v)):
+            table[:, k] = np.bincount(cell, values, steps) / count
+        for table, values, blur in (
+            (bins.tall, xyz[:, 2], HEIGHT_BLUR),
+            (bins.flat, v, OFFSET_BLUR),
+        ):
             variance = scatter(u, values) ** 2
-            part[:, k] = np.where(count > 0.5, count / (variance + count * blur**2), 0.0)
+            table[:, k] = np.where(count > 0.5, count / (variance + count * blur**2), 0.0)
         seen = np.flatnonzero(count > 0.5)
         if len(seen) > 4:  # not what sticks out of the wire, such as an arm
-            off = np.abs(astray(parts.u[seen, k], parts.z[seen, k]))
-            peak = (off > STICKS) & (off >= np.append(off[1:], 0)) & (off >= np.append(0, off[:-1]))
-            parts.tall[seen[1:-1][peak], k] = parts.flat[seen[1:-1][peak], k] = 0.0
-    return parts
+            off = np.abs(astray(bins.u[seen, k], bins.z[seen, k]))
+            peak = (off > SPIKE) & (off >= np.append(off[1:], 0)) & (off >= np.append(0, off[:-1]))
+            bins.tall[seen[1:-1][peak], k] = bins.flat[seen[1:-1][peak], k] = 0.0
+    return bins
 
 
 def astray(u: Floats, z: Floats) -> Floats:
@@ -127,105 +140,132 @@ def astray(u: Floats, z: Floats) -> Floats:
 def scatter(u: Floats, z: Floats) -> float:
     """Standard deviation of heights along a wire, from that of each between its neighbours."""
     if len(u) < 5:
-        return 2 * NOISE
+        return 2 * LEAST_SCATTER
     order = np.argsort(u, kind="stable")
     usual = np.median(np.abs(astray(u[order], z[order])))
-    return max(float(usual) / (0.6745 * math.sqrt(1.5)), NOISE)
+    return max(float(usual) / (0.6745 * math.sqrt(1.5)), LEAST_SCATTER)
 
 
-def hardware(scene: Scene, run: Run, parts: Binned, places: Floats) -> Floats:
-    """How sure it is, in squares of sigmas, that an arm stands at places along a run.
+def hardware(corridor: Corridor, alignment: Alignment, bins: Binned, chainages: Floats) -> Floats:
+    """How sure it is, in squares of sigmas, that an arm stands at chainages of an alignment.
 
     An arm is points among the wires that lie on none of them. It reaches across, so columns with
     points are counted, and is thin: a little way before and behind, a tree that comes up from
     below has as many. Twice the logarithm of the ratio of likelihoods of two Poisson distributions.
     """
-    seen = [parts.tall[:, k] > 0 for k in range(parts.u.shape[1])]
+    seen = [bins.tall[:, k] > 0 for k in range(bins.u.shape[1])]
     tracks = [
-        (parts.u[rows, k], parts.v[rows, k], parts.z[rows, k])
-        for k, rows in enumerate(seen) if rows.any()
-    ]  # fmt: skip
-    shape = np.full((4, len(places)), np.nan)  # left, right, low, high
+        (bins.u[rows, k], bins.v[rows, k], bins.z[rows, k])
+        for k, rows in enumerate(seen)
+        if rows.any()
+    ]
+    shape = np.full((4, len(chainages)), np.nan)  # left, right, low, high
     for u, v, z in tracks:
-        cover = (places >= u[0]) & (places <= u[-1])
+        cover = (chainages >= u[0]) & (chainages <= u[-1])
         for row, which, values in zip(range(4), (np.fmin, np.fmax) * 2, (v, v, z, z), strict=True):
-            shape[row, cover] = which(shape[row, cover], np.interp(places[cover], u, values))
+            shape[row, cover] = which(shape[row, cover], np.interp(chainages[cover], u, values))
     known = np.flatnonzero(~np.isnan(shape[0]))
     if not len(known):
-        return np.zeros(len(places))
-    reach = float(np.nanmax(np.abs(shape[:2]))) + ASIDE + WIDE
-    spots = run.places(np.arange(places[0], places[-1] + WIDE, WIDE))
-    box = distinct(np.concatenate([scene.air.within(spot, reach) for spot in spots]))
-    u, v = run.along(scene.air.xyz[box])
-    z = scene.air.xyz[box, 2]
-    left, right, low, high = (np.interp(u, places[known], values[known]) for values in shape)
-    stray = (v > left - ASIDE) & (v < right + ASIDE) & (z > low - DEEP) & (z < high + ABOVE)
+        return np.zeros(len(chainages))
+    reach = float(np.nanmax(np.abs(shape[:2]))) + ARM_ASIDE + RING_OUTER
+    spots = alignment.places(np.arange(chainages[0], chainages[-1] + RING_OUTER, RING_OUTER))
+    box = distinct(np.concatenate([corridor.air.within(spot, reach) for spot in spots]))
+    u, v = alignment.along(corridor.air.xyz[box])
+    z = corridor.air.xyz[box, 2]
+    left, right, low, high = (np.interp(u, chainages[known], values[known]) for values in shape)
+    stray = (
+        (v > left - ARM_ASIDE)
+        & (v < right + ARM_ASIDE)
+        & (z > low - TREE_BELOW)
+        & (z < high + ARM_ABOVE)
+    )
     for along, aside, up in tracks:
         off = np.hypot(v - np.interp(u, along, aside), z - np.interp(u, along, up))
-        stray &= (off > OFF) | (u < along[0] - 1) | (u > along[-1] + 1)
-    around, among = (columns(u[rows], v[rows]) for rows in (stray, stray & (z > low - BELOW)))
+        stray &= (off > OFF_WIRES) | (u < along[0] - 1) | (u > along[-1] + 1)
+    around, among = (columns(u[rows], v[rows]) for rows in (stray, stray & (z > low - ARM_BELOW)))
 
     def count(u: Floats, a: float, b: float) -> Floats:
-        within = np.searchsorted(u, places + b) - np.searchsorted(u, places + a)
+        within = np.searchsorted(u, chainages + b) - np.searchsorted(u, chainages + a)
         return np.asarray(within, float)
 
-    here, usual = count(among, -ARM, ARM), np.full(len(places), FEWEST)
-    for u, a, b in ((around, CLOSE, NEXT), (among, NEXT, WIDE)):
+    here, usual = (
+        count(among, -ARM_HALF_WIDTH, ARM_HALF_WIDTH),
+        np.full(len(chainages), LEAST_USUAL),
+    )
+    for u, a, b in ((around, RING_INNER, RING_MIDDLE), (among, RING_MIDDLE, RING_OUTER)):
         beside = np.maximum(count(u, -b, -a), count(u, a, b))
-        usual = np.maximum(usual, beside * 2 * ARM / (b - a))
+        usual = np.maximum(usual, beside * 2 * ARM_HALF_WIDTH / (b - a))
     more = 2 * (here * np.log(np.maximum(here, 1.0) / usual) - (here - usual))
     spread = max(1.0, float(np.median(more)) / 0.4549)  # more than by chance
     return np.where(here > usual, more / spread, 0.0)
 
 
 def columns(u: Floats, v: Floats) -> Floats:
-    """Places along a run of upright columns with points: what hangs from a wire is only one."""
-    cell = np.floor(np.column_stack([u, v]) / COLUMN)
+    """Chainages of upright columns with points: what hangs from a wire is only one."""
+    cell = np.floor(np.column_stack([u, v]) / COLUMN_WIDTH)
     _, which, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
     return np.sort(np.bincount(which.ravel(), u, len(count)) / count)
 
 
-def cuts_of(scene: Scene, run: Run) -> Floats:
-    """Places along a run at which its wires are held, in order."""
-    coarse = binned(scene, run, COARSE * run.step)
-    usual = CUT + CUT_EACH * tracks_at(coarse)
-    bends = TIGHT * RATIO ** np.arange(math.log(SLACK / TIGHT) / math.log(RATIO))
+def cuts_of(corridor: Corridor, alignment: Alignment) -> Floats:
+    """Chainages of an alignment at which its wires are held, in order."""
+    coarse = binned(corridor, alignment, COARSE_BINS * alignment.step)
+    usual = CUT_PRICE + CUT_PRICE_PER_WIRE * tracks_at(coarse)
+    bends = LEAST_TRIED * TRIED_RATIO ** np.arange(
+        math.log(MOST_TRIED / LEAST_TRIED) / math.log(TRIED_RATIO)
+    )
     bend = min(bends, key=lambda bend: solved(coarse, bend, usual)[0])
-    fine = binned(scene, run, run.step)
-    places = run.step / FINER * np.arange(FINER * run.steps + 1, dtype=np.float64)
-    shown = hardware(scene, run, fine, places)
-    wires = maximum_filter1d(tracks_at(fine), 2 * round(SHORTEST / run.step) + 1)
-    usual = CUT + CUT_EACH * wires
-    price = np.maximum(usual - maximum_filter1d(shown, FINER + 1)[::FINER], 0.0)
+    fine = binned(corridor, alignment, alignment.step)
+    chainages = (
+        alignment.step
+        / POSITIONS_PER_BIN
+        * np.arange(POSITIONS_PER_BIN * alignment.steps + 1, dtype=np.float64)
+    )
+    shown = hardware(corridor, alignment, fine, chainages)
+    wires = maximum_filter1d(tracks_at(fine), 2 * round(SHORTEST_SPAN / alignment.step) + 1)
+    usual = CUT_PRICE + CUT_PRICE_PER_WIRE * wires
+    price = np.maximum(
+        usual - maximum_filter1d(shown, POSITIONS_PER_BIN + 1)[::POSITIONS_PER_BIN], 0.0
+    )
     edges = solved(fine, bend, price)[1]
     edges = agreed(fine, edges, bend, usual, price)
-    return np.array([
-        settled(fine, edges[k - 1], edges[k], edges[k + 1], bend, places, shown)
-        for k in range(1, len(edges) - 1)
-    ])  # fmt: skip
+    return np.array(
+        [
+            settled(fine, edges[k - 1], edges[k], edges[k + 1], bend, chainages, shown)
+            for k in range(1, len(edges) - 1)
+        ]
+    )
 
 
-def misfits(parts: Binned, low: Ints, high: Ints, bend: float) -> Floats:
+def misfits(bins: Binned, low: Ints, high: Ints, bend: float) -> Floats:
     """Squares of sigmas by which each track is off an arc, array of shape (arcs, tracks)."""
-    found = np.empty((len(low), parts.u.shape[1]))
+    found = np.empty((len(low), bins.u.shape[1]))
     kernels.misfits(
-        parts.tall, parts.flat, parts.u / parts.step, parts.z, parts.v, low, high,
-        bend * parts.step**2, SPREAD * bend * parts.step**2, found,
-    )  # fmt: skip
+        bins.tall,
+        bins.flat,
+        bins.u / bins.step,
+        bins.z,
+        bins.v,
+        low,
+        high,
+        bend * bins.step**2,
+        CURVATURE_SPREAD * bend * bins.step**2,
+        found,
+    )
     return found
 
 
-def agreed(parts: Binned, edges: Ints, bend: float, usual: Floats, price: Floats) -> Ints:
+def agreed(bins: Binned, edges: Ints, bend: float, usual: Floats, price: Floats) -> Ints:
     """The cuts for which enough of the tracks pay: some three of four, of few tracks one less.
 
     One may follow another wire, or be pushed off by a crane beside it, and would pay for all. What
     the most is that one pays goes by the usual price, where none sees an arm.
     """
-    tracks = np.maximum(tracks_at(parts), 1)
+    tracks = np.maximum(tracks_at(bins), 1)
     most = MOST_PAID * usual / tracks * (tracks + 1) / tracks
     while len(edges) > 2:
-        arcs = misfits(parts, edges[:-1], edges[1:], bend)
-        gain = misfits(parts, edges[:-2], edges[2:], bend) - arcs[:-1] - arcs[1:]
+        arcs = misfits(bins, edges[:-1], edges[1:], bend)
+        gain = misfits(bins, edges[:-2], edges[2:], bend) - arcs[:-1] - arcs[1:]
         paid = np.minimum(gain, most[edges[1:-1], None]).sum(axis=1)
         spare = paid - price[edges[1:-1]]
         worst = int(np.argmin(spare))
@@ -235,9 +275,9 @@ def agreed(parts: Binned, edges: Ints, bend: float, usual: Floats, price: Floats
     return edges
 
 
-def tracks_at(parts: Binned) -> Floats:
-    """Number of tracks that go on across each station."""
-    seen = parts.tall > 0
+def tracks_at(bins: Binned) -> Floats:
+    """Number of tracks that go on across each edge between two bins."""
+    seen = bins.tall > 0
     behind = np.maximum.accumulate(seen, axis=0)
     ahead = np.maximum.accumulate(seen[::-1], axis=0)[::-1]
     across = np.zeros(len(seen) + 1)
@@ -245,15 +285,23 @@ def tracks_at(parts: Binned) -> Floats:
     return across
 
 
-def solved(parts: Binned, bend: float, price: Floats) -> tuple[float, Ints]:
-    """Least cost, and the stations at which the tracks are cut for it, with both ends."""
-    steps = len(parts.u)
+def solved(bins: Binned, bend: float, price: Floats) -> tuple[float, Ints]:
+    """Least cost, and the edges of bins at which the tracks are cut for it, with both ends."""
+    steps = len(bins.u)
     total, before = np.empty(steps + 1), np.zeros(steps + 1, np.int64)
     kernels.cuts(
-        parts.tall, parts.flat, parts.u / parts.step, parts.z, parts.v, price,
-        bend * parts.step**2, SPREAD * bend * parts.step**2,
-        max(2, round(SHORTEST / parts.step)), total, before,
-    )  # fmt: skip
+        bins.tall,
+        bins.flat,
+        bins.u / bins.step,
+        bins.z,
+        bins.v,
+        price,
+        bend * bins.step**2,
+        CURVATURE_SPREAD * bend * bins.step**2,
+        max(2, round(SHORTEST_SPAN / bins.step)),
+        total,
+        before,
+    )
     edges = [steps]
     while edges[-1] > 0:
         edges.append(int(before[edges[-1]]))
@@ -261,29 +309,35 @@ def solved(parts: Binned, bend: float, price: Floats) -> tuple[float, Ints]:
 
 
 def settled(
-    parts: Binned, low: int, at: int, high: int, bend: float, places: Floats, shown: Floats
+    bins: Binned, low: int, at: int, high: int, bend: float, chainages: Floats, shown: Floats
 ) -> float:
     """A cut moved to where the arcs on both sides meet, and where an arm shows."""
-    middle = at * parts.step
-    near = np.abs(places - middle) < SHIFT
-    near &= (places > low * parts.step + 1.0) & (places < high * parts.step - 1.0)
+    middle = at * bins.step
+    near = np.abs(chainages - middle) < MOST_SHIFT
+    near &= (chainages > low * bins.step + 1.0) & (chainages < high * bins.step - 1.0)
     if not near.any():
         return middle
-    places, cost = places[near], -np.minimum(shown[near], CLEAR)
-    x = places - middle
+    chainages, cost = chainages[near], -np.minimum(shown[near], CERTAIN_ARM)
+    x = chainages - middle
     base = np.column_stack([np.ones(len(x)), x, 0.5 * x * x])
     before, after = slice(low, at), slice(at, high)
-    for weight, values, usual in ((parts.tall, parts.z, bend), (parts.flat, parts.v, 0.0)):
-        for k in np.flatnonzero((parts.tall[low:high] > 0).any(axis=0)).tolist():
+    for weight, values, usual in ((bins.tall, bins.z, bend), (bins.flat, bins.v, 0.0)):
+        for k in np.flatnonzero((bins.tall[low:high] > 0).any(axis=0)).tolist():
             one, two = (
-                arc(parts.u[s, k] - middle, values[s, k], weight[s, k], usual, SPREAD * bend)
+                arc(
+                    bins.u[s, k] - middle,
+                    values[s, k],
+                    weight[s, k],
+                    usual,
+                    CURVATURE_SPREAD * bend,
+                )
                 for s in (before, after)
             )
             if one is not None and two is not None:
                 gap = base @ (two[0] - one[0])
-                variance = np.einsum("ij,jk,ik->i", base, one[1] + two[1], base) + MEET**2
+                variance = np.einsum("ij,jk,ik->i", base, one[1] + two[1], base) + MEETING_SD**2
                 cost += gap**2 / variance
-    return float(places[int(np.argmin(cost))])
+    return float(chainages[int(np.argmin(cost))])
 
 
 def arc(

@@ -50,27 +50,27 @@ def _add(m, w, d, y):
 
 @njit(cache=True, nogil=True)
 def cuts(tall, flat, x, z, v, price, bend, spread, least, total, before):
-    """Cut tracks into arcs at the same stations so that misfit and price are least in all.
+    """Cut tracks into arcs at the same edges of bins so that misfit and price are least in all.
 
     Parameters
     ----------
-    tall, flat, x, z, v : arrays of shape (s, t): of what is seen of each track between two
-        stations, 1 / variance of height and offset, place along the tracks, height and offset
-    price : array of shape (s + 1,), of a cut at each station
+    tall, flat, x, z, v : arrays of shape (s, t): of what is seen of each track in each bin:
+        1 / variance of height and offset, chainage in bins, height and offset
+    price : array of shape (s + 1,), of a cut at each edge
     bend, spread : usual curvature of an arc, and how far it may be from that
     least : fewest steps between two cuts
-    total, before : arrays of shape (s + 1,), filled in: least cost up to each station, and where
+    total, before : arrays of shape (s + 1,), filled in: least cost up to each edge, and where
         the last arc up to there begins
     """
     steps, tracks = x.shape
     high, side = np.zeros((tracks, 10)), np.zeros((tracks, 10))
-    part = np.zeros(tracks)
+    misfit = np.zeros(tracks)
     total[:] = np.inf
     total[0] = 0.0
     for a in range(steps):
         if total[a] == np.inf:
             continue
-        high[:], side[:], part[:] = 0.0, 0.0, 0.0
+        high[:], side[:], misfit[:] = 0.0, 0.0, 0.0
         cost = 0.0
         for b in range(a + 1, steps + 1):
             for t in range(tracks):
@@ -79,9 +79,9 @@ def cuts(tall, flat, x, z, v, price, bend, spread, least, total, before):
                 d = x[b - 1, t] - a
                 _add(high[t], tall[b - 1, t], d, z[b - 1, t])
                 _add(side[t], flat[b - 1, t], d, v[b - 1, t])
-                cost -= part[t]
-                part[t] = _misfit(high[t], bend, spread) + _misfit(side[t], 0.0, spread)
-                cost += part[t]
+                cost -= misfit[t]
+                misfit[t] = _misfit(high[t], bend, spread) + _misfit(side[t], 0.0, spread)
+                cost += misfit[t]
             if total[a] + cost >= total[steps]:
                 break  # it can only grow
             if a > 0 and b < steps and b - a < least:
@@ -94,7 +94,7 @@ def cuts(tall, flat, x, z, v, price, bend, spread, least, total, before):
 
 @njit(cache=True, nogil=True)
 def misfits(tall, flat, x, z, v, low, high, bend, spread, out):
-    """Misfit of each track as arcs between the stations low and high, two arrays of shape (k,).
+    """Misfit of each track as arcs between the edges low and high, two arrays of shape (k,).
 
     `out` is an array of shape (k, tracks) and filled in. The other parameters are those of
     :func:`cuts`.

@@ -146,9 +146,11 @@ class Catenary:
             change = (moved.z_end - moved.z_start) / moved.length - slope
             lift = self.z_start + slope * low - moved.z_start
             moved = replace(
-                moved, swing=self.swing, v0=moved.v0 + self.swing * lift,
+                moved,
+                swing=self.swing,
+                v0=moved.v0 + self.swing * lift,
                 v1=self.v1 - self.swing * change,
-            )  # fmt: skip
+            )
         if self.covariance is not None:
             step = self._slopes(np.array([low, high]))
             turn = np.vstack([step, [0.0, 0.0, 1.0]])
@@ -171,10 +173,12 @@ class Catenary:
             return math.nan
         value = getattr(self, name)
         steps = {"z_start": 1e-4, "z_end": 1e-4, "curvature": max(1e-4 * self.curvature, 1e-9)}
-        slope = np.array([
-            (getattr(replace(self, **{key: getattr(self, key) + step}), name) - value) / step
-            for key, step in steps.items()
-        ])  # fmt: skip
+        slope = np.array(
+            [
+                (getattr(replace(self, **{key: getattr(self, key) + step}), name) - value) / step
+                for key, step in steps.items()
+            ]
+        )
         return float(np.sqrt(max(slope @ self.covariance @ slope, 0.0)))
 
     def sigmas(self) -> dict[str, float]:
@@ -237,15 +241,34 @@ def fit(
         return None
     x, y = middle + u.min() * direction
     v = aside[:, 1] * direction[0] - aside[:, 0] * direction[1]
-    shape, covariance = np.empty(kernels.SIZE), np.empty((3, 3))
+    shape, covariance = np.empty(kernels.FIT_SIZE), np.empty((3, 3))
     count = kernels.fitted(
-        u - u.min(), v, np.ascontiguousarray(xyz[:, 2]), length, spread, curvature or 0.0, sways,
-        shape, covariance,
-    )  # fmt: skip
+        u - u.min(),
+        v,
+        np.ascontiguousarray(xyz[:, 2]),
+        length,
+        spread,
+        curvature or 0.0,
+        sways,
+        shape,
+        covariance,
+    )
     if not count:
         return None
     z_start, z_end, bent, v0, v1, swing, rms, _ = shape.tolist()
     return Catenary(
-        float(x), float(y), float(direction[0]), float(direction[1]), length, z_start, z_end, bent,
-        v0, v1, swing, rms, count, covariance,
-    )  # fmt: skip
+        float(x),
+        float(y),
+        float(direction[0]),
+        float(direction[1]),
+        length,
+        z_start,
+        z_end,
+        bent,
+        v0,
+        v1,
+        swing,
+        rms,
+        count,
+        covariance,
+    )

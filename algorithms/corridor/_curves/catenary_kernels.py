@@ -11,16 +11,16 @@ from algorithms.corridor._curves.trace_kernels import solve
 from algorithms.shared.kernels.compiling import helper
 from algorithms.shared.kernels.sorting import median
 
-FLATTEST, TIGHTEST = 1e-5, 0.1  # 1 / metre: a wire straighter than this is straight
-ROUNDS = 30
-CUT = 4.685  # standard deviations at which a point loses all weight: 95 % efficient (Tukey)
+LEAST_CURVATURE, MOST_CURVATURE = 1e-5, 0.1  # 1 / metre: a wire straighter than this is straight
+FIT_ROUNDS = 30
+TUKEY_CUT = 4.685  # standard deviations at which a point loses all weight: 95 % efficient (Tukey)
 LEAST_SIGMA = 0.005  # metres
-KNOWN = 0.1  # standard deviation of a curvature that is given, of itself
-SWAYS = 0.5  # metres of sag from which a swing can be told from an azimuth
+KNOWN_CURVATURE_SD = 0.1  # standard deviation of a curvature that is given, of itself
+LEAST_SWAYING_SAG = 0.5  # metres of sag from which a swing can be told from an azimuth
 RIDGE = 1e-9  # keeps normal matrices regular, beside the weights of points
 # What a fit fills in: heights at both ends, curvature, plan curve, RMS, standard error of a height.
-Z_START, Z_END, CURVATURE, V0, V1, SWING, RMS, ERROR = range(8)
-SIZE = 8
+FIT_Z_START, FIT_Z_END, FIT_CURVATURE, FIT_V0, FIT_V1, FIT_SWING, FIT_RMS, FIT_ERROR = range(8)
+FIT_SIZE = 8
 
 
 @helper
@@ -62,20 +62,20 @@ def _begun(u, z, length, normal, right, result, inverse):
 @helper
 def _plan(u, v, length, weight, sways, shape, off, normal, right, result, inverse):
     """Fit the plan curve to the offsets v; `off` receives what it leaves of them."""
-    u0, z0 = _hung(length, shape[Z_START], shape[Z_END], shape[CURVATURE])
-    slope = (shape[Z_END] - shape[Z_START]) / length
-    deep = max(shape[CURVATURE] * length**2 / 8, RIDGE) if sways else math.inf
+    u0, z0 = _hung(length, shape[FIT_Z_START], shape[FIT_Z_END], shape[FIT_CURVATURE])
+    slope = (shape[FIT_Z_END] - shape[FIT_Z_START]) / length
+    deep = max(shape[FIT_CURVATURE] * length**2 / 8, RIDGE) if sways else math.inf
     normal[:], right[:] = 0.0, 0.0
     for i in range(len(u)):
-        sag = shape[Z_START] + slope * u[i] - _height(u[i], u0, z0, shape[CURVATURE])
+        sag = shape[FIT_Z_START] + slope * u[i] - _height(u[i], u0, z0, shape[FIT_CURVATURE])
         _add((1.0, u[i] / length, sag / deep), v[i], weight[i], normal, right)
     for j in range(3):
         normal[j, j] += RIDGE
     solve(normal, right, result, inverse)
-    shape[V0], shape[V1], shape[SWING] = result[0], result[1] / length, result[2] / deep
+    shape[FIT_V0], shape[FIT_V1], shape[FIT_SWING] = result[0], result[1] / length, result[2] / deep
     for i in range(len(u)):
-        sag = shape[Z_START] + slope * u[i] - _height(u[i], u0, z0, shape[CURVATURE])
-        off[i] = v[i] - shape[V0] - shape[V1] * u[i] - shape[SWING] * sag
+        sag = shape[FIT_Z_START] + slope * u[i] - _height(u[i], u0, z0, shape[FIT_CURVATURE])
+        off[i] = v[i] - shape[FIT_V0] - shape[FIT_V1] * u[i] - shape[FIT_SWING] * sag
 
 
 @helper
@@ -84,7 +84,7 @@ def _rise(u, z, length, weight, known, sigma, shape, normal, right, result, inve
 
     A curvature that is known of other wires, above 0, is one more observation.
     """
-    start, end, bent = shape[Z_START], shape[Z_END], shape[CURVATURE]
+    start, end, bent = shape[FIT_Z_START], shape[FIT_Z_END], shape[FIT_CURVATURE]
     more, scale = 1e-3 * bent + 1e-9, length**2 / 8
     u0, z0 = _hung(length, start, end, bent)
     raised_u0, raised_z0 = _hung(length, start, end + 1e-3, bent)
@@ -99,13 +99,13 @@ def _rise(u, z, length, weight, known, sigma, shape, normal, right, result, inve
     for j in range(3):
         normal[j, j] += RIDGE
     if known > 0:
-        square = (max(sigma, LEAST_SIGMA) / (KNOWN * known * scale)) ** 2
+        square = (max(sigma, LEAST_SIGMA) / (KNOWN_CURVATURE_SD * known * scale)) ** 2
         normal[2, 2] += square
         right[2] += square * (known - bent) * scale
     solve(normal, right, result, inverse)
-    shape[Z_START] += result[0]
-    shape[Z_END] += result[1]
-    shape[CURVATURE] = min(max(bent + result[2] / scale, FLATTEST), TIGHTEST)
+    shape[FIT_Z_START] += result[0]
+    shape[FIT_Z_END] += result[1]
+    shape[FIT_CURVATURE] = min(max(bent + result[2] / scale, LEAST_CURVATURE), MOST_CURVATURE)
     inverse[2] /= scale
     inverse[:, 2] /= scale
 
@@ -113,18 +113,18 @@ def _rise(u, z, length, weight, known, sigma, shape, normal, right, result, inve
 @helper
 def _squares(u, z, length, weight, shape, off, square):
     """Squares of distances from the curve, and the standard error of a height."""
-    u0, z0 = _hung(length, shape[Z_START], shape[Z_END], shape[CURVATURE])
+    u0, z0 = _hung(length, shape[FIT_Z_START], shape[FIT_Z_END], shape[FIT_CURVATURE])
     total, tall, flat, count = 0.0, 0.0, 0.0, 0
     for i in range(len(u)):
-        away = (z[i] - _height(u[i], u0, z0, shape[CURVATURE])) ** 2
+        away = (z[i] - _height(u[i], u0, z0, shape[FIT_CURVATURE])) ** 2
         square[i] = off[i] ** 2 + away
         total += weight[i]
         tall += weight[i] * away
         if weight[i] > 0:
             flat += square[i]
             count += 1
-    shape[RMS] = math.sqrt(flat / count)
-    shape[ERROR] = math.sqrt(tall / max(total - 3, 1.0))
+    shape[FIT_RMS] = math.sqrt(flat / count)
+    shape[FIT_ERROR] = math.sqrt(tall / max(total - 3, 1.0))
 
 
 @njit(cache=True, nogil=True)
@@ -144,12 +144,16 @@ def fitted(u, v, z, length, spread, known, sways, shape, covariance):
     off, square, some = np.empty(len(u)), np.empty(len(u)), np.empty(len(u))
     normal, right, result, inverse = np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros((3, 3))
     start, end, bend = _begun(u, z, length, normal, right, result, inverse)
-    bend = min(max(bend, FLATTEST), TIGHTEST) if length > 10 else FLATTEST
+    bend = min(max(bend, LEAST_CURVATURE), MOST_CURVATURE) if length > 10 else LEAST_CURVATURE
     shape[:] = 0.0
-    shape[Z_START], shape[Z_END], shape[CURVATURE] = start, end, known if known > 0 else bend
-    sways &= shape[CURVATURE] * length**2 / 8 > SWAYS
-    sigma, used = spread / CUT, len(u)
-    for number in range(ROUNDS):
+    shape[FIT_Z_START], shape[FIT_Z_END], shape[FIT_CURVATURE] = (
+        start,
+        end,
+        known if known > 0 else bend,
+    )
+    sways &= shape[FIT_CURVATURE] * length**2 / 8 > LEAST_SWAYING_SAG
+    sigma, used = spread / TUKEY_CUT, len(u)
+    for number in range(FIT_ROUNDS):
         _plan(u, v, length, weight, sways, shape, off, normal, right, result, inverse)
         _rise(u, z, length, weight, known, sigma, shape, normal, right, result, inverse)
         _squares(u, z, length, weight, shape, off, square)
@@ -160,7 +164,7 @@ def fitted(u, v, z, length, spread, known, sways, shape, covariance):
                 count += 1
         # The median square of two normal variables is 2 ln 2 times their variance.
         sigma = max(math.sqrt(median(some[:count]) / math.log(4.0)), LEAST_SIGMA)
-        limit = min(spread, CUT * sigma)
+        limit = min(spread, TUKEY_CUT * sigma)
         left, change = 0, 0.0
         for i in range(len(u)):
             fresh[i] = max(1 - square[i] / limit**2, 0.0) ** 2
@@ -171,5 +175,5 @@ def fitted(u, v, z, length, spread, known, sways, shape, covariance):
         if left < 4:
             return 0
         weight[:], used = fresh, left
-    covariance[:] = inverse * max(shape[ERROR], LEAST_SIGMA) ** 2
+    covariance[:] = inverse * max(shape[FIT_ERROR], LEAST_SIGMA) ** 2
     return used

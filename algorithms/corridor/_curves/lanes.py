@@ -14,22 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.corridor._curves.catenary import fit
-from algorithms.corridor._curves.network import STRONG, Piece, Scene, curves_of
+from algorithms.corridor._curves.network import SURE_LENGTH, Corridor, Piece, curves_of
 from algorithms.corridor._curves.trace import Airborne, trace_all, uncrowded
-from algorithms.corridor._curves.tracks import Run
+from algorithms.corridor._curves.tracks import Alignment
 from toolbox.context import Context
 
-SPARSE = 1.0  # points per metre of a track, from which each wire is followed by itself
-OVERLAP = 8.0  # metres of two tracks beside each other that tell their distance
-NEAR = 15.0  # metres between two points of a track, between which it is straight
-SAME = 0.4  # metres aside and up, within which two tracks are of one lane
-STRAIGHT = 0.15  # metres: median by which the distance of two tracks varies
-LANE, AROUND = 0.3, 0.9  # half widths, metres: of what may be wire, and of its surroundings
-ALIKE = 0.05  # metres: a point is of more than one lane where these lie above each other
-AHEAD, ASIDE = 200.0, 60.0  # metres around a run that are looked at
-PART = 10.0  # metres of a run for which one offset is taken
-LEG = 60.0  # metres at the end of a run that tell where it goes on
-ROUNDS = 2  # lanes that were not seen beside others may be, once these go on
+SPARSE_TRACK = 1.0  # points per metre of a track, from which each wire is followed by itself
+LEAST_OVERLAP = 8.0  # metres of two tracks beside each other that tell their distance
+STRAIGHT_GAP = 15.0  # metres between two points of a track, between which it is straight
+SAME_LANE = 0.4  # metres aside and up, within which two tracks are of one lane
+LANE_WANDER = 0.15  # metres: median by which the distance of two tracks varies
+LANE_HALF_WIDTH = 0.3  # metres from the middle of a lane, of what may be wire
+LANE_CLUTTER = 0.9  # metres, of its surroundings
+LANE_TIE = 0.05  # metres: a point is of more than one lane where these lie above each other
+LOOK_AHEAD, LOOK_ASIDE = 200.0, 60.0  # metres around an alignment that are looked at
+OFFSET_STEP = 10.0  # metres of an alignment for which one offset is taken
+END_LENGTH = 60.0  # metres at the end of an alignment that tell where it goes on
+LANE_ROUNDS = 2  # lanes that were not seen beside others may be, once these go on
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -37,12 +38,12 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Lanes:
-    """The wires of a run, side by side.
+    """The wires of an alignment, side by side.
 
     Attributes
     ----------
     aside, up : arrays of shape (k,), of each lane from the first
-    own : for each lane, which of the pieces of the run are its tracks
+    own : for each lane, which of the pieces of the alignment are its tracks
     u, v : where the first lane goes
     """
 
@@ -60,7 +61,7 @@ class Lanes:
         own: list[list[int]] = []
         for j, spot in place.items():
             for k, other in enumerate(spots):
-                near = np.abs(spot - other).max() <= SAME
+                near = np.abs(spot - other).max() <= SAME_LANE
                 if near and not any(abreast(tracks[i], tracks[j]) for i in own[k]):
                     own[k].append(j)
                     break
@@ -70,8 +71,8 @@ class Lanes:
         if len(spots) < 2:
             return None
         known = np.vstack([tracks[j][:, :2] - [0.0, spot[0]] for j, spot in place.items()])
-        parts = np.array_split(in_order(known), max(2, int(np.ptp(known[:, 0]) / PART)))
-        u, v = np.array([np.median(part, axis=0) for part in parts]).T
+        pieces = np.array_split(in_order(known), max(2, int(np.ptp(known[:, 0]) / OFFSET_STEP)))
+        u, v = np.array([np.median(piece, axis=0) for piece in pieces]).T
         aside, up = np.array(spots).T
         return cls(aside, up, own, u, v)
 
@@ -80,31 +81,36 @@ class Lanes:
         offset = np.interp(u, self.u, self.v)
         for end, way in ((0, -1), (-1, 1)):
             beyond = (u - self.u[end]) * way > 0
-            leg = np.abs(self.u - self.u[end]) < LEG
+            leg = np.abs(self.u - self.u[end]) < END_LENGTH
             slope = np.polyfit(self.u[leg], self.v[leg], 1)[0] if np.count_nonzero(leg) > 1 else 0
             offset[beyond] = self.v[end] + slope * (u[beyond] - self.u[end])
         return offset
 
 
-def followed_together(scene: Scene, run: Run, max_gap: float, ctx: Context) -> Run:
-    """The run with what is found of its wires by following all of them at once."""
-    for _ in range(ROUNDS):
-        tracks = [in_order(run.track(scene.wires.xyz[piece.points])) for piece in run.pieces]
+def followed_together(
+    corridor: Corridor, alignment: Alignment, max_gap: float, ctx: Context
+) -> Alignment:
+    """The alignment with what is found of its wires by following all of them at once."""
+    for _ in range(LANE_ROUNDS):
+        tracks = [
+            in_order(alignment.track(corridor.wires.xyz[piece.points]))
+            for piece in alignment.pieces
+        ]
         length = sum(float(np.ptp(track[:, 0])) for track in tracks)
-        lanes = Lanes.of(tracks) if sum(map(len, tracks)) < SPARSE * length else None
+        lanes = Lanes.of(tracks) if sum(map(len, tracks)) < SPARSE_TRACK * length else None
         if lanes is None:
             break
-        run = Run.of(pieces_in(scene, run, lanes, max_gap, ctx))
-    return run
+        alignment = Alignment.of(pieces_in(corridor, alignment, lanes, max_gap, ctx))
+    return alignment
 
 
 def in_order(track: Floats) -> Floats:
-    """A track in the order of its places along the run."""
+    """A track in the order of its chainages."""
     return np.asarray(track[np.argsort(track[:, 0], kind="stable")])
 
 
 def placed(tracks: Sequence[Floats]) -> dict[int, Floats]:
-    """Places aside and up of the tracks that lie beside each other, those with most points."""
+    """Offset and height, from the first of them, of the most tracks that lie beside each other."""
     best: dict[int, Floats] = {}
     left = set(range(len(tracks)))
     while left:
@@ -124,8 +130,8 @@ def placed(tracks: Sequence[Floats]) -> dict[int, Floats]:
 
 
 def abreast(one: Floats, other: Floats) -> bool:
-    """Whether two tracks are of different wires, for they are followed at the same places."""
-    return bool(min(one[-1, 0], other[-1, 0]) - max(one[0, 0], other[0, 0]) > OVERLAP)
+    """Whether two tracks are of different wires, for they are followed at the same chainages."""
+    return bool(min(one[-1, 0], other[-1, 0]) - max(one[0, 0], other[0, 0]) > LEAST_OVERLAP)
 
 
 def beside(one: Floats, other: Floats) -> Floats | None:
@@ -133,33 +139,35 @@ def beside(one: Floats, other: Floats) -> Floats | None:
     after = np.searchsorted(one[:, 0], other[:, 0])
     inner = (after > 0) & (after < len(one))
     after = after[inner]
-    own = other[inner][one[after, 0] - one[after - 1, 0] < NEAR]
-    if len(own) < 3 or np.ptp(own[:, 0]) < OVERLAP:
+    own = other[inner][one[after, 0] - one[after - 1, 0] < STRAIGHT_GAP]
+    if len(own) < 3 or np.ptp(own[:, 0]) < LEAST_OVERLAP:
         return None
     step = np.column_stack([own[:, k] - np.interp(own[:, 0], one[:, 0], one[:, k]) for k in (1, 2)])
     middle = np.median(step, axis=0)
-    if np.median(np.abs(step - middle), axis=0).max() > STRAIGHT:
+    if np.median(np.abs(step - middle), axis=0).max() > LANE_WANDER:
         return None
     return np.asarray(middle)
 
 
-def pieces_in(scene: Scene, run: Run, lanes: Lanes, max_gap: float, ctx: Context) -> list[Piece]:
-    """One piece for each lane of a run, and what else the run has."""
-    lane_of = np.full(len(scene.wires.xyz), -1)
+def pieces_in(
+    corridor: Corridor, alignment: Alignment, lanes: Lanes, max_gap: float, ctx: Context
+) -> list[Piece]:
+    """One piece for each lane of an alignment, and what else the alignment has."""
+    lane_of = np.full(len(corridor.wires.xyz), -1)
     for k, own in enumerate(lanes.own):
         for j in own:
-            lane_of[run.pieces[j].points] = k
-    for points, lane in followed(scene, run, lanes, max_gap, ctx):
+            lane_of[alignment.pieces[j].points] = k
+    for points, lane in followed(corridor, alignment, lanes, max_gap, ctx):
         fresh = lane_of[points] < 0
         lane_of[points[fresh]] = lane[fresh]
     found = []
     for k, own in enumerate(lanes.own):
         points = np.flatnonzero(lane_of == k)
-        curve = fit(scene.wires.xyz[points], sways=False, spread=AHEAD)
+        curve = fit(corridor.wires.xyz[points], sways=False, spread=LOOK_AHEAD)
         if curve is not None:
-            found.append(Piece(points, curve, any(run.pieces[j].sure for j in own)))
+            found.append(Piece(points, curve, any(alignment.pieces[j].sure for j in own)))
     grouped = {j for own in lanes.own for j in own}
-    for piece in (piece for j, piece in enumerate(run.pieces) if j not in grouped):
+    for piece in (piece for j, piece in enumerate(alignment.pieces) if j not in grouped):
         points = piece.points[lane_of[piece.points] < 0]
         if 2 * len(points) > len(piece.points):
             found.append(replace(piece, points=points))
@@ -167,19 +175,21 @@ def pieces_in(scene: Scene, run: Run, lanes: Lanes, max_gap: float, ctx: Context
 
 
 def followed(
-    scene: Scene, run: Run, lanes: Lanes, max_gap: float, ctx: Context
+    corridor: Corridor, alignment: Alignment, lanes: Lanes, max_gap: float, ctx: Context
 ) -> list[tuple[Ints, Ints]]:
     """Points of the wires of each curve that is followed along all lanes, and their lanes."""
-    source, lane, places = moved(scene, run, lanes)
+    source, lane, places = moved(corridor, alignment, lanes)
     air = Airborne.of(places)
     source, lane = source[air.order], lane[air.order]
-    may = scene.may[source] & (np.abs(air.xyz[:, 1]) < LANE)
-    one = Scene(air, scene.height[source], may, scene.tolerance, scene.ground, scene.seen)
-    wire, lane = (np.cumsum(scene.may) - 1)[source[may]], lane[may]
-    _, voxel = uncrowded(one.wires, SPARSE)
-    curves = trace_all(one.wires, voxel, tolerance=scene.tolerance, max_gap=max_gap, ctx=ctx)
-    pieces = [p for p in curves_of(one, curves) if p.sure or p.curve.length > STRONG]
-    taken = np.zeros(len(scene.wires.xyz), bool)
+    may = corridor.may[source] & (np.abs(air.xyz[:, 1]) < LANE_HALF_WIDTH)
+    one = Corridor(
+        air, corridor.height[source], may, corridor.tolerance, corridor.ground, corridor.seen
+    )
+    wire, lane = (np.cumsum(corridor.may) - 1)[source[may]], lane[may]
+    _, voxel = uncrowded(one.wires, SPARSE_TRACK)
+    curves = trace_all(one.wires, voxel, tolerance=corridor.tolerance, max_gap=max_gap, ctx=ctx)
+    pieces = [p for p in curves_of(one, curves) if p.sure or p.curve.length > SURE_LENGTH]
+    taken = np.zeros(len(corridor.wires.xyz), bool)
     found = []
     for piece in sorted(pieces, key=lambda p: -len(p.points)):
         points = wire[piece.points]
@@ -190,14 +200,14 @@ def followed(
     return found
 
 
-def moved(scene: Scene, run: Run, lanes: Lanes) -> tuple[Ints, Ints, Floats]:
-    """Points in the air around the lanes, the lane of each, and their places on the first one."""
-    u, v = run.along(scene.air.xyz)
-    near = (u > lanes.u[0] - AHEAD) & (u < lanes.u[-1] + AHEAD)
-    box = np.flatnonzero(near & (np.abs(v - np.median(lanes.v)) < ASIDE))
-    u, z = u[box], scene.air.xyz[box, 2]
+def moved(corridor: Corridor, alignment: Alignment, lanes: Lanes) -> tuple[Ints, Ints, Floats]:
+    """Points in the air around the lanes, their lanes, and their positions on the first lane."""
+    u, v = alignment.along(corridor.air.xyz)
+    near = (u > lanes.u[0] - LOOK_AHEAD) & (u < lanes.u[-1] + LOOK_AHEAD)
+    box = np.flatnonzero(near & (np.abs(v - np.median(lanes.v)) < LOOK_ASIDE))
+    u, z = u[box], corridor.air.xyz[box, 2]
     v = v[box] - lanes.middle(u)
     away = np.abs(v[:, None] - lanes.aside)
-    point, lane = np.nonzero((away < AROUND) & (away < away.min(axis=1)[:, None] + ALIKE))
+    point, lane = np.nonzero((away < LANE_CLUTTER) & (away < away.min(axis=1)[:, None] + LANE_TIE))
     places = np.column_stack([u[point], v[point] - lanes.aside[lane], z[point] - lanes.up[lane]])
     return box[point], lane, places

@@ -1,4 +1,4 @@
-"""Which of the curves that were followed are wires, and which of them are parts of one wire."""
+"""Wires from the curves that were followed: which are wires, and which go on in each other."""
 
 from __future__ import annotations
 
@@ -11,22 +11,26 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._curves import trace_kernels as kernels
 from algorithms.corridor._curves.catenary import Catenary, fit
-from algorithms.corridor._curves.trace import TUBE, Airborne
+from algorithms.corridor._curves.trace import STEEPEST_WIRE, TUBE_RADIUS, Airborne
 
-CLEAR, CLEAR_STRONG = 0.65, 0.7  # share of a curve along which it stands out from its surroundings
-STRONG = 30.0  # metres from which a curve is a wire by itself
-SHORT, FINE, MANY = 18.0, 0.075, 20  # metres, metres, points: a shorter one must be clear
-TIGHTEST_C, SIGMAS = 5000.0, 3.0  # metres: most tension over weight
-BLADE, CARRYING = (0.3, 5.0, 5.0), 0.4  # half width, depth, step in metres; share of steps
-LEAST_POINTS, ROUGH = 7, 0.2  # metres: scatter of anything that may be wire
-COMPANY, STRETCH, ALONE = 1.5, 4.0, 0.2  # metres around a wire, metres along it, share of it
-STEEPEST = 0.7  # rise over run of the chord
-WILDEST = 1.5  # tangent of the angle by which wind may lift a wire
-FATTEST = 30.0  # metres: least c of a wire
-JOIN, JOIN_ASIDE, JOIN_HEIGHT = 14.0, 3.0, 1.5  # metres, between wires that meet at a support
-PARALLEL, BESIDE = math.radians(6.0), 15.0  # and metres, of wires of one line
-FARTHEST = 60.0  # metres of a wire that may be missing
-TWIN = 0.6  # metres within which conductors form a bundle
+CLEAR_SHARE, SURE_SHARE = 0.65, 0.7  # of a curve along which it stands out from its surroundings
+SURE_LENGTH = 30.0  # metres from which a curve is a wire by itself
+FINE_LENGTH, FINE_RMS, FINE_POINTS = 18.0, 0.075, 20  # metres, metres, points of a sure short one
+LARGEST_C = 5000.0  # metres: most tension over weight
+CERTAIN_SIGMAS = 3.0  # standard deviations
+HANGER_ZONE = (0.3, 5.0, 5.0)  # metres below a curve: half width, depth, and step along it
+HANGER_SHARE = 0.4  # of the steps with hangers, from which a curve carries something
+LEAST_CURVE_POINTS = 7
+ROUGHEST_CURVE = 0.2  # metres: scatter of anything that may be wire
+CLUTTER_RADIUS, CLUTTER_STEP = 1.5, 4.0  # metres around a wire, and along it
+ALONE_SHARE = 0.2  # of it along which there is no clutter
+LARGEST_SWING = 1.5  # tangent of the angle by which wind may lift a wire
+SMALLEST_C = 30.0  # metres: least c of a wire
+JOIN_GAP, JOIN_ASIDE, JOIN_HEIGHT = 14.0, 3.0, 1.5  # metres between wires that meet at a support
+PARALLEL_ANGLE = math.radians(6.0)  # between wires of one line
+LINE_WIDTH = 15.0  # metres aside, and up, to the other wires of a line
+LONGEST_MISSING = 60.0  # metres of a wire that may be missing
+BUNDLE_WIDTH = 0.6  # metres within which conductors form a bundle
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -34,12 +38,12 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Piece:
-    """Part of a wire: its points and the curve through them.
+    """What was followed of a wire: its points and the curve through them.
 
     Attributes
     ----------
     sure : whether it is a wire by itself, not only beside another one
-    arc : which run of wires it is part of, and which arc of that
+    arc : of which alignment it is, and which arc of that
     """
 
     points: Ints
@@ -54,15 +58,19 @@ class Piece:
 
 
 @dataclass
-class Scene:
-    """Points, terrain and what has been found of them.
+class Corridor:
+    """The points of a corridor above the ground, the terrain, and which points are still free.
 
     Attributes
     ----------
     air : points above the ground
     height : of each of them above the terrain
     may : which of them may be wire
-    wires : those
+    tolerance : farthest that a point may lie from the wire that is followed, metres
+    ground : elevation of the terrain at a position in plan
+    seen : whether there are points around a position in plan
+    wires : the points that may be wire
+    free : which points above the ground lie on no wire that was found
     """
 
     air: Airborne
@@ -84,84 +92,94 @@ class Scene:
             self.free[self.air.around(curve, 2 * self.tolerance)[0]] = False
 
 
-def curves_of(scene: Scene, curves: Sequence[tuple[Floats, Ints]]) -> list[Piece]:
+def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list[Piece]:
     """Those of the curves that stand out from what is around them, with catenaries."""
     found = []
     for curve, points in curves:
-        length = curve[kernels.HI] - curve[kernels.LO]
-        clear = clearness(scene, curve, len(points))
-        slope = abs(curve[kernels.Z0 + 1]) / curve[kernels.HALF]
-        if clear < CLEAR or slope > STEEPEST or len(points) < LEAST_POINTS:
+        length = curve[kernels.CURVE_HIGH] - curve[kernels.CURVE_LOW]
+        clear = clearness(corridor, curve, len(points))
+        slope = abs(curve[kernels.CURVE_Z + 1]) / curve[kernels.CURVE_HALF]
+        if clear < CLEAR_SHARE or slope > STEEPEST_WIRE or len(points) < LEAST_CURVE_POINTS:
             continue
-        catenary = fit(scene.wires.xyz[points], spread=2 * scene.tolerance)
+        catenary = fit(corridor.wires.xyz[points], spread=2 * corridor.tolerance)
         if catenary is not None:
-            fine = curve[kernels.RMS] < FINE and len(points) >= MANY and clear >= 0.9
-            sure = clear >= CLEAR_STRONG and length >= (SHORT if fine else STRONG)
+            fine = (
+                curve[kernels.CURVE_RMS] < FINE_RMS and len(points) >= FINE_POINTS and clear >= 0.9
+            )
+            sure = clear >= SURE_SHARE and length >= (FINE_LENGTH if fine else SURE_LENGTH)
             found.append(Piece(points, catenary, sure))
     return found
 
 
-def wires_among(scene: Scene, arcs: Sequence[Piece]) -> list[Piece]:
-    """Those of the arcs that look like wires, with the parts of one wire joined."""
+def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
+    """Those of the arcs that look like wires, with the pieces of one wire joined."""
     straight = [arc.curve for arc in arcs if is_straight(arc.curve)]
     bent = [arc for arc in arcs if not is_straight(arc.curve)]
-    bent = [arc for arc in bent if arc.curve.c > FATTEST and arc.curve.rms < ROUGH]
-    bent = [arc for arc in bent if abs(arc.curve.swing) < WILDEST]
+    bent = [arc for arc in bent if arc.curve.c > SMALLEST_C and arc.curve.rms < ROUGHEST_CURVE]
+    bent = [arc for arc in bent if abs(arc.curve.swing) < LARGEST_SWING]
     found = connected([a for a in bent if a.sure], [a for a in bent if not a.sure])
-    found = joined(scene, found)
-    found = [one for one in found if not any(lies_on(scene, one, other) for other in found)]
-    scene.take(arc.curve for arc in found)
-    found = [arc for arc in found if arc.curve.rms < FINE or alone(scene, arc.curve) >= ALONE]
-    return [arc for arc in found if not carries(scene, arc.curve, straight)]
+    found = joined(corridor, found)
+    found = [one for one in found if not any(lies_on(corridor, one, other) for other in found)]
+    corridor.take(arc.curve for arc in found)
+    found = [
+        arc
+        for arc in found
+        if arc.curve.rms < FINE_RMS or alone(corridor, arc.curve) >= ALONE_SHARE
+    ]
+    return [arc for arc in found if not carries(corridor, arc.curve, straight)]
 
 
-def lies_on(scene: Scene, one: Piece, other: Piece) -> bool:
+def lies_on(corridor: Corridor, one: Piece, other: Piece) -> bool:
     """Whether a piece was followed on a longer one a second time."""
     length = other.curve.length
     if one.curve.length >= length:
         return False
     u, _ = other.curve.along(one.ends)
-    if u.min() < -scene.tolerance or u.max() > length + scene.tolerance:
+    if u.min() < -corridor.tolerance or u.max() > length + corridor.tolerance:
         return False
-    return bool(np.median(other.curve.away(scene.wires.xyz[one.points])) < scene.tolerance / 2)
+    return bool(
+        np.median(other.curve.away(corridor.wires.xyz[one.points])) < corridor.tolerance / 2
+    )
 
 
-def clearness(scene: Scene, curve: Floats, count: int) -> float:
+def clearness(corridor: Corridor, curve: Floats, count: int) -> float:
     """Share of a curve's length along which there are points on it and few just around it."""
-    length = curve[kernels.HI] - curve[kernels.LO]
+    length = curve[kernels.CURVE_HIGH] - curve[kernels.CURVE_LOW]
     bins = max(1, int(length / max(2.0, 3 * length / count)))
     tubed, shelled = np.zeros(bins, np.int64), np.zeros(bins, np.int64)
-    air = scene.air
-    kernels.profile(curve, length / bins, TUBE, air.xyz, air.start, *air.grid, tubed, shelled)
+    air = corridor.air
+    kernels.profile(
+        curve, length / bins, TUBE_RADIUS, air.xyz, air.start, *air.plan_grid, tubed, shelled
+    )
     return float(np.mean((tubed > 0) & (2 * tubed >= shelled)))
 
 
 def is_straight(curve: Catenary) -> bool:
     """Whether a curve sags less than the tightest wire, for certain: a rail, a bar or a tie."""
-    return curve.sag + SIGMAS * curve.sigma("sag") < curve.length**2 / (8 * TIGHTEST_C)
+    return curve.sag + CERTAIN_SIGMAS * curve.sigma("sag") < curve.length**2 / (8 * LARGEST_C)
 
 
-def alone(scene: Scene, curve: Catenary) -> float:
+def alone(corridor: Corridor, curve: Catenary) -> float:
     """Share of a curve along which more points lie on it than around it and on no other wire.
 
     Twigs that happen to lie along an arc have others around them everywhere.
     """
-    own, around = (scene.air.around(curve, r)[0] for r in (scene.tolerance, COMPANY))
-    bins = max(1, round(curve.length / STRETCH))
+    own, around = (corridor.air.around(curve, r)[0] for r in (corridor.tolerance, CLUTTER_RADIUS))
+    bins = max(1, round(curve.length / CLUTTER_STEP))
     on_it, beside = (
-        np.histogram(curve.along(scene.air.xyz[points])[0], bins, (0.0, curve.length))[0]
-        for points in (own, around[scene.free[around]])
+        np.histogram(curve.along(corridor.air.xyz[points])[0], bins, (0.0, curve.length))[0]
+        for points in (own, around[corridor.free[around]])
     )
     return float(np.mean((on_it > beside)[on_it + beside > 0] if on_it.any() else 0.0))
 
 
-def carries(scene: Scene, curve: Catenary, straight: Sequence[Catenary]) -> bool:
+def carries(corridor: Corridor, curve: Catenary, straight: Sequence[Catenary]) -> bool:
     """Whether something hangs from a curve all along, as from a bridge cable or over a railway.
 
     It is a straight wire below it in its plane, or hangers: points at all depths in its plane and
     not beside that. Another wire below is at one depth.
     """
-    width, depth, step = BLADE
+    width, depth, step = HANGER_ZONE
     for other in straight:
         u, _ = curve.along(other.points(np.array([0.0, other.length])))
         shared = min(u.max(), curve.length) - max(u.min(), 0.0)
@@ -170,21 +188,21 @@ def carries(scene: Scene, curve: Catenary, straight: Sequence[Catenary]) -> bool
             _, v, z = other.residuals(at)
             if np.abs(v).max() < width and 0.2 < np.median(z) < depth:
                 return True
-    near, _ = scene.air.around(curve, depth + width)
-    near = near[scene.free[near]]
-    u, v, z = curve.residuals(scene.air.xyz[near])
-    below = (z < -2 * scene.tolerance) & (z > -depth)
+    near, _ = corridor.air.around(curve, depth + width)
+    near = near[corridor.free[near]]
+    u, v, z = curve.residuals(corridor.air.xyz[near])
+    below = (z < -2 * corridor.tolerance) & (z > -depth)
     bins = max(1, round(curve.length / step))
-    place = np.clip((u / curve.length * bins).astype(np.int64), 0, bins - 1)
+    step_of = np.clip((u / curve.length * bins).astype(np.int64), 0, bins - 1)
     blade = below & (np.abs(v) < width)
     for k in range(bins):  # what is at one depth is another wire
-        here = np.flatnonzero(blade & (place == k))
+        here = np.flatnonzero(blade & (step_of == k))
         if len(here):
             blade[here[np.abs(z[here] - np.median(z[here])) < width]] = False
-    hung = np.bincount(place[blade], minlength=bins)
+    hung = np.bincount(step_of[blade], minlength=bins)
     beside = below & (np.abs(v) > 2 * width) & (np.abs(v) < 4 * width)
-    around = np.bincount(place[beside], minlength=bins)
-    return bool(np.mean((hung >= 2) & (hung > around)) > CARRYING)
+    around = np.bincount(step_of[beside], minlength=bins)
+    return bool(np.mean((hung >= 2) & (hung > around)) > HANGER_SHARE)
 
 
 def connected(strong: list[Piece], weak: list[Piece]) -> list[Piece]:
@@ -205,12 +223,12 @@ def goes_on(one: Piece, other: Piece) -> bool:
     for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
         a, b = heading(one, i), heading(other, j)
         step = other.ends[j] - one.ends[i]
-        if a @ b > -0.5 or np.hypot(*step[:2]) > JOIN:
+        if a @ b > -0.5 or np.hypot(*step[:2]) > JOIN_GAP:
             continue
         axis = (a - b) / np.hypot(*(a - b))
         aside = abs(axis[0] * step[1] - axis[1] * step[0])
         halfway = one.ends[i] + 0.5 * step
-        meet = [part.curve.height(part.curve.along(halfway[None])[0])[0] for part in (one, other)]
+        meet = [p.curve.height(p.curve.along(halfway[None])[0])[0] for p in (one, other)]
         if aside < JOIN_ASIDE and abs(meet[1] - meet[0]) < JOIN_HEIGHT:
             return True
     return False
@@ -219,12 +237,17 @@ def goes_on(one: Piece, other: Piece) -> bool:
 def runs_beside(one: Piece, other: Piece) -> bool:
     """Whether the middle of a curve lies beside another of the same heading."""
     a, b = heading(one, 1), heading(other, 1)
-    if abs(a @ b) < math.cos(PARALLEL):
+    if abs(a @ b) < math.cos(PARALLEL_ANGLE):
         return False
     middle = other.curve.points(np.array([0.5 * other.curve.length]))
-    u, v, z = (float(part[0]) for part in one.curve.residuals(middle))
+    u, v, z = (float(values[0]) for values in one.curve.residuals(middle))
     length = one.curve.length
-    return 0 <= u <= length and abs(v) < BESIDE and abs(z) < BESIDE and (math.hypot(v, z) > TUBE)
+    return (
+        0 <= u <= length
+        and abs(v) < LINE_WIDTH
+        and abs(z) < LINE_WIDTH
+        and (math.hypot(v, z) > TUBE_RADIUS)
+    )
 
 
 def heading(piece: Piece, end: int) -> Floats:
@@ -233,14 +256,14 @@ def heading(piece: Piece, end: int) -> Floats:
     return way * np.array([piece.curve.ex, piece.curve.ey])
 
 
-def continues(one: Piece, other: Piece, near: float = TWIN) -> bool:
-    """Whether two curves are parts of one wire, side by side in a bundle or one after the other."""
-    if abs(heading(one, 1) @ heading(other, 1)) < math.cos(PARALLEL):
+def continues(one: Piece, other: Piece, near: float = BUNDLE_WIDTH) -> bool:
+    """Whether two curves are of one wire, side by side in a bundle or one after the other."""
+    if abs(heading(one, 1) @ heading(other, 1)) < math.cos(PARALLEL_ANGLE):
         return False
     u, _ = one.curve.along(other.ends)
     gap = max(u.min() - one.curve.length, -u.max())
     if gap > 0:
-        reach = min(FARTHEST, one.curve.length + other.curve.length)
+        reach = min(LONGEST_MISSING, one.curve.length + other.curve.length)
         return gap < reach and apart(one, other) < near and apart(other, one) < near
     return apart(one, other) < near
 
@@ -256,30 +279,30 @@ def apart(one: Piece, other: Piece) -> float:
     return float(np.median(other.curve.away(at)))
 
 
-def joined(scene: Scene, pieces: Sequence[Piece]) -> list[Piece]:
+def joined(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:
     """Pieces of one wire made one, where a single arc fits them all."""
     order = sorted(pieces, key=lambda p: (-p.curve.length, p.curve.x, p.curve.y))
     found: list[Piece] = []
     for piece in order:
         for k, one in enumerate(found):
-            if one.arc != piece.arc or not continues(one, piece, TWIN / 2):
+            if one.arc != piece.arc or not continues(one, piece, BUNDLE_WIDTH / 2):
                 continue
             both = np.union1d(one.points, piece.points)
-            curve = fit(scene.wires.xyz[both], spread=2.0)
-            if curve is None or not agrees(scene, curve, (one, piece)):
+            curve = fit(corridor.wires.xyz[both], spread=2.0)
+            if curve is None or not agrees(corridor, curve, (one, piece)):
                 continue
             found[k] = replace(one, points=both, curve=curve)
             break
         else:
             found.append(piece)
-    return found if len(found) == len(pieces) else joined(scene, found)
+    return found if len(found) == len(pieces) else joined(corridor, found)
 
 
-def agrees(scene: Scene, curve: Catenary, parts: Sequence[Piece]) -> bool:
-    """Whether all parts are as near to a common curve as to their own."""
-    for part in parts:
-        xyz = scene.wires.xyz[part.points]
-        own, common = (c.away(xyz) for c in (part.curve, curve))
+def agrees(corridor: Corridor, curve: Catenary, pieces: Sequence[Piece]) -> bool:
+    """Whether all pieces are as near to a common curve as to their own."""
+    for piece in pieces:
+        xyz = corridor.wires.xyz[piece.points]
+        own, common = (c.away(xyz) for c in (piece.curve, curve))
         if np.median(common) > 2 * np.median(own) + 0.05:
             return False
     return True

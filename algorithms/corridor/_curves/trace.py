@@ -22,18 +22,17 @@ from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks
 from toolbox.context import Context
 
-CELL = 4.0  # metres, of the plan index
-VOXEL, AROUND = 1.0, 2  # metres; voxels to each side that may crowd a wire
-SHORTEST = 10.0  # metres of a curve that is kept
-LINES = 6.0  # as many wires side by side leave a voxel uncrowded
-SPARSEST, DENSEST, PER_DENSITY = (
-    7.0,
-    14.0,
-    1.5,
-)  # eighths of voxels that one wire fills in 5 m, and per point / m2
-REACH, TUBE, STEEPEST = 6.0, 0.25, 0.7  # metres, metres, rise over run: of the straight piece
-LEAST_BINS = 3.5  # metres of 12 with points on them, where a wire may begin
-LONGEST = 200_000  # points of one wire
+PLAN_CELL = 4.0  # metres, of the plan index
+CROWD_VOXEL, CROWD_REACH = 1.0, 2  # metres; voxels to each side that may crowd a wire
+SHORTEST_CURVE = 10.0  # metres of a curve that is kept
+UNCROWDED_WIRES = 6.0  # as many wires side by side leave a voxel uncrowded
+LEAST_EIGHTHS, MOST_EIGHTHS = 7.0, 14.0  # of voxels, that one wire fills in 5 m
+EIGHTHS_PER_DENSITY = 1.5  # per point / m2, between these
+SEED_REACH = 6.0  # metres to both sides of a seed, of the straight piece
+TUBE_RADIUS = 0.25  # metres around it
+STEEPEST_WIRE = 0.7  # rise over run
+LEAST_SEED_BINS = 3.5  # metres of 12 with points on them, where a wire may begin
+MOST_POINTS_OF_WIRE = 200_000  # points of one wire
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -46,7 +45,7 @@ class Airborne:
 
     Attributes
     ----------
-    xyz : array of shape (n, 3), metres from a place near by
+    xyz : array of shape (n, 3), metres from an origin near by
     order : array of shape (n,), which of the points given each is
     start : where each cell begins
     west, south, rows, cols : of the cells
@@ -63,10 +62,10 @@ class Airborne:
     @classmethod
     def of(cls, xyz: Floats) -> Airborne:
         """Sort points of shape (n, 3), those of a cell by x, y, z: their order does not matter."""
-        low = np.floor(xyz[:, :2].min(axis=0) / CELL) * CELL if len(xyz) else np.zeros(2)
+        low = np.floor(xyz[:, :2].min(axis=0) / PLAN_CELL) * PLAN_CELL if len(xyz) else np.zeros(2)
         west, south = float(low[0]), float(low[1])
-        col = ((xyz[:, 0] - west) / CELL).astype(np.int64)
-        row = ((xyz[:, 1] - south) / CELL).astype(np.int64)
+        col = ((xyz[:, 0] - west) / PLAN_CELL).astype(np.int64)
+        row = ((xyz[:, 1] - south) / PLAN_CELL).astype(np.int64)
         rows, cols = int(row.max(initial=0)) + 1, int(col.max(initial=0)) + 1
         cell = row * cols + col
         start = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=rows * cols))])
@@ -75,18 +74,23 @@ class Airborne:
         return cls(np.ascontiguousarray(xyz[order]), order, start, west, south, rows, cols)
 
     @property
-    def grid(self) -> tuple[float, float, float, int, int]:
+    def plan_grid(self) -> tuple[float, float, float, int, int]:
         """The cells as kernels take them."""
-        return self.west, self.south, CELL, self.rows, self.cols
+        return self.west, self.south, PLAN_CELL, self.rows, self.cols
 
     def select(self, which: Mask) -> Airborne:
         """Some of the points in the same cells."""
         before = np.concatenate([[0], np.cumsum(which)])
         start = before[self.start]
         return Airborne(
-            self.xyz[which], np.flatnonzero(which), start,
-            self.west, self.south, self.rows, self.cols,
-        )  # fmt: skip
+            self.xyz[which],
+            np.flatnonzero(which),
+            start,
+            self.west,
+            self.south,
+            self.rows,
+            self.cols,
+        )
 
     def around(
         self, curve: Catenary, radius: float, low: float = 0.0, high: float | None = None
@@ -95,21 +99,38 @@ class Airborne:
         high = curve.length if high is None else high
         slope = (curve.z_end - curve.z_start) / curve.length
         shape = (
-            curve.x, curve.y, curve.ex, curve.ey, curve.u0, curve.z0, curve.curvature,
-            curve.z_start, slope, curve.v0, curve.v1, curve.swing,
-        )  # fmt: skip
+            curve.x,
+            curve.y,
+            curve.ex,
+            curve.ey,
+            curve.u0,
+            curve.z0,
+            curve.curvature,
+            curve.z_start,
+            slope,
+            curve.v0,
+            curve.v1,
+            curve.swing,
+        )
         found, away = self._scratch
         count = kernels.tube(
-            shape, float(low), float(high), float(radius), self.xyz, self.start, *self.grid,
-            found, away,
-        )  # fmt: skip
+            shape,
+            float(low),
+            float(high),
+            float(radius),
+            self.xyz,
+            self.start,
+            *self.plan_grid,
+            found,
+            away,
+        )
         order = np.argsort(found[:count])
         return found[:count][order], away[:count][order]
 
     def within(self, spot: Floats, reach: float) -> Ints:
-        """Indices of the points in the cells that a square around a place touches."""
-        r0, r1 = (int((spot[1] + d - self.south) // CELL) for d in (-reach, reach))
-        c0, c1 = (int((spot[0] + d - self.west) // CELL) for d in (-reach, reach))
+        """Indices of the points in the cells that a square around a position touches."""
+        r0, r1 = (int((spot[1] + d - self.south) // PLAN_CELL) for d in (-reach, reach))
+        c0, c1 = (int((spot[0] + d - self.west) // PLAN_CELL) for d in (-reach, reach))
         r0, r1, c0, c1 = max(r0, 0), min(r1, self.rows - 1), max(c0, 0), min(c1, self.cols - 1)
         if c0 > c1 or r0 > r1:
             return np.zeros(0, np.int64)
@@ -138,22 +159,24 @@ def uncrowded(points: Airborne, density: float) -> tuple[Mask, Ints]:
     """
     if not len(points.xyz):
         return np.zeros(0, bool), np.zeros(0, np.int64)
-    halves = np.floor((points.xyz - points.xyz.min(axis=0)) / VOXEL * 2).astype(np.int64)
-    x, y, z = (halves // 2 + AROUND).T
+    halves = np.floor((points.xyz - points.xyz.min(axis=0)) / CROWD_VOXEL * 2).astype(np.int64)
+    x, y, z = (halves // 2 + CROWD_REACH).T
     bit = halves[:, 0] % 2 + 2 * (halves[:, 1] % 2) + 4 * (halves[:, 2] % 2)
-    tall, wide = int(z.max()) + AROUND + 1, int(y.max()) + AROUND + 1
+    tall, wide = int(z.max()) + CROWD_REACH + 1, int(y.max()) + CROWD_REACH + 1
     eighths, of_eighth = np.unique(((x * wide + y) * tall + z) * 8 + bit, return_inverse=True)
     keys, of_voxel, masks = np.unique(eighths // 8, return_inverse=True, return_counts=True)
     voxel = of_voxel[of_eighth]
-    steps = range(-AROUND, AROUND + 1)
+    steps = range(-CROWD_REACH, CROWD_REACH + 1)
     columns = np.array([(i * wide + j) * tall for i in steps for j in steps])
-    offsets = np.column_stack([columns - AROUND, columns + AROUND])
+    offsets = np.column_stack([columns - CROWD_REACH, columns + CROWD_REACH])
     crowd = np.zeros(len(keys), np.int64)
-    runs = blocks(len(keys), 50)
+    ranges = blocks(len(keys), 50)
     side_by_side(
-        lambda first, last: kernels.crowding(keys, masks, offsets, first, last, crowd), runs
+        lambda first, last: kernels.crowding(keys, masks, offsets, first, last, crowd), ranges
     )
-    most = LINES * float(np.clip(PER_DENSITY * density, SPARSEST, DENSEST))
+    most = UNCROWDED_WIRES * float(
+        np.clip(EIGHTHS_PER_DENSITY * density, LEAST_EIGHTHS, MOST_EIGHTHS)
+    )
     return (crowd <= most)[voxel], voxel
 
 
@@ -166,10 +189,15 @@ def seeds(points: Airborne, voxel: Ints, ctx: Context) -> tuple[Ints, Floats]:
     score, heading = np.zeros(len(first)), np.zeros((len(first), 3))
     side_by_side(
         *(kernels.straightness, blocks(len(first), 2000), first, points.xyz, points.start),
-        *(*points.grid, REACH, TUBE, STEEPEST, score, heading),
+        *points.plan_grid,
+        SEED_REACH,
+        TUBE_RADIUS,
+        STEEPEST_WIRE,
+        score,
+        heading,
         ctx=ctx,
     )
-    good = np.flatnonzero(score >= LEAST_BINS)
+    good = np.flatnonzero(score >= LEAST_SEED_BINS)
     good = good[np.lexsort((first[good], -score[good].round(6)))]
     return first[good], heading[good]
 
@@ -185,7 +213,7 @@ def trace_all(
     """
     begin, headings = seeds(points, voxel, ctx.part(0, 0.5))
     used = np.zeros(len(points.xyz), bool)
-    found, curve = np.empty(LONGEST, np.int64), np.empty(kernels.SIZE)
+    found, curve = np.empty(MOST_POINTS_OF_WIRE, np.int64), np.empty(kernels.CURVE_SIZE)
     curves = []
     for number, (seed, heading) in enumerate(zip(begin, headings, strict=True)):
         if number % 100 == 0:
@@ -193,13 +221,25 @@ def trace_all(
         if used[seed]:
             continue
         count = kernels.trace(
-            seed, heading, points.xyz, points.start, *points.grid,
-            REACH, tolerance, max_gap, curve, found,
-        )  # fmt: skip
+            seed,
+            heading,
+            points.xyz,
+            points.start,
+            *points.plan_grid,
+            SEED_REACH,
+            tolerance,
+            max_gap,
+            curve,
+            found,
+        )
         used[seed] = True
         mine = found[:count].copy()
         fresh = mine[~used[mine]]
-        if count and curve[kernels.HI] - curve[kernels.LO] >= SHORTEST and 2 * len(fresh) > count:
+        if (
+            count
+            and curve[kernels.CURVE_HIGH] - curve[kernels.CURVE_LOW] >= SHORTEST_CURVE
+            and 2 * len(fresh) > count
+        ):
             used[mine] = True
             curves.append((curve.copy(), np.sort(fresh)))
     return curves

@@ -1,7 +1,7 @@
 """Compiled loops of :mod:`algorithms.corridor._curves.trace`. All lengths are metres.
 
 Points lie in the order of square plan cells, row by row; `start` says where each cell begins.
-A curve is an array: place of its origin x, y; direction x, y; ends lo, hi of the distance u from
+A curve is an array: origin x, y; direction x, y; ends low, high of the distance u from
 the origin along it; three coefficients each of the offset to the left, and of the height, in t =
 (u - middle) / half; middle and half.
 """
@@ -15,14 +15,17 @@ from numba import njit
 
 from algorithms.shared.kernels.compiling import helper
 
-X, Y, EX, EY, LO, HI, V0, Z0, MID, HALF, RMS, COUNT = 0, 1, 2, 3, 4, 5, 6, 9, 12, 13, 14, 15
-SIZE = 16
+CURVE_X, CURVE_Y, CURVE_EX, CURVE_EY, CURVE_LOW, CURVE_HIGH = range(6)
+CURVE_V, CURVE_Z = 6, 9  # the first of three coefficients each
+CURVE_MIDDLE, CURVE_HALF, CURVE_RMS = range(12, 15)
+CURVE_SIZE = 16
 LOOK, LOOK_SHARE, LOOK_LEAST = 12.0, 0.4, 3.0  # metres ahead, and of what is known
-BEND, SAG = 1e-4, 3e-3  # usual second coefficients per metre: a wind of the side, and the weight
-LEAST_NOISE = 0.04
-WIDEST = 2.5  # times the tolerance, where a curve is extrapolated far
-MOST_STEPS = 1000
-SUPPORT = 0.3  # of the usual number of points must be found after a gap
+USUAL_BEND = 1e-4  # second coefficient of the offset per metre, by a wind from the side
+USUAL_SAG = 3e-3  # second coefficient of the height per metre, by the weight
+LEAST_RMS = 0.04
+WIDEST_TOLERANCE = 2.5  # times the tolerance, where a curve is extrapolated far
+MOST_EXTENSIONS = 1000
+RESUMING_SHARE = 0.3  # of the usual number of points must be found after a gap
 
 
 @njit(cache=True, nogil=True)
@@ -63,7 +66,7 @@ def crowding(keys, masks, offsets, first, last, out):
 
 @helper
 def _cells(x, y, radius, west, south, cell, rows, cols):
-    """First and last row and column of a square around a place; those of the edge beyond it."""
+    """First and last row and column of a square around a position; those of the edge beyond it."""
     r0 = min(max(0, int((y - radius - south) / cell)), rows - 1)
     r1 = max(0, min(rows - 1, int((y + radius - south) / cell)))
     c0 = min(max(0, int((x - radius - west) / cell)), cols - 1)
@@ -73,9 +76,22 @@ def _cells(x, y, radius, west, south, cell, rows, cols):
 
 @njit(cache=True, nogil=True)
 def straightness(
-    first, last, seeds, xyz, start, west, south, cell, rows, cols, reach, tube, steepest,
-    score, heading,
-):  # fmt: skip
+    first,
+    last,
+    seeds,
+    xyz,
+    start,
+    west,
+    south,
+    cell,
+    rows,
+    cols,
+    reach,
+    tube,
+    steepest,
+    score,
+    heading,
+):
     """For seeds first..last, in how many metres of the best line through it points lie.
 
     They count the less the farther they are off the line, as those of a line across several wires
@@ -128,9 +144,9 @@ def straightness(
 @helper
 def _values(curve, u):
     """Offset and height of a curve at u."""
-    t = (u - curve[MID]) / curve[HALF]
-    v = curve[V0] + t * (curve[V0 + 1] + t * curve[V0 + 2])
-    z = curve[Z0] + t * (curve[Z0 + 1] + t * curve[Z0 + 2])
+    t = (u - curve[CURVE_MIDDLE]) / curve[CURVE_HALF]
+    v = curve[CURVE_V] + t * (curve[CURVE_V + 1] + t * curve[CURVE_V + 2])
+    z = curve[CURVE_Z] + t * (curve[CURVE_Z + 1] + t * curve[CURVE_Z + 2])
     return v, z
 
 
@@ -143,34 +159,34 @@ def _gather(
     `spread` is the inverse normal matrix of the fit, by which the tolerance grows away from what
     is known.
     """
-    most = WIDEST * tolerance
+    most = WIDEST_TOLERANCE * tolerance
     pieces = max(1, math.ceil((high - low) / cell))
     for p in range(pieces):
         a = low + (high - low) * p / pieces
         b = low + (high - low) * (p + 1) / pieces
         u = 0.5 * (a + b)
         v, _ = _values(curve, u)
-        x = curve[X] + u * curve[EX] - v * curve[EY]
-        y = curve[Y] + u * curve[EY] + v * curve[EX]
+        x = curve[CURVE_X] + u * curve[CURVE_EX] - v * curve[CURVE_EY]
+        y = curve[CURVE_Y] + u * curve[CURVE_EY] + v * curve[CURVE_EX]
         r0, r1, c0, c1 = _cells(x, y, 0.5 * (b - a) + most + 0.5, west, south, cell, rows, cols)
         for r in range(r0, r1 + 1):
             for i in range(start[r * cols + c0], start[r * cols + c1 + 1]):
-                dx, dy = xyz[i, 0] - curve[X], xyz[i, 1] - curve[Y]
-                u = dx * curve[EX] + dy * curve[EY]
+                dx, dy = xyz[i, 0] - curve[CURVE_X], xyz[i, 1] - curve[CURVE_Y]
+                u = dx * curve[CURVE_EX] + dy * curve[CURVE_EY]
                 if u < a or u >= b:
                     continue
                 v, z = _values(curve, u)
-                dv, dz = dy * curve[EX] - dx * curve[EY] - v, xyz[i, 2] - z
+                dv, dz = dy * curve[CURVE_EX] - dx * curve[CURVE_EY] - v, xyz[i, 2] - z
                 if abs(dv) > most or abs(dz) > most:
                     continue
-                t = (u - curve[MID]) / curve[HALF]
+                t = (u - curve[CURVE_MIDDLE]) / curve[CURVE_HALF]
                 q = (1.0, t, t * t)
                 flat, tall = 0.0, 0.0
                 for j in range(3):
                     for k in range(3):
                         flat += q[j] * q[k] * spread[0, j, k]
                         tall += q[j] * q[k] * spread[1, j, k]
-                sigma = max(curve[RMS], LEAST_NOISE)
+                sigma = max(curve[CURVE_RMS], LEAST_RMS)
                 wide = min(most, math.sqrt(tolerance**2 + 9 * sigma**2 * flat))
                 high_ = min(most, math.sqrt(tolerance**2 + 9 * sigma**2 * tall))
                 if (dv / wide) ** 2 + (dz / high_) ** 2 < 1 and count < len(found):
@@ -199,34 +215,36 @@ def solve(normal, right, result, inverse):
 @helper
 def _fit(curve, found, count, tolerance, xyz, spread, rounds):
     """Parabolas through points in plan and height, robustly (Tukey); updates curve and spread."""
-    old_mid, old_half = curve[MID], curve[HALF]
+    old_mid, old_half = curve[CURVE_MIDDLE], curve[CURVE_HALF]
     lo, hi = np.inf, -np.inf
     for k in range(count):
         i = found[k]
-        u = (xyz[i, 0] - curve[X]) * curve[EX] + (xyz[i, 1] - curve[Y]) * curve[EY]
+        u = (xyz[i, 0] - curve[CURVE_X]) * curve[CURVE_EX] + (xyz[i, 1] - curve[CURVE_Y]) * curve[
+            CURVE_EY
+        ]
         lo, hi = min(lo, u), max(hi, u)
     mid, half = 0.5 * (lo + hi), max(0.5 * (hi - lo), 0.5)
     # The same parabolas, about the new middle.
-    for c in (V0, Z0):
+    for c in (CURVE_V, CURVE_Z):
         p0, p1, p2 = curve[c], curve[c + 1], curve[c + 2]
         s, g = (mid - old_mid) / old_half, half / old_half
         curve[c] = p0 + p1 * s + p2 * s * s
         curve[c + 1], curve[c + 2] = (p1 + 2 * p2 * s) * g, p2 * g * g
-    curve[MID], curve[HALF] = mid, half
+    curve[CURVE_MIDDLE], curve[CURVE_HALF] = mid, half
     normal = np.zeros((3, 3))
     right_v, right_z = np.zeros(3), np.zeros(3)
     result = np.zeros(3)
-    sigma = max(curve[RMS], LEAST_NOISE)
+    sigma = max(curve[CURVE_RMS], LEAST_RMS)
     for _ in range(rounds):
         normal[:], right_v[:], right_z[:] = 0.0, 0.0, 0.0
         total, weights = 0.0, 0.0
         for k in range(count):
             i = found[k]
-            dx, dy = xyz[i, 0] - curve[X], xyz[i, 1] - curve[Y]
-            u = dx * curve[EX] + dy * curve[EY]
+            dx, dy = xyz[i, 0] - curve[CURVE_X], xyz[i, 1] - curve[CURVE_Y]
+            u = dx * curve[CURVE_EX] + dy * curve[CURVE_EY]
             t = (u - mid) / half
             v, z = _values(curve, u)
-            dv, dz = dy * curve[EX] - dx * curve[EY] - v, xyz[i, 2] - z
+            dv, dz = dy * curve[CURVE_EX] - dx * curve[CURVE_EY] - v, xyz[i, 2] - z
             square = (dv * dv + dz * dz) / (4 * tolerance * tolerance)
             if square >= 1:
                 continue
@@ -241,20 +259,20 @@ def _fit(curve, found, count, tolerance, xyz, spread, rounds):
                     normal[j, m] += w * q[j] * q[m]
         if weights < 3:
             return False
-        sigma = max(math.sqrt(total / weights), LEAST_NOISE)
+        sigma = max(math.sqrt(total / weights), LEAST_RMS)
         for which in range(2):
-            usual = (BEND if which == 0 else SAG) * half * half
+            usual = (USUAL_BEND if which == 0 else USUAL_SAG) * half * half
             kept = normal[2, 2]
             normal[2, 2] += (sigma / usual) ** 2
             normal[1, 1] += 1e-6
             solve(normal, right_v if which == 0 else right_z, result, spread[which])
             normal[1, 1] -= 1e-6
             normal[2, 2] = kept
-            base = V0 if which == 0 else Z0
+            base = CURVE_V if which == 0 else CURVE_Z
             for j in range(3):
                 curve[base + j] = result[j]
-        curve[RMS] = sigma
-    curve[LO], curve[HI] = lo, hi
+        curve[CURVE_RMS] = sigma
+    curve[CURVE_LOW], curve[CURVE_HIGH] = lo, hi
     return True
 
 
@@ -264,10 +282,10 @@ def _keep_near(curve, found, count, tolerance, xyz):
     kept = 0
     for k in range(count):
         i = found[k]
-        dx, dy = xyz[i, 0] - curve[X], xyz[i, 1] - curve[Y]
-        u = dx * curve[EX] + dy * curve[EY]
+        dx, dy = xyz[i, 0] - curve[CURVE_X], xyz[i, 1] - curve[CURVE_Y]
+        u = dx * curve[CURVE_EX] + dy * curve[CURVE_EY]
         v, z = _values(curve, u)
-        dv, dz = dy * curve[EX] - dx * curve[EY] - v, xyz[i, 2] - z
+        dv, dz = dy * curve[CURVE_EX] - dx * curve[CURVE_EY] - v, xyz[i, 2] - z
         if dv * dv + dz * dz < tolerance * tolerance:
             found[kept] = i
             kept += 1
@@ -281,10 +299,10 @@ def _begin(
     """A first curve through the points around a seed; their number, 0 if they are too few."""
     flat = math.sqrt(heading[0] ** 2 + heading[1] ** 2)
     curve[:] = 0.0
-    curve[X], curve[Y] = xyz[seed, 0], xyz[seed, 1]
-    curve[EX], curve[EY] = heading[0] / flat, heading[1] / flat
-    curve[HALF] = 1.0
-    curve[Z0], curve[Z0 + 1] = xyz[seed, 2], heading[2] / flat
+    curve[CURVE_X], curve[CURVE_Y] = xyz[seed, 0], xyz[seed, 1]
+    curve[CURVE_EX], curve[CURVE_EY] = heading[0] / flat, heading[1] / flat
+    curve[CURVE_HALF] = 1.0
+    curve[CURVE_Z], curve[CURVE_Z + 1] = xyz[seed, 2], heading[2] / flat
     count = _gather(
         curve, -reach, reach, tolerance, spread, xyz, start, west, south, cell, rows, cols, found, 0
     )
@@ -319,37 +337,61 @@ def trace(
     """
     spread = np.zeros((2, 3, 3))
     count = _begin(
-        seed, heading, xyz, start, west, south, cell, rows, cols, reach, tolerance, curve, found,
+        seed,
+        heading,
+        xyz,
+        start,
+        west,
+        south,
+        cell,
+        rows,
+        cols,
+        reach,
+        tolerance,
+        curve,
+        found,
         spread,
-    )  # fmt: skip
+    )
     if count == 0:
         return 0
     gaps = np.zeros(2)  # looked into without finding anything, behind and ahead
     steps = 0
-    while gaps.min() < np.inf and steps < MOST_STEPS:
+    while gaps.min() < np.inf and steps < MOST_EXTENSIONS:
         steps += 1
         for side in range(2):
             if gaps[side] == np.inf:
                 continue
-            length = curve[HI] - curve[LO]
+            length = curve[CURVE_HIGH] - curve[CURVE_LOW]
             look = min(max(LOOK_SHARE * length, LOOK_LEAST), LOOK)
             if side == 1:
-                low = curve[HI] + gaps[side] + 1e-9
+                low = curve[CURVE_HIGH] + gaps[side] + 1e-9
                 high = low + look
             else:
-                high = curve[LO] - gaps[side] - 1e-9
+                high = curve[CURVE_LOW] - gaps[side] - 1e-9
                 low = high - look
             before = count
             count = _gather(
-                curve, low, high, tolerance, spread, xyz, start, west, south, cell, rows, cols,
-                found, count,
-            )  # fmt: skip
+                curve,
+                low,
+                high,
+                tolerance,
+                spread,
+                xyz,
+                start,
+                west,
+                south,
+                cell,
+                rows,
+                cols,
+                found,
+                count,
+            )
             usual = before / max(length, 1.0)
-            needed = 1.0 if gaps[side] == 0.0 else max(3.0, SUPPORT * usual * look)
+            needed = 1.0 if gaps[side] == 0.0 else max(3.0, RESUMING_SHARE * usual * look)
             if count - before >= needed:
                 if not _fit(curve, found, count, tolerance, xyz, spread, 3):
                     return 0
-                count = _keep_near(curve, found, count, WIDEST * tolerance, xyz)
+                count = _keep_near(curve, found, count, WIDEST_TOLERANCE * tolerance, xyz)
                 gaps[:] = 0.0
             else:
                 count = before
@@ -368,19 +410,19 @@ def trace(
 def profile(curve, step, tube, xyz, start, west, south, cell, rows, cols, tubed, shelled):
     """Count the points in a tube around a curve and in a shell thrice as wide, per `step` of it."""
     for k in range(len(tubed)):
-        u = curve[LO] + (k + 0.5) * step
+        u = curve[CURVE_LOW] + (k + 0.5) * step
         v, _ = _values(curve, u)
-        x = curve[X] + u * curve[EX] - v * curve[EY]
-        y = curve[Y] + u * curve[EY] + v * curve[EX]
+        x = curve[CURVE_X] + u * curve[CURVE_EX] - v * curve[CURVE_EY]
+        y = curve[CURVE_Y] + u * curve[CURVE_EY] + v * curve[CURVE_EX]
         r0, r1, c0, c1 = _cells(x, y, 0.5 * step + 3 * tube, west, south, cell, rows, cols)
         for r in range(r0, r1 + 1):
             for i in range(start[r * cols + c0], start[r * cols + c1 + 1]):
-                dx, dy = xyz[i, 0] - curve[X], xyz[i, 1] - curve[Y]
-                u = dx * curve[EX] + dy * curve[EY]
-                if int((u - curve[LO]) / step) != k or u < curve[LO]:
+                dx, dy = xyz[i, 0] - curve[CURVE_X], xyz[i, 1] - curve[CURVE_Y]
+                u = dx * curve[CURVE_EX] + dy * curve[CURVE_EY]
+                if int((u - curve[CURVE_LOW]) / step) != k or u < curve[CURVE_LOW]:
                     continue
                 v, z = _values(curve, u)
-                dv, dz = dy * curve[EX] - dx * curve[EY] - v, xyz[i, 2] - z
+                dv, dz = dy * curve[CURVE_EX] - dx * curve[CURVE_EY] - v, xyz[i, 2] - z
                 square = dv * dv + dz * dz
                 if square < tube * tube:
                     tubed[k] += 1

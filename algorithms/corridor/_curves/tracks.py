@@ -13,27 +13,36 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from algorithms.corridor._curves.catenary import fit
-from algorithms.corridor._curves.network import BESIDE, FARTHEST, PARALLEL, Piece, Scene
+from algorithms.corridor._curves.network import (
+    LINE_WIDTH,
+    LONGEST_MISSING,
+    PARALLEL_ANGLE,
+    Corridor,
+    Piece,
+)
 
-STEP, MOST_STEPS = 1.0, 1000  # metres between stations
-JUMP, HOLE = 0.5, 2.0  # metres by which heights jump, and without points, where they may
-BRIDGE, MATE, RISE = 25.0, 0.4, 0.06  # metres between tracks of one wire: along, aside, and up
-CLOSE = 0.175  # metres aside and up, between tracks of one wire that overlap
-REACH, MANY = 15.0, 12  # metres and points before and after
+TRACK_BIN, MOST_TRACK_BINS = 1.0, 1000  # metres of an alignment looked at as one, and their number
+HEIGHT_JUMP = 0.5  # metres by which heights jump where a curve changes over to another wire
+TRACK_HOLE = 2.0  # metres without points, where it may
+CHAIN_GAP = 25.0  # metres along, between tracks of one wire
+CHAIN_ASIDE = 0.4  # metres aside
+CHAIN_RISE = 0.06  # metres up per metre along
+CHAIN_OVERLAP = 0.175  # metres aside and up, between tracks of one wire that overlap
+TRACK_END, TRACK_END_POINTS = 15.0, 12  # metres and points before and after
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Run:
-    """Curves of wires of one heading, and stations along them.
+class Alignment:
+    """Curves of wires that run beside each other, and the straight axis along them.
 
     Attributes
     ----------
     pieces : the curves
     x, y, ex, ey : origin and unit vector of the axis
-    step, steps : between stations, metres, and their number less one
-    cuts : distances along the axis at which the wires are held
+    step, steps : length of a bin along the axis, metres, and number of bins
+    cuts : chainages at which the wires are held, metres along the axis
     """
 
     pieces: Sequence[Piece]
@@ -46,7 +55,7 @@ class Run:
     cuts: Floats
 
     @classmethod
-    def of(cls, pieces: Sequence[Piece]) -> Run:
+    def of(cls, pieces: Sequence[Piece]) -> Alignment:
         ends = np.vstack([piece.ends for piece in pieces])
         first = max(pieces, key=lambda piece: piece.curve.length).curve
         ways = np.array([[p.curve.ex, p.curve.ey] for p in pieces])
@@ -55,14 +64,14 @@ class Run:
         ex, ey = ex / math.hypot(ex, ey), ey / math.hypot(ex, ey)
         u = ends[:, 0] * ex + ends[:, 1] * ey
         v = ends[:, 1] * ex - ends[:, 0] * ey
-        low, middle = u.min() - STEP, float(np.median(v))
-        length = np.ptp(u) + 2 * STEP
-        step = max(STEP, length / MOST_STEPS)
+        low, middle = u.min() - TRACK_BIN, float(np.median(v))
+        length = np.ptp(u) + 2 * TRACK_BIN
+        step = max(TRACK_BIN, length / MOST_TRACK_BINS)
         x, y = low * ex - middle * ey, low * ey + middle * ex
         return cls(pieces, x, y, ex, ey, step, math.ceil(length / step), np.zeros(0))
 
     def places(self, u: Floats) -> Floats:
-        """Places on the axis in plan, array of shape (n, 2)."""
+        """Positions on the axis in plan at chainages u, array of shape (n, 2)."""
         return np.column_stack([self.x + u * self.ex, self.y + u * self.ey])
 
     def along(self, xyz: Floats) -> tuple[Floats, Floats]:
@@ -75,15 +84,15 @@ class Run:
         return np.column_stack([*self.along(xyz), xyz[:, 2]])
 
 
-def runs_among(scene: Scene, curves: Sequence[Piece]) -> Iterator[Run]:
+def alignments_among(corridor: Corridor, curves: Sequence[Piece]) -> Iterator[Alignment]:
     """The lines that curves form, each with one track for what was followed of a wire."""
-    tracks = [track for curve in curves for track in tracks_of(scene, curve)]
-    for pieces in runs_of(tracks):
-        run = Run.of(pieces)
-        yield replace(run, pieces=chained(scene, run))
+    tracks = [track for curve in curves for track in tracks_of(corridor, curve)]
+    for pieces in alignments_of(tracks):
+        alignment = Alignment.of(pieces)
+        yield replace(alignment, pieces=chained(corridor, alignment))
 
 
-def runs_of(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
+def alignments_of(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
     """Curves that run beside each other, or go on in each other, together."""
     ends = np.array([piece.ends for piece in pieces])
     way = np.array([[p.curve.ex, p.curve.ey] for p in pieces])
@@ -101,61 +110,67 @@ def runs_of(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
         own = ends[i, 0] + (middle / length[i])[:, None] * (ends[i, 1] - ends[i, 0])
         away = place - own
         v = away[:, 1] * way[i, 0] - away[:, 0] * way[i, 1]
-        link[i] = np.abs(way @ way[i]) > math.cos(PARALLEL)
-        link[i] &= (gap < FARTHEST) & (np.abs(v) < BESIDE) & (np.abs(away[:, 2]) < BESIDE)
+        link[i] = np.abs(way @ way[i]) > math.cos(PARALLEL_ANGLE)
+        link[i] &= (
+            (gap < LONGEST_MISSING) & (np.abs(v) < LINE_WIDTH) & (np.abs(away[:, 2]) < LINE_WIDTH)
+        )
     _, label = connected_components(coo_array(link), directed=False)
     for number in range(label.max() + 1 if len(pieces) else 0):
         yield [pieces[i] for i in np.flatnonzero(label == number).tolist()]
 
 
-def tracks_of(scene: Scene, piece: Piece) -> Iterator[Piece]:
+def tracks_of(corridor: Corridor, piece: Piece) -> Iterator[Piece]:
     """A curve with what lies near it, parted where it changes over to another wire.
 
     A curve that is followed across supports leaves the wire there by as much as the wire kinks.
     Where it changes over, the heights jump.
     """
-    near, _ = scene.wires.around(piece.curve, 2.4 * scene.tolerance)
-    _, aside, _ = piece.curve.residuals(scene.wires.xyz[near])
-    points = np.union1d(piece.points, near[np.abs(aside) < scene.tolerance])
-    u, _, z = piece.curve.residuals(scene.wires.xyz[points])
+    near, _ = corridor.wires.around(piece.curve, 2.4 * corridor.tolerance)
+    _, aside, _ = piece.curve.residuals(corridor.wires.xyz[near])
+    points = np.union1d(piece.points, near[np.abs(aside) < corridor.tolerance])
+    u, _, z = piece.curve.residuals(corridor.wires.xyz[points])
     order = np.argsort(u, kind="stable")
     points, u, z = points[order], u[order], z[order]
     edges = [0]
-    for k in (np.flatnonzero((np.abs(np.diff(z)) > JUMP / 2) | (np.diff(u) > HOLE)) + 1).tolist():
-        before = np.arange(max(k - MANY, edges[-1]), k)
-        after = np.arange(k, min(k + MANY, len(u)))
-        before, after = before[u[before] > u[k - 1] - REACH], after[u[after] < u[k] + REACH]
+    for k in (
+        np.flatnonzero((np.abs(np.diff(z)) > HEIGHT_JUMP / 2) | (np.diff(u) > TRACK_HOLE)) + 1
+    ).tolist():
+        before = np.arange(max(k - TRACK_END_POINTS, edges[-1]), k)
+        after = np.arange(k, min(k + TRACK_END_POINTS, len(u)))
+        before, after = before[u[before] > u[k - 1] - TRACK_END], after[u[after] < u[k] + TRACK_END]
         if min(len(before), len(after)) < 3:
             continue
         middle = 0.5 * (u[k - 1] + u[k])
         ends = [at_zero(u[i] - middle, z[i]) for i in (before, after)]
-        if abs(ends[1] - ends[0]) > JUMP:
+        if abs(ends[1] - ends[0]) > HEIGHT_JUMP:
             edges.append(k)
     if len(edges) == 1:
         yield replace(piece, points=np.sort(points))
         return
     for low, high in itertools.pairwise([*edges, len(u)]):
         mine = np.sort(points[low:high])
-        curve = fit(scene.wires.xyz[mine], spread=2.0)
+        curve = fit(corridor.wires.xyz[mine], spread=2.0)
         if curve is not None:
             yield replace(piece, points=mine, curve=curve)
 
 
-def chained(scene: Scene, run: Run) -> list[Piece]:
+def chained(corridor: Corridor, alignment: Alignment) -> list[Piece]:
     """Tracks of one wire made one where they overlap, or one goes on where another ends."""
-    chains: list[tuple[Piece, Floats]] = []  # with places along the run, offsets and heights
-    tracks = [(piece, run.track(scene.wires.xyz[piece.points])) for piece in run.pieces]
+    chains: list[tuple[Piece, Floats]] = []  # with chainages, offsets and heights
+    tracks = [
+        (piece, alignment.track(corridor.wires.xyz[piece.points])) for piece in alignment.pieces
+    ]
     for piece, own in sorted(tracks, key=lambda track: float(track[1][:, 0].min())):
         best, least = -1, math.inf
         for k, (_, other) in enumerate(chains):
             end, begin = other[:, 0].max(), own[:, 0].min()
             gap = max(begin - end, 0.0)
-            if gap > BRIDGE:
+            if gap > CHAIN_GAP:
                 continue
             middle = 0.5 * (begin + min(end, own[:, 0].max()))
             aside, up = np.abs(beside(other, middle) - beside(own, middle))
-            near = MATE if begin > end - REACH else CLOSE
-            if aside < near and up < near + RISE * gap and aside + up < least:
+            near = CHAIN_ASIDE if begin > end - TRACK_END else CHAIN_OVERLAP
+            if aside < near and up < near + CHAIN_RISE * gap and aside + up < least:
                 best, least = k, aside + up
         if best < 0:
             chains.append((piece, own))
@@ -168,9 +183,9 @@ def chained(scene: Scene, run: Run) -> list[Piece]:
 
 
 def beside(track: Floats, u: float) -> Floats:
-    """Offset and height of a track at a place along it, from the points nearest to it."""
-    near = track[np.argsort(np.abs(track[:, 0] - u), kind="stable")[:MANY]]
-    near = near[np.abs(near[:, 0] - u) < np.abs(near[0, 0] - u) + REACH]
+    """Offset and height of a track at a chainage, from the points nearest to it."""
+    near = track[np.argsort(np.abs(track[:, 0] - u), kind="stable")[:TRACK_END_POINTS]]
+    near = near[np.abs(near[:, 0] - u) < np.abs(near[0, 0] - u) + TRACK_END]
     if len(near) < 3:
         return np.asarray(near[:, 1:].mean(axis=0))
     return at_zero(near[:, 0] - u, near[:, 1:])

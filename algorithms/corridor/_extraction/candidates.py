@@ -10,35 +10,41 @@ from algorithms.shared.lowest import cells_of, lattice_around, lowest_points
 from toolbox.context import QUIET, Context
 
 STANDS_FOR = "stands_for"
-CELL = 1.0  # metres; of the other points in one, the lowest stands for all
+GROUND_CELL = 1.0  # metres; of the other points in one, the lowest stands for all
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
 def candidates(
-    xyz: Floats, height: Floats, part: NDArray[np.bool_], *, metre: float = 1.0,
+    xyz: Floats,
+    height: Floats,
+    use: NDArray[np.bool_],
+    *,
+    metre: float = 1.0,
     ctx: Context = QUIET,
-) -> tuple[Ints, NDArray[np.uint32]]:  # fmt: skip
+) -> tuple[Ints, NDArray[np.uint32]]:
     """All points off the ground, and of the others one per cell.
 
     Parameters
     ----------
     xyz : array of shape (n, 3)
     height : array of shape (n,), above the ground, metres; NaN where not known
-    part : array of shape (n,), points that take part
+    use : array of shape (n,), points that take part
     metre : length of one metre in the unit of the points
 
     Returns
     -------
     indices, and the number of points that each stands for
     """
-    off = part & (height > OFF_GROUND)
-    low = part & ~off
+    off = use & (height > OFF_GROUND)
+    low = use & ~off
     if not low.any():
         index = np.flatnonzero(off)
         return index, np.ones(len(index), np.uint32)
-    lattice = lattice_around(xyz, CELL * metre)  # of whole multiples of its cells, also in tiles
+    lattice = lattice_around(
+        xyz, GROUND_CELL * metre
+    )  # of whole multiples of its cells, also in tiles
     lowest = lowest_points(xyz, low, lattice, ctx).ravel()
     count = np.bincount(cells_of(xyz, lattice)[low], minlength=len(lowest))
     taken = lowest >= 0

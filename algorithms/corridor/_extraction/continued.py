@@ -16,40 +16,45 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from algorithms.corridor._curves.catenary import Catenary, fit
-from algorithms.corridor._curves.network import WILDEST, Scene
+from algorithms.corridor._curves.network import LARGEST_SWING, Corridor
 from algorithms.corridor._extraction.spans import Wire, apart_wires, numbered, to_supports
 from algorithms.corridor._extraction.supports import Support
 
-SAME = 0.35  # metres between two wires at a support that are one
-NEAR, AROUND = 0.35, 0.9  # metres: of what belongs to a wire that is expected, and of its clutter
-FEWEST, LEAST = 2, 0.05  # points of such a wire, and of the points that others of the span have
-VAGUE, LOOSE = 0.1, 0.05  # share of a curvature, and metres: standard deviations to be improved
-FARTHER = 10.0  # metres that a wire goes on as those beside it do
-LOST = 0.5  # metres: standard deviation of the height of an end
+SAME_WIRE = 0.35  # metres between two wires at a support that are one
+EXPECTED_RADIUS = 0.35  # metres around a wire that is expected: its points
+EXPECTED_CLUTTER = 0.9  # metres around it that have few other points
+EXPECTED_POINTS = 2  # fewest of such a wire
+EXPECTED_SHARE = 0.05  # of the points that others of the span have, that it has at least
+VAGUE_CURVATURE = 0.1  # standard deviation to be improved, as a share of the curvature
+LOOSE_END = 0.05  # metres: standard deviation of the height of an end to be improved
+MOST_EXTENDED = 10.0  # metres that a wire goes on as those beside it do
+LOST_END = 0.5  # metres: standard deviation of the height of an end
 
 Floats = NDArray[np.float64]
 
 
-def completed(scene: Scene, wires: Sequence[Wire], supports: Sequence[Support]) -> list[Wire]:
+def completed(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]) -> list[Wire]:
     """The wires with their numbers, and those that only the next spans tell of."""
-    found = numbered(carried_on(scene, wires, supports), supports)
+    found = numbered(carried_on(corridor, wires, supports), supports)
     chains: dict[int, list[Wire]] = {}
     for wire in found:
         chains.setdefault(wire.wire, []).append(wire)
-    better = [stiffened(scene, wire, chains, found, supports) for wire in found]
+    better = [stiffened(corridor, wire, chains, found, supports) for wire in found]
     return [wire for wire in (as_far(wire, better) for wire in better) if leads(wire)]
 
 
 def leads(wire: Wire) -> bool:
     """Whether what is known of a wire tells where both its ends are, and no wind blows it away."""
     ends = wire.curve.height_sigma(np.array([0.0, wire.curve.length]))
-    return bool(ends.max() < LOST and abs(wire.curve.swing) < WILDEST)
+    return bool(ends.max() < LOST_END and abs(wire.curve.swing) < LARGEST_SWING)
 
 
 # --- wires that were not found in a span ---------------------------------------------------
 
 
-def carried_on(scene: Scene, wires: Sequence[Wire], supports: Sequence[Support]) -> list[Wire]:
+def carried_on(
+    corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]
+) -> list[Wire]:
     """The wires, with those that go on from a span into the next and were not found there."""
     found = list(wires)
     fresh = True
@@ -57,7 +62,7 @@ def carried_on(scene: Scene, wires: Sequence[Wire], supports: Sequence[Support])
         fresh = False
         for span in sorted({wire.span for wire in found}):
             for number, place in missing(found, span):
-                wire = expected(scene, found, span, number, place, supports)
+                wire = expected(corridor, found, span, number, place, supports)
                 if wire is not None:
                     found.append(wire)
                     fresh = True
@@ -77,13 +82,13 @@ def missing(wires: Sequence[Wire], span: int) -> Iterator[tuple[int, Floats]]:
         for other in sorted({w.span for w in wires if number in w.supports} - {span}):
             theirs = [end_at(w, number) for w in wires if w.span == other and number in w.supports]
             away = np.linalg.norm(np.array(theirs)[:, None] - np.array(mine)[None], axis=2)
-            if away.min() < SAME:  # else another line ends there
+            if away.min() < SAME_WIRE:  # else another line ends there
                 met = set(linear_sum_assignment(away)[0].tolist())
                 yield from ((number, p) for k, p in enumerate(theirs) if k not in met)
 
 
 def expected(
-    scene: Scene,
+    corridor: Corridor,
     wires: Sequence[Wire],
     span: int,
     number: int,
@@ -93,20 +98,22 @@ def expected(
     """The wire of a span that hangs from a place at a support, if points lie where it must be."""
     own = [wire for wire in wires if wire.span == span and number in wire.supports]
     near = min(own, key=lambda wire: float(np.linalg.norm(end_at(wire, number) - place)))
-    if np.linalg.norm(end_at(near, number) - place) < SAME:
+    if np.linalg.norm(end_at(near, number) - place) < SAME_WIRE:
         return None
     far, known = other_end(wires, near, number, place, supports)
     places = np.array([place, far] if near.supports[0] == number else [far, place])
     guess = hung(places, near.curve)
-    if any(apart_wires(guess, wire.curve) < SAME for wire in own):
+    if any(apart_wires(guess, wire.curve) < SAME_WIRE for wire in own):
         return None
-    xyz = points_of(scene, guess, AROUND, own)
-    inner = xyz[guess.away(xyz) < NEAR]
+    xyz = points_of(corridor, guess, EXPECTED_CLUTTER, own)
+    inner = xyz[guess.away(xyz) < EXPECTED_RADIUS]
     usual = float(np.median([wire.curve.count for wire in own]))
-    few = len(inner) < max(LEAST * usual, 0 if known else FEWEST)
+    few = len(inner) < max(EXPECTED_SHARE * usual, 0 if known else EXPECTED_POINTS)
     if few or 2 * len(inner) < len(xyz):
         return None
-    curve = fit(np.vstack([places, inner]), spread=NEAR, curvature=guess.curvature) or guess
+    curve = (
+        fit(np.vstack([places, inner]), spread=EXPECTED_RADIUS, curvature=guess.curvature) or guess
+    )
     along, _ = curve.along(inner)
     seen = (float(along.min()), float(along.max())) if len(inner) else (0.0, 0.0)
     made = replace(near, curve=replace(curve, count=len(inner)), known=seen)
@@ -125,15 +132,15 @@ def other_end(
     aside = float(step[:2] @ here) * there * np.sign(there @ here)
     far = near.curve.ends[1 if first else 0] + np.append(aside, step[2])
     places = [end_at(w, other) for w in wires if w.span != near.span and other in w.supports]
-    close = [p for p in places if other >= 0 and np.linalg.norm(p - far) < 2 * SAME]
+    close = [p for p in places if other >= 0 and np.linalg.norm(p - far) < 2 * SAME_WIRE]
     if not close:
         return far, False
     return min(close, key=lambda p: float(np.linalg.norm(p - far))), True
 
 
-def points_of(scene: Scene, curve: Catenary, radius: float, others: Sequence[Wire]) -> Floats:
+def points_of(corridor: Corridor, curve: Catenary, radius: float, others: Sequence[Wire]) -> Floats:
     """Points within a radius of a curve that are not nearer to other wires, of shape (n, 3)."""
-    xyz = scene.wires.xyz[scene.wires.around(curve, radius)[0]]
+    xyz = corridor.wires.xyz[corridor.wires.around(curve, radius)[0]]
     for other in others:
         xyz = xyz[other.curve.away(xyz) > curve.away(xyz)]
     return xyz
@@ -144,10 +151,17 @@ def hung(ends: Floats, like: Catenary) -> Catenary:
     step = ends[1] - ends[0]
     length = math.hypot(step[0], step[1])
     return Catenary(
-        float(ends[0, 0]), float(ends[0, 1]), float(step[0] / length), float(step[1] / length),
-        length, float(ends[0, 2]), float(ends[1, 2]), like.curvature, rms=like.rms,
+        float(ends[0, 0]),
+        float(ends[0, 1]),
+        float(step[0] / length),
+        float(step[1] / length),
+        length,
+        float(ends[0, 2]),
+        float(ends[1, 2]),
+        like.curvature,
+        rms=like.rms,
         covariance=like.covariance,
-    )  # fmt: skip
+    )
 
 
 def turned(wire: Wire, like: Wire) -> Wire:
@@ -160,7 +174,7 @@ def turned(wire: Wire, like: Wire) -> Wire:
 
 
 def stiffened(
-    scene: Scene,
+    corridor: Corridor,
     wire: Wire,
     chains: dict[int, list[Wire]],
     wires: Sequence[Wire],
@@ -172,21 +186,23 @@ def stiffened(
     """
     beside = [other for other in wires if other.span == wire.span and other is not wire]
     mean, sigma = usual_curvature(chains[wire.wire])
-    if sigma > VAGUE * mean:
+    if sigma > VAGUE_CURVATURE * mean:
         numbers = {other.wire for other in (wire, *beside)}
         mean, sigma = usual_curvature([w for number in sorted(numbers) for w in chains[number]])
     ends = wire.curve.height_sigma(np.array([0.0, wire.curve.length]))
-    clear = ends.max() < LOOSE and wire.curve.variance_of_curvature < (VAGUE * mean) ** 2
-    if clear or sigma > VAGUE * mean:
+    clear = (
+        ends.max() < LOOSE_END and wire.curve.variance_of_curvature < (VAGUE_CURVATURE * mean) ** 2
+    )
+    if clear or sigma > VAGUE_CURVATURE * mean:
         return wire
-    xyz = points_of(scene, wire.curve, NEAR, beside)
+    xyz = points_of(corridor, wire.curve, EXPECTED_RADIUS, beside)
     anchors = [
         end_at(other, number)
         for other in chains[wire.wire]
         for number in wire.supports
         if other is not wire and number >= 0 and number in other.supports
     ]
-    curve = fit(np.vstack([xyz, *anchors]), spread=2 * scene.tolerance, curvature=mean)
+    curve = fit(np.vstack([xyz, *anchors]), spread=2 * corridor.tolerance, curvature=mean)
     if curve is None:
         return wire
     made = turned(replace(wire, curve=curve, known=(0.0, curve.length)), wire)
@@ -206,9 +222,9 @@ def as_far(wire: Wire, wires: Sequence[Wire]) -> Wire:
     u, _ = wire.curve.along(np.array(ends))  # its own among them
     low, high = 0.0, wire.curve.length
     if wire.supports[0] < 0:
-        low = max(float(u.min()), -FARTHER)
+        low = max(float(u.min()), -MOST_EXTENDED)
     if wire.supports[1] < 0:
-        high = min(float(u.max()), high + FARTHER)
+        high = min(float(u.max()), high + MOST_EXTENDED)
     known = (wire.known[0] - low, wire.known[1] - low)
     return replace(wire, curve=wire.curve.between(low, high), known=known)
 

@@ -16,20 +16,21 @@ from toolbox.data import PointCloud
 from toolbox.errors import DataError
 
 OFF_GROUND = 0.4  # metres, from which a point can be of a tower
-COMPANY, ALMOST_ALL = (2.0, 2.0, 1.0), 0.9  # metres, and share of the points with others so near
-AROUND = 8  # points of the ground through which the plane under a support is laid
+COMPANY_BOX = (2.0, 2.0, 1.0)  # metres; a point with others in such a box is no error
+COMPANY_SHARE = 0.9  # of the points that have such company, from which the others are errors
+PLANE_POINTS = 8  # points of the ground through which the plane under a support is laid
 
 Floats = NDArray[np.float64]
 
 
 def heights_of(
-    cloud: PointCloud, part: NDArray[np.bool_], ground_classes: Sequence[int] | None, ctx: Context
+    cloud: PointCloud, use: NDArray[np.bool_], ground_classes: Sequence[int] | None, ctx: Context
 ) -> Floats:
     """Metres of n points above the ground, array of shape (n,); NaN where not known.
 
     Parameters
     ----------
-    part : array of shape (n,), points that take part
+    use : array of shape (n,), points that take part
     ground_classes : classes that are ground; None to take the heights that the points have, or to
         find the ground
 
@@ -40,10 +41,10 @@ def heights_of(
     """
     if HEIGHT in cloud and ground_classes is None:
         return given_heights(cloud)
-    ground = part & may_be_ground(cloud, "last")
+    ground = use & may_be_ground(cloud, "last")
     if ground_classes is not None:
-        ground = part & np.isin(classes_of(cloud), ground_classes)
-        if part.any() and not ground.any():
+        ground = use & np.isin(classes_of(cloud), ground_classes)
+        if use.any() and not ground.any():
             raise DataError(f"points: none is of the ground_classes {ground_classes}")
     if not ground.any():
         return np.full(len(cloud), np.nan)
@@ -79,29 +80,29 @@ def accompanied(xyz: Floats, metre: float) -> NDArray[np.bool_]:
     xyz : array of shape (n, 3)
     metre : length of one metre in the unit of the points
     """
-    cell = np.floor((xyz - xyz.min(axis=0)) / (np.array(COMPANY) * metre)).astype(np.int64)
+    cell = np.floor((xyz - xyz.min(axis=0)) / (np.array(COMPANY_BOX) * metre)).astype(np.int64)
     size = cell.max(axis=0) + 1
     key = (cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]
     _, which, count = np.unique(key, return_inverse=True, return_counts=True)
     found = count[which] > 1
-    return found if found.mean() > ALMOST_ALL else np.ones(len(xyz), bool)
+    return found if found.mean() > COMPANY_SHARE else np.ones(len(xyz), bool)
 
 
-def elevation(places: Floats, height: Floats) -> Callable[[float, float], float]:
-    """Elevation of the ground at a place, by the plane through what is known of it near by.
+def elevation(xyz: Floats, height: Floats) -> Callable[[float, float], float]:
+    """Elevation of the ground at a position, by the plane through what is known of it near by.
 
     Parameters
     ----------
-    places : array of shape (n, 3), metres
+    xyz : array of shape (n, 3), metres
     height : array of shape (n,), above the ground, metres; NaN where not known
     """
     low = np.flatnonzero(height <= OFF_GROUND)
     low = low if len(low) else np.flatnonzero(np.isfinite(height))
-    xy, ground = places[low, :2], places[low, 2] - height[low]
+    xy, ground = xyz[low, :2], xyz[low, 2] - height[low]
     tree = cKDTree(xy)
 
     def at(x: float, y: float) -> float:
-        near = np.asarray(tree.query((x, y), k=range(1, min(AROUND, len(low)) + 1))[1])
+        near = np.asarray(tree.query((x, y), k=range(1, min(PLANE_POINTS, len(low)) + 1))[1])
         middle = xy[near].mean(axis=0)
         sides = np.column_stack([xy[near] - middle, np.ones(len(near))])
         slope = np.linalg.lstsq(sides, ground[near], rcond=0.01)[0]

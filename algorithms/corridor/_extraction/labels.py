@@ -12,9 +12,9 @@ from toolbox.data import PointCloud
 
 WIRE, TOWER, OTHER = np.uint8(14), np.uint8(15), np.uint8(1)  # ASPRS classes
 LINE_CLASSES = (13, 14, 15, 16)  # given anew: wire guard, conductor, tower, connector
-NUMBER = "point_number"
-NUMBERS = ("wire_id", "span_id", "tower_id")
-DESCRIPTIONS = {
+POINT_NUMBER = "point_number"
+LABEL_NUMBERS = ("wire_id", "span_id", "tower_id")
+LABEL_DESCRIPTIONS = {
     "wire_id": "conductor, the same from span to span",
     "span_id": "between two towers",
     "tower_id": "tower or pole",
@@ -26,7 +26,7 @@ Ints = NDArray[np.int64]
 
 def labelled(
     cloud: PointCloud,
-    part: NDArray[np.bool_],
+    use: NDArray[np.bool_],
     index: Ints,
     labels: Mapping[str, NDArray[np.generic]],
 ) -> PointCloud:
@@ -34,23 +34,25 @@ def labelled(
 
     Parameters
     ----------
-    part : array of shape (n,), points that take part; all others keep their class
+    use : array of shape (n,), points that take part; all others keep their class
     index : array of shape (m,), of the points that have labels
     labels : wire_id, span_id, tower_id and confidence of these, arrays of shape (m,)
     """
-    made = none_labelled(len(cloud)) | {"confidence": part.astype(np.float32)}
+    made = none_labelled(len(cloud)) | {"confidence": use.astype(np.float32)}
     for name, values in made.items():
         values[index] = labels[name]
     old = classes_of(cloud)
-    classes = np.where(np.isin(old, LINE_CLASSES) & part, OTHER, old)
+    classes = np.where(np.isin(old, LINE_CLASSES) & use, OTHER, old)
     classes[made["tower_id"] > 0] = TOWER
     classes[made["wire_id"] > 0] = WIRE
-    return cloud.with_attributes({"classification": classes, **made}, descriptions=DESCRIPTIONS)
+    return cloud.with_attributes(
+        {"classification": classes, **made}, descriptions=LABEL_DESCRIPTIONS
+    )
 
 
 def none_labelled(count: int) -> dict[str, NDArray[Any]]:
     """Labels of points none of which is of a line, for sure."""
-    labels: dict[str, NDArray[Any]] = {name: np.zeros(count, np.uint32) for name in NUMBERS}
+    labels: dict[str, NDArray[Any]] = {name: np.zeros(count, np.uint32) for name in LABEL_NUMBERS}
     return labels | {"confidence": np.ones(count, np.float32)}
 
 

@@ -1,4 +1,4 @@
-"""Wires and towers as layers: what their columns mean, and the way back to curves."""
+"""Layers from wires and towers, with their columns, and curves from the layer of wires."""
 
 from __future__ import annotations
 
@@ -17,21 +17,61 @@ from algorithms.corridor._extraction.spans import Wire
 from algorithms.corridor._extraction.towers import Tower
 from toolbox.data import Vector
 
-CHORD = 0.005  # metres that a drawn line may be off the curve
+CHORD_ERROR = 0.005  # metres that a drawn line may be off the curve
 
 Floats = NDArray[np.float64]
 COVARIANCES = {
-    "var_start": (0, 0), "var_end": (1, 1), "var_curv": (2, 2),
-    "cov_start_end": (0, 1), "cov_start_curv": (0, 2), "cov_end_curv": (1, 2),
-}  # fmt: skip
+    "var_start": (0, 0),
+    "var_end": (1, 1),
+    "var_curv": (2, 2),
+    "cov_start_end": (0, 1),
+    "cov_start_curv": (0, 2),
+    "cov_end_curv": (1, 2),
+}
 WIRE_COLUMNS = (
-    *("wire_id", "span_id", "bundle_id", "from_tower", "to_tower", "azimuth", "x0", "y0", "span"),
-    *("c", "u0", "z0", "v0", "v1", "swing", "sag", "length", "rms", "points", "seen_from"),
-    *("seen_to", "z_start", "z_end", "curvature", *COVARIANCES, "sd_c", "sd_u0", "sd_z0", "sd_sag"),
+    "wire_id",
+    "span_id",
+    "bundle_id",
+    "from_tower",
+    "to_tower",
+    "azimuth",
+    "x0",
+    "y0",
+    "span",
+    "c",
+    "u0",
+    "z0",
+    "v0",
+    "v1",
+    "swing",
+    "sag",
+    "length",
+    "rms",
+    "points",
+    "seen_from",
+    "seen_to",
+    "z_start",
+    "z_end",
+    "curvature",
+    *COVARIANCES,
+    "sd_c",
+    "sd_u0",
+    "sd_z0",
+    "sd_sag",
 )
 TOWER_COLUMNS = (
-    *("tower_id", "kind", "height", "top", "low_wire", "high_wire", "azimuth", "width", "arms"),
-    *("string", "body", "points"),
+    "tower_id",
+    "kind",
+    "height",
+    "top",
+    "low_wire",
+    "high_wire",
+    "azimuth",
+    "width",
+    "arms",
+    "string",
+    "body",
+    "points",
 )
 
 
@@ -51,7 +91,7 @@ def wire_layer(wires: Sequence[Wire], origin: Floats, metre: float, crs: CRS | N
 
 def vertices(curve: Catenary) -> Floats:
     """Places along a curve, chords between which are close to it; array of shape (n, 3)."""
-    step = math.sqrt(8 * CHORD * curve.c)
+    step = math.sqrt(8 * CHORD_ERROR * curve.c)
     count = max(8, math.ceil(curve.length / step)) + 1
     return curve.points(np.linspace(0.0, curve.length, count))
 
@@ -61,20 +101,33 @@ def wire_row(wire: Wire, origin: Floats, metre: float) -> dict[str, Any]:
     curve, sigma = wire.curve, wire.curve.sigmas()
     covariance = np.full((3, 3), np.nan) if curve.covariance is None else curve.covariance
     return {
-        "wire_id": wire.wire, "span_id": wire.span, "bundle_id": wire.bundle,
-        "from_tower": wire.supports[0] + 1, "to_tower": wire.supports[1] + 1,
+        "wire_id": wire.wire,
+        "span_id": wire.span,
+        "bundle_id": wire.bundle,
+        "from_tower": wire.supports[0] + 1,
+        "to_tower": wire.supports[1] + 1,
         "azimuth": math.degrees(math.atan2(curve.ex, curve.ey)) % 360,
-        "x0": origin[0] + metre * curve.x, "y0": origin[1] + metre * curve.y,
-        "span": curve.length, "c": curve.c, "u0": curve.u0,
-        "z0": origin[2] + metre * curve.z0, "v0": curve.v0, "v1": curve.v1,
-        "swing": math.degrees(math.atan(curve.swing)), "sag": curve.sag, "length": curve.arc,
-        "rms": curve.rms, "points": curve.count,
-        "seen_from": wire.known[0], "seen_to": wire.known[1],
-        "z_start": origin[2] + metre * curve.z_start, "z_end": origin[2] + metre * curve.z_end,
+        "x0": origin[0] + metre * curve.x,
+        "y0": origin[1] + metre * curve.y,
+        "span": curve.length,
+        "c": curve.c,
+        "u0": curve.u0,
+        "z0": origin[2] + metre * curve.z0,
+        "v0": curve.v0,
+        "v1": curve.v1,
+        "swing": math.degrees(math.atan(curve.swing)),
+        "sag": curve.sag,
+        "length": curve.arc,
+        "rms": curve.rms,
+        "points": curve.count,
+        "seen_from": wire.known[0],
+        "seen_to": wire.known[1],
+        "z_start": origin[2] + metre * curve.z_start,
+        "z_end": origin[2] + metre * curve.z_end,
         "curvature": curve.curvature,
-        **{name: float(covariance[place]) for name, place in COVARIANCES.items()},
+        **{name: float(covariance[entry]) for name, entry in COVARIANCES.items()},
         **{f"sd_{name}": value for name, value in sigma.items()},
-    }  # fmt: skip
+    }
 
 
 def catenaries_of(layer: Vector, origin: Floats) -> list[Catenary]:
@@ -114,30 +167,44 @@ def catenaries_of(layer: Vector, origin: Floats) -> list[Catenary]:
 
 
 def tower_layer(
-    towers: Sequence[Tower], strings: Sequence[float], origin: Floats, metre: float,
+    towers: Sequence[Tower],
+    strings: Sequence[float],
+    origin: Floats,
+    metre: float,
     crs: CRS | None,
-) -> Vector:  # fmt: skip
+) -> Vector:
     """One point per tower or pole, at its foot."""
     rows, points = [], []
     for number, (tower, string) in enumerate(zip(towers, strings, strict=True)):
         support = tower.support
         azimuth = math.degrees(math.atan2(*support.across)) % 180
-        rows.append({
-            "tower_id": number + 1, "kind": "tower" if tower.lattice else "pole",
-            "height": tower.top - support.ground, "top": origin[2] + metre * tower.top,
-            "low_wire": origin[2] + metre * support.low,
-            "high_wire": origin[2] + metre * support.high, "azimuth": azimuth,
-            "width": 2 * tower.width, "arms": support.reach[1] - support.reach[0],
-            "string": string, "body": support.body, "points": len(tower.points),
-        })  # fmt: skip
+        rows.append(
+            {
+                "tower_id": number + 1,
+                "kind": "tower" if tower.lattice else "pole",
+                "height": tower.top - support.ground,
+                "top": origin[2] + metre * tower.top,
+                "low_wire": origin[2] + metre * support.low,
+                "high_wire": origin[2] + metre * support.high,
+                "azimuth": azimuth,
+                "width": 2 * tower.width,
+                "arms": support.reach[1] - support.reach[0],
+                "string": string,
+                "body": support.body,
+                "points": len(tower.points),
+            }
+        )
         foot = np.array([support.x, support.y, support.ground]) * metre + origin
         points.append(shapely.Point(foot))
     return _layer(rows, points, TOWER_COLUMNS, crs, "Point Z")
 
 
 def _layer(
-    rows: Sequence[dict[str, Any]], shapes: Iterable[shapely.Geometry], columns: Sequence[str],
-    crs: CRS | None, geometry_type: str,
-) -> Vector:  # fmt: skip
+    rows: Sequence[dict[str, Any]],
+    shapes: Iterable[shapely.Geometry],
+    columns: Sequence[str],
+    crs: CRS | None,
+    geometry_type: str,
+) -> Vector:
     frame = geopandas.GeoDataFrame(list(rows), columns=columns, geometry=list(shapes), crs=crs)
     return Vector(frame, geometry_type=geometry_type)

@@ -1,4 +1,4 @@
-"""The points of a cloud among which a power line is looked for, in metres and above the ground."""
+"""From a cloud, the points among which a power line is looked for, in metres, with heights."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from toolbox.data import PointCloud
 from toolbox.errors import DataError
 
 SEEN_CELL, SHIFTS = 2.0, (0.0, 1.0)  # metres, in whole cells of candidates
-STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]  # to the cells around one
-BESIDE, AREA = 6, 0.35  # neighbours of a cell within an area, and the share of such cells
+CELLS_AROUND = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
+AREA_CELLS, AREA_SHARE = 6, 0.35  # neighbours of a cell in an area, and share of such cells
 FEWEST_CELLS, FEWEST_OF_CELL = 50, 1.5  # of which, and how many points in each, an area is judged
 
 Floats = NDArray[np.float64]
@@ -54,7 +54,7 @@ class CorridorPoints:
     def of(
         cls,
         cloud: PointCloud,
-        part: NDArray[np.bool_],
+        use: NDArray[np.bool_],
         ground_classes: Sequence[int] | None,
         ctx: Context,
     ) -> CorridorPoints:
@@ -62,19 +62,19 @@ class CorridorPoints:
 
         Parameters
         ----------
-        part : array with a value for each point of the cloud: whether it takes part
+        use : array with a value for each point of the cloud: whether it takes part
 
         Raises
         ------
         DataError
             The points lie along lines, without ground, or one is too far from the others.
         """
-        height = heights_of(cloud, part, ground_classes, ctx)
+        height = heights_of(cloud, use, ground_classes, ctx)
         if STANDS_FOR in cloud:
-            index = np.flatnonzero(part)
+            index = np.flatnonzero(use)
             stands_for = cloud[STANDS_FOR][index]
         else:
-            index, stands_for = candidates(cloud.xyz, height, part, metre=cloud.metre)
+            index, stands_for = candidates(cloud.xyz, height, use, metre=cloud.metre)
         xyz, height = cloud.xyz[index], height[index]
         size, origin = SEEN_CELL * cloud.metre, np.zeros(3)
         if len(xyz):
@@ -96,7 +96,7 @@ class CorridorPoints:
 def footprint(
     xy: Floats, stands_for: NDArray[np.uint32]
 ) -> tuple[Callable[[float, float], bool], float]:
-    """Whether there are points around a place, and points per square metre where there are any.
+    """Whether there are points around a position, and points per square metre where there are any.
 
     The points must not lie along lines only, as wires without ground do, the lowest of which would
     be taken for it. Seen from above, cells with ground have others around them; those with wires
@@ -117,7 +117,7 @@ def footprint(
     cells = int(np.count_nonzero(table))
     of_cell = float(stands_for.sum()) / max(cells, 1)
     enough = cells >= FEWEST_CELLS and of_cell >= FEWEST_OF_CELL
-    if enough and min(share_beside(occupied(xy + shift)) for shift in SHIFTS) < AREA:
+    if enough and min(share_beside(occupied(xy + shift)) for shift in SHIFTS) < AREA_SHARE:
         raise DataError(
             "points: lie along lines, as wires do, without the ground from which heights are "
             "measured; give the ground too, or fit the wires with corridor.catenaries"
@@ -131,7 +131,7 @@ def footprint(
 
 
 def occupied(xy: Floats) -> NDArray[np.bool_]:
-    """Which cells have points, with an empty one all around; places are not below 0."""
+    """Which cells have points, with an empty one all around; positions are not below 0."""
     cell = np.floor(xy / SEEN_CELL).astype(np.int64) + 1
     table = np.zeros(cell.max(axis=0, initial=0) + 2, bool)
     table[cell[:, 0], cell[:, 1]] = True
@@ -140,5 +140,5 @@ def occupied(xy: Floats) -> NDArray[np.bool_]:
 
 def share_beside(table: NDArray[np.bool_]) -> float:
     """Share of the cells with points that have enough of them around."""
-    beside = sum(np.roll(table, step, (0, 1))[table].astype(np.uint8) for step in STEPS)
-    return float(np.mean(np.asarray(beside) >= BESIDE))
+    beside = sum(np.roll(table, step, (0, 1))[table].astype(np.uint8) for step in CELLS_AROUND)
+    return float(np.mean(np.asarray(beside) >= AREA_CELLS))

@@ -1,7 +1,7 @@
-"""Spans: the wires between two supports, each a catenary, and the conductors of a bundle apart.
+"""Spans from pieces of wires: the wires between two supports as catenaries, subconductors apart.
 
 All wires of a span have nearly the same shape. So once one of them is known, others that were too
-sparse to follow show as heaps of points at one offset and height along it.
+sparse to follow show as groups of points at one offset and height along it.
 """
 
 from __future__ import annotations
@@ -18,16 +18,18 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from algorithms.corridor._curves.arcs import LONGEST_STUB
 from algorithms.corridor._curves.catenary import Catenary, fit
 from algorithms.corridor._curves.network import (
-    FARTHEST,
-    PARALLEL,
-    SIGMAS,
-    STRONG,
-    TIGHTEST_C,
-    TWIN,
+    BUNDLE_WIDTH,
+    CERTAIN_SIGMAS,
+    LARGEST_C,
+    LINE_WIDTH,
+    LONGEST_MISSING,
+    PARALLEL_ANGLE,
+    SURE_LENGTH,
+    Corridor,
     Piece,
-    Scene,
     apart,
     heading,
     runs_beside,
@@ -35,18 +37,21 @@ from algorithms.corridor._curves.network import (
 from algorithms.corridor._extraction.supports import Support
 from algorithms.shared.kernels.sorting import distinct
 
-BESIDE = 15.0  # metres
-FEW, EIGHTHS = 6, 4  # points, and eighths of the span with any, of a wire found beside another
-PART = 0.15  # of the points of the wire known best, that one beside it has
-OWN = 0.5  # metres around a wire that are its own
-SLIM, ROUGH, ROUGHEST = 0.3, 0.12, 0.2  # metres: radius of a heap, scatter of one wire
-BIN, SMOOTH, NEIGHBOURS = 0.05, 0.07, 0.2  # metres: to tell the conductors of a bundle apart
-ENOUGH, VALLEY, PEAK = 40, 0.6, 0.25  # points; depth of a valley between, height of a lower peak
-SHORT = 0.5  # share of a span, below which a wire is not known by what was followed of it
-ALIKE = 0.3  # share of the sag by which wires of a span may differ
-STUB = 12.0  # metres: what is shorter and has one support went beyond the end of its arc
-TUBE, TUBE_LEAST, TUBE_MOST = 2.6, 0.12, 0.45  # of the scatter of a wire; metres
-LINKED = 3.0  # metres between a wire and its continuation at a support
+FOUND_POINTS = 6  # fewest of a wire that is found beside another
+FOUND_EIGHTHS = 4  # eighths of the span with any of them
+FOUND_SHARE = 0.15  # of the points of the wire known best, that one beside it has
+OWN_RADIUS = 0.5  # metres around a wire that are its own
+GROUP_RADIUS = 0.3  # metres, of points of one wire in the cross-section of a span
+ROUGH_WIRE, ROUGHEST_WIRE = 0.12, 0.2  # metres: scatter of one wire
+SECTION_BIN, SECTION_BLUR = 0.05, 0.07  # metres, of the cross-section of a bundle
+SUBCONDUCTOR_GAP = 0.2  # metres between two subconductors of a bundle, at least
+SECTION_POINTS = 40  # of a bundle whose subconductors can be told apart
+SECTION_VALLEY = 0.6  # of the lower of two peaks: density between them
+SECTION_PEAK = 0.25  # of the highest peak: a lower one that counts
+SHORT_SHARE = 0.5  # share of a span, below which a wire is not known by what was followed of it
+SAG_TOLERANCE = 0.3  # share of the sag by which wires of a span may differ
+ON_WIRE_RMS, ON_WIRE_LEAST, ON_WIRE_MOST = 2.6, 0.12, 0.45  # of the scatter of a wire; metres
+CONTINUED_GAP = 3.0  # metres between a wire and its continuation at a support
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -72,44 +77,48 @@ class Wire:
     wire: int = -1
 
 
-def on_wire(scene: Scene, wire: Wire) -> tuple[Ints, Floats, float]:
+def on_wire(corridor: Corridor, wire: Wire) -> tuple[Ints, Floats, float]:
     """The points in the air that lie on a wire, how far from it, and how far that may be."""
-    radius = min(max(TUBE * wire.curve.rms, TUBE_LEAST), TUBE_MOST)
-    return *scene.air.around(wire.curve, radius), radius
+    radius = min(max(ON_WIRE_RMS * wire.curve.rms, ON_WIRE_LEAST), ON_WIRE_MOST)
+    return *corridor.air.around(wire.curve, radius), radius
 
 
 # --- spans ---------------------------------------------------------------------------------
 
 
-def spans_of(scene: Scene, pieces: Sequence[Piece], supports: Sequence[Support]) -> list[Wire]:
-    """Pieces cut at the supports, joined where they are parts of one wire, and fitted anew."""
-    spans = list(bundles_of(scene, pieces, supports))
+def spans_of(
+    corridor: Corridor, pieces: Sequence[Piece], supports: Sequence[Support]
+) -> list[Wire]:
+    """Pieces cut at the supports, joined where they are of one wire, and fitted anew."""
+    spans = list(bundles_of(corridor, pieces, supports))
     found: list[Wire] = []
     bundle = 0
     spans = [
-        [wire for wire in wires if min(wire.supports) >= 0 or wire.curve.length > STUB]
+        [wire for wire in wires if min(wire.supports) >= 0 or wire.curve.length > LONGEST_STUB]
         for wires in spans
     ]
     span = 0
-    for wires in without_doubles(scene, spans):
-        parts = [(s, bundle + k) for k, wire in enumerate(wires) for s in strands(scene, wire)]
-        parts = once(parts)
-        if not are_wires([strand for strand, _ in parts]):
+    for wires in without_doubles(corridor, spans):
+        conductors = [
+            (s, bundle + k) for k, wire in enumerate(wires) for s in subconductors(corridor, wire)
+        ]
+        conductors = once(conductors)
+        if not are_wires([subconductor for subconductor, _ in conductors]):
             continue
-        for strand, number in parts:
-            found.append(replace(to_supports(strand, supports), span=span, bundle=number))
+        for subconductor, number in conductors:
+            found.append(replace(to_supports(subconductor, supports), span=span, bundle=number))
         bundle, span = bundle + len(wires), span + 1
     return found
 
 
-def without_doubles(scene: Scene, spans: Sequence[Sequence[Wire]]) -> list[list[Wire]]:
+def without_doubles(corridor: Corridor, spans: Sequence[Sequence[Wire]]) -> list[list[Wire]]:
     """Spans without wires that lie on those of another span with more points: found twice."""
-    taken = np.zeros(len(scene.wires.xyz), bool)
+    taken = np.zeros(len(corridor.wires.xyz), bool)
     kept: dict[int, list[Wire]] = {}
     by_points = sorted(range(len(spans)), key=lambda k: -sum(w.curve.count for w in spans[k]))
     for k in by_points:
         near = [
-            scene.wires.around(w.curve, 2.5 * scene.tolerance, 0.0, w.curve.length)[0]
+            corridor.wires.around(w.curve, 2.5 * corridor.tolerance, 0.0, w.curve.length)[0]
             for w in spans[k]
         ]
         pairs = zip(spans[k], near, strict=True)
@@ -129,12 +138,12 @@ def are_wires(wires: Sequence[Wire]) -> bool:
     curvature = np.array([wire.curve.curvature for wire in wires])
     weight = 1 / np.array([wire.curve.variance_of_curvature for wire in wires])
     mean, sigma = float((weight * curvature).sum() / weight.sum()), 1 / math.sqrt(weight.sum())
-    if mean + SIGMAS * sigma < 1 / TIGHTEST_C or mean < SIGMAS * sigma:
+    if mean + CERTAIN_SIGMAS * sigma < 1 / LARGEST_C or mean < CERTAIN_SIGMAS * sigma:
         return False
     rough = [wire.curve.rms for wire in wires]
     if any(number >= 0 for wire in wires for number in wire.supports):
-        return float(np.median(rough)) < ROUGHEST
-    return min(rough) < ROUGH and max(wire.curve.length for wire in wires) > STRONG
+        return float(np.median(rough)) < ROUGHEST_WIRE
+    return min(rough) < ROUGH_WIRE and max(wire.curve.length for wire in wires) > SURE_LENGTH
 
 
 def with_supports(
@@ -150,30 +159,30 @@ def with_supports(
 
 
 def bundles_of(
-    scene: Scene, pieces: Sequence[Piece], supports: Sequence[Support]
+    corridor: Corridor, pieces: Sequence[Piece], supports: Sequence[Support]
 ) -> Iterator[list[Wire]]:
     """The wires of each span, those of a bundle as one."""
-    parts = [part for piece in pieces for part in cut(scene, piece, supports)]
+    cuts = [one for piece in pieces for one in cut(corridor, piece, supports)]
     groups: dict[tuple[int, int], list[Piece]] = {}
-    for part, between in parts:
-        groups.setdefault((min(between), max(between)), []).append(part)
+    for piece, between in cuts:
+        groups.setdefault((min(between), max(between)), []).append(piece)
     for key in sorted(groups):
         for together in of_one_span(groups[key], key, supports):
-            wires = wires_of(scene, together, key, supports)
+            wires = wires_of(corridor, together, key, supports)
             if wires:
                 yield wires
 
 
 def cut(
-    scene: Scene, piece: Piece, supports: Sequence[Support]
+    corridor: Corridor, piece: Piece, supports: Sequence[Support]
 ) -> Iterator[tuple[Piece, tuple[int, int]]]:
-    """The parts of a piece between the supports that it passes, with those at their ends."""
+    """Pieces of a piece between the supports that it passes, with those at their ends."""
     curve = piece.curve
     stops = []
     for number, support in enumerate(supports):
         u, _ = curve.along(np.array([[support.x, support.y, 0.0]]))
         gap = max(-u[0], u[0] - curve.length, 0.0)
-        if gap > FARTHEST:
+        if gap > LONGEST_MISSING:
             continue
         turn = abs(support.across[0] * curve.ex + support.across[1] * curve.ey)
         left = curve.points(u)[0, :2] - (support.x, support.y)
@@ -185,36 +194,36 @@ def cut(
         if turn < 0.7 and fits:
             stops.append((float(u[0]), number))
     stops.sort()
-    u, _ = curve.along(scene.wires.xyz[piece.points])
+    u, _ = curve.along(corridor.wires.xyz[piece.points])
     edges = [(-math.inf, -1), *stops, (math.inf, -1)]
     for (low, before), (high, after) in itertools.pairwise(edges):
         mine = piece.points[(u > low) & (u <= high)]
         if len(mine) < 4:
             continue
-        part = fit(scene.wires.xyz[mine], spread=2 * scene.tolerance)
-        if part is None or part.length < 4.0:
+        own = fit(corridor.wires.xyz[mine], spread=2 * corridor.tolerance)
+        if own is None or own.length < 4.0:
             continue
-        same = part.ex * curve.ex + part.ey * curve.ey > 0
-        yield Piece(mine, part), (before, after) if same else (after, before)
+        same = own.ex * curve.ex + own.ey * curve.ey > 0
+        yield Piece(mine, own), (before, after) if same else (after, before)
 
 
 def of_one_span(
-    parts: list[Piece], key: tuple[int, int], supports: Sequence[Support]
+    pieces: list[Piece], key: tuple[int, int], supports: Sequence[Support]
 ) -> list[list[Piece]]:
     """All of them where both supports are known; else those that run beside each other."""
     if key[0] >= 0:
-        return [parts]
-    link = np.zeros((len(parts), len(parts)), bool)
-    for i, one in enumerate(parts):
-        for j, other in enumerate(parts):
-            if i < j and abs(heading(one, 1) @ heading(other, 1)) > math.cos(PARALLEL):
+        return [pieces]
+    link = np.zeros((len(pieces), len(pieces)), bool)
+    for i, one in enumerate(pieces):
+        for j, other in enumerate(pieces):
+            if i < j and abs(heading(one, 1) @ heading(other, 1)) > math.cos(PARALLEL_ANGLE):
                 link[i, j] = runs_beside(one, other) or runs_beside(other, one)
-                link[i, j] |= apart(one, other) < TWIN
+                link[i, j] |= apart(one, other) < BUNDLE_WIDTH
                 if key[1] >= 0:
-                    sides = [side_of(part, supports[key[1]]) for part in (one, other)]
+                    sides = [side_of(piece, supports[key[1]]) for piece in (one, other)]
                     link[i, j] = sides[0] == sides[1]
     count, label = connected_components(coo_array(link), directed=False)
-    return [[parts[i] for i in np.flatnonzero(label == k)] for k in range(count)]
+    return [[pieces[i] for i in np.flatnonzero(label == k)] for k in range(count)]
 
 
 def side_of(piece: Piece, support: Support) -> bool:
@@ -225,27 +234,31 @@ def side_of(piece: Piece, support: Support) -> bool:
 
 
 def wires_of(
-    scene: Scene, parts: list[Piece], key: tuple[int, int], supports: Sequence[Support]
+    corridor: Corridor, pieces: list[Piece], key: tuple[int, int], supports: Sequence[Support]
 ) -> list[Wire]:
     """Join the pieces of each wire of a span, and fit it.
 
     What is known of a wire only along a short way is looked for along the whole span, beside the
     wire that is known best.
     """
-    link = np.array([[i < j and apart(a, b) < TWIN / 2 for j, b in enumerate(parts)]
-                     for i, a in enumerate(parts)])  # fmt: skip
+    link = np.array(
+        [
+            [i < j and apart(a, b) < BUNDLE_WIDTH / 2 for j, b in enumerate(pieces)]
+            for i, a in enumerate(pieces)
+        ]
+    )
     count, label = connected_components(coo_array(link), directed=False)
     found = []
     for number in range(count):
-        mine = distinct(np.concatenate([parts[i].points for i in np.flatnonzero(label == number)]))
-        curve = fit(scene.wires.xyz[mine], spread=2.0)
+        mine = distinct(np.concatenate([pieces[i].points for i in np.flatnonzero(label == number)]))
+        curve = fit(corridor.wires.xyz[mine], spread=2.0)
         if curve is not None:
             wire = Wire(curve, ordered(curve, key, supports), (0.0, curve.length))
             found.append(to_supports(wire, supports))
     longest = max((wire.known[1] - wire.known[0] for wire in found), default=0.0)
-    short = [wire for wire in found if wire.known[1] - wire.known[0] < SHORT * longest]
+    short = [wire for wire in found if wire.known[1] - wire.known[0] < SHORT_SHARE * longest]
     found = alike([wire for wire in found if all(wire is not other for other in short)])
-    found += recovered(scene, found)
+    found += recovered(corridor, found)
     return alike([*found, *short])
 
 
@@ -257,10 +270,10 @@ def alike(wires: list[Wire]) -> list[Wire]:
         curve, best = wire.curve, (found or order)[0].curve
         short = wire.known[1] - wire.known[0] < 0.5 * best.length
         off = abs(curve.curvature / best.curvature - 1) * best.sag
-        odd = off > ALIKE * best.sag + 3 * curve.sigma("sag")
-        if short and (odd or curve.rms > min(max(ROUGH, 1.5 * best.rms), ROUGHEST)):
+        odd = off > SAG_TOLERANCE * best.sag + 3 * curve.sigma("sag")
+        if short and (odd or curve.rms > min(max(ROUGH_WIRE, 1.5 * best.rms), ROUGHEST_WIRE)):
             continue
-        if short and any(apart_wires(curve, other.curve) < TWIN / 2 for other in found):
+        if short and any(apart_wires(curve, other.curve) < BUNDLE_WIDTH / 2 for other in found):
             continue
         found.append(wire)
     return found
@@ -290,7 +303,7 @@ def to_supports(wire: Wire, supports: Sequence[Support]) -> Wire:
     return replace(wire, curve=curve.between(*ends), known=(low - ends[0], high - ends[0]))
 
 
-def recovered(scene: Scene, wires: list[Wire]) -> list[Wire]:
+def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
     """Wires too sparse to follow, beside those of a span that are known."""
     if not wires:
         return []
@@ -298,79 +311,88 @@ def recovered(scene: Scene, wires: list[Wire]) -> list[Wire]:
     curve = best.curve
     if curve.length < 15:
         return []
-    air = scene.wires
+    air = corridor.wires
     taken = np.zeros(len(air.xyz), bool)
     for wire in wires:
-        taken[air.around(wire.curve, OWN, -2.0, wire.curve.length + 2)[0]] = True
-    middles = curve.points(np.arange(0.0, curve.length + BESIDE, BESIDE))
-    box = distinct(np.concatenate([air.within(place[:2], BESIDE) for place in middles]))
+        taken[air.around(wire.curve, OWN_RADIUS, -2.0, wire.curve.length + 2)[0]] = True
+    middles = curve.points(np.arange(0.0, curve.length + LINE_WIDTH, LINE_WIDTH))
+    box = distinct(np.concatenate([air.within(middle[:2], LINE_WIDTH) for middle in middles]))
     u, v, z = curve.residuals(air.xyz[box])
     margin = min(3.0, 0.1 * curve.length)
     keep = (u > margin) & (u < curve.length - margin) & ~taken[box]
-    keep &= (np.abs(v) < BESIDE) & (np.abs(z) < BESIDE)
+    keep &= (np.abs(v) < LINE_WIDTH) & (np.abs(z) < LINE_WIDTH)
     box, u, v, z = box[keep], u[keep], v[keep], z[keep]
     found: list[Wire] = []
     free = np.ones(len(box), bool)
     for _ in range(20):
-        heap = heap_of(v, z, free)
-        if heap is None:
+        group = densest_group(v, z, free)
+        if group is None:
             break
-        away = np.hypot(v - heap[0], z - heap[1])
+        away = np.hypot(v - group[0], z - group[1])
         made = fit(
-            air.xyz[box[free & (away < 2 * SLIM)]], spread=2 * SLIM, curvature=curve.curvature
+            air.xyz[box[free & (away < 2 * GROUP_RADIUS)]],
+            spread=2 * GROUP_RADIUS,
+            curvature=curve.curvature,
         )
-        free &= away > OWN
+        free &= away > OWN_RADIUS
         if made is None:
             continue
         _, dv, dz = made.residuals(air.xyz[box])
         off = np.hypot(dv, dz)
-        inner = off < SLIM
+        inner = off < GROUP_RADIUS
         # Above and below: at the sides there may be other wires.
-        ring = 2 * np.count_nonzero((off > SLIM) & (off < 3 * SLIM) & (np.abs(dz) > np.abs(dv)))
+        ring = 2 * np.count_nonzero(
+            (off > GROUP_RADIUS) & (off < 3 * GROUP_RADIUS) & (np.abs(dz) > np.abs(dv))
+        )
         eighths = len(np.unique((8 * u[inner] / curve.length).astype(np.int64)))
-        spare = ALIKE * curve.sag + 3 * made.sigma("sag")
+        spare = SAG_TOLERANCE * curve.sag + 3 * made.sigma("sag")
         same_shape = abs(made.curvature * curve.c - 1) * curve.sag < spare
-        same_shape &= made.rms < min(max(ROUGH, 1.5 * curve.rms), ROUGHEST)
-        enough = max(FEW, PART * curve.count)
-        if inner.sum() >= enough and eighths >= EIGHTHS and ring <= inner.sum() and same_shape:
+        same_shape &= made.rms < min(max(ROUGH_WIRE, 1.5 * curve.rms), ROUGHEST_WIRE)
+        enough = max(FOUND_POINTS, FOUND_SHARE * curve.count)
+        if (
+            inner.sum() >= enough
+            and eighths >= FOUND_EIGHTHS
+            and ring <= inner.sum()
+            and same_shape
+        ):
             same = made.ex * curve.ex + made.ey * curve.ey > 0
             ends = best.supports if same else best.supports[::-1]
             found.append(Wire(made, ends, (0.0, made.length)))
-            free &= off > OWN
+            free &= off > OWN_RADIUS
     return found
 
 
-def heap_of(v: Floats, z: Floats, free: NDArray[np.bool_]) -> tuple[float, float] | None:
+def densest_group(v: Floats, z: Floats, free: NDArray[np.bool_]) -> tuple[float, float] | None:
     """The offset and height around which most of the free points are."""
-    if np.count_nonzero(free) < FEW:
+    if np.count_nonzero(free) < FOUND_POINTS:
         return None
-    cells = np.floor(np.column_stack([v[free], z[free]]) / SLIM).astype(np.int64)
+    cells = np.floor(np.column_stack([v[free], z[free]]) / GROUP_RADIUS).astype(np.int64)
     low = cells.min(axis=0)
-    table = np.zeros(cells.max(axis=0) - low + 2, np.int64)  # none beyond BESIDE: it is small
+    table = np.zeros(cells.max(axis=0) - low + 2, np.int64)  # none beyond LINE_WIDTH: it is small
     np.add.at(table, tuple((cells - low).T), 1)
     totals = table[:-1, :-1] + table[1:, :-1] + table[:-1, 1:] + table[1:, 1:]
     totals[table[:-1, :-1] == 0] = 0
     at = np.array(np.unravel_index(totals.argmax(), totals.shape))
-    if totals[tuple(at)] < FEW:
+    if totals[tuple(at)] < FOUND_POINTS:
         return None
-    right, upper = (at + low + 1) * SLIM
+    right, upper = (at + low + 1) * GROUP_RADIUS
     return float(right), float(upper)
 
 
 # --- conductors of a bundle ----------------------------------------------------------------
 
 
-def strands(scene: Scene, wire: Wire) -> list[Wire]:
-    """The conductors of a bundle, each a catenary of its own; the wire itself if it is one."""
+def subconductors(corridor: Corridor, wire: Wire) -> list[Wire]:
+    """The subconductors of a bundle, each a catenary of its own; the wire itself if it is one."""
     low, high = wire.known
-    points, _ = scene.wires.around(wire.curve, TWIN, low - 0.5, high + 0.5)
-    xyz = scene.wires.xyz[points]
+    points, _ = corridor.wires.around(wire.curve, BUNDLE_WIDTH, low - 0.5, high + 0.5)
+    xyz = corridor.wires.xyz[points]
     _, v, z = wire.curve.residuals(xyz)
     peaks = peaks_of(v, z)
     nearest = np.hypot(v[:, None] - peaks[:, 0], z[:, None] - peaks[:, 1]).argmin(axis=1)
     found = []
     for k in range(len(peaks)):
-        curve = fit(xyz[nearest == k], spread=2 * scene.tolerance)
+        curve = fit(xyz[nearest == k], spread=2 * corridor.tolerance)
         if curve is None or curve.length < 0.5 * (high - low):
             return [wire]
         same = curve.ex * wire.curve.ex + curve.ey * wire.curve.ey > 0
@@ -383,26 +405,26 @@ def once(conductors: Sequence[tuple[Wire, int]]) -> list[tuple[Wire, int]]:
     """Each conductor where most is known of it, since one beside two wires is found with both."""
     kept: list[tuple[Wire, int]] = []
     for wire, bundle in sorted(conductors, key=lambda c: -c[0].curve.count * c[0].curve.length):
-        if all(apart_wires(wire.curve, other.curve) > NEIGHBOURS for other, _ in kept):
+        if all(apart_wires(wire.curve, other.curve) > SUBCONDUCTOR_GAP for other, _ in kept):
             kept.append((wire, bundle))
     return kept
 
 
 def peaks_of(v: Floats, z: Floats) -> Floats:
-    """Offsets and heights around which points heap up, array of shape (k, 2)."""
+    """Offsets and heights around which points are densest, array of shape (k, 2)."""
     middle = np.array([[np.median(v), np.median(z)]]) if len(v) else np.zeros((1, 2))
-    if len(v) < ENOUGH:
+    if len(v) < SECTION_POINTS:
         return middle
-    edges = np.arange(-TWIN - BIN / 2, TWIN + BIN, BIN)
-    smooth = gaussian_filter(np.histogram2d(v, z, (edges, edges))[0], SMOOTH / BIN)
-    size = 2 * round(NEIGHBOURS / BIN / 2) + 1
-    top = (smooth == maximum_filter(smooth, size)) & (smooth > PEAK * smooth.max())
-    places = np.argwhere(top)[np.argsort(-smooth[top], kind="stable")]
+    edges = np.arange(-BUNDLE_WIDTH - SECTION_BIN / 2, BUNDLE_WIDTH + SECTION_BIN, SECTION_BIN)
+    smooth = gaussian_filter(np.histogram2d(v, z, (edges, edges))[0], SECTION_BLUR / SECTION_BIN)
+    size = 2 * round(SUBCONDUCTOR_GAP / SECTION_BIN / 2) + 1
+    top = (smooth == maximum_filter(smooth, size)) & (smooth > SECTION_PEAK * smooth.max())
+    peaks = np.argwhere(top)[np.argsort(-smooth[top], kind="stable")]
     kept: list[NDArray[np.int64]] = []
-    for place in places:
-        if all(valley(smooth, place, other) for other in kept):
-            kept.append(place)
-    return np.asarray(edges[0] + (np.array(kept) + 0.5) * BIN)
+    for peak in peaks:
+        if all(valley(smooth, peak, other) for other in kept):
+            kept.append(peak)
+    return np.asarray(edges[0] + (np.array(kept) + 0.5) * SECTION_BIN)
 
 
 def valley(smooth: Floats, one: NDArray[np.int64], other: NDArray[np.int64]) -> bool:
@@ -410,7 +432,7 @@ def valley(smooth: Floats, one: NDArray[np.int64], other: NDArray[np.int64]) -> 
     share = np.linspace(0, 1, 11)[:, None]
     path = np.round(one + share * (other - one)).astype(np.int64)
     lowest = smooth[path[:, 0], path[:, 1]].min()
-    return bool(lowest < VALLEY * min(smooth[tuple(one)], smooth[tuple(other)]))
+    return bool(lowest < SECTION_VALLEY * min(smooth[tuple(one)], smooth[tuple(other)]))
 
 
 # --- numbers -------------------------------------------------------------------------------
@@ -453,9 +475,9 @@ def matched(
     """Pairs of wires that go on in each other at a support."""
     a, b = (np.array([wires[k].curve.ends[e] for k, e in side]) for side in (here, there))
     away = np.linalg.norm(a[:, None] - b[None], axis=2)
-    rows, columns = linear_sum_assignment(np.minimum(away, 10 * LINKED))
+    rows, columns = linear_sum_assignment(np.minimum(away, 10 * CONTINUED_GAP))
     for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
-        if away[i, j] < LINKED:
+        if away[i, j] < CONTINUED_GAP:
             yield here[i][0], there[j][0]
 
 

@@ -1,4 +1,4 @@
-"""Supports: where wires are held between two arcs, or end together, and what stands there."""
+"""Supports from arcs of wires: where wires are held or end together, and what stands there."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from algorithms.corridor._curves.network import Piece, Scene, heading
-from algorithms.corridor._curves.tracks import Run
+from algorithms.corridor._curves.network import Corridor, Piece, heading
+from algorithms.corridor._curves.tracks import Alignment
 
-ALONG, ACROSS = 10.0, 12.0  # metres between what belongs to one support
-INNER = 8.0  # metres: a wire that goes on for longer on both sides passes a support
+SUPPORT_ALONG, SUPPORT_ACROSS = 10.0, 12.0  # metres between what belongs to one support
+PASSING_LENGTH = 8.0  # metres: a wire that goes on for longer on both sides passes a support
 ENOUGH_BODY = 0.4  # share of its height at which a support shows points
 MUCH_BODY = (0.5, 0.75)  # the same of a pole and of a tower where nothing else tells of it
-TALL = 15.0  # metres: height below which a support is a pole
-SETTLED, UNSETTLED = 1.0, 5.0  # metres along the wires that a body may be off
-THIN = 1.5  # metres along the line, to each side, of the top of a support
-ANGLE = 0.02  # change of slope, or of heading, at a support
+TALLEST_POLE = 15.0  # metres: height below which a support is a pole
+SETTLED_SLACK, UNSETTLED_SLACK = 1.0, 5.0  # metres along the wires that a body may be off
+TOP_HALF_DEPTH = 1.5  # metres along the line, to each side, of the top of a support
+LEAST_BEND = 0.02  # change of slope, or of heading, at a support
 
 Floats = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ class Hint:
     way: Floats  # unit vector out of the wire
     slope: float  # upwards that way
     piece: int
-    held: bool  # another arc of its run begins there
+    held: bool  # another arc of its alignment begins there
 
 
 @dataclass(frozen=True)
@@ -61,47 +61,49 @@ class Support:
     body: float
 
 
-def hints_of(pieces: Sequence[Piece], runs: Sequence[Run]) -> Iterator[Hint]:
-    """Where arcs are held, and the ends of runs."""
+def hints_of(pieces: Sequence[Piece], alignments: Sequence[Alignment]) -> Iterator[Hint]:
+    """Where arcs are held, and the ends of alignments."""
     whole = {
-        number: run.along(np.vstack([p.ends for p in pieces if p.arc[0] == number]))[0]
-        for number, run in enumerate(runs)
+        number: alignment.along(np.vstack([p.ends for p in pieces if p.arc[0] == number]))[0]
+        for number, alignment in enumerate(alignments)
         if any(p.arc[0] == number for p in pieces)
     }
     for number, piece in enumerate(pieces):
-        run, arc = runs[piece.arc[0]], piece.arc[1]
-        reach, ends = whole[piece.arc[0]], run.along(piece.ends)[0]
-        stops = [-np.inf, *run.cuts, np.inf][arc : arc + 2]
+        alignment, arc = alignments[piece.arc[0]], piece.arc[1]
+        reach, ends = whole[piece.arc[0]], alignment.along(piece.ends)[0]
+        stops = [-np.inf, *alignment.cuts, np.inf][arc : arc + 2]
         for end in (0, 1):
             after = int(ends[end] > ends[1 - end])
             u, stop = ends[end], stops[after]
             held = bool(np.isfinite(stop))
             if not held:
                 stop = reach.max() if after else reach.min()
-            if abs(stop - u) > ALONG:
+            if abs(stop - u) > SUPPORT_ALONG:
                 continue
             at = np.array([piece.curve.length * end])
             if held:
-                at, _ = piece.curve.along(run.places(np.array([stop])))
+                at, _ = piece.curve.along(alignment.places(np.array([stop])))
             rise = float(np.diff(piece.curve.height(at + np.array([-0.5, 0.5])))[0])
             yield Hint(
                 piece.curve.points(at)[0], heading(piece, end), rise if end else -rise, number, held
             )
 
 
-def supports_of(scene: Scene, pieces: Sequence[Piece], runs: Sequence[Run]) -> list[Support]:
+def supports_of(
+    corridor: Corridor, pieces: Sequence[Piece], alignments: Sequence[Alignment]
+) -> list[Support]:
     """Where wires are held or end together, and what stands there.
 
     Parameters
     ----------
-    scene : whose points around the curves are taken
+    corridor : whose points around the curves are taken
     """
-    scene.free[:] = True
-    scene.take(piece.curve for piece in pieces)
-    hints = list(hints_of(pieces, runs))
+    corridor.free[:] = True
+    corridor.take(piece.curve for piece in pieces)
+    hints = list(hints_of(pieces, alignments))
     found = []
     for group in clusters(hints):
-        support = support_of(scene, pieces, group)
+        support = support_of(corridor, pieces, group)
         if support is not None:
             found.append(support)
     return sorted(found, key=lambda s: (s.x, s.y))
@@ -116,7 +118,7 @@ def clusters(hints: Sequence[Hint]) -> Iterator[list[Hint]]:
     step = place[None, :, :2] - place[:, None, :2]
     along = np.abs((step * way[:, None]).sum(axis=2))
     across = np.abs(step[..., 0] * way[:, None, 1] - step[..., 1] * way[:, None, 0])
-    near = (along < ALONG) & (across < ACROSS)
+    near = (along < SUPPORT_ALONG) & (across < SUPPORT_ACROSS)
     alike = np.abs(way @ way.T) > 0.7
     link = near & near.T & alike
     _, label = connected_components(coo_array(link), directed=False)
@@ -124,7 +126,9 @@ def clusters(hints: Sequence[Hint]) -> Iterator[list[Hint]]:
         yield [hints[i] for i in np.flatnonzero(label == number).tolist()]
 
 
-def support_of(scene: Scene, pieces: Sequence[Piece], group: Sequence[Hint]) -> Support | None:
+def support_of(
+    corridor: Corridor, pieces: Sequence[Piece], group: Sequence[Hint]
+) -> Support | None:
     """The support at a group of ends and cusps, or None if there is no reason for one."""
     place = np.array([hint.place for hint in group])
     way = np.array([hint.way for hint in group])
@@ -160,54 +164,63 @@ def support_of(scene: Scene, pieces: Sequence[Piece], group: Sequence[Hint]) -> 
         middle = float(np.median(forth))
     spot = centre + middle * mean
     low, high = float(place[:, 2].min()), float(place[:, 2].max())
-    bottom = float(scene.ground(spot[0], spot[1]))
+    bottom = float(corridor.ground(spot[0], spot[1]))
     certain = any(hint.held for hint in group)
-    slack = SETTLED if certain else UNSETTLED
-    body, spot = body_at(scene, spot, mean, (side.min(), side.max()), high - bottom, slack)
-    certain |= pairs >= 2 or (pairs == 1 and (body >= ENOUGH_BODY or bend > ANGLE))
+    slack = SETTLED_SLACK if certain else UNSETTLED_SLACK
+    body, spot = body_at(corridor, spot, mean, (side.min(), side.max()), high - bottom, slack)
+    certain |= pairs >= 2 or (pairs == 1 and (body >= ENOUGH_BODY or bend > LEAST_BEND))
     if pairs == 0 and not certain:
         out = mean if len(here) else -mean
         ends = forth[here if len(here) else there]
         # The data goes on behind all the wires: one tree over its edge does not tell.
-        beyond = all(scene.seen(*(p[:2] + m * out)) for p in place for m in (7.0, 10.0))
+        beyond = all(corridor.seen(*(p[:2] + m * out)) for p in place for m in (7.0, 10.0))
         certain = len(ends) >= 2 and np.ptp(ends) < 6 and beyond
-        much = MUCH_BODY[int(high - bottom > TALL)]
-        certain |= body >= much and topped(scene, spot, mean, side, high)
+        much = MUCH_BODY[int(high - bottom > TALLEST_POLE)]
+        certain |= body >= much and topped(corridor, spot, mean, side, high)
     if not certain:
         return None
     shift = (spot - centre) @ across
     side = side - shift
     return Support(
-        float(spot[0]), float(spot[1]), (float(across[0]), float(across[1])),
-        (float(side.min()), float(side.max())), low, high,
-        float(scene.ground(spot[0], spot[1])), body,
-    )  # fmt: skip
+        float(spot[0]),
+        float(spot[1]),
+        (float(across[0]), float(across[1])),
+        (float(side.min()), float(side.max())),
+        low,
+        high,
+        float(corridor.ground(spot[0], spot[1])),
+        body,
+    )
 
 
-def topped(scene: Scene, spot: Floats, mean: Floats, side: Floats, high: float) -> bool:
+def topped(corridor: Corridor, spot: Floats, mean: Floats, side: Floats, high: float) -> bool:
     """Whether points of a body, thin along the line, are as high as the highest wire."""
-    near = scene.air.within(spot, ALONG + float(np.ptp(side)))
-    near = near[scene.free[near]]
-    away = np.abs((scene.air.xyz[near, :2] - spot) @ mean)
-    z = scene.air.xyz[near, 2]
+    near = corridor.air.within(spot, SUPPORT_ALONG + float(np.ptp(side)))
+    near = near[corridor.free[near]]
+    away = np.abs((corridor.air.xyz[near, :2] - spot) @ mean)
+    z = corridor.air.xyz[near, 2]
     away = away[(z > high - 2) & (z < high + 4)]
-    here = np.count_nonzero(away < THIN)
-    return bool(here >= 3 and here > np.count_nonzero((away > THIN) & (away < 3 * THIN)))
+    here = np.count_nonzero(away < TOP_HALF_DEPTH)
+    return bool(
+        here >= 3 and here > np.count_nonzero((away > TOP_HALF_DEPTH) & (away < 3 * TOP_HALF_DEPTH))
+    )
 
 
 def passes(piece: Piece, centre: Floats, across: Floats, side: Floats, heights: Floats) -> bool:
     """Whether a wire goes through the arms of a support as if there was none."""
     u, _ = piece.curve.along(np.array([[*centre, 0.0]]))
-    if not INNER < u[0] < piece.curve.length - INNER:
+    if not PASSING_LENGTH < u[0] < piece.curve.length - PASSING_LENGTH:
         return False
     x, y, z = piece.curve.points(u)[0]
     s = (np.array([x, y]) - centre) @ across
-    beside = side.min() - ACROSS / 2 < s < side.max() + ACROSS / 2
-    return bool(beside and heights.min() - ACROSS / 2 < z < heights.max() + ACROSS / 2)
+    beside = side.min() - SUPPORT_ACROSS / 2 < s < side.max() + SUPPORT_ACROSS / 2
+    return bool(
+        beside and heights.min() - SUPPORT_ACROSS / 2 < z < heights.max() + SUPPORT_ACROSS / 2
+    )
 
 
 def body_at(
-    scene: Scene,
+    corridor: Corridor,
     spot: Floats,
     mean: Floats,
     sides: tuple[float, float],
@@ -215,19 +228,19 @@ def body_at(
     slack: float,
 ) -> tuple[float, Floats]:
     """Share of the height at which there are points of a vertical body, and where it stands."""
-    air = scene.air
-    reach = ALONG + abs(sides[1] - sides[0])
+    air = corridor.air
+    reach = SUPPORT_ALONG + abs(sides[1] - sides[0])
     near = air.within(spot, reach)
-    near = near[scene.free[near]]
+    near = near[corridor.free[near]]
     if not len(near):
         return 0.0, spot
     across = np.array([-mean[1], mean[0]])
     step = air.xyz[near, :2] - spot
-    along, side, height = step @ mean, step @ across, scene.height[near]
+    along, side, height = step @ mean, step @ across, corridor.height[near]
     keep = (np.abs(along) < 6) & (side > sides[0] - 2) & (side < sides[1] + 2)
     keep &= (height > 1) & (height < top)
     along, side, height = along[keep], side[keep], height[keep]
-    half = 1.0 if top < TALL else 2.5
+    half = 1.0 if top < TALLEST_POLE else 2.5
     levels = max(1, int(top - 1))
     best, at = 0.0, spot
     for a in np.arange(-slack, slack + 0.5, 1.0):

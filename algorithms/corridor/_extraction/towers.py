@@ -13,27 +13,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.corridor._curves.catenary import Catenary
-from algorithms.corridor._curves.network import Scene
+from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._extraction.spans import Wire, on_wire, to_supports
-from algorithms.corridor._extraction.supports import TALL, Support
+from algorithms.corridor._extraction.supports import TALLEST_POLE, Support
 
 BASE_LATTICE, BASE_POLE = 1.0, 0.8  # metres above the ground that are left to it
-SLIM = 0.5  # metres: half width from which a body is a lattice
-SPLAY, SLACK = (0.12, 0.02), (0.4, 0.15)  # of lattice and pole: per metre downwards; metres
-THIN = 0.2  # metres: half width of a pole of which little is seen
-FOOT, LEG = 3.0, 1.0  # metres: height below which shrubs may grow inside, and width of a face
-BOX = (0.12, 1.2, 5.0)  # half depth of the space of the arms: per metre of height, least, most
-DROP = (0.08, 0.8, 4.0)  # how far below the lowest wire it begins
-OUT = (0.1, 0.5, 4.0)  # how far it goes beyond the outermost wires
-PEAK = (0.08, 1.5, 6.0)  # how far it goes above the highest wire
-LOOP = (0.4, 4.0, 1.2)  # metres: a jumper hangs this far below and aside of its wire
-NEAR = 30.0  # metres around a support
-ARM = (0.04, 0.02, 0.05)  # of the height: half depth, half of what is level, and reach above that
-BESIDE = (0.5, 1.5)  # metres: aside of a wire, clear of the peak and of the next arm
-SHORTEST = 0.04  # length of insulators by which wires pull, of the height, without jumpers
-STRING = (0.15, 0.0, 9.0)  # how far from the tower: per metre of height, least, most
-FEWEST = 4  # points by which a jumper, arms, a neck or a waist are known
-LOOP_WIDTH = 1.3  # of the part of a jumper that is clear of its wire, by its parabola
+LATTICE_WIDTH = 0.5  # metres: half width from which a body is a lattice
+BODY_SPLAY = (0.12, 0.02)  # of lattice and pole, per metre downwards
+BODY_SLACK = (0.4, 0.15)  # metres around the body of lattice and pole
+HIDDEN_POLE_WIDTH = 0.2  # metres: half width of a pole of which little is seen
+FOOT_HEIGHT = 3.0  # metres below which shrubs may grow inside a lattice
+LEG_WIDTH = 1.0  # metres: of a face of the lattice there
+ARMS_DEPTH = (0.12, 1.2, 5.0)  # half depth of the space of the arms: per metre, least, most
+ARMS_DROP = (0.08, 0.8, 4.0)  # how far below the lowest wire it begins
+ARMS_OUT = (0.1, 0.5, 4.0)  # how far it goes beyond the outermost wires
+ARMS_PEAK = (0.08, 1.5, 6.0)  # how far it goes above the highest wire
+JUMPER_ZONE = (0.4, 4.0, 1.2)  # metres: a jumper hangs this far below and aside of its wire
+TOWER_RADIUS = 30.0  # metres around a support
+ARM_ZONE = (0.04, 0.02, 0.05)  # of the height: half depth, half of what is level, reach above it
+ARM_ASIDE_OF_WIRE = (0.5, 1.5)  # metres: clear of the peak and of the next arm
+SHORTEST_STRING = 0.04  # of the height: insulators by which wires pull without jumpers
+STRING_REACH = (0.15, 0.0, 9.0)  # how far from the tower: per metre of height, least, most
+KNOWN_BY_POINTS = 4  # points by which a jumper, arms, a neck or a waist are known
+JUMPER_WIDTH = 1.3  # of the part of a jumper that is clear of its wire, by its parabola
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -58,7 +60,7 @@ class Tower:
     @property
     def lattice(self) -> bool:
         """Whether it is a lattice tower, not a pole."""
-        return self.width > SLIM
+        return self.width > LATTICE_WIDTH
 
 
 def scaled(rule: tuple[float, float, float], height: float) -> float:
@@ -67,7 +69,7 @@ def scaled(rule: tuple[float, float, float], height: float) -> float:
     return min(max(share * height, least), most)
 
 
-def strings_of(scene: Scene, wires: Sequence[Wire], supports: Sequence[Support]) -> Floats:
+def strings_of(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]) -> Floats:
     """Length of the insulators by which wires pull at their supports, 0 where they hang; metres.
 
     A wire that pulls at an arm ends at its height, one that hangs is below it. What stands above
@@ -75,7 +77,7 @@ def strings_of(scene: Scene, wires: Sequence[Wire], supports: Sequence[Support])
 
     Parameters
     ----------
-    scene : in which points on wires are taken
+    corridor : in which points on wires are taken
     wires : n wires, from support to support
 
     Returns
@@ -84,8 +86,8 @@ def strings_of(scene: Scene, wires: Sequence[Wire], supports: Sequence[Support])
     """
     found = np.zeros((len(wires), 2))
     for number, support in enumerate(supports):
-        near = scene.air.within(np.array([support.x, support.y]), NEAR)
-        xyz = scene.air.xyz[near[scene.free[near]]]
+        near = corridor.air.within(np.array([support.x, support.y]), TOWER_RADIUS)
+        xyz = corridor.air.xyz[near[corridor.free[near]]]
         height = support.high - support.ground
         ends = [
             (k, e) for k, wire in enumerate(wires) for e in (0, 1) if wire.supports[e] == number
@@ -96,7 +98,7 @@ def strings_of(scene: Scene, wires: Sequence[Wire], supports: Sequence[Support])
             continue
         tops = np.array([(wires[k].curve.z_start, wires[k].curve.z_end)[e] for k, e in ends])
         pulls = tops <= tops[level > above].max()
-        length = by_jumpers(around, height) or SHORTEST * height
+        length = by_jumpers(around, height) or SHORTEST_STRING * height
         for (k, e), pull in zip(ends, pulls.tolist(), strict=True):
             found[k, e] = pull * length
     return found
@@ -110,8 +112,12 @@ def around_end(curve: Catenary, end: int, xyz: Floats) -> tuple[Floats, Floats, 
 
 def arms_at(along: Floats, v: Floats, z: Floats, height: float) -> tuple[int, int]:
     """How many points of arms there are beside the end of a wire, and how many above it."""
-    depth, level, above = (share * height for share in ARM)
-    beside = (np.abs(along) < depth) & (np.abs(v) > BESIDE[0]) & (np.abs(v) < BESIDE[1])
+    depth, level, above = (share * height for share in ARM_ZONE)
+    beside = (
+        (np.abs(along) < depth)
+        & (np.abs(v) > ARM_ASIDE_OF_WIRE[0])
+        & (np.abs(v) < ARM_ASIDE_OF_WIRE[1])
+    )
     return (
         int(np.count_nonzero(beside & (np.abs(z) < level))),
         int(np.count_nonzero(beside & (z > level) & (z < above))),
@@ -125,107 +131,119 @@ def by_jumpers(around: Sequence[tuple[Floats, Floats, Floats]], height: float) -
     one string to the end of the other.
     """
     found = []
-    below, deepest, aside = LOOP
+    below, deepest, aside = JUMPER_ZONE
     for along, v, z in around:
         loop = (z < -below) & (z > -deepest) & (np.abs(v) < aside)
-        loop &= (along > 0.8) & (along < scaled(STRING, height))
-        if np.count_nonzero(loop) >= FEWEST:
-            found.append(LOOP_WIDTH * float(np.quantile(along[loop], 0.9)))
+        loop &= (along > 0.8) & (along < scaled(STRING_REACH, height))
+        if np.count_nonzero(loop) >= KNOWN_BY_POINTS:
+            found.append(JUMPER_WIDTH * float(np.quantile(along[loop], 0.9)))
     return float(np.median(found)) if len(found) >= 2 else 0.0
 
 
-def centred(scene: Scene, support: Support) -> Support:
+def centred(corridor: Corridor, support: Support) -> Support:
     """The support moved to its arms along the line, and to the body below them across it."""
     height = support.high - support.ground
-    waist, half = support.low - scaled(DROP, height), 0.1 * height
-    _, a, s, z = around_axis(scene, support)
+    waist, half = support.low - scaled(ARMS_DROP, height), 0.1 * height
+    _, a, s, z = around_axis(corridor, support)
     level = level_with_arms(support, s, z)
     forth = aside = 0.0
     for depth in (2 * half, half):  # at first it may be farther off
         arms = level & (np.abs(a - forth) < depth)
-        if np.count_nonzero(arms) >= FEWEST:
+        if np.count_nonzero(arms) >= KNOWN_BY_POINTS:
             forth = float(np.median(a[arms]))
     neck = (z > waist - 0.15 * height) & (z < waist) & (np.hypot(a - forth, s) < half)
-    if np.count_nonzero(neck) >= FEWEST:
+    if np.count_nonzero(neck) >= KNOWN_BY_POINTS:
         aside = float(np.quantile(s[neck], (0.1, 0.9)).mean())  # of a hollow body
     (ex, ey), (left, right) = support.across, support.reach
     return replace(
-        support, x=support.x + forth * ey + aside * ex, y=support.y - forth * ex + aside * ey,
+        support,
+        x=support.x + forth * ey + aside * ex,
+        y=support.y - forth * ex + aside * ey,
         reach=(left - aside, right - aside),
-    )  # fmt: skip
+    )
 
 
-def tower_of(scene: Scene, support: Support) -> Tower:
+def tower_of(corridor: Corridor, support: Support) -> Tower:
     """The points of the body and the arms of a support, without those around wires."""
     height = support.high - support.ground
-    near, a, s, z = around_axis(scene, support)
-    above = scene.height[near]
-    waist = support.low - scaled(DROP, height)
-    arms = level_with_arms(support, s, z) & (np.abs(a) < scaled(BOX, height))
+    near, a, s, z = around_axis(corridor, support)
+    above = corridor.height[near]
+    waist = support.low - scaled(ARMS_DROP, height)
+    arms = level_with_arms(support, s, z) & (np.abs(a) < scaled(ARMS_DEPTH, height))
     away = np.maximum(np.abs(a), np.abs(s))
     width = waist_of(away, z, waist, height)
-    pole = int(width <= SLIM)
-    body = (away < width + SLACK[pole] + SPLAY[pole] * np.maximum(waist - z, 0)) & (z <= waist)
-    if width > SLIM:  # down there it is hollow
-        shin = away[body & (above > FOOT) & (above < 2 * FOOT)]
+    pole = int(width <= LATTICE_WIDTH)
+    body = (away < width + BODY_SLACK[pole] + BODY_SPLAY[pole] * np.maximum(waist - z, 0)) & (
+        z <= waist
+    )
+    if width > LATTICE_WIDTH:  # down there it is hollow
+        shin = away[body & (above > FOOT_HEIGHT) & (above < 2 * FOOT_HEIGHT)]
         foot = float(np.quantile(shin, 0.9)) if len(shin) else width
-        body &= (above > FOOT) | ((np.abs(away - foot) < LEG) & (above > BASE_LATTICE))
+        body &= (above > FOOT_HEIGHT) | ((np.abs(away - foot) < LEG_WIDTH) & (above > BASE_LATTICE))
     body &= above > BASE_POLE
     mine = near[arms | body]
-    top = float(np.quantile(scene.air.xyz[mine, 2], 0.995)) if len(mine) else support.high
+    top = float(np.quantile(corridor.air.xyz[mine, 2], 0.995)) if len(mine) else support.high
     return Tower(support, mine, top, width)
 
 
-def around_axis(scene: Scene, support: Support) -> tuple[Ints, Floats, Floats, Floats]:
+def around_axis(corridor: Corridor, support: Support) -> tuple[Ints, Floats, Floats, Floats]:
     """Free points around a support: indices, distance along the line and across it, and height."""
     across = np.array(support.across)
     along = np.array([across[1], -across[0]])
     height = support.high - support.ground
-    reach = max(-support.reach[0], support.reach[1]) + scaled(OUT, height) + scaled(BOX, height)
-    near = scene.air.within(np.array([support.x, support.y]), reach)
-    near = near[scene.free[near]]
-    step = scene.air.xyz[near, :2] - (support.x, support.y)
-    return near, step @ along, step @ across, scene.air.xyz[near, 2]
+    reach = (
+        max(-support.reach[0], support.reach[1])
+        + scaled(ARMS_OUT, height)
+        + scaled(ARMS_DEPTH, height)
+    )
+    near = corridor.air.within(np.array([support.x, support.y]), reach)
+    near = near[corridor.free[near]]
+    step = corridor.air.xyz[near, :2] - (support.x, support.y)
+    return near, step @ along, step @ across, corridor.air.xyz[near, 2]
 
 
 def level_with_arms(support: Support, s: Floats, z: Floats) -> NDArray[np.bool_]:
     """Which points, s across the line and at heights z, are as high and as far out as the arms."""
     height = support.high - support.ground
-    out, (left, right) = scaled(OUT, height), support.reach
-    low, high = support.low - scaled(DROP, height), support.high + scaled(PEAK, height)
+    out, (left, right) = scaled(ARMS_OUT, height), support.reach
+    low, high = support.low - scaled(ARMS_DROP, height), support.high + scaled(ARMS_PEAK, height)
     return (z > low) & (z < high) & (s > left - out) & (s < right + out)
 
 
 def waist_of(away: Floats, z: Floats, waist: float, height: float) -> float:
     """Half width of a body just below its arms."""
     near = (z < waist) & (z > waist - 0.25 * height) & (away < 0.1 * height)
-    width = float(np.quantile(away[near], 0.85)) if near.sum() >= FEWEST else THIN
-    return THIN if width > SLIM and height < TALL else width  # of trees around a pole
+    width = (
+        float(np.quantile(away[near], 0.85)) if near.sum() >= KNOWN_BY_POINTS else HIDDEN_POLE_WIDTH
+    )
+    return (
+        HIDDEN_POLE_WIDTH if width > LATTICE_WIDTH and height < TALLEST_POLE else width
+    )  # of trees around a pole
 
 
 # --- wires that end at their insulators ----------------------------------------------------
 
 
 def dressed(
-    scene: Scene, wires: Sequence[Wire], supports: Sequence[Support]
+    corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]
 ) -> tuple[list[Wire], list[Tower], list[float]]:
     """Wires that end at their insulators, towers, and the length of the insulators of each."""
-    take(scene, wires)
-    supports = [centred(scene, support) for support in supports]
+    take(corridor, wires)
+    supports = [centred(corridor, support) for support in supports]
     wires = [to_supports(wire, supports) for wire in wires]
-    strings = strings_of(scene, wires, supports)
+    strings = strings_of(corridor, wires, supports)
     ended = [without_strings(wire, *own) for wire, own in zip(wires, strings, strict=True)]
-    take(scene, ended)
+    take(corridor, ended)
     held = np.array([wire.supports for wire in wires])
     longest = [float(strings[held == number].max()) for number in range(len(supports))]
-    return ended, [tower_of(scene, support) for support in supports], longest
+    return ended, [tower_of(corridor, support) for support in supports], longest
 
 
-def take(scene: Scene, wires: Sequence[Wire]) -> None:
+def take(corridor: Corridor, wires: Sequence[Wire]) -> None:
     """Leave the points that do not lie on wires free."""
-    scene.free[:] = True
+    corridor.free[:] = True
     for wire in wires:
-        scene.free[on_wire(scene, wire)[0]] = False
+        corridor.free[on_wire(corridor, wire)[0]] = False
 
 
 def without_strings(wire: Wire, low: float, high: float) -> Wire:

@@ -23,7 +23,7 @@ from algorithms.corridor._clearance.matters import what_matters
 from algorithms.corridor._clearance.objects import groups, tree_tops
 from algorithms.corridor._clearance.rules import KINDS, Rule, rule_set, rules_of, shipped
 from algorithms.corridor._clearance.sag import (
-    SHIPPED,
+    CONDUCTORS_FILE,
     Conductor,
     State,
     conductor_of,
@@ -32,7 +32,7 @@ from algorithms.corridor._clearance.sag import (
     in_state,
     wind_load,
 )
-from algorithms.corridor._clearance.surroundings import line_of, scene_of
+from algorithms.corridor._clearance.surroundings import line_of, surroundings_of
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._extraction.layers import catenaries_of, wire_layer
 from algorithms.corridor._extraction.spans import Wire
@@ -139,14 +139,15 @@ def test_vertical_and_horizontal_rules_look_in_their_strip_alone() -> None:
     kind = np.full(4, KINDS.index("building"), np.int8)
     found, _ = find_violations(np.array(places, float), kind, [[LEVEL]], rules, reach=9, point_sd=0)
     assert [(int(p), rules[r].id) for p, r in zip(found.point, found.rule, strict=True)] == [
-        (0, "v"), (2, "h"),
-    ]  # fmt: skip
+        (0, "v"),
+        (2, "h"),
+    ]
     np.testing.assert_allclose(found.measure, [5.0, 2.5], atol=0.002)
 
 
 def test_no_point_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every point against every wire, rule and state, one by one."""
-    monkeypatch.setattr("algorithms.corridor._clearance.distances.BLOCK", 700)
+    monkeypatch.setattr("algorithms.corridor._clearance.distances.MEASURED_BLOCK", 700)
     rng = np.random.default_rng(4)
     blown = [replace(c, swing=0.4) for c in (LEVEL, SLOPING)]
     curves = [[LEVEL, SLOPING], blown]
@@ -225,9 +226,13 @@ def test_uncertainty_of_the_wire_is_part_of_that_of_the_clearance() -> None:
     loose = replace(LEVEL, covariance=np.diag([0.04, 0.04, 0.0]))  # both ends: 0.2 m
     low = float(LEVEL.height(np.array(150.0)))
     found, _ = find_violations(
-        np.array([[150.0, 0, low - 4]]), np.zeros(1, np.int8), [[loose]], [rule()],
-        reach=9, point_sd=0.1,
-    )  # fmt: skip
+        np.array([[150.0, 0, low - 4]]),
+        np.zeros(1, np.int8),
+        [[loose]],
+        [rule()],
+        reach=9,
+        point_sd=0.1,
+    )
     assert found.sd[0] == pytest.approx(math.sqrt(0.04 / 2 + 0.01), rel=1e-3)
 
 
@@ -486,10 +491,19 @@ def test_no_wires_is_an_empty_answer() -> None:
 def row(**changes: Any) -> dict[str, Any]:
     """A rule as it stands in a table."""
     made = {
-        "id": "a", "source": "us", "date": "2024", "unit": "m", "voltage_min": None,
-        "voltage_max": None, "kind": "tree", "direction": "3-D", "threshold": 5.0, "within": None,
-        "severity": "critical", "confirmed": True,
-    }  # fmt: skip
+        "id": "a",
+        "source": "us",
+        "date": "2024",
+        "unit": "m",
+        "voltage_min": None,
+        "voltage_max": None,
+        "kind": "tree",
+        "direction": "3-D",
+        "threshold": 5.0,
+        "within": None,
+        "severity": "critical",
+        "confirmed": True,
+    }
     return made | changes
 
 
@@ -553,7 +567,7 @@ def test_empty_tables_are_not_replaced_by_those_of_the_toolbox() -> None:
     points, none = cloud(blob(0, 0, 9), 5), Table(pd.DataFrame([row()]).iloc[:0], name="my.csv")
     with pytest.raises(DataError, match=r"rule_table: my\.csv: there are no rules"):
         run(points, rule_table=none)
-    no_wire = Table(pd.read_csv(SHIPPED).iloc[:0], name="wires.csv")
+    no_wire = Table(pd.read_csv(CONDUCTORS_FILE).iloc[:0], name="wires.csv")
     with pytest.raises(DataError, match=r"conductor: wires\.csv: no conductor 'Drake'; there are"):
         run(points, conductor="Drake", conductor_table=no_wire)
 
@@ -654,7 +668,7 @@ def test_a_tree_that_is_too_near_also_tells_whether_it_may_fall_on_the_wire() ->
     trees = [*blob(150, 15, 34.0), *blob(60, -16, 9.0)]
     points = cloud([*trees, *ground], [5] * 10 + [2] * len(ground))
     result = run(points, rules="thesis")
-    frame = result["objects"].frame.sort_values("station")
+    frame = result["objects"].frame.sort_values("chainage")
     assert frame.rule.to_list() == ["thesis-30"] * 2
     low = float(LEVEL.height(np.array(150.0)))
     assert frame.falls.isna().to_list() == [True, False]
@@ -683,8 +697,9 @@ def test_least_clearances_of_a_span_are_those_of_what_is_not_far_to_the_side() -
 def test_the_least_clearance_is_that_in_space_whatever_the_rule() -> None:
     low = float(LEVEL.height(np.array(150.0)))
     points = [(150.0, 2.9, low), (150.0, 1.0, low - 3.5), (150.0, 1.0, low - 3.6)]
-    table = Table(pd.DataFrame([row(kind="building", direction="horizontal", threshold=3.0,
-                                    within=5.0)]))  # fmt: skip
+    table = Table(
+        pd.DataFrame([row(kind="building", direction="horizontal", threshold=3.0, within=5.0)])
+    )
     result = run(cloud(points, 6), rule_table=table, object_gap=6.0)
     assert result["objects"].frame.clearance.to_list() == pytest.approx([1.0], abs=0.01)
     assert result["least_clearance"] == pytest.approx(2.9, abs=0.01)
@@ -726,8 +741,8 @@ def test_the_page_shows_a_long_line_in_sheets_and_every_span() -> None:
     blocks = {section.title: section.blocks for section in page.sections}
     captions = [block.caption for block in blocks["Map"]]
     assert [text[-31:] for text in captions] == [
-        f"sheet {k} of 5, from west to east" [-31:] for k in range(1, 6)
-    ]  # fmt: skip
+        f"sheet {k} of 5, from west to east"[-31:] for k in range(1, 6)
+    ]
     assert len(blocks["Profiles"]) == 12
     assert blocks["Profiles"][0].caption.startswith("Span 11, 300 m, 1 wires, 1 objects; closest")
 
@@ -751,13 +766,24 @@ def scattered() -> PointCloud:
 
 ON_GROUND = {
     "rule_table": Table(
-        pd.DataFrame([
-            {"id": kind, "source": "s", "date": "d", "unit": "m", "kind": kind,
-             "direction": "3-D", "threshold": far, "severity": "critical", "confirmed": True}
-            for kind, far in (("ground", 15.0), ("tree", 9.0))
-        ])
+        pd.DataFrame(
+            [
+                {
+                    "id": kind,
+                    "source": "s",
+                    "date": "d",
+                    "unit": "m",
+                    "kind": kind,
+                    "direction": "3-D",
+                    "threshold": far,
+                    "severity": "critical",
+                    "confirmed": True,
+                }
+                for kind, far in (("ground", 15.0), ("tree", 9.0))
+            ]
+        )
     )
-}  # fmt: skip
+}
 
 
 def test_a_survey_that_is_read_in_parts_gives_what_its_cloud_gives(
@@ -767,7 +793,7 @@ def test_a_survey_that_is_read_in_parts_gives_what_its_cloud_gives(
     for k, name in enumerate("abc"):
         points.select(np.arange(k, len(points), 3)).save(tmp_path / f"{name}.laz")
     survey = Survey.open(tmp_path)
-    monkeypatch.setattr(matters, "PART", 5000)
+    monkeypatch.setattr(matters, "SURVEY_BLOCK", 5000)
     whole, parts = (run(p, **ON_GROUND, growth=1.0) for p in (survey.read(), survey))
     for name in ("objects", "spans"):
         pd.testing.assert_frame_equal(whole[name].frame, parts[name].frame)
@@ -786,12 +812,14 @@ def test_few_points_of_the_ground_matter_but_all_that_tell_something(
     line = line_of(wires)
     rules = [rule for rule in rules_of(ON_GROUND["rule_table"], None) if rule.kind in kinds]
     settings: Any = {
-        "classes": {"tree": [5], "building": [6], "ground": [2]}, "ignore": [7], "reach": 60.0,
-    }  # fmt: skip
+        "classes": {"tree": [5], "building": [6], "ground": [2]},
+        "ignore": [7],
+        "reach": 60.0,
+    }
     few = what_matters(points, line, rules, measured=15.0, **settings)
     assert len(few) < 0.75 * len(points)
     full, part = (
-        scene_of(p, line, wire_radius=0.5, attachment=5.0, **settings) for p in (points, few)
+        surroundings_of(p, line, wire_radius=0.5, attachment=5.0, **settings) for p in (points, few)
     )
     assert full.left_out == part.left_out
     found = [

@@ -14,9 +14,9 @@ from scenes.corridors import CORNER, Floats, bar, cloud, ground, line, pole, qua
 
 from algorithms.corridor._curves.arcs import Binned, agreed, arcs_of, solved
 from algorithms.corridor._curves.catenary import fit
-from algorithms.corridor._curves.network import Piece, Scene
-from algorithms.corridor._curves.trace import CELL, Airborne
-from algorithms.corridor._curves.tracks import runs_among
+from algorithms.corridor._curves.network import Corridor, Piece
+from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
+from algorithms.corridor._curves.tracks import alignments_among
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import centred
 from algorithms.corridor.extract import CorridorExtract
@@ -137,7 +137,7 @@ def test_curves_that_are_no_wires_for_certain_do_not_vote_on_supports() -> None:
     wires, _ = valley([14.0, 10.6, 9.0, 10.6, 14.0], 0.6)
     twigs = [bar((84, 6 + k, 12), (96, 6 + k, 12), 2.0, seed=k) for k in range(6)]
     air = Airborne.of(np.vstack([*wires, *twigs]))
-    scene = Scene(
+    corridor = Corridor(
         air, air.xyz[:, 2], np.ones(len(air.xyz), bool), 0.25, lambda x, y: 0.0, lambda x, y: True
     )
     pieces = []
@@ -149,9 +149,9 @@ def test_curves_that_are_no_wires_for_certain_do_not_vote_on_supports() -> None:
             curve = fit(air.xyz[points], spread=2.0)
             assert curve is not None
             pieces.append(Piece(points, curve, sure=high == 180))
-    _, runs = arcs_of(scene, list(runs_among(scene, pieces)))
-    assert len(runs) == 1
-    inner = runs[0].cuts[(runs[0].cuts > 10) & (runs[0].cuts < 170)]
+    _, alignments = arcs_of(corridor, list(alignments_among(corridor, pieces)))
+    assert len(alignments) == 1
+    inner = alignments[0].cuts[(alignments[0].cuts > 10) & (alignments[0].cuts < 170)]
     np.testing.assert_allclose(inner, [45, 90, 135], atol=3)
 
 
@@ -233,13 +233,13 @@ def test_many_low_points_do_not_make_grass_a_tower() -> None:
 @pytest.mark.parametrize(("string", "arm"), [(0.3, 9.0), (0.0, 9.4)], ids=["pull", "hang"])
 def test_arms_are_of_the_pole_and_wires_below_them_are_not(string: float, arm: float) -> None:
     """Wires pull at arms of their own height, by insulators in line with them, or hang below."""
-    stations, offsets = (0.0, 60.0, 120.0), (-1.0, 0.0, 1.0)
+    positions, offsets = (0.0, 60.0, 120.0), (-1.0, 0.0, 1.0)
     wires = [
         wire((a + string, y, 9), (b - string, y, 9), 400, seed=int(a))[1]
-        for a, b in itertools.pairwise(stations)
+        for a, b in itertools.pairwise(positions)
         for y in offsets
     ]
-    poles = np.vstack([pole(x, 0, arm + 0.4, half=1.3) for x in stations])
+    poles = np.vstack([pole(x, 0, arm + 0.4, half=1.3) for x in positions])
     points = cloud(GROUND, *wires, poles, classes=[2, *[14] * 6, 15])
     result = CorridorExtract(points=points).run()
     said, true = result.classified["classification"], points["truth"]
@@ -255,10 +255,10 @@ def test_arms_are_of_the_pole_and_wires_below_them_are_not(string: float, arm: f
 def moved(points: Floats, support: Support) -> Support:
     """A support moved to points on flat ground."""
     air = Airborne.of(points)
-    scene = Scene(
+    corridor = Corridor(
         air, air.xyz[:, 2], np.ones(len(air.xyz), bool), 0.25, lambda x, y: 0.0, lambda x, y: True
     )
-    return centred(scene, support)
+    return centred(corridor, support)
 
 
 @pytest.mark.parametrize("turn", [0, 1])
@@ -317,18 +317,18 @@ def test_a_single_track_that_changes_over_to_another_wire_makes_no_support() -> 
     heights = np.column_stack([own] * 4)
     heights[30:, 3] += 0.8
     price = np.full(101, 34.0)
-    parts = arcs_of_tracks(heights)
-    edges = solved(parts, 1 / 400, price)[1]
-    assert agreed(parts, edges, 1 / 400, price, price).tolist() == [0, 50, 100]
+    bins = arcs_of_tracks(heights)
+    edges = solved(bins, 1 / 400, price)[1]
+    assert agreed(bins, edges, 1 / 400, price, price).tolist() == [0, 50, 100]
 
 
 def test_the_curvature_of_the_line_parts_what_a_straight_arc_would_join() -> None:
     """Arcs that meet so that their sum is nearly straight, with a point in seven metres."""
     u = np.arange(42) + 0.5
     own = 0.5 * ((u % 21 - 10.5) ** 2 - 0.9 * (u - 21) ** 2) / 300
-    parts = arcs_of_tracks(np.column_stack([own] * 3))
-    parts.tall[np.arange(42) % 7 != 3] = parts.flat[np.arange(42) % 7 != 3] = 0.0
-    edges = solved(parts, 1 / 300, np.full(43, 28.0))[1]
+    bins = arcs_of_tracks(np.column_stack([own] * 3))
+    bins.tall[np.arange(42) % 7 != 3] = bins.flat[np.arange(42) % 7 != 3] = 0.0
+    edges = solved(bins, 1 / 300, np.full(43, 28.0))[1]
     assert len(edges) == 3
     assert abs(edges[1] - 21) <= 4
 
@@ -555,7 +555,7 @@ def test_a_real_transmission_line(tile: str, corner: tuple[float, float]) -> Non
 def test_points_are_in_the_order_of_cells_and_places_whatever_theirs() -> None:
     rng = np.random.default_rng(0)
     xyz = rng.integers(0, 12, (4000, 3)) / np.array([1.0, 2.0, 3.0])  # many share their x, or all
-    cell = (xyz[:, 1] // CELL).astype(int) * 3 + (xyz[:, 0] // CELL).astype(int)
+    cell = (xyz[:, 1] // PLAN_CELL).astype(int) * 3 + (xyz[:, 0] // PLAN_CELL).astype(int)
     air = Airborne.of(xyz)
     wanted = xyz[np.lexsort((xyz[:, 2], xyz[:, 1], xyz[:, 0], cell))]
     np.testing.assert_array_equal(air.xyz, wanted)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from graphlib import TopologicalSorter
 from typing import Any
 
 from toolbox.declare.fields import Field
@@ -60,6 +61,30 @@ def condition_of(value: Any) -> Condition:
 
 def of_inputs(name: str) -> bool:
     return name.startswith(f"{INPUTS}.")
+
+
+def in_order(needs: Mapping[str, Collection[str]]) -> list[str]:
+    """Sort names so that each comes after those that it needs, and else as they are given.
+
+    >>> in_order({"b": ["a"], "c": [], "a": []})
+    ['c', 'a', 'b']
+
+    Raises
+    ------
+    CycleError
+        Some need each other.
+    """
+    names = list(needs)
+    sorter = TopologicalSorter({name: needs.keys() & needed for name, needed in needs.items()})
+    sorter.prepare()
+    order: list[str] = []
+    ready: set[str] = set()
+    while sorter.is_active():
+        ready |= set(sorter.get_ready())
+        order.append(min(ready, key=names.index))
+        ready.remove(order[-1])
+        sorter.done(order[-1])
+    return order
 
 
 def misfit(link: Reference, known: Mapping[str, Field], want: Field) -> str | None:

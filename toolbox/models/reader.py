@@ -8,9 +8,9 @@ refers to something that is wrong itself is not reported a second time.
 from __future__ import annotations
 
 import dataclasses
-import graphlib
 import re
 from collections.abc import Callable, Mapping
+from graphlib import CycleError
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from toolbox.errors import ParameterError, nearest
 from toolbox.models import documents
 from toolbox.models import inputs as model_inputs
 from toolbox.models.inputs import parsed, short, word_problems
-from toolbox.models.links import condition_of, is_sure, link_of, misfit, of_inputs
+from toolbox.models.links import condition_of, in_order, is_sure, link_of, misfit, of_inputs
 from toolbox.models.model import INPUTS, Condition, Link, Model, Reference, Step, references
 
 MODEL_WORDS = ("id", "title", "help", "inputs", "steps", "outputs")
@@ -196,20 +196,11 @@ class _Reader:
     def _ordered(self, steps: Mapping[str, Step]) -> dict[str, Step]:
         """Each step after those it refers to, else in the order of the file."""
         before = {n: {need.partition(".")[0] for need in s.needs} for n, s in steps.items()}
-        sorter = graphlib.TopologicalSorter({n: b & steps.keys() for n, b in before.items()})
         try:
-            sorter.prepare()
-        except graphlib.CycleError as err:
+            return {name: steps[name] for name in in_order(before)}
+        except CycleError as err:
             self.problems["steps"] = f"wait for each other: {' -> '.join(err.args[1])}"
             return dict(steps)
-        order: list[str] = []
-        ready: set[str] = set()
-        while sorter.is_active():
-            ready |= set(sorter.get_ready())
-            order.append(next(name for name in steps if name in ready))
-            ready.remove(order[-1])
-            sorter.done(order[-1])
-        return {name: steps[name] for name in order}
 
     def _check(self, step: Step, known: Mapping[str, Field], steps: Mapping[str, Step]) -> None:
         """Whether what the step refers to is there, and fits."""

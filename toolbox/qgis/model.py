@@ -1,7 +1,7 @@
-"""Models as .model3 files of the QGIS model designer, and back.
+"""Converts models to .model3 files of the QGIS model designer, and back.
 
-What one side cannot express is never passed over: all of it is reported at once, as an error or,
-where the meaning stays, as a note.
+What the other side cannot express is never left out silently. All of it is reported at once: as an
+error or, where the meaning stays the same, as a note.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Mapping
+from graphlib import CycleError
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from toolbox.declare.kinds import CHOICE
 from toolbox.declare.spec import NAME
 from toolbox.declare.values import Extent
 from toolbox.errors import ParameterError
+from toolbox.models.links import in_order
 from toolbox.models.model import INPUTS, Link, Model, Reference, Step, references
 from toolbox.qgis import model3
 from toolbox.qgis.model3 import Foreign
@@ -44,25 +46,25 @@ def to_qgis(
     given: tuple[str, ...] = (),
     point_layers: bool = False,
 ) -> tuple[str, list[str]]:
-    """A model as the text of a .model3 file, and notes on what is different there.
+    """Convert a model to the text of a .model3 file, with notes on what is different in QGIS.
 
-    QGIS runs all steps of a model: a switch or choice that leaves steps out is fixed.
+    QGIS runs all steps of a model, so a switch or choice that leaves steps out gets a fixed value.
 
     Parameters
     ----------
-    values : of inputs; else their defaults
-    given : optional layers with whose steps the model is made; all others are left out
-    point_layers : take points as layers, for which QGIS must have PDAL, and not as files
+    values : of inputs, in place of their defaults
+    given : optional layers to keep, with the steps that need them; the others are left out
+    point_layers : take point clouds as layers, which needs QGIS with PDAL, and not as files
 
     Raises
     ------
     ParameterError
         All that cannot be converted.
     """
-    return _Writer(model, dict(values or {}), given, point_layers).text()
+    return _ToQgis(model, dict(values or {}), given, point_layers).text()
 
 
-class _Writer:
+class _ToQgis:
     def __init__(
         self, model: Model, values: dict[str, Any], given: tuple[str, ...], point_layers: bool
     ) -> None:
@@ -71,9 +73,11 @@ class _Writer:
         self.notes: list[str] = []
         parsed, self.problems = self._parsed(values)
         defaults = {n: f.default for n, f in model.inputs.items() if not f.required}
-        self.values = defaults | parsed
         whens = [step.when.name.partition(".")[2] for step in model.steps.values() if step.when]
         self.fixed = {n for n in whens if model.inputs[n].role == "param"}
+        self.values = dict.fromkeys(self.fixed) | defaults | parsed
+        for name in self.fixed - defaults.keys() - parsed.keys():
+            self.problems.setdefault(name, f"is fixed in QGIS; say its value, --set {name}=VALUE")
         self.absent = {n for n in whens if n not in self.fixed and n not in given}
         self.steps = self._steps()
 
@@ -98,7 +102,7 @@ class _Writer:
         known = {f"{INPUTS}.{name}": value for name, value in (self.values | layers).items()}
         known |= {f"{INPUTS}.{name}": None for name in self.absent}
         steps = self.model.steps.values()
-        return {step.name: step for step in steps if step.when is None or _holds(step, known)}
+        return {step.name: step for step in steps if step.when is None or step.when.holds(known)}
 
     def text(self) -> tuple[str, list[str]]:
         children = {name: self._child(step) for name, step in self.steps.items()}
@@ -112,13 +116,13 @@ class _Writer:
         self.notes += [f"{name} is fixed to {self.values[name]}" for name in sorted(fixed)]
         for name in sorted(self.fixed - fixed | self.absent):
             self.notes.append(f"{name} and the steps that need it are left out")
-        place = {d["name"]: _component(d["name"], 0, i) for i, d in enumerate(inputs.values())}
+        boxes = {d["name"]: _component(d["name"], 0, i) for i, d in enumerate(inputs.values())}
         made = {
             "model_name": self.model.title,
             "model_group": "LiDAR Toolbox",
             "help": {"ALG_DESC": self.model.help},
             "children": children,
-            "parameters": place,
+            "parameters": boxes,
             "parameterDefinitions": {d["name"]: d for d in inputs.values()},
             "parameterOrder": [d["name"] for d in inputs.values()],
             "groupBoxes": [],
@@ -128,7 +132,7 @@ class _Writer:
         return model3.text(made), self.notes
 
     def _note_defaults(self, inputs: Mapping[str, Any]) -> None:
-        """Where QGIS understands something else by an input that is left empty."""
+        """Note the inputs that mean something else in QGIS when they are left empty."""
         for name, says in inputs.items():
             value = self.values.get(name)
             if value is not None and says["default"] is None:
@@ -137,7 +141,7 @@ class _Writer:
                 self.notes.append(f"{name} left empty means its default, {value}, not none")
 
     def _asked(self, name: str) -> bool:
-        """Whether the model of QGIS has this input: something uses it, and it is not fixed."""
+        """Whether the model of QGIS has this input: a step uses it, and its value is not fixed."""
         used = {full for step in self.steps.values() for full in step.needs}
         return f"{INPUTS}.{name}" in used and name not in self.fixed | self.absent
 
@@ -155,8 +159,7 @@ class _Writer:
         for name, link in step.links.items():
             if sources := self._sources(step, name, link):
                 params[name.upper()] = sources
-        column = 1 + max((self._column(n) for n in self._before(step)), default=0)
-        made = _component(None, column, list(self.steps).index(step.name))
+        made = _component(None, self._column(step.name), list(self.steps).index(step.name))
         return made | {
             "id": step.name,
             "component_description": step.name.replace("_", " ").capitalize(),
@@ -168,17 +171,16 @@ class _Writer:
             "outputs": {},
         }
 
-    def _before(self, step: Step) -> set[str]:
-        return {full.partition(".")[0] for full in step.needs} & self.steps.keys()
-
     def _column(self, name: str) -> int:
-        return 1 + max((self._column(n) for n in self._before(self.steps[name])), default=0)
+        """The column of a step on the canvas: right of all steps that it needs."""
+        before = {full.partition(".")[0] for full in self.steps[name].needs} & self.steps.keys()
+        return 1 + max(map(self._column, before), default=0)
 
     def _plain(self, step: Step, name: str, value: Any) -> Any:
         f = step.spec.inputs[name]
         if step.spec.id.startswith(catalog.QGIS) and f.kind is CHOICE:
-            places = [f.choices.index(item) for item in f.items(value)]
-            return places if f.many else places[0]
+            numbers = [f.choices.index(item) for item in f.items(value)]
+            return numbers if f.many else numbers[0]
         return constant(f, value)
 
     def _sources(self, step: Step, name: str, link: Link) -> list[dict[str, Any]]:
@@ -186,7 +188,7 @@ class _Writer:
         return [source for source in found if source]
 
     def _source(self, step: Step, name: str, reference: Reference) -> dict[str, Any] | None:
-        """The first of the values that there is."""
+        """What QGIS takes for a reference: the first of its values that the model has."""
         for full in reference.names:
             owner, _, word = full.partition(".")
             if owner == INPUTS and word in self.fixed:
@@ -199,7 +201,7 @@ class _Writer:
         return None
 
     def _of_input(self, step: Step, name: str, word: str) -> dict[str, Any]:
-        """What the user gives, or the default, which QGIS would not hand to the step."""
+        """An input, or an expression with its default, which QGIS does not hand to a step."""
         says = self._definition(self.model.inputs[word])
         if step.spec.id.startswith(catalog.QGIS) and step.spec.inputs[name].kind is CHOICE:
             self.problems[f"{step.name}.{name}"] = (
@@ -224,7 +226,7 @@ class _Writer:
         self._result(children[owner], name.upper(), word.upper(), help, needed)
 
     def _value(self, name: str, owner: str, children: dict[str, Any]) -> None:
-        """Models of QGIS give layers and files alone; a page of the step tells its values."""
+        """Note where a value can be read, since models of QGIS give layers and files alone."""
         if self.steps[owner].spec.id.startswith(catalog.QGIS):
             self.notes.append(f"{name} is a value, which models of QGIS do not give")
             return
@@ -234,14 +236,14 @@ class _Writer:
             self._result(children[owner], PAGE, PAGE, help, needed=False)
 
     def _result(self, child: dict[str, Any], name: str, word: str, help: str, needed: bool) -> None:
-        """Let the model give an output of a step."""
+        """Make an output of a step an output of the model."""
         column, row = self._column(child["id"]), list(self.steps).index(child["id"]) + 0.5
         made = _component(name, column, row + 0.25 * len(child["outputs"]))
         made |= {"child_id": child["id"], "output_name": word, "default_value": None}
         child["outputs"][name] = made | {"component_description": help, "mandatory": needed}
 
     def _definition(self, f: Field) -> dict[str, Any]:
-        """An input as QGIS describes a parameter."""
+        """Describe an input as a parameter of QGIS."""
         default = constant(f, self.values.get(f.name))
         if f.kind.word == "extent":  # an expression, which would state it, sees no extents
             default = None
@@ -261,24 +263,17 @@ class _Writer:
         }
 
 
-def _holds(step: Step, known: Mapping[str, Any]) -> bool:
-    """Whether the condition of a step is fulfilled; a layer that is not given fulfils none."""
-    assert step.when is not None
-    value = known.get(step.when.name)
-    return bool(value == step.when.word) if step.when.word is not None else bool(value)
-
-
 def _component(name: str | None, column: float, row: float) -> dict[str, Any]:
-    """Where something stands on the canvas."""
-    place = {"component_pos_x": 120 + WIDE * column, "component_pos_y": 60 + HIGH * row}
-    place |= {"component_width": 200.0, "component_height": 30.0}
-    made: dict[str, Any] = place | {"component_description": "", "color": ""}
+    """A box on the canvas."""
+    made: dict[str, Any] = {"component_width": 200.0, "component_height": 30.0}
+    made |= {"component_pos_x": 120 + WIDE * column, "component_pos_y": 60 + HIGH * row}
+    made |= {"component_description": "", "color": ""}
     made |= {"parameters_collapsed": True, "outputs_collapsed": True}
     return made if name is None else made | {"name": name}
 
 
 def _parameter_type(f: Mapping[str, Any], point_layers: bool) -> tuple[str, dict[str, Any]]:
-    """The type of a parameter of QGIS, and what it says beside."""
+    """The type of a parameter of QGIS, and its other properties."""
     type, many = f["type"], f["many"]
     if type == "pointcloud" and not point_layers:
         type = "file"
@@ -309,7 +304,7 @@ OR_DEFAULT = re.compile(
 
 
 def or_default(name: str, default: Any) -> str:
-    """The expression of QGIS for an input, or its default where nothing is given.
+    """The expression of QGIS that gives an input, or its default where it is left empty.
 
     >>> or_default("METHOD", "it's")
     "coalesce(@METHOD, 'it''s')"
@@ -327,7 +322,7 @@ def _literal(value: Any) -> str:
 
 
 def constant(f: Field, value: Any) -> Any:
-    """A value as a parameter of QGIS takes it; from_constant is the way back."""
+    """Convert a value to that of a parameter of QGIS; `from_constant` converts it back."""
     if value is None:
         return None
     if f.kind is CHOICE:
@@ -345,11 +340,11 @@ def constant(f: Field, value: Any) -> Any:
 
 
 def from_qgis(text: str, where: str) -> tuple[dict[str, Any], list[str]]:
-    """The text of a .model3 file as what our model file holds, and notes on what is different.
+    """Convert the text of a .model3 file to the content of our model file, with notes.
 
     Parameters
     ----------
-    where : the name of the file, for messages and the id
+    where : path of the file, for messages and the id of the model
 
     Raises
     ------
@@ -363,14 +358,14 @@ def from_qgis(text: str, where: str) -> tuple[dict[str, Any], list[str]]:
     if not isinstance(says, dict) or "children" not in says:
         raise ParameterError(f"{where} is no model of QGIS: it has no steps")
     try:
-        return _Reader(says, where).model()
+        return _FromQgis(says, where).model()
     except ParameterError:
         raise
     except (AttributeError, LookupError, TypeError, ValueError) as err:  # of another shape
         raise ParameterError(f"{where} is damaged: {err!r}") from err
 
 
-class _Reader:
+class _FromQgis:
     def __init__(self, says: Mapping[str, Any], where: str) -> None:
         self.says, self.where = says, where
         self.problems: dict[str, str] = {}
@@ -382,7 +377,7 @@ class _Reader:
         self.children: dict[str, Any] = children
         self.step_names = _names_of(children)
         self.input_names = {name: _name(name) for name in says.get("parameterDefinitions") or {}}
-        self.fields: dict[str, Field] = {}  # what each input is used for
+        self.fields: dict[str, Field] = {}  # of each input, the parameter that first uses it
         self.specs = {id: spec for id in children if (spec := self._spec(id))}
 
     def _spec(self, id: str) -> Any:
@@ -441,7 +436,7 @@ class _Reader:
         return made
 
     def _of_no_input(self, full: str, sources: list[dict[str, Any]]) -> None:
-        """What QGIS says of an option of runs, or of an output that is not kept, if anything."""
+        """Report a value of what is no input of the tool: an option of a run, or an output."""
         empty = (None, "", False)
         said = [s for s in sources if s["source"] != CONSTANT or s.get("static_value") not in empty]
         if said:
@@ -465,7 +460,7 @@ class _Reader:
         return _NOTHING
 
     def _input_of(self, expression: str) -> str | None:
-        """The input that an expression stands for, alone or with its default."""
+        """The input that an expression names, alone or with its default; None for any other."""
         alone, filled = re.fullmatch(r"@(\w+)", expression), OR_DEFAULT.fullmatch(expression)
         name = str((alone or filled or [None, ""])[1])
         says = (self.says.get("parameterDefinitions") or {}).get(name)
@@ -477,7 +472,7 @@ class _Reader:
         return name
 
     def _constant(self, full: str, f: Field, value: Any) -> Any:
-        """A plain value; what is the default anyway is left out."""
+        """A plain value; the default of the tool is left out."""
         if isinstance(value, Foreign):
             self.problems[full] = f"is a {value.type}, which has no counterpart"
             return _NOTHING
@@ -499,7 +494,7 @@ class _Reader:
         return _NOTHING if same else plain
 
     def _input(self, name: str) -> dict[str, Any]:
-        """An input of our model: its type is that of what it is used for."""
+        """An input of our model, with the type of the parameter that uses it."""
         says, f = self.says["parameterDefinitions"][name], self.fields[name]
         made: dict[str, Any] = {"type": f.kind.word, "help": str(says.get("description") or name)}
         optional = bool(int(says.get("flags") or 0) & OPTIONAL)
@@ -542,18 +537,18 @@ _NOTHING = object()
 
 
 def from_constant(f: Field, value: Any) -> Any:
-    """A value of a parameter of QGIS as our model file says it."""
+    """Convert a value of a parameter of QGIS to that of our model file."""
     if f.kind is CHOICE and not isinstance(value, str):
-        places = value if isinstance(value, list) else [value]
+        items = value if isinstance(value, list) else [value]
         known = dict(enumerate(f.choices))
-        words = [known.get(p, p) if isinstance(p, int) else p for p in places]
+        words = [known.get(i, i) if isinstance(i, int) else i for i in items]
         return words if f.many else next(iter(words), None)
     if not isinstance(value, str):
         return value
     if f.many:
-        parts = [part.strip() for part in value.split(SEPARATOR) if part.strip()]
+        items = [item.strip() for item in value.split(SEPARATOR) if item.strip()]
         whole, number = f.kind.word == "integer", f.kind.word == "number"
-        return [int(p) if whole else float(p) if number else p for p in parts]
+        return [int(i) if whole else float(i) if number else i for i in items]
     if f.kind.word in ("extent", "position", "range"):
         numbers = _numbers(value)
         if f.kind.word == "extent" and len(numbers) == len(Extent._fields):
@@ -563,7 +558,7 @@ def from_constant(f: Field, value: Any) -> Any:
 
 
 def _numbers(value: Any) -> list[float]:
-    """The numbers in a text of QGIS, which may end in a CRS; "None,None" holds none.
+    """Read the numbers in a text of QGIS, which may end in a CRS; "None,None" holds none.
 
     >>> _numbers("1,-2.5e3 [EPSG:2154]"), _numbers("None,nan")
     ([1.0, -2500.0], [])
@@ -573,19 +568,17 @@ def _numbers(value: Any) -> list[float]:
 
 
 def _is_list(f: Field, values: list[Any]) -> bool:
-    """Whether references are the items of a list; a single input is a list already."""
+    """Whether values are references that make up a list; a single input is a list already."""
     refers = isinstance(values[0], dict)
     return f.many and refers and (len(values) > 1 or f"{INPUTS}." not in values[0]["from"])
 
 
 def _in_order(steps: dict[str, Any]) -> dict[str, Any]:
-    """Each step after those that it refers to, for who reads the file."""
-    left, found = dict(steps), dict[str, Any]()
-    while left:
-        free = [n for n, says in left.items() if not _needs(says) & left.keys() - {n}]
-        for name in free or list(left):
-            found[name] = left.pop(name)
-    return found
+    """Sort steps for the readers of the file: each after those that it refers to."""
+    try:
+        return {name: steps[name] for name in in_order({n: _needs(s) for n, s in steps.items()})}
+    except CycleError:
+        return steps
 
 
 def _needs(says: Mapping[str, Any]) -> set[str]:
@@ -594,7 +587,7 @@ def _needs(says: Mapping[str, Any]) -> set[str]:
 
 
 def _names_of(children: Mapping[str, Any]) -> dict[str, str]:
-    """The name of each step: its id without what our names cannot have."""
+    """The name of each step: its id in lower case, with _ between the words."""
     found: dict[str, str] = {}
     for id in children:
         found[id] = _unused(_name(id.rpartition(":")[2]), [*found.values(), INPUTS])
@@ -602,7 +595,7 @@ def _names_of(children: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _name(text: str) -> str:
-    """Lower case words with _ between."""
+    """Turn a text into lower-case words with _ between."""
     name = re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
     name = name if NAME.fullmatch(name) else re.sub(r"^[0-9_]+", "", f"{name}")
     return name or "step"

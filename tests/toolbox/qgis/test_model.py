@@ -148,6 +148,22 @@ def test_conditions_are_settled_when_the_model_is_written(tmp_path: Path, capsys
     assert main(["model", "to-qgis", "ground.csf", str(path)]) == 2
 
 
+def test_a_switch_without_a_value_is_asked_for(tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(
+        "id: my.m\ntitle: M\ninputs:\n  points: {type: PointCloud, help: P}\n"
+        "  clean: {type: boolean, help: C}\nsteps:\n"
+        "  a: {tool: points.denoise, when: {from: inputs.clean}, points: {from: inputs.points}}\n"
+        "  b: {tool: points.filter, points: {from: [a.clean, inputs.points]}}\n"
+        "outputs:\n  kept: {from: b.kept}\n"
+    )
+    argv = ["model", "to-qgis", str(path), str(tmp_path / "m.model3")]
+    assert main(argv) == 2
+    assert "clean: is fixed in QGIS; say its value, --set clean=VALUE" in capsys.readouterr().err
+    assert main([*argv, "--set", "clean=false"]) == 0
+    assert "clean is fixed to False" in capsys.readouterr().out
+
+
 def test_values_are_on_a_page_and_defaults_that_differ_are_told(
     tmp_path: Path, capsys: Capture
 ) -> None:

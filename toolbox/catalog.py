@@ -1,10 +1,10 @@
-"""Which tools there are, and what they say of themselves, without importing any of them.
+"""Lists and loads the tools; the list and the descriptions need no import of any tool.
 
 The tools of this distribution are described by `metadata/tools/<id>.json`, and the tool `a.b` is
 declared in `algorithms/a/b.py`, or the model `models.b` in `algorithms/models/b.yaml`. Any other
 model goes by the path of its file, which ends in .yaml. Tools of other packages join through entry
 points of the group `toolbox.tools`: the name is the tool's id, the value is ``module:Class``.
-Algorithms of QGIS, where it is installed, are tools too, ``qgis:native:buffer``; no list has them.
+Algorithms of QGIS, where it is installed, are tools too, ``qgis:native:buffer``, but not listed.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ METADATA = next(
 
 
 def own_files() -> dict[str, Path]:
-    """The file that declares each tool of this distribution, by id; the names of files tell."""
+    """The file that declares each tool of this distribution, by id, from the names of the files."""
     found = find_spec("algorithms")
     folders = [Path(name) for name in (found and found.submodule_search_locations) or []]
     paths = [path for folder in folders for path in folder.glob("*/[!_]*.*")]
@@ -56,7 +56,7 @@ def ids() -> list[str]:
 
 
 def describe(id: str) -> dict[str, Any]:
-    """The process description of a tool, from its file if it has one.
+    """The process description of a tool, from metadata/tools if it is there.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def describe(id: str) -> dict[str, Any]:
 
 
 def summaries() -> list[dict[str, Any]]:
-    """What a list of tools shows of each; a plugin that cannot be loaded says so as its title."""
+    """A summary of each tool; a plugin that cannot be loaded has the reason as its title."""
     keys = ("id", "version", "title", "description", "keywords", "jobControlOptions")
     found = []
     for id in ids():

@@ -1,4 +1,4 @@
-"""What a running tool may talk to: progress, cancellation, log; and where its result is needed."""
+"""The context of a run: progress, cancellation, log, and the window of the result."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ log = logging.getLogger("toolbox")
 
 @dataclass(frozen=True)
 class Context:
-    """Where a run reports its progress and learns that it should stop.
+    """Takes the progress of a run, and says whether it should stop.
 
     Parameters
     ----------
     report : called with the fraction done, 0..1
-    stop : True once the user has cancelled
-    window : xmin, ymin, xmax, ymax in the unit of the coordinates, beyond which nothing of the
-        result is needed: in a tile of a survey, that of its points. A tool need not look at it.
+    stop : returns True once the user has cancelled the run
+    window : xmin, ymin, xmax, ymax in the unit of the coordinates; outside it the result is not
+        needed. In a tile of a survey it is the extent of the points. A tool may ignore it.
     """
 
     report: Callable[[float], None] = lambda fraction: None
@@ -28,7 +28,7 @@ class Context:
     window: tuple[float, float, float, float] | None = None
 
     def progress(self, fraction: float) -> None:
-        """Report 0..1 and stop here if the user cancelled: one call, never forgotten.
+        """Report the fraction done, 0..1, and stop here if the user has cancelled the run.
 
         Raises
         ------
@@ -40,8 +40,8 @@ class Context:
         self.report(fraction)
 
     def part(self, start: float, end: float) -> Context:
-        """The share of this context, from start to end, that one stage may report into."""
+        """The context of one stage, whose progress 0..1 is that of the run from start to end."""
         return replace(self, report=lambda f: self.report(start + f * (end - start)))
 
 
-QUIET = Context()  # nobody listens, nobody cancels
+QUIET = Context()  # reports nothing, and is never cancelled

@@ -1,4 +1,4 @@
-"""What can go wrong, one exception per cause, each with the exit code of the command line."""
+"""The errors of the toolbox: one exception per cause, with an exit code of the command line."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Self
 
 
 class ToolboxError(Exception):
-    """Base of all errors that a user can mend; its text is complete without a traceback."""
+    """Base of all errors that a user can correct; the text says all without a traceback."""
 
     exit_code = 1
 
@@ -17,13 +17,13 @@ class ToolboxError(Exception):
         super().__init__(where, self.problems)
 
     def named(self, where: str) -> Self:
-        """The same error under the name of a tool or of a step in a model."""
+        """The same error under the name of a tool, or of a step of a model."""
         if self.problems:
             return type(self)(where, self.problems)
         return type(self)(f"{where}: {self.where}")
 
     def __str__(self) -> str:
-        """All problems at once, one line each, under the name of the tool or file."""
+        """The name of the tool or file, and all problems, one per line."""
         if not self.problems:
             return self.where
         lines = [f"  {name}: {text}" for name, text in self.problems.items()]
@@ -43,10 +43,10 @@ class DataError(ToolboxError, ValueError):
 
 
 class NothingToDo(DataError):
-    """There is nothing in the data that the tool could work on.
+    """The data contain nothing that the tool can process.
 
-    An error for a user; but a tile of a survey may well lie in a lake. There the tool gives the
-    result `instead`; with None it gives no layer.
+    For a whole survey this is an error. For a tile, which may lie in a lake, the result is
+    `instead`; with None there is no layer.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Run a tool by its id: paths in, layers or paths out."""
+"""Runs a tool by its id, on paths or layers, and writes the outputs that have a path."""
 
 from __future__ import annotations
 
@@ -43,26 +43,27 @@ def run(
     Parameters
     ----------
     id : such as "ground.csf", or the path of a model file
-    values : inputs by name, and for each output that should be written its path; of a model also
-        ``step.output`` and a path, for what a step gives in between. A source is a
-        layer, a path, or a mapping of a path and how to open it, for example
+    values : inputs by name, and the path of each output to write; for a model also a path under
+        ``step.output``, for the result of a step. A source is a
+        layer, a path, or a mapping of a path and options of reading, for example
         ``{"path": "a.txt", "columns": ["x", "y", "z", "label"]}``; an output may likewise be
-        ``{"path": "a.tif", "cog": True}``. Texts are read as on the command line. "page" is an
-        HTML file for all results, and "counts" a table of how much each step read and gave.
+        ``{"path": "a.tif", "cog": True}``. Texts are read as on the command line. "page" is the
+        path of the report, an HTML file with all results, and "counts" that of a table with the
+        sizes of the inputs and outputs of each step.
     overwrite : whether outputs may replace files
     assume_crs : CRS of sources that state none; "local" for plain metres
-    picture : PNG to draw the resulting layers into
-    tiling : how to cut the point clouds, which must be files; none to run on the whole at once
-    resume : keep the results of the tool, or of each step of a model, and take over those that an
-        earlier run has kept for the same layers and settings (see `toolbox.runs.cache`); in tiles,
-        go on where an earlier run was stopped
-    ctx : where progress goes, and what can cancel the run
+    picture : path of the plot, a PNG of the resulting layers
+    tiling : how to cut the point clouds, which must be files; None to run on whole clouds
+    resume : store the results of the tool, or of each step of a model, and use those that an
+        earlier run has stored for the same layers and settings (see `toolbox.runs.cache`); in
+        tiles, continue a run that was stopped
+    ctx : takes the progress, and may cancel the run
 
     Returns
     -------
     dict
-        By output name: the path where one was given, else the layer, number or text; a tuple of
-        them for a step of a model that is repeated.
+        By output name: the path if one was given, else the layer, number or text; for a repeated
+        step of a model a tuple of them.
 
     Raises
     ------
@@ -139,7 +140,7 @@ def _checked(
     *,
     overwrite: bool,
 ) -> dict[str, Any]:
-    """The values that are no layers. What can be checked without data is checked here."""
+    """Read and check all values that need no data; gives those that are no layers."""
     layers = {name: value for name, value in given.items() if name in spec.sources}
     settings = {name: value for name, value in given.items() if name not in spec.sources}
     values, found = spec.parse(settings, present=layers)

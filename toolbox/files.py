@@ -1,4 +1,4 @@
-"""Output files: refused when they would do harm, whole or not there at all."""
+"""Writes output files safely: checks their paths, and replaces files only when all are complete."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from pathlib import Path
 OwnFiles = Callable[[Path], tuple[Path, ...]]  # all files that belong to a path, itself included
 
 PREFIX = ".unfinished-"
-FULL = 2**20  # bytes; with less than this left a disk counts as full
-_unfinished: set[Path] = set()  # folders of this process that a crash must not leave behind
+FULL = 2**20  # bytes; a disk with less space than this is full
+_unfinished: set[Path] = set()  # temporary folders of this process, to remove at a hard exit
 _moving = threading.Lock()  # held while outputs are moved into place
 
 
@@ -27,7 +27,7 @@ def problems(
     *,
     overwrite: bool,
 ) -> dict[str, str]:
-    """What is wrong with the paths of outputs, by output name.
+    """The problems of the paths of outputs, by output name.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def problems(
 def _clash(
     name: str, files: tuple[Path, ...], targets: Mapping[str, Path], reads: list[Path]
 ) -> str | None:
-    """Say if a file of this output is an input or another output."""
+    """Say whether a file of this output is also an input or another output."""
     used = [own for own in files if any(_same(own, read) for read in reads)]
     if used:
         return f"{used[0]} is also an input; choose another name"
@@ -124,7 +124,7 @@ def staged(targets: Mapping[Path, OwnFiles], *, overwrite: bool) -> Iterator[dic
 
 @contextmanager
 def scratch() -> Iterator[Path]:
-    """A folder for temporary files, which is gone afterwards, also after a hard exit."""
+    """Make a folder for temporary files, and remove it afterwards, also at a hard exit."""
     parent = Path(tempfile.gettempdir())
     _sweep(parent)
     folder = _new_folder(parent)
@@ -135,7 +135,7 @@ def scratch() -> Iterator[Path]:
 
 
 def _new_folder(parent: Path) -> Path:
-    """A hidden folder that tells whose it is, so that one left by a crash can be told from it."""
+    """Make a hidden folder whose name has computer and process, to find those left by a crash."""
     owner = f"{PREFIX}{platform.node()}-{os.getpid()}-"
     folder = Path(tempfile.mkdtemp(prefix=owner, dir=parent))
     _unfinished.add(folder)
@@ -143,7 +143,7 @@ def _new_folder(parent: Path) -> Path:
 
 
 def _sweep(parent: Path) -> None:
-    """Remove what processes of this computer have left that were killed."""
+    """Remove the temporary folders of processes of this computer that no longer run."""
     import psutil
 
     own = f"{PREFIX}{platform.node()}-"
@@ -154,7 +154,7 @@ def _sweep(parent: Path) -> None:
 
 
 def _move_all(moves: Iterable[tuple[Path, tuple[Path, ...], bool]]) -> None:
-    """Move the files of each folder to its parent; put everything back if one move fails."""
+    """Move the files of each folder to its parent; undo all moves if one fails."""
     undo: list[tuple[Path, Path]] = []
     try:
         for folder, old_parts, overwrite in moves:
@@ -175,12 +175,12 @@ def _move_all(moves: Iterable[tuple[Path, tuple[Path, ...], bool]]) -> None:
 
 
 def is_full(folder: Path) -> bool:
-    """Whether there is hardly any room left where a folder is."""
+    """Whether the disk of a folder is full, or nearly so."""
     return shutil.disk_usage(folder).free < FULL
 
 
 def discard_unfinished() -> None:
-    """Remove what unfinished runs of this process have written, before a hard exit."""
+    """Remove the temporary folders of this process, before a hard exit."""
     with _moving:
         for folder in list(_unfinished):
             _discard(folder)

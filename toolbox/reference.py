@@ -1,4 +1,4 @@
-"""Write metadata/tools/*.json and docs/tools/*.md from the declarations: ``make docs``."""
+"""Writes metadata/tools/*.json and docs/tools/*.md from the declarations: ``make docs``."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ ROOT = catalog.METADATA.parent
 
 
 def files() -> Iterator[tuple[Path, str]]:
-    """Every generated file and what it must hold."""
+    """The path and text of every generated file."""
     specs = [catalog.load(id) for id in catalog.own_ids()]
     described = [spec.describe() for spec in specs]
     for spec, tool in zip(specs, described, strict=True):
         yield catalog.METADATA / "tools" / f"{spec.id}.json", as_json(tool)
-        yield ROOT / "docs" / "tools" / f"{spec.id}.md", page(tool, chain(spec))
+        yield ROOT / "docs" / "tools" / f"{spec.id}.md", page(tool, steps(spec))
     yield ROOT / "docs" / "tools" / "index.md", index(described)
 
 
@@ -35,8 +35,8 @@ def index(tools: list[dict[str, Any]]) -> str:
     return "\n".join(["# Tools", "", "| tool | what it does |", "| --- | --- |", *rows, ""])
 
 
-def chain(spec: Spec) -> str:
-    """The steps of a model as a diagram; nothing for a tool."""
+def steps(spec: Spec) -> str:
+    """The section of a page with the diagram of a model; empty for a tool."""
     if not isinstance(spec, Model):
         return ""
     text = "An output of a step is written with `--step.output PATH`, such as"
@@ -44,8 +44,8 @@ def chain(spec: Spec) -> str:
     return f"## Steps\n\n{text} `--{first}`.\n\n{markdown(spec)}"
 
 
-def page(tool: Mapping[str, Any], chain: str = "") -> str:
-    """The reference page of one tool."""
+def page(tool: Mapping[str, Any], steps: str = "") -> str:
+    """The reference page of one tool, with a section on its steps if it is a model."""
     lines = [f"# {tool['id']}: {tool['title']}", "", tool["description"], ""]
     lines += [
         "## Inputs",
@@ -59,8 +59,8 @@ def page(tool: Mapping[str, Any], chain: str = "") -> str:
         says = _says(field)
         unit = f" [{says['unit']}]" if says.get("unit", "1") != "1" else ""
         lines.append(f"| `{name}` | {says['type']} | {field['description']}{unit} |")
-    if chain:
-        lines += ["", chain.rstrip()]
+    if steps:
+        lines += ["", steps.rstrip()]
     group = tool["id"].partition(".")[0]
     lines += ["", f"Declared in `algorithms/{group}/{catalog.own_files()[tool['id']].name}`.", ""]
     return "\n".join(lines)
@@ -81,7 +81,7 @@ def _says(field: Mapping[str, Any]) -> dict[str, str]:
 
 
 def main() -> None:
-    """Write what has changed, and remove pages of tools that are gone."""
+    """Write all generated files, and remove those of tools that no longer exist."""
     wanted = dict(files())
     for path, text in wanted.items():
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What the author of a tool imports: the words of a declaration, and the types of its values."""
+"""What the author of a tool imports: the declaration of a tool, and the types of parameters."""
 
 from toolbox.declare.expression import Expression
 from toolbox.declare.spec import outputs, param, sink, source, tool

@@ -1,7 +1,7 @@
-"""Expressions over the attributes of points, such as ``intensity > 40 and user_data in (2, 9)``.
+"""Conditions on the attributes of points, such as ``intensity > 40 and user_data in (2, 9)``.
 
-The text is parsed by Python's own parser, and then only a short list of syntax nodes is walked:
-nothing is ever evaluated as code, so an expression from a web form can do no harm.
+Python's own parser reads the text, and only a short list of syntax nodes is accepted. No text is
+executed as code, so an expression from a web form can do no harm.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from toolbox.errors import DataError
 
-LONGEST = 10_000  # characters; Python's parser recurses, so length is bounded before it is asked
-DEEPEST = 100  # levels; so do we
+LONGEST = 10_000  # characters, since the parser of Python is recursive
+DEEPEST = 100  # levels, since the functions below are recursive, too
 
 BINARY: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -51,21 +51,21 @@ FUNCTIONS: Mapping[str, np.ufunc] = {
 
 
 class Expression(str):
-    """A condition over attributes; checked when it is made, evaluated on a point cloud later.
+    """A condition on attributes: checked when it is made, and evaluated on points later.
 
-    It may hold attribute names, numbers, ``+ - * / % **``, comparisons (also chained), ``in`` with
-    a list, ``and``, ``or``, ``not``, and the functions abs, sqrt, floor, isnan, minimum, maximum.
+    It may contain attribute names, numbers, ``+ - * / % **``, comparisons (also chained), ``in``
+    with a list, ``and``, ``or``, ``not``, and the functions abs, sqrt, floor, isnan, minimum, maximum.
     """
 
     tree: ast.expr
 
     def __new__(cls, text: str) -> Expression:
-        """Parse text.
+        """Parse a text.
 
         Raises
         ------
         ValueError
-            It is not a condition, or holds anything beyond the short list above.
+            It is not a condition, or contains anything that is not listed above.
         """
         made = super().__new__(cls, text)
         made.tree = _parsed(text)
@@ -73,7 +73,7 @@ class Expression(str):
 
     @property
     def names(self) -> frozenset[str]:
-        """Attributes that the expression needs."""
+        """The attributes that the expression needs."""
         called = {id(node.func) for node in ast.walk(self.tree) if isinstance(node, ast.Call)}
         return frozenset(
             node.id
@@ -82,7 +82,7 @@ class Expression(str):
         )
 
     def mask(self, columns: Mapping[str, NDArray[Any]], size: int) -> NDArray[np.bool_]:
-        """True where the condition holds.
+        """Evaluate the condition for each point.
 
         Parameters
         ----------
@@ -122,21 +122,21 @@ def _parsed(text: str) -> ast.expr:
 
 
 class Sort(Enum):
-    """What a part of an expression is."""
+    """The type of a node of an expression."""
 
     NUMBER = "a number"
     TRUTH = "true or false"
 
 
 def _sort(node: ast.expr, depth: int = 0) -> Sort:  # noqa: PLR0911, PLR0912  one case per node
-    """Number or truth; refuses whatever is not in the short list, and what does not fit."""
+    """Find the type of a node, or refuse it: it is not allowed, or its operands do not fit."""
     if depth > DEEPEST:
         raise ValueError(f"is nested more than {DEEPEST} levels deep")
 
-    def need(sort: Sort, *parts: ast.expr) -> None:
-        for part in parts:
-            if (found := _sort(part, depth + 1)) is not sort:
-                raise ValueError(f"{ast.unparse(part)} is {found.value}, not {sort.value}")
+    def need(sort: Sort, *operands: ast.expr) -> None:
+        for operand in operands:
+            if (found := _sort(operand, depth + 1)) is not sort:
+                raise ValueError(f"{ast.unparse(operand)} is {found.value}, not {sort.value}")
 
     match node:
         case ast.Name():
@@ -153,8 +153,8 @@ def _sort(node: ast.expr, depth: int = 0) -> Sort:  # noqa: PLR0911, PLR0912  on
             need(Sort.NUMBER, node.left, node.right)
             return Sort.NUMBER
         case ast.BoolOp():
-            for part in node.values:
-                _sort(part, depth + 1)
+            for operand in node.values:
+                _sort(operand, depth + 1)
             return Sort.TRUTH
         case ast.Compare():
             need(Sort.NUMBER, node.left)
@@ -214,8 +214,8 @@ def _value(node: ast.expr, columns: Mapping[str, NDArray[np.float64]]) -> Any:  
         case ast.UnaryOp():
             return _value(node.operand, columns)
         case ast.BoolOp():
-            parts = [_truth(_value(part, columns)) for part in node.values]
-            return reduce(operator.and_ if isinstance(node.op, ast.And) else operator.or_, parts)
+            truths = [_truth(_value(operand, columns)) for operand in node.values]
+            return reduce(operator.and_ if isinstance(node.op, ast.And) else operator.or_, truths)
         case ast.Compare():
             return _compared(node, columns)
         case ast.Call(func=ast.Name(id=name)):
@@ -224,13 +224,13 @@ def _value(node: ast.expr, columns: Mapping[str, NDArray[np.float64]]) -> Any:  
 
 
 def _compared(node: ast.Compare, columns: Mapping[str, NDArray[np.float64]]) -> Any:
-    """A chain such as 1 < a <= 5 is true where each of its links is."""
+    """Evaluate a comparison; a chain such as 1 < a <= 5 is true where each of its pairs is."""
     values = [_value(item, columns) for item in [node.left, *node.comparators]]
-    links = [COMPARE[type(op)](values[i], values[i + 1]) for i, op in enumerate(node.ops)]
-    return reduce(operator.and_, links)
+    pairs = [COMPARE[type(op)](values[i], values[i + 1]) for i, op in enumerate(node.ops)]
+    return reduce(operator.and_, pairs)
 
 
 def _truth(value: Any) -> NDArray[np.bool_]:
-    """NaN counts as false, as it does in every comparison."""
+    """Turn numbers into truth values; NaN counts as false, as in every comparison."""
     array = np.asarray(value)
     return array if array.dtype == bool else (array != 0) & ~np.isnan(array)

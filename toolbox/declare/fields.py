@@ -1,4 +1,4 @@
-"""Fields and specifications: what is known of a tool's inputs and outputs once it is declared."""
+"""The specification of a tool (`Spec`), and those of its inputs and outputs (`Field`)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from toolbox.declare.kinds import CHOICE, OPTIONS, Kind
 from toolbox.declare.values import Range
 from toolbox.errors import DataError, ParameterError, ToolboxError, nearest
 
-METRE_POWERS = {"m": 1, "m2": 2, "m3": 3, "1/m": -1, "1/m2": -2}  # of each unit of length
+METRE_POWERS = {"m": 1, "m2": 2, "m3": 3, "1/m": -1, "1/m2": -2}  # exponents of the metre
 UNITS = (*METRE_POWERS, "1", "%", "deg", "s", "degC", "V", "kV", "A", "m/s", "W/m2")
 MEETS: Mapping[str, Callable[[Any, Any], bool]] = {
     "gt": operator.gt,
@@ -25,17 +25,17 @@ SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
 @dataclasses.dataclass(frozen=True)
 class Field:
-    """One input or output, as declared.
+    """One declared input or output of a tool.
 
     Attributes
     ----------
-    kind : how values of this type are read, checked and described
+    kind : the type: how values are read, checked and described
     role : "source", "param" or "sink"
-    choices : allowed words or numbers, from a Literal annotation; with a kind such as number
-        (``float | Literal["auto"]``) they are allowed beside it
-    many : the value is a tuple of `kind`
-    optional : None is a value
-    of : the source that an attribute name or expression speaks about
+    choices : allowed words or numbers, from a Literal annotation; where there is a kind such as
+        number (``float | Literal["auto"]``), they are allowed as well
+    many : whether the value is a tuple of values of `kind`
+    optional : whether None is a valid value
+    of : the source to which an attribute name or expression refers
     """
 
     name: str
@@ -56,11 +56,11 @@ class Field:
 
     @property
     def word(self) -> str:
-        """What --help and the errors call the type."""
+        """The name of the type in --help and in errors."""
         return f"list of {self.kind.word}" if self.many else self.kind.word
 
     def rule(self) -> str:
-        """The limits in words; --help, the docs and the errors all print these same words."""
+        """The limits and choices as a text, which --help, the docs and errors print."""
         words = ", ".join(map(str, self.choices))
         if self.kind is CHOICE:
             return f"one of {words}"
@@ -69,7 +69,7 @@ class Field:
         return f"{text} or {words}".strip() if words else text
 
     def problem(self, value: Any) -> str | None:
-        """What is wrong with value, or None."""
+        """Say what is wrong with a value; None if it is valid."""
         if value is None and self.optional:
             return None
         if self.many and not isinstance(value, tuple):
@@ -77,11 +77,11 @@ class Field:
         return next(filter(None, map(self._item_problem, self.items(value))), None)
 
     def items(self, value: Any) -> tuple[Any, ...]:
-        """The single values in value."""
+        """Split a value into its single values."""
         return value if self.many and isinstance(value, tuple) else (value,)
 
     def given(self, value: Any) -> list[Any]:
-        """The layers in the raw value of a source; a list for one layer names its files."""
+        """Split the raw value of a source into layers; a list for one layer names its files."""
         return list(value) if self.many and isinstance(value, list | tuple) else [value]
 
     def _item_problem(self, value: Any) -> str | None:
@@ -96,12 +96,12 @@ class Field:
         return None if all(meets) else f"must be {self.rule()}, got {value!r}"
 
     def parse(self, value: Any) -> Any:
-        """Text from a command line, or a JSON value, as a value of the declared type.
+        """Read a value of the declared type from a text or a JSON value.
 
         Raises
         ------
         ValueError
-            It cannot be read as one.
+            It is not of that type.
         """
         none = value is None or (isinstance(value, str) and value.lower() in ("none", "null"))
         if none and str(value) not in map(str, self.choices):
@@ -109,8 +109,8 @@ class Field:
                 return None
             raise ValueError(f"must be {_a(self.word)}, got none")
         if self.many:
-            parts = value if isinstance(value, list | tuple) else [value]
-            return tuple(map(self._parse_item, parts))
+            items = value if isinstance(value, list | tuple) else [value]
+            return tuple(map(self._parse_item, items))
         return self._parse_item(value)
 
     def _parse_item(self, value: Any) -> Any:
@@ -131,7 +131,7 @@ class Field:
             raise ValueError(f"must be {_a(self.kind.word)}, got {_shown(value)}{why}") from None
 
     def scaled(self, value: Any, metre: float) -> Any:
-        """A length in metres in the unit of the data, of which `metre` make one metre."""
+        """Convert a length from metres to the unit of the data, of which `metre` make one metre."""
         power = METRE_POWERS.get(self.unit or "")
         if power is None or value is None or self.kind.is_layer:
             return value
@@ -140,7 +140,7 @@ class Field:
         return scaled if self.many else scaled[0]
 
     def schema(self) -> dict[str, Any]:
-        """This field as an input or output of an OGC API - Processes description."""
+        """Describe the field as an input or output of an OGC API - Processes description."""
         body = self._item_schema()
         if self.many:
             body = {"type": "array", "items": body}
@@ -165,7 +165,7 @@ class Field:
         return made if self.many else made[0]
 
     def _item_schema(self) -> dict[str, Any]:
-        """One value: a word, a number, or what the kind says; several sorts become oneOf."""
+        """The JSON schema of one value: that of the kind and of the choices, joined by oneOf."""
         texts = [choice for choice in self.choices if isinstance(choice, str)]
         numbers = [choice for choice in self.choices if not isinstance(choice, str)]
         sorts: list[dict[str, Any]] = []
@@ -189,7 +189,7 @@ class Field:
 
 @dataclasses.dataclass(frozen=True)
 class Spec:
-    """All that the command line, QGIS, the docs and a model need to know about one tool."""
+    """The specification of one tool, for the command line, QGIS, the docs and models."""
 
     id: str
     title: str
@@ -207,25 +207,25 @@ class Spec:
         return {name: f for name, f in self.inputs.items() if f.role == "source"}
 
     def under(self, settings: Mapping[str, Any]) -> Spec:
-        """What is run under these settings; a model may read less then."""
+        """The specification for these settings; a model may then open its clouds as surveys."""
         return self
 
     def idle(self, settings: Mapping[str, Any]) -> list[str]:
-        """Inputs that nothing uses under these settings; only a model has such."""
+        """Inputs that nothing uses with these settings; only a model has such."""
         return []
 
     @property
     def between(self) -> Mapping[str, Field]:
-        """Results of the steps of a model, by step.output; a plain tool has none."""
+        """The fields of the results of the steps of a model, by step.output; a tool has none."""
         return {}
 
     @property
     def results(self) -> Mapping[str, Field]:
-        """All that a run can be asked for."""
+        """The fields of all that a run can write."""
         return {**self.outputs, **self.between}
 
     def names_problems(self, names: Iterable[str]) -> dict[str, str]:
-        """Unknown and missing input names."""
+        """The problems of unknown and missing inputs, by name."""
         given, known = set(names), [*self.inputs, *self.outputs]
         found = {n: f"unknown parameter{nearest(n, known)}" for n in given - set(self.inputs)}
         for name, field in self.inputs.items():
@@ -234,7 +234,7 @@ class Spec:
         return dict(sorted(found.items()))
 
     def problems(self, values: Mapping[str, Any]) -> dict[str, str]:
-        """All that is wrong with values of the declared types, by parameter."""
+        """The problems of values of the declared types, by input."""
         found = self.names_problems(values)
         for name, field in self.inputs.items():
             if name in values and (text := field.problem(values[name])):
@@ -244,7 +244,7 @@ class Spec:
     def parse(
         self, raw: Mapping[str, Any], present: Iterable[str] = ()
     ) -> tuple[dict[str, Any], dict[str, str]]:
-        """Texts or JSON values -> the values that can be read, and the problems of the others.
+        """Read texts or JSON values: the values that can be read, and the problems of the others.
 
         `present` names inputs that are given elsewhere, and so are not missing.
         """
@@ -260,12 +260,12 @@ class Spec:
         return values, problems
 
     def build(self, values: Mapping[str, Any], where: str | None = None) -> Any:
-        """Check every value, report every problem at once, then make the tool.
+        """Check all values and make the tool.
 
         Raises
         ------
         ParameterError, DataError
-            Named after `where`, or after the tool.
+            All problems, under the name `where` or that of the tool.
         """
         if problems := self.names_problems(values):
             raise ParameterError(where or self.id, problems)
@@ -275,23 +275,23 @@ class Spec:
             raise (err.named(where) if where else err) from None
 
     def halo(self, settings: Mapping[str, Any]) -> float:
-        """Reach in metres under these settings, before any layer is read."""
+        """The `halo` of the tool in metres with these settings, before any layer is read."""
         return float(self._draft(settings).halo())
 
     def rules(self, settings: Mapping[str, Any]) -> dict[str, str]:
-        """Rules between settings that are broken, before any layer is read."""
+        """The problems that the `check` of the tool finds in settings, before any layer is read."""
         job = self._draft(settings)
         return dict(job.check()) if hasattr(job, "check") else {}
 
     def _draft(self, settings: Mapping[str, Any]) -> Any:
-        """The tool with these settings, unchecked and without layers."""
+        """The tool with these settings, not checked and without layers."""
         defaults = {name: None if f.required else f.default for name, f in self.inputs.items()}
         job: Any = object.__new__(cast(type, self.make))
         job.__dict__.update(defaults | dict(settings))
         return job
 
     def describe(self) -> dict[str, Any]:
-        """OGC API - Processes, Part 1: the process description of this tool."""
+        """The process description of the tool, as in OGC API - Processes, Part 1."""
         return {
             "id": self.id,
             "version": __version__,
@@ -305,7 +305,7 @@ class Spec:
 
 
 def _times(value: Any, factor: float) -> Any:
-    """Scale numbers; words such as "auto" and None stay as they are."""
+    """Multiply numbers by a factor; words such as "auto" and None stay as they are."""
     if isinstance(value, Range):
         return Range(*(number * factor for number in value))
     return value if value is None or isinstance(value, str) else value * factor
@@ -316,5 +316,5 @@ def _a(word: str) -> str:
 
 
 def _shown(value: Any) -> str:
-    """A source that could not be opened is named by its path."""
+    """The text of a value in a message; of a source that could not be opened, its path."""
     return repr(value["path"] if isinstance(value, Mapping) and "path" in value else value)

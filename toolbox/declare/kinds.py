@@ -1,4 +1,4 @@
-"""How each type of value is read, checked and described: one row per type."""
+"""The table of types: how values of each type are read, checked and described."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 
 @dataclass(frozen=True)
 class Kind:
-    """One type of value.
+    """A row of the table: one type of value.
 
     Attributes
     ----------
-    word : what help, errors and descriptions call it
+    word : the name of the type in help, errors and descriptions
     schema : JSON schema of one value
     accepts : whether a Python value is of this type
-    parse : makes one from text or from a JSON value; raises ValueError
-    to_json : the way back
-    plain : the word alone says what a text must look like, so errors need no more
-    suffixes : endings of the files that it can be written to; empty for what is no layer
-    open_options, save_options : names in `OPTIONS` that a source or target of it may carry
+    parse : reads one from a text or a JSON value; raises ValueError
+    to_json : converts a value to JSON
+    plain : whether the word alone says what a text must look like, so that errors need no more
+    suffixes : endings of the files that it can be written to; empty if it is no layer
+    open_options, save_options : names in `OPTIONS` that a source or target may have
     own_files : all files that a layer written to a path consists of
-    several : one value may be read from many files: of a folder, a pattern or a list
+    several : whether one value may be read from many files: a folder, a pattern or a list
     """
 
     word: str
@@ -65,7 +65,7 @@ class Kind:
 
     @property
     def is_layer(self) -> bool:
-        """Whether it lives in files."""
+        """Whether values are read from files and written to files."""
         return bool(self.suffixes)
 
 

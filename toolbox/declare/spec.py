@@ -1,8 +1,8 @@
 """The vocabulary of a declaration: @tool, @outputs, source(), param(), sink().
 
-A tool is one frozen dataclass. Its fields are the only place where a parameter's type, default,
-unit, limits and help stand; the Python call, the command line, the process description, the docs
-and the tests that hold for every tool are made from them.
+A tool is one frozen dataclass. The type, default, unit, limits and help of a parameter are stated
+in its field and nowhere else. The Python call, the command line, the process description, the docs
+and the tests of every tool are made from the fields.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def param(
     ----------
     help : one sentence without a full stop
     unit : "m" and other lengths are metres for the user whatever the data; "1" is a ratio or count
-    of : the source that an `Attribute` or `Expression` speaks about
+    of : the source to which an `Attribute` or `Expression` refers
     limits : gt, ge, lt, le
     """
     meta = {"role": "param", "help": help, "unit": unit, "limits": limits, "of": of}
@@ -61,7 +61,7 @@ def param(
 
 
 def sink(help: str, *, unit: str | None = None) -> Any:
-    """Declare a layer, number or text that the tool gives back."""
+    """Declare a layer, number or text that the tool returns."""
     return dataclasses.field(metadata={"role": "sink", "help": help, "unit": unit})
 
 
@@ -69,7 +69,7 @@ def sink(help: str, *, unit: str | None = None) -> Any:
     frozen_default=True, kw_only_default=True, field_specifiers=(param, source, sink)
 )
 def outputs(cls: T) -> T:
-    """Make the class inside a tool that names what the tool gives back."""
+    """Make the class `Outputs` inside a tool, whose fields are the results of the tool."""
     return cast(T, dataclasses.dataclass(frozen=True, kw_only=True)(cls))
 
 
@@ -112,7 +112,7 @@ def _fields(cls: type) -> dict[str, Field]:
 
 
 def _field(declared: dataclasses.Field[Any], hint: Any) -> Field:
-    """Take the annotation apart: X | None, tuple[X, ...], Literal[...], X | Literal["auto"]."""
+    """Read an annotation: X | None, tuple[X, ...], Literal[...], X | Literal["auto"]."""
     members = _members(hint)
     optional = type(None) in members
     lists = [member for member in members if typing.get_origin(member) is tuple]
@@ -144,7 +144,7 @@ def _members(hint: Any) -> list[Any]:
 
 
 def _check_declaration(spec: Spec, made: Any) -> None:
-    """Mistakes of the tool's author, found when the tool is imported."""
+    """Raise an error for a mistake of the author of a tool, when the tool is imported."""
     fields = [*spec.inputs.values(), *spec.outputs.values()]
     if twice := (spec.inputs.keys() & spec.outputs.keys() or REGISTRY.keys() & {spec.id}):
         raise TypeError(f"{spec.id}: declared twice: {sorted(twice)}")
@@ -164,7 +164,7 @@ def _check_declaration(spec: Spec, made: Any) -> None:
 
 
 def _check(job: Any) -> None:
-    """All that can be known before the run."""
+    """Check the values of a tool and raise all problems that can be known before the run."""
     spec: Spec = job.spec
     values = {name: getattr(job, name) for name in spec.inputs}
     wrong, unsuitable = spec.problems(values), _layer_problems(spec, values)
@@ -184,7 +184,7 @@ def _rules(job: Any, name: str) -> Iterable[tuple[str, str]]:
 
 
 def _layers(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Every layer among the sources that can have a CRS, with the name of its parameter."""
+    """The layers among the sources that can have a CRS, with the names of their inputs."""
     for name, field in spec.sources.items():
         for layer in field.items(values[name]):
             if field.kind.accepts(layer) and hasattr(layer, "with_crs"):
@@ -192,11 +192,11 @@ def _layers(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
-    """CRS that differ, and data in which a length given in metres has no meaning."""
+    """The problems of layers: different CRS, or a CRS in which metres have no meaning."""
     found: dict[str, str] = {}
     layers = list(_layers(spec, values))
     settings = {n: v for n, v in values.items() if n not in spec.sources}
-    # A tool that reaches some metres far measures, even if it has no length to set.
+    # A tool with a halo of some metres measures lengths, even if it has no length to set.
     lengths = any(f.unit in METRE_POWERS and values[n] is not None for n, f in spec.inputs.items())
     lengths = lengths or 0 < spec.halo(settings) < math.inf
     for name, layer in layers:
@@ -215,7 +215,7 @@ def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _attribute_problems(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Attribute names that their source does not have."""
+    """The problems of attributes that their source does not have."""
     for name, field in spec.inputs.items():
         layer = values[field.of] if field.of else None
         if layer is None or values[name] is None:
@@ -231,7 +231,7 @@ def _attribute_problems(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple
 
 
 def _in_data_units(run: Callable[..., Any]) -> Callable[..., Any]:
-    """Wrap a tool's run: lengths go in as metres of the user and come out as metres."""
+    """Wrap `run` of a tool: convert lengths from metres to the unit of the data, and back."""
 
     @functools.wraps(run)
     def wrapped(self: Any, ctx: Context = QUIET) -> Any:
@@ -251,7 +251,7 @@ def _in_data_units(run: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _unchecked(job: Any, values: Mapping[str, Any]) -> Any:
-    """A copy of job with other values; limits are in metres, so they are not checked again."""
+    """A copy of a tool with other values, not checked again: limits are in metres."""
     copy = object.__new__(type(job))
     copy.__dict__.update(values)
     return copy

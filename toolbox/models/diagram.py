@@ -19,7 +19,7 @@ SHAPES = {"input": ("([", "])"), "step": ("[", "]"), "output": ("([", "])")}  # 
 
 @dataclass(frozen=True)
 class Node:
-    """A box. Its key begins with i_, s_ or o_, since Mermaid has words that no node may have."""
+    """A box. Its key begins with i_, s_ or o_, since Mermaid reserves some words."""
 
     key: str
     kind: str
@@ -31,7 +31,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Edge:
-    """An arrow; a dashed one carries what is taken if there is nothing better."""
+    """An arrow; a dashed one carries a value that is used if the first one is missing."""
 
     start: str
     end: str
@@ -40,7 +40,7 @@ class Edge:
 
 
 def graph(model: Model) -> tuple[list[Node], list[Edge]]:
-    """The nodes and edges of a model."""
+    """Make the nodes and edges of a model."""
     nodes = [Node(f"i_{n}", "input", n, (f.kind.word,)) for n, f in model.sources.items()]
     nodes += [_step_node(step) for step in model.steps.values()]
     nodes += [Node(f"o_{n}", "output", n, (f.word,)) for n, f in model.outputs.items()]
@@ -48,15 +48,15 @@ def graph(model: Model) -> tuple[list[Node], list[Edge]]:
     ends += [(f"o_{name}", reference) for name, reference in model.returns.items()]
     labels: dict[tuple[str, str, bool], list[str]] = {}
     for end, reference in ends:
-        for place, name in enumerate(reference.names):
+        for index, name in enumerate(reference.names):
             owner, _, result = name.partition(".")
             start, label = (f"i_{result}", "") if owner == INPUTS else (f"s_{owner}", result)
-            labels.setdefault((start, end, place > 0), []).append(label)
+            labels.setdefault((start, end, index > 0), []).append(label)
     return nodes, [Edge(a, b, _joined(texts), dashed) for (a, b, dashed), texts in labels.items()]
 
 
 def _layers(step: Step, model: Model) -> Iterator[Reference]:
-    """The references of a step to layers and to results of others."""
+    """The references of a step to layers and to results of other steps."""
     for link in step.links.values():
         for reference in references(link):
             names = [n for n in reference.names if n.removeprefix(f"{INPUTS}.") in model.sources]
@@ -88,7 +88,7 @@ def _step_node(step: Step) -> Node:
 
 
 def _text(field: Any, value: Any) -> str:
-    """A value as the file would have it."""
+    """The text of a value as in the model file."""
     if value is None or field is None or value in field.choices:
         return str(value)
     return str(field.kind.to_json(value))

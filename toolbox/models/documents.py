@@ -1,7 +1,7 @@
-"""Names and values from JSON or YAML text, in which no name may stand twice.
+"""Reads names and values from JSON or YAML text, and refuses a name that is given twice.
 
-YAML is read as its version 1.2 means it: only `true` and `false` are switches, and `no`, `on`,
-`012`, `13:14` and dates are words, which is what somebody who writes class lists expects.
+YAML is read as version 1.2: only `true` and `false` are switches, and `no`, `on`, `012`, `13:14`
+and dates are words, so that class lists are not taken for something else.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import json
 import re
 from typing import Any
 
-PLAIN = {  # what is no text, in the order in which it is tried, with its possible first letters
+PLAIN = {  # pattern and possible first letters of all that is no text, in the order of trial
     "null": (r"~|null|Null|NULL|", ["~", "n", "N", ""]),
     "bool": (r"true|True|TRUE|false|False|FALSE", list("tTfF")),
     "int": (r"[-+]?(0|[1-9][0-9]*)", list("-+0123456789")),
@@ -27,7 +27,7 @@ def mapping(text: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        The text is neither, holds something else, or says a name twice.
+        The text is neither JSON nor YAML, holds something else, or gives a name twice.
     """
     try:
         values = json.loads(text, object_pairs_hook=_once)  # first: it needs no import
@@ -41,7 +41,7 @@ def mapping(text: str) -> dict[str, Any]:
 
 
 def text(values: dict[str, Any]) -> str:
-    """Names and values as YAML that :func:`mapping` reads; texts of several lines keep them."""
+    """Write names and values as YAML that :func:`mapping` reads; line breaks in texts are kept."""
     import yaml
 
     class Dumper(yaml.SafeDumper):
@@ -72,7 +72,7 @@ def _yaml(text: str) -> Any:
 
 
 def _yaml_loader(base: Any) -> Any:
-    """A safe loader of YAML 1.2 that refuses a name that stands twice, as _once does for JSON."""
+    """Make a safe loader of YAML 1.2 that refuses a name that is given twice."""
 
     def construct(loader: Any, node: Any) -> dict[str, Any]:
         return _once(loader.construct_pairs(node, deep=True))
@@ -91,7 +91,7 @@ def _yaml_loader(base: Any) -> Any:
 
 
 def _once(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
-    """A mapping in which no name stands twice."""
+    """Make a mapping of pairs, or refuse a name that is given twice."""
     names = [name for name, _ in pairs]
     if odd := [name for name in names if not isinstance(name, str | int | float)]:
         raise ValueError(f"{odd[0]!r} is no name")

@@ -1,4 +1,4 @@
-"""What a model takes: the part `inputs` of its file."""
+"""Reads the inputs of a model from the section `inputs` of its file."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ TYPES = {kind.word: kind for kind in (*kinds.KINDS.values(), kinds.CHOICE)}
 SHOWN = 60  # characters of a wrong value that a message shows
 
 
-def read(part: Mapping[str, Any]) -> tuple[dict[str, Field], dict[str, str]]:
-    """The inputs that make sense, by name, and what is wrong with the others."""
+def read(section: Mapping[str, Any]) -> tuple[dict[str, Field], dict[str, str]]:
+    """Read the fields of valid inputs, and the problems of the others, by name."""
     fields: dict[str, Field] = {}
     problems: dict[str, str] = {}
-    for name, says in part.items():
+    for name, says in section.items():
         found = _input_problems(says)
         if not found:
             fields[name] = _field(name, says)
@@ -39,7 +39,7 @@ def read(part: Mapping[str, Any]) -> tuple[dict[str, Field], dict[str, str]]:
 
 
 def _field(name: str, says: Mapping[str, Any]) -> Field:
-    """An input without its default."""
+    """Make the field of an input, without its default."""
     kind = TYPES[says["type"]]
     optional = says.get("optional") is True or ("default" in says and says["default"] is None)
     return Field(
@@ -58,7 +58,7 @@ def _field(name: str, says: Mapping[str, Any]) -> Field:
 
 
 def _input_problems(says: Any) -> dict[str, str]:
-    """What is wrong with what an input says of itself, by ".word"."""
+    """The problems of the declaration of an input, by ".word"."""
     if not isinstance(says, Mapping):
         return {"": f"must be {{type: ..., help: ...}}, got {short(says)}"}
     found = word_problems("", says, WORDS, needed=("type", "help"))
@@ -71,7 +71,7 @@ def _input_problems(says: Any) -> dict[str, str]:
 
 
 def _kind_problems(kind: Kind, says: Mapping[str, Any]) -> dict[str, str]:
-    """What does not go with the type, by word."""
+    """The problems of the words that do not suit the type, by word."""
     found: dict[str, str] = {}
     number, unit, choices = (
         kind.word in ("number", "integer"),
@@ -108,7 +108,7 @@ def _is_list(value: Any) -> bool:
 def word_problems(
     where: str, says: Mapping[str, Any], known: tuple[str, ...], needed: tuple[str, ...]
 ) -> dict[str, str]:
-    """Words that mean nothing here, and those that are missing, by where.word."""
+    """The unknown words of a declaration and its missing ones, by where.word."""
     found = {}
     for word in [word for word in says if word not in known]:
         hint = nearest(str(word), known) or f"; there are {', '.join(known)}"
@@ -117,7 +117,7 @@ def word_problems(
 
 
 def parsed(field: Field, value: Any) -> tuple[Any, str | None]:
-    """A plain value as its type, and what is wrong with it."""
+    """Read a plain value of a field; if it cannot be read or is not allowed, also its problem."""
     try:
         made = field.parse(value)
     except ValueError as err:
@@ -126,6 +126,6 @@ def parsed(field: Field, value: Any) -> tuple[Any, str | None]:
 
 
 def short(value: Any) -> str:
-    """A wrong value as a message shows it."""
+    """The text of a wrong value in a message, cut if it is long."""
     text = repr(value)
     return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."

@@ -1,4 +1,4 @@
-"""References of a model file: what they look like, and whether they fit what refers to them."""
+"""Links of a model file: reads them, and checks whether their values fit the parameters."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from toolbox.models.model import INPUTS, Condition, Link, Reference, Step
 
 
 def link_of(value: Any) -> Link | None:
-    """The reference, or list of them, that a value of the file is; None for a plain value.
+    """Read a reference, or a list of references, from a value of the file; None for a plain value.
 
     Raises
     ------
     ValueError
-        It looks like one and is none.
+        A reference is malformed, or a list mixes references and plain values.
     """
     if isinstance(value, list) and any(map(_looks_linked, value)):
         links = [link_of(item) for item in value]
@@ -43,12 +43,12 @@ def _is_reference(name: Any) -> bool:
 
 
 def condition_of(value: Any) -> Condition:
-    """The condition of a step.
+    """Read the condition of a step from its value of `when`.
 
     Raises
     ------
     ValueError
-        It is none.
+        It is malformed.
     """
     says = dict(value) if isinstance(value, Mapping) else {}
     name, word = says.pop("from", None), says.pop("is", None)
@@ -88,7 +88,7 @@ def in_order(needs: Mapping[str, Collection[str]]) -> list[str]:
 
 
 def misfit(link: Reference, known: Mapping[str, Field], want: Field) -> str | None:
-    """Say why a value does not fit a parameter."""
+    """Say why the values of a reference do not fit a parameter."""
     for name in [name for name in link.names if name in known]:
         have = known[name]
         words = have.kind.word, want.kind.word  # a PointCloud also for who takes surveys too
@@ -110,11 +110,11 @@ def is_sure(
     known: Mapping[str, Field],
     steps: Mapping[str, Step],
 ) -> bool:
-    """Whether one of some values is there whenever a step with this condition runs."""
+    """Whether at least one of some values exists whenever a step with this condition runs."""
     there = [name for name in names if name in known]
     if any(_is_sure(name, when, known, steps) for name in there):
         return True
-    words: dict[str, set[str | None]] = {}  # of each choice, those for which there is a value
+    words: dict[str, set[str | None]] = {}  # of each choice, the words with which a value exists
     for name in there:
         maker = None if of_inputs(name) else steps[name.partition(".")[0]]
         if maker and maker.when and not known[name].optional:

@@ -1,4 +1,4 @@
-"""Models: tools chained in a YAML file. A model is a tool; its file is read by `model_reader`."""
+"""Models: chains of tools that are tools themselves. `toolbox.models.reader` reads their files."""
 
 from __future__ import annotations
 
@@ -14,37 +14,37 @@ from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import find
 from toolbox.errors import DataError, ParameterError
 
-INPUTS = "inputs"  # what a reference calls the values that a model takes
+INPUTS = "inputs"  # stands in a reference for the inputs of the model
 CLOUD, EITHER = find(PointCloud), find(PointCloud | Survey)
 EMPTY = "is an empty list; there is nothing to repeat the step for"
 
 
 @dataclasses.dataclass(frozen=True)
 class Reference:
-    """``{from: step.output}``: the first of the named values that there is."""
+    """``{from: step.output}``: the first of the named values that is not missing."""
 
     names: tuple[str, ...]
 
 
 Link = Reference | tuple[Reference, ...]
-"""What a parameter is connected to; several for a list, which keeps those that there are."""
+"""The connection of an input of a step; for a list several references, missing values left out."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Condition:
-    """``{from: inputs.name}``: a switch that is on or a layer that is given.
+    """The condition of a step: an input that is a switch turned on, or a layer that is given.
 
     Attributes
     ----------
-    name : inputs.name
-    word : ``{from: inputs.name, is: word}``: a choice that is this word
+    name : inputs.name, from ``{from: inputs.name}``
+    word : the value that a choice must have, from ``{from: inputs.name, is: word}``
     """
 
     name: str
     word: str | None = None
 
     def holds(self, known: Mapping[str, Any]) -> bool:
-        """Whether it is fulfilled; what is not known yet is."""
+        """Whether the condition is met; an input that is not known yet meets it."""
         value = known.get(self.name, self.word or True)
         if self.word is not None:
             return bool(value == self.word)
@@ -53,14 +53,14 @@ class Condition:
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """One tool of a model with its values.
+    """One step of a model: a tool, its settings and its links.
 
     Attributes
     ----------
-    settings : values that stand in the file
-    links : references, by parameter
-    when : the step is left out where this does not hold
-    repeat : the parameter that is given a list, of which each run takes one
+    settings : values that the model file gives, by parameter
+    links : references to other values, by parameter
+    when : the condition without which the step is left out
+    repeat : the parameter that takes a list, one value of it for each run of the step
     """
 
     name: str
@@ -72,19 +72,19 @@ class Step:
 
     @property
     def needs(self) -> list[str]:
-        """All values that the step refers to."""
+        """The names of all values that the step refers to."""
         return [name for link in self.links.values() for r in references(link) for name in r.names]
 
     @property
     def params(self) -> dict[str, Link]:
-        """The references of what is no layer."""
+        """The links of parameters that are no layers."""
         inputs = self.spec.inputs
         return {
             n: link for n, link in self.links.items() if n in inputs and inputs[n].role == "param"
         }
 
     def input(self, name: str) -> Field | None:
-        """The field of a parameter as the model sees it: for the repeated one a list, needed."""
+        """The field of an input; the repeated parameter is a required list."""
         field = self.spec.inputs.get(name)
         if field is None or name != self.repeat:
             return field
@@ -92,7 +92,7 @@ class Step:
 
     @property
     def outputs(self) -> dict[str, Field]:
-        """The fields of its results as the model sees them, by step.output."""
+        """The fields of its outputs, by step.output; those of a repeated step are lists."""
         found = {}
         for name, field in self.spec.outputs.items():
             full = f"{self.name}.{name}"
@@ -103,12 +103,12 @@ class Step:
 
 @dataclasses.dataclass(frozen=True)
 class Model(Spec):
-    """The specification of a tool that is a chain of others.
+    """The specification of a tool that is a chain of other tools.
 
     Attributes
     ----------
-    steps : by name, each after those that it refers to
-    returns : what each output refers to
+    steps : by name, each after the steps that it refers to
+    returns : the reference of each output
     """
 
     make: Callable[..., ModelRun] = dataclasses.field(init=False, repr=False, compare=False)
@@ -119,14 +119,14 @@ class Model(Spec):
         object.__setattr__(self, "make", self._run)
 
     def _run(self, **values: Any) -> ModelRun:
-        """This model with its values, checked as the class of a tool checks them."""
+        """Check values as the class of a tool does, and make a run of the model with them."""
         if problems := self.problems(values) or self.rules(values):
             raise ParameterError(self.id, problems)
         defaults = {name: f.default for name, f in self.inputs.items() if not f.required}
         return ModelRun(self, defaults | values)
 
     def subset(self, names: Collection[str]) -> Model:
-        """The model with these steps alone, and the outputs that refer to one of them."""
+        """The model with these steps only, and the outputs that refer to them."""
         steps = {name: step for name, step in self.steps.items() if name in names}
         made = {name for step in steps.values() for name in step.outputs}
         returns = {name: r for name, r in self.returns.items() if made & set(r.names)}
@@ -134,7 +134,7 @@ class Model(Spec):
         return dataclasses.replace(self, steps=steps, returns=returns, outputs=outs)
 
     def under(self, settings: Mapping[str, Any]) -> Model:
-        """The model in which a cloud is opened as a survey, if the steps that run need no more."""
+        """The model whose clouds are opened as surveys, where all steps that run can read these."""
         steps = self.active(settings)
         inputs = dict(self.inputs)
         for name, field in self.sources.items():
@@ -144,25 +144,25 @@ class Model(Spec):
 
     @property
     def between(self) -> Mapping[str, Field]:
-        """Results of steps, which a run may be asked for too, by step.output."""
+        """The fields of all results of steps, by step.output; a run may write these, too."""
         return {name: f for step in self.steps.values() for name, f in step.outputs.items()}
 
     def active(self, settings: Mapping[str, Any]) -> list[Step]:
-        """The steps that run under these settings; one whose condition is not known yet does."""
+        """The steps that run with these settings, or may run if a condition is not known yet."""
         return _active(self.steps, self._known(settings))
 
     def idle(self, settings: Mapping[str, Any]) -> list[str]:
-        """Inputs that no step uses which runs under these settings."""
+        """The inputs that no active step uses."""
         used = {name for step in self.active(settings) for name in step.needs}
         used |= {step.when.name for step in self.steps.values() if step.when}
         return [name for name in self.inputs if f"{INPUTS}.{name}" not in used]
 
     def halo(self, settings: Mapping[str, Any]) -> float:
-        """The longest way in metres from the sources to a result."""
+        """The largest distance in metres that a result looks into the sources."""
         return max(self.reach(settings).values(), default=0.0)
 
     def reach(self, settings: Mapping[str, Any]) -> dict[str, float]:
-        """How far in metres the results of each active step look into the sources."""
+        """The distance in metres that the results of each active step look into the sources."""
         found: dict[str, float] = {}
         for step in self.active(settings):
             before = (found.get(name.partition(".")[0], 0.0) for name in step.needs)
@@ -170,14 +170,14 @@ class Model(Spec):
         return found
 
     def step_halo(self, step: Step, settings: Mapping[str, Any]) -> float:
-        """How far in metres a step looks into what it is given; inf if that is not known yet."""
+        """The distance in metres that a step looks into its layers; inf if it is not known yet."""
         known = self._known(settings)
         if not _ready(step, known):
             return math.inf
         return max(map(step.spec.halo, _each(step, _draft(step, known))), default=0.0)
 
     def rules(self, settings: Mapping[str, Any]) -> dict[str, str]:
-        """All that is wrong with the values of steps, as step.parameter."""
+        """All problems of the values of steps, by step.parameter."""
         known = self._known(settings)
         found: dict[str, str] = {}
         for step in _active(self.steps, known):
@@ -193,14 +193,14 @@ class Model(Spec):
         return found
 
     def _known(self, settings: Mapping[str, Any]) -> dict[str, Any]:
-        """Values of parameters, by inputs.name."""
+        """The values of parameters, given or by default, by inputs.name."""
         params = {n: f for n, f in self.inputs.items() if f.role == "param"}
         defaults = {name: f.default for name, f in params.items() if not f.required}
         given = {name: value for name, value in settings.items() if name in params}
         return {f"{INPUTS}.{name}": value for name, value in (defaults | given).items()}
 
     def describe(self) -> dict[str, Any]:
-        """As of any tool, and what its steps give in between."""
+        """The process description of the model, with the results of its steps under "between"."""
         between = {name: field.schema() for name, field in self.between.items()}
         return super().describe() | {"between": between}
 
@@ -222,7 +222,7 @@ def references(link: Link) -> tuple[Reference, ...]:
 
 
 def step_values(step: Step, links: Mapping[str, Link], found: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a step; where a reference finds nothing, the tool's own default stays."""
+    """The values of a step; a link without a value leaves the default of the tool."""
     values = dict(step.settings)
     for name, link in links.items():
         value = resolved(link, found)
@@ -233,7 +233,7 @@ def step_values(step: Step, links: Mapping[str, Link], found: Mapping[str, Any])
 
 
 def resolved(link: Link, found: Mapping[str, Any]) -> Any:
-    """The value that a link carries; None if there is none."""
+    """The value of a link; None if it is missing."""
     if isinstance(link, tuple):
         values = (resolved(reference, found) for reference in link)
         return tuple(value for value in values if value is not None)
@@ -241,7 +241,7 @@ def resolved(link: Link, found: Mapping[str, Any]) -> Any:
 
 
 def _ready(step: Step, known: Mapping[str, Any]) -> bool:
-    """Whether all values that are no layers are known."""
+    """Whether all parameters of a step that are no layers have known values."""
     return all(_there(link, known) for link in step.params.values())
 
 
@@ -250,13 +250,13 @@ def _there(link: Link, known: Mapping[str, Any]) -> bool:
 
 
 def _draft(step: Step, known: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings of a step, as far as they are known."""
+    """The values of the parameters of a step that are known."""
     links = {name: link for name, link in step.params.items() if _there(link, known)}
     return step_values(step, links, known)
 
 
 def _each(step: Step, draft: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """The settings of each run of a step."""
+    """The values for each run of a step."""
     if step.repeat is None or step.repeat not in draft:
         yield draft
         return
@@ -265,13 +265,13 @@ def _each(step: Step, draft: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 
 def _limits(step: Step, draft: Mapping[str, Any]) -> dict[str, str]:
-    """What is wrong with single values of a step."""
+    """The problems of single values of a step, by parameter."""
     texts = {name: step.spec.inputs[name].problem(value) for name, value in draft.items()}
     return {name: text for name, text in texts.items() if text}
 
 
 def leading_steps(steps: Mapping[str, Step], results: Iterable[str]) -> list[str]:
-    """The steps that lead to results, which are named step.output; in the order of the steps."""
+    """The names of the steps that are needed for some results (step.output), in their order."""
     found: set[str] = set()
     ahead = [name.partition(".")[0] for name in results]
     while ahead:
@@ -287,11 +287,11 @@ def _active(steps: Mapping[str, Step], known: Mapping[str, Any]) -> list[Step]:
 
 
 Runner = Callable[[str, Any, Context], Any]
-"""Called for each run of a step with its name, its tool and the context; gives the result."""
+"""Runs the tool of a step: takes the name of the step, the tool with its values and a context."""
 
 
 def run_tool(name: str, job: Any, ctx: Context) -> Any:
-    """Just run the tool."""
+    """Run the tool of a step, and do nothing else."""
     return job.run(ctx)
 
 
@@ -301,11 +301,11 @@ class ModelRun:
 
     Attributes
     ----------
-    keep : results in between, by step.output, that are wanted too
+    keep : results of steps that are wanted too, by step.output
     given : results of steps that are not run here, by step.output
-    runner : runs each tool; those of a model inside go by "step/step of that model"
-    gaps : whether a step is left out that is not given a layer that it needs, as in a tile where
-        there is nothing for the step before it
+    runner : runs each tool; a step of an inner model is named "step/inner step"
+    gaps : whether a step without a layer that it needs is left out, and is no error: in a tile,
+        the step before it may have found nothing
     """
 
     spec: Model
@@ -316,7 +316,7 @@ class ModelRun:
     gaps: bool = False
 
     def run(self, ctx: Context = QUIET) -> SimpleNamespace:
-        """Run the steps one after another; each result is forgotten after its last use."""
+        """Run the steps in order; each result is released after its last use."""
         found = {f"{INPUTS}.{name}": value for name, value in self.values.items()}
         found |= self.given
         steps = _active(self.spec.steps, found)
@@ -333,7 +333,7 @@ class ModelRun:
         return SimpleNamespace(**outs, **{name: found.get(name) for name in self.keep})
 
     def _results(self, step: Step, found: Mapping[str, Any], ctx: Context) -> dict[str, Any]:
-        """What a step gives, by step.output; if it is repeated, tuples of what each run gives."""
+        """Run a step: its results by step.output, as tuples if it is repeated."""
         values = step_values(step, step.links, found)
         if step.repeat is None:
             result = self._result(step, step.name, values, ctx)

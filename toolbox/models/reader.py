@@ -1,8 +1,8 @@
-"""Reading a model file: all of its wiring is checked, and all its mistakes reported at once.
+"""Reads a model file, checks all of its links, and reports all of its mistakes at once.
 
-A value of a step is plain, or a reference ``{from: step.output}``, where ``inputs`` stands for what
-the model takes. ``{from: [clean.clean, inputs.points]}`` takes the first that there is. What
-refers to something that is wrong itself is not reported a second time.
+The value of a parameter of a step is a plain value or a reference: ``{from: step.output}`` or
+``{from: inputs.name}``. ``{from: [clean.clean, inputs.points]}`` takes the first value that is not
+missing. A reference to something that is wrong itself is not reported again.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from toolbox.models.model import INPUTS, Condition, Link, Model, Reference, Step
 
 MODEL_WORDS = ("id", "title", "help", "inputs", "steps", "outputs")
 NEEDED = ("id", "title", "steps", "outputs")
-STEP_WORDS = ("tool", "when", "repeat")  # what a step says beside the parameters of its tool
+STEP_WORDS = ("tool", "when", "repeat")  # of a step, beside the parameters of its tool
 ID = re.compile(rf"{NAME.pattern}(\.{NAME.pattern})+")
 
 
@@ -35,12 +35,12 @@ def load(path: Path, find: Callable[[str], Spec]) -> Model:
     Parameters
     ----------
     path : of a YAML file
-    find : gives the tool of an id, or raises ParameterError
+    find : gives the specification of a tool by its id, or raises ParameterError
 
     Raises
     ------
     ParameterError
-        The file cannot be read, or is no model: all its mistakes.
+        The file cannot be read, or is no valid model; all mistakes in one error.
     """
     try:
         text = documents.mapping(path.read_text(encoding="utf-8-sig"))
@@ -49,28 +49,30 @@ def load(path: Path, find: Callable[[str], Spec]) -> Model:
     except (OSError, ValueError) as err:
         why = getattr(err, "strerror", None) or err
         raise ParameterError(f"{path} cannot be read as a model: {why}") from None
-    return _Reader(path, find).model(text)
+    return _ModelFile(path, find).model(text)
 
 
-class _Reader:
-    """Reads one model and collects what is wrong with it."""
+class _ModelFile:
+    """Reads one model file, and collects its problems."""
 
     def __init__(self, path: Path, find: Callable[[str], Spec]) -> None:
         self.path, self.find = path, find
         self.problems: dict[str, str] = {}
-        self.broken: set[str] = set()  # inputs and steps about which nothing is known
+        self.broken: set[str] = (
+            set()
+        )  # inputs and steps with mistakes, of which nothing more is known
 
     def model(self, text: Mapping[str, Any]) -> Model:
         self.problems |= word_problems("model", text, MODEL_WORDS, needed=NEEDED)
         id, title = str(text.get("id", "")), str(text.get("title", ""))
         if not ID.fullmatch(id):
             self.problems["id"] = f"must be like models.terrain, got {short(id)}"
-        parts = self._part(text, "inputs")
-        inputs, problems = model_inputs.read(parts)
+        section = self._section(text, "inputs")
+        inputs, problems = model_inputs.read(section)
         self.problems |= problems
-        self.broken |= {f"{INPUTS}.{name}" for name in parts.keys() - inputs.keys()}
-        steps = self._steps(self._part(text, "steps"), inputs)
-        returns, outs = self._returns(self._part(text, "outputs"), inputs, steps)
+        self.broken |= {f"{INPUTS}.{name}" for name in section.keys() - inputs.keys()}
+        steps = self._steps(self._section(text, "steps"), inputs)
+        returns, outs = self._returns(self._section(text, "outputs"), inputs, steps)
         self._unused(inputs, steps)
         self._ambiguous(inputs | outs, steps)
         if self.problems:
@@ -81,21 +83,21 @@ class _Reader:
             raise ParameterError(str(self.path), problems)
         return made
 
-    def _part(self, text: Mapping[str, Any], name: str) -> dict[str, Any]:
-        """The names and values of a part of the file."""
-        part = text.get(name) or {}
-        if not isinstance(part, Mapping):
-            self.problems[name] = f"must hold names and values, got {short(part)}"
+    def _section(self, text: Mapping[str, Any], name: str) -> dict[str, Any]:
+        """The names and values of a section of the file."""
+        section = text.get(name) or {}
+        if not isinstance(section, Mapping):
+            self.problems[name] = f"must hold names and values, got {short(section)}"
             return {}
-        for key in part:
+        for key in section:
             if not NAME.fullmatch(str(key)) or key == INPUTS:
                 self.problems[f"{name}.{key}"] = "names are lower_case words, and not inputs"
             elif key in RESERVED and name != "steps":
                 self.problems[f"{name}.{key}"] = "is an option of every run; choose another name"
-        return {str(key): value for key, value in part.items()}
+        return {str(key): value for key, value in section.items()}
 
     def _unused(self, inputs: Mapping[str, Field], steps: Mapping[str, Step]) -> None:
-        """Report inputs that do nothing, unless it is because of a mistake elsewhere."""
+        """Report inputs that no step uses, unless another mistake may be the cause."""
         if self.problems:
             return
         used = {name for step in steps.values() for name in step.needs}
@@ -105,7 +107,7 @@ class _Reader:
                 self.problems[f"{INPUTS}.{name}"] = "no step refers to it"
 
     def _ambiguous(self, layers: Mapping[str, Field], steps: Mapping[str, Step]) -> None:
-        """Report results such as points.bounds that are also how points are read."""
+        """Report results of steps whose names are also reading options, such as points.bounds."""
         for step in steps.values():
             field = layers.get(step.name)
             options = (*field.kind.open_options, *field.kind.save_options) if field else ()
@@ -114,8 +116,8 @@ class _Reader:
 
     # Steps
 
-    def _steps(self, parts: Mapping[str, Any], inputs: Mapping[str, Field]) -> dict[str, Step]:
-        drafts = {name: self._step(name, says) for name, says in parts.items()}
+    def _steps(self, section: Mapping[str, Any], inputs: Mapping[str, Field]) -> dict[str, Step]:
+        drafts = {name: self._step(name, says) for name, says in section.items()}
         steps = self._ordered({name: step for name, step in drafts.items() if step})
         self.broken |= drafts.keys() - steps.keys()
         known = {f"{INPUTS}.{name}": field for name, field in inputs.items()}
@@ -125,7 +127,7 @@ class _Reader:
         return steps
 
     def _unknown(self, link: Reference, known: Mapping[str, Field]) -> str | None:
-        """Say which of the referred values there is not."""
+        """Report a name in a reference that does not exist."""
         missing = [n for n in link.names if n not in known and not self._excused(n)]
         return f"nothing called {missing[0]!r}{nearest(missing[0], known)}" if missing else None
 
@@ -178,7 +180,7 @@ class _Reader:
         return str(word)
 
     def _settings(self, step: Step, given: Mapping[str, Any]) -> dict[str, Any]:
-        """The plain values of a step as its tool takes them."""
+        """Read the plain values of a step, by the types of its tool."""
         found: dict[str, Any] = {}
         for name, text in step.spec.names_problems([*given, *step.links]).items():
             self.problems.setdefault(f"{step.name}.{name}", text)
@@ -194,7 +196,7 @@ class _Reader:
         return found
 
     def _ordered(self, steps: Mapping[str, Step]) -> dict[str, Step]:
-        """Each step after those it refers to, else in the order of the file."""
+        """Sort the steps: each after those that it refers to, else in the order of the file."""
         before = {n: {need.partition(".")[0] for need in s.needs} for n, s in steps.items()}
         try:
             return {name: steps[name] for name in in_order(before)}
@@ -203,7 +205,7 @@ class _Reader:
             return dict(steps)
 
     def _check(self, step: Step, known: Mapping[str, Field], steps: Mapping[str, Step]) -> None:
-        """Whether what the step refers to is there, and fits."""
+        """Report links of a step whose values do not exist or do not fit."""
         if step.when and (text := self._condition_problem(step.when, known)):
             self.problems[f"{step.name}.when"] = text
         for name, link in step.links.items():
@@ -232,7 +234,7 @@ class _Reader:
         known: Mapping[str, Field],
         steps: Mapping[str, Step],
     ) -> str | None:
-        """Say why a parameter cannot take what it refers to."""
+        """Say why a parameter cannot take the values of its link."""
         if isinstance(link, tuple) and not want.many:
             return "takes one value, not a list"
         one = dataclasses.replace(want, many=False) if isinstance(link, tuple) else want
@@ -251,12 +253,12 @@ class _Reader:
     # Outputs
 
     def _returns(
-        self, parts: Mapping[str, Any], inputs: Mapping[str, Field], steps: Mapping[str, Step]
+        self, section: Mapping[str, Any], inputs: Mapping[str, Field], steps: Mapping[str, Step]
     ) -> tuple[dict[str, Reference], dict[str, Field]]:
         known = {name: field for step in steps.values() for name, field in step.outputs.items()}
         returns: dict[str, Reference] = {}
         outs: dict[str, Field] = {}
-        for name, says in parts.items():
+        for name, says in section.items():
             text = dict(says) if isinstance(says, Mapping) else {"from": says}
             help = text.pop("help", None)
             try:

@@ -54,7 +54,8 @@ class Expression(str):
     """A condition on attributes: checked when it is made, and evaluated on points later.
 
     It may contain attribute names, numbers, ``+ - * / % **``, comparisons (also chained), ``in``
-    with a list, ``and``, ``or``, ``not``, and the functions abs, sqrt, floor, isnan, minimum, maximum.
+    with a list, ``and``, ``or``, ``not``, and the functions abs, sqrt, floor, isnan, minimum and
+    maximum.
     """
 
     tree: ast.expr

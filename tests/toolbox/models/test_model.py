@@ -254,7 +254,7 @@ def test_a_result_that_would_be_an_option_of_an_input_is_refused() -> None:
     clash = Spec("toy.clash", "T", "H.", spec.make, spec.inputs, {"bounds": field})
     text = chain("points: {tool: toy.clash, points: [{from: inputs.points}]}", "n: points.bounds")
     path = Path("unused")
-    reader = model_reader._Reader(path, lambda id: clash)
+    reader = model_reader._ModelFile(path, lambda id: clash)
     with pytest.raises(ParameterError) as error:
         reader.model(model_reader.documents.mapping(text))
     assert error.value.problems == {

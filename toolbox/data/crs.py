@@ -1,8 +1,8 @@
 """Coordinate reference systems: reading, naming and comparing them, and their units.
 
 A length is only a length in a projected or local CRS. Heights are in the unit of the vertical
-part; a CRS without a vertical part says nothing about heights, which are then taken to be in the
-unit of the horizontal part, as the LAS and GeoTIFF files in daily use mean it.
+component; a CRS without one says nothing about heights, which are then taken to be in the
+unit of the horizontal component, as the LAS and GeoTIFF files in daily use mean it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from toolbox.errors import DataError
 
 
 def _local(unit: str, metres: float) -> CRS:
-    """Plain coordinates in a unit, without a place on Earth."""
+    """An engineering CRS for coordinates in a unit, without a relation to the Earth."""
     axes = ("easting (X)", "east"), ("northing (Y)", "north"), ("up (Z)", "up")
     listed = ",".join(f'AXIS["{n}",{way},ORDER[{k}]]' for k, (n, way) in enumerate(axes, start=1))
     return CRS.from_wkt(
@@ -28,14 +28,14 @@ def _local(unit: str, metres: float) -> CRS:
 
 
 LOCAL = _local("metre", 1.0)
-"""Plain coordinates in metres, without a place on Earth. Never written to a file."""
+"""The engineering CRS of coordinates in metres, without a relation to the Earth. Never written."""
 LOCALS = {
     "local": LOCAL,
     "local:mm": _local("millimetre", 0.001),
     "local:cm": _local("centimetre", 0.01),
     "local:ft": _local("foot", 0.3048),
 }
-"""The same in other units, by what a user calls them."""
+"""The engineering CRS for each text that a user may give, also in other units."""
 
 _FORMS = "give 'EPSG:2154', 'EPSG:2154+5720' (with heights), a WKT text, or 'local'"
 _FORMS += " (plain metres; local:mm, local:cm, local:ft)"
@@ -45,7 +45,7 @@ _UNITS |= {0.001: "millimetre", 0.01: "centimetre"}
 
 
 def parse_crs(text: str) -> CRS:
-    """Read a CRS from an authority code, a compound code, a WKT text or a word of LOCALS.
+    """Make a CRS of a text: authority code, compound code, WKT or a key of LOCALS.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def parse_crs(text: str) -> CRS:
 
 
 def length_problem(crs: CRS | None) -> str | None:
-    """Why lengths in this CRS mean nothing, and what to do about it; None if all is well.
+    """Say why lengths cannot be measured in this CRS, and what to do; None if they can.
 
     The text continues a sentence that begins with the name of the file.
     """
@@ -80,7 +80,7 @@ def length_problem(crs: CRS | None) -> str | None:
 
 
 def _horizontal_problem(crs: CRS) -> str | None:
-    horizontal = horizontal_part(crs)
+    horizontal = horizontal_crs(crs)
     if horizontal.is_geographic:
         return f"is in degrees ({describe_crs(crs)}); reproject it to a projected CRS first"
     if not (horizontal.is_projected or horizontal.is_engineering):
@@ -92,7 +92,7 @@ def _horizontal_problem(crs: CRS) -> str | None:
 
 
 def _vertical_problem(crs: CRS) -> str | None:
-    unit, vertical = horizontal_part(crs).axis_info[0], _vertical_axis(crs)
+    unit, vertical = horizontal_crs(crs).axis_info[0], _vertical_axis(crs)
     if vertical and vertical.direction == "down":
         return f"has depths, not heights ({describe_crs(crs)}); turn them upwards first"
     if vertical and not _close(vertical.unit_conversion_factor, unit.unit_conversion_factor):
@@ -104,7 +104,7 @@ def _vertical_problem(crs: CRS) -> str | None:
 
 
 def metres_per_unit(crs: CRS | None) -> float:
-    """Length of one horizontal unit in metres; 1.0 without a CRS.
+    """Metres per horizontal unit of the CRS; 1.0 without a CRS.
 
     Raises
     ------
@@ -113,35 +113,35 @@ def metres_per_unit(crs: CRS | None) -> float:
     """
     if crs is None:
         return 1.0
-    horizontal = horizontal_part(crs)
+    horizontal = horizontal_crs(crs)
     if horizontal.is_geographic:
         raise DataError(f"{describe_crs(crs)} is in degrees, which are not a length")
     return float(horizontal.axis_info[0].unit_conversion_factor)
 
 
 def metres_per_height(crs: CRS) -> float:
-    """Length of a unit of height in metres: if the CRS does not say, that of the plan, or 1.0."""
+    """Metres per unit of height; of a CRS without heights the horizontal unit, if a length."""
     vertical = _vertical_axis(crs)
     if vertical is not None:
         return float(vertical.unit_conversion_factor)
-    return 1.0 if horizontal_part(crs).is_geographic else metres_per_unit(crs)
+    return 1.0 if horizontal_crs(crs).is_geographic else metres_per_unit(crs)
 
 
 def vertical_unit(crs: CRS | None) -> str:
     """Name of the unit of heights: "metre", "foot", "US survey foot", ...; "" if not known."""
     if crs is None:
         return ""
-    horizontal, vertical = horizontal_part(crs), _vertical_axis(crs)
+    horizontal, vertical = horizontal_crs(crs), _vertical_axis(crs)
     if vertical is None and horizontal.is_geographic:
         return ""
     return _unit_name(vertical or horizontal.axis_info[0])
 
 
 def same_crs(a: CRS | None, b: CRS | None) -> bool:
-    """Whether coordinates of the two may be mixed: same datum, projection, units and heights.
+    """Whether two CRS are the same for coordinates: datum, projection, units and heights.
 
     Names, the WKT dialect, the order in which the axes are listed and an attached transformation
-    to WGS 84 make no difference. A CRS with a vertical part differs from the same without it,
+    to WGS 84 make no difference. A CRS with a vertical component differs from the same without it,
     and LOCAL or no CRS is the same only as itself.
     """
     if a is None or b is None:
@@ -154,12 +154,12 @@ def same_crs(a: CRS | None, b: CRS | None) -> bool:
 
 
 def is_local(crs: CRS) -> bool:
-    """Whether these are plain coordinates, which no file says anything of."""
+    """Whether a CRS is one of LOCALS, which is never written to a file."""
     return any(same_crs(crs, local) for local in LOCALS.values())
 
 
 def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool) -> str | None:
-    """Why a layer in `a` does not go with one in `b`, and what to do about it; None if it does.
+    """Say why a layer in CRS `a` cannot be used with one in `b`, and what to do; None if it can.
 
     Both must place things on the ground in the same way. Their height systems must agree where
     both state one, so that outlines without heights go with points that have them.
@@ -184,7 +184,7 @@ def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool) -> str | None:
 
 
 def crs_conflicts(named: Sequence[tuple[str, CRS | None]]) -> list[str]:
-    """Which point clouds, given by name and CRS, do not go with the first one, and what to do."""
+    """Say of each point cloud, given by name and CRS, why it cannot be used with the first one."""
     (first_name, first), *others = named
     return [
         f"{name} {text} of {first_name}"
@@ -194,7 +194,7 @@ def crs_conflicts(named: Sequence[tuple[str, CRS | None]]) -> list[str]:
 
 
 def _advice(a: CRS, b: CRS, heights: bool) -> str | None:
-    """How to bring a layer in `a` to `b`; None if they go together."""
+    """Say how to bring a layer from CRS `a` to `b`; None if both can be used as they are."""
     name, high_a, high_b = describe_crs(b), _vertical_axis(a), _vertical_axis(b)
     if a.is_engineering or b.is_engineering:
         return f"it cannot be compared with {name}"
@@ -225,28 +225,28 @@ def crs_text(crs: CRS | None) -> str:
     return word or _code(crs) or str(crs.to_wkt())
 
 
-def horizontal_part(crs: CRS) -> CRS:
-    """The CRS of x and y alone, without heights and without TOWGS84."""
-    return _parts(crs)[0]
+def horizontal_crs(crs: CRS) -> CRS:
+    """The horizontal component of a CRS, without TOWGS84."""
+    return _components(crs)[0]
 
 
 def _plane(crs: CRS) -> CRS:
-    """The CRS of x and y alone, of a 3-D one too."""
-    return horizontal_part(crs).to_2d()
+    """The horizontal component of a CRS in two dimensions, also of a 3-D CRS."""
+    return horizontal_crs(crs).to_2d()
 
 
 def _code(crs: CRS) -> str:
-    """AUTHORITY:CODE, of a compound AUTHORITY:CODE+CODE; "" unless every part has one."""
-    found = [authority for part in _parts(crs) if (authority := part.to_authority())]
-    if len(found) < len(_parts(crs)) or len({authority for authority, _ in found}) > 1:
+    """AUTHORITY:CODE, or AUTHORITY:CODE+CODE of a compound CRS; "" if a component has no code."""
+    found = [authority for component in _components(crs) if (authority := component.to_authority())]
+    if len(found) < len(_components(crs)) or len({authority for authority, _ in found}) > 1:
         return ""
     return f"{found[0][0]}:" + "+".join(code for _, code in found)
 
 
-def _parts(crs: CRS) -> list[CRS]:
-    """The horizontal part, and the vertical one if there is one."""
+def _components(crs: CRS) -> list[CRS]:
+    """The horizontal component of a CRS, and the vertical one if there is one."""
     crs = _without_bound(crs)
-    return [_without_bound(part) for part in crs.sub_crs_list] or [crs]
+    return [_without_bound(component) for component in crs.sub_crs_list] or [crs]
 
 
 def _without_bound(crs: CRS) -> CRS:
@@ -256,7 +256,7 @@ def _without_bound(crs: CRS) -> CRS:
 
 def _vertical_axis(crs: CRS) -> Any:
     """The axis of heights (a pyproj Axis), or None."""
-    axes = [axis for part in _parts(crs) for axis in part.axis_info]
+    axes = [axis for component in _components(crs) for axis in component.axis_info]
     return next((axis for axis in axes if axis.direction in ("up", "down")), None)
 
 
@@ -267,7 +267,7 @@ def _unit_name(axis: Any) -> str:
 
 
 def _close(a: float, b: float) -> bool:
-    """Equal but for the digits that files round off; the two feet differ by 2e-6."""
+    """Whether two factors are equal within rounding (1e-9); the two feet differ by 2e-6."""
     return abs(a - b) <= 1e-9 * abs(b)
 
 
@@ -283,7 +283,7 @@ def _reordered(node: dict[str, Any]) -> dict[str, Any]:
     if node["type"] == "BoundCRS":
         return _reordered(node["source_crs"])
     if node["type"] == "CompoundCRS":
-        return node | {"components": [_reordered(part) for part in node["components"]]}
+        return node | {"components": [_reordered(component) for component in node["components"]]}
     if node["type"] == "ProjectedCRS":
         system = node["coordinate_system"]
         axes = sorted(system["axis"], key=lambda axis: axis["direction"] not in ("east", "west"))

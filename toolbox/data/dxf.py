@@ -36,7 +36,7 @@ _UNITS = {
 
 
 def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
-    """Write a drawing of AutoCAD 2010; the same features make the same bytes.
+    """Write features as a DXF drawing of AutoCAD 2010; the same features make the same bytes.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
 
 @contextmanager
 def _without_times() -> Iterator[None]:
-    """Make drawings without times and random ids."""
+    """Have ezdxf write no times and no random ids."""
     import ezdxf
 
     options = ezdxf.options  # type: ignore[attr-defined]
@@ -75,8 +75,8 @@ def _drawing(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> Drawing:
     for row, geometry in zip(rows, frame.geometry, strict=True):
         how = {"layer": _layer_name(row, layer, path)}
         texts = _texts(row, path)
-        for part in shapely.get_parts(geometry):
-            for entity in _draw(space, part, how):
+        for piece in shapely.get_parts(geometry):
+            for entity in _draw(space, piece, how):
                 entity.set_xdata(APPLICATION, texts)
     return drawing
 
@@ -99,7 +99,7 @@ def _layer_name(row: Mapping[Any, Any], layer: str, path: Path) -> str:
 
 
 def _texts(row: Mapping[Any, Any], path: Path) -> list[tuple[int, str]]:
-    """The attributes that have a value, as extended data."""
+    """The attributes of a feature that have a value, as texts of extended data (XDATA)."""
     import pandas as pd
 
     texts = [f"{name}={value}" for name, value in row.items() if not pd.isna(value)]
@@ -112,16 +112,16 @@ def _texts(row: Mapping[Any, Any], path: Path) -> list[tuple[int, str]]:
     return [(1000, text) for text in texts]
 
 
-def _draw(space: Any, part: Any, how: Mapping[str, str]) -> list[Any]:
-    """The entities of a geometry that is no collection."""
-    if part.is_empty:
+def _draw(space: Any, piece: Any, how: Mapping[str, str]) -> list[Any]:
+    """Add a point, line or polygon to a drawing; gives the DXF entities made."""
+    if piece.is_empty:
         return []
-    solid = bool(part.has_z)
-    if shapely.get_dimensions(part) == 0:
-        (xyz,) = shapely.get_coordinates(part, include_z=solid)
+    solid = bool(piece.has_z)
+    if shapely.get_dimensions(piece) == 0:
+        (xyz,) = shapely.get_coordinates(piece, include_z=solid)
         return [space.add_point(xyz, how)]
-    polygon = shapely.get_dimensions(part) == 2
-    lines = [part.exterior, *part.interiors] if polygon else [part]
+    polygon = shapely.get_dimensions(piece) == 2
+    lines = [piece.exterior, *piece.interiors] if polygon else [piece]
     draw = space.add_polyline3d if solid else space.add_lwpolyline
     made = []
     for line in lines:

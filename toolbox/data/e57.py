@@ -82,7 +82,7 @@ def _scan(file: Any, index: int) -> dict[str, NDArray[Any]]:
 
 
 def _limits(header: Any, name: str) -> tuple[float, float] | None:
-    """Least and greatest value that the file states; None if it does not, or they are equal."""
+    """Least and greatest value of a field as the file states them; None if missing or equal."""
     group = "intensityLimits" if name == "intensity" else "colorLimits"
     if not header.node.isDefined(f"{group}/{name}Maximum"):
         return None

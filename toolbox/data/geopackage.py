@@ -1,4 +1,4 @@
-"""What layers and tables that are written to a GeoPackage have in common."""
+"""GeoPackage files: names of their tables, the files beside them, and a constant date."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _BESIDE = ("-wal", "-shm", "-journal")  # of the SQLite database that it is
 
 
 def own_files(path: Path) -> tuple[Path, ...]:
-    """The file itself, and all that would be written or read with it."""
+    """The GeoPackage, and the journals that SQLite keeps beside it."""
     return path, *(Path(f"{path}{ending}") for ending in _BESIDE)
 
 

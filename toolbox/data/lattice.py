@@ -95,7 +95,7 @@ class Lattice:
         return cls(raster.transform.c, raster.transform.f, raster.cell, *raster.shape)
 
     def window(self, rows: slice, cols: slice) -> Lattice:
-        """The cells of some rows and columns."""
+        """The lattice of some rows and columns of this one."""
         (col, east), (top, north) = self._corner
         first_row, last_row, _ = rows.indices(self.rows)
         first_col, last_col, _ = cols.indices(self.cols)
@@ -108,7 +108,7 @@ class Lattice:
         )
 
     def near(self, bounds: Sequence[float]) -> Lattice | None:
-        """The cells that touch bounds (xmin, ymin, xmax, ymax) and one more around; None if none.
+        """The window of cells that touch bounds (xmin, ymin, xmax, ymax), and one around; or None.
 
         With that one, no edge of the bounds becomes an outer edge, which the last cells hold.
         """
@@ -166,7 +166,7 @@ class Lattice:
 
     @property
     def transform(self) -> Affine:
-        """From (column, row) of a cell corner to coordinates."""
+        """The affine transform from (column, row) of a cell corner to coordinates."""
         return Affine(self.cell, 0.0, self.west, 0.0, -self.cell, self.north)
 
     @property
@@ -213,20 +213,20 @@ class Lattice:
         return row, col
 
     def holds(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Which points lie on the lattice."""
+        """Mask of the points that lie on the lattice."""
         row, col = self.indices(x, y)
         return (row >= 0) & (row < self.rows) & (col >= 0) & (col < self.cols)
 
 
 def _cells_from_origin(value: float, cell: float) -> tuple[int, float]:
-    """A corner as whole cells from the origin and the rest, which is 0 on a snapped lattice."""
+    """A coordinate as whole cells from the origin, and the rest (0 on a snapped lattice)."""
     whole = round(value / cell)
     rest = value / cell - whole
     return whole, 0.0 if abs(rest) <= _ROUNDING else rest
 
 
 def _cells(values: ArrayLike, corner: float, cell: float) -> NDArray[np.int64]:
-    """Whole cells between a corner and each value, downwards."""
+    """Number of whole cells from a corner to each value, rounded down."""
     whole, rest = _cells_from_origin(corner, cell)
     cells = np.floor(np.asarray(values, float) / cell - rest + _ROUNDING).astype(np.int64)
     return np.asarray(cells - whole)

@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 
 def write(frame: geopandas.GeoDataFrame, path: Path) -> None:
-    """Write a binary little-endian PLY file with double coordinates.
+    """Write polygons as triangles to a binary little-endian PLY file with double coordinates.
 
     Raises
     ------
@@ -36,10 +36,10 @@ def write(frame: geopandas.GeoDataFrame, path: Path) -> None:
 
     vertices, faces, owners, count = [], [], [], 0
     for number, geometry in enumerate(frame.geometry):
-        for part in shapely.get_parts(geometry):
-            if part.geom_type != "Polygon" or not part.has_z:
+        for piece in shapely.get_parts(geometry):
+            if piece.geom_type != "Polygon" or not piece.has_z:
                 raise DataError(f"{path}: a PLY mesh is made of polygons with heights")
-            xyz, triangles = triangulated(part)
+            xyz, triangles = triangulated(piece)
             vertices.append(xyz)
             faces.append(triangles + count)
             owners.append(np.full(len(triangles), number))
@@ -64,7 +64,7 @@ def write(frame: geopandas.GeoDataFrame, path: Path) -> None:
 
 
 def triangulated(polygon: Any) -> tuple[Floats, NDArray[np.int64]]:
-    """Corners of a polygon in space, shape (n, 3), and its triangles, shape (m, 3)."""
+    """Triangulate a polygon in space; gives corners (n, 3), and triangles (m, 3) of indices."""
     rings = [polygon.exterior, *polygon.interiors]
     sides = [shapely.get_coordinates(ring, include_z=True)[:-1] for ring in rings]
     xyz = np.concatenate(sides)
@@ -81,7 +81,7 @@ def triangulated(polygon: Any) -> tuple[Floats, NDArray[np.int64]]:
 
 
 def _numbers(frame: geopandas.GeoDataFrame) -> dict[str, NDArray[Any]]:
-    """The attributes that are numbers and have a name that PLY can hold."""
+    """The attributes that PLY can hold: numbers with a plain name."""
     columns = {}
     for name, values in frame.drop(columns=frame.geometry.name).items():
         if values.dtype.kind not in "biuf" or not re.fullmatch(r"[!-~]+", str(name)):

@@ -1,4 +1,4 @@
-"""What became of each point in a comparison of classes: the values of the attribute "error".
+"""Values of the attributes "error" and "difference", which comparisons give to points.
 
 The words are those of Sithole and Vosselman (2004), with ground as the class of interest.
 """

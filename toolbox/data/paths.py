@@ -1,4 +1,4 @@
-"""Which files of points a path, folder, pattern, virtual point cloud or list of these stands for.
+"""The point cloud files that a path, folder, pattern, VPC or list of these stands for.
 
 References
 ----------
@@ -30,7 +30,7 @@ _DATA = "data"  # name and role of what holds the points in an item of a VPC
 
 
 def suffix_of(path: Path) -> str:
-    """The suffix in lower case, the one before it of a compressed text file."""
+    """The suffix of a path in lower case; of "a.xyz.gz" it is ".xyz"."""
     name = path.name.lower()
     return Path(name.removesuffix(".gz")).suffix
 
@@ -103,7 +103,7 @@ def _files(item: str | Path, warn: Callable[[str], None]) -> list[Path]:
 
 
 def _problem(path: Path) -> str | None:
-    """Why a path is no file of points."""
+    """Say why a path is no file of points; None if it is one."""
     try:
         size = path.stat().st_size
     except (FileNotFoundError, ValueError):  # no file has a name with a zero byte
@@ -137,7 +137,7 @@ def _matching(pattern: str, warn: Callable[[str], None]) -> list[Path]:
 
 
 def _of_points(paths: Iterable[Path], where: str, warn: Callable[[str], None]) -> list[Path]:
-    """LAS and LAZ files, beside which texts are hardly points; without any, the other formats."""
+    """The LAS and LAZ files among paths; if there are none, the files of other point formats."""
     files = sorted(path for path in paths if path.is_file())
     readable = [path for path in files if path.name.lower().endswith(READABLE)]
     chosen = [path for path in readable if path.name.lower().endswith(LAS)] or readable
@@ -165,7 +165,7 @@ def _in_vpc(path: Path) -> list[Path]:
 
 
 def _links(feature: Any) -> Iterator[str]:
-    """Where the points of an item are; beside them it may name overviews and pictures."""
+    """The links to points in a STAC item, which may also name overviews and images."""
     assets = feature["assets"]
     for name, asset in assets.items():
         roles = asset.get("roles", [])
@@ -178,13 +178,13 @@ def _target(folder: Path, link: str) -> Path:
 
 
 def _scheme(link: str) -> str:
-    """What stands before a colon, unless it is the letter of a drive."""
+    """The scheme of a URL; "" of a path, also with the letter of a drive."""
     scheme = urlsplit(link).scheme
     return scheme if len(scheme) > 1 else ""
 
 
 def _twice(paths: Sequence[Path]) -> Iterator[str]:
-    """Files that are given more than once, also under another name."""
+    """Say which files are given more than once, also under another name."""
     seen: dict[tuple[int, int], Path] = {}
     for path in paths:
         status = os.stat(path)

@@ -18,7 +18,7 @@ _ERRORS = (ValueError, KeyError, TypeError, IndexError, MemoryError, OverflowErr
 
 
 def read_pcd(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
-    """Read points with their fields; "rgb" becomes 16-bit red, green and blue.
+    """Read coordinates and attributes of a PCD file; "rgb" becomes 16-bit red, green and blue.
 
     Points whose coordinates are NaN are cells of an organised scan where nothing was measured:
     they are left out, and the log says how many.
@@ -51,14 +51,14 @@ def read_pcd(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
 
 
 def _colours(packed: NDArray[Any]) -> dict[str, NDArray[np.uint8]]:
-    """Red, green and blue out of one 32-bit number, which may pose as a float."""
+    """Split 32-bit colours, which may be stored as floats, into 16-bit red, green and blue."""
     bits = np.ascontiguousarray(packed).view(np.uint32)
     shifts = zip(COLOURS, (16, 8, 0), strict=True)
     return {name: (bits >> shift & 0xFF).astype(np.uint8) for name, shift in shifts}
 
 
 def _measured(fields: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
-    """The points that are there."""
+    """The points without those whose coordinates are NaN."""
     empty = np.zeros(len(next(iter(fields.values()), ())), bool)
     for axis in "xyz":
         if axis in fields:

@@ -25,7 +25,7 @@ _ERRORS += (gzip.BadGzipFile, zlib.error)
 
 
 def read_ply(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
-    """Read the vertices of a .ply or .ply.gz file.
+    """Read coordinates and attributes of the vertices of a .ply or .ply.gz file.
 
     Faces and other elements are left out, and the log says so.
 
@@ -61,7 +61,7 @@ def read_ply(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
 def split(
     fields: Mapping[str, NDArray[Any]], path: Path
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
-    """Coordinates, and attributes with the names of LAS, of named columns.
+    """Split named columns into coordinates and attributes with LAS names.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def _colour(name: str, values: NDArray[Any]) -> NDArray[Any]:
 
 
 def write_ply(path: Path, cloud: Points) -> None:
-    """Write a binary little-endian PLY file with double coordinates.
+    """Write points to a binary little-endian PLY file with double coordinates.
 
     Colours that come from 8 bit are written with 8 bit, as other programs expect them.
 

@@ -23,10 +23,10 @@ from toolbox.errors import DataError, nearest
 
 
 class PointCloud:
-    """Points with attributes, immutable; what comes from a LAS file stays as it was, bit for bit.
+    """Points with attributes and a CRS, immutable; data of a LAS file stay the same, bit for bit.
 
     A cloud from LAS keeps the packed point records of the file (20 to 38 bytes per point and the
-    extra bytes), and beside them only what was changed. Coordinates are computed when first
+    extra bytes), and in addition only what was changed. Coordinates are computed when first
     asked for (24 bytes per point more); attributes are unpacked at each access.
 
     Attributes have the names of LAS: intensity, return_number, number_of_returns,
@@ -81,7 +81,7 @@ class PointCloud:
         assume_crs: CRS | None = None,
         ctx: Context = QUIET,
     ) -> PointCloud:
-        """Read a file, whose suffix says which format it has, or join all files of a survey.
+        """Read a file in the format that its suffix names, or join all files of a survey.
 
         Parameters
         ----------
@@ -161,11 +161,11 @@ class PointCloud:
 
     @classmethod
     def concat(cls, clouds: Iterable[PointCloud]) -> PointCloud:
-        """Join clouds to one, in their order.
+        """Join clouds into one, in their order.
 
         Clouds from LAS files of the same layout (point format, extra bytes, scale, offset) are
         joined bit for bit. Otherwise the point format is one that has the attributes of all, the
-        scale is the finest, and the header and its records are those of the first. What a file
+        scale is the finest, and header and VLRs are those of the first. What a file
         lacks, extra bytes too, is 0 in its points, as LAS has it for what is not known; a warning
         names the file and the attributes. Clouds that did not come from LAS must have the same
         attributes.
@@ -191,7 +191,7 @@ class PointCloud:
     def template(
         cls, clouds: Sequence[PointCloud], boxes: Callable[[], Sequence[las_points.Box]]
     ) -> PointCloud:
-        """The cloud without points to which all others can be made alike, to be joined.
+        """A cloud without points in the layout that joins some clouds; see :meth:`like`.
 
         Parameters
         ----------
@@ -226,12 +226,12 @@ class PointCloud:
         return first
 
     def like(self, template: PointCloud) -> PointCloud:
-        """The same points with the records, attributes and CRS of a template.
+        """The same points in the layout of a template: point format, attributes and CRS.
 
         Raises
         ------
         DataError
-            The points cannot be written in these records.
+            The points do not fit the point format of the template.
         """
         if template._metadata is not None and self._metadata is None:
             raise DataError(f"{self.name} has no LAS records to join with those of others")
@@ -254,13 +254,13 @@ class PointCloud:
         return cloud
 
     def _column_like(self, name: str, values: NDArray[Any]) -> NDArray[Any]:
-        """An attribute in the type of the given column; 0 where there is none."""
+        """An attribute of this cloud in the type of `values`; 0 if it has none."""
         if name in self:
             return _frozen(self[name].astype(values.dtype, copy=False))
         return _frozen(np.zeros((len(self), *values.shape[1:]), values.dtype))
 
     def filled(self, clouds: Iterable[PointCloud], size: int) -> PointCloud:
-        """A template with the points of clouds that are like it.
+        """This template filled with the points of clouds that are like it.
 
         Parameters
         ----------
@@ -287,7 +287,7 @@ class PointCloud:
 
     @classmethod
     def of_metadata(cls, metadata: LasMetadata, name: str) -> PointCloud:
-        """A cloud without points, as in a LAS file of which only the header is read."""
+        """A cloud without points, from the metadata of a LAS file."""
         return cls._of_las(metadata, np.empty(0, metadata.header.point_format.dtype()), name)
 
     def __len__(self) -> int:
@@ -305,7 +305,7 @@ class PointCloud:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the attributes, those of the file first."""
+        """Names of the attributes; those of the file come first."""
         of_file = self._metadata.names if self._metadata else ()
         return of_file + tuple(name for name in self._columns if name not in of_file)
 
@@ -396,7 +396,7 @@ class PointCloud:
         return cloud
 
     def with_xyz(self, xyz: ArrayLike) -> PointCloud:
-        """The same points elsewhere: coordinates of shape (n, 3)."""
+        """The same points with other coordinates, of shape (n, 3)."""
         moved = _coordinates(xyz)
         if len(moved) != len(self):
             raise DataError(f"{len(moved)} coordinates do not fit {len(self)} points")
@@ -406,21 +406,21 @@ class PointCloud:
 
     @property
     def origin(self) -> NDArray[np.int64] | None:
-        """Which point of a survey each of the n points is, if the cloud is a tile of one.
+        """Index of each of the n points in the survey, if the cloud is a tile of it; else None.
 
-        The number counts through all files. A point that is there only as a neighbour of the
-        tile has the number -1 - origin. What is selected from the tile keeps its origin.
+        The index counts through all files. A point in the halo of the tile has -1 - index. What is
+        selected from the tile keeps its origin.
         """
         return self._origin
 
     @property
     def core(self) -> NDArray[np.bool_]:
-        """True for the points, of shape (n,), that count; not for the neighbours of a tile."""
+        """Mask of shape (n,): true for points of the tile itself, false for those of its halo."""
         return np.ones(len(self), bool) if self._origin is None else self._origin >= 0
 
     @property
     def number(self) -> NDArray[np.int64]:
-        """The index of each point in the survey, also of neighbours of a tile; see `origin`."""
+        """Index of each point in the survey, also of points in the halo of a tile; see `origin`."""
         if self._origin is None:
             return np.arange(len(self))
         return np.where(self._origin < 0, -1 - self._origin, self._origin)
@@ -433,7 +433,7 @@ class PointCloud:
 
     @property
     def file(self) -> NDArray[np.int32]:
-        """Of which file of a survey each of the n points is, counted from 0."""
+        """Index of the file of a survey that each of the n points comes from."""
         return _frozen(np.zeros(len(self), np.int32)) if self._file is None else self._file
 
     def with_file(self, file: NDArray[np.integer[Any]] | None) -> PointCloud:
@@ -443,7 +443,7 @@ class PointCloud:
         return cloud
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """All that tells the points apart: arrays of n rows, for :meth:`with_arrays`."""
+        """The arrays of n rows that hold the points, by name; see :meth:`with_arrays`."""
         found = {f"column {name}": values for name, values in self._columns.items()}
         if self._packed is not None:
             found["packed"] = self._packed
@@ -452,7 +452,7 @@ class PointCloud:
         return found
 
     def with_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> PointCloud:
-        """A cloud like this, mostly one without points, with the points of :meth:`arrays`."""
+        """A cloud in the layout of this one with the points of :meth:`arrays` of another."""
         cloud = self._copy()
         cloud._size = len(next(iter(arrays.values())))
         cloud._packed = arrays.get("packed")
@@ -462,7 +462,7 @@ class PointCloud:
         return cloud
 
     def with_crs(self, crs: CRS | None) -> PointCloud:
-        """The same coordinates, said to be in another CRS."""
+        """The same points, stated to be in another CRS; nothing is transformed."""
         cloud = self._copy()
         cloud.crs = crs
         return cloud
@@ -474,16 +474,16 @@ class PointCloud:
 
     @classmethod
     def own_files(cls, path: str | Path) -> tuple[Path, ...]:
-        """The file itself, and a record that an earlier run has put beside it."""
+        """The file at a path, and the provenance record that an earlier run has put beside it."""
         return Path(path), *own_side_car(path)
 
     def save(self, path: str | Path, *, record: str = "", ctx: Context = QUIET) -> None:
         """Write a file; its suffix says in which format.
 
-        A LAS file keeps header, records and all that was not changed. It is written in a newer
+        A LAS file keeps header, VLRs and all that was not changed. It is written in a newer
         point format where the attributes need it (classes above 31, NIR, ...), and attributes
         that LAS does not know become extra bytes; both are logged. COPC becomes LAZ, since its
-        order of points is lost. A record that the points were read with is not kept.
+        order of points is lost. The provenance record that the points were read with is not kept.
 
         Parameters
         ----------
@@ -556,7 +556,7 @@ class PointCloud:
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
-        """Write a LAS file that need not be in memory as a whole.
+        """Write a LAS file from clouds that are made one after the other.
 
         Parameters
         ----------
@@ -581,20 +581,20 @@ class PointCloud:
                 done += len(cloud)
 
     def with_header_of(self, owner: PointCloud) -> PointCloud:
-        """A template with header and records of the file that is the owner, but its own layout."""
+        """This template with header and VLRs of another cloud (owner), but its own layout."""
         cloud = self._copy()
         if self._metadata is not None and owner._metadata is not None:
             cloud._metadata = with_layout(self._metadata, owner._metadata)
         return cloud
 
     def read_back(self) -> PointCloud:
-        """The cloud as it would be read from a LAS file that it was saved to."""
+        """The cloud as it would be if it were saved to a LAS file and read again."""
         cloud = self._of_las(*self.as_las(), self.name)
         return cloud.with_origin(self._origin)
 
     @property
     def decimals(self) -> tuple[int | None, int | None, int | None]:
-        """Decimals that say x, y and z without loss; None where only all digits do."""
+        """Decimals that write x, y and z without loss; None where all digits are needed."""
         if self._metadata is not None and not self._moved:
             header = self._metadata.header
             pairs = zip(header.scales, header.offsets, strict=True)
@@ -615,7 +615,7 @@ def _coordinates(xyz: ArrayLike) -> NDArray[np.float64]:
 
 
 def _columns(attributes: Mapping[str, ArrayLike], size: int) -> dict[str, NDArray[Any]]:
-    """Own, read-only copies of attributes."""
+    """Read-only copies of attributes, checked."""
     columns = {}
     for name, values in attributes.items():
         column = np.array(values, order="C")
@@ -630,7 +630,7 @@ def _columns(attributes: Mapping[str, ArrayLike], size: int) -> dict[str, NDArra
 
 
 def _indices(which: NDArray[Any], size: int) -> NDArray[np.intp]:
-    """A mask as indices; indices as they are."""
+    """The indices that a mask selects, or the given indices."""
     # An array of bytes is more likely a mask that lost its type than indices up to 255.
     if which.size and (which.dtype.kind not in "biu" or which.dtype in (np.uint8, np.int8)):
         raise DataError(f"points are selected by a mask or by indices, not by {which.dtype}")
@@ -658,7 +658,7 @@ def _is_box(bounds: Sequence[float]) -> bool:
 
 
 def _boxes(clouds: Sequence[PointCloud]) -> list[las_points.Box]:
-    """Lowest and highest coordinates of the clouds that have points, as their records say."""
+    """Lowest and highest coordinates of each cloud from LAS that has points."""
     return [
         las_points.box_of(cloud._metadata.header, cloud._packed)
         for cloud in clouds
@@ -667,7 +667,7 @@ def _boxes(clouds: Sequence[PointCloud]) -> list[las_points.Box]:
 
 
 def _check_same_attributes(clouds: Sequence[PointCloud], names: Iterable[str]) -> None:
-    """Refuse to join clouds without a LAS layout that have not the same attributes."""
+    """Raise a DataError unless all clouds have all of these attributes."""
     problems = []
     for cloud in clouds:
         if lacking := [name for name in names if name not in cloud]:
@@ -679,7 +679,7 @@ def _check_same_attributes(clouds: Sequence[PointCloud], names: Iterable[str]) -
 
 
 def _common_column(clouds: Sequence[PointCloud], name: str) -> NDArray[Any]:
-    """An attribute of no points in a type that holds that of all clouds."""
+    """An array of no points in the type that holds an attribute of all clouds."""
     having = [cloud.select([])[name] for cloud in clouds if name in cloud]
     if len({values.shape for values in having}) > 1:
         raise DataError(f"attribute {name!r} has not the same number of elements in all files")
@@ -689,7 +689,7 @@ def _common_column(clouds: Sequence[PointCloud], name: str) -> NDArray[Any]:
 
 
 def _joint_name(names: Sequence[str]) -> str:
-    """The name of all clouds, or of the first and how many more there are."""
+    """The name of joined clouds: that of the first, and how many others there are."""
     distinct = dict.fromkeys(names)
     more = f" and {len(distinct) - 1} more" if len(distinct) > 1 else ""
     return f"{names[0]}{more}"

@@ -1,4 +1,4 @@
-"""Rasters with square cells, north up."""
+"""Rasters: bands of values on square cells, north up, read and written with GDAL."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _DTYPES = frozenset(
 
 @dataclass(frozen=True, eq=False)
 class Raster:
-    """One or more bands on one lattice.
+    """One or more bands of values on one lattice, with a CRS.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class Raster:
         descriptions: Sequence[str] = (),
         units: Sequence[str] = (),
     ) -> Raster:
-        """A raster made in memory; values of shape (bands, rows, cols) or (rows, cols)."""
+        """Make a raster of values (bands, rows, cols) or (rows, cols) on a lattice."""
         if values.shape[-2:] != lattice.shape:
             raise ValueError(f"values of shape {values.shape} on a lattice of {lattice.shape}")
         return cls(
@@ -112,7 +112,7 @@ class Raster:
 
     @classmethod
     def own_files(cls, path: str | Path) -> tuple[Path, ...]:
-        """The file itself, and all that would be read with it: another CRS, overviews, a mask.
+        """The raster file, and what GDAL reads with it: another CRS, overviews, a mask.
 
         World files are none of them, since the position in the file comes first.
         """
@@ -120,7 +120,7 @@ class Raster:
 
     @classmethod
     def open(cls, path: str | Path, *, band: int | None = None, ctx: Context = QUIET) -> Raster:
-        """Read any raster that GDAL reads.
+        """Read a raster in any format that GDAL reads.
 
         Cells without data are those of the file's nodata value, mask or alpha band. Integers
         stay integers where one nodata value says it all, and become floats with NaN where a mask
@@ -152,7 +152,7 @@ class Raster:
         return raster if band is None else raster._alone(band)
 
     def _alone(self, band: int) -> Raster:
-        """One of the bands."""
+        """The raster of one of the bands."""
         if not 1 <= band <= len(self.values):
             raise DataError(f"{self.name} has bands 1 to {len(self.values)}, not {band}")
         only = slice(band - 1, band)
@@ -207,7 +207,7 @@ class Raster:
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
-        """Write a raster like this one that need not be in memory as a whole.
+        """Write a GeoTIFF from strips of rows that are made one after the other.
 
         Parameters
         ----------
@@ -266,16 +266,16 @@ class Raster:
         ctx.progress(1.0)
 
     def window(self, rows: slice, cols: slice) -> Raster:
-        """The cells of some rows and columns."""
+        """The raster of some rows and columns."""
         lattice = Lattice.of(self).window(rows, cols)
         return replace(self, values=self.values[:, rows, cols], transform=lattice.transform)
 
     def with_crs(self, crs: CRS | None) -> Raster:
-        """The same cells, said to be in another CRS; nothing is transformed."""
+        """The same raster, stated to be in another CRS; nothing is transformed."""
         return replace(self, crs=crs)
 
     def _stored(self, path: str | Path, wanted: np.dtype[Any]) -> tuple[NDArray[Any], float | None]:
-        """The values as the file holds them, with nodata for NaN, and nodata."""
+        """The values as the file holds them, with nodata for NaN; and the nodata value."""
         rounds = self.values.dtype.kind == wanted.kind == "f"
         if wanted.name not in _DTYPES or not (rounds or np.can_cast(self.values.dtype, wanted)):
             raise DataError(f"{path}: {self.values.dtype} values do not fit {wanted}")
@@ -337,7 +337,7 @@ class Raster:
         band: int = 1,
         method: Literal["nearest", "linear"] = "nearest",
     ) -> NDArray[np.float64]:
-        """Values at points; NaN outside and where a needed cell has no data.
+        """Values of a band at points; NaN outside and where a needed cell has no data.
 
         Parameters
         ----------
@@ -358,7 +358,7 @@ class Raster:
 def _bilinear(
     values: NDArray[np.float64], lattice: Lattice, x: NDArray[np.float64], y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Weighted mean of the four centres around each point; a centre of weight 0 is not needed."""
+    """Bilinear mean of the four cell centres around each point; NaN if one that counts is NaN."""
     centre_x, centre_y = lattice.centres()
     right, down = (x - centre_x[0]) / lattice.cell, (centre_y[0] - y) / lattice.cell
     col, row = np.floor(right).astype(np.int64), np.floor(down).astype(np.int64)
@@ -375,7 +375,7 @@ def _bilinear(
 
 
 def _transform_problem(transform: Affine) -> str | None:
-    """Why cells of this transform are not ours; continues a sentence with the file name."""
+    """Say why a transform is not of square cells, north up; continues the name of the file."""
     if transform.is_identity:
         return "is not georeferenced; assign its position and CRS first"
     if transform.b != 0 or transform.d != 0 or transform.a <= 0 or transform.e >= 0:
@@ -391,21 +391,21 @@ def _fits(value: float, dtype: np.dtype[Any]) -> bool:
 
 
 def _layout(dtype: np.dtype[Any]) -> dict[str, Any]:
-    """GDAL's creation options: predictor 3 is made for floats, 2 for integers."""
+    """GDAL creation options of a GeoTIFF; predictor 3 is made for floats, 2 for integers."""
     predictor = 3 if dtype.kind == "f" else 2
     tiles = {"tiled": True, "blockxsize": STRIP, "blockysize": STRIP}
     return _COMPRESSED | tiles | {"driver": "GTiff", "predictor": predictor}
 
 
 def _cog_layout(dtype: np.dtype[Any]) -> dict[str, Any]:
-    """A cloud-optimised GeoTIFF is always copied from another file."""
+    """GDAL creation options of a cloud-optimised GeoTIFF, which is copied from another file."""
     resampling = "average" if dtype.kind == "f" else "nearest"
     return _COMPRESSED | {"driver": "COG", "predictor": "yes", "resampling": resampling}
 
 
 @contextmanager
 def _position_unchecked() -> Iterator[None]:
-    """Without rasterio's warning: reading refuses what has no position, writing has one.
+    """Silence rasterio's warning of files without a position, which reading refuses itself.
 
     It also warns of one unit per cell from (0, 0), which GeoTIFF keeps very well.
     """
@@ -417,10 +417,10 @@ def _position_unchecked() -> Iterator[None]:
 
 
 def _read(source: Any, name: str) -> Raster:
-    """A Raster from an open rasterio dataset."""
+    """Make a Raster of an open rasterio dataset."""
     if source.count == 0:
-        parts = ", ".join(source.subdatasets) or "none"
-        raise DataError(f"{name} has no bands of its own; name one of its parts: {parts}")
+        listed = ", ".join(source.subdatasets) or "none"
+        raise DataError(f"{name} has no bands of its own; name one of its parts: {listed}")
     if problem := _transform_problem(source.transform):
         raise DataError(f"{name} {problem}")
     if any(dtype not in _DTYPES for dtype in source.dtypes):

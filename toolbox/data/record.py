@@ -1,4 +1,4 @@
-"""Where a file keeps the record of how it was made, whatever its format.
+"""The provenance record of a file, read and written in the way of its format.
 
 A record is a JSON object with the member "lidar-toolbox"; what else is in it is not looked at
 here (see `toolbox.runs.provenance`). It stands in the file where the format has room, so that it is
@@ -70,7 +70,7 @@ _PNG_START = b"\x89PNG\r\n\x1a\n"
 
 
 def is_record(text: str) -> bool:
-    """Whether a text is a record of ours."""
+    """Whether a text is a provenance record of this toolbox."""
     try:
         found = json.loads(text)
     except (ValueError, RecursionError):
@@ -79,7 +79,7 @@ def is_record(text: str) -> bool:
 
 
 def checked(text: str) -> str:
-    """The text of a record that is to be written.
+    """The given text, if it is a provenance record.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def checked(text: str) -> str:
 
 
 def read_record(path: str | Path) -> str:
-    """Read the record that a file carries; "" if it has none.
+    """Read the provenance record of a file; "" if it has none.
 
     Raises
     ------
@@ -112,25 +112,25 @@ def read_record(path: str | Path) -> str:
 
 
 def side_car(path: str | Path) -> Path | None:
-    """The file that holds the record of a file; None if that holds it itself."""
+    """The path beside a file at which its record stands; None if the file holds it itself."""
     inside = (*_LAS, *_TIFF, ".gpkg", ".png", ".html")
     return None if Path(path).suffix.lower() in inside else Path(f"{path}.json")
 
 
 def own_side_car(path: str | Path) -> tuple[Path, ...]:
-    """The side-car of a file, in a tuple, if it is there and holds a record of ours."""
+    """A tuple of the side-car of a file if that holds a record of this toolbox; else empty."""
     beside = side_car(path)
     return (beside,) if beside and beside.is_file() and is_record(_text(beside)) else ()
 
 
 def foreign_side_car(path: str | Path) -> Path | None:
-    """A file that is no record of ours, and stands where the record of a file would be written."""
+    """A file of somebody else at the path where the record of a file would be written; or None."""
     beside = side_car(path)
     return beside if beside and beside.exists() and not own_side_car(path) else None
 
 
 def write_beside(path: Path, text: str) -> None:
-    """Write the side-car of a file; with the text "" remove one of an earlier run.
+    """Write a record to the side-car of a file; the text "" removes that of an earlier run.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def write_beside(path: Path, text: str) -> None:
 
 
 def write_into_geopackage(path: Path, text: str, timestamp: str) -> None:
-    """Add the record to a GeoPackage that was just written, and has no metadata yet.
+    """Add a record to a GeoPackage that was just written and has no metadata yet.
 
     Parameters
     ----------

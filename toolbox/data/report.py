@@ -1,4 +1,4 @@
-"""Reports: texts, tables and pictures as one HTML page that needs no other file."""
+"""Reports: texts, tables and images in one HTML file that needs no other file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MOST_ROWS = 200  # of a table; a report is to be read by people
 
 @dataclass(frozen=True)
 class Figure:
-    """A picture of a report.
+    """An image in a report.
 
     Attributes
     ----------
@@ -35,14 +35,14 @@ class Figure:
 
     @property
     def source(self) -> str:
-        """The picture as an address, so that the page is one file."""
+        """The image as a data URL, so that the report is one file."""
         kind = "png" if self.content.startswith(b"\x89PNG") else "svg+xml"
         return f"data:image/{kind};base64," + base64.b64encode(self.content).decode()
 
 
 @dataclass(frozen=True)
 class Rows:
-    """A table of a report, of which the first rows are shown.
+    """A table in a report, of which the first rows are shown.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Rows:
 
     @property
     def cells(self) -> list[list[str]]:
-        """The texts of each row that is shown."""
+        """The texts of the cells of each row that is shown."""
         frame = self.table.frame.head(self.most)
         columns = [cell_texts(column, missing="") for _, column in frame.items()]
         return [list(row) for row in zip(*columns, strict=True)]
@@ -77,18 +77,18 @@ Block = str | Rows | Figure
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what stands under it: texts, tables and pictures."""
+    """A heading of a report with texts, tables and images under it."""
 
     title: str
     blocks: Sequence[Block]
 
 
 class Report:
-    """A page for people.
+    """A report for people: sections with texts, tables and images.
 
     Parameters
     ----------
-    title : heading of the page
+    title : heading of the report
     sections : in the order of reading
     summary : what to know before all else
     name : for messages
@@ -115,7 +115,7 @@ class Report:
         raise DataError(f"{path}: reports are written, not read")
 
     def html(self, record: str = "") -> str:
-        """The page; `record` says how it was made, as JSON text (see `toolbox.runs.provenance`)."""
+        """The HTML text; `record` is JSON text, see `toolbox.runs.provenance`."""
         import jinja2
 
         page = Path(__file__).with_name("report.html").read_text(encoding="utf-8")
@@ -126,7 +126,7 @@ class Report:
         return environment.from_string(page).render(report=self, record=safe, **kinds)
 
     def save(self, path: str | Path, *, record: str = "", ctx: Context = QUIET) -> None:
-        """Write the page; the same report makes the same bytes.
+        """Write the HTML file; the same report makes the same bytes.
 
         Parameters
         ----------
@@ -150,7 +150,7 @@ class Report:
 
 
 def _prose(text: str) -> Markup:
-    """A text for the page, in which `names` stand out."""
+    """A text for the report, in which `names` stand out."""
     from markupsafe import Markup, escape
 
     return Markup(re.sub(r"`([^`\n]+)`", r"<code>\1</code>", str(escape(text))))

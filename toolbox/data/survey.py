@@ -29,7 +29,7 @@ Bounds = tuple[float, float, float, float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class SurveyFile:
-    """One file of a survey; small, so that it can be sent to other processes.
+    """What the header of one file of a survey says; small, so that it can be sent to processes.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class SurveyFile:
         assume_crs: CRS | None = None,
         ctx: Context = QUIET,
     ) -> SurveyFile:
-        """Read the header of a LAS file; of a file of another format everything, but keep little.
+        """Read the header of a LAS file; a file of another format is read whole, and only counted.
 
         Raises
         ------
@@ -107,7 +107,7 @@ class SurveyFile:
         return file._with_bounds(ctx)
 
     def _with_bounds(self, ctx: Context) -> SurveyFile:
-        """The same file with bounds where the header states none."""
+        """The same file with the bounds of its points if the header states none."""
         if self.count == 0:
             return replace(self, bounds=(np.nan,) * 6)
         low, high = np.reshape(self.bounds, (2, 3))
@@ -119,7 +119,7 @@ class SurveyFile:
         return replace(self, bounds=_union(found), remarks=(*self.remarks, text))
 
     def ranges(self, size: int) -> list[tuple[int, int]]:
-        """Ranges of points, from start to before stop, that can be read with bounded memory.
+        """Index ranges (start, stop) of points that can be read with bounded memory.
 
         Parameters
         ----------
@@ -151,7 +151,7 @@ class SurveyFile:
         return found
 
     def read(self, start: int, stop: int, *, ctx: Context = QUIET) -> PointCloud:
-        """The points of a range, as in the whole file; only those in the area that is read.
+        """Read the points with indices from start to before stop, if they lie in the area wanted.
 
         Raises
         ------
@@ -171,7 +171,7 @@ class SurveyFile:
         return self.path.name.lower().endswith(".copc.laz")
 
     def within(self, bounds: Sequence[float] | None, *, ctx: Context = QUIET) -> PointCloud:
-        """The points within xmin, ymin, xmax, ymax, or all; of COPC no more is read than needed.
+        """Read the points within (xmin, ymin, xmax, ymax), or all; COPC files only where needed.
 
         Raises
         ------
@@ -185,7 +185,7 @@ class SurveyFile:
         return cloud.with_crs(self.crs)
 
     def touches(self, bounds: Sequence[float]) -> bool:
-        """Whether its bounding box touches xmin, ymin, xmax, ymax."""
+        """Whether the bounding box of the file touches (xmin, ymin, xmax, ymax)."""
         xmin, ymin, _, xmax, ymax, _ = self.bounds
         return (
             self.count > 0
@@ -198,7 +198,7 @@ class SurveyFile:
 
 @dataclass(frozen=True)
 class Survey:
-    """Files of points in one CRS, of which only the headers have been read.
+    """Point cloud files in one CRS, of which only the headers have been read.
 
     Attributes
     ----------
@@ -259,23 +259,23 @@ class Survey:
         return cls(tuple(files), name_of(paths))
 
     def absolute(self) -> Survey:
-        """The same files for a process that may be in another folder."""
+        """The same survey with absolute paths, for processes in another folder."""
         files = tuple(replace(file, path=file.path.absolute()) for file in self.files)
         return replace(self, files=files)
 
     def limited_to(self, bounds: Sequence[float]) -> Survey:
-        """The same files, of which only the points within xmin, ymin, xmax, ymax are read."""
+        """The same survey, of which only the points within (xmin, ymin, xmax, ymax) are read."""
         files = tuple(replace(file, only=tuple(bounds)) for file in self.files)
         return replace(self, files=files)
 
     @property
     def crs(self) -> CRS | None:
-        """Of all files; None if not known."""
+        """The CRS of all files; None if not known."""
         return self.files[0].crs
 
     @property
     def count(self) -> int:
-        """Number of points."""
+        """Number of points of all files."""
         return sum(file.count for file in self.files)
 
     @property
@@ -294,12 +294,12 @@ class Survey:
         return 1 / metres_per_unit(self.crs)
 
     def with_crs(self, crs: CRS | None) -> Survey:
-        """The same files, said to be in another CRS."""
+        """The same survey, stated to be in another CRS; nothing is transformed."""
         return replace(self, files=tuple(replace(file, crs=crs) for file in self.files))
 
     @cached_property
     def template(self) -> PointCloud:
-        """A cloud without points, to which those of all files are made alike before they join.
+        """A cloud without points in the layout that joins the points of all files.
 
         ``survey.files[i].read(start, stop).like(survey.template)`` is, bit for bit, that piece of
         what `PointCloud.open` makes of the survey.
@@ -311,7 +311,7 @@ class Survey:
         return [(low, high) for low, high in boxes]
 
     def read(self, *, bounds: Sequence[float] | None = None, ctx: Context = QUIET) -> PointCloud:
-        """All points, in the order of the files; within bounds, those of the files they touch.
+        """Read all points in the order of the files, or those within bounds.
 
         Raises
         ------
@@ -337,7 +337,7 @@ class Survey:
         return whole.with_file(np.repeat(np.array(numbers, np.int32), counts))
 
     def batches(self, size: int, *, ctx: Context = QUIET) -> Iterator[PointCloud]:
-        """All points in the order of the files, some at a time; at least one cloud, like template.
+        """Read all points in the order of the files as clouds like the template; at least one.
 
         Parameters
         ----------
@@ -358,7 +358,7 @@ class Survey:
             yield self.template
 
     def file_of(self, number: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The file, counted from 0, that holds each of some points, counted through all files."""
+        """Index of the file that holds each point, given its index in the survey."""
         ends = np.cumsum([file.count for file in self.files])
         return np.searchsorted(ends, number, side="right")
 
@@ -371,7 +371,7 @@ def _header(path: Path, warn: Callable[[str], None]) -> LasMetadata:
 
 
 def _empty(file: SurveyFile) -> PointCloud:
-    """A cloud as in the file, without its points."""
+    """The point cloud of a file without its points."""
     name = file.path.name
     if file.version:
         return PointCloud.of_metadata(_header(file.path, lambda text: None), name).with_crs(
@@ -387,7 +387,7 @@ def _attributes(cloud: PointCloud) -> tuple[tuple[str, str, tuple[int, ...]], ..
 
 
 def _union(bounds: Sequence[Bounds]) -> Bounds:
-    """The box around some boxes; NaN if there are none."""
+    """The bounds of some bounds; NaN if there are none."""
     if not bounds:
         return (np.nan,) * 6
     corners = np.array(bounds)

@@ -22,7 +22,7 @@ _NULLABLE = {"Int64": np.dtype("int64"), "boolean": np.dtype("bool")}  # as pand
 
 
 class Table:
-    """Rows and named columns.
+    """Rows of named columns without geometry.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Table:
 
     @classmethod
     def own_files(cls, path: str | Path) -> tuple[Path, ...]:
-        """The file itself, and all that would be written with it."""
+        """The file at a path, and what belongs to it: journals of SQLite, or a record beside it."""
         path = Path(path)
         if path.suffix.lower() == geopackage.SUFFIX:
             return geopackage.own_files(path)
@@ -169,7 +169,7 @@ class Table:
 
 
 def need_pyarrow() -> None:
-    """Make sure that Parquet can be read and written.
+    """Raise a DataError unless pyarrow is installed, which Parquet needs.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def need_pyarrow() -> None:
 
 
 def plain(frame: pd.DataFrame) -> pd.DataFrame:
-    """Columns as numpy types, but for whole numbers and yes/no with missing values."""
+    """The frame with numpy types, but for whole numbers and yes/no with missing values."""
     import pandas as pd
 
     return pd.DataFrame({name: _plain_column(column) for name, column in frame.items()})
@@ -202,7 +202,7 @@ def _json_ready(value: Any) -> Any:
 
 
 def _aligned(name: str, column: pd.Series[Any]) -> list[str]:
-    """A header and one text per row, all of one width."""
+    """The header and cells of a column as texts of one width."""
     cells = [name, *cell_texts(column, missing="-")]
     width = max(len(cell) for cell in cells)
     number = is_number(column)

@@ -1,4 +1,4 @@
-"""Files of tables: CSV, JSON, Parquet and GeoPackage, read and written as frames of pandas."""
+"""Table files: CSV, JSON, Parquet and GeoPackage, read into data frames and written from them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from toolbox.data.table import Table, need_pyarrow
 
 
 def read(path: Path, layer: str | None) -> pd.DataFrame:
-    """The rows of a file; ValueError if it does not hold a table."""
+    """Read the rows of a file; ValueError if it does not hold a table."""
     if path.suffix.lower() == geopackage.SUFFIX:
         return _read_geopackage(path, layer)
     readers = {".csv": _read_csv, ".json": _read_json, ".parquet": _read_parquet}
@@ -57,7 +57,7 @@ def _write_csv(table: Table, path: Path) -> None:
 
 
 def _write_json(table: Table, path: Path) -> None:
-    """One record per line; pandas' own writer cuts floats to 15 digits."""
+    """Write one JSON object per line; the writer of pandas would cut floats to 15 digits."""
     lines = [json.dumps(row, ensure_ascii=False, allow_nan=False) for row in table.records()]
     path.write_text("[\n" + ",\n".join(lines) + "\n]\n", encoding="utf-8")
 
@@ -81,7 +81,7 @@ def _write_geopackage(frame: pd.DataFrame, path: Path, layer: str | None, *, add
 
 
 def _read_geopackage(path: Path, layer: str | None) -> pd.DataFrame:
-    """Not through GDAL, which makes floats of whole numbers where one is missing."""
+    """Read a table of a GeoPackage without GDAL, which makes floats of integers with gaps."""
     names = geopackage.tables(path)
     with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
         if (layer not in names) if layer else len(names) != 1:
@@ -108,5 +108,5 @@ def _library_errors() -> Iterator[None]:
 
 
 def _text(value: Any) -> str | None:
-    """A cell of a column of mixed types, which Parquet does not have."""
+    """The text of a cell in a column of mixed types, which Parquet does not have."""
     return None if pd.isna(value) else str(value)

@@ -1,4 +1,4 @@
-"""Points in text files: one line per point, with or without a line of names."""
+"""Points in text files: one line per point, with or without a header line."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ _ERRORS = (ValueError, OverflowError, EOFError, zlib.error, gzip.BadGzipFile)
 
 
 class Points(Protocol):
-    """What is written: a point cloud."""
+    """What :func:`write_text` needs of a point cloud."""
 
     @property
     def names(self) -> tuple[str, ...]: ...
@@ -123,7 +123,7 @@ def read_text(
     separator: str | None = None,
     ctx: Context = QUIET,
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
-    """Read points from lines of numbers.
+    """Read coordinates and attributes of a text file.
 
     Comments begin with # or //. The first line may hold names, also as a comment; without names
     the first three columns are x, y and z, and the others column4, column5, ... A .pts file may
@@ -170,7 +170,7 @@ def _text(path: Path) -> Iterator[IO[str]]:
 
 
 def _table(path: Path, columns: Sequence[str] | None, separator: str | None) -> _Table:
-    """Find the names, the separator and the first line with numbers."""
+    """Find names, separator and first line of the points in a text file."""
     comment, count = "", None
     content: list[tuple[int, str]] = []  # the first two lines that are not comments
     with _text(path) as lines:
@@ -200,7 +200,7 @@ def _table(path: Path, columns: Sequence[str] | None, separator: str | None) -> 
 def _begin(
     path: Path, content: list[tuple[int, str]], comment: str, separator: str | None
 ) -> _Table:
-    """Tell names from numbers; names stay empty where there is no line of them."""
+    """Find the header line among the first lines; without one the names stay empty."""
     for index, (number, text) in enumerate(content):
         found = _separator(text, separator)
         if found is None:
@@ -233,7 +233,7 @@ def _cells(text: str, separator: str | None) -> list[str]:
 
 
 def _split(text: str, separator: str | None = None) -> list[str]:
-    """Cells of a line of names, whatever separates them."""
+    """The cells of a header line, whatever separates them."""
     return _cells(text, separator) if separator else re.split(r"\s*[,;\t]\s*|\s+", text.strip())
 
 
@@ -284,18 +284,18 @@ def _suffix(path: Path) -> str:
 def _read(path: Path, table: _Table, ctx: Context) -> pd.DataFrame:
     if table.empty:
         return pd.DataFrame({name: np.empty(0) for name in table.names})
-    done, parts = 0, []
+    done, frames = 0, []
     try:
         with _blocks(path, table) as blocks:
-            for part in blocks:
+            for block in blocks:
                 ctx.progress(1 - 1 / (1 + done / 1e7))  # the number of lines is not known
-                _check_part(part)
-                parts.append(part)
-                done += len(part)
+                _check_block(block)
+                frames.append(block)
+                done += len(block)
     except ValueError:
         _explain(path, table)
         raise
-    frame = pd.concat(parts, ignore_index=True)
+    frame = pd.concat(frames, ignore_index=True)
     frame.columns = pd.Index(table.names)
     coordinates = frame[["x", "y", "z"]].to_numpy(float)
     if not np.isfinite(coordinates).all() or frame.isna().to_numpy().any():
@@ -319,13 +319,13 @@ def _blocks(path: Path, table: _Table) -> TextFileReader:
     )
 
 
-def _check_part(part: pd.DataFrame) -> None:
-    if any(dtype.kind not in "iuf" for dtype in part.dtypes):
+def _check_block(block: pd.DataFrame) -> None:
+    if any(dtype.kind not in "iuf" for dtype in block.dtypes):
         raise ValueError("some lines are not numbers")
 
 
 def _explain(path: Path, table: _Table) -> None:
-    """Raise for the first line that is not as it should be; NaN is allowed in attributes."""
+    """Raise a DataError that names the first bad line; NaN is allowed in attributes."""
     with _text(path) as lines:
         for number, line in enumerate(lines):
             text = line.split(table.comment)[0].strip()
@@ -363,7 +363,7 @@ def _compact(name: str, values: NDArray[Any]) -> NDArray[Any]:
 
 
 def write_text(path: Path, cloud: Points, *, ctx: Context = QUIET) -> None:
-    """Write a line of names and a line per point.
+    """Write points to a text file: a header line, and a line per point.
 
     Coordinates have the decimals that their LAS scale needs; other numbers the fewest digits that
     give the same number back. Commas separate the columns of .csv, blanks those of other files.

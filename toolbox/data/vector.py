@@ -14,7 +14,7 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data import dxf, geopackage, mesh
 from toolbox.data.crs import (
     describe_crs,
-    horizontal_part,
+    horizontal_crs,
     is_local,
     metres_per_height,
     metres_per_unit,
@@ -44,7 +44,7 @@ _WGS84 = CRS.from_epsg(4326)
 
 
 class Vector:
-    """Features with a geometry, all in one CRS.
+    """Features (geometries with attributes) in one CRS.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class Vector:
 
     @property
     def crs(self) -> CRS | None:
-        """None if not known."""
+        """The CRS of the features; None if not known."""
         found: CRS | None = self._frame.crs
         return found
 
@@ -87,7 +87,7 @@ class Vector:
 
     @classmethod
     def own_files(cls, path: str | Path) -> tuple[Path, ...]:
-        """The file itself, and all that would be written or read with it."""
+        """The file at a path, and all files that belong to it, such as .shx and .dbf."""
         path = Path(path)
         if path.suffix.lower() == ".shp":
             endings = (path.with_suffix(ending) for ending in _SHAPEFILE)
@@ -147,7 +147,7 @@ class Vector:
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
-        """Write the layer; the suffix chooses the format.
+        """Write the features to a file in the format that its suffix names.
 
         The same layer makes the same bytes. GeoPackage is written in version 1.3, which older QGIS
         reads too. GeoJSON keeps the CRS of the layer in its "crs" member, as GDAL does, although
@@ -201,14 +201,14 @@ class Vector:
         ctx.progress(1.0)
 
     def with_crs(self, crs: CRS | None) -> Vector:
-        """The same features, said to be in another CRS; nothing is transformed."""
+        """The same features, stated to be in another CRS; nothing is transformed."""
         frame = self._frame.set_crs(crs, allow_override=True)
         return Vector(frame, name=self.name, geometry_type=self.geometry_type)
 
 
 @contextmanager
 def _errors_named(text: str) -> Iterator[None]:
-    """Turn what the libraries raise into a DataError that begins with the text."""
+    """Turn errors of GDAL, GEOS and pyarrow into a DataError that begins with the text."""
     from pyogrio import errors
     from shapely.errors import ShapelyError
 
@@ -232,7 +232,7 @@ def _errors_named(text: str) -> Iterator[None]:
 
 @contextmanager
 def _warnings_logged(name: str) -> Iterator[None]:
-    """Log what GDAL has to say about a file, e.g. that M values are left out."""
+    """Log the warnings of GDAL about a file, e.g. that M values are left out."""
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         yield
@@ -251,7 +251,7 @@ def _read(path: Path, layer: str | None) -> Vector:
 
 
 def _choose(path: Path, layer: str | None) -> str:
-    """The name of the layer to read: the one asked for, or the only one with a geometry."""
+    """Choose the layer to read: the one asked for, or the only one with a geometry."""
     names = _layer_names(path)
     if layer is not None and layer not in names:
         raise DataError(f"{path} has no vector layer {layer!r}, only {', '.join(names) or 'none'}")
@@ -302,7 +302,7 @@ def _write(frame: geopandas.GeoDataFrame, path: Path, layer: str, geometry_type:
 
 
 def _check_crs(crs: CRS | None, path: Path, layer: str) -> None:
-    """Read the CRS back, since some formats leave out what they cannot hold."""
+    """Raise a DataError if the file written does not hold the CRS, as in some formats."""
     import pyogrio
 
     with warnings.catch_warnings():
@@ -321,7 +321,7 @@ def _check_crs(crs: CRS | None, path: Path, layer: str) -> None:
 
 
 def _check_names(frame: geopandas.GeoDataFrame, path: Path) -> None:
-    """Shapefiles hold ten characters of a name, and GDAL would cut the rest."""
+    """Raise a DataError if an attribute name is longer than the ten characters of a Shapefile."""
     long = [name for name in frame.columns.drop(frame.geometry.name) if len(name.encode()) > 10]
     if long:
         raise DataError(
@@ -331,12 +331,12 @@ def _check_names(frame: geopandas.GeoDataFrame, path: Path) -> None:
 
 
 def _for_kml(frame: geopandas.GeoDataFrame, path: Path) -> geopandas.GeoDataFrame:
-    """In longitude and latitude, with heights in metres."""
+    """The features in WGS 84 longitude and latitude with heights in metres, as KML has them."""
     import shapely
 
     if frame.crs is None:
         raise DataError(f"{path}: KML is in WGS 84, and the layer has no CRS to transform it from")
-    plane = frame.set_crs(horizontal_part(frame.crs), allow_override=True).to_crs(_WGS84)
+    plane = frame.set_crs(horizontal_crs(frame.crs), allow_override=True).to_crs(_WGS84)
     if (metres := metres_per_height(frame.crs)) != 1.0:
         upright = frame.has_z.to_numpy()
         plane.loc[upright, plane.geometry.name] = shapely.transform(

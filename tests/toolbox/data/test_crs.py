@@ -15,7 +15,7 @@ from toolbox.data.crs import (
     crs_conflict,
     crs_text,
     describe_crs,
-    horizontal_part,
+    horizontal_crs,
     is_local,
     length_problem,
     metres_per_unit,
@@ -246,9 +246,9 @@ def test_layers_that_do_not_go_together(
     assert re.search(text, str(found))
 
 
-def test_horizontal_part() -> None:
-    assert horizontal_part(parse_crs("EPSG:2154+5720")) == CRS(2154)
-    assert not horizontal_part(CRS.from_wkt(OLD_UTM)).is_bound
+def test_horizontal_crs() -> None:
+    assert horizontal_crs(parse_crs("EPSG:2154+5720")) == CRS(2154)
+    assert not horizontal_crs(CRS.from_wkt(OLD_UTM)).is_bound
 
 
 def test_real_files_in_feet(data: Callable[[str], Path]) -> None:

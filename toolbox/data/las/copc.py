@@ -17,7 +17,7 @@ from toolbox.data.las.header import Chunk, LasMetadata, demand, library_errors
 
 
 class _Pages:
-    """Pages of a COPC hierarchy; laspy would follow pages in a circle for ever."""
+    """A file of which laspy reads pages of the COPC hierarchy, each once and within the file."""
 
     def __init__(self, stream: BinaryIO, size: int) -> None:
         self._stream, self._size = stream, size

@@ -9,7 +9,7 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from toolbox.context import log
-from toolbox.data.crs import describe_crs, horizontal_part, is_local, same_crs, vertical_unit
+from toolbox.data.crs import describe_crs, horizontal_crs, is_local, same_crs, vertical_unit
 from toolbox.data.las.header import Vlr
 
 WKT_BIT = 16  # of the global encoding
@@ -53,7 +53,7 @@ def crs_vlrs(crs: CRS | None, point_format: int, *, wkt: bool) -> tuple[tuple[Vl
     """The VLRs that state a CRS, and whether they are WKT.
 
     Point formats 6-10 need WKT (LAS 1.4, 2.2). For the older ones GeoTIFF keys are written where
-    they can say it, that is where the parts of the CRS have EPSG codes.
+    they can say it, that is where the components of the CRS have EPSG codes.
 
     Parameters
     ----------
@@ -87,11 +87,15 @@ def _wkt(crs: CRS) -> str:
 
 def _geotiff(crs: CRS) -> bytes | None:
     """A GeoTIFF key directory of EPSG codes alone, or None if they cannot say what the CRS is."""
-    parts = crs.sub_crs_list or [crs]
-    codes = [part.to_epsg() for part in parts]
-    if None in codes or len(parts) > 2 or not (parts[0].is_projected or parts[0].is_geographic):
+    components = crs.sub_crs_list or [crs]
+    codes = [component.to_epsg() for component in components]
+    if (
+        None in codes
+        or len(components) > 2
+        or not (components[0].is_projected or components[0].is_geographic)
+    ):
         return None
-    projected = parts[0].is_projected
+    projected = components[0].is_projected
     keys = [(1024, 1 if projected else 2), (1025, 1), (3072 if projected else 2048, codes[0])]
     keys += [(4096, code) for code in codes[1:]]
     entries = [value for number, code in sorted(keys) for value in (number, 0, 1, code)]
@@ -104,7 +108,7 @@ def _geotiff(crs: CRS) -> bytes | None:
 
 
 def _read_geotiff(found: dict[int, bytes]) -> CRS | None:
-    """Let GDAL interpret the keys, since they may define a CRS that has no code."""
+    """The CRS of GeoTIFF keys as GDAL reads them, since it may have no code."""
     import rasterio
     from rasterio.errors import RasterioError
 
@@ -128,14 +132,14 @@ def _read_geotiff(found: dict[int, bytes]) -> CRS | None:
     if not text:
         raise ValueError("GDAL finds no CRS in its GeoTIFF keys")
     crs = CRS.from_wkt(text)
-    horizontal = horizontal_part(crs)
+    horizontal = horizontal_crs(crs)
     if horizontal.is_engineering:
         raise ValueError(f"its GeoTIFF keys name no known CRS ({describe_crs(crs)})")
     return horizontal if _says_nothing_of_heights(crs, horizontal) else crs
 
 
 def _says_nothing_of_heights(crs: CRS, horizontal: CRS) -> bool:
-    """Whether the keys state a unit of heights, the same as in the plane, but no height system."""
+    """Whether the vertical component has no name and only repeats the horizontal unit."""
     return (
         crs.is_compound
         and crs.sub_crs_list[1].name in ("", "unknown")
@@ -144,7 +148,7 @@ def _says_nothing_of_heights(crs: CRS, horizontal: CRS) -> bool:
 
 
 def _tiff(keys: bytes, doubles: bytes, text: bytes) -> bytes:
-    """A picture of one pixel with these GeoTIFF keys."""
+    """The bytes of a TIFF image of one pixel with these GeoTIFF keys."""
     short, double, characters = 3, 12, 2
     tags = [(number, short, struct.pack("<H", 1)) for number in (256, 257, 259, 262, 277, 278, 279)]
     tags += [(258, short, struct.pack("<H", 8)), (273, short, struct.pack("<H", 8))]

@@ -62,7 +62,7 @@ class Vlr:
 
 @dataclass(frozen=True, eq=False)
 class LasMetadata:
-    """All that a LAS file holds beside its points; whoever changes the header copies it.
+    """Header, VLRs and EVLRs of a LAS file: all but its points. Copy the header to change it.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class LasMetadata:
 
     @property
     def extras(self) -> tuple[DimensionInfo, ...]:
-        """Described extra bytes, in the order of the file."""
+        """The extra bytes that the file describes, in its order."""
         found = self.header.point_format.extra_dimensions
         return tuple(dimension for dimension in found if dimension.name != SPARE)
 
@@ -105,7 +105,7 @@ class LasMetadata:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Attributes of the points."""
+        """Names of the attributes of the points."""
         extras = tuple(dimension.name for dimension in self.extras)
         return standard_names(self.header.point_format.id) + extras
 
@@ -119,18 +119,18 @@ class LasMetadata:
 
 @lru_cache
 def standard_names(number: int) -> tuple[str, ...]:
-    """Attributes of a point format, in the order of the specification."""
+    """Names of the attributes of a LAS point format, in the order of the specification."""
     return tuple(fields(number))
 
 
 def fields(number: int) -> dict[str, np.dtype[Any]]:
-    """Type of each attribute of a point format."""
+    """Type of each attribute of a LAS point format, by name."""
     dimensions = PointFormat(number).dimensions[3:]  # without X, Y, Z
     return {found.name: found.dtype or np.dtype("u1") for found in dimensions}
 
 
 def point_format(number: int, extras: list[ExtraBytesParams], spare: int) -> PointFormat:
-    """A point format with extra bytes, and further ones that nothing describes."""
+    """A laspy point format with described extra bytes and `spare` bytes that nothing describes."""
     found = PointFormat(number)
     params = [*extras, ExtraBytesParams(SPARE, f"{spare}u1")] if spare else extras
     for param in params:
@@ -139,13 +139,13 @@ def point_format(number: int, extras: list[ExtraBytesParams], spare: int) -> Poi
 
 
 def oldest_version(minor: int, number: int) -> Version:
-    """The first version of LAS from the given one on that laspy writes with a point format."""
+    """The oldest LAS version, not below 1.`minor`, in which laspy writes a point format."""
     versions = [Version(1, later) for later in range(max(minor, 1), 5)]
     return next(v for v in versions if is_point_fmt_compatible_with_version(number, str(v)))
 
 
 def demand(holds: bool, text: str) -> None:
-    """Refuse a file for which something does not hold."""
+    """Raise a DataError with the text unless a condition holds."""
     if not holds:
         raise DataError(text)
 
@@ -171,7 +171,7 @@ def library_errors(text: str) -> Iterator[None]:
 
 
 def parse_metadata(stream: BinaryIO, size: int, warn: Callable[[str], None]) -> LasMetadata:
-    """Read and check everything but the points.
+    """Read and check the metadata of a LAS file from a stream.
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ def _parsed(raw: bytes, warn: Callable[[str], None]) -> LasHeader:
 def _check_positions(
     header: LasHeader, length: int, size: int, warn: Callable[[str], None]
 ) -> None:
-    """Whether points and VLRs lie within the file."""
+    """Raise a DataError unless points and VLRs lie within the file."""
     start, end, count = header.offset_to_point_data, size, header.point_count
     demand(
         length <= start <= size,
@@ -281,7 +281,7 @@ def _check_positions(
 def _read_vlrs(
     stream: BinaryIO, start: int, end: int, count: int, head: int
 ) -> tuple[tuple[Vlr, ...], list[int]]:
-    """Up to count VLRs that fit before the end; where each begins, and the last one ends."""
+    """Read up to `count` VLRs before `end`; gives them, where each begins and the last one ends."""
     vlrs: list[Vlr] = []
     starts = [start]
     while len(vlrs) < count and start + head <= end:
@@ -299,7 +299,7 @@ def _read_vlrs(
 def _read_evlrs(
     stream: BinaryIO, header: LasHeader, size: int
 ) -> tuple[tuple[Vlr, ...], Vlr | None]:
-    """The EVLRs, and the one that holds the waveform packets."""
+    """Read the EVLRs; gives them, and the one that holds the waveform packets."""
     start, count = header.start_of_first_evlr, header.number_of_evlrs
     wave = header.start_of_waveform_data_packet_record
     if header.version.minor == 3 and header.global_encoding.waveform_data_packets_internal:
@@ -316,7 +316,7 @@ def _read_evlrs(
 def _described(
     header: LasHeader, vlrs: tuple[Vlr, ...], warn: Callable[[str], None]
 ) -> PointFormat:
-    """The point format; extra bytes whose description is wrong are kept but not named."""
+    """The point format with its extra bytes; wrongly described ones are kept without a name."""
     number, size = header.point_format.id, header.point_format.size
     data = b"".join(vlr.data for vlr in vlrs if vlr.key == EXTRA_BYTES)
     plain = PointFormat(number)

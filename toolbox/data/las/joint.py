@@ -49,7 +49,7 @@ def joint_metadata(
     boxes: Callable[[], Sequence[Box]],
     covered: Collection[str] = (),
 ) -> LasMetadata:
-    """All that a LAS file with the points of several ones holds beside them.
+    """The metadata of one LAS file for the points of several files.
 
     Header and VLRs are those of the first file. The point format is the first one
     with the attributes of all, an extra-byte dimension that files hold in different types takes
@@ -145,7 +145,7 @@ def _steps(metadata: LasMetadata) -> list[float]:
 
 
 def _kinds(metadata: LasMetadata) -> dict[str, tuple[Any, ...]]:
-    """What the numbers of each extra-byte dimension mean."""
+    """Type, size, scales and offsets of each extra-byte dimension, by name."""
     return {extra.name: _kind(extra) for extra in metadata.extras}
 
 
@@ -159,7 +159,7 @@ def _kind(extra: DimensionInfo) -> tuple[Any, ...]:
 def _joint_extras(
     members: Sequence[LasMetadata], names: Sequence[str], number: int
 ) -> tuple[list[ExtraBytesParams], set[str]]:
-    """Extra bytes that hold those of all files, and the names of those of a new type."""
+    """Extra bytes for the values of all files, and the names of those that change their type."""
     extras: list[ExtraBytesParams] = []
     changed: set[str] = set()
     known = [
@@ -193,7 +193,7 @@ def _values_type(extra: DimensionInfo) -> np.dtype[Any]:
 def _joint_scales(
     members: Sequence[LasMetadata], boxes: Sequence[Box]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The finest scales, and offsets from which 32 bits reach all boxes."""
+    """The finest scales of all files, and offsets from which 32 bits reach all boxes."""
     headers = [metadata.header for metadata in members]
     scales = np.min([np.abs(header.scales) for header in headers], axis=0)
     offsets = headers[0].offsets.copy()
@@ -233,7 +233,7 @@ def _warn(
     joint: LasMetadata,
     covered: Collection[str],
 ) -> None:
-    """Tell what is lost or filled in, once for all files that it concerns."""
+    """Log what is lost or filled in by joining, once for all files concerned."""
     for text, files in _differences(members, names, joint, covered):
         more = f" and {len(files) - 1} more files" if len(files) > 1 else ""
         log.warning("%s%s: %s", files[0], more, text)
@@ -245,7 +245,7 @@ def _differences(
     joint: LasMetadata,
     covered: Collection[str],
 ) -> Iterable[tuple[str, list[str]]]:
-    """What is lost or filled in, and the files that it concerns."""
+    """What is lost or filled in by joining, each with the names of the files concerned."""
     found: dict[str, list[str]] = {}
     first = members[0]
     for file, metadata in zip(names, members, strict=True):
@@ -266,14 +266,14 @@ def _differences(
 
 
 def _same_clock(a: LasMetadata, b: LasMetadata) -> bool:
-    """Whether both count GPS time alike, or have none."""
+    """Whether two files use the same kind of GPS time, or one has none."""
     if not ("gps_time" in a.names and "gps_time" in b.names):
         return True
     return bool(a.header.global_encoding.gps_time_type == b.header.global_encoding.gps_time_type)
 
 
 def _whole(metadata: LasMetadata, joint: LasMetadata) -> bool:
-    """Whether steps and offset of a file are multiples of the joint step, up to rounding."""
+    """Whether coordinates of a file fit the joint scale without rounding."""
     scales = joint.header.scales
     ratios = [
         metadata.header.scales / scales,

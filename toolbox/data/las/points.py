@@ -1,4 +1,4 @@
-"""What the packed point records of a LAS file say, and how to change it without loss."""
+"""Packed point records of LAS files: reading their attributes, and changing them without loss."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def waveform_channels(metadata: LasMetadata, packed: Array) -> set[int]:
 def quantised(
     xyz: NDArray[np.float64], header: LasHeader
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Offsets, those of the header where possible, and coordinates as integers from there.
+    """Offsets and integer coordinates for a LAS file; offsets of the header stay where possible.
 
     Raises
     ------
@@ -139,7 +139,7 @@ def new_metadata(
 
 
 def decimals(values: NDArray[np.float64]) -> int | None:
-    """Fewest decimals, from 2 to 6, that reproduce all values; None if no number of them does."""
+    """Fewest decimals, from 2 to 6, that write all values without loss; None if 6 are too few."""
     if not np.isfinite(values).all():
         return None
     near = 4 * np.spacing(np.abs(values).max(initial=1.0))
@@ -150,7 +150,7 @@ def decimals(values: NDArray[np.float64]) -> int | None:
 
 
 def step_decimals(scale: float, offset: float) -> int | None:
-    """Decimals of all multiples of the scale plus the offset; None if more than twelve."""
+    """Decimals that coordinates of this scale and offset have; None if more than twelve."""
     exponents = [
         Decimal(repr(float(value))).normalize().as_tuple().exponent for value in (scale, offset)
     ]
@@ -174,7 +174,7 @@ def revised(
     descriptions: Mapping[str, str],
     crs: CRS | None,
 ) -> tuple[LasMetadata, Array]:
-    """Metadata and point records with changes; what is not changed stays as it is, bit for bit.
+    """Metadata and point records with changes; all else stays the same, bit for bit.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def _with_columns(
 
 
 def _number(metadata: LasMetadata, columns: Mapping[str, Array]) -> int:
-    """The first point format with all that is needed, beginning with the present one."""
+    """The first point format, beginning with the present one, that has all attributes needed."""
     present: int = metadata.header.point_format.id
     extras = {dimension.name for dimension in metadata.extras}
     needed = set(standard_names(present)) | (columns.keys() & STANDARD - extras)
@@ -255,7 +255,7 @@ def _number(metadata: LasMetadata, columns: Mapping[str, Array]) -> int:
 
 
 def number_with(needed: set[str], present: int, *, small: bool = True) -> int:
-    """The first point format with some standard attributes, beginning with the present one.
+    """The first point format, beginning with the present one, with some standard attributes.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def _extras(
     columns: Mapping[str, Array],
     descriptions: Mapping[str, str],
 ) -> list[ExtraBytesParams]:
-    """Extra bytes: those of the file that stay, those that change their type, the new ones."""
+    """The extra bytes after a change: those of the file, some in a new type, and new ones."""
     old = {dimension.name: dimension for dimension in metadata.extras}
     extras = []
     for name in dict.fromkeys([*old, *columns]):
@@ -310,7 +310,7 @@ def extra_bytes(name: str, values: Array, description: str) -> ExtraBytesParams:
 def converted(
     packed: Array, old: PointFormat, new: PointFormat, changed: Iterable[str]
 ) -> PackedPointRecord:
-    """Point records in another point format; what will be changed need not be there."""
+    """Point records in another point format, without the attributes that will be changed."""
     if old.id == new.id and old.dtype() == new.dtype():
         return PackedPointRecord(packed.copy(), new)
     points = PackedPointRecord.zeros(len(packed), new)
@@ -325,12 +325,12 @@ def converted(
 
 
 def _steps(degrees: Array) -> NDArray[np.float64]:
-    """Scan angles as point formats 6-10 have them."""
+    """Scan angles in degrees as steps of 0.006 degrees, as in point formats 6-10."""
     return np.asarray(np.rint(degrees / SCAN_ANGLE), np.float64)
 
 
 def put(points: PackedPointRecord, name: str, values: Array) -> None:
-    """Write an attribute into the point records, or say why its values do not fit."""
+    """Write an attribute into point records; a DataError says which value does not fit."""
     dimension = points.point_format.dimension_by_name(name)
     if not dimension.is_standard:  # of the type of the values
         points.array[name] = values
@@ -351,7 +351,7 @@ def put(points: PackedPointRecord, name: str, values: Array) -> None:
 def with_description(
     metadata: LasMetadata, changed: Collection[str], others: Sequence[LasMetadata] = ()
 ) -> LasMetadata:
-    """Describe the extra bytes; what is not changed in the words of the file, or of the others."""
+    """The metadata with a new extra-bytes VLR; old descriptions stay for what is unchanged."""
     known: dict[bytes, bytes] = {}
     for source in (*reversed(others), metadata):
         old = b"".join(vlr.data for vlr in source.vlrs if vlr.key == EXTRA_BYTES)
@@ -369,7 +369,7 @@ def with_description(
 
 
 def _descriptor(dimension: DimensionInfo) -> bytes:
-    """Without the range of values, for which laspy looks at single points (as of 2.7)."""
+    """The bytes that describe a dimension, without the range, which laspy 2.7 misreads."""
     made = ExtraBytesStruct.from_buffer_copy(bytes(DESCRIPTOR))
     made.name, made.description = dimension.name.encode(), dimension.description.encode()
     made.data_type = get_id_for_extra_dim_type(dimension.dtype)

@@ -45,7 +45,7 @@ def read_las(
     point_range: tuple[int, int] | None = None,
     ctx: Context = QUIET,
 ) -> tuple[LasMetadata, Array]:
-    """Read a LAS, LAZ or COPC file.
+    """Read metadata and points of a LAS, LAZ or COPC file.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def read_las(
 
 
 def read_metadata(path: Path, warn: Callable[[str], None]) -> LasMetadata:
-    """Read and check all but the points of a LAS, LAZ or COPC file.
+    """Read and check the metadata of a LAS, LAZ or COPC file.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def read_metadata(path: Path, warn: Callable[[str], None]) -> LasMetadata:
 
 
 def chunk_sizes(path: Path) -> list[int] | None:
-    """Points in each chunk of a compressed file, in its order; None of one that is not.
+    """Number of points in each chunk of a LAZ file, in its order; None of a LAS file.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def _with_crs(metadata: LasMetadata, path: Path) -> LasMetadata:
 
 @contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Name the file in what is said of it."""
+    """Put the path before the message of a DataError, and turn a MemoryError into one."""
     try:
         yield
     except MemoryError as error:
@@ -156,7 +156,7 @@ def _read_points(
 
 
 def _covering(chunks: list[Chunk], start: int, stop: int) -> tuple[list[Chunk], int]:
-    """The chunks with the points from start to before stop, and how many come ahead of these."""
+    """The chunks with the points from start to before stop; how many points precede start there."""
     ends = np.cumsum([points for *_, points in chunks])
     first = int(np.searchsorted(ends, start, side="right"))
     last = int(np.searchsorted(ends, stop, side="left"))
@@ -179,7 +179,7 @@ def _read_plain(
 def _read_chunks(
     stream: BinaryIO, metadata: LasMetadata, chunks: list[Chunk], ctx: Context
 ) -> Array:
-    """The points of chunks.
+    """Read and decompress the points of some chunks.
 
     Not with the reader of laspy: it sets memory aside for as many points as the LASzip record
     claims for a chunk, and ends the process if there is not so much.
@@ -203,7 +203,7 @@ def _bytes(stream: BinaryIO, start: int, size: int) -> bytes:
 
 
 def _check_laszip(metadata: LasMetadata) -> None:
-    """Whether lazrs knows this way of compression, and its items make up a point record."""
+    """Raise a DataError unless lazrs knows the compression and it fits the point records."""
     with library_errors("has a damaged LASzip record"):
         length = lazrs.LazVlr(metadata.laszip).item_size()
     compressor, coder = struct.unpack_from("<HH", metadata.laszip)
@@ -218,7 +218,7 @@ def _check_laszip(metadata: LasMetadata) -> None:
 
 
 def _all_chunks(stream: BinaryIO, metadata: LasMetadata, size: int) -> list[Chunk]:
-    """The chunks in the order of the file, from its chunk table.
+    """All chunks in the order of the file, from its chunk table.
 
     lazrs sets memory aside for as many chunks as the table claims, so they are looked at first.
     """
@@ -253,7 +253,7 @@ def _all_chunks(stream: BinaryIO, metadata: LasMetadata, size: int) -> list[Chun
 
 
 def _check_chunks(stream: BinaryIO, metadata: LasMetadata, chunks: list[Chunk]) -> None:
-    """Whether the chunks can hold their points.
+    """Raise a DataError unless the chunks can hold their points.
 
     In layers a chunk begins with a plain point, the number of points, and the size of each layer,
     for which lazrs would set memory aside before it looks whether they are there.

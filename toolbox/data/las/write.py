@@ -30,7 +30,7 @@ Array = NDArray[Any]
 def write_las(
     path: Path, metadata: LasMetadata, packed: Array, *, compress: bool, ctx: Context = QUIET
 ) -> None:
-    """Write point records and metadata as they are; counts, bounds and positions are computed anew.
+    """Write a LAS or LAZ file; counts, bounds and byte positions are computed anew.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def write_las(
 def las_sink(
     path: Path, metadata: LasMetadata, *, compress: bool
 ) -> Iterator[Callable[[Array], None]]:
-    """Write a file block by block: gives the function that writes point records of shape (n,).
+    """Open a LAS or LAZ file to write; gives the function that appends point records (n,).
 
     The file does not depend on how the point records are divided.
 
@@ -82,7 +82,7 @@ def las_sink(
 
 
 def _write_evlrs(stream: BinaryIO, metadata: LasMetadata, header: laspy.LasHeader) -> None:
-    """Records after the points, which laspy does not write in LAS 1.3, and their positions."""
+    """Write the EVLRs, which laspy does not do in LAS 1.3, and their positions into the header."""
     start = stream.seek(0, 2)
     if not header.global_encoding.waveform_data_packets_external:
         header.start_of_waveform_data_packet_record = 0
@@ -95,7 +95,7 @@ def _write_evlrs(stream: BinaryIO, metadata: LasMetadata, header: laspy.LasHeade
 
 
 def _tidy_box(stated: laspy.LasHeader, header: laspy.LasHeader) -> None:
-    """The bounding box as in the source where the points agree with it within half a step."""
+    """Set the bounding box, as in the source where the points agree within half a step."""
     if header.point_count:
         low, high = np.sort([header.mins, header.maxs], axis=0)
         half = np.abs(header.scales) / 2
@@ -104,7 +104,7 @@ def _tidy_box(stated: laspy.LasHeader, header: laspy.LasHeader) -> None:
 
 
 def _restore(stream: BinaryIO, metadata: LasMetadata, header: laspy.LasHeader) -> None:
-    """What laspy cannot write: LAS 1.0, no date, counts for older readers, texts to the byte."""
+    """Write what laspy cannot: LAS 1.0, no date, counts for older readers, texts to the byte."""
     minor = metadata.minor if header.version.minor <= 2 else header.version.minor
     stream.seek(25)
     stream.write(bytes([minor]) + metadata.texts)

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 __all__ = ["PointCloud", "Raster", "Survey", "Table", "Vector", "__version__", "run"]
 
-_HOMES = {"run": "toolbox.execute"} | dict.fromkeys(
+_MODULES = {"run": "toolbox.execute"} | dict.fromkeys(
     ["PointCloud", "Raster", "Survey", "Table", "Vector"], "toolbox.data"
 )
 
 
 def __getattr__(name: str) -> Any:
     """Import on first use: `list` and `--help` must not wait for numerical libraries."""
-    if name in _HOMES:
-        return getattr(importlib.import_module(_HOMES[name]), name)
+    if name in _MODULES:
+        return getattr(importlib.import_module(_MODULES[name]), name)
     raise AttributeError(f"module 'toolbox' has no attribute {name!r}")

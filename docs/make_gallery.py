@@ -17,9 +17,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from pyproj import CRS
 
-from algorithms.compare.surfaces import measures
 from algorithms.ground.classify import GroundClassify
 from algorithms.samples.scene import SamplesScene
+from algorithms.shared.error_measures import measures
 from algorithms.surface.cross_validation import SurfaceCrossValidation
 from algorithms.surface.grid import SurfaceGrid
 from algorithms.surface.hillshade import hillshade

@@ -15,15 +15,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.ground.classify import HALO as GROUND_HALO
-from algorithms.ground.classify import find_terrain, height_above, verdict
 from algorithms.shared.chance import random_keys
 from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
+from algorithms.shared.terrain import HALO as GROUND_HALO
+from algorithms.shared.terrain import find_terrain, height_above, verdict
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
-from toolbox.errors import DataError
+from toolbox.errors import DataError, nearest
 
+FOOT = 0.5  # metres above ground from which points in an outline are building
 GROUND, VEGETATION, BUILDING = 2, 5, 6
 ENOUGH = 4  # points that can tell whether they lie on a plane
 FLAT = 0.06  # metres from a plane (standard deviation) up to which points lie on it
@@ -252,3 +253,37 @@ def _half_ball(reach: float) -> NDArray[np.int64]:
     ball = np.stack(np.meshgrid(*[np.arange(-far, far + 1)] * 3, indexing="ij"), -1).reshape(-1, 3)
     ball = ball[(ball**2).sum(axis=1) <= reach**2]
     return np.asarray(ball[len(ball) // 2 + 1 :])
+
+
+def solid(scene: Scene) -> Mask:
+    """Points around which more lie on planes than let the pulse through, weighed against others."""
+    flat = scene.around["planarity"] / ON_PLANES
+    return np.asarray((flat > 0) & (flat >= scene.around["returns"] / LET_THROUGH))
+
+
+def missing_feature(names: tuple[str, ...], cloud: PointCloud) -> str:
+    """What is wrong with the names of features; empty if nothing is."""
+    for name in names:
+        if name not in MADE and name not in cloud:
+            near = nearest(name, [*MADE, *cloud.names])
+            return f"{name!r} is no attribute of {cloud.name or 'the points'}{near}"
+        if name == "returns" and not {"return_number", "number_of_returns"} <= set(cloud.names):
+            return "returns needs the attributes return_number and number_of_returns"
+    return ""
+
+
+def features_of(scene: Scene, names: tuple[str, ...]) -> Floats:
+    """Features of shape (n, f), NaN where a point lacks one."""
+    values = np.column_stack([scene.feature(name) for name in names])
+    missing = int(np.count_nonzero(~np.isfinite(values).all(axis=1)))
+    if missing:
+        log.warning("%d of %d points lack a feature and become class 1", missing, len(values))
+    return values
+
+
+def nobody_has_all(names: tuple[str, ...], values: Floats) -> str:
+    """What is wrong if no point has all features; empty if one has."""
+    known = np.isfinite(values)
+    if known.all(axis=1).any():
+        return ""
+    return f"points: none has all the features; most lack {names[int(known.sum(axis=0).argmin())]}"

@@ -19,9 +19,10 @@ from scipy.spatial import cKDTree
 from algorithms.classify import _som as som
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
-from toolbox.data import Lattice, Raster, Table
+from toolbox.data import Lattice, PointCloud, Raster, Table
 from toolbox.errors import DataError
 
+UNKNOWN = 1  # class of points that lack a feature
 BLOCK = 200_000  # points between two looks at whether the user cancelled
 NOBODY = -1  # neuron of a point without features
 PIXEL = 0.1  # of pictures, in steps of the lattice
@@ -308,3 +309,39 @@ def split(
             astray=np.append(made.astray, small.astray),
         )
     return made
+
+
+def with_classes(
+    cloud: PointCloud, part: NDArray[np.bool_], made: FeatureMap, best: Ints, away: Floats
+) -> PointCloud:
+    """The cloud with the classes of the neurons of the points that take part.
+
+    Parameters
+    ----------
+    part : array of shape (n,), true for the m points that take part
+    best, away : arrays of shape (m,), the neuron of each and the distance from it
+    """
+    classes = np.array(
+        cloud["classification"] if "classification" in cloud else np.zeros(len(part))
+    )
+    classes = classes.astype(np.uint8)
+    neuron, confidence = np.full(len(part), NOBODY, np.int16), np.zeros(len(part), np.float32)
+    distance = np.full(len(part), np.nan, np.float32)
+    found = best != NOBODY
+    classes[part] = np.where(found, made.classes[best], UNKNOWN)
+    neuron[part] = best
+    confidence[part] = np.where(found, 1.0 - made.astray[best], 0.0)
+    distance[part] = away
+    return cloud.with_attributes(
+        {
+            "classification": classes,
+            "neuron": neuron,
+            "confidence": confidence,
+            "neuron_distance": distance,
+        },
+        descriptions={
+            "neuron": "of the self-organising map",
+            "confidence": "share of its cluster that agrees",
+            "neuron_distance": "weighted: how unlike its neuron",
+        },
+    )

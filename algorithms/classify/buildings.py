@@ -31,6 +31,7 @@ from scipy.ndimage import maximum_filter
 from algorithms.classify import _buildings_kernels as kernels
 from algorithms.classify import _evidence
 from algorithms.classify._bridges import bridges
+from algorithms.classify._evidence import FOOT, solid
 from algorithms.classify._plan import Plan
 from algorithms.classify._squared import squared
 from algorithms.shared import parameters
@@ -47,7 +48,6 @@ from toolbox.declare import ClassList, Share, outputs, param, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
 
 BUILDING, OTHER = np.uint8(_evidence.BUILDING), np.uint8(1)
-FOOT = 0.5  # metres above ground from which points in an outline are building
 EAVES = 0.4  # metres beyond the outline in which points of the roof may lie
 THICK = 2.0  # standard deviations from a plane near by within which a point lies on it
 BESIDE_PLANES = 1.0  # metres from the planes of a roof up to which what is joined to it is building
@@ -345,12 +345,6 @@ def up_to_the_roof(scene: _evidence.Scene, roof: Mask, shapes: Shapes, metre: fl
     beside = Polygons.of(wider).hold(xyz)
     below = xyz[:, 2] <= highest_around(xyz, roof & inside, TOP * metre)
     return np.asarray(~ground & (height > FOOT) & ((inside & below) | (beside & solid(scene))))
-
-
-def solid(scene: _evidence.Scene) -> Mask:
-    """Points around which more lie on planes than let the pulse through, weighed against others."""
-    flat = scene.around["planarity"] / _evidence.ON_PLANES
-    return np.asarray((flat > 0) & (flat >= scene.around["returns"] / _evidence.LET_THROUGH))
 
 
 def highest_around(xyz: Floats, some: Mask, cell: float) -> Floats:

@@ -2,8 +2,6 @@
 
 References
 ----------
-Rouse, J. W. et al. (1974). Monitoring vegetation systems in the Great Plains with ERTS. Third ERTS
-Symposium, NASA SP-351, 309-317.
 Demir, N. and Acar, U.: vegetation from colour-infrared images, (NIR - red) / (NIR + red).
 Otsu, N. (1979). A threshold selection method from gray-level histograms. IEEE Transactions on
 Systems, Man, and Cybernetics 9(1), 62-66.
@@ -13,13 +11,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared.otsu import otsu_threshold
-from algorithms.surface.difference import misfit
+from algorithms.classify._ndvi import chosen_threshold, named, ndvi
+from algorithms.shared.alignment import misfit
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster
 from toolbox.data.crs import crs_conflict
@@ -147,40 +145,6 @@ class ClassifyNdvi:
         return np.asarray(band * self.scale + self.offset)
 
 
-def ndvi(nir: NDArray[Any], red: NDArray[Any]) -> Floats:
-    """(NIR - red) / (NIR + red), Rouse et al. (1974).
-
-    Parameters
-    ----------
-    nir, red : arrays of one shape and any type, NaN where there is nothing
-
-    Returns
-    -------
-    array of that shape
-        From -1 to 1; NaN where a band is NaN, infinite or below 0, or both are 0.
-    """
-    nir, red = np.asarray(nir, np.float64), np.asarray(red, np.float64)
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        found = (nir - red) / (nir + red)
-        found[~((nir >= 0) & (red >= 0))] = np.nan
-    return np.asarray(found)
-
-
-def chosen_threshold(
-    values: Floats, threshold: float | Literal["otsu"], all_of_them: str
-) -> float | None:
-    """The threshold itself, or that of Otsu; None if there are no values to find it from.
-
-    Raises
-    ------
-    DataError
-        All values are equal.
-    """
-    if threshold != "otsu":
-        return float(threshold)
-    return otsu_threshold(values, all_of_them) if len(values) else None
-
-
 def band_number(
     image: Raster, word: str | None, pattern: re.Pattern[str], *, alone: bool
 ) -> int | str:
@@ -226,8 +190,3 @@ def warn(values: Floats) -> None:
             "NDVI is below 0 in %.0f %% of the cells: is it water, or are the bands swapped?",
             100 * share,
         )
-
-
-def named(raster: Raster) -> str:
-    """What messages call it."""
-    return raster.name or "the image"

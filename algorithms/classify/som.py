@@ -20,12 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify import _evidence, _som
+from algorithms.classify._evidence import features_of, missing_feature, nobody_has_all
 from algorithms.classify._feature_map import (
     NOBODY,
     FeatureMap,
     named,
     split,
     trained,
+    with_classes,
 )
 from algorithms.shared import parameters
 from algorithms.shared.chance import random_keys
@@ -33,11 +35,10 @@ from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Raster, Table
 from toolbox.declare import Attribute, ClassList, outputs, param, sink, source, tool
-from toolbox.errors import DataError, nearest
+from toolbox.errors import DataError
 
 DEFAULT = ("height_above_ground", "ground", "planarity", "returns", "intensity")
 PLAIN, IMPORTANT = 1.0, 10.0  # weights of x and y, and of all others (Şen and Bayaslı)
-UNKNOWN = 1  # class of points that lack a feature
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -253,17 +254,6 @@ class ClassifySom:
         return np.array([PLAIN if name in ("x", "y") else IMPORTANT for name in names])
 
 
-def missing_feature(names: tuple[str, ...], cloud: PointCloud) -> str:
-    """What is wrong with the names of features; empty if nothing is."""
-    for name in names:
-        if name not in _evidence.MADE and name not in cloud:
-            near = nearest(name, [*_evidence.MADE, *cloud.names])
-            return f"{name!r} is no attribute of {cloud.name or 'the points'}{near}"
-        if name == "returns" and not {"return_number", "number_of_returns"} <= set(cloud.names):
-            return "returns needs the attributes return_number and number_of_returns"
-    return ""
-
-
 def usual_features(cloud: PointCloud) -> tuple[str, ...]:
     """Those of DEFAULT that the points tell something about."""
     left_out = set()
@@ -274,23 +264,6 @@ def usual_features(cloud: PointCloud) -> tuple[str, ...]:
     if left_out:
         log.info("without %s, which the points do not have", " and ".join(sorted(left_out)))
     return tuple(name for name in DEFAULT if name not in left_out)
-
-
-def features_of(scene: _evidence.Scene, names: tuple[str, ...]) -> Floats:
-    """Features of shape (n, f), NaN where a point lacks one."""
-    values = np.column_stack([scene.feature(name) for name in names])
-    missing = int(np.count_nonzero(~np.isfinite(values).all(axis=1)))
-    if missing:
-        log.warning("%d of %d points lack a feature and become class 1", missing, len(values))
-    return values
-
-
-def nobody_has_all(names: tuple[str, ...], values: Floats) -> str:
-    """What is wrong if no point has all features; empty if one has."""
-    known = np.isfinite(values)
-    if known.all(axis=1).any():
-        return ""
-    return f"points: none has all the features; most lack {names[int(known.sum(axis=0).argmin())]}"
 
 
 def drawn(xyz: Floats, count: int, seed: int) -> Ints:
@@ -318,39 +291,3 @@ def share_astray(made: FeatureMap, best: Ints, known: Bytes) -> float:
     if not told.any():
         return 0.0
     return float(np.mean(made.classes[best[told]] != known[told]))
-
-
-def with_classes(
-    cloud: PointCloud, part: NDArray[np.bool_], made: FeatureMap, best: Ints, away: Floats
-) -> PointCloud:
-    """The cloud with the classes of the neurons of the points that take part.
-
-    Parameters
-    ----------
-    part : array of shape (n,), true for the m points that take part
-    best, away : arrays of shape (m,), the neuron of each and the distance from it
-    """
-    classes = np.array(
-        cloud["classification"] if "classification" in cloud else np.zeros(len(part))
-    )
-    classes = classes.astype(np.uint8)
-    neuron, confidence = np.full(len(part), NOBODY, np.int16), np.zeros(len(part), np.float32)
-    distance = np.full(len(part), np.nan, np.float32)
-    found = best != NOBODY
-    classes[part] = np.where(found, made.classes[best], UNKNOWN)
-    neuron[part] = best
-    confidence[part] = np.where(found, 1.0 - made.astray[best], 0.0)
-    distance[part] = away
-    return cloud.with_attributes(
-        {
-            "classification": classes,
-            "neuron": neuron,
-            "confidence": confidence,
-            "neuron_distance": distance,
-        },
-        descriptions={
-            "neuron": "of the self-organising map",
-            "confidence": "share of its cluster that agrees",
-            "neuron_distance": "weighted: how unlike its neuron",
-        },
-    )

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify import _evidence
-from algorithms.classify._feature_map import NOBODY, FeatureMap
-from algorithms.classify.som import features_of, missing_feature, nobody_has_all, with_classes
+from algorithms.classify._evidence import features_of, missing_feature, nobody_has_all
+from algorithms.classify._feature_map import NOBODY, FeatureMap, with_classes
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify import _evidence
+from algorithms.classify._evidence import FOOT, solid
 from algorithms.classify._heights import by_height
-from algorithms.classify.buildings import FOOT, solid
 from algorithms.shared import parameters
 from algorithms.shared.ground import among, taking_part
 from algorithms.shared.parameters import STRUCTURES, SURFACES

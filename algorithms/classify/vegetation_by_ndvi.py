@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify._heights import PLANTS, by_height
-from algorithms.classify.ndvi import chosen_threshold, named, ndvi
-from algorithms.points.height_above_ground import NAME as HEIGHT
+from algorithms.classify._ndvi import chosen_threshold, named, ndvi
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
+from algorithms.shared.heights import HEIGHT
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Raster
 from toolbox.data.crs import crs_conflict

@@ -23,9 +23,9 @@ from scipy.spatial import cKDTree
 from algorithms.classify._canny import TRUNCATE, canny
 from algorithms.classify._heights import PLANTS, by_height
 from algorithms.classify._pulses import How, pulses
-from algorithms.points.height_above_ground import NAME as HEIGHT
 from algorithms.shared import parameters
 from algorithms.shared.ground import GROUND, taking_part
+from algorithms.shared.heights import HEIGHT
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud
 from toolbox.declare import ClassList, Share, outputs, param, sink, source, tool

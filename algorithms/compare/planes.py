@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.compare.classes import counterparts
+from algorithms.compare._counterparts import counterparts
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
 from toolbox.data.outcomes import FOUND_ALONE, IN_BOTH, IN_NEITHER, NO_REFERENCE, REFERENCE_ALONE

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from algorithms.corridor._extraction.candidates import GROUND_CELL, STANDS_FOR, candidates
 from algorithms.corridor._extraction.ground import given_heights
 from algorithms.corridor._extraction.labels import POINT_NUMBER
-from algorithms.ground.classify import HEIGHT
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
+from algorithms.shared.heights import HEIGHT
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList, outputs, sink, source, tool

@@ -48,8 +48,8 @@ from algorithms.corridor._clearance.surroundings import (
 )
 from algorithms.corridor._curves.catenary_kernels import MOST_CURVATURE
 from algorithms.corridor._extraction.layers import COVARIANCES, WIRE_COLUMNS
-from algorithms.ground.classify import HEIGHT
 from algorithms.shared import parameters
+from algorithms.shared.heights import HEIGHT
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Report, Survey, Table, Vector
 from toolbox.declare import ClassList, outputs, param, sink, source, tool

@@ -12,9 +12,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from algorithms.planes._figures import UP, figures
 from algorithms.planes._search import axes_of
 from algorithms.planes._segment import parts_of
-from algorithms.planes.fit import UP, figures
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.plane_fit import Plane
 from toolbox.context import QUIET, Context

@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ from algorithms.planes import _search_kernels as kernels
 from algorithms.planes._cells import Cells
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
+
+Orientation = Literal["any", "vertical", "horizontal", "sloped"]
 
 BATCH = 256  # draws between two looks at whether they are enough
 SOME = 200  # cells from which the chance of a draw is found
@@ -379,3 +382,10 @@ def axes_of(normal: Floats) -> Floats:
     x, y, z = normal
     up = np.array([-z * along[1], z * along[0], x * along[1] - y * along[0]])
     return np.array([along, up if up[2] >= 0 else -up])
+
+
+def steepness(orientation: Orientation, degrees: float) -> tuple[float, float]:
+    """Least and largest size of the third part of the normals of planes of an orientation."""
+    upright, level = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    limits = {"any": (0.0, 1.0), "vertical": (0.0, upright), "horizontal": (level, 1.0)}
+    return limits.get(orientation, (upright, level))

@@ -13,7 +13,7 @@ import numpy as np
 
 from algorithms.planes._outlines import drawn
 from algorithms.planes._regular import regular
-from algorithms.planes._search import Rules
+from algorithms.planes._search import Orientation, Rules, steepness
 from algorithms.planes._segment import segment
 from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
@@ -23,8 +23,6 @@ from toolbox.declare import Share, outputs, param, sink, source, tool
 
 NAME = "plane_id"
 BELOW = 2.0  # tolerance over the noise below which planes fall to pieces
-
-Orientation = Literal["any", "vertical", "horizontal", "sloped"]
 
 
 @tool("planes.extract")
@@ -168,10 +166,3 @@ class PlanesExtract:
             max_trials=self.max_trials,
             seed=self.seed,
         )
-
-
-def steepness(orientation: Orientation, degrees: float) -> tuple[float, float]:
-    """Least and largest size of the third part of the normals of planes of an orientation."""
-    upright, level = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
-    limits = {"any": (0.0, 1.0), "vertical": (0.0, upright), "horizontal": (level, 1.0)}
-    return limits.get(orientation, (upright, level))

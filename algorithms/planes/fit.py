@@ -7,13 +7,13 @@ compares: docs/explanation/planes-fit.md.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import geopandas
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from algorithms.planes._figures import LEVEL, UP, Figures, figures
 from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
 from algorithms.shared.lowest import require_finite
@@ -25,8 +25,6 @@ from toolbox.declare import Direction, Share, outputs, param, sink, source, tool
 from toolbox.errors import DataError
 
 NAME = "PlaneDistance"
-LEVEL = 1e-9  # radians; planes that lean less have no direction
-UP = np.array([1e-18, 1e-9, 1.0])  # upright normals look north, or else east
 
 Floats = NDArray[np.float64]
 
@@ -133,20 +131,6 @@ class PlanesFit:
         )
 
 
-class Figures(NamedTuple):
-    """What is to be known of a plane; see the outputs of :class:`PlanesFit`."""
-
-    normal_x: float
-    normal_y: float
-    normal_z: float
-    offset: float
-    height: float
-    tilt: float
-    azimuth: float
-    rms: float
-    standard_error: float
-
-
 def best_plane(
     xyz: Floats,
     max_distance: float,
@@ -202,25 +186,6 @@ def best_plane(
             "the fit did not settle; points near max_distance come and go, or the cone ends"
         )
     return fitted, trials
-
-
-def figures(plane: Plane, away: Floats) -> Figures:
-    """The numbers of a plane and of the distances, of shape (m,), of the points on it."""
-    east, north, up = plane.normal.tolist()
-    level, side = math.hypot(east, north), math.copysign(1.0, up)
-    azimuth = math.degrees(math.atan2(side * east, side * north)) % 360.0
-    squares, free = math.fsum((away * away).tolist()), len(away) - 3
-    return Figures(
-        normal_x=east,
-        normal_y=north,
-        normal_z=up,
-        offset=plane.offset,
-        height=float(plane.centre[2] + plane.origin[2]),
-        tilt=math.degrees(math.atan2(level, abs(up))),
-        azimuth=azimuth if level > LEVEL else math.nan,
-        rms=math.sqrt(squares / len(away)),
-        standard_error=math.sqrt(squares / free) if free else math.nan,
-    )
 
 
 def rectangle(plane: Plane, xyz: Floats, found: Figures, share: float) -> dict[str, object]:

@@ -15,9 +15,8 @@ from typing import Any, Literal
 import numpy as np
 
 from algorithms.planes._cells import ROUNDING
-from algorithms.planes._search import Rules
+from algorithms.planes._search import Orientation, Rules, steepness
 from algorithms.planes._segment import NOISES, cells_of, segment_cells
-from algorithms.planes.extract import Orientation, steepness
 from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
 from toolbox.context import QUIET, Context, log

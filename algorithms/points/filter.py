@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
+from algorithms.shared.selection import Returns, choice_problems, chosen
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList, Expression, Range, Share, outputs, param, sink, source, tool
@@ -17,7 +17,6 @@ from toolbox.errors import NothingToDo
 
 ROUNDING = 1e-6  # 5.2 - 5.0 is a little more than 0.2 in binary; files hold no finer coordinates
 FEW = 0.001  # share of the points, below which a band begins at what may be an error
-Returns = Literal["all", "first", "last", "only", "intermediate", "first_of_many", "last_of_many"]
 
 
 @tool("points.filter")
@@ -85,69 +84,3 @@ class PointsFilter:
     def _outputs(self, keep: NDArray[np.bool_]) -> PointsFilter.Outputs:
         kept = self.points.select(keep)
         return self.Outputs(kept=kept, removed_share=Share.of_points(~keep, self.points.core))
-
-
-def choice_problems(
-    cloud: PointCloud, classes: ClassList | None, returns: Returns
-) -> Iterator[tuple[str, str]]:
-    """What the cloud lacks for a choice of points, by parameter."""
-    if classes and "classification" not in cloud:
-        yield "classes", f"{cloud.name} has no classification"
-    if returns != "all" and not {"return_number", "number_of_returns"} <= {*cloud.names}:
-        yield "returns", f"{cloud.name} has no return numbers"
-
-
-def chosen(
-    cloud: PointCloud, classes: ClassList | None, returns: Returns, where: Expression | None
-) -> NDArray[np.bool_]:
-    """True for the points that meet all three; array of shape (n,).
-
-    Raises
-    ------
-    NothingToDo
-        See :func:`return_mask`.
-    """
-    keep = np.ones(len(cloud), bool)
-    if classes:
-        keep &= np.isin(cloud["classification"], classes)
-    if returns != "all":
-        keep &= return_mask(cloud["return_number"], cloud["number_of_returns"], returns)
-    if where:
-        keep &= where.mask({name: cloud[name] for name in where.names}, len(cloud))
-    return keep
-
-
-def return_mask(number: NDArray[Any], count: NDArray[Any], returns: Returns) -> NDArray[np.bool_]:
-    """True for the returns of one kind.
-
-    Parameters
-    ----------
-    number, count : arrays of shape (n,), the return number and the number of returns of the pulse
-    returns : see :class:`PointsFilter`
-
-    Returns
-    -------
-    array of shape (n,)
-
-    Raises
-    ------
-    NothingToDo
-        No point has a valid return number (1 to the number of returns).
-    """
-    valid = (number >= 1) & (number <= count)
-    if len(valid) and not valid.any():
-        text = "points: no point has a valid return number, so returns cannot be chosen"
-        raise NothingToDo(text)
-    if not valid.all():
-        log.warning("%d points have an invalid return number and are left out", (~valid).sum())
-    first, last, single = number == 1, number == count, count == 1
-    masks = {
-        "all": valid,
-        "first": first,
-        "last": last,
-        "only": single,
-        "intermediate": ~first & ~last,
-        "first_of_many": first & ~single,
-        "last_of_many": last & ~single,
-    }
-    return np.asarray(valid & masks[returns])

@@ -21,6 +21,7 @@ from scipy.spatial import cKDTree
 from algorithms.shared import parameters
 from algorithms.shared.delaunay import triangulate
 from algorithms.shared.ground import is_withheld
+from algorithms.shared.heights import HEIGHT
 from algorithms.shared.lowest import require_finite
 from algorithms.shared.places import averaged
 from toolbox.context import QUIET, Context, log
@@ -30,7 +31,6 @@ from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
 
 BLOCK = 200_000  # points between two looks at whether the user cancelled
-NAME = "HeightAboveGround"  # as in other programs
 
 Method = Literal["tin", "nearest"]
 Floats = NDArray[np.float64]
@@ -111,7 +111,7 @@ class PointsHeightAboveGround:
         unit = f", {vertical_unit(cloud.crs)}" if cloud.crs else ""
         return self.Outputs(
             heights=cloud.with_attributes(
-                {NAME: heights.astype(np.float32)}, descriptions={NAME: f"above ground{unit}"}
+                {HEIGHT: heights.astype(np.float32)}, descriptions={HEIGHT: f"above ground{unit}"}
             ),
             without_height=int(np.count_nonzero(np.isnan(heights) & cloud.core)),
         )

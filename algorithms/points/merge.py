@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.points import _merge_kernels as kernels
-from algorithms.points.thin import cells, grouped
+from algorithms.points._groups import cells, grouped
 from algorithms.shared.lowest import blocks, require_finite
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.points import _thin_kernels as kernels
+from algorithms.points._groups import ROUNDING, cells, grouped
 from algorithms.shared import parameters
 from algorithms.shared.chance import random_keys
 from algorithms.shared.lowest import blocks, require_finite
@@ -24,7 +25,6 @@ from toolbox.declare import Attribute, Share, outputs, param, sink, source, tool
 Method = Literal[
     "grid_average", "first", "lowest", "highest", "random", "nearest_to_centre", "duplicates"
 ]
-ROUNDING = 1e-6  # cells: what is so near to the next cell is in it; more than rounding moves
 MEASURED = ("intensity", "red", "green", "blue", "nir")  # whole numbers whose mean has a meaning
 
 Floats = NDArray[np.float64]
@@ -145,36 +145,6 @@ class PointsThin:
         removed[kept] = False
         share = Share.of_points(removed, self.points.core)
         return self.Outputs(thinned=thinned, removed_share=share)
-
-
-def cells(places: Floats, cell: float) -> Indices:
-    """Numbers of the cells, counted from zero, that hold places; both arrays of shape (n, k).
-
-    A place on the edge of two cells is in the higher one, also if it is there but for rounding.
-
-    Examples
-    --------
-    >>> cells(np.array([[0.29, 0.3, -0.1]]), 0.1).tolist()
-    [[2, 3, -1]]
-    """
-    return np.floor(places / cell + ROUNDING).astype(np.int64)
-
-
-def grouped(codes: Indices, *, ctx: Context = QUIET) -> tuple[Indices, int]:
-    """The group of each point, numbered from 0, and how many there are.
-
-    Parameters
-    ----------
-    codes : array of shape (n, k); points are of one group if all k are the same
-    ctx : progress and cancellation
-    """
-    groups, size = np.empty(len(codes), np.int64), np.zeros(1, np.int64)
-    table = np.full(1 << (2 * len(codes)).bit_length(), -1, np.int64)
-    for first, last in blocks(len(codes)):
-        kernels.number(first, last, codes, table, groups, size)
-        ctx.progress(last / len(codes))
-    ctx.progress(1.0)
-    return groups, int(size[0])
 
 
 def best_of(

@@ -1,4 +1,4 @@
-"""Rasters of heights: whether their unit is that of the coordinates."""
+"""The attribute that holds heights, and whether a raster holds some in the unit of its CRS."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from toolbox.data import Raster
 from toolbox.data.crs import length_problem, vertical_unit
 
+HEIGHT = "HeightAboveGround"  # attribute of points, named as in other programs
 # Names of units as other programs write them; ours are those of `vertical_unit`.
 _SPELT = {
     **dict.fromkeys(("m", "meter", "meters", "metres"), "metre"),

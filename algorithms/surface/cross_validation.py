@@ -19,11 +19,11 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.compare.surfaces import measures
-from algorithms.points.filter import Returns, choice_problems, chosen
 from algorithms.shared import parameters
+from algorithms.shared.error_measures import measures
+from algorithms.shared.selection import Returns, choice_problems, chosen
+from algorithms.surface._gridding import STATISTICS, grid
 from algorithms.surface._samples import samples, why_none
-from algorithms.surface.grid import STATISTICS, grid
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table
 from toolbox.data.crs import vertical_unit

@@ -28,7 +28,7 @@ print(json.dumps(dict(cpu=time.process_time() - cpu, wall=time.perf_counter() - 
 
 
 OURS = """
-from algorithms.surface.grid import grid
+from algorithms.surface._gridding import grid
 from toolbox.data import Lattice
 def work(xy, z, x, y):
     cell = x[1] - x[0]

@@ -23,9 +23,10 @@ from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._extraction.ground import given_heights
 from algorithms.corridor._extraction.labels import LINE_CLASSES
 from algorithms.corridor._extraction.layers import catenaries_of
-from algorithms.ground.classify import HEIGHT, find_terrain, height_above
 from algorithms.shared.ground import is_withheld
+from algorithms.shared.heights import HEIGHT
 from algorithms.shared.lowest import require_finite
+from algorithms.shared.terrain import find_terrain, height_above
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
 

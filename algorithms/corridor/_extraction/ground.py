@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from algorithms.corridor._extraction.labels import classes_of
-from algorithms.ground.classify import HEIGHT, find_terrain, height_above
 from algorithms.shared.ground import may_be_ground
+from algorithms.shared.heights import HEIGHT
+from algorithms.shared.terrain import find_terrain, height_above
 from toolbox.context import Context
 from toolbox.data import PointCloud
 from toolbox.errors import DataError

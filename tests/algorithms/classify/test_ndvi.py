@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from algorithms.classify.ndvi import ClassifyNdvi, ndvi
+from algorithms.classify._ndvi import ndvi
+from algorithms.classify.ndvi import ClassifyNdvi
 from toolbox.data import Raster
 from toolbox.errors import DataError, ParameterError
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
-from algorithms.compare.classes import COLOURS, CompareClasses, Counts, Share, counterparts
+from algorithms.compare._counterparts import counterparts
+from algorithms.compare.classes import COLOURS, CompareClasses, Counts, Share
 from toolbox.data import PointCloud
 from toolbox.declare import Attribute, ClassList
 from toolbox.errors import DataError

@@ -18,7 +18,8 @@ from scipy import stats
 
 from algorithms.compare import surfaces as module
 from algorithms.compare._spread import Quarters, spread
-from algorithms.compare.surfaces import CompareSurfaces, histogram, measures, resampled, rounded_up
+from algorithms.compare.surfaces import CompareSurfaces, histogram, resampled, rounded_up
+from algorithms.shared.error_measures import measures
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.declare import ClassList
 from toolbox.errors import DataError, ParameterError

@@ -17,10 +17,11 @@ from scenes.layers import UTM, cloud
 from scenes.towns import EAST, NORTH, Box, inside, isprs
 from scipy.ndimage import map_coordinates
 
-from algorithms.ground import _classify_kernels as kernels
-from algorithms.ground import classify
-from algorithms.ground.classify import GroundClassify, Terrain, find_terrain, height_above, verdict
+from algorithms.ground.classify import GroundClassify
+from algorithms.shared import terrain as finding
 from algorithms.shared.ground import Returns
+from algorithms.shared.kernels import terrain as kernels
+from algorithms.shared.terrain import Terrain, find_terrain, height_above, verdict
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud
 from toolbox.declare import ClassList
@@ -335,7 +336,7 @@ def test_steps_are_kept_by_cells_of_two_metres_and_their_neighbours() -> None:
     """A wall of 5 m: 4.2 m are more than a slope explains, within a metre and those next to it."""
     z = np.zeros((32, 32), np.float32)
     z[:, 20:] = 5
-    step = classify.steep_steps(z, QUIET)
+    step = finding.steep_steps(z, QUIET)
     assert step.shape == (16, 16)
     np.testing.assert_allclose(step[:, 9:11], 4.2)
     np.testing.assert_allclose(step[:, :9], -0.8)
@@ -348,14 +349,14 @@ def brute_raised(z: Any, ground: Mask, slope: Any, step: Any) -> Floats:
     rows, cols = z.shape
     row, col = np.mgrid[0:rows, 0:cols]
     z = z.astype(float)
-    limit = np.repeat((z - classify.FALL)[None], 8, axis=0)
+    limit = np.repeat((z - finding.FALL)[None], 8, axis=0)
     seen = np.zeros((8, rows, cols), bool)
     way = np.zeros((3, 8, rows, cols))
     low = np.where(ground, z, np.inf)
-    for level in range(classify.LEVELS):
+    for level in range(finding.LEVELS):
         size = 2**level
-        for down, right, away in around(classify.LOOK):
-            if away <= (classify.LOOK / 2 if level else 0):
+        for down, right, away in around(finding.LOOK):
+            if away <= (finding.LOOK / 2 if level else 0):
                 continue
             angle = math.atan2(down, right) % math.tau or math.tau
             sector = math.ceil(round(8 * angle / math.tau, 9)) - 1
@@ -370,9 +371,9 @@ def brute_raised(z: Any, ground: Mask, slope: Any, step: Any) -> Floats:
                 kept[sector][better] = new[better]
         low = low.reshape(len(low) // 2, 2, -1, 2).min(axis=(1, 3))
     votes = np.zeros(z.shape)
-    for k, r, c in np.argwhere(limit < z - classify.FALL):
+    for k, r, c in np.argwhere(limit < z - finding.FALL):
         south, east, height = way[:, k, r, c]
-        need = max(classify.STEP, classify.STEP_SHARE * (z[r, c] - height))
+        need = max(finding.STEP, finding.STEP_SHARE * (z[r, c] - height))
         count = int(max(abs(south), abs(east)) / 2) + 1
         part = np.arange(count + 1) / count
         i, j = (r + 0.5 + south * part).astype(int) // 2, (c + 0.5 + east * part).astype(int) // 2
@@ -388,8 +389,8 @@ def test_raised_is_what_falls_off_in_all_directions(steepness: float) -> None:
     ground = np.isfinite(z) & (np.random.default_rng(7).random(z.shape) < 0.8)
     ground[:, 45:] = False
     slope = np.linspace(0, steepness, z.size, dtype=np.float32).reshape(z.shape)
-    step = classify.steep_steps(z, QUIET)
-    got = classify.raised_share(z, ground, slope, step, QUIET)
+    step = finding.steep_steps(z, QUIET)
+    got = finding.raised_share(z, ground, slope, step, QUIET)
     expected = brute_raised(z, ground, slope, step)
     np.testing.assert_allclose(got, expected, atol=1e-6)
     assert (got == 0).any()
@@ -398,7 +399,7 @@ def test_raised_is_what_falls_off_in_all_directions(steepness: float) -> None:
 
 def test_a_cell_looks_into_eight_sectors_without_gaps() -> None:
     """Fine cells near by, coarser ones where those end; a quarter turn is two sectors."""
-    for level, ring in enumerate(classify.sectors().tolist()):
+    for level, ring in enumerate(finding.sectors().tolist()):
         sector = {(down, right): k for down, right, k in ring}
         near = {(i, j) for i, j, away in around(8) if away > (4 if level else 0)}
         assert set(sector) == near
@@ -428,7 +429,7 @@ def test_votes_spread_over_a_roof_but_not_down_from_it() -> None:
     z[:, 16:] = 5
     votes = np.zeros_like(z)
     votes[16, 20] = 1
-    found = classify.votes_of_planes(z, votes, QUIET)
+    found = finding.votes_of_planes(z, votes, QUIET)
     assert found[16, 31] > 0  # after three rounds of 4 m
     assert found[16, 16] > 0
     assert not found[:, :16].any()
@@ -515,7 +516,7 @@ def test_the_slope_of_the_surface_and_its_mean() -> None:
     rows, cols = np.mgrid[0:160, 0:320]
     surface = np.where(cols < 160, 0.3 * rows + 0.4 * cols, 0.3 * rows + 64).astype(np.float32)
     surface[:5] = np.nan
-    slope, relief = classify.slopes(surface)
+    slope, relief = finding.slopes(surface)
     assert np.isfinite(slope).all()
     assert np.isfinite(relief).all()
     np.testing.assert_allclose(slope[10:, :150], 0.5, atol=1e-4)
@@ -532,7 +533,7 @@ def test_a_robust_surface_leaves_what_stands_on_it() -> None:
     bush = np.flatnonzero(rng.random(z.shape) < 0.1)
     z.flat[bush] += rng.uniform(1, 3, len(bush))
     every = np.ones(z.shape, bool)
-    got = classify.robust_surface(z, every, classify.FINE, classify.STIFF, QUIET)
+    got = finding.robust_surface(z, every, finding.FINE, finding.STIFF, QUIET)
     assert np.abs(got - expected).max() < 0.1
 
 
@@ -540,7 +541,7 @@ def test_the_surface_knows_candidates_only() -> None:
     z = rough(64, 96)
     candidates = np.isfinite(z) & (np.random.default_rng(13).random(z.shape) < 0.5)
     got, alone = (
-        classify.robust_surface(heights, candidates, classify.FINE, classify.STIFF, QUIET)
+        finding.robust_surface(heights, candidates, finding.FINE, finding.STIFF, QUIET)
         for heights in (z, np.where(candidates, z, np.float32(np.nan)))
     )
     np.testing.assert_array_equal(got, alone)
@@ -550,17 +551,17 @@ def test_what_the_second_look_takes_out_the_third_does_not_see(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     seen: list[Mask] = []
-    look = classify.raised_share
+    look = finding.raised_share
 
     def spy(z: Any, ground: Mask, *others: Any) -> Any:
         seen.append(ground)
         return look(z, ground, *others)
 
-    monkeypatch.setattr(classify, "raised_share", spy)
+    monkeypatch.setattr("algorithms.shared.terrain.raised_share", spy)
     z = np.zeros((64, 96), np.float32)
     z[20:40, 30:60] = 6
     z[:, 80] = np.nan
-    found = classify.ground_cells(z, QUIET)
+    found = finding.ground_cells(z, QUIET)
     for ground, expected in zip(
         seen, (np.isfinite(z), np.isfinite(z), np.isfinite(z) & (z == 0)), strict=True
     ):
@@ -579,9 +580,9 @@ def test_on_a_slope_a_fall_is_steeper_and_more_must_fall_off(
         slopes.append(slope)
         return np.full_like(z, 0.6)
 
-    monkeypatch.setattr(classify, "raised_share", votes)
+    monkeypatch.setattr("algorithms.shared.terrain.raised_share", votes)
     z = np.tile(np.float32(tilt) * np.arange(96, dtype=np.float32), (64, 1))
-    assert (classify.ground_cells(z, QUIET) == stays).all()
+    assert (finding.ground_cells(z, QUIET) == stays).all()
     np.testing.assert_allclose(slopes[0], 0.5)
     for slope in slopes[1:]:
         np.testing.assert_allclose(slope[20:-20, 20:-20], fall, atol=0.02)
@@ -645,7 +646,7 @@ def test_the_size_of_blocks_does_not_matter(monkeypatch: pytest.MonkeyPatch) -> 
 def test_the_lattice_is_shared_by_tiles() -> None:
     """Its coarsest cells lie on whole multiples of 16 m, wherever the points begin."""
     for start in (0.0, 3.3, 17.9):
-        lattice = classify.aligned_lattice(plane(side=40) + np.array([start, -start, 0]), 1.0)
+        lattice = finding.aligned_lattice(plane(side=40) + np.array([start, -start, 0]), 1.0)
         assert lattice.cell == 1.0
         assert lattice.west % 16 == lattice.north % 16 == 0
         assert lattice.rows % 16 == lattice.cols % 16 == 0

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
-from algorithms.points.filter import PointsFilter, return_mask
+from algorithms.points.filter import PointsFilter
+from algorithms.shared.selection import return_mask
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList, Expression, Range
 from toolbox.errors import DataError, ParameterError

@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import CRS
 
-from algorithms.points.thin import PointsThin, cells, mean
+from algorithms.points._groups import cells
+from algorithms.points.thin import PointsThin, mean
 from toolbox import run
 from toolbox.data import PointCloud
 from toolbox.declare import Attribute

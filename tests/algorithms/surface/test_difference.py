@@ -11,7 +11,8 @@ from pyproj import CRS
 from scenes import layers
 from scenes.layers import UTM
 
-from algorithms.surface.difference import SurfaceDifference, misfit
+from algorithms.shared.alignment import misfit
+from algorithms.surface.difference import SurfaceDifference
 from toolbox.data import Lattice, Raster
 from toolbox.errors import DataError
 

@@ -19,8 +19,9 @@ from scipy.interpolate import CloughTocher2DInterpolator, LinearNDInterpolator
 from scipy.spatial import Delaunay, Voronoi, cKDTree
 
 from algorithms.shared.places import averaged
+from algorithms.surface._gridding import Method, grid
 from algorithms.surface._tin import Tin
-from algorithms.surface.grid import Method, SurfaceGrid, grid
+from algorithms.surface.grid import SurfaceGrid
 from toolbox.context import Context
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.declare import Attribute, ClassList, Expression, Extent

@@ -1,4 +1,4 @@
-"""Compiled loops of :mod:`algorithms.ground.classify`.
+"""Compiled loops of :mod:`algorithms.shared.terrain`.
 
 All rasters hold metres and have cells of one metre, so distances in cells are metres. Loops run
 over the rows first..last, each of which writes its own cells only: the result is the same for any

@@ -1,0 +1,59 @@
+"""Two rasters on one lattice: whether their cells lie on each other, and their difference."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolbox.context import QUIET, Context
+from toolbox.data import Lattice, Raster
+
+ROWS = 512  # subtracted between two looks at whether the user cancelled
+ALIGNED = 1e-4  # cells: corners that are this close to whole cells apart lie on one lattice
+
+Array = NDArray[np.float64]
+
+
+def misfit(one: Lattice, other: Lattice) -> str | None:
+    """Why cells of the other lattice do not lie on those of the first; continues a sentence."""
+    if abs(other.cell - one.cell) * max(one.shape) > ALIGNED * one.cell:
+        return f"has cells of {other.cell:g}, not the {one.cell:g}"
+    for apart in ((other.west - one.west) / one.cell, (other.north - one.north) / one.cell):
+        if abs(apart - round(apart)) > ALIGNED:
+            return f"lies {abs(apart - round(apart)):.3g} of a cell beside the cells"
+    down, right = offset(one, other)
+    rows, cols = one.shape
+    if not (-other.rows < down < rows and -other.cols < right < cols):
+        return "lies nowhere on the area"
+    return None
+
+
+def offset(one: Lattice, other: Lattice) -> tuple[int, int]:
+    """Row and column of the first lattice at which the other begins."""
+    down = round((one.north - other.north) / one.cell)
+    return down, round((other.west - one.west) / one.cell)
+
+
+def difference(one: Raster, other: Raster, ctx: Context = QUIET) -> Array:
+    """The first raster minus the other on the cells of the first.
+
+    Parameters
+    ----------
+    one, other : of one band, on aligned cells of one size (see :func:`misfit`)
+
+    Returns
+    -------
+    array of shape (rows, cols) of the first, NaN where one of the two has no value
+    """
+    first, second = one.band(), other.band()
+    down, right = offset(Lattice.of(one), Lattice.of(other))
+    rows, cols = first.shape
+    top, bottom = max(0, down), min(rows, down + second.shape[0])
+    west, east = max(0, right), min(cols, right + second.shape[1])
+    found = np.full(first.shape, np.nan)
+    for row in range(top, bottom, ROWS):
+        ctx.progress((row - top) / (bottom - top))
+        block = slice(row, min(row + ROWS, bottom)), slice(west, east)
+        beside = slice(row - down, block[0].stop - down), slice(west - right, east - right)
+        found[block] = first[block] - second[beside]
+    return found

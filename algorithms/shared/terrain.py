@@ -1,0 +1,353 @@
+"""The terrain among points of which nobody knows which are ground.
+
+A building or a tree drops to the ground on all sides, and does so in a step. A hill, a terrace or
+an embankment drops on one side, on two, or gradually. So each cell of a raster of lowest points
+asks around in eight directions; what is raised all round is taken out, and a robust surface is laid
+through what remains. Points near that surface are ground.
+
+The ideas and their sources, and what they gained: docs/explanation/ground-classification.md.
+
+References
+----------
+Meng, X. et al. (2009). A multi-directional ground filtering algorithm for airborne LIDAR. ISPRS
+Journal 64(1), 117-124: neighbours in several directions decide.
+Knutsson, H. and Westin, C.-F. (1993). Normalized and differential convolution. CVPR, 515-523:
+planes fitted to irregular data by convolutions.
+Kraus, K. and Pfeifer, N. (1998). Determination of terrain models in wooded areas with airborne
+laser scanner data. ISPRS Journal 53(4), 193-203: weights that depend on the residual and its sign.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import (
+    distance_transform_edt,
+    maximum_filter,
+    minimum_filter,
+    uniform_filter,
+)
+
+from algorithms.shared.kernels import terrain as kernels
+from algorithms.shared.kernels.threads import side_by_side
+from algorithms.shared.lowest import (
+    blocks,
+    lattice_around,
+    lowest_points,
+    require_finite,
+    without_low_outliers,
+)
+from toolbox.context import QUIET, Context
+from toolbox.data import Lattice
+from toolbox.errors import DataError
+
+CELL = 1.0  # metres, of the raster of lowest points; all kernels count on it
+LEVELS = 4  # resolutions at which a cell looks around: to 8 m at 1 m, ..., to 64 m at 8 m
+LOOK = 8  # cells, at each of them
+STEP_REACH, STEP_SLOPE = 3, 0.8  # metres; what is steeper is a step
+STEP, STEP_SHARE = 0.3, 0.2  # metres, and of the whole fall: how much of it must be in one step
+FALL = 0.2  # metres below which the terrain must be, beyond what the slope explains
+FIRST_SLOPE, FIRST_SHARE = 0.5, 5 / 8  # for the first look, which knows nothing of the terrain
+SLOPE, SLOPE_GAIN = 0.2, 1.0  # what counts as a fall, on level ground and per slope of the terrain
+RELIEF = 50  # metres: half the window in which the slope of the terrain is averaged
+FLAT, STEEP = 0.02, 0.06  # mean slope of the terrain between which the verdict changes ...
+SHARE_FLAT, SHARE_STEEP = 0.45, 0.7  # ... from this share of sectors to that
+SAME_STEP, SAME_SLOPE, SAME_REACH, SAME_ROUNDS = 0.2, 0.2, 4, 3  # cells on one plane vote alike
+COARSE = ((4, 3.0), (3, 3.0), (2, 3.0))  # level and window of a surface, in cells of that level
+FINE = (*COARSE, (1, 3.0), (0, 3.0), (0, 1.5))
+ENOUGH = 2.0  # points in a window
+STIFF_COARSE, STIFF = 0.25, 1.0  # how much a plane resists to tilt
+ROUNDS, ROUNDS_KNOWN = 5, 2  # the latter where the points are known to be ground
+TOLERANCE, SLOPE_TOLERANCE, BELOW = 0.3, 1.0, 3.0  # metres; metres per slope; points below: times
+HALO = 200.0  # metres
+BYTES_PER_CELL = 50
+FAR = 50.0  # metres from any ground, where the surface ends
+
+Floats = NDArray[np.float64]
+Grid = NDArray[np.float32]
+Levels = tuple[tuple[int, float], ...]
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """The terrain as the filter sees it.
+
+    Attributes
+    ----------
+    heights : array of shape (rows, cols), in metres, NaN beyond FAR from any ground
+    lattice : cells of a metre, in the unit of the coordinates
+    metre : length of one metre in that unit
+    """
+
+    heights: Grid
+    lattice: Lattice
+    metre: float
+
+
+def find_terrain(
+    xyz: Floats, *, known: bool = False, metre: float = 1.0, ctx: Context = QUIET
+) -> Terrain:
+    """A surface through the lowest points that do not stand out all round.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    known : whether all of them are ground, so that none stands out, which takes a fifth of the time
+    metre : length of one metre in the unit of the points
+    ctx : progress and cancellation
+
+    Returns
+    -------
+    Terrain
+
+    Raises
+    ------
+    ValueError
+        A coordinate is not a finite number.
+    DataError
+        There are no points, or their bounding box is too large for a raster.
+    """
+    if not len(xyz):
+        raise DataError("points: there are none that could be ground")
+    require_finite(xyz)
+    lattice = aligned_lattice(xyz, metre)
+    use = without_low_outliers(xyz, CELL * metre, metre, ctx.part(0.0, 0.1))
+    lowest = lowest_points(xyz, use, lattice, ctx.part(0.1, 0.15))
+    z = np.where(lowest >= 0, xyz[:, 2][lowest] / metre, np.nan).astype(np.float32)
+    candidates = np.isfinite(z) if known else ground_cells(z, ctx.part(0.15, 0.7))
+    rounds = ROUNDS_KNOWN if known else ROUNDS
+    heights = robust_surface(z, candidates, FINE, STIFF, ctx.part(0.7, 1.0), rounds=rounds)
+    heights[distance_transform_edt(~candidates) > FAR] = np.nan
+    heights.flags.writeable = False
+    return Terrain(heights, lattice, metre)
+
+
+def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
+    """True where a point lies near the terrain, and how clear that is.
+
+    Ground may lie above the terrain by the tolerance, which grows with slope, and below it by
+    three times that and a metre.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    terrain : of the same area
+
+    Returns
+    -------
+    arrays of shape (n,)
+        The confidence goes from 0 at the limit to 1 on the terrain, and to 1 at twice the
+        tolerance above it. Where there is no terrain, there is no ground.
+
+    Raises
+    ------
+    ValueError
+        A coordinate is not a finite number.
+    """
+    residual, allowed = _residuals(xyz, terrain)
+    deepest = BELOW * allowed + 1.0
+    ground = (residual <= allowed) & (residual >= -deepest)
+    limit = np.where(residual > 0, allowed, deepest)
+    confidence = np.clip(np.abs(1 - np.abs(residual) / limit), 0, 1)
+    return ground, np.where(np.isfinite(residual), confidence, 1.0)
+
+
+def height_above(xyz: Floats, terrain: Terrain) -> Floats:
+    """Metres of points above the terrain.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    terrain : of the same area
+
+    Returns
+    -------
+    array of shape (n,), NaN where there is no terrain
+
+    Raises
+    ------
+    ValueError
+        A coordinate is not a finite number.
+    """
+    return _residuals(xyz, terrain)[0]
+
+
+def _residuals(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats]:
+    """Metres of points above the terrain, and how many of them its slope allows ground to have."""
+    require_finite(xyz)
+    cell = terrain.lattice.cell
+    residual, allowed = np.empty(len(xyz)), np.empty(len(xyz))
+    side_by_side(
+        kernels.residuals,
+        blocks(len(xyz), 10),
+        xyz,
+        terrain.metre,
+        round(terrain.lattice.west / cell),
+        round(terrain.lattice.north / cell),
+        terrain.heights,
+        TOLERANCE,
+        SLOPE_TOLERANCE,
+        residual,
+        allowed,
+    )
+    return residual, allowed
+
+
+def aligned_lattice(xyz: Floats, metre: float) -> Lattice:
+    """Cells of a metre whose coarser levels fall on whole multiples of their size, too."""
+    lattice_around(xyz, CELL * metre, bytes_per_cell=BYTES_PER_CELL)
+    size = 2 ** max(level for level, _ in FINE)
+    coarse = lattice_around(xyz, size * metre)
+    return Lattice(coarse.west, coarse.north, metre, coarse.rows * size, coarse.cols * size)
+
+
+def ground_cells(z: Grid, ctx: Context) -> NDArray[np.bool_]:
+    """Cells with a point that does not stand out all round.
+
+    The first look takes any slope below FIRST_SLOPE for terrain. It yields a coarse surface, whose
+    slope tells the second look what a fall is here. In the third, what was taken out is no longer
+    in the way of what it hid.
+    """
+    has = np.isfinite(z)
+    step = steep_steps(z, ctx.part(0.0, 0.1))
+    slope = np.full(z.shape, FIRST_SLOPE, np.float32)
+    votes = raised_share(z, has, slope, step, ctx.part(0.1, 0.4))
+    coarse = robust_surface(
+        z, has & (votes < FIRST_SHARE), COARSE, STIFF_COARSE, ctx.part(0.4, 0.45)
+    )
+    slope, relief = slopes(coarse)
+    bend = np.clip((relief - FLAT) / (STEEP - FLAT), 0, 1)
+    share = SHARE_FLAT + (SHARE_STEEP - SHARE_FLAT) * bend
+    slope = np.minimum(SLOPE + SLOPE_GAIN * slope, 1.0)
+    ground = has
+    for k in range(2):
+        part = ctx.part(0.45 + 0.25 * k, 0.7 + 0.25 * k)
+        votes = raised_share(z, ground, slope, step, part.part(0, 0.8))
+        ground = has & (votes_of_planes(z, votes, part.part(0.8, 1)) < share)
+    ctx.progress(1.0)
+    return ground
+
+
+def steep_steps(z: Grid, ctx: Context) -> Grid:
+    """The deepest step within STEP_REACH of each 2 x 2 cells, shape (rows / 2, cols / 2)."""
+    step = np.empty_like(z)
+    for first, last in blocks(len(z), z.shape[1]):
+        kernels.steps(z, first, last, STEP_REACH, STEP_SLOPE, step)
+        ctx.progress(last / len(z))
+    widened = maximum_filter(step, 3).reshape(len(z) // 2, 2, -1, 2)
+    return np.asarray(widened.max(axis=(1, 3)), np.float32)
+
+
+def raised_share(z: Grid, ground: NDArray[np.bool_], slope: Grid, step: Grid, ctx: Context) -> Grid:
+    """The share of directions in which each cell falls off to cells of `ground`."""
+    low = np.where(ground, z, np.float32(np.inf))
+    lows, lowest = [], []
+    for _ in range(LEVELS):
+        lows.append(np.pad(low, LOOK, constant_values=np.inf))
+        lowest.append(minimum_filter(low, 2 * LOOK + 1, mode="constant", cval=np.inf))
+        low = low.reshape(len(low) // 2, 2, -1, 2).min(axis=(1, 3))
+    far = np.empty(lowest[-1].shape, np.int64)
+    kernels.sectors_seen(lows[-1], LOOK, sectors()[-1], far)
+    share = np.empty_like(z)
+    side_by_side(
+        *(kernels.raised, blocks(len(z), 20 * z.shape[1])),
+        *(z, tuple(lows), tuple(lowest), far, LOOK, sectors(), slope),
+        *(step, FALL, STEP, STEP_SHARE, share),
+        ctx=ctx,
+    )
+    return share
+
+
+@functools.cache
+def sectors() -> NDArray[np.int64]:
+    """Where a cell looks, shape (levels, k, 3): rows down, columns right, and sector 0 to 7.
+
+    The coarser levels begin where the finer ones end, so they skip the middle; their rows are
+    filled up with the last offset.
+    """
+    found = []
+    for level in range(LEVELS):
+        near = LOOK / 2 if level else 0
+        ring = [
+            (down, right, int(8 * ((math.atan2(down, right) / math.tau + 1.0 - 1e-9) % 1.0)))
+            for down in range(-LOOK, LOOK + 1)
+            for right in range(-LOOK, LOOK + 1)
+            if near < math.hypot(down, right) <= LOOK
+        ]
+        found.append(ring)
+    longest = max(map(len, found))
+    return np.array([ring + ring[-1:] * (longest - len(ring)) for ring in found])
+
+
+def votes_of_planes(z: Grid, votes: Grid, ctx: Context) -> Grid:
+    """Let cells that lie on one plane agree: a roof or a terrace is judged as one."""
+    runs = blocks(len(z), 10 * z.shape[1])
+    for k in range(SAME_ROUNDS):
+        mean = np.empty_like(votes)
+        part = ctx.part(k / SAME_ROUNDS, (k + 1) / SAME_ROUNDS)
+        side_by_side(
+            kernels.levelled, runs, votes, z, SAME_REACH, SAME_STEP, SAME_SLOPE, mean, ctx=part
+        )
+        votes = mean
+    return votes
+
+
+def slopes(surface: Grid) -> tuple[Grid, Grid]:
+    """Slope of the surface, and its mean in a window of RELIEF on all sides."""
+    south, east = np.gradient(surface)
+    slope = np.nan_to_num(np.hypot(east, south)).astype(np.float32)
+    return slope, uniform_filter(slope, 2 * RELIEF + 1, mode="nearest")
+
+
+def robust_surface(
+    z: Grid, candidates: NDArray[np.bool_], levels: Levels, stiff: float, ctx: Context, *,
+    rounds: int = ROUNDS,
+) -> Grid:  # fmt: skip
+    """A surface through the candidates that those far from it lose hold on.
+
+    Coarse planes first, finer ones through what they leave; then points far above get little
+    weight, and all starts again.
+
+    Parameters
+    ----------
+    z : array of shape (rows, cols), NaN where there is no point
+    candidates : array of the same shape
+    levels, stiff : see COARSE and STIFF
+    rounds : how often the weights are found anew
+
+    Returns
+    -------
+    array of shape (rows, cols), NaN far from any candidate
+    """
+    weight = candidates.astype(np.float32)
+    for k in range(rounds + 1):
+        surface = planes_through(
+            z, weight, levels, stiff, ctx.part(k / (rounds + 1), (k + 1) / (rounds + 1))
+        )
+        if k < rounds:
+            kernels.reweighted(z, candidates, surface, TOLERANCE, SLOPE_TOLERANCE, BELOW, weight)
+    return surface
+
+
+def planes_through(z: Grid, weight: Grid, levels: Levels, stiff: float, ctx: Context) -> Grid:
+    """Planes in ever smaller windows, each through what the larger ones leave."""
+    surface = np.zeros_like(z)
+    for k, (level, sigma) in enumerate(levels):
+        rows, cols = z.shape[0] >> level, z.shape[1] >> level
+        weights, residuals = np.empty((rows, cols)), np.empty((rows, cols))
+        kernels.gathered(z, surface, weight, level, weights, residuals)
+        heights = np.empty((rows, cols))
+        enough = ENOUGH if k else 1e-9  # the coarsest must do everywhere
+        side_by_side(
+            *(kernels.planes, blocks(rows, 10 * cols)),
+            *(weights, residuals, sigma, enough, stiff, heights),
+            ctx=ctx.part(k / len(levels), (k + 1) / len(levels)),
+        )
+        if k:
+            np.nan_to_num(heights, copy=False)
+        kernels.add_bilinear(surface, heights, level)
+    return surface

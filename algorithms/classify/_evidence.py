@@ -112,7 +112,8 @@ class Scene:
         if np.count_nonzero(shapeless) > FEW * len(shapeless):
             log.warning(
                 "%d of %d points lack neighbours to lie on a plane with; raise radius",
-                *(np.count_nonzero(shapeless), len(shapeless)),
+                np.count_nonzero(shapeless),
+                len(shapeless),
             )
         # Three points always lie on a plane, so as many less are left to tell how far off it is.
         freedom = np.where(shapeless, np.nan, count - 3)

@@ -160,7 +160,9 @@ class FeatureMap:
 
         return cls(
             names,
-            *(once("_low"), once("_high"), once("_weight")),
+            once("_low"),
+            once("_high"),
+            once("_weight"),
             numbers[list(names)].to_numpy(),
             numbers[["east", "north"]].to_numpy(),
             parent,

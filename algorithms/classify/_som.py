@@ -192,8 +192,18 @@ def _batch(
     def assign(first: int, last: int) -> None:
         part = number[first]
         kernels.assign(
-            *(first, last, data, steps, columns, moved, moved.max(), best, upper, lower),
-            *(sums[part], counts[part]),
+            first,
+            last,
+            data,
+            steps,
+            columns,
+            moved,
+            moved.max(),
+            best,
+            upper,
+            lower,
+            sums[part],
+            counts[part],
         )
 
     for step in range(how.iterations):
@@ -234,8 +244,13 @@ def winners(data: Floats, weights: Floats, ctx: Context = QUIET) -> Winners:
         np.zeros(len(data), np.int64), np.zeros(len(data), np.int64), np.zeros(len(data))
     )
     side_by_side(
-        *(kernels.nearest, blocks(len(data), PER_POINT), np.ascontiguousarray(data)),
-        *(np.ascontiguousarray(weights.T), found.best, found.second, found.distance),
+        kernels.nearest,
+        blocks(len(data), PER_POINT),
+        np.ascontiguousarray(data),
+        np.ascontiguousarray(weights.T),
+        found.best,
+        found.second,
+        found.distance,
         ctx=ctx,
     )
     return found

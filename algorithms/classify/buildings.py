@@ -283,9 +283,16 @@ def on_planes(scene: _evidence.Scene, roof: Mask, ctx: Context = QUIET) -> Mask:
     tree = PointTree.of(scene.xyz[own], ctx=ctx.part(0.0, 0.3))
     near = np.zeros(len(others), bool)
     side_by_side(
-        *(kernels.on_planes, blocks(len(others), PER_POINT), scene.xyz[others], tree.xyz),
-        *(normal[own][tree.order], tree.boxes, tree.depth, scene.radius),
-        *(THICK * scene.flat * scene.cloud.metre, near),
+        kernels.on_planes,
+        blocks(len(others), PER_POINT),
+        scene.xyz[others],
+        tree.xyz,
+        normal[own][tree.order],
+        tree.boxes,
+        tree.depth,
+        scene.radius,
+        THICK * scene.flat * scene.cloud.metre,
+        near,
         ctx=ctx.part(0.3, 1.0),
     )
     found[others] = near

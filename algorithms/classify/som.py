@@ -223,9 +223,18 @@ class ClassifySom:
             log.warning("feature %s is the same at all points and tells nothing", name)
         metre, nothing = self.points.metre, np.zeros(0)
         empty = FeatureMap(
-            *(names, low, high, self._weights(names), nothing, nothing),
-            *(nothing.astype(int), nothing.astype("u1"), nothing.astype(int), nothing),
-            *(self.radius / metre, self.context / metre),
+            names,
+            low,
+            high,
+            self._weights(names),
+            nothing,
+            nothing,
+            nothing.astype(int),
+            nothing.astype("u1"),
+            nothing.astype(int),
+            nothing,
+            self.radius / metre,
+            self.context / metre,
         )
         sizes = [*growing(self.rows, self.columns)] if self.search else [(self.rows, self.columns)]
         for k, size in enumerate(sizes):

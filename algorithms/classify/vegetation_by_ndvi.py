@@ -155,5 +155,6 @@ class ClassifyVegetationByNdvi:
             log.warning(
                 "pulses with several returns, mostly from plants, have a lower NDVI (%.2f) than "
                 "others (%.2f): are nir and red swapped?",
-                *(np.median(torn), np.median(whole)),
+                np.median(torn),
+                np.median(whole),
             )

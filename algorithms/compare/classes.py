@@ -33,8 +33,18 @@ from toolbox.errors import DataError
 
 # Attributes that the sensor gave, in the order in which they tell points at one place apart.
 RECORDED = (
-    *("gps_time", "return_number", "number_of_returns", "point_source_id", "scanner_channel"),
-    *("scan_angle", "scan_angle_rank", "intensity", "red", "green", "blue", "nir"),
+    "gps_time",
+    "return_number",
+    "number_of_returns",
+    "point_source_id",
+    "scanner_channel",
+    "scan_angle",
+    "scan_angle_rank",
+    "intensity",
+    "red",
+    "green",
+    "blue",
+    "nir",
 )
 # Red, green and blue of the values of `error`, as in Şen and Bayaslı (2020) and our pictures.
 COLOURS: Mapping[int, tuple[int, int, int]] = {

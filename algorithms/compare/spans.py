@@ -51,9 +51,8 @@ class CompareSpans:
         "Farthest that a wire may lie from the true one", default=0.5, unit="m", gt=0, le=50
     )
     full: float = param(
-        "Share of its length from which a wire is found in full", default=0.95, unit="1", gt=0,
-        le=1,
-    )  # fmt: skip
+        "Share of its length from which a wire is found in full", default=0.95, unit="1", gt=0, le=1
+    )
 
     @outputs
     class Outputs:
@@ -170,9 +169,11 @@ def _one_to_one(pairs: Sequence[Mapping[int, _Pair]], found: int) -> dict[int, i
 
 
 def _unwanted(
-    pairs: Sequence[Mapping[int, _Pair]], in_full: Sequence[bool], chosen: Mapping[int, int],
+    pairs: Sequence[Mapping[int, _Pair]],
+    in_full: Sequence[bool],
+    chosen: Mapping[int, int],
     found: Sequence[Floats],
-) -> dict[int, str]:  # fmt: skip
+) -> dict[int, str]:
     """Wires that are invented or doubled, by their numbers."""
     near = [np.zeros(len(places), bool) for places in found]
     again = [np.zeros(len(places), bool) for places in found]

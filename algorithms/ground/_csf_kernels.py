@@ -53,8 +53,15 @@ def fall(first, last, spread, steps, awake, even, odd, obstacle, drop, inertia):
                 right = east + spread * number if east < cols else cols
                 heights, out = (even, odd) if number % 2 == 0 else (odd, even)
                 _step_strip(
-                    *(strip * STRIP, max(left, 0), min(right, cols), awake),
-                    *(heights, out, obstacle, drop, inertia),
+                    strip * STRIP,
+                    max(left, 0),
+                    min(right, cols),
+                    awake,
+                    heights,
+                    out,
+                    obstacle,
+                    drop,
+                    inertia,
                 )
 
 

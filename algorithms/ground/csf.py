@@ -201,8 +201,15 @@ def ground_mask(xyz: Floats, cloth: Cloth, *, class_threshold: float = 0.5) -> N
     left, top = round(cloth.lattice.west / cell), round(cloth.lattice.north / cell)
     near = np.empty(len(xyz), bool)
     side_by_side(
-        *(kernels.near_surface, blocks(len(xyz), 10)),
-        *(xyz, cloth.heights, left, top, cell, class_threshold, near),
+        kernels.near_surface,
+        blocks(len(xyz), 10),
+        xyz,
+        cloth.heights,
+        left,
+        top,
+        cell,
+        class_threshold,
+        near,
     )
     return near
 

@@ -352,8 +352,7 @@ def residuals_and_rises(xyz: Floats, surface: Surface) -> tuple[Floats, Floats]:
     """Height of the points above the surface, and what it rises there over one cell."""
     residual, rise = np.empty(len(xyz)), np.empty(len(xyz))
     side_by_side(
-        *(kernels.residuals, blocks(len(xyz), 10)),
-        *(xyz, surface.heights, surface.place, residual, rise),
+        kernels.residuals, blocks(len(xyz), 10), xyz, surface.heights, surface.place, residual, rise
     )
     return residual, rise
 

@@ -138,9 +138,19 @@ def sort_into_cells(
 
     in_blocks(describe, count, LEAVES, ctx.part(0.6, 1.0))
     return Cells(
-        near, order, origin, starts, centres, normals, spread, reach, keys[starts[:-1]], levels,
-        noise, gap,
-    )  # fmt: skip
+        near,
+        order,
+        origin,
+        starts,
+        centres,
+        normals,
+        spread,
+        reach,
+        keys[starts[:-1]],
+        levels,
+        noise,
+        gap,
+    )
 
 
 def _leaves(keys: NDArray[np.uint64], most: int, deepest: int) -> tuple[Ints, Ints]:

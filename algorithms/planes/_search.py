@@ -171,9 +171,17 @@ class Search:
         planes = np.empty((size, 4))
         running = np.cumsum(self.weights)
         kernels.draw(
-            self.rng.random((size, 4)), running, cells.keys, cells.levels, cells.centres,
-            cells.normals, self.weights, self.cosine, np.array(rules.steep), planes,
-        )  # fmt: skip
+            self.rng.random((size, 4)),
+            running,
+            cells.keys,
+            cells.levels,
+            cells.centres,
+            cells.normals,
+            self.weights,
+            self.cosine,
+            np.array(rules.steep),
+            planes,
+        )
         self.trials += size
         self.worth += size / running[-1]
         planes = planes[~np.isnan(planes[:, 0])]
@@ -193,9 +201,17 @@ class Search:
 
         def work(first: int, last: int) -> None:
             kernels.score(
-                first, last, planes, cells.centres, cells.normals, self.weights, self.group,
-                self.rules.tolerance, self.cosine, gains,
-            )  # fmt: skip
+                first,
+                last,
+                planes,
+                cells.centres,
+                cells.normals,
+                self.weights,
+                self.group,
+                self.rules.tolerance,
+                self.cosine,
+                gains,
+            )
 
         in_blocks(work, len(planes), 32)
         return gains
@@ -221,9 +237,15 @@ class Search:
         """The cells of a plane."""
         cells, found = self.cells, np.empty(len(self.weights), np.int64)
         count = kernels.support(
-            plane, cells.centres, cells.normals, self.weights, self.group, self.rules.tolerance,
-            self.cosine, found,
-        )  # fmt: skip
+            plane,
+            cells.centres,
+            cells.normals,
+            self.weights,
+            self.group,
+            self.rules.tolerance,
+            self.cosine,
+            found,
+        )
         return found[:count].copy()
 
     def _grown(self, plane: Floats) -> tuple[Ints, Floats]:
@@ -288,10 +310,18 @@ class Search:
         cells, rules = self.cells, self.rules
         return int(
             kernels.near(
-                patch.plane, patch.axes, rules.tolerance, rules.gap, patch.squares, cells.xyz,
-                cells.starts, cells.reach, self.group, self.free,
+                patch.plane,
+                patch.axes,
+                rules.tolerance,
+                rules.gap,
+                patch.squares,
+                cells.xyz,
+                cells.starts,
+                cells.reach,
+                self.group,
+                self.free,
             )
-        )  # fmt: skip
+        )
 
     def _forget(self, plane: Floats, middle: Floats) -> None:
         """Drop the planes that are almost the same around the middle of a piece too small."""
@@ -308,9 +338,17 @@ class Search:
         size = int(all_cells.counts[cells].sum())
         keys, owner = np.empty(size, np.int64), np.empty(size, np.int64)
         count = kernels.squares(
-            cells, all_cells.xyz, all_cells.starts, self.free, plane, axes, rules.tolerance,
-            rules.gap, keys, owner,
-        )  # fmt: skip
+            cells,
+            all_cells.xyz,
+            all_cells.starts,
+            self.free,
+            plane,
+            axes,
+            rules.tolerance,
+            rules.gap,
+            keys,
+            owner,
+        )
         if not count:
             return None
         squares, place = np.unique(keys[:count], return_inverse=True)
@@ -329,17 +367,33 @@ class Search:
     def _sums(self, cells: Ints, plane: Floats) -> tuple[Floats, Floats]:
         found, middle = np.empty(10), self.cells.centres[cells].mean(axis=0)
         kernels.sums(
-            cells, self.cells.xyz, self.cells.starts, self.free, plane, middle,
-            self.rules.tolerance, found,
-        )  # fmt: skip
+            cells,
+            self.cells.xyz,
+            self.cells.starts,
+            self.free,
+            plane,
+            middle,
+            self.rules.tolerance,
+            found,
+        )
         return found, middle
 
     def _take(self, patch: Patch) -> None:
         cells, rules = self.cells, self.rules
         kernels.take(
-            patch.plane, patch.axes, 1.5 * rules.tolerance, rules.gap, patch.wider, cells.xyz,
-            cells.starts, cells.reach, self.group, self.free, self.weights, self.counts,
-        )  # fmt: skip
+            patch.plane,
+            patch.axes,
+            1.5 * rules.tolerance,
+            rules.gap,
+            patch.wider,
+            cells.xyz,
+            cells.starts,
+            cells.reach,
+            self.group,
+            self.free,
+            self.weights,
+            self.counts,
+        )
         self.weights[~self.cells.flat] = 0.0
         self.taken += 1
 

@@ -185,9 +185,20 @@ def _nearest(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> 
     owner = np.zeros(len(cells.xyz), np.int32)
     for number, patch in enumerate(patches):
         kernels.assign(
-            patch.plane, patch.axes, rules.tolerance, patch.spread, rules.gap, patch.wider,
-            number + 1, cells.xyz, cells.starts, cells.reach, group, nearest, owner,
-        )  # fmt: skip
+            patch.plane,
+            patch.axes,
+            rules.tolerance,
+            patch.spread,
+            rules.gap,
+            patch.wider,
+            number + 1,
+            cells.xyz,
+            cells.starts,
+            cells.reach,
+            group,
+            nearest,
+            owner,
+        )
         ctx.progress(number / len(patches))
     return owner
 
@@ -232,9 +243,21 @@ def _all_fitted(
     planes = np.array([patch.plane for patch in patches]).reshape(-1, 4)
     for number, patch in enumerate(patches):
         kernels.near_edges(
-            patch.plane, patch.axes, rules.tolerance, rules.gap, patch.wider, cosine, number + 1,
-            planes, cells.xyz, cells.starts, cells.reach, group, owner, edge,
-        )  # fmt: skip
+            patch.plane,
+            patch.axes,
+            rules.tolerance,
+            rules.gap,
+            patch.wider,
+            cosine,
+            number + 1,
+            planes,
+            cells.xyz,
+            cells.starts,
+            cells.reach,
+            group,
+            owner,
+            edge,
+        )
     made = []
     for patch, part in zip(patches, parts_of(owner, len(patches)), strict=True):
         inner = part[~edge[part]]

@@ -128,7 +128,9 @@ class PlanesExtract:
             log.warning(
                 "tolerance: %.3g m is less than %g times the noise of the scan, %.3g m; "
                 "planes fall to pieces",
-                *(tolerance / cloud.metre, BELOW, found.noise / cloud.metre),
+                tolerance / cloud.metre,
+                BELOW,
+                found.noise / cloud.metre,
             )
         if not found.planes:
             log.warning(

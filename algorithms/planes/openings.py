@@ -29,8 +29,16 @@ MIDDLE = 0.8  # share of a side along which its edge is looked for, away from th
 EDGE = 0.95  # share of the rows of points that end before the edge
 FEWEST_ROWS = 5
 COLUMNS = (
-    *("kind", "width", "height", "area", "sill", "set_back", "seen"),
-    *("edge_seen", "hidden", "rectangle"),
+    "kind",
+    "width",
+    "height",
+    "area",
+    "sill",
+    "set_back",
+    "seen",
+    "edge_seen",
+    "hidden",
+    "rectangle",
 )
 BEHIND = 2 / 3  # depth over the distance of neighbours, beyond which a point is behind the wall
 SIDES = ("left", "bottom", "right", "top")

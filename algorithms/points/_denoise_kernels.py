@@ -7,6 +7,7 @@ from numba import njit
 
 from algorithms.shared.kernels import neighbours as tree
 from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.sorting import median
 
 LOW, HIGH, ISOLATED = 7, 18, 1  # verdicts, noise as the ASPRS classes; 0 is none
 MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
@@ -47,27 +48,11 @@ def _lowest_around(box, depth, leaf, reach, lowest, held):
 
 
 @helper
-def _median(values, count):
-    """Median of the first values, which are sorted (in place; Shell 1959). np.median takes
-    seconds to compile."""
-    step = count // 2
-    while step > 0:
-        for i in range(step, count):
-            value, j = values[i], i
-            while j >= step and values[j - step] > value:
-                values[j] = values[j - step]
-                j -= step
-            values[j] = value
-        step //= 2
-    return (values[(count - 1) // 2] + values[count // 2]) / 2.0
-
-
-@helper
 def _side(xyz, own, near, values, found):
     """Whether a point is high or low noise, by the median height of its neighbours."""
     for j in range(found):
         values[j] = xyz[near[j], 2]
-    return HIGH if xyz[own, 2] > _median(values, found) else LOW
+    return HIGH if xyz[own, 2] > median(values[:found]) else LOW
 
 
 @njit(cache=True, nogil=True)
@@ -96,7 +81,7 @@ def judge(first_leaf, last_leaf, xyz, box, depth, mean, farthest, lowest, k, rea
             found = tree.nearest(xyz, box, depth, leaf, own, reach, few, few_far, held, held_away)
             for j in range(found):
                 values[j] = mean[few[j]]
-            near_by = _median(values, found) if found > 0 else 0.0
+            near_by = median(values[:found]) if found > 0 else 0.0
             if farthest[own] < reach and least <= near_by:
                 continue
             found = tree.nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away)
@@ -105,11 +90,11 @@ def judge(first_leaf, last_leaf, xyz, box, depth, mean, farthest, lowest, k, rea
                 continue
             for j in range(found):
                 values[j] = mean[near[j]]
-            middle = _median(values, found)
+            middle = median(values[:found])
             for j in range(found):
                 values[j] = abs(mean[near[j]] - middle)
             usual = max(middle, near_by)
-            deviation = max(MAD * _median(values, found), share * usual)
+            deviation = max(MAD * median(values[:found]), share * usual)
             if mean[own] - usual > threshold * deviation:
                 verdict[own] = _side(xyz, own, near, values, found)
 

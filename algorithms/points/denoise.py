@@ -213,8 +213,18 @@ def _beside_neighbours(
     counts = (max(1, k // NEARER), k * WIDER)
     verdict = np.zeros(len(mean), np.uint8)
     side_by_side(
-        *(kernels.judge, tree.leaves, tree.xyz, tree.boxes, tree.depth),
-        *(mean, farthest, lowest, counts, reach, rule, verdict),
+        kernels.judge,
+        tree.leaves,
+        tree.xyz,
+        tree.boxes,
+        tree.depth,
+        mean,
+        farthest,
+        lowest,
+        counts,
+        reach,
+        rule,
+        verdict,
         ctx=ctx.part(0.8, 1.0),
     )
     return verdict
@@ -232,8 +242,14 @@ def _beside_all(tree: PointTree, k: int, threshold: float, scope: Scope, ctx: Co
     verdict = np.zeros(len(mean), np.uint8)
     found = np.flatnonzero(mean > usual + threshold * deviation)
     side_by_side(
-        *(kernels.sides, blocks(len(found), 100), tree.xyz, tree.boxes, tree.depth),
-        *(found, k, verdict),
+        kernels.sides,
+        blocks(len(found), 100),
+        tree.xyz,
+        tree.boxes,
+        tree.depth,
+        found,
+        k,
+        verdict,
         ctx=ctx.part(0.8, 1.0),
     )
     return verdict

@@ -70,8 +70,10 @@ class PointsFilter:
             log.warning(
                 "only %d of %d points lie in the band above the lowest, which is at %.2f: it may "
                 "be an error below the ground, or lower ground elsewhere",
-                within, among, lowest,
-            )  # fmt: skip
+                within,
+                among,
+                lowest,
+            )
         return np.asarray(band)
 
     def _chosen(self) -> NDArray[np.bool_]:

@@ -91,8 +91,9 @@ class PointsFilterIntensity:
             log.warning(
                 "minimum: %g is far below all intensities, which begin at %g: nothing is removed; "
                 "are they on another scale? otsu finds a limit",
-                low, intensity.min(),
-            )  # fmt: skip
+                low,
+                intensity.min(),
+            )
         ctx.progress(1.0)
         kept = self.points.select(keep)
         removed = Share.of_points(~keep, self.points.core)

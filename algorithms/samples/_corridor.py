@@ -126,18 +126,38 @@ class System:
 
 
 TRANSMISSION = System(
-    "transmission", 14.0, 220.0, 40.0, string=2.0, lattice=True, cleared=17.0,
+    "transmission",
+    14.0,
+    220.0,
+    40.0,
+    string=2.0,
+    lattice=True,
+    cleared=17.0,
     wires=(
-        (-5.0, 22.0, 1100.0, WIRE), (5.0, 22.0, 1100.0, WIRE), (-7.0, 29.0, 1100.0, WIRE),
-        (7.0, 29.0, 1100.0, WIRE), (-5.0, 35.0, 1100.0, WIRE), (5.0, 35.0, 1100.0, WIRE),
+        (-5.0, 22.0, 1100.0, WIRE),
+        (5.0, 22.0, 1100.0, WIRE),
+        (-7.0, 29.0, 1100.0, WIRE),
+        (7.0, 29.0, 1100.0, WIRE),
+        (-5.0, 35.0, 1100.0, WIRE),
+        (5.0, 35.0, 1100.0, WIRE),
         (0.0, 40.0, 1500.0, GUARD),
     ),
-)  # fmt: skip
+)
 DISTRIBUTION = System(
-    "distribution", -22.0, 45.0, 10.0, string=0.3, lattice=False, cleared=7.0,
-    wires=((-0.9, 9.3, 320.0, WIRE), (0.0, 9.3, 320.0, WIRE), (0.9, 9.3, 320.0, WIRE),
-           (0.0, 7.2, 260.0, WIRE)),
-)  # fmt: skip
+    "distribution",
+    -22.0,
+    45.0,
+    10.0,
+    string=0.3,
+    lattice=False,
+    cleared=7.0,
+    wires=(
+        (-0.9, 9.3, 320.0, WIRE),
+        (0.0, 9.3, 320.0, WIRE),
+        (0.9, 9.3, 320.0, WIRE),
+        (0.0, 7.2, 260.0, WIRE),
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -180,9 +200,15 @@ def _transmission(rng: np.random.Generator) -> System:
     ]
     wires.append((0.0, height, 1.3 * c, GUARD))
     return System(
-        "transmission", 14.0, float(rng.uniform(150, 320)), height, tuple(wires),
-        string=0.05 * height, lattice=True, cleared=17.0,
-    )  # fmt: skip
+        "transmission",
+        14.0,
+        float(rng.uniform(150, 320)),
+        height,
+        tuple(wires),
+        string=0.05 * height,
+        lattice=True,
+        cleared=17.0,
+    )
 
 
 def _distribution(rng: np.random.Generator) -> System:
@@ -192,9 +218,15 @@ def _distribution(rng: np.random.Generator) -> System:
     top = [(float(x), height - 0.7, c, WIRE) for x in np.linspace(-1.0, 1.0, count)]
     low = [(0.0, height - 2.4, 0.8 * c, WIRE)] if rng.random() < 0.5 else []
     return System(
-        "distribution", -22.0, float(rng.uniform(35, 60)), height, tuple(top + low), string=0.3,
-        lattice=False, cleared=7.0,
-    )  # fmt: skip
+        "distribution",
+        -22.0,
+        float(rng.uniform(35, 60)),
+        height,
+        tuple(top + low),
+        string=0.3,
+        lattice=False,
+        cleared=7.0,
+    )
 
 
 @dataclass(frozen=True)
@@ -255,9 +287,16 @@ class Network:
     span_count: int = 0
 
     def rod(
-        self, ends: Floats, radius: float, cls: int, owner: int,
-        *, wire: int = 0, span: int = 0, tower: int = 0,
-    ) -> None:  # fmt: skip
+        self,
+        ends: Floats,
+        radius: float,
+        cls: int,
+        owner: int,
+        *,
+        wire: int = 0,
+        span: int = 0,
+        tower: int = 0,
+    ) -> None:
         """Add the rods between successive points of an array of shape (n, 3)."""
         rods = np.zeros(len(ends) - 1, ROD)
         for k, name in enumerate("xyz"):
@@ -377,9 +416,14 @@ def _string_up(network: Network, system: System, size: float) -> None:
         network.towers += 1
         tension = chainage in (chainages[0], size / 2, chainages[-1])
         support = Support(
-            network.towers, plan.new_object(), x, y, float(plan.terrain.at(x, y)),
-            network.axis.arm(float(chainage)), tension,
-        )  # fmt: skip
+            network.towers,
+            plan.new_object(),
+            x,
+            y,
+            float(plan.terrain.at(x, y)),
+            network.axis.arm(float(chainage)),
+            tension,
+        )
         raise_tower(network, support, system)
         plan.claim(x, y, 0.0, a=3.0, b=3.0)
         supports.append(support)
@@ -393,9 +437,12 @@ def _string_up(network: Network, system: System, size: float) -> None:
 
 
 def _hang(
-    network: Network, system: System, supports: Sequence[Support],
-    wire: tuple[float, float, float, int], wire_id: int,
-) -> None:  # fmt: skip
+    network: Network,
+    system: System,
+    supports: Sequence[Support],
+    wire: tuple[float, float, float, int],
+    wire_id: int,
+) -> None:
     """One wire of one span, with its strings of insulators."""
     offset, height, c, cls = wire
     one, two = supports
@@ -412,20 +459,38 @@ def _hang(
         ends.append((float(end[0]), float(end[1]), float(end[2])))
         if string and (support.tension or support is one):
             network.rod(
-                np.array([end, tip]), BAR_RADIUS, CONNECTOR, support.object_id,
+                np.array([end, tip]),
+                BAR_RADIUS,
+                CONNECTOR,
+                support.object_id,
                 tower=support.tower_id,
-            )  # fmt: skip
+            )
     span = Catenary(ends[0], ends[1], c)
     network.spans.append(span)
     owner = network.plan.new_object()
     for seen in _recorded(network, span):
         network.rod(seen, WIRE_RADIUS, cls, owner, wire=wire_id, span=network.span_count)
-    network.features.append((_line(span.points(2.0)), {
-        "kind": "wire", "object_id": owner, "wire_id": wire_id, "span_id": network.span_count,
-        "system": system.name, "classification": cls, "from_tower": one.tower_id,
-        "to_tower": two.tower_id, "a": span.a, "b": span.b, "c": c, "sag": span.sag,
-        "span": span.span, "length": span.length,
-    }))  # fmt: skip
+    network.features.append(
+        (
+            _line(span.points(2.0)),
+            {
+                "kind": "wire",
+                "object_id": owner,
+                "wire_id": wire_id,
+                "span_id": network.span_count,
+                "system": system.name,
+                "classification": cls,
+                "from_tower": one.tower_id,
+                "to_tower": two.tower_id,
+                "a": span.a,
+                "b": span.b,
+                "c": c,
+                "sag": span.sag,
+                "span": span.span,
+                "length": span.length,
+            },
+        )
+    )
 
 
 def _recorded(network: Network, span: Catenary) -> list[Floats]:
@@ -510,10 +575,19 @@ def _pole(network: Network, support: Support, system: System) -> None:
 def _post(network: Network, support: Support, system: System) -> None:
     """The tower as a vertical line."""
     foot = np.array([support.x, support.y, support.ground])
-    network.features.append((_line(np.array([foot, foot + np.array([0.0, 0.0, system.height])])), {
-        "kind": "tower", "object_id": support.object_id, "tower_id": support.tower_id,
-        "system": system.name, "height": system.height, "tension": support.tension,
-    }))  # fmt: skip
+    network.features.append(
+        (
+            _line(np.array([foot, foot + np.array([0.0, 0.0, system.height])])),
+            {
+                "kind": "tower",
+                "object_id": support.object_id,
+                "tower_id": support.tower_id,
+                "system": system.name,
+                "height": system.height,
+                "tension": support.tension,
+            },
+        )
+    )
 
 
 # --- vegetation ----------------------------------------------------------------------------

@@ -43,7 +43,10 @@ FACE = np.dtype(
     [
         *((name, "f8", 3) for name in ("o", "e", "f")),  # corner, unit vectors along the sides
         *((name, "f8") for name in ("a", "b", "peak", "chance")),
-        *(("plane_id", "u4"), ("opening_id", "u2"), ("cls", "u1"), ("shade", "f4")),
+        ("plane_id", "u4"),
+        ("opening_id", "u2"),
+        ("cls", "u1"),
+        ("shade", "f4"),
     ]
 )
 OPENING = np.dtype([(name, "f8") for name in ("x1", "x2", "z1", "z2")] + [("bay", "i8")])
@@ -62,9 +65,19 @@ class House:
     features: Features = field(default_factory=list)
 
     def face(
-        self, kind: str, o: Any, e: Any, f: Any, *, cls: int = BUILDING, shade: float = 30000,
-        bay: int = -1, opening: int = 0, chance: float = 1.0, peak: float = 0.0,
-    ) -> None:  # fmt: skip
+        self,
+        kind: str,
+        o: Any,
+        e: Any,
+        f: Any,
+        *,
+        cls: int = BUILDING,
+        shade: float = 30000,
+        bay: int = -1,
+        opening: int = 0,
+        chance: float = 1.0,
+        peak: float = 0.0,
+    ) -> None:
         """A rectangle from corner o along the vectors e and f; `peak` cuts it to a gable."""
         a, b = float(np.linalg.norm(e)), float(np.linalg.norm(f))
         plane = len(self.faces) + 1
@@ -100,9 +113,16 @@ def facade(
         for directions, time in _sweep(step, rng):
             ctx.progress((number - 1) / len(stations))
             distance, face = _first_face(
-                station, directions, rng.random(len(directions)), faces, everywhere, start, items,
-                openings, np.searchsorted(openings["bay"], np.arange(len(start))),
-            )  # fmt: skip
+                station,
+                directions,
+                rng.random(len(directions)),
+                faces,
+                everywhere,
+                start,
+                items,
+                openings,
+                np.searchsorted(openings["bay"], np.arange(len(start))),
+            )
             met = face >= 0
             noisy = distance[met] + rng.normal(0, noise, met.sum())
             xyz = station + noisy[:, None] * directions[met]
@@ -138,9 +158,12 @@ def _house(size: float, rng: np.random.Generator) -> House:
     house.face("roof", eave, (size + 0.6, 0, 0), upwards * rafter, shade=15000)
     van = 0.45 * size
     house.box(
-        "van", (van, -5.0, _ground(van, -5) + 0.3), (van + 4.6, -3.1, _ground(van, -5) + 2.0),
-        cls=UNCLASSIFIED, shade=40000,
-    )  # fmt: skip
+        "van",
+        (van, -5.0, _ground(van, -5) + 0.3),
+        (van + 4.6, -3.1, _ground(van, -5) + 2.0),
+        cls=UNCLASSIFIED,
+        shade=40000,
+    )
     for bay in range(int(size // BAY)):
         _bay(house, bay)
     return house
@@ -197,8 +220,11 @@ def _opening(house: House, bay: int, frame: tuple[float, float, float, float], k
     own: dict[str, Any] = {"bay": bay, "opening": number}
     w, h, d = (x2 - x1, 0, 0), (0, 0, z2 - z1), (0, recess, 0)
     for corner, e, f in (
-        ((x1, 0, z1), d, h), ((x2, 0, z1), d, h), ((x1, 0, z1), w, d), ((x1, 0, z2), w, d),
-    ):  # fmt: skip
+        ((x1, 0, z1), d, h),
+        ((x2, 0, z1), d, h),
+        ((x1, 0, z1), w, d),
+        ((x1, 0, z2), w, d),
+    ):
         house.face("reveal", corner, e, f, shade=28000, **own)
     if kind == "door":
         house.face("door", (x1, recess, z1), w, h, shade=12000, **own)
@@ -209,14 +235,25 @@ def _opening(house: House, bay: int, frame: tuple[float, float, float, float], k
         curtain = float(house.rng.uniform(0.3, 1.0)) if house.rng.random() < 0.6 else 0.0
     if curtain:
         house.face(
-            "curtain", (x1 - 0.1, curtain, z1), (x2 - x1 + 0.2, 0, 0), h,
-            cls=UNCLASSIFIED, shade=20000, chance=0.8, **own,
-        )  # fmt: skip
+            "curtain",
+            (x1 - 0.1, curtain, z1),
+            (x2 - x1 + 0.2, 0, 0),
+            h,
+            cls=UNCLASSIFIED,
+            shade=20000,
+            chance=0.8,
+            **own,
+        )
     ring = [(x1, 0, z1), (x2, 0, z1), (x2, 0, z2), (x1, 0, z2)]
     properties = {
-        "kind": "opening", "type": kind, "opening_id": number, "width": round(x2 - x1, 3),
-        "height": round(z2 - z1, 3), "recess": recess, "curtain": round(curtain, 3),
-    }  # fmt: skip
+        "kind": "opening",
+        "type": kind,
+        "opening_id": number,
+        "width": round(x2 - x1, 3),
+        "height": round(z2 - z1, 3),
+        "recess": recess,
+        "curtain": round(curtain, 3),
+    }
     house.features.append((shapely.Polygon(np.round(_placed(np.array(ring)), 4)), properties))
 
 
@@ -327,10 +364,12 @@ def _face_features(house: House, faces: Records) -> Features:
         if normal @ (_placed(np.array([(house.size / 2, -50.0, 50.0)]))[0] - ring[0]) < 0:
             normal = -normal
         properties = {
-            "kind": kind, "plane_id": int(face["plane_id"]), "opening_id": int(face["opening_id"]),
+            "kind": kind,
+            "plane_id": int(face["plane_id"]),
+            "opening_id": int(face["opening_id"]),
             **{f"normal_{axis}": float(v) for axis, v in zip("xyz", normal, strict=True)},
             "offset": float(normal @ ring[0]),
-        }  # fmt: skip
+        }
         inner = holes if kind == "wall" else []
         features.append((shapely.Polygon(ring, inner), properties))
     return features

@@ -63,9 +63,22 @@ class Plan:
         return bool(_claim(self.taken, x, y, np.cos(turn), np.sin(turn), a + gap, b + gap))
 
     def block(
-        self, x: float, y: float, turn: float, *, a: float, b: float, top: float, base: float,
-        cls: int, owner: int, shade: float, slope: float = 0.0, hip: float = 0.0, plane: int = 0,
-    ) -> None:  # fmt: skip
+        self,
+        x: float,
+        y: float,
+        turn: float,
+        *,
+        a: float,
+        b: float,
+        top: float,
+        base: float,
+        cls: int,
+        owner: int,
+        shade: float,
+        slope: float = 0.0,
+        hip: float = 0.0,
+        plane: int = 0,
+    ) -> None:
         """Add one block; see `_survey.BLOCK`."""
         ux, uy = np.cos(turn), np.sin(turn)
         self.blocks.append((x, y, ux, uy, a, b, top, slope, hip, base, cls, owner, plane, shade))
@@ -103,17 +116,33 @@ def building(
         cx, cy = turned(x, y, wing.x, wing.y, turn)
         angle = turn + (np.pi / 2 if wing.quarter_turn else 0.0)
         plan.block(
-            cx, cy, angle, a=wing.a, b=wing.b, top=top, base=base, cls=BUILDING, owner=owner,
-            shade=shade, slope=wing.slope, hip=wing.hip, plane=plan.planes + 1,
-        )  # fmt: skip
+            cx,
+            cy,
+            angle,
+            a=wing.a,
+            b=wing.b,
+            top=top,
+            base=base,
+            cls=BUILDING,
+            owner=owner,
+            shade=shade,
+            slope=wing.slope,
+            hip=wing.hip,
+            plane=plan.planes + 1,
+        )
         plan.planes += 8  # two roof sides, two hips, four walls
         tops.append(top)
     low, high = float(ground.min()), round(max(tops), 3)
     properties = {
-        "kind": "building", "object_id": owner, "height": round(high - low, 3),
-        "ground_z": round(low, 3), "eave_z": eave, "ridge_z": high,
-        "roof": roof_name(wings), "area": round(shape.area, 2),
-    }  # fmt: skip
+        "kind": "building",
+        "object_id": owner,
+        "height": round(high - low, 3),
+        "ground_z": round(low, 3),
+        "eave_z": eave,
+        "ridge_z": high,
+        "roof": roof_name(wings),
+        "area": round(shape.area, 2),
+    }
     plan.features.append((lift(shape, low), properties))
     return True
 
@@ -143,9 +172,18 @@ def turned(x: float, y: float, u: float, v: float, turn: float) -> tuple[float, 
 
 
 def barrier(
-    plan: Plan, x: float, y: float, turn: float, *, a: float, b: float, height: float,
-    cls: int, shade: float, kind: str,
-) -> None:  # fmt: skip
+    plan: Plan,
+    x: float,
+    y: float,
+    turn: float,
+    *,
+    a: float,
+    b: float,
+    height: float,
+    cls: int,
+    shade: float,
+    kind: str,
+) -> None:
     """A hedge or wall in pieces of 2 m that follow the ground."""
     if not plan.claim(x, y, turn, a=a, b=b, gap=0.3):
         return
@@ -154,9 +192,17 @@ def barrier(
         px, py = x + u * ux, y + u * uy
         ground = float(plan.terrain.at(px, py))
         plan.block(
-            px, py, turn, a=1.0, b=b, top=ground + height, base=ground - 1, cls=cls, owner=owner,
+            px,
+            py,
+            turn,
+            a=1.0,
+            b=b,
+            top=ground + height,
+            base=ground - 1,
+            cls=cls,
+            owner=owner,
             shade=shade,
-        )  # fmt: skip
+        )
     shape = lift(rectangle(x, y, turn, a, b), float(plan.terrain.at(x, y)))
     plan.features.append((shape, {"kind": kind, "object_id": owner, "height": round(height, 3)}))
 
@@ -169,9 +215,17 @@ def car(plan: Plan, x: float, y: float, turn: float) -> None:
     shade = float(plan.rng.uniform(4000, 40000))
     for a, b, height in ((2.2, 0.9, 0.9), (1.1, 0.75, 1.45)):
         plan.block(
-            x, y, turn, a=a, b=b, top=ground + height, base=ground - 0.3, cls=UNCLASSIFIED,
-            owner=owner, shade=shade,
-        )  # fmt: skip
+            x,
+            y,
+            turn,
+            a=a,
+            b=b,
+            top=ground + height,
+            base=ground - 0.3,
+            cls=UNCLASSIFIED,
+            owner=owner,
+            shade=shade,
+        )
     shape = lift(rectangle(x, y, turn, 2.2, 0.9), ground)
     plan.features.append((shape, {"kind": "car", "object_id": owner, "height": 1.45}))
 

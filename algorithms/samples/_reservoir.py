@@ -143,9 +143,12 @@ def _water(plan: Plan, zone: NDArray[np.bool_], level: float, body: int) -> Feat
     for rank, shape in enumerate(shapes):
         kind = "puddle" if rank else ("reservoir" if body == 0 else "pond")
         properties: dict[str, Any] = {
-            "kind": "water", "body": kind, "object_id": plan.new_object(),
-            "level": level, "area": round(shape.area, 2),
-        }  # fmt: skip
+            "kind": "water",
+            "body": kind,
+            "object_id": plan.new_object(),
+            "level": level,
+            "area": round(shape.area, 2),
+        }
         if kind == "reservoir":
             # Text, because few vector formats hold lists.
             properties["storage"] = json.dumps(_storage(plan.terrain, zone, level))

@@ -312,11 +312,24 @@ def trace(world: World, blocks: Index, pulses: Pulses) -> Echoes:
     """The first solid thing that each pulse meets: a block, water or the ground."""
     terrain = world.terrain
     z, source, item, facet = kernels.first_hits(
-        pulses.x0, pulses.y0, pulses.sx, pulses.sy,
-        terrain.values, world.level, terrain.west, terrain.north, terrain.cell,
-        world.blocks, blocks.start, blocks.items, blocks.west, blocks.south, blocks.cell,
-        blocks.rows, blocks.cols,
-    )  # fmt: skip
+        pulses.x0,
+        pulses.y0,
+        pulses.sx,
+        pulses.sy,
+        terrain.values,
+        world.level,
+        terrain.west,
+        terrain.north,
+        terrain.cell,
+        world.blocks,
+        blocks.start,
+        blocks.items,
+        blocks.west,
+        blocks.south,
+        blocks.cell,
+        blocks.rows,
+        blocks.cols,
+    )
     return Echoes(np.arange(len(pulses)), z, source, item, facet)
 
 
@@ -329,10 +342,20 @@ def crown_echoes(
     a turbid medium (Beer-Lambert law); two returns are at least one pulse length apart.
     """
     top, bottom, item = kernels.chords(
-        pulses.x0, pulses.y0, pulses.sx, pulses.sy, ground, world.crowns,
-        crowns.start, crowns.items, crowns.west, crowns.south, crowns.cell,
-        crowns.rows, crowns.cols,
-    )  # fmt: skip
+        pulses.x0,
+        pulses.y0,
+        pulses.sx,
+        pulses.sy,
+        ground,
+        world.crowns,
+        crowns.start,
+        crowns.items,
+        crowns.west,
+        crowns.south,
+        crowns.cell,
+        crowns.rows,
+        crowns.cols,
+    )
     pulse = np.flatnonzero(item >= 0)
     path = rng.exponential((0.7, 1.2, 1.5), (len(pulse), 3)) + np.array([0.0, 1.0, 1.0])
     z = top[pulse, None] - np.cumsum(path, axis=1)
@@ -351,9 +374,20 @@ def rod_echoes(
 ) -> tuple[Echoes, NDArray[np.int64]]:
     """Returns from wires and lattice bars. They are thin: most of the light goes on."""
     pulse, z, item = kernels.strikes(
-        pulses.x0, pulses.y0, pulses.sx, pulses.sy, ground, world.rods,
-        rods.start, rods.items, rods.west, rods.south, rods.cell, rods.rows, rods.cols,
-    )  # fmt: skip
+        pulses.x0,
+        pulses.y0,
+        pulses.sx,
+        pulses.sy,
+        ground,
+        world.rods,
+        rods.start,
+        rods.items,
+        rods.west,
+        rods.south,
+        rods.cell,
+        rods.rows,
+        rods.cols,
+    )
     order = np.lexsort((-z, pulse))
     pulse, z, item = pulse[order], z[order], item[order]
     ended = np.unique(pulse[rng.random(len(pulse)) < 0.25])
@@ -427,9 +461,16 @@ def survey(
             merged = merge([e for e, _ in thin], [stop for _, stop in thin], solid)
             merged = merged.take(~(lost[merged.pulse] & (merged.source == ON_WATER)))
             points = _points(
-                world, pulses, merged, rng, line=number, inside=inside, truth=truth,
-                outliers=outliers, water_noise=water_noise,
-            )  # fmt: skip
+                world,
+                pulses,
+                merged,
+                rng,
+                line=number,
+                inside=inside,
+                truth=truth,
+                outliers=outliers,
+                water_noise=water_noise,
+            )
             parts.append(points)
     names = tuple(parts[0][1])
     xyz = np.concatenate([xyz for xyz, _ in parts])

@@ -57,9 +57,24 @@ def cell_of(x, y, west, south, cell, rows, cols):
 
 @njit(cache=True, nogil=True)
 def first_hits(
-    x0, y0, sx, sy, values, level, west, north, cell, blocks,
-    start, items, left, south, size, rows, cols,
-):  # fmt: skip
+    x0,
+    y0,
+    sx,
+    sy,
+    values,
+    level,
+    west,
+    north,
+    cell,
+    blocks,
+    start,
+    items,
+    left,
+    south,
+    size,
+    rows,
+    cols,
+):
     """First hit of each ray with the terrain, the water and the blocks."""
     n = len(x0)
     z = np.empty(n)
@@ -134,9 +149,7 @@ def crown_width(shape, t):
 
 
 @njit(cache=True, nogil=True)
-def chords(
-    x0, y0, sx, sy, ground, crowns, start, items, left, south, size, rows, cols,
-):  # fmt: skip
+def chords(x0, y0, sx, sy, ground, crowns, start, items, left, south, size, rows, cols):
     """Entry and exit height of each ray in the highest crown that it meets; item -1 for none."""
     n, steps = len(x0), 24
     top, bottom = np.full(n, -np.inf), np.full(n, np.inf)
@@ -162,9 +175,7 @@ def chords(
 
 
 @njit(cache=True, nogil=True)
-def strikes(
-    x0, y0, sx, sy, ground, rods, start, items, left, south, size, rows, cols,
-):  # fmt: skip
+def strikes(x0, y0, sx, sy, ground, rods, start, items, left, south, size, rows, cols):
     """All meetings of rays and rods: pulse, height of the rod's nearest point, rod."""
     pulse, rod, height = [], [], []
     for i in range(len(x0)):

@@ -120,9 +120,17 @@ def _bridge(plan: Plan, x: float, y: float, road: float) -> None:
     for side in (-1, 1):
         edge = y + side * (width - 0.15)
         plan.block(
-            x, edge, 0, a=half, b=0.15, top=road + 1.0, base=road, cls=BRIDGE, owner=owner,
+            x,
+            edge,
+            0,
+            a=half,
+            b=0.15,
+            top=road + 1.0,
+            base=road,
+            cls=BRIDGE,
+            owner=owner,
             shade=15000,
-        )  # fmt: skip
+        )
     deck = lift(rectangle(x, y, 0, half, width), road)
     plan.features.append((deck, {"kind": "bridge", "object_id": owner, "height": 6.5, "z": road}))
 
@@ -266,9 +274,17 @@ def _garden(plan: Plan, x: float, y: float, turn: float) -> None:
     elif rng.random() < 0.6:
         height = rng.uniform(1.0, 2.0)
         barrier(
-            plan, u, v, turn, a=7.0, b=0.15, height=height, cls=UNCLASSIFIED, shade=16000,
+            plan,
+            u,
+            v,
+            turn,
+            a=7.0,
+            b=0.15,
+            height=height,
+            cls=UNCLASSIFIED,
+            shade=16000,
             kind="wall",
-        )  # fmt: skip
+        )
     if rng.random() < 0.5:
         car(plan, *turned(x, y, 11.0, -4.0, turn), turn + np.pi / 2)
 

@@ -174,8 +174,12 @@ def _sewn(xy: Floats, ctx: Context) -> Mesh:
     seam = _whole(xy[seamed], ctx.part(0.9, 0.95))
     duplicate_of[seamed] = seamed[seam.duplicate_of]
     size = strips.sew(
-        *(triangles, neighbours, np.concatenate(free), np.concatenate(rims)),
-        *(seamed[seam.triangles], seam.neighbours),
+        triangles,
+        neighbours,
+        np.concatenate(free),
+        np.concatenate(rims),
+        seamed[seam.triangles],
+        seam.neighbours,
     )
     ctx.progress(1.0)
     triangles, neighbours = triangles[:size], neighbours[:size]

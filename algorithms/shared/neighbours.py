@@ -80,8 +80,15 @@ class PointTree:
         """
         mean, farthest = np.empty(len(self.xyz)), np.empty(len(self.xyz))
         side_by_side(
-            *(kernels.mean_distances, self.leaves, self.xyz, self.boxes, self.depth),
-            *(k, max_distance, mean, farthest),
+            kernels.mean_distances,
+            self.leaves,
+            self.xyz,
+            self.boxes,
+            self.depth,
+            k,
+            max_distance,
+            mean,
+            farthest,
             ctx=ctx,
         )
         return mean, farthest
@@ -118,8 +125,15 @@ def knn(
     tree = PointTree.of(xyz, ctx=ctx.part(0.0, 0.2))
     distance, index = np.full((len(xyz), k), np.inf), np.full((len(xyz), k), -1)
     side_by_side(
-        *(kernels.neighbours, tree.leaves, tree.xyz, tree.order, tree.boxes, tree.depth),
-        *(float(max_distance), distance, index),
+        kernels.neighbours,
+        tree.leaves,
+        tree.xyz,
+        tree.order,
+        tree.boxes,
+        tree.depth,
+        float(max_distance),
+        distance,
+        index,
         ctx=ctx.part(0.2, 1.0),
     )
     return distance, index

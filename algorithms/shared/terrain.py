@@ -254,9 +254,20 @@ def raised_share(z: Grid, ground: NDArray[np.bool_], slope: Grid, step: Grid, ct
     kernels.sectors_seen(lows[-1], LOOK, sectors()[-1], far)
     share = np.empty_like(z)
     side_by_side(
-        *(kernels.raised, blocks(len(z), 20 * z.shape[1])),
-        *(z, tuple(lows), tuple(lowest), far, LOOK, sectors(), slope),
-        *(step, FALL, STEP, STEP_SHARE, share),
+        kernels.raised,
+        blocks(len(z), 20 * z.shape[1]),
+        z,
+        tuple(lows),
+        tuple(lowest),
+        far,
+        LOOK,
+        sectors(),
+        slope,
+        step,
+        FALL,
+        STEP,
+        STEP_SHARE,
+        share,
         ctx=ctx,
     )
     return share
@@ -304,9 +315,14 @@ def slopes(surface: Grid) -> tuple[Grid, Grid]:
 
 
 def robust_surface(
-    z: Grid, candidates: NDArray[np.bool_], levels: Levels, stiff: float, ctx: Context, *,
+    z: Grid,
+    candidates: NDArray[np.bool_],
+    levels: Levels,
+    stiff: float,
+    ctx: Context,
+    *,
     rounds: int = ROUNDS,
-) -> Grid:  # fmt: skip
+) -> Grid:
     """A surface through the candidates that those far from it lose hold on.
 
     Coarse planes first, finer ones through what they leave; then points far above get little
@@ -343,8 +359,14 @@ def planes_through(z: Grid, weight: Grid, levels: Levels, stiff: float, ctx: Con
         heights = np.empty((rows, cols))
         enough = ENOUGH if k else 1e-9  # the coarsest must do everywhere
         side_by_side(
-            *(kernels.planes, blocks(rows, 10 * cols)),
-            *(weights, residuals, sigma, enough, stiff, heights),
+            kernels.planes,
+            blocks(rows, 10 * cols),
+            weights,
+            residuals,
+            sigma,
+            enough,
+            stiff,
+            heights,
             ctx=ctx.part(k / len(levels), (k + 1) / len(levels)),
         )
         if k:

@@ -171,9 +171,15 @@ def grid(points: Returns, ctx: Context = QUIET) -> Grid:
     for some in points.blocks():
         xyz = points.xyz(some)
         kernels.gather(
-            cells_of(xyz, lattice), xyz[:, 2] - base, points.intensity[some], points.water[some],
-            low.ravel(), count.ravel(), bright.ravel(), water.ravel(),
-        )  # fmt: skip
+            cells_of(xyz, lattice),
+            xyz[:, 2] - base,
+            points.intensity[some],
+            points.water[some],
+            low.ravel(),
+            count.ravel(),
+            bright.ravel(),
+            water.ravel(),
+        )
         ctx.progress(0.2 + 0.5 * some.stop / len(points))
     middle, spread = np.full_like(low, np.nan), np.full_like(low, np.inf)
     known = np.zeros(lattice.shape, np.uint8)

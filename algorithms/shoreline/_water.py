@@ -198,15 +198,22 @@ def tell(cells: Grid, found: Sequence[Water]) -> None:
     metre = cells.metre
     log.info(
         "%d water bodies in cells of %.2f m, land has %.1f points per m2",
-        len(found), cells.lattice.cell / metre, cells.density * metre**2,
-    )  # fmt: skip
+        len(found),
+        cells.lattice.cell / metre,
+        cells.density * metre**2,
+    )
     for one in found[:LISTED]:
         log.info(
             "%s: level %.3f, standard error %.3f, single points %.3f; by %s: returns %.0f %% of "
             "those of its shore, intensities separate by %.2f (1 is fully)",
-            name_of(cells, one), one.level.height, one.level.error, one.level.sigma,
-            one.body.evidence, 100 * one.body.lost, one.body.dark,
-        )  # fmt: skip
+            name_of(cells, one),
+            one.level.height,
+            one.level.error,
+            one.level.sigma,
+            one.body.evidence,
+            100 * one.body.lost,
+            one.body.dark,
+        )
 
 
 def at_place(cells: Grid, found: Sequence[Water], place: Position) -> int:

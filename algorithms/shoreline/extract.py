@@ -104,9 +104,15 @@ class ShorelineExtract:
         cells, water = find_water(points, self.min_area, ctx.part(0.3, 0.7))
         chosen = self._chosen(cells, water)
         outlines = draw(
-            points, cells, water, chosen, self.min_area, self.min_island, self.smoothing,
+            points,
+            cells,
+            water,
+            chosen,
+            self.min_area,
+            self.min_island,
+            self.smoothing,
             ctx.part(0.7, 1.0),
-        )  # fmt: skip
+        )
         _warn(outlines)
         return self._packed(outlines)
 
@@ -151,8 +157,10 @@ def _warn(outlines: Sequence[Outline]) -> None:
             if row["open_length"]:
                 log.warning(
                     "body %d: %.0f of %.0f m of its outline is the edge of the data, not a shore",
-                    row["body"], row["open_length"], row["perimeter"],
-                )  # fmt: skip
+                    row["body"],
+                    row["open_length"],
+                    row["perimeter"],
+                )
 
 
 def _layer(features: Sequence[tuple[Any, Row]], crs: Any, kind: str) -> Vector:

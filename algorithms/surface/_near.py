@@ -82,7 +82,9 @@ def buckets(xy: Array, cells: int, *, ctx: Context = QUIET) -> Buckets:
     sorted_xy = np.empty_like(xy)
     in_blocks(
         lambda first, last: _gather(xy, order, first, last, sorted_xy),
-        *(len(xy), BLOCK, ctx.part(0.7, 1.0)),
+        len(xy),
+        BLOCK,
+        ctx.part(0.7, 1.0),
     )
     return Buckets(sorted_xy, order, starts, west, south, size, rows, cols)
 

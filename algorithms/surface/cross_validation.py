@@ -33,8 +33,17 @@ from toolbox.errors import DataError
 Interpolation = Literal["linear", "natural", "cubic", "idw", "nearest"]
 CellStatistic = Literal["min", "max", "mean", "median", "percentile"]  # that are values of points
 LENGTHS = (
-    *("bias", "std", "rmse", "rmse_common", "mae", "median", "nmad"),
-    *("le90", "le95", "min", "max"),
+    "bias",
+    "std",
+    "rmse",
+    "rmse_common",
+    "mae",
+    "median",
+    "nmad",
+    "le90",
+    "le95",
+    "min",
+    "max",
 )
 
 Array = NDArray[np.float64]

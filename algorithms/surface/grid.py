@@ -263,7 +263,10 @@ class SurfaceGrid:
             (x, y), step = xy[steps.argmax()], steps.max() / self.points.metre
             log.warning(
                 "breaklines meet at different heights in %d places, by %.3g m at %.10g, %.10g",
-                *(np.count_nonzero(large), step, x, y),
+                np.count_nonzero(large),
+                step,
+                x,
+                y,
             )
 
     def _packed(self, bands: Bands, lattice: Lattice) -> SurfaceGrid.Outputs:

@@ -101,9 +101,17 @@ def raised(first, last, z, lows, lowest, far, look, offsets, slope, step, fall, 
             if math.isnan(z[r, c]):
                 continue
             seen, falls = _falls(
-                r, c, z[r, c] - fall, slope[r, c], lows, lowest, far[r >> top, c >> top], look,
-                offsets, way,
-            )  # fmt: skip
+                r,
+                c,
+                z[r, c] - fall,
+                slope[r, c],
+                lows,
+                lowest,
+                far[r >> top, c >> top],
+                look,
+                offsets,
+                way,
+            )
             count, votes = 0, 0
             for k in range(8):
                 count += (seen >> k) & 1

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from algorithms.compare._routes import Route, Target, farthest
+from algorithms.compare._routes import Route, IndexedRoute, farthest
 from toolbox.errors import DataError
 
 Array = NDArray[np.float64]
@@ -20,7 +20,7 @@ PIECES = 2000  # of a curve, to take distances
 WITHIN = 1e-6  # metres
 
 
-class Curve(NamedTuple):
+class PolynomialCurve(NamedTuple):
     """A polynomial y of x.
 
     Attributes
@@ -37,7 +37,7 @@ class Curve(NamedTuple):
     rmse: float
 
     @classmethod
-    def fit(cls, points: Array, centre: Array, degree: int) -> Curve:
+    def fit(cls, points: Array, centre: Array, degree: int) -> PolynomialCurve:
         """Least squares in x scaled to -1..1, so that the digits of coordinates do not matter.
 
         Parameters
@@ -92,7 +92,10 @@ def curve_rows(own: Array, reference: Array, degree: int) -> Iterator[Row]:
     own, reference : vertices, arrays of shape (n, 2) and (m, 2), metres
     """
     centre = reference.mean(axis=0)
-    one, other = Curve.fit(own, centre, degree), Curve.fit(reference, centre, degree)
+    one, other = (
+        PolynomialCurve.fit(own, centre, degree),
+        PolynomialCurve.fit(reference, centre, degree),
+    )
     for name, value in zip("xy", centre, strict=True):
         yield _row(f"{name}0", value, value, "m", "centre: mean of the vertices of the reference")
     for power, (a, b) in enumerate(zip(one.centred, other.centred, strict=True)):
@@ -106,7 +109,7 @@ def curve_rows(own: Array, reference: Array, degree: int) -> Iterator[Row]:
     yield from _agreement(one, other)
 
 
-def _agreement(one: Curve, other: Curve) -> Iterator[Row]:
+def _agreement(one: PolynomialCurve, other: PolynomialCurve) -> Iterator[Row]:
     """Differences of two curves over the x that both have, as integrals; nothing of no x."""
     low, high = max(one.low, other.low), min(one.high, other.high)
     width = max(high - low, 0.0)
@@ -131,7 +134,7 @@ def _agreement(one: Curve, other: Curve) -> Iterator[Row]:
         Route.of([np.column_stack([x, Polynomial(curve.centred)(x), none])])
         for curve in (one, other)
     )
-    to, back = Target(b), Target(a)
+    to, back = IndexedRoute(b), IndexedRoute(a)
     there, here = to.feet(a.nodes[:, :2]), back.feet(b.nodes[:, :2])
     longest = max(farthest(a, there, to, WITHIN), farthest(b, here, back, WITHIN))
     yield _row("hausdorff", longest, None, "m", "Hausdorff distance of the curves")

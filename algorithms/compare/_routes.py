@@ -29,13 +29,13 @@ class Route(NamedTuple):
     ----------
     nodes : array of shape (n, 3), x, y and z (NaN if not known)
     line : array of shape (n,), number of the line
-    station : array of shape (n,), length along the line, in the plane
+    chainage : array of shape (n,), length along the line, in the plane
     closed : array of shape (lines,), whether each line ends where it begins
     """
 
     nodes: Array
     line: Indices
-    station: Array
+    chainage: Array
     closed: NDArray[np.bool_]
 
     @classmethod
@@ -44,7 +44,7 @@ class Route(NamedTuple):
         nodes = np.vstack(lines)
         line = np.repeat(np.arange(len(lines)), [len(vertices) for vertices in lines])
         closed = np.array([(v[0, :2] == v[-1, :2]).all() for v in lines], bool)
-        return cls(nodes, line, stations(nodes, line), closed)
+        return cls(nodes, line, chainages(nodes, line), closed)
 
     @property
     def begins(self) -> Indices:
@@ -89,10 +89,10 @@ class Route(NamedTuple):
         way[begins] = self.nodes[begins + 1] - self.nodes[begins]
         nodes = self.nodes[origin] + share * way[origin]
         line = self.line[origin]
-        return Route(nodes, line, stations(nodes, line), self.closed)
+        return Route(nodes, line, chainages(nodes, line), self.closed)
 
 
-def stations(nodes: Array, line: Indices) -> Array:
+def chainages(nodes: Array, line: Indices) -> Array:
     """Length along each line up to its nodes."""
     way = np.diff(nodes[:, :2], axis=0)
     step = np.where(line[1:] == line[:-1], np.hypot(way[:, 0], way[:, 1]), 0.0)
@@ -137,8 +137,8 @@ class Feet(NamedTuple):
     distance: Array
 
 
-class Target:
-    """A route that nearest places are looked for on."""
+class IndexedRoute:
+    """A route whose segments are in a tree: it tells the nearest place on it."""
 
     def __init__(self, route: Route) -> None:
         self.route = route
@@ -169,10 +169,10 @@ class Target:
         return share, np.hypot(left[:, 0], left[:, 1])
 
     def at(self, feet: Feet) -> tuple[Indices, Array, Array]:
-        """Line, station and height of places on the route."""
+        """Line, chainage and height of places on the route."""
         node = self.begins[feet.segment]
-        station, z = self.route.station, self.route.nodes[:, 2]
-        along = station[node] + feet.share * (station[node + 1] - station[node])
+        chainage, z = self.route.chainage, self.route.nodes[:, 2]
+        along = chainage[node] + feet.share * (chainage[node + 1] - chainage[node])
         return self.route.line[node], along, z[node] + feet.share * (z[node + 1] - z[node])
 
     def sides(self, places: Array, feet: Feet) -> tuple[Array, NDArray[np.bool_]]:
@@ -214,9 +214,9 @@ class Target:
 
 
 def farthest(
-    route: Route, feet: Feet, target: Target, within: float, ctx: Context = QUIET
+    route: Route, feet: Feet, other: IndexedRoute, within: float, ctx: Context = QUIET
 ) -> float:
-    """The largest distance of any place of a route to a target: the directed Hausdorff distance.
+    """The largest distance of any place of a route to another: the directed Hausdorff distance.
 
     The distance to one segment is convex along a straight piece, so it is nowhere larger than at
     the ends of the piece. Pieces that may hold a larger distance than the largest found are
@@ -236,12 +236,12 @@ def farthest(
     best = float(feet.distance.max())
     while len(ends):
         ctx.progress(0.5)
-        to_first = np.maximum(distance[:, 0], target.onto(ends[:, 1], segment[:, 0])[1])
-        to_last = np.maximum(distance[:, 1], target.onto(ends[:, 0], segment[:, 1])[1])
+        to_first = np.maximum(distance[:, 0], other.onto(ends[:, 1], segment[:, 0])[1])
+        to_last = np.maximum(distance[:, 1], other.onto(ends[:, 0], segment[:, 1])[1])
         hopeful = np.minimum(to_first, to_last) > best + within
         ends, segment, distance = ends[hopeful], segment[hopeful], distance[hopeful]
         middle = ends.mean(axis=1)
-        found = target.feet(middle)
+        found = other.feet(middle)
         best = max(best, float(found.distance.max(initial=0.0)))
         ends = halved(ends, middle)
         segment, distance = halved(segment, found.segment), halved(distance, found.distance)

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from algorithms.compare._curves import curve_rows
 from algorithms.compare._frechet import frechet
-from algorithms.compare._routes import Array, Feet, Route, Target, farthest, routes
+from algorithms.compare._routes import Array, Feet, Route, IndexedRoute, farthest, routes
 from algorithms.compare._shapes import AREAS, LINES, layer_problem
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector
@@ -76,7 +76,7 @@ class CompareLines:
     @outputs
     class Outputs:
         table: Table = sink("One row per measure: measure, value, unit, meaning")
-        offsets: Vector = sink("Places along the lines with station, distance and offset")
+        offsets: Vector = sink("Places along the lines with chainage, distance and offset")
         curves: Table | None = sink("Coefficients, fit and agreement of the polynomials")
         mean: float = sink("Mean distance to the reference", unit="m")
         rms: float = sink("Root mean square distance", unit="m")
@@ -109,7 +109,7 @@ class CompareLines:
         """Measure there and back, and sum up."""
         metre = self.lines.metre
         own, other = (Route.of(routes(_shapes(layer))) for layer in (self.lines, self.reference))
-        to, back = Target(other), Target(own)
+        to, back = IndexedRoute(other), IndexedRoute(own)
         places, returns = own.divided(self.step), other.divided(self.step)
         feet = to.feet(places.nodes[:, :2], ctx.part(0.0, 0.3))
         feet_back = back.feet(returns.nodes[:, :2], ctx.part(0.3, 0.6))
@@ -167,19 +167,19 @@ class CompareLines:
         return frechet(one, two, least, WITHIN * self.lines.metre, self.step, ctx)
 
     def _offsets(
-        self, places: Route, feet: Feet, side: Array, abeam: NDArray[np.bool_], to: Target
+        self, places: Route, feet: Feet, side: Array, abeam: NDArray[np.bool_], to: IndexedRoute
     ) -> Vector:
         """Places along the lines as points; numbers of lines count from 1."""
         import geopandas
 
-        line, station, z = to.at(feet)
+        line, chainage, z = to.at(feet)
         columns = {
             "line": places.line + 1,
-            "station": places.station,
+            "chainage": places.chainage,
             "distance": feet.distance,
             "offset": np.where(abeam, side * feet.distance, np.nan),
             "reference": line + 1,
-            "chainage": station,
+            "reference_chainage": chainage,
         }
         if self.heights:
             columns["height"] = places.nodes[:, 2] - z

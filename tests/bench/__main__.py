@@ -13,10 +13,26 @@ from tests.bench.ground import cloth, filters, isprs, terrain
 from tests.bench.long_lines import long_lines
 from tests.bench.shorelines import shorelines
 from tests.bench.speed import speed
+from tests.bench.structures import structures
 
 ALL = (
-    *(startup, reading, memory, isprs, filters, cloth, terrain, damaged, roundtrip, speed),
-    *(gridding, shorelines, corridor, long_lines, facades, fingerprints),
+    startup,
+    reading,
+    memory,
+    isprs,
+    filters,
+    cloth,
+    terrain,
+    damaged,
+    roundtrip,
+    speed,
+    structures,
+    gridding,
+    shorelines,
+    corridor,
+    long_lines,
+    facades,
+    fingerprints,
 )
 BENCHES = {b.__name__: b for b in ALL}
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _BINS = {"low", "high", "count"}
-_ALONG = {"line", "station", "offset"}
+_ALONG = {"line", "chainage", "offset"}
 _INSIDE, _BEYOND, _CURVE = "#7f9fbf", "#c9c9c9", "#1f3a5f"
 
 Array = NDArray[np.float64]
@@ -89,7 +89,7 @@ class Profile:
         if not set(frame.columns) >= _ALONG or not frame["offset"].notna().any():
             return None
         lines = [
-            (part["station"].to_numpy(float), part["offset"].to_numpy(float))
+            (part["chainage"].to_numpy(float), part["offset"].to_numpy(float))
             for _, part in frame.groupby("line")
         ]
         unit = vertical_unit(layer.crs)
@@ -103,7 +103,7 @@ def show_profile(figure: Figure, profile: Profile, place: Place) -> None:
         axes.plot(station, offset, lw=0.8, color=_CURVE)
     axes.axhline(0, color=INK, lw=0.8)
     unit = f" ({profile.unit})" if profile.unit else ""
-    axes.set_xlabel(f"station{unit}", fontsize=7.5, color=INK)
+    axes.set_xlabel(f"chainage{unit}", fontsize=7.5, color=INK)
     axes.set_ylabel(f"offset{unit}, left +", fontsize=7.5, color=INK, labelpad=1)
     _plain(axes, profile.title)
 

@@ -42,7 +42,7 @@ def draw(
     side by side; a cloud from above, the highest point on top, in the colours of its "error", its
     planes (from the front if there is a wall), its classes, its elevation or its intensity. A
     vector layer lies over the map before it, if that is in the same CRS and overlaps it, and has a
-    map of its own otherwise, in the colours of its `kind` or `offset`; points with line, station
+    map of its own otherwise, in the colours of its `kind` or `offset`; points with line, chainage
     and offset have a profile too. A table of the columns low, high and count is a histogram, one of
     level, unit, area_m2 and volume_m3 a storage curve, one of tolerance, planes, share and knee the
     curve of these; other tables are left out.

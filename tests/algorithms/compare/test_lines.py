@@ -19,7 +19,7 @@ from pyproj import CRS
 
 from algorithms.compare import _frechet as leash
 from algorithms.compare._frechet import can_walk, frechet
-from algorithms.compare._routes import Route, Target, farthest
+from algorithms.compare._routes import IndexedRoute, Route, farthest
 from algorithms.compare.lines import CompareLines
 from toolbox import run
 from toolbox.context import Context
@@ -73,8 +73,8 @@ def test_line_beside_a_line() -> None:
     assert (found["abeam"], found["left"]) == pytest.approx((100, 100))
     frame = out.offsets.frame
     assert len(frame) == 101
-    np.testing.assert_allclose(frame["station"], np.arange(101), atol=1e-6)
     np.testing.assert_allclose(frame["chainage"], np.arange(101), atol=1e-6)
+    np.testing.assert_allclose(frame["reference_chainage"], np.arange(101), atol=1e-6)
     other_way = compare(line((0, 2), (100, 2)), line((100, 0), (0, 0)))
     assert other_way.bias == pytest.approx(-2)
     assert other_way.frechet == pytest.approx(2)  # walked backwards
@@ -145,7 +145,7 @@ def test_side_at_a_sharp_corner() -> None:
     needle = line((0, 0), (10, 0), (0, 1))  # turns left by almost a half turn
     out = compare(line((12, -5), (12, 5)), needle, step=0.1)
     frame = out.offsets.frame
-    tip = frame[np.isclose(frame["chainage"], 10)]
+    tip = frame[np.isclose(frame["reference_chainage"], 10)]
     assert len(tip) > 50
     assert (tip["offset"] < 0).all()  # right of both, wherever beyond the tip
 
@@ -163,7 +163,7 @@ def test_parts_that_go_on_are_one_line() -> None:
     parts = shapely.MultiLineString([line((0, 0), (50, 0)), line((50, 0), (100, 0))])
     out = compare(line((0, 1), (100, 1)), parts)
     assert out.frechet == pytest.approx(1)
-    assert out.offsets.frame["chainage"].max() == pytest.approx(100)
+    assert out.offsets.frame["reference_chainage"].max() == pytest.approx(100)
 
 
 def test_parts_of_opposite_directions_keep_their_sides() -> None:
@@ -199,7 +199,7 @@ corners = st.lists(corner, min_size=2, max_size=6).filter(
 @given(corners, corners)
 def test_hausdorff_is_that_of_dense_places(one: Any, other: Any) -> None:
     a, b = np.array(one, float), np.array(other, float)
-    here, there = route(a), Target(route(b))
+    here, there = route(a), IndexedRoute(route(b))
     found = farthest(here, there.feet(a), there, 1e-6)
     dense = shapely.segmentize(shapely.LineString(a), 0.05)
     away = shapely.distance(shapely.points(shapely.get_coordinates(dense)), shapely.LineString(b))

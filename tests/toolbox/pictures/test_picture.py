@@ -481,7 +481,7 @@ def test_kinds_that_are_too_many_or_missing() -> None:
 def test_offsets_have_a_profile(tmp_path: Path) -> None:
     station = np.arange(50.0)
     frame = geopandas.GeoDataFrame(
-        {"line": np.repeat([1, 2], 25), "station": station, "offset": station - 20},
+        {"line": np.repeat([1, 2], 25), "chainage": station, "offset": station - 20},
         geometry=shapely.points(station, station),
         crs=LAMBERT,
     )

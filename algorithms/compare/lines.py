@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from algorithms.compare._curves import curve_rows
 from algorithms.compare._frechet import frechet
-from algorithms.compare._routes import Array, Feet, Route, IndexedRoute, farthest, routes
+from algorithms.compare._routes import Array, Feet, IndexedRoute, Route, farthest, routes
 from algorithms.compare._shapes import AREAS, LINES, layer_problem
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -257,8 +257,7 @@ def fire(
 # --- tracing -------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Index:
+class Index(NamedTuple):
     """Which objects a pulse may meet, by the cell in which it reaches the ground."""
 
     start: NDArray[np.int64]
@@ -322,13 +321,7 @@ def trace(world: World, blocks: Index, pulses: Pulses) -> Echoes:
         terrain.north,
         terrain.cell,
         world.blocks,
-        blocks.start,
-        blocks.items,
-        blocks.west,
-        blocks.south,
-        blocks.cell,
-        blocks.rows,
-        blocks.cols,
+        blocks,
     )
     return Echoes(np.arange(len(pulses)), z, source, item, facet)
 
@@ -342,19 +335,7 @@ def crown_echoes(
     a turbid medium (Beer-Lambert law); two returns are at least one pulse length apart.
     """
     top, bottom, item = kernels.chords(
-        pulses.x0,
-        pulses.y0,
-        pulses.sx,
-        pulses.sy,
-        ground,
-        world.crowns,
-        crowns.start,
-        crowns.items,
-        crowns.west,
-        crowns.south,
-        crowns.cell,
-        crowns.rows,
-        crowns.cols,
+        pulses.x0, pulses.y0, pulses.sx, pulses.sy, ground, world.crowns, crowns
     )
     pulse = np.flatnonzero(item >= 0)
     path = rng.exponential((0.7, 1.2, 1.5), (len(pulse), 3)) + np.array([0.0, 1.0, 1.0])
@@ -374,19 +355,7 @@ def rod_echoes(
 ) -> tuple[Echoes, NDArray[np.int64]]:
     """Returns from wires and lattice bars. They are thin: most of the light goes on."""
     pulse, z, item = kernels.strikes(
-        pulses.x0,
-        pulses.y0,
-        pulses.sx,
-        pulses.sy,
-        ground,
-        world.rods,
-        rods.start,
-        rods.items,
-        rods.west,
-        rods.south,
-        rods.cell,
-        rods.rows,
-        rods.cols,
+        pulses.x0, pulses.y0, pulses.sx, pulses.sy, ground, world.rods, rods
     )
     order = np.lexsort((-z, pulse))
     pulse, z, item = pulse[order], z[order], item[order]

@@ -48,33 +48,16 @@ def bucket(low, high, rows, cols):
 
 
 @njit(cache=True, nogil=True)
-def cell_of(x, y, west, south, cell, rows, cols):
-    """Number of the cell of a point, the border cells reaching to infinity."""
-    col = min(max(int((x - west) / cell), 0), cols - 1)
-    row = min(max(int((y - south) / cell), 0), rows - 1)
-    return row * cols + col
+def near(index, x, y):
+    """Numbers of the objects in the cell of a point, the border cells reaching to infinity."""
+    col = min(max(int((x - index.west) / index.cell), 0), index.cols - 1)
+    row = min(max(int((y - index.south) / index.cell), 0), index.rows - 1)
+    here = row * index.cols + col
+    return index.items[index.start[here] : index.start[here + 1]]
 
 
 @njit(cache=True, nogil=True)
-def first_hits(
-    x0,
-    y0,
-    sx,
-    sy,
-    values,
-    level,
-    west,
-    north,
-    cell,
-    blocks,
-    start,
-    items,
-    left,
-    south,
-    size,
-    rows,
-    cols,
-):
+def first_hits(x0, y0, sx, sy, values, level, west, north, cell, blocks, index):
     """First hit of each ray with the terrain, the water and the blocks."""
     n = len(x0)
     z = np.empty(n)
@@ -92,11 +75,10 @@ def first_hits(
         col = min(max(int((x - west) / cell), 0), level.shape[1] - 1)
         if level[row, col] > h:
             h, source[i] = level[row, col], 1
-        here = cell_of(x, y, left, south, size, rows, cols)
-        for k in range(start[here], start[here + 1]):
-            top, face = enter(blocks[items[k]], x0[i], y0[i], sx[i], sy[i])
+        for block in near(index, x, y):
+            top, face = enter(blocks[block], x0[i], y0[i], sx[i], sy[i])
             if top > h:
-                h, facet[i], item[i], source[i] = top, face, items[k], 2
+                h, facet[i], item[i], source[i] = top, face, block, 2
         z[i] = h
     return z, source, item, facet
 
@@ -149,17 +131,14 @@ def crown_width(shape, t):
 
 
 @njit(cache=True, nogil=True)
-def chords(x0, y0, sx, sy, ground, crowns, start, items, left, south, size, rows, cols):
+def chords(x0, y0, sx, sy, ground, crowns, index):
     """Entry and exit height of each ray in the highest crown that it meets; item -1 for none."""
     n, steps = len(x0), 24
     top, bottom = np.full(n, -np.inf), np.full(n, np.inf)
     item = np.full(n, -1, np.int64)
     for i in range(n):
-        here = cell_of(
-            x0[i] + sx[i] * ground[i], y0[i] + sy[i] * ground[i], left, south, size, rows, cols
-        )
-        for k in range(start[here], start[here + 1]):
-            crown = crowns[items[k]]
+        for number in near(index, x0[i] + sx[i] * ground[i], y0[i] + sy[i] * ground[i]):
+            crown = crowns[number]
             step = (crown.top - crown.base) / steps
             first, last = -np.inf, np.inf
             for j in range(steps):
@@ -170,23 +149,20 @@ def chords(x0, y0, sx, sy, ground, crowns, start, items, left, south, size, rows
                     first = max(first, h + step / 2)
                     last = h - step / 2
             if first > top[i]:
-                top[i], bottom[i], item[i] = first, last, items[k]
+                top[i], bottom[i], item[i] = first, last, number
     return top, bottom, item
 
 
 @njit(cache=True, nogil=True)
-def strikes(x0, y0, sx, sy, ground, rods, start, items, left, south, size, rows, cols):
+def strikes(x0, y0, sx, sy, ground, rods, index):
     """All meetings of rays and rods: pulse, height of the rod's nearest point, rod."""
     pulse, rod, height = [], [], []
     for i in range(len(x0)):
-        here = cell_of(
-            x0[i] + sx[i] * ground[i], y0[i] + sy[i] * ground[i], left, south, size, rows, cols
-        )
-        for k in range(start[here], start[here + 1]):
-            h, away = approach(rods[items[k]], x0[i], y0[i], sx[i], sy[i])
-            if away < rods[items[k]].radius:
+        for number in near(index, x0[i] + sx[i] * ground[i], y0[i] + sy[i] * ground[i]):
+            h, away = approach(rods[number], x0[i], y0[i], sx[i], sy[i])
+            if away < rods[number].radius:
                 pulse.append(i)
-                rod.append(items[k])
+                rod.append(number)
                 height.append(h)
     return np.array(pulse, np.int64), np.array(height, np.float64), np.array(rod, np.int64)
 

@@ -138,7 +138,7 @@ def covariance_features(
     Parameters
     ----------
     xyz : array of shape (n, 3)
-    neighbours : the nearest others taken, see :func:`algorithms.shared.neighbours.knn` for equally
+    neighbours : the nearest others taken, see :mod:`algorithms.shared.neighbours` for equally
         near ones; None for all within the radius
     radius : neighbours must be nearer than this, in the unit of xyz; None for any distance
     names : of FEATURES

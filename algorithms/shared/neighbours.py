@@ -1,4 +1,8 @@
-"""The nearest neighbours of every point, exactly, in clouds of any and of changing density.
+"""A k-d tree of points, in which compiled loops find the nearest neighbours of every point.
+
+The answer is exact in clouds of any and of changing density. Of points equally far from a point,
+those that come first by x, then y, then z are taken, so that it does not depend on the order of the
+points; which of several points at one place is taken is not defined.
 
 References
 ----------
@@ -92,48 +96,3 @@ class PointTree:
             ctx=ctx,
         )
         return mean, farthest
-
-
-def knn(
-    xyz: Floats, k: int, *, max_distance: float = np.inf, ctx: Context = QUIET
-) -> tuple[Floats, NDArray[np.int64]]:
-    """The k nearest others of each point.
-
-    Of points equally far from a point, those that come first by x, then y, then z are taken, so
-    that the answer does not depend on the order of the points; which of several points at one
-    place is taken is not defined.
-
-    Parameters
-    ----------
-    xyz : array of shape (n, 3)
-    k : 1 or more
-    max_distance : neighbours must be nearer than this, in the unit of the points
-    ctx : progress and cancellation
-
-    Returns
-    -------
-    distances : array of shape (n, k), rising along each row, inf where there is no neighbour
-    indices : array of shape (n, k), -1 where there is no neighbour
-
-    Raises
-    ------
-    ValueError
-        A coordinate is not a finite number, or k is less than 1.
-    """
-    if k < 1:
-        raise ValueError(f"k: must be >= 1, got {k}")
-    tree = PointTree.of(xyz, ctx=ctx.part(0.0, 0.2))
-    distance, index = np.full((len(xyz), k), np.inf), np.full((len(xyz), k), -1)
-    side_by_side(
-        kernels.neighbours,
-        tree.leaves,
-        tree.xyz,
-        tree.order,
-        tree.boxes,
-        tree.depth,
-        float(max_distance),
-        distance,
-        index,
-        ctx=ctx.part(0.2, 1.0),
-    )
-    return distance, index

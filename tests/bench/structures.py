@@ -14,7 +14,8 @@ from typing import Any
 from tests.bench.measuring import DATA, FEW, ROOT, folder, say
 
 NEIGHBOURS = 12
-SIZES = (200_000, 2_000_000)
+RADIUS = 5.0  # feet, the unit of the points
+SIZES = (200_000, 1_000_000)
 
 # Each program is measured in a process of its own. It defines work(points) and check(answer,
 # points), where the check gives rows of coordinates that do not depend on the order of points.
@@ -76,38 +77,102 @@ def work(points):  # along a Morton curve, of which it makes the best
     + CORNERS,
 }
 
-ROWS = """
-def check(index, points):  # neighbours of each point by its place, whatever their order
-    order = np.lexsort(points.T)
-    rank = np.empty(len(points), np.int64)
-    rank[order] = np.arange(len(points))
-    return np.sort(rank[index], axis=1)[order]
+BY_PLACE = """
+def check(found, points):  # values in the order of the places, to six digits
+    return found[np.lexsort(points.T)].round(6)[:, None]
 """
 
-TREES = {
+OF_SHAPE = """
+def planarity(points, index, starts):  # of the points index[starts[i] : starts[i + 1]]
+    near, count = points[index], np.diff(np.append(starts, len(index)))[:, None]
+    near -= np.repeat(np.add.reduceat(near, starts) / count, count[:, 0], axis=0)
+    squares = np.stack([near[:, a] * near[:, b] for a in range(3) for b in range(3)], axis=1)
+    sums = np.add.reduceat(squares, starts).reshape(-1, 3, 3)
+    small, middle, large = np.linalg.eigvalsh(sums / count[:, :, None]).T
+    return np.where(count[:, 0] < 3, 0.0, (middle - small) / large)
+def of_nearest(points, query):
+    found, few = np.empty(len(points)), 100_000
+    for first in range(0, len(points), few):
+        index = query(points[first : first + few])
+        starts = np.arange(len(index)) * index.shape[1]
+        found[first : first + few] = planarity(points, index.ravel(), starts)
+    return found
+"""
+
+SCIPY = "from scipy.spatial import cKDTree\n"
+PYKDTREE = "from pykdtree.kdtree import KDTree\n"
+
+DISTANCE = {
     "ours": f"""
-from algorithms.shared.neighbours import knn
+from algorithms.shared.neighbours import PointTree
 def work(points):
-    return knn(points, {NEIGHBOURS})[1]
-"""
-    + ROWS,
-    "scipy": f"""
-from scipy.spatial import cKDTree
+    tree, found = PointTree.of(points), np.empty(len(points))
+    found[tree.order] = tree.mean_distances({NEIGHBOURS})[0]
+    return found
+""",
+    "scipy": SCIPY
+    + f"""
 def work(points):
-    return cKDTree(points).query(points, {NEIGHBOURS + 1}, workers=-1)[1][:, 1:]
-"""
-    + ROWS,
-    "pykdtree": f"""
-from pykdtree.kdtree import KDTree
+    return cKDTree(points).query(points, {NEIGHBOURS + 1}, workers=-1)[0][:, 1:].mean(axis=1)
+""",
+    "pykdtree": PYKDTREE
+    + f"""
 def work(points):
-    return KDTree(points).query(points, {NEIGHBOURS + 1})[1][:, 1:].astype(np.int64)
-"""
-    + ROWS,
+    return KDTree(points).query(points, {NEIGHBOURS + 1})[0][:, 1:].mean(axis=1)
+""",
+}
+
+SHAPE = {
+    "ours": f"""
+from algorithms.shared.covariance import covariance_features
+def work(points):
+    return covariance_features(points, neighbours={NEIGHBOURS}, names=["planarity"])["planarity"]
+""",
+    "scipy": SCIPY
+    + OF_SHAPE
+    + f"""
+def work(points):
+    tree = cKDTree(points)
+    return of_nearest(points, lambda some: tree.query(some, {NEIGHBOURS + 1}, workers=-1)[1])
+""",
+    "pykdtree": PYKDTREE
+    + OF_SHAPE
+    + f"""
+def work(points):
+    tree = KDTree(points)
+    return of_nearest(points, lambda some: tree.query(some, {NEIGHBOURS + 1})[1])
+""",
+}
+
+WITHIN = {
+    "ours": f"""
+from algorithms.shared.covariance import covariance_features
+def work(points):
+    return covariance_features(
+        points, neighbours=None, radius={RADIUS}, names=["planarity"]
+    )["planarity"]
+""",
+    "scipy": SCIPY
+    + OF_SHAPE
+    + f"""
+def work(points):
+    tree, found, few = cKDTree(points), np.empty(len(points)), 100_000
+    for first in range(0, len(points), few):
+        near = tree.query_ball_point(points[first : first + few], {RADIUS}, workers=-1)
+        starts = np.concatenate([[0], np.cumsum([len(some) for some in near])[:-1]])
+        index = np.concatenate(near).astype(np.int64)
+        found[first : first + few] = planarity(points, index, starts)
+    return found
+""",
 }
 
 
 def structures() -> None:
-    """Delaunay triangulation and 12 neighbours of each point: ours, scipy, startinpy, pykdtree.
+    """Triangulation, and what tools find out of the neighbours of each point: ours and others.
+
+    Delaunay triangulation beside scipy (Qhull) and startinpy. Beside the k-d trees of scipy and
+    pykdtree: the mean distance of 12 neighbours, which points.denoise takes; how planar these
+    12 are, and all within a radius, as features.local tells.
 
     LIDAR_PEERS may name a Python in which scipy, startinpy and pykdtree are installed.
     """
@@ -125,7 +190,9 @@ def structures() -> None:
             _, first = np.unique(points[:, :2], axis=0, return_index=True)
             for name, programs, given in (
                 ("Delaunay", DELAUNAY, points[np.sort(first)]),
-                ("neighbours", TREES, points),
+                ("distance", DISTANCE, points),
+                ("planarity", SHAPE, points),
+                ("in radius", WITHIN, points),
             ):
                 np.save(out / "points.npy", given)
                 np.save(out / "other.npy", rng.permutation(given))
@@ -161,7 +228,13 @@ def _compare(name: str, programs: dict[str, str], size: int, out: Path) -> None:
 def _measured(code: str, program: str, points: Path, answer: str | None) -> Any:
     """What a program took; None if it is not installed."""
     python = sys.executable if program == "ours" else os.environ.get("LIDAR_PEERS", sys.executable)
-    command = [python, "-c", MEASURED.format(code), str(points), *([answer] if answer else [])]
+    command = [
+        python,
+        "-c",
+        MEASURED.format(code + ("" if "def check" in code else BY_PLACE)),
+        str(points),
+        *([answer] if answer else []),
+    ]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
     if "ModuleNotFoundError" in done.stderr:
         return None
@@ -174,8 +247,8 @@ def _differing(one: Any, two: Any) -> int:
     """Rows that only one of two answers has."""
     import numpy as np
 
-    if one.dtype.kind == "i":
-        return int((one != two).any(axis=1).sum())
+    if one.dtype.kind == "f":  # values by place
+        return int((one != two).sum() - (np.isnan(one) & np.isnan(two)).sum())
     both = np.concatenate([one, two])
     both = both[np.lexsort(both.T)]
     twins = int((both[1:] == both[:-1]).all(axis=1).sum())

@@ -277,17 +277,3 @@ def nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away):
     if limit >= reach * reach:  # fewer than wanted: all of those nearer than the reach
         limit = np.nextafter(reach * reach, 0.0)
     return gather(xyz, box, depth, own, limit, near, far, held)
-
-
-@njit(cache=True, nogil=True)
-def neighbours(first_leaf, last_leaf, xyz, order, box, depth, reach, distance, index):
-    """Fill in the rows of `distance` and `index` for the points of some leaves."""
-    n, k = len(xyz), distance.shape[1]
-    near, far = np.empty(k, np.int64), np.empty(k)
-    held, held_away = np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
-    for leaf in range(first_leaf, last_leaf):
-        for own in range(first(leaf, depth, n), first(leaf + 1, depth, n)):
-            found = nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away)
-            for j in range(found):
-                distance[order[own], j] = np.sqrt(far[j])
-                index[order[own], j] = order[near[j]]

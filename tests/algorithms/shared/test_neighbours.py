@@ -8,11 +8,38 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from algorithms.shared.neighbours import LEAF, PointTree, knn
-from toolbox.context import Context
+from algorithms.shared.kernels.neighbours import DEEPEST, first, nearest
+from algorithms.shared.kernels.threads import side_by_side
+from algorithms.shared.neighbours import LEAF, PointTree
+from toolbox.context import QUIET, Context
 from toolbox.errors import Cancelled
 
 Floats = NDArray[np.float64]
+
+
+def knn(
+    xyz: Floats, k: int, *, max_distance: float = np.inf, ctx: Context = QUIET
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Distances of the k nearest others of each point, inf where there is none, and indices, -1."""
+    tree = PointTree.of(xyz, ctx=ctx.part(0.0, 0.2))
+    distance, index = np.full((len(xyz), k), np.inf), np.full((len(xyz), k), -1)
+    arrays = (tree.xyz, tree.order, tree.boxes, tree.depth, max_distance, distance, index)
+    side_by_side(_neighbours, tree.leaves, *arrays, ctx=ctx.part(0.2, 1.0))
+    return distance, index
+
+
+@numba.njit(nogil=True)
+def _neighbours(first_leaf, last_leaf, xyz, order, box, depth, reach, distance, index):
+    """Fill in the rows of the points of some leaves, as tools do it in their own loops."""
+    n, k = len(xyz), distance.shape[1]
+    near, far = np.empty(k, np.int64), np.empty(k)
+    held, held_away = np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
+    for leaf in range(first_leaf, last_leaf):
+        for own in range(first(leaf, depth, n), first(leaf + 1, depth, n)):
+            found = nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away)
+            for j in range(found):
+                distance[order[own], j] = np.sqrt(far[j])
+                index[order[own], j] = order[near[j]]
 
 
 def clouds() -> dict[str, Floats]:
@@ -96,9 +123,7 @@ def test_threads_make_no_difference() -> None:
 
 def test_bad_input() -> None:
     with pytest.raises(ValueError, match=r"finite numbers, got y = nan at point 1"):
-        knn(np.array([[0, 0, 0], [0, np.nan, 0]]), 3)
-    with pytest.raises(ValueError, match="k: must be >= 1, got 0"):
-        knn(np.zeros((2, 3)), 0)
+        PointTree.of(np.array([[0, 0, 0], [0, np.nan, 0]]))
 
 
 def test_progress_and_cancel() -> None:

@@ -22,7 +22,7 @@ from pyproj import CRS
 from scipy.spatial import cKDTree
 
 import toolbox
-from algorithms.classify._evidence import Scene
+from algorithms.classify._evidence import PointFeatures
 from algorithms.classify.buildings import ClassifyBuildings, margin, on_planes, without_spikes
 from algorithms.classify.ndvi import ClassifyNdvi
 from algorithms.classify.vegetation_by_ndvi import ClassifyVegetationByNdvi
@@ -199,7 +199,7 @@ def false_area(name: str, ground: PointCloud, reference: Vector, coverage: Vecto
     shapely.prepare(false)
     cells = np.stack(np.meshgrid(np.arange(x0, x1, 0.1), np.arange(y0, y1, 0.1)), -1).reshape(-1, 2)
     cells = cells[shapely.contains_xy(false, *cells.T)]
-    scene = Scene(ground, 1.0, 3.0, ground_classes=(2,))
+    scene = PointFeatures(ground, 1.0, 3.0, ground_classes=(2,))
     height = scene.terrain[1]
     plane = on_planes(scene, height > 2)
     around = cKDTree(ground.xyz[:, :2]).query_ball_point(cells, 0.5)

@@ -9,8 +9,8 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from algorithms.classify._evidence import Scene
-from algorithms.classify._plan import Plan
+from algorithms.classify._evidence import PointFeatures
+from algorithms.classify._sorted_points import SortedPoints
 from toolbox.context import log
 
 BESIDE = 1.5  # metres from a deck in which ground lies at its ends
@@ -23,7 +23,7 @@ Mask = NDArray[np.bool_]
 Shapes = NDArray[Any]
 
 
-def bridges(scene: Scene, roof: Mask, shapes: Shapes) -> Mask:
+def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
     """Regions that stay level while the ground below rises to meet them, at two ends or more.
 
     At an end, points nearer to the ground than a roof lie beside the region, at its level. A low
@@ -31,7 +31,7 @@ def bridges(scene: Scene, roof: Mask, shapes: Shapes) -> Mask:
 
     Parameters
     ----------
-    scene : n points
+    features : n points
     roof : array of shape (n,), those of roofs
     shapes : polygons around them, array of shape (m,)
 
@@ -39,33 +39,41 @@ def bridges(scene: Scene, roof: Mask, shapes: Shapes) -> Mask:
     -------
     array of shape (m,)
     """
-    height, metre, z = scene.terrain[1], scene.cloud.metre, scene.xyz[:, 2] / scene.cloud.metre
+    height, metre, z = (
+        features.terrain[1],
+        features.cloud.metre,
+        features.xyz[:, 2] / features.cloud.metre,
+    )
     found = np.zeros(len(shapes), bool)
     if not len(shapes):
         return found
-    low = low_beside(scene, roof)
+    low = low_beside(features, roof)
     point, beside = shapely.STRtree(shapes).query(
-        shapely.points(scene.xyz[low, :2]), predicate="dwithin", distance=BESIDE * metre
+        shapely.points(features.xyz[low, :2]), predicate="dwithin", distance=BESIDE * metre
     )
-    plan = Plan.of(scene.xyz, roof)
+    roofs = SortedPoints.of(features.xyz, roof)
     for number in np.unique(beside):
-        deck, ends = plan.within(shapes[number]), low[point[beside == number]]
+        deck, ends = roofs.within(shapes[number]), low[point[beside == number]]
         ends = ends[z[ends] >= np.median(z[deck]) - LEVEL]
         if np.median(height[deck]) < OVER_GROUND or not len(ends):
             continue
-        discs = shapely.union_all(shapely.buffer(shapely.points(scene.xyz[ends, :2]), metre))
+        discs = shapely.union_all(shapely.buffer(shapely.points(features.xyz[ends, :2]), metre))
         found[number] = np.count_nonzero(_length(shapely.get_parts(discs)) >= ENDS * metre) >= 2
     if found.any():
         log.info("%d regions meet ground at both ends: bridges", np.count_nonzero(found))
     return found
 
 
-def low_beside(scene: Scene, roof: Mask) -> NDArray[np.int64]:
+def low_beside(features: PointFeatures, roof: Mask) -> NDArray[np.int64]:
     """Indices of points lower above ground than any roof, at the level of the nearest of a roof."""
-    height, metre, z = scene.terrain[1], scene.cloud.metre, scene.xyz[:, 2] / scene.cloud.metre
+    height, metre, z = (
+        features.terrain[1],
+        features.cloud.metre,
+        features.xyz[:, 2] / features.cloud.metre,
+    )
     tops, low = np.flatnonzero(roof), np.flatnonzero(~roof & (height < height[roof].min()))
-    tree = cKDTree(scene.xyz[tops, :2])
-    found = tree.query(scene.xyz[low, :2], distance_upper_bound=BESIDE * metre)
+    tree = cKDTree(features.xyz[tops, :2])
+    found = tree.query(features.xyz[low, :2], distance_upper_bound=BESIDE * metre)
     away, nearest = map(np.asarray, found)
     near = np.isfinite(away)
     low, nearest = low[near], nearest[near]

@@ -42,8 +42,8 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Scene:
-    """Points that a classifier looks at, and features of them, each made when it is asked for.
+class PointFeatures:
+    """Features of the points of a cloud, each computed when it is first asked for.
 
     Attributes
     ----------
@@ -140,15 +140,15 @@ class Scene:
         return dict(zip(values, means.T, strict=True))
 
 
-MADE: Mapping[str, Callable[[Scene], Floats]] = {
-    "x": lambda scene: scene.xyz[:, 0],
-    "y": lambda scene: scene.xyz[:, 1],
-    "z": lambda scene: scene.xyz[:, 2],
-    "height_above_ground": lambda scene: scene.terrain[1],
-    "ground": lambda scene: scene.terrain[0].astype(np.float64),
-    "planarity": lambda scene: scene.around["planarity"],
-    "roughness": lambda scene: scene.around["roughness"],
-    "returns": lambda scene: scene.around["returns"],
+MADE: Mapping[str, Callable[[PointFeatures], Floats]] = {
+    "x": lambda features: features.xyz[:, 0],
+    "y": lambda features: features.xyz[:, 1],
+    "z": lambda features: features.xyz[:, 2],
+    "height_above_ground": lambda features: features.terrain[1],
+    "ground": lambda features: features.terrain[0].astype(np.float64),
+    "planarity": lambda features: features.around["planarity"],
+    "roughness": lambda features: features.around["roughness"],
+    "returns": lambda features: features.around["returns"],
 }
 """Features that are not attributes of the points."""
 
@@ -167,11 +167,11 @@ def penetrating(cloud: PointCloud) -> Mask:
     return np.asarray((number > 0) & (number < count))
 
 
-def evidence(scene: Scene) -> NDArray[np.uint8]:
+def evidence(features: PointFeatures) -> NDArray[np.uint8]:
     """Class of each point by itself: GROUND, VEGETATION or BUILDING, array of shape (n,)."""
-    (ground, height), around = scene.terrain, scene.around
+    (ground, height), around = features.terrain, features.around
     on_planes = around["planarity"] / ON_PLANES
-    if has_several_returns(scene.cloud):
+    if has_several_returns(features.cloud):
         plant = around["returns"] / LET_THROUGH > on_planes
     else:
         plant = on_planes < 1
@@ -256,10 +256,10 @@ def _half_ball(reach: float) -> NDArray[np.int64]:
     return np.asarray(ball[len(ball) // 2 + 1 :])
 
 
-def solid(scene: Scene) -> Mask:
+def solid(features: PointFeatures) -> Mask:
     """Points around which more lie on planes than let the pulse through, weighed against others."""
-    flat = scene.around["planarity"] / ON_PLANES
-    return np.asarray((flat > 0) & (flat >= scene.around["returns"] / LET_THROUGH))
+    flat = features.around["planarity"] / ON_PLANES
+    return np.asarray((flat > 0) & (flat >= features.around["returns"] / LET_THROUGH))
 
 
 def missing_feature(names: tuple[str, ...], cloud: PointCloud) -> str:
@@ -273,9 +273,9 @@ def missing_feature(names: tuple[str, ...], cloud: PointCloud) -> str:
     return ""
 
 
-def features_of(scene: Scene, names: tuple[str, ...]) -> Floats:
+def features_of(features: PointFeatures, names: tuple[str, ...]) -> Floats:
     """Features of shape (n, f), NaN where a point lacks one."""
-    values = np.column_stack([scene.feature(name) for name in names])
+    values = np.column_stack([features.feature(name) for name in names])
     missing = int(np.count_nonzero(~np.isfinite(values).all(axis=1)))
     if missing:
         log.warning("%d of %d points lack a feature and become class 1", missing, len(values))

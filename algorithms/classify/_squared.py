@@ -32,7 +32,7 @@ PARALLEL = 1e-9  # sine of the angle between walls that meet nowhere
 Floats = NDArray[np.float64]
 
 
-class Limits(NamedTuple):
+class WallLimits(NamedTuple):
     """How far walls may be from an outline, and how long slanted edges are that cut corners off."""
 
     tolerance: float
@@ -96,7 +96,7 @@ def squared(outline: Any, tolerance: float, disc: float = 0.0) -> tuple[Any, boo
     if plain.is_empty or not plain.is_valid or plain.geom_type != "Polygon":
         return outline, False
     angle = main_direction(plain)
-    limits = Limits(tolerance, SHORT * tolerance, max(SHORT * tolerance, ROUND * disc))
+    limits = WallLimits(tolerance, SHORT * tolerance, max(SHORT * tolerance, ROUND * disc))
     made = [
         wall_corners(corners(ring), corners(few), angle, limits)
         for ring, few in zip(rings(outline), rings(plain), strict=True)
@@ -131,7 +131,7 @@ def main_direction(polygon: Any) -> float:
     return float(np.angle((best * length * turned).sum()) / 4 % (np.pi / 2))
 
 
-def wall_corners(ring: Floats, few: Floats, angle: float, limits: Limits) -> Floats:
+def wall_corners(ring: Floats, few: Floats, angle: float, limits: WallLimits) -> Floats:
     """Corners of a ring whose walls follow the main direction.
 
     Parameters
@@ -169,7 +169,7 @@ def _chains(ring: Floats, few: Floats) -> list[Floats]:
     ]
 
 
-def _walls(edges: list[Floats], limits: Limits) -> list[Wall]:
+def _walls(edges: list[Floats], limits: WallLimits) -> list[Wall]:
     """Walls of a ring: neighbours in one line are joined, and edges that cut corners left out."""
     steps = [edge[-1] - edge[0] for edge in edges]
     kinds = [_kind(step, limits.tolerance) for step in steps]

@@ -32,7 +32,7 @@ from algorithms.classify import _buildings_kernels as kernels
 from algorithms.classify import _evidence
 from algorithms.classify._bridges import bridges
 from algorithms.classify._evidence import FOOT, solid
-from algorithms.classify._plan import Plan
+from algorithms.classify._sorted_points import SortedPoints
 from algorithms.classify._squared import squared
 from algorithms.shared import parameters
 from algorithms.shared.alpha_shape import alpha_shape
@@ -150,19 +150,21 @@ class ClassifyBuildings:
         """Find roof points, join them, and take what belongs to them."""
         cloud, metre = self.points, self.points.metre
         part = taking_part(cloud, self.ignore, among(self.keep_classes, STRUCTURES))
-        scene = self._scene(part, ctx.part(0.0, 0.6))
-        roof = self._roof(scene)
-        planes = on_planes(scene, roof, ctx.part(0.6, 0.65))
-        shapes = self._buildings(scene, planes, ctx.part(0.65, 0.75))
-        joined = self._regions(scene, roof, ctx.part(0.75, 0.85))
+        features = self._features(part, ctx.part(0.0, 0.6))
+        roof = self._roof(features)
+        planes = on_planes(features, roof, ctx.part(0.6, 0.65))
+        shapes = self._buildings(features, planes, ctx.part(0.65, 0.75))
+        joined = self._regions(features, roof, ctx.part(0.75, 0.85))
         found = np.zeros(len(cloud), bool)
-        found[part] = up_to_the_roof(scene, roof, with_what_is_joined(shapes, joined, metre), metre)
+        found[part] = up_to_the_roof(
+            features, roof, with_what_is_joined(shapes, joined, metre), metre
+        )
         ctx.progress(0.9)
-        rows = self._rows(scene, planes, shapes, ctx.part(0.9, 1.0))
+        rows = self._rows(features, planes, shapes, ctx.part(0.9, 1.0))
         ctx.progress(1.0)
         return self._packed(found, part, rows)
 
-    def _scene(self, part: Mask, ctx: Context) -> _evidence.Scene:
+    def _features(self, part: Mask, ctx: Context) -> _evidence.PointFeatures:
         """The points that take part, with their surroundings."""
         cloud = self.points if part.all() else self.points.select(part)
         if not np.isin(cloud["classification"], self.ground_classes).any():
@@ -172,7 +174,7 @@ class ClassifyBuildings:
             )
         if not _evidence.has_several_returns(cloud):
             log.warning("no pulse has several returns: dense crowns may be taken for roofs")
-        return _evidence.Scene(
+        return _evidence.PointFeatures(
             cloud,
             self.radius,
             self.context,
@@ -181,18 +183,18 @@ class ClassifyBuildings:
             ground_classes=self.ground_classes,
         )
 
-    def _roof(self, scene: _evidence.Scene) -> Mask:
+    def _roof(self, features: _evidence.PointFeatures) -> Mask:
         """Points that look like a roof."""
-        ground, height = scene.terrain
-        least = self.planarity * (1 if _evidence.has_several_returns(scene.cloud) else 2)
-        flat = scene.around["planarity"] >= least
-        return ~ground & (height >= self.min_height / scene.cloud.metre) & flat & solid(scene)
+        ground, height = features.terrain
+        least = self.planarity * (1 if _evidence.has_several_returns(features.cloud) else 2)
+        flat = features.around["planarity"] >= least
+        return ~ground & (height >= self.min_height / features.cloud.metre) & flat & solid(features)
 
-    def _regions(self, scene: _evidence.Scene, some: Mask, ctx: Context) -> Shapes:
+    def _regions(self, features: _evidence.PointFeatures, some: Mask, ctx: Context) -> Shapes:
         """Polygons around points of roofs, not smaller than buildings are."""
         try:
             shape = alpha_shape(
-                scene.xyz[some, :2],
+                features.xyz[some, :2],
                 self.alpha,
                 hole_threshold=self.smallest,
                 region_threshold=self.smallest,
@@ -203,27 +205,27 @@ class ClassifyBuildings:
         shapes = without_spikes(shape.polygons, self.alpha)
         return shapes[shapely.area(shapes) >= self.smallest]
 
-    def _buildings(self, scene: _evidence.Scene, planes: Mask, ctx: Context) -> Shapes:
+    def _buildings(self, features: _evidence.PointFeatures, planes: Mask, ctx: Context) -> Shapes:
         """Polygons around the planes of roofs, of a size that buildings have."""
-        shapes = self._regions(scene, planes, ctx)
+        shapes = self._regions(features, planes, ctx)
         if self.largest is not None:
             shapes = shapes[shapely.area(shapes) <= self.largest]
-        return shapes[~bridges(scene, planes, shapes)]
+        return shapes[~bridges(features, planes, shapes)]
 
     def _rows(
-        self, scene: _evidence.Scene, planes: Mask, shapes: Shapes, ctx: Context
+        self, features: _evidence.PointFeatures, planes: Mask, shapes: Shapes, ctx: Context
     ) -> list[dict[str, Any]]:
         """Buildings with their outlines drawn; several where only the overhang joins them."""
-        rows, narrow, plan = [], 0, Plan.of(scene.xyz, planes)
+        rows, narrow, roofs = [], 0, SortedPoints.of(features.xyz, planes)
         for done, shape in enumerate(shapes):
             ctx.progress(done / len(shapes))
-            inside = plan.within(shape.buffer(TOUCHING * scene.cloud.metre))
+            inside = roofs.within(shape.buffer(TOUCHING * features.cloud.metre))
             roof, straight = self._drawn(shape, len(inside) / shape.area)
             walls = roof.buffer(-self.overhang, join_style="mitre")
             narrow += walls.is_empty
             rows += [
                 {"area": drawn.area, "perimeter": drawn.length, "points": len(inside)}
-                | heights(scene, inside, shape)
+                | heights(features, inside, shape)
                 | {"squared": straight, "geometry": drawn}
                 for drawn in shapely.get_parts(roof if walls.is_empty else walls)
             ]
@@ -264,34 +266,34 @@ def without_spikes(shapes: Shapes, width: float) -> Shapes:
     return np.asarray(shapely.get_parts(shapely.buffer(core, width / 2, join_style="mitre")))
 
 
-def on_planes(scene: _evidence.Scene, roof: Mask, ctx: Context = QUIET) -> Mask:
+def on_planes(features: _evidence.PointFeatures, roof: Mask, ctx: Context = QUIET) -> Mask:
     """Points of a roof that lie on a plane, their own or that of another within the radius.
 
-    What stands beside a roof looks like one to :class:`_evidence.Scene`, which judges by all that
-    is around; but it does not lie on the planes of the roof.
+    What stands beside a roof looks like one to :class:`_evidence.PointFeatures`, which judges by
+    all that is around; but it does not lie on the planes of the roof.
 
     Returns
     -------
     array of shape (n,)
     """
-    off_plane, normal = scene.planes
-    own = roof & (off_plane <= scene.flat) & np.isfinite(normal).all(axis=1)
+    off_plane, normal = features.planes
+    own = roof & (off_plane <= features.flat) & np.isfinite(normal).all(axis=1)
     others = np.flatnonzero(roof & ~own)
     found = own.copy()
     if not own.any() or not len(others):
         return found
-    tree = PointTree.of(scene.xyz[own], ctx=ctx.part(0.0, 0.3))
+    tree = PointTree.of(features.xyz[own], ctx=ctx.part(0.0, 0.3))
     near = np.zeros(len(others), bool)
     side_by_side(
         kernels.on_planes,
         blocks(len(others), PER_POINT),
-        scene.xyz[others],
+        features.xyz[others],
         tree.xyz,
         normal[own][tree.order],
         tree.boxes,
         tree.depth,
-        scene.radius,
-        THICK * scene.flat * scene.cloud.metre,
+        features.radius,
+        THICK * features.flat * features.cloud.metre,
         near,
         ctx=ctx.part(0.3, 1.0),
     )
@@ -329,12 +331,14 @@ def margin(density: float, alpha: float) -> float:
     return float((density * np.sqrt(8 * alpha)) ** (-2 / 3))
 
 
-def up_to_the_roof(scene: _evidence.Scene, roof: Mask, shapes: Shapes, metre: float) -> Mask:
+def up_to_the_roof(
+    features: _evidence.PointFeatures, roof: Mask, shapes: Shapes, metre: float
+) -> Mask:
     """Points in outlines that are not above the roof, and points of the roof just outside.
 
     Parameters
     ----------
-    scene : n points
+    features : n points
     roof : array of shape (n,), those that look like a roof
     shapes : polygons around them
     metre : length of one metre in the unit of the points
@@ -343,15 +347,15 @@ def up_to_the_roof(scene: _evidence.Scene, roof: Mask, shapes: Shapes, metre: fl
     -------
     array of shape (n,)
     """
-    xyz = scene.xyz
+    xyz = features.xyz
     if not len(shapes):
         return np.zeros(len(xyz), bool)
-    ground, height = scene.terrain
+    ground, height = features.terrain
     inside = Polygons.of(shapes).hold(xyz)
     wider = shapely.get_parts(shapely.union_all(shapely.buffer(shapes, EAVES * metre)))
     beside = Polygons.of(wider).hold(xyz)
     below = xyz[:, 2] <= highest_around(xyz, roof & inside, TOP * metre)
-    return np.asarray(~ground & (height > FOOT) & ((inside & below) | (beside & solid(scene))))
+    return np.asarray(~ground & (height > FOOT) & ((inside & below) | (beside & solid(features))))
 
 
 def highest_around(xyz: Floats, some: Mask, cell: float) -> Floats:
@@ -363,16 +367,18 @@ def highest_around(xyz: Floats, some: Mask, cell: float) -> Floats:
     return np.asarray(maximum_filter(top, 3, mode="constant", cval=-np.inf)[row, col])
 
 
-def heights(scene: _evidence.Scene, inside: NDArray[np.int64], shape: Any) -> dict[str, float]:
+def heights(
+    features: _evidence.PointFeatures, inside: NDArray[np.int64], shape: Any
+) -> dict[str, float]:
     """Elevations of a roof and of the ground below it, and how high the ridge is above that.
 
     The eave is the tenth percentile of the roof points near the outline, the ridge the highest
     hundredth of all, so that neither a gutter nor a chimney decides.
     """
-    z, metre = scene.xyz[inside, 2], scene.cloud.metre
-    ground = float(np.median(z - scene.terrain[1][inside] * metre))
+    z, metre = features.xyz[inside, 2], features.cloud.metre
+    ground = float(np.median(z - features.terrain[1][inside] * metre))
     middle = shapely.get_parts(shape.buffer(-metre))
-    edge = ~Polygons.of(middle).hold(scene.xyz[inside])
+    edge = ~Polygons.of(middle).hold(features.xyz[inside])
     ridge = float(np.percentile(z, 99))
     return {
         "ground": ground,

@@ -169,19 +169,19 @@ class ClassifySom:
         part = taking_part(self.points, self.ignore)
         if not part.any():
             raise DataError("points: there are none to train a map on")
-        scene = _evidence.Scene(
+        features = _evidence.PointFeatures(
             self.points if part.all() else self.points.select(part),
             self.radius,
             self.context,
             ctx.part(0.0, 0.4),
         )
-        names = self.features or usual_features(scene.cloud)
-        values = features_of(scene, names)
+        names = self.features or usual_features(features.cloud)
+        values = features_of(features, names)
         if problem := nobody_has_all(names, values):
             raise DataError(problem)
-        known = self._known(scene)
+        known = self._known(features)
         able = np.flatnonzero(np.isfinite(values).all(axis=1))
-        chosen = able[drawn(scene.xyz[able], self.sample, self.seed)]
+        chosen = able[drawn(features.xyz[able], self.sample, self.seed)]
         made = self._map(names, values[chosen], known[chosen], ctx.part(0.4, 0.9))
         best, away = made.neurons(values, ctx.part(0.9, 1.0))
         first = made.stage_one(values[chosen])
@@ -196,11 +196,11 @@ class ClassifySom:
             unclassified=int(np.count_nonzero(best == NOBODY)),
         )
 
-    def _known(self, scene: _evidence.Scene) -> Bytes:
+    def _known(self, features: _evidence.PointFeatures) -> Bytes:
         """The class of each point as far as it is known, or 0."""
         if self.labels is None:
-            return _evidence.evidence(scene)
-        known = scene.cloud[self.labels]
+            return _evidence.evidence(features)
+        known = features.cloud[self.labels]
         if not ((known == known.astype(np.uint8)).all() and known.any()):
             raise DataError(
                 f"points: {self.labels} must hold classes from 0 to 255, and some not 0"

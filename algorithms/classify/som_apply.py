@@ -70,13 +70,13 @@ class ClassifySomApply:
             )
         if {"x", "y"} & set(made.names):
             log.warning("the map was trained with x or y, so it holds for that area only")
-        scene = _evidence.Scene(
+        features = _evidence.PointFeatures(
             cloud if part.all() else cloud.select(part),
             made.radius * cloud.metre,
             made.context * cloud.metre,
             ctx.part(0.0, 0.9),
         )
-        values = features_of(scene, made.names)
+        values = features_of(features, made.names)
         outputs = self._outputs(part, made, *made.neurons(values, ctx.part(0.9, 1.0)))
         if problem := nobody_has_all(made.names, values):
             raise NothingToDo(problem, instead=outputs)

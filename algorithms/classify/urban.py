@@ -114,7 +114,7 @@ class ClassifyUrban:
             )
         if not _evidence.has_several_returns(chosen):
             log.warning("no pulse has several returns: dense crowns may be taken for objects")
-        scene = _evidence.Scene(
+        features = _evidence.PointFeatures(
             chosen,
             self.radius,
             self.context,
@@ -122,14 +122,14 @@ class ClassifyUrban:
             flat=self.flat / cloud.metre,
             ground_classes=bare,
         )
-        classes[part] = self._judged(scene)
-        confidence[part] = np.where(np.isin(classes[part], (*bare, WATER)), 1.0, clear(scene))
+        classes[part] = self._judged(features)
+        confidence[part] = np.where(np.isin(classes[part], (*bare, WATER)), 1.0, clear(features))
         ctx.progress(1.0)
         return self._packed(classes, confidence)
 
-    def _judged(self, scene: _evidence.Scene) -> NDArray[np.uint8]:
+    def _judged(self, features: _evidence.PointFeatures) -> NDArray[np.uint8]:
         """Class of each point."""
-        cloud, (ground, height) = scene.cloud, scene.terrain
+        cloud, (ground, height) = features.cloud, features.terrain
         classes = np.array(cloud["classification"], np.uint8)
         built = classes == BUILDING
         low = ~built & (ground | (height < FOOT))
@@ -138,7 +138,7 @@ class ClassifyUrban:
             wet[low] = Polygons.of(polygons(sure(self.water), "water")).hold(cloud.xyz[low])
         free = ~np.isin(classes, self.keep_classes or ())
         left = free & ~ground & ~built & ~wet
-        plant = ~(solid(scene) & (scene.around["planarity"] >= self.planarity))
+        plant = ~(solid(features) & (features.around["planarity"] >= self.planarity))
         kinds = by_height(height * cloud.metre, self.low, self.high)
         classes[left] = np.where(plant & np.isfinite(height), kinds, REST)[left]
         classes[wet & free] = WATER
@@ -175,9 +175,9 @@ def sure(water: Vector) -> Vector:
     return Vector(frame[~doubtful], name=water.name, geometry_type=water.geometry_type)
 
 
-def clear(scene: _evidence.Scene) -> NDArray[np.float64]:
+def clear(features: _evidence.PointFeatures) -> NDArray[np.float64]:
     """How far apart the evidence for plants and for what is built is, from 0 to 1, shape (n,)."""
-    flat = scene.around["planarity"] / _evidence.ON_PLANES
-    torn = scene.around["returns"] / _evidence.LET_THROUGH
+    flat = features.around["planarity"] / _evidence.ON_PLANES
+    torn = features.around["returns"] / _evidence.LET_THROUGH
     total = flat + torn
     return np.asarray(np.abs(flat - torn) / np.where(total > 0, total, 1.0))

@@ -297,16 +297,20 @@ class Counts:
         return ((a + b) * (a + c) + (c + d) * (b + d)) / self.total**2
 
     @property
-    def _shares(self) -> dict[str, tuple[str, Share, str]]:
+    def _shares(self) -> dict[str, tuple[str, Proportion, str]]:
         """The measures that are shares: name, share and meaning."""
         a, b, c, d = self.a, self.b, self.c, self.d
         return {
-            "type_1": ("Type I", Share(b, a + b), "b / (a + b)"),
-            "type_2": ("Type II", Share(c, c + d), "c / (c + d)"),
-            "total_error": ("total error", Share(b + c, self.total), "(b + c) / (a + b + c + d)"),
-            "correctness": ("correctness", Share(a, a + c), "a / (a + c)"),
-            "completeness": ("completeness", Share(a, a + b), "a / (a + b)"),
-            "quality": ("quality", Share(a, a + b + c), "a / (a + b + c)"),
+            "type_1": ("Type I", Proportion(b, a + b), "b / (a + b)"),
+            "type_2": ("Type II", Proportion(c, c + d), "c / (c + d)"),
+            "total_error": (
+                "total error",
+                Proportion(b + c, self.total),
+                "(b + c) / (a + b + c + d)",
+            ),
+            "correctness": ("correctness", Proportion(a, a + c), "a / (a + c)"),
+            "completeness": ("completeness", Proportion(a, a + b), "a / (a + b)"),
+            "quality": ("quality", Proportion(a, a + b + c), "a / (a + b + c)"),
         }
 
     def rows(self, unmatched: int) -> Iterator[dict[str, Any]]:
@@ -333,7 +337,7 @@ class Counts:
 
 
 @dataclass(frozen=True)
-class Share:
+class Proportion:
     """A part of a whole that was counted."""
 
     part: int

@@ -123,7 +123,7 @@ class CompareLines:
         offset = there.weighted(np.where(abeam, side * feet.distance, np.nan))
         offsets = self._offsets(places, feet, side, abeam, to)
         ctx.progress(0.95)
-        found = Found.of(there, here, self.buffer)
+        found = BufferOverlay.of(there, here, self.buffer)
         rows = [
             *distance_rows(there, longest, "", "of the lines to the reference"),
             *distance_rows(here, longest_back, "reverse_", "of the reference to the lines"),
@@ -301,7 +301,7 @@ class Weighted(NamedTuple):
         return float(np.interp(part * self.length, middle, self.value))
 
 
-class Found(NamedTuple):
+class BufferOverlay(NamedTuple):
     """Lengths within the buffer of the other side, and in all."""
 
     lines: float
@@ -311,7 +311,7 @@ class Found(NamedTuple):
     squares: float
 
     @classmethod
-    def of(cls, there: Along, here: Along, buffer: float) -> Found:
+    def of(cls, there: Along, here: Along, buffer: float) -> BufferOverlay:
         """From distances there and back."""
         lines, squares = there.below(buffer)
         return cls(lines, here.below(buffer)[0], there.length, here.length, squares)

@@ -209,7 +209,7 @@ class CompareSurfaces:
             le95=whole["le95"],
         )
 
-    def _found(self, ctx: Context) -> tuple[Raster | None, Found]:
+    def _found(self, ctx: Context) -> tuple[Raster | None, ErrorsAtPlaces]:
         """The difference raster, if there is one, and all errors with their places."""
         if self.reference is None:
             return None, self._at_points()
@@ -228,7 +228,7 @@ class CompareSurfaces:
         row, col = np.nonzero(np.isfinite(values))
         x, y = Lattice.of(one).centres()
         surface = one.band()
-        return raster, Found(
+        return raster, ErrorsAtPlaces(
             np.column_stack([x[col], y[row]]),
             values[row, col],
             surface[row, col],
@@ -236,7 +236,7 @@ class CompareSurfaces:
             int(np.isfinite(surface).sum()) - len(row),
         )
 
-    def _at_points(self) -> Found:
+    def _at_points(self) -> ErrorsAtPlaces:
         """Errors at the checkpoints, or at the points of the cloud that take part."""
         if self.checkpoints is not None:
             import shapely
@@ -253,7 +253,7 @@ class CompareSurfaces:
             require_finite(xyz)
         heights = self.surface.sample(xyz[:, 0], xyz[:, 1], method="linear")
         known = np.isfinite(heights)
-        return Found(
+        return ErrorsAtPlaces(
             xyz[known, :2],
             heights[known] - xyz[known, 2],
             heights[known],
@@ -261,7 +261,7 @@ class CompareSurfaces:
             int((~known).sum()),
         )
 
-    def _covers(self, found: Found, ctx: Context) -> tuple[NDArray[np.int64], list[str]]:
+    def _covers(self, found: ErrorsAtPlaces, ctx: Context) -> tuple[NDArray[np.int64], list[str]]:
         """The land cover of each error as a number, and the names by number.
 
         Raises
@@ -293,7 +293,11 @@ class CompareSurfaces:
         return label, names
 
     def _report(
-        self, found: Found, label: NDArray[np.int64], names: Sequence[str], quarters: Quarters
+        self,
+        found: ErrorsAtPlaces,
+        label: NDArray[np.int64],
+        names: Sequence[str],
+        quarters: Quarters,
     ) -> Table:
         """The rows of the report, in metres."""
         green = self.vegetated or ()
@@ -305,7 +309,9 @@ class CompareSurfaces:
             rows += spread(kind, found.xy[which], quarters)
         return Table.from_rows(in_metres(rows, self.surface.metre))
 
-    def _largest(self, found: Found, label: NDArray[np.int64], names: Sequence[str]) -> Vector:
+    def _largest(
+        self, found: ErrorsAtPlaces, label: NDArray[np.int64], names: Sequence[str]
+    ) -> Vector:
         """Points at the largest errors, with Z of the surface."""
         import geopandas
         import shapely
@@ -325,7 +331,7 @@ class CompareSurfaces:
         return Vector(frame, geometry_type="Point Z")
 
 
-class Found(NamedTuple):
+class ErrorsAtPlaces(NamedTuple):
     """Errors, of cells or points that have a height in both.
 
     Attributes
@@ -439,7 +445,7 @@ def table_rows(whole: Mapping[str, Any]) -> Iterator[Row]:
 
 
 def cover_rows(
-    found: Found,
+    found: ErrorsAtPlaces,
     label: NDArray[np.int64],
     names: Sequence[str],
     quarters: Quarters | None,

@@ -12,7 +12,7 @@ from algorithms.shared.kernels.delaunay import in_circle, is_ghost, locate, orie
 from algorithms.shared.sets import root
 
 
-class Limits(NamedTuple):
+class PointLimits(NamedTuple):
     """What a point above the surface must keep to enter it; lengths in the unit of the points."""
 
     angle: float  # degrees, to each corner of the facet

@@ -179,7 +179,7 @@ class GroundPtd:
 
 
 @dataclass(frozen=True)
-class Surface:
+class GroundMesh:
     """The finished triangulation of the ground.
 
     Attributes
@@ -204,7 +204,7 @@ class Surface:
 
 def ground_mask(
     xyz: Floats,
-    surface: Surface,
+    surface: GroundMesh,
     *,
     class_distance: float = 0.4,
     metre: float = 1.0,
@@ -247,7 +247,9 @@ def ground_mask(
     return near
 
 
-def heights_on(surface: Surface, lattice: Lattice, *, ctx: Context = QUIET) -> NDArray[np.float32]:
+def heights_on(
+    surface: GroundMesh, lattice: Lattice, *, ctx: Context = QUIET
+) -> NDArray[np.float32]:
     """Heights of the surface at the centres of cells.
 
     Returns
@@ -283,7 +285,7 @@ def densified(
     mirror: bool = True,
     metre: float = 1.0,
     ctx: Context = QUIET,
-) -> Surface:
+) -> GroundMesh:
     """Grow a triangulated surface of the ground from the lowest points of large cells.
 
     Parameters
@@ -319,7 +321,7 @@ def densified(
     points = xyz[lowest[cells]]
     lowest[cells] = np.arange(len(points))
     ctx.progress(0.35)
-    fine = kernels.Limits(
+    fine = kernels.PointLimits(
         angle=iteration_angle,
         distance=iteration_distance,
         steepest=math.tan(math.radians(terrain_angle)),
@@ -472,12 +474,12 @@ class Growth:
                     return found
             reach *= 2
 
-    def grow(self, points: Ints, limits: kernels.Limits, ctx: Context) -> None:
+    def grow(self, points: Ints, limits: kernels.PointLimits, ctx: Context) -> None:
         """Let points enter that were not looked at so far, or with other limits."""
         self.head[:] = -1
         self.settle(points, limits, ctx)
 
-    def settle(self, waiting: Ints, limits: kernels.Limits, ctx: Context) -> None:
+    def settle(self, waiting: Ints, limits: kernels.PointLimits, ctx: Context) -> None:
         """Let points enter in rounds, until none is left that may."""
         again, done, now = False, 0.0, limits
         while True:
@@ -501,7 +503,9 @@ class Growth:
         count = kernels.points_of(facets, self.head, self.following, self.waiting)
         return np.concatenate([waiting, self.waiting[:count]])
 
-    def lowered(self, limits: kernels.Limits, points: Ints, ctx: Context) -> kernels.Limits:
+    def lowered(
+        self, limits: kernels.PointLimits, points: Ints, ctx: Context
+    ) -> kernels.PointLimits:
         """Limits lowered to the median angle and distance of the points above the surface."""
         seen = np.empty((2, len(points)))
         for first in range(0, len(points), BLOCK):
@@ -518,7 +522,7 @@ class Growth:
             angle=min(limits.angle, angle), distance=min(limits.distance, distance)
         )
 
-    def look(self, points: Ints, limits: kernels.Limits, ctx: Context) -> Ints:
+    def look(self, points: Ints, limits: kernels.PointLimits, ctx: Context) -> Ints:
         """Find the lowest point for each facet that may enter; the facets."""
         count = 0
         for first in range(0, len(points), BLOCK):
@@ -603,7 +607,7 @@ class Growth:
         changed = self.waiting[:count].copy()
         return np.concatenate([changed, self.lift_ring()])
 
-    def surface(self, lowest: Ints, lattice: Lattice) -> Surface:
+    def surface(self, lowest: Ints, lattice: Lattice) -> GroundMesh:
         """The surface as it is now."""
         vertices = int(np.count_nonzero(self.entered[: self.real]))
-        return Surface(self.mesh, self.z, self.facet, lowest, lattice, vertices, self.rounds)
+        return GroundMesh(self.mesh, self.z, self.facet, lowest, lattice, vertices, self.rounds)

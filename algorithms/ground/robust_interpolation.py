@@ -50,7 +50,7 @@ BYTES_PER_CELL = 26
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Place = tuple[int, int, float]
+Corner = tuple[int, int, float]
 
 
 @tool("ground.robust_interpolation")
@@ -148,7 +148,7 @@ class GroundRobustInterpolation:
 
 
 @dataclass(frozen=True)
-class Surface:
+class GroundRaster:
     """A surface through the ground.
 
     Attributes
@@ -162,12 +162,12 @@ class Surface:
     lattice: Lattice
 
     @property
-    def place(self) -> Place:
+    def corner(self) -> Corner:
         """Where the cells lie, for the kernels."""
-        return place_of(self.lattice)
+        return corner_of(self.lattice)
 
 
-def place_of(lattice: Lattice) -> Place:
+def corner_of(lattice: Lattice) -> Corner:
     """Whole cells from the origin of the coordinates to the corner, and the size of a cell."""
     return round(lattice.west / lattice.cell), round(lattice.north / lattice.cell), lattice.cell
 
@@ -182,7 +182,7 @@ class Weights(NamedTuple):
     iterations: int
 
 
-def residuals(xyz: Floats, surface: Surface) -> Floats:
+def residuals(xyz: Floats, surface: GroundRaster) -> Floats:
     """Height of the points above the surface: z - surface.
 
     Positive on vegetation and roofs, around zero on the ground, negative below it.
@@ -207,7 +207,7 @@ def residuals(xyz: Floats, surface: Surface) -> Floats:
 
 def ground_mask(
     xyz: Floats,
-    surface: Surface,
+    surface: GroundRaster,
     *,
     above: float = 0.35,
     below: float = 1.0,
@@ -250,7 +250,7 @@ def robust_interpolation(
     below: float = 1.0,
     metre: float = 1.0,
     ctx: Context = QUIET,
-) -> Surface:
+) -> GroundRaster:
     """Lay surfaces through the ground, from coarse cells to fine ones.
 
     Parameters
@@ -268,7 +268,7 @@ def robust_interpolation(
 
     Returns
     -------
-    Surface
+    GroundRaster
         On the cells of the points and one more on each side.
 
     Raises
@@ -338,7 +338,9 @@ def widened(lattice: Lattice, margin: float, cell: float) -> Lattice:
     return Lattice.cover((west - margin, south - margin, east + margin, north + margin), cell)
 
 
-def near_surface(xyz: Floats, surface: Surface, above: float, below: float, ctx: Context) -> Mask:
+def near_surface(
+    xyz: Floats, surface: GroundRaster, above: float, below: float, ctx: Context
+) -> Mask:
     """True where residuals lie between -below and above, both widened on slopes."""
     near = np.empty(len(xyz), bool)
     for start, stop in blocks(len(xyz)):
@@ -348,16 +350,22 @@ def near_surface(xyz: Floats, surface: Surface, above: float, below: float, ctx:
     return near
 
 
-def residuals_and_rises(xyz: Floats, surface: Surface) -> tuple[Floats, Floats]:
+def residuals_and_rises(xyz: Floats, surface: GroundRaster) -> tuple[Floats, Floats]:
     """Height of the points above the surface, and what it rises there over one cell."""
     residual, rise = np.empty(len(xyz)), np.empty(len(xyz))
     side_by_side(
-        kernels.residuals, blocks(len(xyz), 10), xyz, surface.heights, surface.place, residual, rise
+        kernels.residuals,
+        blocks(len(xyz), 10),
+        xyz,
+        surface.heights,
+        surface.corner,
+        residual,
+        rise,
     )
     return residual, rise
 
 
-def tolerated(xyz: Floats, surface: Surface, weights: Weights, ctx: Context) -> Mask:
+def tolerated(xyz: Floats, surface: GroundRaster, weights: Weights, ctx: Context) -> Mask:
     """True for the points that go on to finer cells."""
     cell = surface.lattice.cell
     above = weights.tolerance + weights.relief * cell
@@ -368,13 +376,13 @@ def interpolated(
     xyz: Floats,
     use: Mask,
     lattice: Lattice,
-    trend: Surface | None,
+    trend: GroundRaster | None,
     weights: Weights,
     ctx: Context,
-) -> Surface:
+) -> GroundRaster:
     """The surface of one level, from the lowest point in use of each cell."""
     lowest = lowest_points(xyz, use, lattice, ctx.part(0, 0.2))
-    below = trend or Surface(read_only(np.empty((0, 0))), lattice)
+    below = trend or GroundRaster(read_only(np.empty((0, 0))), lattice)
     heights = np.empty(lattice.shape)
     offset = np.empty(lattice.shape)
     for first, last in blocks(lattice.rows, lattice.cols):
@@ -389,9 +397,9 @@ def interpolated(
         xyz,
         lowest,
         offset,
-        place_of(lattice),
+        corner_of(lattice),
         below.heights,
-        below.place,
+        below.corner,
         weights.half_width,
         weights.relief,
         weights.below + DROP * lattice.cell,
@@ -399,4 +407,4 @@ def interpolated(
         heights,
         ctx=ctx.part(0.3, 1.0),
     )
-    return Surface(read_only(heights), lattice)
+    return GroundRaster(read_only(heights), lattice)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
-from algorithms.shared.selection import Returns, choice_problems, chosen
+from algorithms.shared.selection import ReturnKind, choice_problems, chosen
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList, Expression, Range, Share, outputs, param, sink, source, tool
@@ -31,7 +31,7 @@ class PointsFilter:
 
     points: PointCloud = source("Points to choose from")
     classes: ClassList | None = parameters.classes()
-    returns: Returns = param("Returns to keep", default="all")
+    returns: ReturnKind = param("Returns to keep", default="all")
     where: Expression | None = param("Condition to meet", default=None, of="points")
     elevation_above_lowest: Range | None = param(
         "Band of heights above the lowest point to keep, limits included", default=None, unit="m"

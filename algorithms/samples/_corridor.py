@@ -17,7 +17,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from algorithms.samples._objects import Plan, Wing, building, shrub, tree
+from algorithms.samples._objects import SceneBuilder, Wing, building, shrub, tree
 from algorithms.samples._survey import (
     ASPHALT,
     CONNECTOR,
@@ -276,7 +276,7 @@ class Axis:
 class Network:
     """Bars, strings and wires as they are put up."""
 
-    plan: Plan
+    builder: SceneBuilder
     axis: Axis
     design: Design = field(default_factory=Design)
     rods: list[Any] = field(default_factory=list)
@@ -321,17 +321,17 @@ def _built(
     design: Design, size: float, density: float, rng: np.random.Generator, ctx: Context
 ) -> SceneData:
     width = min(WIDTH, size)
-    plan, axis = _land(design, size, width, rng)
-    network = Network(plan, axis, design)
+    builder, axis = _land(design, size, width, rng)
+    network = Network(builder, axis, design)
     for system in design.systems:
         if abs(system.offset) + 8 < width / 2:
             _string_up(network, system, size)
     x, y = axis.place(0.72 * size, -0.36 * width)
     turn = float(np.arctan2(*axis.headings[1][::-1]))
-    building(plan, x, y, turn, wings=[Wing(0, 0, 7.0, 4.5, slope=0.8)], storeys=2)
+    building(builder, x, y, turn, wings=[Wing(0, 0, 7.0, 4.5, slope=0.8)], storeys=2)
     _vegetation(network, size, width, ctx)
 
-    world = replace(plan.world(), rods=np.concatenate([np.empty(0, ROD), *network.rods]))
+    world = replace(builder.world(), rods=np.concatenate([np.empty(0, ROD), *network.rods]))
 
     def inside(x: Floats, y: Floats) -> NDArray[np.bool_]:
         chainage, offset = axis.locate(x, y)
@@ -339,7 +339,7 @@ def _built(
 
     xyz, attributes = survey(
         world,
-        _flights(axis, width, float(plan.terrain.values.mean())),
+        _flights(axis, width, float(builder.terrain.values.mean())),
         float(np.sqrt(1.8 / density)),
         rng,
         inside=inside,
@@ -348,10 +348,12 @@ def _built(
         ctx=ctx.part(0.2, 1.0),
     )
     features = [*network.features, *_tree_features(network, world.crowns)]
-    return SceneData(xyz, attributes, plan.terrain.placed(), features)
+    return SceneData(xyz, attributes, builder.terrain.placed(), features)
 
 
-def _land(design: Design, size: float, width: float, rng: np.random.Generator) -> tuple[Plan, Axis]:
+def _land(
+    design: Design, size: float, width: float, rng: np.random.Generator
+) -> tuple[SceneBuilder, Axis]:
     """Hills, a road across, woods on both sides of the cleared belt."""
     leg, half = size / 2, design.bend / 2
     rise, run = float(np.sin(half)), float(np.cos(half))
@@ -375,10 +377,10 @@ def _land(design: Design, size: float, width: float, rng: np.random.Generator) -
     terrain = replace(terrain, values=z.astype(np.float32))
     taken = np.zeros((int(np.ceil(north)), int(np.ceil(east))), bool)
     dry = np.full(z.shape, -np.inf, np.float32)
-    plan = Plan(terrain, cover.astype(np.uint8), dry, taken, size, rng)
+    builder = SceneBuilder(terrain, cover.astype(np.uint8), dry, taken, size, rng)
     px, py = np.arange(taken.shape[1]) + 0.5, np.arange(taken.shape[0]) + 0.5
-    plan.taken |= np.abs(road)[terrain.index(px[None, :], py[:, None])] < 5
-    return plan, axis
+    builder.taken |= np.abs(road)[terrain.index(px[None, :], py[:, None])] < 5
+    return builder, axis
 
 
 def _flights(axis: Axis, width: float, ground: float) -> list[FlightLine]:
@@ -412,20 +414,20 @@ def _string_up(network: Network, system: System, size: float) -> None:
     supports = []
     for chainage in chainages:
         x, y = network.axis.place(float(chainage), system.offset)
-        plan = network.plan
+        builder = network.builder
         network.towers += 1
         tension = chainage in (chainages[0], size / 2, chainages[-1])
         support = Support(
             network.towers,
-            plan.new_object(),
+            builder.new_object(),
             x,
             y,
-            float(plan.terrain.at(x, y)),
+            float(builder.terrain.at(x, y)),
             network.axis.arm(float(chainage)),
             tension,
         )
         raise_tower(network, support, system)
-        plan.claim(x, y, 0.0, a=3.0, b=3.0)
+        builder.claim(x, y, 0.0, a=3.0, b=3.0)
         supports.append(support)
     for i in range(len(supports) - 1):
         network.span_count += 1
@@ -467,7 +469,7 @@ def _hang(
             )
     span = Catenary(ends[0], ends[1], c)
     network.spans.append(span)
-    owner = network.plan.new_object()
+    owner = network.builder.new_object()
     for seen in _recorded(network, span):
         network.rod(seen, WIRE_RADIUS, cls, owner, wire=wire_id, span=network.span_count)
     network.features.append(
@@ -501,9 +503,9 @@ def _recorded(network: Network, span: Catenary) -> list[Floats]:
         return [points]
     # Stretches of 5 to 25 m are hidden: as many as make up the share.
     seen = np.ones(len(points) - 1, bool)
-    for _ in range(network.plan.rng.poisson(hidden * span.span / 15.0)):
-        first = int(network.plan.rng.integers(len(seen)))
-        seen[first : first + int(network.plan.rng.integers(3, 13))] = False
+    for _ in range(network.builder.rng.poisson(hidden * span.span / 15.0)):
+        first = int(network.builder.rng.integers(len(seen)))
+        seen[first : first + int(network.builder.rng.integers(3, 13))] = False
     edges = np.flatnonzero(np.diff(np.concatenate([[0], seen, [0]])))
     return [points[a : b + 1] for a, b in edges.reshape(-1, 2)]
 
@@ -595,8 +597,8 @@ def _post(network: Network, support: Support, system: System) -> None:
 
 def _vegetation(network: Network, size: float, width: float, ctx: Context) -> None:
     """Woods beside the line, shrubs below it, and a few trees that nobody cut."""
-    plan, axis, systems = network.plan, network.axis, network.design.systems
-    rng = plan.rng
+    builder, axis, systems = network.builder, network.axis, network.design.systems
+    rng = builder.rng
     for k, gap in enumerate((0.8, 1.5, 2.5)):
         for system, share in zip(systems, (0.34, 0.61), strict=False):
             _intruder(network, system, (share + 0.1 * k) * size, gap)
@@ -608,30 +610,32 @@ def _vegetation(network: Network, size: float, width: float, ctx: Context) -> No
         away = min(abs(offset - system.offset) - system.cleared for system in systems)
         if away < 0:
             if rng.random() < 0.4:
-                shrub(plan, x, y)
+                shrub(builder, x, y)
         elif away > 3:
-            tree(plan, x, y)
+            tree(builder, x, y)
 
 
 def _intruder(network: Network, system: System, chainage: float, gap: float) -> None:
     """A round tree whose top ends `gap` metres below the lowest wire above it."""
-    plan = network.plan
+    builder = network.builder
     x, y = network.axis.place(chainage, system.offset + system.wires[0][0])
-    if not network.spans or not plan.claim(x, y, 0.0, a=1.5, b=1.5):
+    if not network.spans or not builder.claim(x, y, 0.0, a=1.5, b=1.5):
         return
     wires = np.concatenate([span.points(0.5) for span in network.spans])
     near = wires[np.hypot(wires[:, 0] - x, wires[:, 1] - y) < 1.0]
-    ground = float(plan.terrain.at(x, y))
+    ground = float(builder.terrain.at(x, y))
     if len(near) == 0:
         return
     top = float(near[:, 2].min()) - gap
     height = top - ground
-    plan.crowns.append((x, y, ground + 0.3 * height, top, 0.25 * height, ROUND, plan.new_object()))
+    builder.crowns.append(
+        (x, y, ground + 0.3 * height, top, 0.25 * height, ROUND, builder.new_object())
+    )
 
 
 def _tree_features(network: Network, crowns: Records) -> Features:
     """Trees as vertical lines, with the distance from crown to wire where it is short."""
-    ground = network.plan.terrain.at(crowns["x"], crowns["y"])
+    ground = network.builder.terrain.at(crowns["x"], crowns["y"])
     clearances = _clearances(network.spans, crowns)
     features: Features = []
     for crown, z, clearance in zip(crowns, ground, clearances, strict=True):

@@ -1,4 +1,4 @@
-"""Houses, walls, cars and trees, and the plan on which they find their places."""
+"""Houses, walls, cars and trees, and the scene in which they find room."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ ROOF_SHADES = (12000, 16000, 21000, 30000)
 
 
 @dataclass
-class Plan:
-    """What stands in the town so far, and where there is no room left."""
+class SceneBuilder:
+    """A synthetic scene while it is built: what stands in it, and where there is room left."""
 
     terrain: Terrain
     cover: NDArray[np.uint8]
@@ -98,24 +98,24 @@ class Wing:
 
 
 def building(
-    plan: Plan, x: float, y: float, turn: float, *, wings: list[Wing], storeys: int
+    builder: SceneBuilder, x: float, y: float, turn: float, *, wings: list[Wing], storeys: int
 ) -> bool:
     """Put a building where there is room for it; True if it stands."""
     shape = shapely.unary_union([_outline(x, y, turn, w) for w in wings])
     reach = [_extent(w) for w in wings]
     a, b = (max(e[k] for e in reach) for k in (0, 1))
-    if not plan.claim(x, y, turn, a=a, b=b, gap=1.5):
+    if not builder.claim(x, y, turn, a=a, b=b, gap=1.5):
         return False
     corners = shapely.get_coordinates(shapely.segmentize(shape, 2.0))
-    ground = plan.terrain.at(*(corners - (EAST, NORTH)).T)
+    ground = builder.terrain.at(*(corners - (EAST, NORTH)).T)
     base, eave = float(ground.min()) - 0.5, round(float(ground.max()) + 0.4 + 2.8 * storeys, 2)
-    owner, shade = plan.new_object(), float(plan.rng.choice(ROOF_SHADES))
+    owner, shade = builder.new_object(), float(builder.rng.choice(ROOF_SHADES))
     tops = []
     for wing in wings:
         top = eave + wing.slope * wing.b
         cx, cy = turned(x, y, wing.x, wing.y, turn)
         angle = turn + (np.pi / 2 if wing.quarter_turn else 0.0)
-        plan.block(
+        builder.block(
             cx,
             cy,
             angle,
@@ -128,9 +128,9 @@ def building(
             shade=shade,
             slope=wing.slope,
             hip=wing.hip,
-            plane=plan.planes + 1,
+            plane=builder.planes + 1,
         )
-        plan.planes += 8  # two roof sides, two hips, four walls
+        builder.planes += 8  # two roof sides, two hips, four walls
         tops.append(top)
     low, high = float(ground.min()), round(max(tops), 3)
     properties = {
@@ -143,7 +143,7 @@ def building(
         "roof": roof_name(wings),
         "area": round(shape.area, 2),
     }
-    plan.features.append((lift(shape, low), properties))
+    builder.features.append((lift(shape, low), properties))
     return True
 
 
@@ -172,7 +172,7 @@ def turned(x: float, y: float, u: float, v: float, turn: float) -> tuple[float, 
 
 
 def barrier(
-    plan: Plan,
+    builder: SceneBuilder,
     x: float,
     y: float,
     turn: float,
@@ -185,13 +185,13 @@ def barrier(
     kind: str,
 ) -> None:
     """A hedge or wall in pieces of 2 m that follow the ground."""
-    if not plan.claim(x, y, turn, a=a, b=b, gap=0.3):
+    if not builder.claim(x, y, turn, a=a, b=b, gap=0.3):
         return
-    owner, ux, uy = plan.new_object(), np.cos(turn), np.sin(turn)
+    owner, ux, uy = builder.new_object(), np.cos(turn), np.sin(turn)
     for u in np.arange(-a + 1, a, 2.0):
         px, py = x + u * ux, y + u * uy
-        ground = float(plan.terrain.at(px, py))
-        plan.block(
+        ground = float(builder.terrain.at(px, py))
+        builder.block(
             px,
             py,
             turn,
@@ -203,18 +203,18 @@ def barrier(
             owner=owner,
             shade=shade,
         )
-    shape = lift(rectangle(x, y, turn, a, b), float(plan.terrain.at(x, y)))
-    plan.features.append((shape, {"kind": kind, "object_id": owner, "height": round(height, 3)}))
+    shape = lift(rectangle(x, y, turn, a, b), float(builder.terrain.at(x, y)))
+    builder.features.append((shape, {"kind": kind, "object_id": owner, "height": round(height, 3)}))
 
 
-def car(plan: Plan, x: float, y: float, turn: float) -> None:
+def car(builder: SceneBuilder, x: float, y: float, turn: float) -> None:
     """A body and a cabin."""
-    if not plan.claim(x, y, turn, a=2.2, b=0.9, gap=0.2):
+    if not builder.claim(x, y, turn, a=2.2, b=0.9, gap=0.2):
         return
-    ground, owner = float(plan.terrain.at(x, y)), plan.new_object()
-    shade = float(plan.rng.uniform(4000, 40000))
+    ground, owner = float(builder.terrain.at(x, y)), builder.new_object()
+    shade = float(builder.rng.uniform(4000, 40000))
     for a, b, height in ((2.2, 0.9, 0.9), (1.1, 0.75, 1.45)):
-        plan.block(
+        builder.block(
             x,
             y,
             turn,
@@ -227,35 +227,42 @@ def car(plan: Plan, x: float, y: float, turn: float) -> None:
             shade=shade,
         )
     shape = lift(rectangle(x, y, turn, 2.2, 0.9), ground)
-    plan.features.append((shape, {"kind": "car", "object_id": owner, "height": 1.45}))
+    builder.features.append((shape, {"kind": "car", "object_id": owner, "height": 1.45}))
 
 
-def tree(plan: Plan, x: float, y: float) -> None:
+def tree(builder: SceneBuilder, x: float, y: float) -> None:
     """A tree of any shape, if its trunk and half of its crown find room."""
-    rng = plan.rng
+    rng = builder.rng
     shape = int(rng.choice((ROUND, CONE, COLUMN), p=(0.55, 0.25, 0.2)))
     height = float(rng.uniform(5, 20))
     width = {ROUND: (0.22, 0.32), CONE: (0.14, 0.2), COLUMN: (0.12, 0.17)}[shape]
     radius = height * float(rng.uniform(*width))
-    if not plan.claim(x, y, 0.0, a=0.6 * radius, b=0.6 * radius, gap=0.2):
+    if not builder.claim(x, y, 0.0, a=0.6 * radius, b=0.6 * radius, gap=0.2):
         return
     trunk = {ROUND: 0.3, CONE: 0.12, COLUMN: 0.2}[shape] * height
-    crown(plan, x, y, trunk=trunk, height=height, radius=radius, shape=shape)
+    crown(builder, x, y, trunk=trunk, height=height, radius=radius, shape=shape)
 
 
-def shrub(plan: Plan, x: float, y: float) -> None:
+def shrub(builder: SceneBuilder, x: float, y: float) -> None:
     """A bush down to the ground."""
-    height = float(plan.rng.uniform(0.8, 2.4))
-    if plan.claim(x, y, 0.0, a=0.6 * height, b=0.6 * height):
-        crown(plan, x, y, trunk=-0.1, height=height, radius=0.6 * height, shape=ROUND)
+    height = float(builder.rng.uniform(0.8, 2.4))
+    if builder.claim(x, y, 0.0, a=0.6 * height, b=0.6 * height):
+        crown(builder, x, y, trunk=-0.1, height=height, radius=0.6 * height, shape=ROUND)
 
 
 def crown(
-    plan: Plan, x: float, y: float, *, trunk: float, height: float, radius: float, shape: int
+    builder: SceneBuilder,
+    x: float,
+    y: float,
+    *,
+    trunk: float,
+    height: float,
+    radius: float,
+    shape: int,
 ) -> None:
     """Add a crown that begins `trunk` and ends `height` metres above the ground."""
-    ground, owner = float(plan.terrain.at(x, y)), plan.new_object()
-    plan.crowns.append((x, y, ground + trunk, ground + height, radius, shape, owner))
+    ground, owner = float(builder.terrain.at(x, y)), builder.new_object()
+    builder.crowns.append((x, y, ground + trunk, ground + height, radius, shape, owner))
 
 
 @njit(cache=True, nogil=True)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from algorithms.samples._objects import Plan, tree
+from algorithms.samples._objects import SceneBuilder, tree
 from algorithms.samples._survey import (
     ASPHALT,
     FOREST,
@@ -42,20 +42,20 @@ def reservoir(*, size: float, density: float, seed: int, ctx: Context = QUIET) -
     rng = np.random.default_rng(seed)
     terrain, level = _valley(size, rng)
     cover = _cover(terrain, level, size, rng)
-    plan = Plan(terrain, cover, level, _claimed(terrain, level, size), size, rng)
+    builder = SceneBuilder(terrain, cover, level, _claimed(terrain, level, size), size, rng)
     for number, (x, y) in enumerate(rng.uniform(0, size, (int(size * size / 400), 2))):
         if number % 1000 == 0:
             ctx.progress(0.0)
-        tree(plan, x, y)
+        tree(builder, x, y)
     features = [
         feature
         for body, height in enumerate((LEVEL, *POND_LEVELS))
-        for feature in _water(plan, np.isclose(level, height), height, body)
+        for feature in _water(builder, np.isclose(level, height), height, body)
     ]
     wet = float((terrain.values < level).mean())
     spacing = np.sqrt(1.15 * 1.08 * (1 - 0.87 * wet) / density)
     xyz, attributes = survey(
-        plan.world(),
+        builder.world(),
         parallel_lines(size, float(terrain.values.mean())),
         float(spacing),
         rng,
@@ -136,22 +136,22 @@ def _claimed(terrain: Terrain, level: NDArray[np.float32], size: float) -> NDArr
     return np.asarray(((terrain.values - level)[index] < 1.0) | near_dam)
 
 
-def _water(plan: Plan, zone: NDArray[np.bool_], level: float, body: int) -> Features:
+def _water(builder: SceneBuilder, zone: NDArray[np.bool_], level: float, body: int) -> Features:
     """True outlines of one body; the reservoir carries its storage curve."""
-    shapes = sorted(below_level(plan.terrain, zone, level).geoms, key=lambda part: -part.area)
+    shapes = sorted(below_level(builder.terrain, zone, level).geoms, key=lambda part: -part.area)
     features: Features = []
     for rank, shape in enumerate(shapes):
         kind = "puddle" if rank else ("reservoir" if body == 0 else "pond")
         properties: dict[str, Any] = {
             "kind": "water",
             "body": kind,
-            "object_id": plan.new_object(),
+            "object_id": builder.new_object(),
             "level": level,
             "area": round(shape.area, 2),
         }
         if kind == "reservoir":
             # Text, because few vector formats hold lists.
-            properties["storage"] = json.dumps(_storage(plan.terrain, zone, level))
+            properties["storage"] = json.dumps(_storage(builder.terrain, zone, level))
         features.append((lift(shape, level), properties))
     return features
 

@@ -7,7 +7,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.samples._objects import Plan, Wing, barrier, building, car, shrub, tree, turned
+from algorithms.samples._objects import (
+    SceneBuilder,
+    Wing,
+    barrier,
+    building,
+    car,
+    shrub,
+    tree,
+    turned,
+)
 from algorithms.samples._survey import (
     ASPHALT,
     BRIDGE,
@@ -41,11 +50,11 @@ OUTLIERS = 0.0005
 def town(*, size: float, density: float, seed: int, ctx: Context = QUIET) -> SceneData:
     """A square of `size` metres with about `density` points per square metre; see `scene`."""
     rng = np.random.default_rng(seed)
-    plan = landscape(size, rng)
-    build(plan, ctx)
-    plant(plan, ctx)
-    world = plan.world()
-    lines = parallel_lines(size, float(plan.terrain.values.mean()))
+    builder = landscape(size, rng)
+    build(builder, ctx)
+    plant(builder, ctx)
+    world = builder.world()
+    lines = parallel_lines(size, float(builder.terrain.values.mean()))
     overlap = 1.3 - 0.3 / len(lines)
     spacing = float(np.sqrt(overlap * 1.06 / density))
     xyz, attributes = survey(
@@ -58,14 +67,14 @@ def town(*, size: float, density: float, seed: int, ctx: Context = QUIET) -> Sce
         outliers=OUTLIERS,
         ctx=ctx.part(0.4, 1.0),
     )
-    features = [*plan.features, *crown_features(plan.terrain, world.crowns)]
-    return SceneData(xyz, attributes, plan.terrain.placed(), features)
+    features = [*builder.features, *crown_features(builder.terrain, world.crowns)]
+    return SceneData(xyz, attributes, builder.terrain.placed(), features)
 
 
 # --- ground --------------------------------------------------------------------------------
 
 
-def landscape(size: float, rng: np.random.Generator) -> Plan:
+def landscape(size: float, rng: np.random.Generator) -> SceneBuilder:
     """The ground with its earthworks, the streets, and the bridge where road and cut cross."""
     terrain = blank_terrain(0, 0, size, size)
     x, y = terrain.centres()
@@ -89,14 +98,16 @@ def landscape(size: float, rng: np.random.Generator) -> Plan:
 
     terrain = replace(terrain, values=worked.astype(np.float32))
     level = np.full(z.shape, -np.inf, np.float32)
-    plan = Plan(terrain, cover.astype(np.uint8), level, np.zeros((1, 1), bool), size, rng)
+    builder = SceneBuilder(
+        terrain, cover.astype(np.uint8), level, np.zeros((1, 1), bool), size, rng
+    )
     built = (np.abs(worked - z) > 0.05) | (cover == ASPHALT) | (np.abs(y - edge - 4) < 6)
     side = int(np.ceil(size))
     south_west = np.arange(side) + 0.5
-    plan.taken = built[terrain.index(south_west[None, :], south_west[:, None])]
+    builder.taken = built[terrain.index(south_west[None, :], south_west[:, None])]
     if count > 1:
-        _bridge(plan, cut_x, road_y, road)
-    return plan
+        _bridge(builder, cut_x, road_y, road)
+    return builder
 
 
 def terrain_row(z: Floats, terrain: Terrain, y: float) -> Floats:
@@ -111,15 +122,15 @@ def _street(x: Floats, y: Floats, pitch: float, count: int) -> NDArray[np.bool_]
     return np.asarray(near_x | near_y)
 
 
-def _bridge(plan: Plan, x: float, y: float, road: float) -> None:
+def _bridge(builder: SceneBuilder, x: float, y: float, road: float) -> None:
     """A deck over the cut, with a parapet on both sides."""
-    owner, half, width = plan.new_object(), 11.5, 4.5
-    plan.block(
+    owner, half, width = builder.new_object(), 11.5, 4.5
+    builder.block(
         x, y, 0, a=half, b=width, top=road, base=road - 0.9, cls=BRIDGE, owner=owner, shade=11000
     )
     for side in (-1, 1):
         edge = y + side * (width - 0.15)
-        plan.block(
+        builder.block(
             x,
             edge,
             0,
@@ -132,12 +143,14 @@ def _bridge(plan: Plan, x: float, y: float, road: float) -> None:
             shade=15000,
         )
     deck = lift(rectangle(x, y, 0, half, width), road)
-    plan.features.append((deck, {"kind": "bridge", "object_id": owner, "height": 6.5, "z": road}))
+    builder.features.append(
+        (deck, {"kind": "bridge", "object_id": owner, "height": 6.5, "z": road})
+    )
 
 
-def pond(plan: Plan, x: float, y: float, radius: float) -> None:
+def pond(builder: SceneBuilder, x: float, y: float, radius: float) -> None:
     """Dig a pond whose level lies just below the lowest part of its rim."""
-    part, near = plan.terrain.window(x, y, 1.5 * radius)
+    part, near = builder.terrain.window(x, y, 1.5 * radius)
     cx, cy = near.centres()
     angle, away = np.arctan2(cy - y, cx - x), np.hypot(cx - x, cy - y)
     shore = radius * (1 + 0.15 * np.sin(2 * angle + 1) + 0.08 * np.sin(3 * angle))
@@ -145,23 +158,23 @@ def pond(plan: Plan, x: float, y: float, radius: float) -> None:
     bed = level - 1.8 * (1 - np.clip(away / shore, 0, 1) ** 2)
     bowl = np.where(away < shore, bed, level + (away - shore) / 1.5)
     near.values[:] = np.minimum(near.values, bowl)
-    plan.level[part][away < 1.4 * radius] = level
+    builder.level[part][away < 1.4 * radius] = level
     water = below_level(near, away < 1.4 * radius, level)
-    owner = plan.new_object()
+    owner = builder.new_object()
     for shape in water.geoms:
         properties = {"kind": "water", "object_id": owner, "level": level}
         properties |= {"area": round(shape.area, 2)}
-        plan.features.append((lift(shape, level), properties))
+        builder.features.append((lift(shape, level), properties))
 
 
 # --- buildings -----------------------------------------------------------------------------
 
 
-def build(plan: Plan, ctx: Context) -> None:
+def build(builder: SceneBuilder, ctx: Context) -> None:
     """Fill each quarter between the streets."""
-    rng = plan.rng
-    count = max(1, int(plan.size // QUARTER))
-    pitch = plan.size / count
+    rng = builder.rng
+    count = max(1, int(builder.size // QUARTER))
+    pitch = builder.size / count
     kinds = list(rng.choice(OTHER_QUARTERS, count * count, p=OTHER_SHARES))
     if count == 1:
         kinds = ["hamlet"]
@@ -171,12 +184,12 @@ def build(plan: Plan, ctx: Context) -> None:
     for number, kind in enumerate(kinds):
         ctx.progress(0.2 * number / len(kinds))
         x, y = (number % count + 0.5) * pitch, (number // count + 0.5) * pitch
-        QUARTERS[kind](plan, x, y, pitch, float(rng.uniform(-0.15, 0.15)))
+        QUARTERS[kind](builder, x, y, pitch, float(rng.uniform(-0.15, 0.15)))
 
 
-def _houses(plan: Plan, x: float, y: float, pitch: float, turn: float) -> None:
+def _houses(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float) -> None:
     """Detached houses of all roof shapes, with hedges, walls and cars."""
-    rng = plan.rng
+    rng = builder.rng
     side = max(2, int((pitch - 12) // 25))
     step = (pitch - 12) / side
     for i in range(side * side):
@@ -185,49 +198,49 @@ def _houses(plan: Plan, x: float, y: float, pitch: float, turn: float) -> None:
         hx, hy = turned(x, y, u, v, turn)
         house = [_flat, _gabled, _gabled, _hipped, _l_shaped][rng.integers(5)](rng)
         angle = turn + rng.integers(2) * np.pi / 2
-        if building(plan, hx, hy, angle, wings=house, storeys=int(rng.integers(1, 3))):
-            _garden(plan, hx, hy, angle)
+        if building(builder, hx, hy, angle, wings=house, storeys=int(rng.integers(1, 3))):
+            _garden(builder, hx, hy, angle)
 
 
-def _hamlet(plan: Plan, x: float, y: float, pitch: float, turn: float) -> None:
+def _hamlet(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float) -> None:
     """The houses of a town of a single quarter, north of its road."""
-    _houses(plan, x, y + 0.08 * pitch, 0.9 * pitch, 0.3 * turn)
+    _houses(builder, x, y + 0.08 * pitch, 0.9 * pitch, 0.3 * turn)
 
 
-def _hall(plan: Plan, x: float, y: float, pitch: float, turn: float) -> None:
+def _hall(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float) -> None:
     """A hall of more than 60 m with a roof of 5 degrees, and its car park."""
     wings = [Wing(0, 0, 32.0, 13.5, slope=float(np.tan(np.radians(5))))]
-    if not building(plan, x, y + 4, 0.4 * turn, wings=wings, storeys=3):
-        building(plan, x, y, 0.0, wings=wings, storeys=3)
+    if not building(builder, x, y + 4, 0.4 * turn, wings=wings, storeys=3):
+        building(builder, x, y, 0.0, wings=wings, storeys=3)
     for i in range(12):
-        car(plan, x - 27 + 5 * i, y - 0.5 * pitch + 14, np.pi / 2)
+        car(builder, x - 27 + 5 * i, y - 0.5 * pitch + 14, np.pi / 2)
 
 
-def _court(plan: Plan, x: float, y: float, pitch: float, turn: float) -> None:
+def _court(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float) -> None:
     """Four wings around a courtyard."""
     half, width = 20.0, 5.0
     slope = 0.7
     long = [Wing(0, s * (half - width), half, width, slope=slope, hip=slope) for s in (-1, 1)]
     short = [Wing(s * (half - width), 0, half, width, True, slope, slope) for s in (-1, 1)]
-    building(plan, x, y, 0.6 * turn, wings=[*long, *short], storeys=4)
-    _trees(plan, x, y, 8.0, 3)
+    building(builder, x, y, 0.6 * turn, wings=[*long, *short], storeys=4)
+    _trees(builder, x, y, 8.0, 3)
 
 
-def _slabs(plan: Plan, x: float, y: float, pitch: float, turn: float) -> None:
+def _slabs(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float) -> None:
     """Tall flat-roofed blocks, whose far sides the laser cannot see."""
     for v in (-22.0, 22.0):
         slab = [Wing(0, 0, 24.0, 6.0)]
-        storeys = int(plan.rng.integers(6, 11))
-        building(plan, *turned(x, y, 0.0, v, turn), turn, wings=slab, storeys=storeys)
+        storeys = int(builder.rng.integers(6, 11))
+        building(builder, *turned(x, y, 0.0, v, turn), turn, wings=slab, storeys=storeys)
     for i in range(6):
-        car(plan, *turned(x, y, -15 + 6 * i, 0.0, turn), turn)
+        car(builder, *turned(x, y, -15 + 6 * i, 0.0, turn), turn)
 
 
-def _park(plan: Plan, x: float, y: float, pitch: float, turn: float) -> None:
+def _park(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float) -> None:
     """A pond between trees."""
-    if plan.claim(x, y, 0.0, a=17, b=17):
-        pond(plan, x, y, 12.0)
-    _trees(plan, x, y, 0.42 * pitch, int(pitch * pitch / 130))
+    if builder.claim(x, y, 0.0, a=17, b=17):
+        pond(builder, x, y, 12.0)
+    _trees(builder, x, y, 0.42 * pitch, int(pitch * pitch / 130))
 
 
 QUARTERS = {
@@ -264,17 +277,19 @@ def _l_shaped(rng: np.random.Generator) -> list[Wing]:
 # --- gardens, streets, trees ---------------------------------------------------------------
 
 
-def _garden(plan: Plan, x: float, y: float, turn: float) -> None:
+def _garden(builder: SceneBuilder, x: float, y: float, turn: float) -> None:
     """A hedge or a wall along one side of the lot, and perhaps a car beside it."""
-    rng = plan.rng
+    rng = builder.rng
     u, v = turned(x, y, 0.0, 11.2, turn)
     if rng.random() < 0.5:
         height = rng.uniform(1.3, 2.4)
-        barrier(plan, u, v, turn, a=6.0, b=0.5, height=height, cls=HEDGE, shade=20000, kind="hedge")
+        barrier(
+            builder, u, v, turn, a=6.0, b=0.5, height=height, cls=HEDGE, shade=20000, kind="hedge"
+        )
     elif rng.random() < 0.6:
         height = rng.uniform(1.0, 2.0)
         barrier(
-            plan,
+            builder,
             u,
             v,
             turn,
@@ -286,19 +301,19 @@ def _garden(plan: Plan, x: float, y: float, turn: float) -> None:
             kind="wall",
         )
     if rng.random() < 0.5:
-        car(plan, *turned(x, y, 11.0, -4.0, turn), turn + np.pi / 2)
+        car(builder, *turned(x, y, 11.0, -4.0, turn), turn + np.pi / 2)
 
 
-def plant(plan: Plan, ctx: Context) -> None:
+def plant(builder: SceneBuilder, ctx: Context) -> None:
     """Scatter trees and shrubs over what is left."""
-    spots = plan.rng.uniform(0, plan.size, (int(plan.size**2 / 220), 4))
+    spots = builder.rng.uniform(0, builder.size, (int(builder.size**2 / 220), 4))
     for number, (x1, y1, x2, y2) in enumerate(spots):
         if number % 1000 == 0:
             ctx.progress(0.2 + 0.2 * number / len(spots))
-        tree(plan, x1, y1)
-        shrub(plan, x2, y2)
+        tree(builder, x1, y1)
+        shrub(builder, x2, y2)
 
 
-def _trees(plan: Plan, x: float, y: float, radius: float, count: int) -> None:
-    for u, v in plan.rng.uniform(-radius, radius, (count, 2)):
-        tree(plan, x + u, y + v)
+def _trees(builder: SceneBuilder, x: float, y: float, radius: float, count: int) -> None:
+    for u, v in builder.rng.uniform(-radius, radius, (count, 2)):
+        tree(builder, x + u, y + v)

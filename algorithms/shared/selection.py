@@ -13,11 +13,13 @@ from toolbox.data import PointCloud
 from toolbox.declare import ClassList, Expression
 from toolbox.errors import NothingToDo
 
-Returns = Literal["all", "first", "last", "only", "intermediate", "first_of_many", "last_of_many"]
+ReturnKind = Literal[
+    "all", "first", "last", "only", "intermediate", "first_of_many", "last_of_many"
+]
 
 
 def choice_problems(
-    cloud: PointCloud, classes: ClassList | None, returns: Returns
+    cloud: PointCloud, classes: ClassList | None, returns: ReturnKind
 ) -> Iterator[tuple[str, str]]:
     """What the cloud lacks for a choice of points, by parameter."""
     if classes and "classification" not in cloud:
@@ -27,9 +29,9 @@ def choice_problems(
 
 
 def chosen(
-    cloud: PointCloud, classes: ClassList | None, returns: Returns, where: Expression | None
+    cloud: PointCloud, classes: ClassList | None, returns: ReturnKind, where: Expression | None
 ) -> NDArray[np.bool_]:
-    """True for the points that meet all three; array of shape (n,).
+    """True for the points of the chosen classes and returns that meet a condition, shape (n,).
 
     Raises
     ------
@@ -46,7 +48,9 @@ def chosen(
     return keep
 
 
-def return_mask(number: NDArray[Any], count: NDArray[Any], returns: Returns) -> NDArray[np.bool_]:
+def return_mask(
+    number: NDArray[Any], count: NDArray[Any], returns: ReturnKind
+) -> NDArray[np.bool_]:
     """True for the returns of one kind.
 
     Parameters

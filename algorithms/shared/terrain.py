@@ -68,7 +68,7 @@ BYTES_PER_CELL = 50
 FAR = 50.0  # metres from any ground, where the surface ends
 
 Floats = NDArray[np.float64]
-Grid = NDArray[np.float32]
+Cells = NDArray[np.float32]
 Levels = tuple[tuple[int, float], ...]
 
 
@@ -83,7 +83,7 @@ class Terrain:
     metre : length of one metre in that unit
     """
 
-    heights: Grid
+    heights: Cells
     lattice: Lattice
     metre: float
 
@@ -205,7 +205,7 @@ def aligned_lattice(xyz: Floats, metre: float) -> Lattice:
     return Lattice(coarse.west, coarse.north, metre, coarse.rows * size, coarse.cols * size)
 
 
-def ground_cells(z: Grid, ctx: Context) -> NDArray[np.bool_]:
+def ground_cells(z: Cells, ctx: Context) -> NDArray[np.bool_]:
     """Cells with a point that does not stand out all round.
 
     The first look takes any slope below FIRST_SLOPE for terrain. It yields a coarse surface, whose
@@ -232,7 +232,7 @@ def ground_cells(z: Grid, ctx: Context) -> NDArray[np.bool_]:
     return ground
 
 
-def steep_steps(z: Grid, ctx: Context) -> Grid:
+def steep_steps(z: Cells, ctx: Context) -> Cells:
     """The deepest step within STEP_REACH of each 2 x 2 cells, shape (rows / 2, cols / 2)."""
     step = np.empty_like(z)
     for first, last in blocks(len(z), z.shape[1]):
@@ -242,7 +242,9 @@ def steep_steps(z: Grid, ctx: Context) -> Grid:
     return np.asarray(widened.max(axis=(1, 3)), np.float32)
 
 
-def raised_share(z: Grid, ground: NDArray[np.bool_], slope: Grid, step: Grid, ctx: Context) -> Grid:
+def raised_share(
+    z: Cells, ground: NDArray[np.bool_], slope: Cells, step: Cells, ctx: Context
+) -> Cells:
     """The share of directions in which each cell falls off to cells of `ground`."""
     low = np.where(ground, z, np.float32(np.inf))
     lows, lowest = [], []
@@ -294,7 +296,7 @@ def sectors() -> NDArray[np.int64]:
     return np.array([ring + ring[-1:] * (longest - len(ring)) for ring in found])
 
 
-def votes_of_planes(z: Grid, votes: Grid, ctx: Context) -> Grid:
+def votes_of_planes(z: Cells, votes: Cells, ctx: Context) -> Cells:
     """Let cells that lie on one plane agree: a roof or a terrace is judged as one."""
     runs = blocks(len(z), 10 * z.shape[1])
     for k in range(SAME_ROUNDS):
@@ -307,7 +309,7 @@ def votes_of_planes(z: Grid, votes: Grid, ctx: Context) -> Grid:
     return votes
 
 
-def slopes(surface: Grid) -> tuple[Grid, Grid]:
+def slopes(surface: Cells) -> tuple[Cells, Cells]:
     """Slope of the surface, and its mean in a window of RELIEF on all sides."""
     south, east = np.gradient(surface)
     slope = np.nan_to_num(np.hypot(east, south)).astype(np.float32)
@@ -315,14 +317,14 @@ def slopes(surface: Grid) -> tuple[Grid, Grid]:
 
 
 def robust_surface(
-    z: Grid,
+    z: Cells,
     candidates: NDArray[np.bool_],
     levels: Levels,
     stiff: float,
     ctx: Context,
     *,
     rounds: int = ROUNDS,
-) -> Grid:
+) -> Cells:
     """A surface through the candidates that those far from it lose hold on.
 
     Coarse planes first, finer ones through what they leave; then points far above get little
@@ -349,7 +351,7 @@ def robust_surface(
     return surface
 
 
-def planes_through(z: Grid, weight: Grid, levels: Levels, stiff: float, ctx: Context) -> Grid:
+def planes_through(z: Cells, weight: Cells, levels: Levels, stiff: float, ctx: Context) -> Cells:
     """Planes in ever smaller windows, each through what the larger ones leave."""
     surface = np.zeros_like(z)
     for k, (level, sigma) in enumerate(levels):

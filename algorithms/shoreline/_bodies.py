@@ -57,7 +57,7 @@ PEAKS = 12  # levels that are looked for in one calm place
 
 
 @dataclass(frozen=True)
-class Grid:
+class CellGrid:
     """What is known of each cell; arrays of shape (rows, cols), lengths in the unit of the data.
 
     Attributes
@@ -152,7 +152,7 @@ class Body:
     evidence: str
 
 
-def grid(points: Returns, ctx: Context = QUIET) -> Grid:
+def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
     """Count points into cells whose size follows from their density."""
     metre = points.metre
     corners = points.origin + UNIT * np.array([f(points.packed, axis=0) for f in (np.min, np.max)])
@@ -189,7 +189,7 @@ def grid(points: Returns, ctx: Context = QUIET) -> Grid:
     with np.errstate(invalid="ignore"):
         bright /= count
     inside = enclosed(count > 0)
-    return Grid(
+    return CellGrid(
         lattice, metre, base, low, count, bright, water, middle, spread, known, inside, density
     )
 
@@ -204,10 +204,10 @@ def enclosed(data: Mask) -> Mask:
     return inside
 
 
-Place = tuple[Ints, float, Tilt]  # cells to pour on, up to a level on a tilted plane
+Pool = tuple[Ints, float, Tilt]  # cells to pour on, up to a level on a tilted plane
 
 
-def find_bodies(cells: Grid, pour: Pour, ctx: Context = QUIET) -> list[Body]:
+def find_bodies(cells: CellGrid, pour: Pour, ctx: Context = QUIET) -> list[Body]:
     """All water bodies, the largest first."""
     classed = 2 * cells.water > np.maximum(cells.count, 1)
     places = [
@@ -242,7 +242,7 @@ class Pour:
     state : array of shape (rows, cols), TAKEN where a body has been found
     """
 
-    def __init__(self, cells: Grid, least_area: float) -> None:
+    def __init__(self, cells: CellGrid, least_area: float) -> None:
         self.cells, self.floor = cells, cells.floor
         self.least = max(1, math.ceil(least_area / cells.area))
         self.first = math.ceil(self.least / START)
@@ -290,7 +290,7 @@ class Pour:
         return body, lower
 
 
-def _fit(cells: Grid, some: Ints, heights: Floats) -> tuple[float, Tilt]:
+def _fit(cells: CellGrid, some: Ints, heights: Floats) -> tuple[float, Tilt]:
     """Plane through heights at some cells."""
     r, c = some // cells.lattice.cols, some % cells.lattice.cols
     row, col = float(r.mean()), float(c.mean())
@@ -299,7 +299,7 @@ def _fit(cells: Grid, some: Ints, heights: Floats) -> tuple[float, Tilt]:
     return float(level), Tilt(float(south), float(east), row, col)
 
 
-def _holes(cells: Grid, least: int) -> Iterator[Place]:
+def _holes(cells: CellGrid, least: int) -> Iterator[Pool]:
     """Holes in the data, with the level at their edge.
 
     The edge of a lake is at one level, that of a shadow or of a gap between strips follows the
@@ -320,7 +320,7 @@ def _holes(cells: Grid, least: int) -> Iterator[Place]:
             yield hole, lowest_mode(rest, STEP * cells.metre), tilt
 
 
-def _tilt_of(cells: Grid, edge: Ints) -> Tilt:
+def _tilt_of(cells: CellGrid, edge: Ints) -> Tilt:
     """Slope on which the lowest points of the sectors of an edge lie, if they lie on one."""
     r, c = edge // cells.lattice.cols, edge % cells.lattice.cols
     order = np.lexsort((cells.low.ravel()[edge], c // SECTOR, r // SECTOR))
@@ -341,7 +341,7 @@ def _tilt_of(cells: Grid, edge: Ints) -> Tilt:
     return tilt if is_slope else LEVEL
 
 
-def _slopes(cells: Grid, where: Mask, least: int) -> Iterator[Place]:
+def _slopes(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
     """Calm places on a plane, where pulses were lost: rivers."""
     on_land = cells.density * cells.lattice.cell**2
     for place in _patches(where, least):
@@ -354,7 +354,7 @@ def _slopes(cells: Grid, where: Mask, least: int) -> Iterator[Place]:
             yield place, level, tilt
 
 
-def _level_places(cells: Grid, where: Mask, least: int) -> Iterator[Place]:
+def _level_places(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
     """Places at one level each, of patches that are calm or of a class of water."""
     step = STEP * cells.metre
     for place in _patches(where, least):
@@ -400,7 +400,7 @@ def window(lattice: Lattice, some: Ints, margin: int) -> tuple[tuple[int, int], 
     return (int(top), int(left)), mask
 
 
-def judge(cells: Grid, body: Ints, level: float, tilt: Tilt = LEVEL) -> Body | None:
+def judge(cells: CellGrid, body: Ints, level: float, tilt: Tilt = LEVEL) -> Body | None:
     """What speaks for water in a place that holds it; None where too little does.
 
     A place that swallows pulses is water, unless it is narrow as shadows are. One that returns
@@ -440,7 +440,7 @@ def separation(water: Floats, land: Floats) -> float:
     return max(0.0, float((below[0] - below[1]).max()))
 
 
-def _is_level(cells: Grid, some: Ints) -> bool:
+def _is_level(cells: CellGrid, some: Ints) -> bool:
     """Whether cells lie on a level surface; a dry field is never as level."""
     core = core_of(cells, some)
     core = core[np.isfinite(cells.middle.ravel()[core])]
@@ -452,7 +452,7 @@ def _is_level(cells: Grid, some: Ints) -> bool:
     return bool(max(high - low, fall) <= LEVEL_SPREAD * cells.metre)
 
 
-def core_of(cells: Grid, body: Ints, share: float = CORE) -> Ints:
+def core_of(cells: CellGrid, body: Ints, share: float = CORE) -> Ints:
     """Cells of a body that are far from its edge, where flat banks may count as water.
 
     Parameters

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from algorithms.shared.lowest import cells_of
-from algorithms.shoreline._bodies import Grid, window
+from algorithms.shoreline._bodies import CellGrid, window
 from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._shore import BAND, Shore, area_of, shore
 from algorithms.shoreline._smooth import smooth_part
@@ -45,7 +45,7 @@ class Outline:
     water: Water
     shore: Shore
     parts: list[list[int]]
-    cells: Grid
+    cells: CellGrid
 
     @property
     def polygons(self) -> list[shapely.Polygon]:
@@ -145,7 +145,7 @@ def _stretches(ring: Floats, edge: NDArray[np.bool_]) -> Iterator[tuple[Floats, 
 
 def draw(
     points: Returns,
-    cells: Grid,
+    cells: CellGrid,
     water: Sequence[Water],
     chosen: Sequence[int],
     least_area: float,
@@ -181,7 +181,7 @@ def draw(
 
 
 def _band(
-    points: Returns, cells: Grid, water: Sequence[Water], ctx: Context
+    points: Returns, cells: CellGrid, water: Sequence[Water], ctx: Context
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Points near the edges of bodies, sorted by cell, and their cells."""
     band = np.zeros(cells.low.shape, bool)

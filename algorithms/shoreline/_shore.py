@@ -19,7 +19,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from algorithms.shared.delaunay import triangulate
-from algorithms.shoreline._bodies import Grid, window
+from algorithms.shoreline._bodies import CellGrid, window
 from algorithms.shoreline._level import Level
 from toolbox.context import Context
 
@@ -81,7 +81,7 @@ class Shore:
 
 def shore(
     xyz: Floats,
-    cells: Grid,
+    cells: CellGrid,
     cell_of: Ints,
     body: Ints,
     of_body: NDArray[np.int32],
@@ -106,7 +106,7 @@ def shore(
 
 def places(
     xyz: Floats,
-    cells: Grid,
+    cells: CellGrid,
     cell_of: Ints,
     body: Ints,
     of_body: NDArray[np.int32],
@@ -278,7 +278,7 @@ def _expect_ground(
         height[some], slope[some] = expected, np.where(known, steep, np.nan)
 
 
-def outline(where: Places, level: Level, cells: Grid, ctx: Context) -> Shore:
+def outline(where: Places, level: Level, cells: CellGrid, ctx: Context) -> Shore:
     """Rings between water and land in the triangulation of the places."""
     origin = np.floor(where.xy.min(axis=0))
     mesh = triangulate(where.xy - origin, ctx=ctx)
@@ -321,7 +321,7 @@ def _no_waves(where: Places, rings: list[Floats], level: Level) -> Mask:
 
 
 def _crossings(
-    where: Places, i: Ints, j: Ints, wet: Mask, level: Level, cells: Grid
+    where: Places, i: Ints, j: Ints, wet: Mask, level: Level, cells: CellGrid
 ) -> tuple[Floats, Floats, Mask]:
     """Where the shore crosses sides of triangles, how sure, and whether the data end there."""
     water, land = np.where(wet[i], i, j), np.where(wet[i], j, i)

@@ -15,7 +15,7 @@ from algorithms.shoreline._bodies import (
     LEVEL,
     TAKEN,
     Body,
-    Grid,
+    CellGrid,
     Pour,
     Tilt,
     around,
@@ -62,7 +62,7 @@ class Water:
 
 def find_water(
     points: Returns, least_area: float, ctx: Context = QUIET
-) -> tuple[Grid, list[Water]]:
+) -> tuple[CellGrid, list[Water]]:
     """All water bodies of at least an area, the largest first."""
     cells = grid(points, ctx.part(0.0, 0.5))
     pour = Pour(cells, least_area)
@@ -79,7 +79,7 @@ def _by_size(water: Water) -> tuple[int, int]:
     return -len(water.body.cells), int(water.body.cells[0])
 
 
-def _filled(cells: Grid, pour: Pour, found: Sequence[Water]) -> list[Water]:
+def _filled(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> list[Water]:
     """The bodies with all cells below their levels; stretches of one river become one."""
     pour.state[:] = 0
     filled = []
@@ -91,7 +91,7 @@ def _filled(cells: Grid, pour: Pour, found: Sequence[Water]) -> list[Water]:
     return filled
 
 
-def _tilt(cells: Grid, water: Water) -> Tilt:
+def _tilt(cells: CellGrid, water: Water) -> Tilt:
     """The slope of a river in cells."""
     if not water.fall:
         return LEVEL
@@ -100,14 +100,14 @@ def _tilt(cells: Grid, water: Water) -> Tilt:
     return Tilt(-north * lattice.cell, east * lattice.cell, float(row), float(col))
 
 
-def lattice_place(cells: Grid, x: Any, y: Any) -> tuple[Any, Any]:
+def lattice_place(cells: CellGrid, x: Any, y: Any) -> tuple[Any, Any]:
     """Rows and columns of places, whole numbers at the middle of cells."""
     lattice = cells.lattice
     return (lattice.north - y) / lattice.cell - 0.5, (x - lattice.west) / lattice.cell - 0.5
 
 
 def with_levels(
-    points: Returns, cells: Grid, bodies: Sequence[Body], ctx: Context = QUIET
+    points: Returns, cells: CellGrid, bodies: Sequence[Body], ctx: Context = QUIET
 ) -> list[Water]:
     """The level of each body from the points on it."""
     label = np.zeros(cells.low.shape, np.int32)
@@ -126,7 +126,7 @@ def with_levels(
     return [_surface(cells, body, xyz[ends[k] : ends[k + 1]]) for k, body in enumerate(bodies, 1)]
 
 
-def _sampled(cells: Grid, body: Ints) -> Ints:
+def _sampled(cells: CellGrid, body: Ints) -> Ints:
     """Cells of a body whose points tell its level: not at its edge, and not more than needed."""
     count = cells.count.ravel()
     if count[core_of(cells, body)].sum() < FEW_RETURNS:
@@ -136,7 +136,7 @@ def _sampled(cells: Grid, body: Ints) -> Ints:
     return np.asarray(inner[(inner // cells.lattice.cols + inner % cells.lattice.cols) % step == 0])
 
 
-def _surface(cells: Grid, body: Body, xyz: Floats) -> Water:
+def _surface(cells: CellGrid, body: Body, xyz: Floats) -> Water:
     """The level of a body, or the plane of a river."""
     lattice, metre = cells.lattice, cells.metre
     xs, ys = lattice.centres()
@@ -167,14 +167,14 @@ def _surface(cells: Grid, body: Body, xyz: Floats) -> Water:
     return Water(body, tilted, slope * length, length)
 
 
-def place_of(cells: Grid, water: Water) -> tuple[float, float]:
+def place_of(cells: CellGrid, water: Water) -> tuple[float, float]:
     """Middle of a cell of a body: that in the middle of its list."""
     xs, ys = cells.lattice.centres()
     some = water.body.cells[len(water.body.cells) // 2]
     return float(xs[some % cells.lattice.cols]), float(ys[some // cells.lattice.cols])
 
 
-def name_of(cells: Grid, water: Water) -> str:
+def name_of(cells: CellGrid, water: Water) -> str:
     """A body by its place and size, for messages."""
     x, y = place_of(cells, water)
     return (
@@ -182,7 +182,7 @@ def name_of(cells: Grid, water: Water) -> str:
     )
 
 
-def sloping(cells: Grid, water: Water) -> str:
+def sloping(cells: CellGrid, water: Water) -> str:
     """How a river falls, for messages."""
     east, north = water.level.gradient
     towards = math.degrees(math.atan2(-east, -north)) % 360
@@ -193,7 +193,7 @@ def sloping(cells: Grid, water: Water) -> str:
     )
 
 
-def tell(cells: Grid, found: Sequence[Water]) -> None:
+def tell(cells: CellGrid, found: Sequence[Water]) -> None:
     """Log what was found, and by what; of very many bodies the largest."""
     metre = cells.metre
     log.info(
@@ -216,7 +216,7 @@ def tell(cells: Grid, found: Sequence[Water]) -> None:
         )
 
 
-def at_place(cells: Grid, found: Sequence[Water], place: Position) -> int:
+def at_place(cells: CellGrid, found: Sequence[Water], place: Position) -> int:
     """Number of the body at a place.
 
     Raises

@@ -18,7 +18,7 @@ from typing import Any, Literal
 import geopandas
 
 from algorithms.shared import parameters
-from algorithms.shoreline._bodies import Grid
+from algorithms.shoreline._bodies import CellGrid
 from algorithms.shoreline._outline import Outline, draw
 from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._water import Water, at_place, find_water, sloping, tell
@@ -116,7 +116,7 @@ class ShorelineExtract:
         _warn(outlines)
         return self._packed(outlines)
 
-    def _chosen(self, cells: Grid, water: Sequence[Water]) -> list[int]:
+    def _chosen(self, cells: CellGrid, water: Sequence[Water]) -> list[int]:
         """Which bodies to give."""
         tell(cells, water)
         every = list(range(len(water)))

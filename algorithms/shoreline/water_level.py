@@ -14,7 +14,7 @@ import shapely
 
 from algorithms.shared import parameters
 from algorithms.shared.polygons import polygons
-from algorithms.shoreline._bodies import LEVEL, STEP, Body, Grid, grid
+from algorithms.shoreline._bodies import LEVEL, STEP, Body, CellGrid, grid
 from algorithms.shoreline._level import lowest_mode
 from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._water import Water, find_water, place_of, tell, with_levels
@@ -81,7 +81,7 @@ class ShorelineWaterLevel:
         )
 
 
-def on_polygons(cells: Grid, shapes: Any) -> Iterator[Body]:
+def on_polygons(cells: CellGrid, shapes: Any) -> Iterator[Body]:
     """The cells on each polygon and at its edge, the largest polygon first.
 
     Parameters
@@ -108,7 +108,7 @@ def on_polygons(cells: Grid, shapes: Any) -> Iterator[Body]:
         yield Body(some, level, LEVEL, math.nan, math.nan, "polygon")
 
 
-def row_of(cells: Grid, number: int, water: Water) -> dict[str, Any]:
+def row_of(cells: CellGrid, number: int, water: Water) -> dict[str, Any]:
     """What the table says of a body."""
     level, metre = water.level, cells.metre
     x, y = place_of(cells, water)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared import parameters
 from algorithms.shared.error_measures import measures
-from algorithms.shared.selection import Returns, choice_problems, chosen
+from algorithms.shared.selection import ReturnKind, choice_problems, chosen
 from algorithms.surface._gridding import STATISTICS, grid
 from algorithms.surface._samples import samples, why_none
 from toolbox.context import QUIET, Context, log
@@ -78,7 +78,7 @@ class SurfaceCrossValidation:
     cell: float = param("Cell size", default=1.0, unit="m", gt=0)
     attribute: Attribute = param("Attribute to grid", default=Attribute("z"), of="points")
     classes: ClassList | None = parameters.classes()
-    returns: Returns = param("Returns to use", default="all")
+    returns: ReturnKind = param("Returns to use", default="all")
     where: Expression | None = param("Condition that points must meet", default=None, of="points")
     block: float | None = param(
         "Side of squares that are left out as a whole; single points by default",

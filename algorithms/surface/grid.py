@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared import parameters
 from algorithms.shared.polygons import polygons
-from algorithms.shared.selection import Returns, choice_problems, chosen
+from algorithms.shared.selection import ReturnKind, choice_problems, chosen
 from algorithms.surface import _outlines as shapes
 from algorithms.surface._gridding import ROUNDING, STATISTICS, TRIANGLES, Bands, Method, grid
 from algorithms.surface._samples import samples, why_none
@@ -95,7 +95,7 @@ class SurfaceGrid:
     )
     attribute: Attribute = param("Attribute to grid", default=Attribute("z"), of="points")
     classes: ClassList | None = parameters.classes()
-    returns: Returns = param("Returns to use", default="all")
+    returns: ReturnKind = param("Returns to use", default="all")
     where: Expression | None = param("Condition that points must meet", default=None, of="points")
     max_gap: float | None = param(
         "Leave cells empty that lie farther than this from any point", default=None, unit="m", gt=0

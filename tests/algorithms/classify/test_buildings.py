@@ -13,7 +13,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from algorithms.classify._evidence import Scene, once_each
+from algorithms.classify._evidence import PointFeatures, once_each
 from algorithms.classify._squared import main_direction, squared
 from algorithms.classify.buildings import ClassifyBuildings, margin, on_planes
 from algorithms.compare.areas import CompareAreas
@@ -133,7 +133,7 @@ def test_points_lie_on_planes_near_them() -> None:
     places = np.array([[2.4, 2.4, 1.2], [5.3, 4, 2], [6, 4, 2], [2, 2, 1], [2, 2, 1]], float)
     places[3:] += np.outer([0.09, 0.11], up)
     cloud = PointCloud(np.vstack([roof, places]), crs=UTM)
-    scene = Scene(cloud, 1.5, 3.0, flat=0.05)
+    scene = PointFeatures(cloud, 1.5, 3.0, flat=0.05)
     off = np.r_[np.zeros(len(roof)), np.ones(len(places))]
     scene.__dict__["planes"] = (off, np.tile(up, (len(off), 1)))
     found = on_planes(scene, np.ones(len(off), bool))

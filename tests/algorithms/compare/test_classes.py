@@ -10,7 +10,7 @@ import pytest
 from pyproj import CRS
 
 from algorithms.compare._counterparts import counterparts
-from algorithms.compare.classes import COLOURS, CompareClasses, Counts, Share
+from algorithms.compare.classes import COLOURS, CompareClasses, Counts, Proportion
 from toolbox.data import PointCloud
 from toolbox.declare import Attribute, ClassList
 from toolbox.errors import DataError
@@ -73,15 +73,17 @@ def test_measures_of_the_power_line_study() -> None:
     ],
 )
 def test_intervals_of_wilson(part: int, whole: int, low: float, high: float) -> None:
-    assert Share(part, whole).interval == pytest.approx((low, high), abs=0.005)
-    assert Share(whole - part, whole).interval == pytest.approx((100 - high, 100 - low), abs=0.005)
+    assert Proportion(part, whole).interval == pytest.approx((low, high), abs=0.005)
+    assert Proportion(whole - part, whole).interval == pytest.approx(
+        (100 - high, 100 - low), abs=0.005
+    )
 
 
 def test_all_or_nothing_lies_within_its_interval() -> None:
     for whole in range(1, 300):
-        assert Share(0, whole).interval[0] == 0
-        assert Share(whole, whole).interval[1] == 100
-    assert Share(0, 0).interval == (None, None)
+        assert Proportion(0, whole).interval[0] == 0
+        assert Proportion(whole, whole).interval[1] == 100
+    assert Proportion(0, 0).interval == (None, None)
 
 
 @pytest.mark.parametrize("cells", [(70, 10, 5, 15), (15703, 2049, 5573, 23113), (5, 40, 30, 25)])

@@ -371,7 +371,7 @@ def test_taking_vertices_out_leaves_the_triangulation_of_the_others() -> None:
     vertex = rng.random(len(xyz)) < 0.6
     gone = vertex & ((rng.random(len(xyz)) < 0.1) | (np.abs(xyz[:, :2] - 20).max(axis=1) < 6))
     growth = grown(xyz, through=vertex)
-    limits = kernels.Limits(
+    limits = kernels.PointLimits(
         angle=0.0, distance=0.0, steepest=0.0, stop=99.0, reduce=0.0, mirror=False, gentle=0.0
     )
     growth.grow(np.arange(len(xyz)), limits, QUIET)
@@ -428,7 +428,7 @@ def test_a_slope_at_the_rim_is_climbed_as_the_ring_rises_with_it() -> None:
     assert labels(xyz).mean() > 0.99
 
 
-FINE = kernels.Limits(
+FINE = kernels.PointLimits(
     angle=10.0, distance=1.5, steepest=99.0, stop=1.0, reduce=5.0, mirror=True, gentle=1.2
 )
 

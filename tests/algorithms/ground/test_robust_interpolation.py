@@ -19,8 +19,8 @@ from scenes.towns import EAST, NORTH, Box, inside, isprs, terrain
 
 from algorithms.ground import _robust_interpolation_kernels as kernels
 from algorithms.ground.robust_interpolation import (
+    GroundRaster,
     GroundRobustInterpolation,
-    Surface,
     cells_of_levels,
     ground_mask,
     reach,
@@ -84,7 +84,7 @@ def test_buildings_on_a_tilted_plane_are_told_from_it_exactly() -> None:
 
 def test_a_residual_is_positive_above_the_surface() -> None:
     """z - surface, whatever abstracts say: vegetation positive, ground about zero."""
-    level = Surface(np.full((4, 4), 50.0), Lattice(0.0, 4.0, 1.0, 4, 4))
+    level = GroundRaster(np.full((4, 4), 50.0), Lattice(0.0, 4.0, 1.0, 4, 4))
     xyz = np.array([[2.0, 2.0, 53.0], [2.0, 2.0, 50.0], [2.0, 2.0, 48.5]])
     np.testing.assert_array_equal(residuals(xyz, level), [3.0, 0.0, -1.5])
     np.testing.assert_array_equal(ground_mask(xyz, level), [False, True, False])

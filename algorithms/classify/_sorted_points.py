@@ -1,4 +1,4 @@
-"""Points seen from above, to find those in one polygon after the other."""
+"""Points sorted from west to east, to find those in one polygon after the other."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Plan:
-    """Points from west to east: of many polygons, each looks at its own strip only.
+class SortedPoints:
+    """Points sorted by x, so that only those between the ends of a polygon are looked at.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Plan:
     index: Ints
 
     @classmethod
-    def of(cls, xyz: Floats, some: NDArray[np.bool_]) -> Plan:
+    def of(cls, xyz: Floats, some: NDArray[np.bool_]) -> SortedPoints:
         """Sort some of n points."""
         index = np.flatnonzero(some)
         index = index[np.argsort(xyz[index, 0], kind="stable")]

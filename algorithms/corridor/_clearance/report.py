@@ -298,7 +298,7 @@ def _draw_points(drawing: Drawing, xy: Floats, kinds: NDArray[np.int8], opacity:
     """What is around the line, in the colours of its kinds."""
     drawing.points(xy[0], xy[1], kinds, [KIND_COLOURS[kind] for kind in KINDS], opacity)
     for number in np.flatnonzero(np.bincount(kinds)).tolist():
-        drawing.key_of_points(KINDS[number], KIND_COLOURS[KINDS[number]])
+        drawing.key("points", KINDS[number], KIND_COLOURS[KINDS[number]])
 
 
 def _mark(drawing: Drawing, rules: Sequence[Rule], spots: Sequence[Spot]) -> None:
@@ -310,7 +310,7 @@ def _mark(drawing: Drawing, rules: Sequence[Rule], spots: Sequence[Spot]) -> Non
         drawing.text(place[0], place[1], str(number))
     for severity, colour in SEVERITY_COLOURS.items():
         if severity in told:
-            drawing.key_of_marks(severity, colour)
+            drawing.key("mark", severity, colour)
 
 
 def _profiles(
@@ -358,7 +358,7 @@ def _profile(
             axis.along(places)[0], places[:, 2], WIRE_COLOUR, 1.0, WIRE_DASHES[min(number, 3)]
         )
     for number, state in enumerate(line.states):
-        drawing.key_of_curves(state.name, WIRE_COLOUR, WIRE_DASHES[min(number, 3)])
+        drawing.key("curve", state.name, WIRE_COLOUR, WIRE_DASHES[min(number, 3)])
     spots = _spots(across, line, objects, axis, span)
     for _, one, place in spots:
         foot = line.curves[one.state][one.wire].points(np.array([one.u]))

@@ -36,7 +36,7 @@ def test_what_is_drawn_is_where_it_belongs_and_texts_are_escaped() -> None:
     made.curve(np.array([0.0, 10.0]), np.array([100.0, 120.0]), "#000000", 1.0, "6 3")
     made.mark(5.0, 105.0, "#ff0000")
     made.text(5.0, 105.0, "<1>")
-    made.key_of_marks("R & D", "#ff0000")
+    made.key("mark", "R & D", "#ff0000")
     root = ElementTree.fromstring(made.svg())
     name = "{http://www.w3.org/2000/svg}"
     assert root.find(f".//{name}polyline").get("points") == "0.0,100.0 200.0,0.0"  # type: ignore[union-attr]

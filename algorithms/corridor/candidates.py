@@ -1,4 +1,4 @@
-"""The points among which a power line is looked for: few enough to have a long line in memory."""
+"""Candidates from a cloud: the few points among which a power line is looked for."""
 
 from __future__ import annotations
 

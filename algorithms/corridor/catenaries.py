@@ -1,4 +1,4 @@
-"""One catenary per conductor and span through points that are known to be wire.
+"""Catenaries from points that are known to be wire, one per conductor and span.
 
 The vertical plane of a wire holds a catenary, z = z0 + c (cosh((u - u0) / c) - 1), which wind may
 swing about the line between its ends.

@@ -1,4 +1,4 @@
-"""What is too close to which conductor of a power line, where, by how much and under which rule.
+"""Violations from points and wires: what is too close to which conductor, by which rule.
 
 Distances are taken from the fitted catenaries, not from points on the wires, in the survey and, if
 the conductor is known, when it is hot or in the wind. Rules, uncertainty, limits and figures:

@@ -1,4 +1,4 @@
-"""Power lines in a raw cloud: points of wires and towers, and the wires as curves.
+"""Wires and towers from a raw cloud: their points with classes, and the wires as catenaries.
 
 A wire is what stands alone in the air and hangs in an arc. Straight pieces of such points are
 followed along parabolas, across gaps. All wires of a line are cut into arcs at the same places,

@@ -1,4 +1,4 @@
-"""Power lines by voxels, step by step as in Muş (2019).
+"""Wires and towers from a raw cloud by voxels, step by step as in Muş (2019).
 
 Points high above the ground are put into voxels. Those of little (or much) variance of height hold
 straight lines, found by random samples, and grow together where their lines agree. Where much

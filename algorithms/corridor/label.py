@@ -1,4 +1,4 @@
-"""The labels of the points of a power line, for the cloud or tile that these were chosen from."""
+"""Labels of all points of a cloud or tile, from the labels of points that were chosen from it."""
 
 from __future__ import annotations
 

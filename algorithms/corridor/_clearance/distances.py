@@ -1,4 +1,4 @@
-"""Clearances of points from conductors: which rules are broken, by how much and how surely."""
+"""Distances of points from catenaries: which rules are broken, by how much and how surely."""
 
 from __future__ import annotations
 
@@ -115,16 +115,16 @@ class Violations:
 
     @classmethod
     def none(cls) -> Violations:
-        """No point at all."""
+        """Violations of no point."""
         whole, real = np.empty(0, np.int64), np.empty(0)
         return cls(whole, whole, whole, whole, *([real] * 8))
 
     def select(self, chosen: NDArray[np.bool_]) -> Violations:
-        """Some of them."""
+        """The violations for which an array of shape (n,) is true."""
         return Violations(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def joined(self, other: Violations) -> Violations:
-        """These, and others."""
+        """These violations followed by others."""
         return Violations(
             *(
                 np.concatenate([getattr(self, field.name), getattr(other, field.name)])
@@ -148,7 +148,7 @@ class Least:
 
     @classmethod
     def none(cls, states: int, wires: int = 0) -> Least:
-        """No point has been seen yet."""
+        """Before any point has been seen."""
         shape = (states, wires, len(KINDS))
         return cls(np.full(shape, np.inf), np.full(shape, -1, np.int64))
 
@@ -361,7 +361,7 @@ def _violations(
     numbers: Floats,
     point_sd: float,
 ) -> Violations:
-    """Those of all blocks, and how sure they are."""
+    """Violations from what was found in all blocks, with their probabilities."""
     none = (np.empty(0, np.int64), np.empty((0, 3), np.int64), np.empty((0, 6)))
     point, worst, real = map(np.concatenate, zip(none, *blocks, strict=True))
     wire, rule, state = worst.T

@@ -1,4 +1,4 @@
-"""The results of a clearance analysis as layers: objects, points, and the table of spans."""
+"""Layers from the results of a clearance analysis: objects, points, and the table of spans."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The points that tell the clearances of a line: few enough to have those of a long one in memory.
+"""From a cloud or survey, the few points that decide the clearances of a line.
 
 Most points are ground. Of these count only those that break a rule, or are the nearest of all to a
-wire; a few more show in pictures where the ground is.
+wire; a few more show in drawings where the ground is. So the points of a long line fit in memory.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ def what_matters(
     measured: float,
     ctx: Context = QUIET,
 ) -> PointCloud:
-    """Those of the points with which all clearances come out as with all points, in their order.
+    """The points that give the same clearances as all points do, in their order.
 
     Parameters
     ----------
     points : with HeightAboveGround; a survey is read batch by batch
-    classes, ignore, reach : see `scene_of`
+    classes, ignore, reach : see `surroundings_of`
     measured : to the side of the wires up to which clearances are measured, metres
     """
 
     def matters(cloud: PointCloud, ctx: Context = QUIET) -> PointCloud:
-        """What is no ground and near, what takes no part and is counted, some ground."""
+        """Points near wires that are no ground, points that are only counted, and some ground."""
         kind, _ = kinds_of(cloud, classes, ignore)
         keep = kind == TAKES_NO_PART
         near = near_wires(cloud, line, reach)
@@ -70,7 +70,7 @@ def _telling(
     measured: float,
     ctx: Context,
 ) -> Ints:
-    """Which of the points of the ground break a rule, are the nearest to a wire, or are shown."""
+    """Indices of ground points that break a rule, are the nearest to a wire, or are drawn."""
     if not len(ground):
         return ground
     places = cloud.xyz[ground]

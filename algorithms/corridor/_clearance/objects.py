@@ -1,4 +1,4 @@
-"""Points put together to objects: trees, buildings and whatever else comes too near to a wire."""
+"""Objects from points that break a rule: trees, buildings and whatever else is too near."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _worst(xyz: Floats, group: Ints, rank: Ints, ratio: Floats) -> Ints:
 
 
 def _object(surroundings: Surroundings, found: Violations, worst: int, own: Ints) -> Object:
-    """The violations `own` as one, of which one is worst."""
+    """An object from the violations `own`, with the measures of the worst of them."""
     points = found.point[own]
     heights = surroundings.height[points]
     known = heights[np.isfinite(heights)]
@@ -158,7 +158,7 @@ def with_falls(
     falls: Violations,
     rules: Sequence[Rule],
 ) -> tuple[list[Object], Violations]:
-    """Objects that know whether a tree of them may fall on a wire, and all other such trees.
+    """Objects with what is left if a tree of theirs falls, and the other falling trees as objects.
 
     Returns
     -------

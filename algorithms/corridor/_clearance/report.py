@@ -1,4 +1,4 @@
-"""The report of a clearance analysis: map, profiles of the spans, objects in order of urgency."""
+"""A report from the results of a clearance analysis: map, profiles of spans, list of objects."""
 
 from __future__ import annotations
 
@@ -188,7 +188,7 @@ def _left_out(surroundings: Surroundings) -> str:
 
 @dataclass(frozen=True)
 class _Across:
-    """The points in order along the longer side of the line, to have those of a stretch at once.
+    """The points sorted along the longer side of the line, so that those of a stretch are slices.
 
     Attributes
     ----------

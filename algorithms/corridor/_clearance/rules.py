@@ -1,4 +1,4 @@
-"""Rule tables: how far which objects must keep from a conductor, by which source.
+"""Rules from tables: which objects must keep which distance from a conductor, and why.
 
 The tables of the toolbox are in the folder `rules`, one CSV file per set. A table of a user has the
 same columns.

@@ -1,4 +1,4 @@
-"""How a conductor hangs when it is warmer than in the survey, or in the wind.
+"""The curve of a wire that is warmer than in the survey or in wind, from its surveyed curve.
 
 Its length without tension is that of the survey, longer by its thermal expansion. The tension in
 the new state is the one at which the catenary has just that length, stretched elastically: the

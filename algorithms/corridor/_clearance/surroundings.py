@@ -1,4 +1,4 @@
-"""What a clearance analysis works on: wires in several states, points around them, objects."""
+"""From layers, what a clearance analysis works on: wires in several states, points near them."""
 
 from __future__ import annotations
 

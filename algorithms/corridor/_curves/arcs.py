@@ -1,4 +1,4 @@
-"""Where the supports of a line stand: all its wires are cut into arcs at the same places.
+"""Arcs from tracks: all wires of a line are cut at the same chainages, those of its supports.
 
 Between two supports the wires of a line hang as arcs of about one curvature, which the whole line
 has in common, for its conductors are of one kind under one tension. Of all the ways to cut the
@@ -256,9 +256,9 @@ def misfits(bins: Binned, low: Ints, high: Ints, bend: float) -> Floats:
 
 
 def agreed(bins: Binned, edges: Ints, bend: float, usual: Floats, price: Floats) -> Ints:
-    """The cuts for which enough of the tracks pay: some three of four, of few tracks one less.
+    """The edges of bins at which enough tracks gain by a cut: some three of four.
 
-    One may follow another wire, or be pushed off by a crane beside it, and would pay for all. What
+    A single track may follow another wire, or be pushed off by a crane, and would pay for all. What
     the most is that one pays goes by the usual price, where none sees an arm.
     """
     tracks = np.maximum(tracks_at(bins), 1)

@@ -1,4 +1,4 @@
-"""A catenary through points: robust least squares, with covariance.
+"""A catenary from points of a wire: robust least squares, with covariance.
 
 A wire of constant weight under horizontal tension hangs as z = z0 + c (cosh((u - u0) / c) - 1),
 where u runs horizontally along it, c is tension over weight, and (u0, z0) the lowest point

@@ -1,4 +1,4 @@
-"""Wires too sparse to be followed one by one are followed all together.
+"""Tracks of sparse wires, which are followed all together where none can be followed alone.
 
 Between two supports the wires of a line run beside each other at about constant distances, and go
 on so behind the next. Moved by these distances onto one of them, the points of all make one wire,
@@ -90,7 +90,7 @@ class Lanes:
 def followed_together(
     corridor: Corridor, alignment: Alignment, max_gap: float, ctx: Context
 ) -> Alignment:
-    """The alignment with what is found of its wires by following all of them at once."""
+    """The alignment with tracks that were found by following all its wires at once."""
     for _ in range(LANE_ROUNDS):
         tracks = [
             in_order(alignment.track(corridor.wires.xyz[piece.points]))

@@ -93,7 +93,7 @@ class Corridor:
 
 
 def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list[Piece]:
-    """Those of the curves that stand out from what is around them, with catenaries."""
+    """Pieces with catenaries, from the curves that stand out from what is around them."""
     found = []
     for curve, points in curves:
         length = curve[kernels.CURVE_HIGH] - curve[kernels.CURVE_LOW]
@@ -112,7 +112,7 @@ def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list
 
 
 def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
-    """Those of the arcs that look like wires, with the pieces of one wire joined."""
+    """Wires from the arcs that look like wires, with the pieces of one wire joined."""
     straight = [arc.curve for arc in arcs if is_straight(arc.curve)]
     bent = [arc for arc in arcs if not is_straight(arc.curve)]
     bent = [arc for arc in bent if arc.curve.c > SMALLEST_C and arc.curve.rms < ROUGHEST_CURVE]
@@ -206,7 +206,7 @@ def carries(corridor: Corridor, curve: Catenary, straight: Sequence[Catenary]) -
 
 
 def connected(strong: list[Piece], weak: list[Piece]) -> list[Piece]:
-    """Short curves count where they go on from, or run beside, one that is known to be a wire."""
+    """The strong pieces, and the weak ones that go on from a wire or lie beside one."""
     found = list(strong)
     queue = list(strong)
     while queue and weak:

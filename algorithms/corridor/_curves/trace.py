@@ -1,4 +1,4 @@
-"""Wires as curves: points that stand alone in the air are followed along parabolas.
+"""Curves from points that stand alone in the air: each is followed along a parabola.
 
 References
 ----------

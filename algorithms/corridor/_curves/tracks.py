@@ -1,4 +1,4 @@
-"""Tracks: the curves that were followed, by lines, and along each line those of one wire as one."""
+"""Tracks from curves: those beside each other as one line, those of one wire as one track."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Alignment:
 
 
 def alignments_among(corridor: Corridor, curves: Sequence[Piece]) -> Iterator[Alignment]:
-    """The lines that curves form, each with one track for what was followed of a wire."""
+    """Alignments from curves, each with one track for all that was followed of a wire."""
     tracks = [track for curve in curves for track in tracks_of(corridor, curve)]
     for pieces in alignments_of(tracks):
         alignment = Alignment.of(pieces)
@@ -93,7 +93,7 @@ def alignments_among(corridor: Corridor, curves: Sequence[Piece]) -> Iterator[Al
 
 
 def alignments_of(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
-    """Curves that run beside each other, or go on in each other, together."""
+    """Groups of the curves that run beside each other or go on in each other."""
     ends = np.array([piece.ends for piece in pieces])
     way = np.array([[p.curve.ex, p.curve.ey] for p in pieces])
     length = np.array([p.curve.length for p in pieces])
@@ -120,7 +120,7 @@ def alignments_of(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
 
 
 def tracks_of(corridor: Corridor, piece: Piece) -> Iterator[Piece]:
-    """A curve with what lies near it, parted where it changes over to another wire.
+    """Tracks from a curve and the points near it, parted where it changes over to another wire.
 
     A curve that is followed across supports leaves the wire there by as much as the wire kinks.
     Where it changes over, the heights jump.
@@ -155,7 +155,7 @@ def tracks_of(corridor: Corridor, piece: Piece) -> Iterator[Piece]:
 
 
 def chained(corridor: Corridor, alignment: Alignment) -> list[Piece]:
-    """Tracks of one wire made one where they overlap, or one goes on where another ends."""
+    """Tracks in which those of one wire that overlap, or go on in each other, are joined."""
     chains: list[tuple[Piece, Floats]] = []  # with chainages, offsets and heights
     tracks = [
         (piece, alignment.track(corridor.wires.xyz[piece.points])) for piece in alignment.pieces

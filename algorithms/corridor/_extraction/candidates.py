@@ -1,4 +1,4 @@
-"""Which points may be of a power line, and few others that stand for the ground around."""
+"""From a cloud, the points that may be of a power line, and few that stand for the ground."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A wire does not end at a support: what few points show of one follows from the next span.
+"""Wires of which few points were recorded, from the wires of the next spans.
 
 Where a wire hangs from a support it goes on behind it, beside the others of the line as it was
 before. So both ends of a wire that has too few points to be followed are known, and so is its
@@ -34,7 +34,7 @@ Floats = NDArray[np.float64]
 
 
 def completed(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]) -> list[Wire]:
-    """The wires with their numbers, and those that only the next spans tell of."""
+    """The wires with numbers, and further ones that are known from the next spans."""
     found = numbered(carried_on(corridor, wires, supports), supports)
     chains: dict[int, list[Wire]] = {}
     for wire in found:

@@ -1,4 +1,4 @@
-"""Classes and numbers of the points of a power line."""
+"""Classes and numbers of points, from what was found of a power line."""
 
 from __future__ import annotations
 

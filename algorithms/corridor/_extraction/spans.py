@@ -210,7 +210,7 @@ def cut(
 def of_one_span(
     pieces: list[Piece], key: tuple[int, int], supports: Sequence[Support]
 ) -> list[list[Piece]]:
-    """All of them where both supports are known; else those that run beside each other."""
+    """Groups of pieces of one span: all if both supports are known, else those side by side."""
     if key[0] >= 0:
         return [pieces]
     link = np.zeros((len(pieces), len(pieces)), bool)
@@ -263,7 +263,7 @@ def wires_of(
 
 
 def alike(wires: list[Wire]) -> list[Wire]:
-    """Without short pieces of another shape than the wire that is known best, and twins."""
+    """Wires of one span, without twins and short pieces of another shape than the best wire."""
     order = sorted(wires, key=lambda w: -w.curve.count * (w.known[1] - w.known[0]))
     found: list[Wire] = []
     for wire in order:
@@ -304,7 +304,7 @@ def to_supports(wire: Wire, supports: Sequence[Support]) -> Wire:
 
 
 def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
-    """Wires too sparse to follow, beside those of a span that are known."""
+    """Wires that are too sparse to follow, found beside the known wires of a span."""
     if not wires:
         return []
     best = max(wires, key=lambda w: w.curve.count * (w.known[1] - w.known[0]))
@@ -402,7 +402,7 @@ def subconductors(corridor: Corridor, wire: Wire) -> list[Wire]:
 
 
 def once(conductors: Sequence[tuple[Wire, int]]) -> list[tuple[Wire, int]]:
-    """Each conductor where most is known of it, since one beside two wires is found with both."""
+    """Conductors without those found twice, beside two wires; the better known one is kept."""
     kept: list[tuple[Wire, int]] = []
     for wire, bundle in sorted(conductors, key=lambda c: -c[0].curve.count * c[0].curve.length):
         if all(apart_wires(wire.curve, other.curve) > SUBCONDUCTOR_GAP for other, _ in kept):

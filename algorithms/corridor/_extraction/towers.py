@@ -1,4 +1,4 @@
-"""Points of towers and poles: what stands below, between and above the ends of the wires.
+"""Towers and insulators from supports: the points below, between and above the ends of wires.
 
 A body narrows from its foot to its lowest arm; around the arms there is nothing else in the air.
 The ground and what lies on it, such as the blocks of the foundation, is not tower.
@@ -227,7 +227,7 @@ def waist_of(away: Floats, z: Floats, waist: float, height: float) -> float:
 def dressed(
     corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]
 ) -> tuple[list[Wire], list[Tower], list[float]]:
-    """Wires that end at their insulators, towers, and the length of the insulators of each."""
+    """Wires cut at their insulators, towers, and the longest insulators of each tower."""
     take(corridor, wires)
     supports = [centred(corridor, support) for support in supports]
     wires = [to_supports(wire, supports) for wire in wires]
@@ -240,7 +240,7 @@ def dressed(
 
 
 def take(corridor: Corridor, wires: Sequence[Wire]) -> None:
-    """Leave the points that do not lie on wires free."""
+    """Mark the points on wires as taken, and all others as free."""
     corridor.free[:] = True
     for wire in wires:
         corridor.free[on_wire(corridor, wire)[0]] = False

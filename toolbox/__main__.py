@@ -12,12 +12,12 @@ for _name in ("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "GDAL_DRIVER_PATH"):
 
 
 def run() -> None:
-    """Run the command line and leave with its exit code."""
+    """Run the command line and end the process with its exit code."""
     try:
         from toolbox.cli.main import main
 
         code = main()
-    except KeyboardInterrupt:  # before or after the part that stops in good order
+    except KeyboardInterrupt:  # before or after the code that stops in good order
         code = 130
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done: too late to stop anything
     sys.exit(code)

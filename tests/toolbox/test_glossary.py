@@ -13,8 +13,6 @@ ROOT = Path(__file__).parents[2]
 GLOSSARY = ROOT / "docs" / "reference" / "glossary.md"
 
 ALLOWED = {
-    ("home", "toolbox/qgis/*"): "the home folder of the user, and that of an installation",
-    ("home", "toolbox/cli/qgis.py"): "the same",
     ("station", "algorithms/samples/_facade.py"): "where a terrestrial scanner stands",
     ("station", "docs/explanation/denoise.md"): "the same",
     ("station", "docs/explanation/cloth-simulation.md"): "a railway station",

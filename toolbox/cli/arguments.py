@@ -1,4 +1,4 @@
-"""The options of ``run``: built from a tool's description, so that nothing is typed twice."""
+"""The options of ``run``, made from the process description of the tool."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from toolbox.errors import ParameterError
 from toolbox.models import documents
 
 Description = Mapping[str, Any]
-SHAPES = {  # what a value of several numbers looks like
+SHAPES = {  # placeholders in --help for values of several numbers
     "extent": "XMIN,YMIN,XMAX,YMAX",
     "position": "X,Y",
     "direction": "X,Y,Z",
     "range": "LOW,HIGH",
 }
-SEVERAL = "PointCloud"  # type of a layer that is also read from several files
+SEVERAL = "PointCloud"  # type of a layer that can be read from several files
 
 
 class _Parser(argparse.ArgumentParser):
-    """Reports what it cannot read as we report everything else."""
+    """A parser that raises ParameterError for what it cannot read."""
 
     def error(self, message: str) -> NoReturn:
         raise ParameterError(self.prog.removeprefix("toolbox run "), {"command line": message})
 
 
 def parser(described: Description) -> argparse.ArgumentParser:
-    """All options of one tool; every value that is given ends up in a list under its name."""
+    """Make the parser of one tool; each value is appended to a list under its name."""
     made = _Parser(
         f"toolbox run {described['id']}",
         description=f"{described['title']}.\n\n{described['description']}",
@@ -54,7 +54,7 @@ def parser(described: Description) -> argparse.ArgumentParser:
 
 
 def is_layer(schema: Mapping[str, Any]) -> bool:
-    """Whether values of an output are written to files, one or several."""
+    """Whether an output is a layer, or several, which are written to files."""
     return bool(schema.get("items", schema).get("format") == "uri-reference")
 
 
@@ -74,7 +74,7 @@ def _add_input(group: Any, name: str, field: Description) -> None:
 
 
 def _add_options(group: Any, name: str, field: Description) -> None:
-    """How a layer is read or written: ``--points.columns x,y,z,label``."""
+    """Add the options of reading or writing a layer: ``--points.columns x,y,z,label``."""
     for meta in field["metadata"]:
         if meta["role"] == "option":
             option = meta["title"]
@@ -92,8 +92,8 @@ def _add_general(group: Any) -> None:
     )
     group.add_argument("--params", metavar="FILE", help="values as JSON or YAML; - is stdin")
     group.add_argument("--overwrite", action="store_true", help="let outputs replace files")
-    group.add_argument("--picture", metavar="PNG", help="draw the resulting layers")
-    group.add_argument("--page", metavar="HTML", help="write a page of all results, for people")
+    group.add_argument("--picture", metavar="PNG", help="draw a plot of the resulting layers")
+    group.add_argument("--page", metavar="HTML", help="write a report of all results")
     group.add_argument(
         "--counts", metavar="TABLE", help="write how much each step read and gave, as a table"
     )
@@ -112,18 +112,18 @@ def _add_general(group: Any) -> None:
 
 
 def read(described: Description, arguments: Iterable[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Take a command line apart.
+    """Read a command line.
 
     Returns
     -------
-    values : what is said of inputs and outputs, by name, and under ``name.option`` how a layer is
-        to be read or written; unknown names are kept, to be reported with all other problems
+    values : inputs and outputs by name, and options of reading or writing a layer by
+        ``name.option``; unknown names are kept, to be reported with all other problems
     general : the options of "how to run" that were given, by name
 
     Raises
     ------
     ParameterError
-        An option is repeated, or a word belongs to none.
+        An option is repeated, or a word belongs to no option.
     """
     found, unknown = parser(described).parse_known_args(_joined(arguments))
     given = vars(found)
@@ -139,7 +139,7 @@ def read(described: Description, arguments: Iterable[str]) -> tuple[dict[str, An
 
 
 def _alone(described: Description, name: str, value: Any) -> Any:
-    """The one path of a source that takes one layer; several are the files of one survey."""
+    """Unwrap the single path of a source that takes one layer; several paths are one survey."""
     field = described["inputs"].get(name, {"maxOccurs": "unbounded"})
     one = field["maxOccurs"] == 1 and isinstance(value, list) and len(value) == 1
     return value[0] if one else value
@@ -148,12 +148,12 @@ def _alone(described: Description, name: str, value: Any) -> Any:
 def merged(
     described: Description, params: Mapping[str, Any], said: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Values of a parameter file and of the command line, which wins; options join their layers.
+    """Join the values of a parameter file and of the command line, which take precedence.
 
     Raises
     ------
     ParameterError
-        An option speaks about a layer that is not given.
+        An option belongs to a layer that is not given.
     """
     whole = {name for name in said if "." not in name or name in described.get("between", ())}
     values = dict(params) | {name: value for name, value in said.items() if name in whole}
@@ -178,7 +178,7 @@ def _with_option(value: Any, option: str, text: str) -> Any:
 
 
 def _joined(arguments: Iterable[str]) -> list[str]:
-    """Write ['--extent', '-5,0,5,9'] as ['--extent=-5,0,5,9'], else argparse sees two options."""
+    """Write ['--extent', '-5,0,5,9'] as ['--extent=-5,0,5,9'], or argparse sees two options."""
     made: list[str] = []
     for text in arguments:
         value = text.startswith("-") and not text.startswith("--") and text not in ("-", "-h")
@@ -194,7 +194,7 @@ def _name_of(text: str) -> str:
 
 
 def mapping(text: str, where: str) -> dict[str, Any]:
-    """Read a parameter file; errors name `where` it comes from.
+    """Read the text of a parameter file; errors name `where`, its path.
 
     Raises
     ------

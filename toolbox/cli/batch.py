@@ -1,4 +1,4 @@
-"""One run per row of a table: ``batch ID table.csv``."""
+"""The verb ``batch``: runs a tool once for each row of a table."""
 
 from __future__ import annotations
 
@@ -26,16 +26,17 @@ Row = Mapping[str, str]
 
 @dataclass
 class Batch:
-    """The runs of a table.
+    """A tool or model with the table of values for its runs.
 
     Attributes
     ----------
     id : of the tool or model
     described : its process description
-    file : the table; its cells by column are `rows`
-    common : values for all rows, as `arguments.read` gives them; a row's own come first
-    run : runs the tool on values, such as `execute.run`
-    result : where the result table is written after each row, if anywhere
+    file : path of the table, whose cells by column are `rows`
+    common : values for all rows, as `arguments.read` gives them; those of a row take precedence
+    run : runs the tool with values, such as `execute.run`
+    result : path of the result table, which is written after each row, if any
+    done : the rows run so far, with status and numbers
     """
 
     id: str
@@ -44,19 +45,19 @@ class Batch:
     common: Mapping[str, Any]
     run: Callable[[Mapping[str, Any], Context], Mapping[str, Any]]
     result: Path | None = None
-    records: list[dict[str, Any]] = field(default_factory=list)
+    done: list[dict[str, Any]] = field(default_factory=list)
     rows: list[Row] = field(init=False)
 
     def __post_init__(self) -> None:
         self.rows = read_rows(self.file)
 
     def check(self, *, overwrite: bool) -> None:
-        """Whether all columns mean something, and nothing would be overwritten.
+        """Check that all columns have a meaning and no file would be overwritten.
 
         Raises
         ------
         ParameterError
-            All that is wrong.
+            All problems.
         """
         columns = list(dict.fromkeys(name for row in self.rows for name in row))
         known = _names(self.described)
@@ -84,24 +85,24 @@ class Batch:
             raise ParameterError(self.id, dict(sorted(found.items())))
 
     def go(self, ctx: Context) -> None:
-        """Run all rows; one that fails is recorded, and the others go on.
+        """Run all rows; a row that fails is noted in the result, and does not stop the others.
 
         Raises
         ------
         Cancelled
-            The rows before are in `records` and in the result.
+            The rows before are in `done` and in the result table.
         """
         for number, row in enumerate(self.rows):
             part = ctx.part(number / len(self.rows), (number + 1) / len(self.rows))
             part.progress(0.0)
-            record = self._record(row, part)
-            log.info("row %d of %d: %s", number + 1, len(self.rows), _ended(record))
-            self.records.append({**row, **record})
+            outcome = self._outcome(row, part)
+            log.info("row %d of %d: %s", number + 1, len(self.rows), _ended(outcome))
+            self.done.append({**row, **outcome})
             self._write()
         ctx.progress(1.0)
 
-    def _record(self, row: Row, ctx: Context) -> dict[str, Any]:
-        """Run a row: how it ended, and the numbers that it gave."""
+    def _outcome(self, row: Row, ctx: Context) -> dict[str, Any]:
+        """Run a row: its status, message and seconds, and the numbers that the tool gave."""
         started = time.monotonic()
         values: Mapping[str, Any] = row
         outputs: Mapping[str, Any] = {}
@@ -121,35 +122,36 @@ class Batch:
         return {**dict(zip(STATUS, (status, message, seconds), strict=True)), **numbers}
 
     def _cell(self, name: str, text: str) -> Any:
-        """The text of a cell, or the several values in it."""
+        """The text of a cell, or the list of values in it."""
         says = self.described["inputs"].get(name, {"maxOccurs": 1})
         several = says["maxOccurs"] != 1 or _is_points(says)
-        parts = [part.strip() for part in text.split(SEVERAL) if part.strip()] if several else []
-        return parts if len(parts) > 1 else text
+        items = [item.strip() for item in text.split(SEVERAL) if item.strip()] if several else []
+        return items if len(items) > 1 else text
 
     @property
     def table(self) -> Table:
-        """A row per run: its cells, how it ended, and the numbers that it gave."""
+        """The result table: for each run its cells, its status and its numbers."""
         columns = dict.fromkeys([*(n for row in self.rows for n in row), *STATUS])
-        return Table.from_rows([{**columns, **record} for record in self.records])
+        return Table.from_rows([{**columns, **row} for row in self.done])
 
     @property
     def failed(self) -> int:
-        return sum(record["status"] == FAILED for record in self.records)
+        """The number of rows that failed."""
+        return sum(row["status"] == FAILED for row in self.done)
 
     def _write(self) -> None:
-        """Replace the result table by the one with all rows so far."""
+        """Write the result table with all rows so far."""
         if self.result is None:
             return
         try:
-            with files.staged({self.result: Table.own_files}, overwrite=True) as places:
-                self.table.save(places[self.result])
+            with files.staged({self.result: Table.own_files}, overwrite=True) as paths:
+                self.table.save(paths[self.result])
         except OSError as err:
             raise DataError(self.id, {"result": f"cannot be written: {err}"}) from err
 
 
 def read_rows(path: Path) -> list[Row]:
-    """The rows of a CSV file in UTF-8, separated by comma or semicolon; empty cells are left out.
+    """Read the rows of a CSV file in UTF-8, with comma or semicolon; empty cells are left out.
 
     Raises
     ------
@@ -176,27 +178,28 @@ def read_rows(path: Path) -> list[Row]:
 
 
 def _names(described: Mapping[str, Any]) -> list[str]:
-    """All that a column may be called."""
-    return [name for part in ("inputs", "outputs", "between") for name in _part(described, part)]
+    """The allowed names of columns: inputs and outputs, and options of their layers."""
+    sections = ("inputs", "outputs", "between")
+    return [name for section in sections for name in _names_of(described, section)]
 
 
-def _part(described: Mapping[str, Any], part: str) -> Iterator[str]:
-    for name, says in described.get(part, {}).items():
-        if part == "inputs" or is_layer(says["schema"]):
+def _names_of(described: Mapping[str, Any], section: str) -> Iterator[str]:
+    for name, says in described.get(section, {}).items():
+        if section == "inputs" or is_layer(says["schema"]):
             yield name
             yield from (f"{name}.{m['title']}" for m in says["metadata"] if m["role"] == "option")
 
 
 def _is_points(says: Mapping[str, Any]) -> bool:
-    """Whether it is a point cloud, which several files may be together."""
+    """Whether an input is a point cloud, which can be read from several files."""
     return {"role": "type", "value": arguments.SEVERAL} in says.get("metadata", ())
 
 
 def _message(err: Exception) -> str:
-    """An error as one line."""
+    """The text of an error in one line."""
     text = str(err) if isinstance(err, ToolboxError) else f"{type(err).__name__}: {err}"
     return "; ".join(line.strip() for line in text.splitlines())
 
 
-def _ended(record: Mapping[str, Any]) -> str:
-    return f"{record['status']} {record['message']}".strip()
+def _ended(outcome: Mapping[str, Any]) -> str:
+    return f"{outcome['status']} {outcome['message']}".strip()

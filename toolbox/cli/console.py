@@ -1,4 +1,4 @@
-"""What the command line prints: progress, messages, results and errors, for people or programs."""
+"""Prints progress, messages, results and errors, for people or for programs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LEVELS = {"quiet": logging.ERROR, "normal": logging.INFO, "verbose": logging.DEB
 
 
 class Console:
-    """For people: the result on standard output, everything else on standard error.
+    """Prints for people: the result on standard output, all else on standard error.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Console:
 
     @contextmanager
     def progress(self) -> Iterator[Callable[[float], None]]:
-        """A bar on a terminal, nothing elsewhere."""
+        """Show a progress bar on a terminal, and nothing elsewhere."""
         if self.level == "quiet" or not sys.stderr.isatty():
             yield lambda fraction: None
             return
@@ -51,7 +51,7 @@ class Console:
         print(prefix + text, file=sys.stderr)
 
     def result(self, description: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
-        """Print what a tool gave back; `outputs` holds paths, layers and values."""
+        """Print the results of a tool: paths, layers and values."""
         if self.as_json:
             values = {name: as_json(value) for name, value in outputs.items()}
             print(json.dumps({"id": description["id"]} | values_by_kind(values, outputs), indent=2))
@@ -60,7 +60,7 @@ class Console:
             self._print_value(name, value, _unit(description["outputs"].get(name, {})))
 
     def _print_value(self, name: str, value: Any, unit: str) -> None:
-        if isinstance(value, tuple):  # of a repeated step
+        if isinstance(value, tuple):  # from a repeated step
             for number, item in enumerate(value, start=1):
                 self._print_value(f"{name} {number}", item, unit)
         elif hasattr(value, "text"):
@@ -75,7 +75,7 @@ class Console:
             print(f"{name}: {value}{unit if isinstance(value, int) else ''}")
 
     def error(self, err: BaseException) -> int:
-        """Report what went wrong and return the exit code."""
+        """Print an error and return its exit code."""
         code = getattr(err, "exit_code", 1) if isinstance(err, ToolboxError) else 1
         self._report(code, _error_text(err))
         if code == 1 and self.level == "verbose":
@@ -87,7 +87,7 @@ class Console:
 
 
 class Events(Console):
-    """For a program that called us: one JSON object per line on standard output."""
+    """Prints for a calling program: one JSON object per line on standard output."""
 
     def __init__(self, level: str = "normal") -> None:
         super().__init__(level)
@@ -99,7 +99,7 @@ class Events(Console):
 
     @contextmanager
     def progress(self) -> Iterator[Callable[[float], None]]:
-        """Whole percents, each once."""
+        """Print whole percents, each once."""
         last = -1
 
         def report(fraction: float) -> None:
@@ -121,7 +121,7 @@ class Events(Console):
 
 
 class _Handler(logging.Handler):
-    """Hand log records of the library to a console."""
+    """Passes log messages of the library to a console."""
 
     def __init__(self, message: Callable[[str, str], None]) -> None:
         super().__init__()
@@ -132,9 +132,9 @@ class _Handler(logging.Handler):
 
 
 def as_json(value: Any) -> Any:
-    """A result as JSON: paths as text, tables as records, other unsaved layers as null.
+    """Convert a result to JSON: paths to texts, tables to lists of rows, other layers to null.
 
-    Those of a repeated step are a list.
+    The results of a repeated step become a list.
     """
     if isinstance(value, tuple):
         return [as_json(item) for item in value]
@@ -148,7 +148,7 @@ def as_json(value: Any) -> Any:
 
 
 def values_by_kind(values: Mapping[str, Any], outputs: Mapping[str, Any]) -> dict[str, Any]:
-    """Files that were written and layers under "outputs", numbers and texts under "statistics"."""
+    """Sort results: files and layers under "outputs", numbers and texts under "statistics"."""
     layers = {name for name, value in outputs.items() if _is_layer(value)}
     return {
         "outputs": {name: value for name, value in values.items() if name in layers},
@@ -157,7 +157,7 @@ def values_by_kind(values: Mapping[str, Any], outputs: Mapping[str, Any]) -> dic
 
 
 def _is_layer(value: Any) -> bool:
-    """Whether it is a file that was written, or a layer; or several of these."""
+    """Whether a result is a layer or a written file, or several of these."""
     if isinstance(value, tuple):
         return any(map(_is_layer, value))
     return isinstance(value, Path) or hasattr(value, "save")

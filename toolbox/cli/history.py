@@ -1,8 +1,8 @@
-"""The runs of this user on this computer: one line of JSON each, in a file that only grows.
+"""The history of a user: a file with one line of JSON for each run on this computer.
 
-Other than the record that a product carries (`toolbox.runs.provenance`) this is about where and
-when: full paths, times, and also what has failed. It is kept in the user's state folder, or in the
-file that the environment variable TOOLBOX_HISTORY names; if that is empty, nothing is kept.
+Unlike the provenance record of a product (`toolbox.runs.provenance`), it has full paths and times,
+and also the runs that failed. The file is in the user's state folder, or where the environment
+variable TOOLBOX_HISTORY says; if that is empty, there is no history.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from toolbox.shown import SHOWN
 
 VARIABLE = "TOOLBOX_HISTORY"
 FULL = 10_000_000  # bytes after which a new file is begun
-KEPT = 5  # full files that are kept
+KEPT = 5  # full files, of which older ones are deleted
 
 Entry = dict[str, Any]
 
 
-def place() -> Path | None:
-    """The file to which runs are added; None if the user wants none."""
+def file() -> Path | None:
+    """The path of the history; None if the user wants none."""
     given = os.environ.get(VARIABLE)
     if given is not None:
         return Path(given) if given else None
@@ -45,15 +45,15 @@ def add(
     seconds: float,
     code: int,
 ) -> None:
-    """Keep one run; whatever goes wrong is logged, and does no harm.
+    """Add one run to the history; a failure to do so is logged and does not stop anything.
 
     Parameters
     ----------
-    tool : its id, or the path of a model file, as it was given
-    described : the process description of the tool
-    values : that it was given; paths of layers become absolute
-    outputs : that it gave; layers that were not written are left out
-    seconds : that the run took
+    tool : id, or path of a model file
+    described : process description of the tool
+    values : inputs and paths of outputs; paths become absolute
+    outputs : results; layers that were not written are left out
+    seconds : duration of the run
     code : exit code
     """
     entry = {
@@ -65,7 +65,7 @@ def add(
         "exit": code,
         "version": __version__,
     }
-    path = place()
+    path = file()
     if path is None:
         return
     try:
@@ -78,25 +78,25 @@ def add(
 
 
 def entries() -> Iterator[Entry]:
-    """All runs that are kept, the oldest first; lines that are damaged are left out.
+    """Read all runs, the oldest first; damaged lines are left out.
 
     Raises
     ------
     OSError
         A file cannot be read.
     """
-    path = place()
+    path = file()
     if path is None:
         return
-    for file in (*_full_ones(path), *([path] if path.exists() else [])):
-        with file.open("rb") as lines:
+    for each in (*_full_ones(path), *([path] if path.exists() else [])):
+        with each.open("rb") as lines:
             for line in lines:
                 if (entry := _entry(line)) is not None:
                     yield entry
 
 
 def text(entry: Entry) -> str:
-    """One run in a few words, for people."""
+    """The text of one run, for people."""
     code = entry.get("exit")
     result = "" if code == 0 else f"  (exit code {code})"
     words = [f"--{name} {_word(value)}" for name, value in dict(entry.get("values", {})).items()]
@@ -127,7 +127,7 @@ def _is_layer(described: Mapping[str, Any], name: str) -> bool:
 
 
 def _absolute(value: Any) -> Any:
-    """Paths from wherever the run was started as paths from everywhere."""
+    """Make relative paths absolute."""
     if isinstance(value, Mapping):
         return dict(value) | ({"path": _absolute(value["path"])} if "path" in value else {})
     if isinstance(value, list | tuple):
@@ -136,7 +136,7 @@ def _absolute(value: Any) -> Any:
 
 
 def _written(name: str, value: Any) -> tuple[str, Any]:
-    """Paths and numbers; None for a layer that was not written."""
+    """The name of a result and its path or value; None for a layer that was not written."""
     if isinstance(value, tuple):
         return name, [_written(name, item)[1] for item in value]
     if isinstance(value, Path):
@@ -146,9 +146,9 @@ def _written(name: str, value: Any) -> tuple[str, Any]:
 
 
 def _append(path: Path, line: bytes) -> None:
-    """Add a line in one piece, so that several processes may do so at a time.
+    """Add a line in one write, so that several processes may add lines at the same time.
 
-    A line that was cut off, as by a full disk, is ended first, or it would spoil this one too.
+    A line that was cut off, as by a full disk, is ended first, or it would spoil this one, too.
     """
     with path.open("ab+", buffering=0) as file:
         size = file.seek(0, os.SEEK_END)
@@ -160,7 +160,7 @@ def _append(path: Path, line: bytes) -> None:
 
 
 def _begin_anew_if_full(path: Path) -> None:
-    """Put a full file aside, under a name of its own: another process may do so at once too."""
+    """Rename a full file to a unique name, since another process may do the same."""
     try:
         if path.stat().st_size < FULL:
             return
@@ -172,5 +172,5 @@ def _begin_anew_if_full(path: Path) -> None:
 
 
 def _full_ones(path: Path) -> list[Path]:
-    """Files that were put aside, the oldest first."""
+    """The full files that were renamed, the oldest first."""
     return sorted(path.parent.glob(f"{path.stem}.*-*{path.suffix}"))

@@ -1,4 +1,4 @@
-"""What a file holds, whatever its format: the verb `info` of the command line."""
+"""The verb ``info``: the properties of a file of any format."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Row = dict[str, Any]
 
 
 def describe_file(places: Paths, ctx: Context = QUIET) -> Table:
-    """Properties of a point cloud, raster, vector or table: rows of property, value and unit.
+    """Make a table of the properties of a layer: rows of property, value and unit.
 
     A CSV file whose columns include x, y and z, or have no names, is a point cloud, and any other
     a table. Of a file with several vector layers, such as a GeoPackage, all are listed.
@@ -54,7 +54,7 @@ def describe_file(places: Paths, ctx: Context = QUIET) -> Table:
     if suffix in VECTORS or (suffix == ".parquet" and Vector.layers(path)):
         return _table(_vectors(path, ctx))
     if suffix in TABLES or (suffix == ".csv" and not _holds_points(path)):
-        return _table(_records(Table.open(path, ctx=ctx)))
+        return _table(_rows_of_table(Table.open(path, ctx=ctx)))
     return _points(items, ctx)
 
 
@@ -64,7 +64,7 @@ def _points(places: Paths, ctx: Context) -> Table:
 
 
 def _holds_points(path: Path) -> bool:
-    """Whether a text file begins as one of points does: names with x, y, z, or three numbers."""
+    """Whether a text file looks like points: its first line has names x, y, z, or three numbers."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         first = file.readline().strip()
     cells = [cell.strip("\"'") for cell in re.split(r"[\s,;]+", first)]
@@ -120,10 +120,12 @@ def _raster(raster: Raster) -> Iterator[Row]:
 
 
 def _vectors(path: Path, ctx: Context) -> Iterator[Row]:
-    """One layer or table in full, or the list of several."""
+    """Describe one layer or table in full, or list several."""
     names, tables = Vector.layers(path), Table.layers(path)
     if len(names) + len(tables) < 2:
-        yield from _records(Table.open(path)) if tables else _vector(Vector.open(path, ctx=ctx))
+        yield from (
+            _rows_of_table(Table.open(path)) if tables else _vector(Vector.open(path, ctx=ctx))
+        )
         return
     yield _row("file", path.name)
     yield _row("layers", len(names) + len(tables))
@@ -148,12 +150,12 @@ def _vector(vector: Vector) -> Iterator[Row]:
 
 
 def _geometry(vector: Vector) -> str:
-    """The types that occur; of an empty layer the type that it is made for."""
+    """The geometry types that occur; for an empty layer the type that it declares."""
     found = sorted(set(vector.frame.geom_type.dropna()))
     return ", ".join(found) or vector.geometry_type
 
 
-def _records(table: Table) -> Iterator[Row]:
+def _rows_of_table(table: Table) -> Iterator[Row]:
     yield _row("file", table.name)
     yield _row("rows", len(table))
     yield from _columns(table.frame)

@@ -1,6 +1,6 @@
 """The command line: list, describe, run, batch, model, qgis, info, history, provenance, replay.
 
-Everything before a run is served from the process descriptions, so that `list`, `describe` and
+All that comes before a run is read from the process descriptions, so that `list`, `describe` and
 `--help` answer at once and import no numerical library.
 """
 
@@ -31,7 +31,7 @@ from toolbox.tiles.tiling import Tiling
 def main(argv: list[str] | None = None) -> int:
     """Run one verb and return the exit code.
 
-    0 worked, 2 wrong input, 3 unreadable or unsuitable data, 130 cancelled, 1 a mistake of ours.
+    0 success, 2 wrong input, 3 unreadable or unsuitable data, 130 cancelled, 1 a mistake of ours.
     """
     said = sys.argv[1:] if argv is None else argv
     try:
@@ -192,7 +192,7 @@ def _need_tool(verb: str, said: list[str]) -> None:
 
 
 def _batch(said: list[str]) -> int:
-    """Run a tool for each row of a table; 3 if a row has failed."""
+    """Run a tool for each row of a table; the exit code is 3 if a row has failed."""
     console = _console(said)
     try:
         _need_tool("batch", said)
@@ -230,7 +230,7 @@ def _batch(said: list[str]) -> int:
 
 
 def _result(said: list[str]) -> tuple[Path | None, list[str]]:
-    """Where the result table goes, and the other words."""
+    """The path of the result table, and the other words."""
     parser = argparse.ArgumentParser("toolbox batch", add_help=False, allow_abbrev=False)
     parser.add_argument("--result", type=Path)
     found, rest = parser.parse_known_args(said)
@@ -238,7 +238,7 @@ def _result(said: list[str]) -> tuple[Path | None, list[str]]:
 
 
 def _console(said: Iterable[str]) -> Console:
-    """Chosen before the arguments are read, so that their errors go the right way too."""
+    """Choose the console before the arguments are read, so that it also reports their errors."""
     words = set(said)
     level = "quiet" if "--quiet" in words else "verbose" if "--verbose" in words else "normal"
     if words & {"--events", "--events=jsonl"}:
@@ -247,11 +247,11 @@ def _console(said: Iterable[str]) -> Console:
 
 
 def _params(general: Mapping[str, Any]) -> tuple[IO[bytes] | None, dict[str, Any]]:
-    """Standard input if its end should stop the run, and the values from --params."""
+    """Standard input, if its end should stop the run, and the values from --params."""
     name, events = general.get("params"), "events" in general
     stdin = sys.stdin.buffer if sys.stdin else None
     if name == "-" and stdin:
-        # With events our caller keeps the pipe open after one line, and ends it to stop us.
+        # With events the caller keeps the pipe open after one line, and closes it to stop the run.
         text = (stdin.readline() if events else stdin.read()).decode(errors="replace")
         pipe = stdin if events and _is_pipe(stdin) else None
         return pipe, arguments.mapping(text, "standard input")
@@ -265,7 +265,7 @@ def _params(general: Mapping[str, Any]) -> tuple[IO[bytes] | None, dict[str, Any
 
 
 def _is_pipe(stdin: IO[bytes] | None) -> bool:
-    """Whether a program holds the other end; a file or /dev/null would end at once."""
+    """Whether standard input is a pipe from a program; a file or /dev/null would end at once."""
     mode = os.fstat(stdin.fileno()).st_mode if stdin else 0
     return stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode)
 
@@ -274,7 +274,7 @@ def _is_pipe(stdin: IO[bytes] | None) -> bool:
 def _kept(
     tool: str, described: Mapping[str, Any], values: Mapping[str, Any], general: Mapping[str, Any]
 ) -> Iterator[dict[str, Any]]:
-    """Add the run that takes place within to the history, whether it works or not."""
+    """Add the run inside this context to the history, whether it succeeds or fails."""
     outputs: dict[str, Any] = {}
     started, code = time.monotonic(), 0
     more = {name: general[name] for name in ("assume_crs", *SHOWN) if name in general}

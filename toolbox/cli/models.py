@@ -1,4 +1,4 @@
-"""The verb ``model``: check, show or begin a model, or exchange it with QGIS."""
+"""The verb ``model``: checks, shows or begins a model, or exchanges it with QGIS."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DIAGRAMS = (".mmd", ".md")  # a Mermaid file, or a block of a Markdown file
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Add what the verb takes."""
+    """Add the arguments of the verb."""
     parser.set_defaults(json=False)
     verbs = parser.add_subparsers(dest="what", required=True)
     helps = {
@@ -55,7 +55,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace, _: object) -> None:
-    """Do what was asked for."""
+    """Run the verb."""
     verbs = {"check": _check, "show": _show, "new": _new}
     verbs |= {"to-qgis": _to_qgis, "from-qgis": _from_qgis}
     print(verbs[args.what](args), end="")

@@ -1,4 +1,4 @@
-"""The verb ``qgis``: put the plugin into QGIS, pack it, or see whether all is well."""
+"""The verb ``qgis``: installs, removes or packs the plugin, or checks its installation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from toolbox.errors import DataError
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Add what the verb takes."""
+    """Add the arguments of the verb."""
     parser.set_defaults(json=False)
     verbs = parser.add_subparsers(dest="what", required=True)
     helps = {
@@ -29,7 +29,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace, _: object) -> None:
-    """Do what was asked for."""
+    """Run the verb."""
     verbs = {"install": _install, "uninstall": _uninstall, "package": _package, "doctor": _doctor}
     print(verbs[args.what](args))
 
@@ -37,8 +37,8 @@ def run(args: argparse.Namespace, _: object) -> None:
 def _install(args: argparse.Namespace) -> str:
     from toolbox.qgis.install import install
 
-    home = install(_profile(args))
-    return f"{home}: installed. Start QGIS anew; the tools are in the Processing toolbox."
+    folder = install(_profile(args))
+    return f"{folder}: installed. Start QGIS anew; the tools are in the Processing toolbox."
 
 
 def _uninstall(args: argparse.Namespace) -> str:

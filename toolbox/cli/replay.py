@@ -1,4 +1,4 @@
-"""Make a product again from its record, and say whether it is the same."""
+"""The verb ``replay``: makes a product again from its record, and compares the two."""
 
 from __future__ import annotations
 
@@ -24,8 +24,7 @@ from toolbox.runs.target import Target, kind_of
 from toolbox.shown import PAGE, PICTURE, SHOWN
 from toolbox.tiles.tiling import Tiling
 
-FIND = 0.05  # share of the progress for finding the inputs
-COMPARE = 0.9  # and at which the comparison begins
+FIND, COMPARE = 0.05, 0.9  # of the progress, when inputs are found and comparison begins
 
 
 def replay(path: str | Path, *, inputs: Path | None = None, ctx: Context = QUIET) -> list[str]:
@@ -34,23 +33,23 @@ def replay(path: str | Path, *, inputs: Path | None = None, ctx: Context = QUIET
     Parameters
     ----------
     path : of the product
-    inputs : folder of the inputs, in which and below which they are searched; else they must be
+    inputs : folder to search for the inputs, with all folders below it; without it they must be
         in the folder of the product
-    ctx : told of progress, and asked whether to stop
+    ctx : takes the progress, and may cancel the run
 
     Returns
     -------
     list of str
-        What differs, in words; nothing if all points, cells or features are the same. Whether the
-        files are the same byte for byte is logged.
+        The differences; empty if all points, cells or features are the same. It is logged whether
+        the files are the same byte for byte.
 
     Raises
     ------
     DataError
-        The file has no record, was made from layers in memory, or an input is missing or has
-        changed: all of them by name.
+        The file has no record, was made from layers in memory, or inputs are missing or have
+        changed; the error lists them all.
     ParameterError
-        The tool or a parameter of it is not known to this version of the toolbox.
+        This version of the toolbox does not know the tool or a parameter of it.
     """
     path = Path(path)
     record = provenance.read(path)
@@ -76,7 +75,7 @@ def replay(path: str | Path, *, inputs: Path | None = None, ctx: Context = QUIET
 
 
 class _Finder:
-    """Finds the inputs of a record by name, and makes sure that they are the same."""
+    """Finds the inputs of a record by name, and checks that they have not changed."""
 
     def __init__(self, record: Record, folder: Path, *, deep: bool) -> None:
         self.record, self.folder, self.deep = record, folder, deep
@@ -84,11 +83,11 @@ class _Finder:
         self.model: Path | None = None
 
     def values(self, ctx: Context) -> dict[str, Any]:
-        """The values for the run; all inputs that are missing or have changed in one error."""
+        """The values for the run; one error lists all inputs that are missing or have changed."""
         named = [(name, item) for name, items in self.record.inputs.items() for item in items]
         found: dict[str, list[Any]] = {name: [] for name in self.record.inputs}
-        for place, (name, item) in enumerate(named):
-            part = ctx.part(place / len(named), (place + 1) / len(named))
+        for index, (name, item) in enumerate(named):
+            part = ctx.part(index / len(named), (index + 1) / len(named))
             if paths := self._paths(name, item, part):
                 found[name] += self._openable(item, paths)
         if self.record.model and (paths := self._paths("model", self.record.model, ctx)):
@@ -102,7 +101,7 @@ class _Finder:
         return [{**item.options, "path": path} if item.options else path for path in paths]
 
     def _paths(self, name: str, item: Input, ctx: Context) -> list[Path]:
-        """The files of an input, or nothing and a problem."""
+        """The files of an input; if there are none, a problem is noted."""
         if item.in_memory:
             self.problems[name] = "was a layer in memory, not a file"
             return []
@@ -119,8 +118,8 @@ class _Finder:
         return []
 
     def _candidates(self, item: Input) -> Iterator[list[Path]]:
-        """What may be the input: files of its name, or all that have a name of its form."""
-        if Path(item.file).name != item.file:  # a record that somebody has tampered with
+        """Files that may be the input: those of its name, or all that match its pattern."""
+        if Path(item.file).name != item.file:  # a record that was tampered with
             return
         if item.file.startswith("*") and item.files > 1:
             pattern = f"**/{item.file}" if self.deep else item.file
@@ -135,28 +134,28 @@ class _Finder:
 
 
 def _check(path: Path, record: Record, tool: str) -> None:
-    """Refuse a record that nobody can have made; it might name files to write elsewhere."""
+    """Refuse a record that no run can have made: it might name other files to write."""
     results = {*SHOWN, *catalog.load(tool).results}
     if {record.output, *record.layers} - results or record.parameters.keys() & results:
         raise DataError(f"{path}: its record does not fit {record.tool}")
 
 
 def _made_again(
-    record: Record, tool: str, values: Mapping[str, Any], place: Path, ctx: Context
+    record: Record, tool: str, values: Mapping[str, Any], path: Path, ctx: Context
 ) -> Path:
-    """Run the tool into a temporary folder; the file that it made."""
+    """Run the tool with outputs in a temporary folder, and give the path of the product."""
     how: dict[str, Any] = {"assume_crs": record.assume_crs or None, "ctx": ctx}
     if record.file:  # one of a folder of files, which are made in tiles
-        folder = f"{place.parent}{os.sep}"
+        folder = f"{path.parent}{os.sep}"
         wanted = {**values, record.output: {**record.options, "path": folder}}
         run(tool, wanted, tiling=Tiling.parse({"tile": "auto"}), **how)
         made = Target.of(record.output, folder, catalog.load(tool)).inside(record.file).home
         assert made is not None
         return made
-    if record.number:  # what it is numbered with is not part of the name that was asked for
-        place = place.with_stem(place.stem.removesuffix(f"_{record.number}"))
+    if record.number:  # the path that was asked for has no number
+        path = path.with_stem(path.stem.removesuffix(f"_{record.number}"))
     layers = {record.output: record.options, **record.layers}
-    wanted = {name: {**options, "path": place} for name, options in layers.items()}
+    wanted = {name: {**options, "path": path} for name, options in layers.items()}
     written = run(tool, {**values, **wanted}, **how)[record.output]
     made = written[(record.number or 1) - 1] if isinstance(written, tuple) else written
     return Path(made)
@@ -184,7 +183,7 @@ def _differences(path: Path, made: Path, record: Record, tool: str) -> Iterator[
     for name, options in {record.output: record.options, **record.layers}.items():
         kind = kind_of(name, catalog.load(tool))
         how = {"layer": options["layer"]} if "layer" in options else {}
-        old, new = (kind.parse({"path": place, **how}) for place in (path, made))
+        old, new = (kind.parse({"path": each, **how}) for each in (path, made))
         for text in _differences_of(old, new):
             yield f"{name}, {text}" if record.layers else text
 
@@ -240,7 +239,7 @@ def _frame(old: pd.DataFrame, new: pd.DataFrame) -> Iterator[str]:
 
 
 def _unequal(one: Any, other: Any) -> bool:
-    """Also for geometries; two missing values are the same."""
+    """Whether two values, or geometries, differ; two missing values are equal."""
     missing = [bool(pd.isna(value)) for value in (one, other)]
     return missing[0] != missing[1] if any(missing) else bool(one != other)
 
@@ -251,7 +250,7 @@ def _names(old: Any, new: Any) -> Iterator[str]:
 
 
 def _columns(old: Mapping[str, Any], new: Mapping[str, Any], what: str) -> Iterator[str]:
-    """How many values differ, and by how much at most; where both are NaN they do not."""
+    """Say how many values differ, and by how much at most; two NaN are equal."""
     for name, before in old.items():
         now = new[name]
         if before.shape != now.shape:

@@ -1,9 +1,9 @@
-"""Run a job so that Ctrl-C, SIGTERM or the end of a pipe stops it within a second.
+"""Runs a job so that Ctrl-C, SIGTERM or the end of a pipe stops it within a second.
 
-The job runs in a thread of its own while the main thread waits, because Python hands signals to
-the main thread only, and only between two of its own instructions. A compiled library that works
-without the interpreter's lock then cannot keep Ctrl-C waiting; one that holds the lock still can,
-so tools call such libraries in blocks of a fraction of a second.
+The job runs in a thread of its own while the main thread waits, because Python delivers signals to
+the main thread only, and only between two Python instructions. So a compiled library that releases
+the interpreter lock does not delay Ctrl-C. One that holds the lock does, and tools call such
+libraries in blocks of a fraction of a second.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from toolbox.context import Context
 from toolbox.errors import Cancelled
 
 T = TypeVar("T")
-GRACE = 0.7  # seconds that a job gets to stop by itself before the process ends
+GRACE = 0.7  # seconds that a job has to stop before the process ends
 
 
 class _Job(threading.Thread, Generic[T]):
-    """A thread that keeps what its work returned or raised."""
+    """A thread that keeps the result or the error of its work."""
 
     def __init__(self, work: Callable[[], T]) -> None:
         super().__init__(daemon=True)
@@ -47,21 +47,20 @@ def stoppable(
     pipe: IO[bytes] | None = None,
     farewell: Callable[[], object] = lambda: None,
 ) -> T:
-    """Return work(ctx), or stop it.
+    """Return the result of work(ctx), or stop it.
 
     Parameters
     ----------
-    work : called in another thread with a context that knows when to stop
+    work : runs in another thread, with a context that says when to stop
     report : called with the fraction done
-    pipe : when it ends, the job stops; for programs that keep our standard input open
-    farewell : called before the process ends for a job that does not stop
+    pipe : its end stops the job; for programs that keep our standard input open
+    farewell : called before the process ends because a job does not stop
 
     Raises
     ------
     Cancelled
-        The job was stopped and has cleaned up behind itself. A job that does not stop within
-        `GRACE` seconds ends the whole process with exit code 130, after its unfinished
-        files were removed.
+        The job was stopped and has removed its temporary files. If it does not stop within
+        `GRACE` seconds, these are removed here, and the process ends with exit code 130.
     """
     stop = threading.Event()
     if pipe:
@@ -98,7 +97,7 @@ def _wait_for_end(pipe: IO[bytes], stop: threading.Event) -> None:
 
 @contextmanager
 def _signals_set(stop: threading.Event) -> Iterator[None]:
-    """Let Ctrl-C, SIGTERM and a closed terminal set the event; give the handlers back."""
+    """Let Ctrl-C, SIGTERM and a closed terminal set the event; restore the handlers afterwards."""
 
     def ask(number: int, frame: FrameType | None) -> None:
         stop.set()

@@ -1,4 +1,4 @@
-"""Putting the plugin together, into a QGIS profile or a zip, and looking whether all is well."""
+"""Puts the plugin into a QGIS profile or a zip, and checks its installation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ENVIRONMENT = "environment.json"
 OWN = "lidar_toolbox_env"  # the environment that the settings page of the plugin creates
 PACKED = (".py", ".txt", ".svg", "LICENSE")
 PLACEHOLDER = re.compile("lidar-toolbox/lidar-toolbox|lidar-toolbox@")  # there is no such address
-# What must run in the Python of the tools: their libraries must be there too.
+# Must run in the Python of the tools, which needs their libraries, too.
 CHECK = "from toolbox.qgis.tools import listing; print('lidar-toolbox', listing()['toolbox'])"
 PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title>
@@ -38,7 +38,7 @@ PAGE = """<!DOCTYPE html>
 
 
 def contents() -> dict[str, str]:
-    """The files of the plugin by their paths in its folder: its code, the tools, their help."""
+    """The text of each file of the plugin by its path: code, list of tools, help pages."""
     made = {
         path.name: path.read_text(encoding="utf-8")
         for path in sorted(SOURCE.iterdir())
@@ -73,38 +73,38 @@ def package(path: Path) -> int:
 
 
 def placeholders() -> list[str]:
-    """What metadata.txt says of where the plugin comes from that is to be filled in."""
+    """The names in metadata.txt whose values are placeholders."""
     lines = contents()["metadata.txt"].splitlines()
     return [line.partition("=")[0] for line in lines if PLACEHOLDER.search(line)]
 
 
 def install(profile: Path) -> Path:
-    """Put the plugin into a profile, switch it on there, and let it use this Python.
+    """Put the plugin into a profile, enable it there, and let it use this Python.
 
     Raises
     ------
     DataError
         The profile cannot be written.
     """
-    home = profile / PLUGINS / FOLDER
+    folder = profile / PLUGINS / FOLDER
     made = contents()
     made[ENVIRONMENT] = json.dumps(this_environment(), ensure_ascii=False, indent=1) + "\n"
     try:
-        home.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=home.parent, prefix=f".{FOLDER}-") as temporary:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{FOLDER}-") as temporary:
             new, old = Path(temporary) / "new", Path(temporary) / "old"
             for name, text in made.items():
                 (new / name).parent.mkdir(parents=True, exist_ok=True)
                 (new / name).write_text(text, encoding="utf-8")
-            if home.exists():
-                home.rename(old)
-            new.rename(home)
+            if folder.exists():
+                folder.rename(old)
+            new.rename(folder)
         for ini in settings_files(profile):
             if (enabled := switched_on(text := _settings(ini))) != text:
                 _replace(ini, enabled)
     except OSError as err:
-        raise DataError(f"{err.filename or home}: cannot be written: {err.strerror}") from err
-    return home
+        raise DataError(f"{err.filename or folder}: cannot be written: {err.strerror}") from err
+    return folder
 
 
 def uninstall(profile: Path) -> Path:
@@ -115,21 +115,21 @@ def uninstall(profile: Path) -> Path:
     DataError
         It is not there, or cannot be removed.
     """
-    home = profile / PLUGINS / FOLDER
-    if not home.is_dir():
-        raise DataError(f"the plugin is not in {home.parent}")
+    folder = profile / PLUGINS / FOLDER
+    if not folder.is_dir():
+        raise DataError(f"the plugin is not in {folder.parent}")
     try:
-        shutil.rmtree(home)
+        shutil.rmtree(folder)
         for ini in settings_files(profile):
             if f"\n{FOLDER}=" in (text := _settings(ini)):
                 _replace(ini, re.sub(rf"(?m)^{FOLDER}=.*\n?", "", text))
     except OSError as err:
-        raise DataError(f"{err.filename or home}: cannot be removed: {err.strerror}") from err
-    return home
+        raise DataError(f"{err.filename or folder}: cannot be removed: {err.strerror}") from err
+    return folder
 
 
 def settings_files(profile: Path) -> list[Path]:
-    """The settings of a profile, of QGIS 3 or 4 or both; that which QGIS will make if none is."""
+    """The settings files of a profile, of QGIS 3 and 4; the one that QGIS will make if none is."""
     folder = profile / SETTINGS
     found = [path for path in (folder / "QGIS3.ini", folder / "QGIS4.ini") if path.is_file()]
     return found or [folder / ("QGIS4.ini" if "QGIS4" in profile.parts else "QGIS3.ini")]
@@ -140,7 +140,7 @@ def _settings(ini: Path) -> str:
 
 
 def _replace(ini: Path, text: str) -> None:
-    """Write settings of QGIS as a whole or not at all."""
+    """Replace a settings file of QGIS, completely or not at all."""
     ini.parent.mkdir(parents=True, exist_ok=True)
     new = ini.with_name(f".{ini.name}-{os.getpid()}")
     try:
@@ -151,7 +151,7 @@ def _replace(ini: Path, text: str) -> None:
 
 
 def switched_on(ini: str) -> str:
-    """The settings of QGIS with the plugin switched on, and all else as it is.
+    """The text of settings of QGIS with the plugin enabled, and all else unchanged.
 
     >>> switched_on("[app]\\na=1\\n")
     '[app]\\na=1\\n\\n[PythonPlugins]\\nlidar_toolbox=true\\n'
@@ -171,7 +171,7 @@ def switched_on(ini: str) -> str:
 
 
 def this_environment() -> dict[str, str]:
-    """This Python, and the folder of the toolbox if it is not installed there."""
+    """This Python, and the folder of the toolbox if it is not installed in it."""
     own = Path(__file__).resolve().parents[2]
     env = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     words = [sys.executable, "-s", "-c", "import toolbox; print(toolbox.__file__)"]
@@ -186,8 +186,8 @@ def this_environment() -> dict[str, str]:
 
 def default_profile() -> Path:
     """The profile that QGIS opens for this user."""
-    homes = [home for home in _homes() if home.is_dir()]
-    profiles = (homes or _homes()[:1])[0] / "profiles"
+    folders = [folder for folder in _settings_folders() if folder.is_dir()]
+    profiles = (folders or _settings_folders())[0] / "profiles"
     text = _settings(profiles / "profiles.ini")
     said = dict(re.findall(r"(?m)^(defaultProfile|lastProfile|selectionPolicy)=(.+?)\s*$", text))
     last = said.get("lastProfile", "") if said.get("selectionPolicy", "0") == "0" else ""
@@ -195,8 +195,8 @@ def default_profile() -> Path:
     return profiles / next((n for n in named if n and (profiles / n).is_dir()), "default")
 
 
-def _homes() -> list[Path]:
-    """Where QGIS keeps its settings: of QGIS 3 first."""
+def _settings_folders() -> list[Path]:
+    """The folders of the settings of QGIS 3 and 4."""
     if said := os.environ.get("QGIS_CUSTOM_CONFIG_PATH"):
         return [Path(said)]
     base = {
@@ -211,24 +211,24 @@ def _homes() -> list[Path]:
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at; `mend` says what to do if it is not well."""
+    """The result of one check; `mend` says what to do if it failed."""
 
     what: str
     mend: str = ""
 
 
 def findings(profile: Path) -> Iterator[Finding]:
-    """What is found, what is missing, and how to mend it."""
+    """Check the installation: what is found, what is missing, and how to mend it."""
     yield _program()
-    home = profile / PLUGINS / FOLDER
+    folder = profile / PLUGINS / FOLDER
     again = "python -m toolbox qgis install"
     if profile != default_profile():
         again += f" --profile {profile}"
-    if not (home / "metadata.txt").is_file():
-        yield Finding(f"the plugin is not in {home.parent}", again)
+    if not (folder / "metadata.txt").is_file():
+        yield Finding(f"the plugin is not in {folder.parent}", again)
         return
-    yield Finding(f"plugin {home}")
-    yield _tools(home, again)
+    yield Finding(f"plugin {folder}")
+    yield _tools(folder, again)
     inis = settings_files(profile)
     off = [ini for ini in inis if switched_on(text := _settings(ini)) != text]
     yield Finding(f"not switched on in {off[0]}", again) if off else Finding("switched on")
@@ -246,9 +246,9 @@ def _program() -> Finding:
         return Finding(f"{path} does not work: {err}", mend)
 
 
-def _tools(home: Path, again: str) -> Finding:
+def _tools(folder: Path, again: str) -> Finding:
     try:
-        tools = json.loads((home / "tools.json").read_text(encoding="utf-8"))
+        tools = json.loads((folder / "tools.json").read_text(encoding="utf-8"))
     except (OSError, ValueError) as err:
         return Finding(f"tools.json cannot be read: {err}", again)
     if tools != listing():
@@ -257,7 +257,7 @@ def _tools(home: Path, again: str) -> Finding:
 
 
 def _python(profile: Path, again: str) -> Finding:
-    """The Python that the plugin would start."""
+    """Check the Python that the plugin would start."""
     try:
         known = json.loads((profile / PLUGINS / FOLDER / ENVIRONMENT).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -289,7 +289,7 @@ def _python(profile: Path, again: str) -> Finding:
 
 
 def _named(profile: Path) -> tuple[str, str]:
-    """The Python that somebody has chosen, and where."""
+    """The Python that the user has chosen, and where."""
     if said := os.environ.get("LIDAR_TOOLBOX_PYTHON"):
         return said, "LIDAR_TOOLBOX_PYTHON"
     for ini in settings_files(profile):
@@ -301,7 +301,7 @@ def _named(profile: Path) -> tuple[str, str]:
 
 
 def _unescaped(value: str) -> str:
-    r"""A text of the settings of QGIS.
+    r"""Decode a text of the settings of QGIS.
 
     >>> _unescaped(r'"C:\\Pyth\xf6n, 3\\python.exe"')
     'C:\\Pythön, 3\\python.exe'

@@ -29,7 +29,7 @@ OURS = f"{PROVIDER}:"
 SUFFIX = ".model3"
 INPUT, STEP, CONSTANT, EXPRESSION, _, OUTPUT = range(6)  # what gives a parameter its value
 OPTIONAL = 8  # flag of a parameter
-PAGE = "PAGE"  # the output of our tools that tells all results to people
+PAGE = "PAGE"  # the output of our tools that is a report of all results
 FAR = 1.7976931348623157e308
 POINT_FILES = "Point clouds (*.laz *.las *.copc.laz);;All files (*)"
 SOURCES = {"raster": 3, "vector": -1, "table": 5, "pointcloud": 8, "file": 4}  # types of QGIS
@@ -230,9 +230,9 @@ class _ToQgis:
         if self.steps[owner].spec.id.startswith(catalog.QGIS):
             self.notes.append(f"{name} is a value, which models of QGIS do not give")
             return
-        self.notes.append(f"{name} is a value: it is on the page of step {owner}, {owner}:{PAGE}")
+        self.notes.append(f"{name} is a value: it is in the report of step {owner}, {owner}:{PAGE}")
         if PAGE not in children[owner]["outputs"]:
-            help = f"Page with all results of step {owner}"
+            help = f"Report with all results of step {owner}"
             self._result(children[owner], PAGE, PAGE, help, needed=False)
 
     def _result(self, child: dict[str, Any], name: str, word: str, help: str, needed: bool) -> None:
@@ -520,7 +520,7 @@ class _FromQgis:
             for name, says in (self.children[id].get("outputs") or {}).items():
                 word = str(says["output_name"]).lower()
                 full = f"{self.step_names[id]}.{word}"
-                if word not in self.specs[id].outputs:  # such as a page, which any run may have
+                if word not in self.specs[id].outputs:  # such as a report, which any run may write
                     self.notes.append(
                         f"output {full} is left out; ask for it when the model is run"
                     )

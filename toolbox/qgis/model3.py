@@ -1,4 +1,4 @@
-"""The values in a QGIS model file: maps, lists, texts and numbers as XML elements ``Option``.
+"""Reads and writes the XML of a QGIS model file: values as elements ``Option``.
 
 The layout is that of `QgsXmlUtils`; it is the same from QGIS 3.22 to 3.40.
 """
@@ -16,25 +16,25 @@ WHOLE = ("int", "uint", "longlong", "qlonglong", "ulonglong", "qulonglong")
 
 @dataclass(frozen=True)
 class Foreign:
-    """A value of a type that only QGIS knows, such as a colour or a property."""
+    """A value of a type that only QGIS has, such as a colour or a property."""
 
     type: str
 
 
 def text(value: Mapping[str, Any]) -> str:
-    """A model as the text of its file."""
+    """Write a model as the text of its file."""
     root = _element(value)
     ET.indent(root, "  ")
     return "<!DOCTYPE model>\n" + ET.tostring(root, encoding="unicode") + "\n"
 
 
 def value(text: str) -> Any:
-    """What the text of a file holds.
+    """Read a model from the text of its file.
 
     Raises
     ------
     ValueError
-        It is no such file.
+        It is not XML.
     """
     try:
         return _value(ET.fromstring(text))
@@ -57,7 +57,7 @@ def _element(value: Any, name: str | None = None) -> ET.Element:
 
 
 def _fill(made: ET.Element, value: Any) -> None:
-    """An empty map or list has no type."""
+    """Fill the element of a map or list; an empty one has no type."""
     if not value:
         return
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""The program `qgis_process`: where it is, and what it says when it is asked."""
+"""Finds and calls the program `qgis_process`."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from toolbox.errors import DataError
 
 # On Debian 12 the wrapper without .bin passes an option that the program does not know.
 NAMES = ("qgis_process.bin", "qgis_process", "qgis_process-qgis", "qgis_process-qgis-ltr")
-PLACES = {  # of installations that set no search path; the newest first
+FOLDERS = {  # of installations that set no search path; the newest first
     "darwin": ["/Applications/QGIS*.app/Contents/MacOS/bin"],
     "win32": [r"C:\Program Files\QGIS *\bin", r"C:\OSGeo4W\bin"],
 }
 VARIABLE = "QGIS_PROCESS"
 NO_WINDOW = 0x08000000 if sys.platform == "win32" else 0  # of a console
-# What an environment such as conda sets for its own libraries, which are not those of QGIS.
+# Variables that an environment such as conda sets for its own libraries, not those of QGIS.
 FOREIGN = (
     "PYTHON", "VIRTUAL_ENV", "CONDA_PREFIX", "PROJ_LIB", "PROJ_DATA", "GDAL_DATA",
     "GDAL_DRIVER_PATH", "LD_LIBRARY_PATH", "DYLD_",
@@ -35,23 +35,23 @@ ABSENT = (
 
 
 def find() -> str | None:
-    """The path of the program, if it is there."""
+    """The path of the program; None if it is not installed."""
     if said := os.environ.get(VARIABLE):
         return said if Path(said).is_file() else None
     folders = [os.environ.get("PATH", os.defpath)]
-    for pattern in PLACES.get(sys.platform, ()):
+    for pattern in FOLDERS.get(sys.platform, ()):
         folders += sorted(glob.glob(pattern), reverse=True)
     found = (shutil.which(name, path=os.pathsep.join(folders)) for name in NAMES)
     return next(filter(None, found), None)
 
 
 def version() -> str:
-    """Such as 3.22.16.
+    """The version of QGIS, such as 3.22.16.
 
     Raises
     ------
     DataError
-        The program is absent or does not start.
+        The program is not installed or does not start.
     """
     said = call(["--version"])
     found = re.search(r"QGIS (\d+\.\d+\.\d+)", said)
@@ -59,12 +59,12 @@ def version() -> str:
 
 
 def call(words: Sequence[str], *, env: Mapping[str, str] | None = None) -> str:
-    """What the program prints.
+    """Call the program and give what it prints.
 
     Raises
     ------
     DataError
-        The program is absent, or failed, with what it said.
+        The program is not installed, or failed; with its message.
     """
     program = find()
     if program is None:
@@ -80,7 +80,7 @@ def call(words: Sequence[str], *, env: Mapping[str, str] | None = None) -> str:
 
 
 def ask(words: Sequence[str]) -> Any:
-    """What the program prints as JSON.
+    """Call the program and give the JSON that it prints.
 
     Raises
     ------
@@ -92,9 +92,10 @@ def ask(words: Sequence[str]) -> Any:
 
 
 def environment(program: str) -> dict[str, str]:
-    """Ours, without a window, and without what would lead QGIS and its Python to our libraries.
+    """Our environment variables without those that would lead QGIS and its Python to our libraries.
 
-    That Python takes its libraries from beside the first `python3` on the search path.
+    No window is opened. The Python of QGIS uses the libraries beside the first `python3` on the
+    search path.
     """
     env = {name: value for name, value in os.environ.items() if not name.startswith(FOREIGN)}
     env["PATH"] = os.pathsep.join([str(Path(program).parent), env.get("PATH", os.defpath)])
@@ -103,7 +104,7 @@ def environment(program: str) -> dict[str, str]:
 
 
 def reason(stderr: str) -> str:
-    """The message among what libraries print beside it."""
+    """The error message, without the warnings that libraries print."""
     noise = re.compile(r"Warning|QStandardPaths|setapi|^\s*(import|from) |^-+$|^\s*$|^ERROR:?$")
     lines = [line.strip() for line in stderr.splitlines() if not noise.search(line)]
     return "\n".join(line.removeprefix("ERROR:").strip() for line in lines[-12:]) or "failed"

@@ -1,6 +1,6 @@
-"""Algorithms of QGIS as tools, ``qgis:native:buffer``: run through `qgis_process`, if it is there.
+"""Algorithms of QGIS as tools, such as ``qgis:native:buffer``, which `qgis_process` runs.
 
-What an algorithm takes and gives is asked of QGIS itself. Parameters have the names of QGIS in
+QGIS itself describes the inputs and outputs of an algorithm. Parameters have the names of QGIS in
 lower case; choices are the words that QGIS shows. Lengths are in the unit of the layer.
 """
 
@@ -34,7 +34,7 @@ from toolbox.qgis import process as qgis_process
 
 PREFIX = "qgis:"
 POLL = 0.05  # seconds
-HIDDEN = 4  # flag of parameters that QGIS does not show
+HIDDEN = 4  # flag of hidden parameters
 NO_GEOMETRY, RASTERS, POINT_CLOUDS = 5, 3, 8  # source types of QGIS
 INPUTS: Mapping[str, Any] = {
     "source": Vector,
@@ -65,7 +65,7 @@ def load(id: str) -> Spec:
     Raises
     ------
     ParameterError
-        QGIS is absent, or has no such algorithm.
+        QGIS is not installed, or has no such algorithm.
     """
     algorithm = id.removeprefix(PREFIX)
     try:
@@ -107,7 +107,7 @@ def _input(name: str, says: Mapping[str, Any], raw: Mapping[str, Any]) -> Field:
 
 
 def _type(type: str, raw: Mapping[str, Any]) -> tuple[Any, bool]:
-    """Our type of a parameter, and whether it is a list; what we have no type for is text."""
+    """The type of a parameter here, text if there is no other, and whether it is a list."""
     if type == "enum":
         return CHOICE, bool(raw["allow_multiple"])
     if type == "multilayer":
@@ -121,12 +121,12 @@ def _type(type: str, raw: Mapping[str, Any]) -> tuple[Any, bool]:
 
 
 def _default(field: Field, value: Any, raw: Mapping[str, Any]) -> Any:
-    """The default of QGIS as ours; None if there is none, or it means nothing here."""
+    """Convert the default of QGIS; None if there is none, or it has no meaning here."""
     if value is None or field.kind.is_layer:
         return None
     if field.kind is CHOICE and not raw["uses_static_strings"]:
-        places = value if isinstance(value, list) else str(value).split(",")
-        value = [field.choices[int(place)] for place in places if str(place) != ""]
+        numbers = value if isinstance(value, list) else str(value).split(",")
+        value = [field.choices[int(number)] for number in numbers if str(number) != ""]
         value = value if field.many else value[0]
     try:
         return field.parse(value)
@@ -151,7 +151,7 @@ def _outputs(told: Mapping[str, Any]) -> dict[str, Field]:
 
 
 class _QgisStep:
-    """An algorithm with its values."""
+    """An algorithm of QGIS with its values."""
 
     spec: ClassVar[Spec]
     algorithm: ClassVar[str]
@@ -165,11 +165,11 @@ class _QgisStep:
         self.__dict__.update(defaults | values)
 
     def halo(self) -> float:
-        """What QGIS looks at is not known."""
+        """It is not known how far an algorithm of QGIS looks."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> SimpleNamespace:
-        """Write the layers, run the algorithm, read the results."""
+        """Write the layers to files, run the algorithm, and read the results."""
         with tempfile.TemporaryDirectory(prefix="toolbox-qgis-") as folder:
             words = [*self._given(Path(folder), ctx.part(0, 0.2)), *self._written(Path(folder))]
             said = _run(["run", self.algorithm, "--json", "--", *words], ctx)
@@ -192,12 +192,12 @@ class _QgisStep:
                 continue
             raw = self.parameters[name.upper()]["raw_definition"]
             for number, item in enumerate(field.items(value)):
-                place = folder / f"{name}_{number}"
-                words.append(f"{name.upper()}={_text(field, item, raw, place, ctx)}")
+                path = folder / f"{name}_{number}"
+                words.append(f"{name.upper()}={_text(field, item, raw, path, ctx)}")
         return words
 
     def _written(self, folder: Path) -> list[str]:
-        """Where each result goes: QGIS deletes what has no place of its own."""
+        """The path of each result, since QGIS deletes results without a path."""
         words = []
         for name, says in self.parameters.items():
             if says["is_destination"]:
@@ -211,10 +211,10 @@ def _suffix(kind: Kind) -> str:
     return next((s for type, s in SUFFIXES.items() if kinds.find(type) is kind), "")
 
 
-def _text(field: Field, value: Any, raw: Mapping[str, Any], place: Path, ctx: Context) -> str:
-    """One value as qgis_process takes it; a layer is written to a file."""
+def _text(field: Field, value: Any, raw: Mapping[str, Any], path: Path, ctx: Context) -> str:
+    """The text of a value for qgis_process; a layer is written to a file."""
     if field.kind.is_layer:
-        path = place.with_suffix(_suffix(field.kind))
+        path = path.with_suffix(_suffix(field.kind))
         value.save(path, ctx=ctx)
         return str(path)
     if field.kind is CHOICE and not raw["uses_static_strings"]:
@@ -227,13 +227,13 @@ def _text(field: Field, value: Any, raw: Mapping[str, Any], place: Path, ctx: Co
 
 
 def _loaded(layer: Any) -> None:
-    """Read what a layer would read later, when its file is gone."""
+    """Read all of a layer now, since its file will be deleted."""
     if isinstance(layer, PointCloud):
         len(layer.xyz)
 
 
 def _run(words: list[str], ctx: Context) -> str:
-    """What qgis_process prints; it is ended if the run is cancelled."""
+    """Run qgis_process and give what it prints; stop it if the run is cancelled."""
     program = qgis_process.find()
     if program is None:
         raise DataError(qgis_process.ABSENT)
@@ -264,7 +264,7 @@ def _run(words: list[str], ctx: Context) -> str:
 
 
 def _end(process: subprocess.Popen[Any]) -> None:
-    """End a program that still runs, and what it has started, such as those of GDAL."""
+    """Stop a program that still runs, and the programs that it has started, such as GDAL's."""
     if process.poll() is not None:
         return
     with contextlib.suppress(psutil.NoSuchProcess):

@@ -1,7 +1,7 @@
-"""The list of tools that the QGIS plugin reads, made from the declarations.
+"""Makes the list of tools for the QGIS plugin, tools.json, from the declarations.
 
-The plugin knows no tool and no type of ours: each input and output says here, in plain words, which
-widget it needs. So QGIS lists all tools without starting Python, and nothing is typed twice.
+The plugin knows no tool and no type of ours. The list says for each input and output which widget
+it needs, so QGIS shows all tools without starting another Python.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from toolbox.models.model import Model
 from toolbox.pictures.images import ERRORS, OTHER, POINT_CLASSES, RELIEF
 
 PROVIDER = "lidartoolbox"
-SCHEMA = 1  # of the list; the plugin refuses any other
+SCHEMA = 1  # version of the list; the plugin refuses any other
 LAYERS = {"PointCloud": "pointcloud", "Raster": "raster", "Vector": "vector", "Table": "table"}
 SCALARS = {"number", "integer", "boolean", "range", "extent", "position", "CRS"}
 ABBREVIATIONS = {word.lower(): word for word in ("DTM", "DSM", "nDSM", "CHM", "CRS", "RMSE", "IoU")}
 SEPARATOR = ";"  # between several values in one text
 TAGS = ("lidar", "las", "laz", "point cloud")
-SHOWN_AT_ONCE = 12  # inputs of a dialog; what comes later, and need not be given, is "advanced"
+SHOWN_AT_ONCE = 12  # inputs of a dialog; optional ones after these are "advanced"
 
 
 def listing() -> dict[str, Any]:
-    """All tools and models, and the colours of what they give."""
+    """All tools and models, and the colours of their results."""
     return {
         "schema": SCHEMA,
         "toolbox": __version__,
@@ -58,12 +58,12 @@ def _specs(ids: Iterable[str]) -> Iterator[Spec]:
     for id in ids:
         try:
             yield catalog.load(id)
-        except ParameterError as err:  # a plugin of somebody else
+        except ParameterError as err:  # a tool of another package
             log.warning("%s is left out: %s", id, err)
 
 
 def _colours() -> dict[str, Any]:
-    """What layers are drawn in: the same colours as in our own pictures."""
+    """The colours of layers, the same as in our own plots."""
     return {
         "classification": [[code, *look] for code, look in POINT_CLASSES.items()],
         "error": [[code, *look] for code, look in ERRORS.items()],
@@ -73,7 +73,7 @@ def _colours() -> dict[str, Any]:
 
 
 def tool(spec: Spec) -> dict[str, Any]:
-    """One tool as the plugin reads it."""
+    """The entry of one tool."""
     return {
         "id": spec.id,
         "algorithm": algorithm(spec.id),
@@ -98,7 +98,7 @@ def _inputs(spec: Spec) -> list[dict[str, Any]]:
 
 
 def field(f: Field) -> dict[str, Any]:
-    """One input or output: which widget it needs, and what its values must be."""
+    """The entry of one input or output: its widget, and the rules of its values."""
     label = _label(f.name)
     made: dict[str, Any] = {"name": f.name, "type": _type(f), "help": f.help}
     if f.unit and f.unit != "1" and made["type"] != "length":
@@ -121,7 +121,7 @@ def _label(name: str) -> str:
 
 
 def _type(f: Field) -> str:
-    """What the plugin calls the widget."""
+    """The name of the widget in the plugin."""
     if f.kind.is_layer:
         return LAYERS.get(f.kind.word, "file")
     if f.kind is CHOICE:
@@ -132,7 +132,7 @@ def _type(f: Field) -> str:
 
 
 def _default(f: Field) -> Any:
-    """As the plugin shows it: words and several values as one text."""
+    """The default as the plugin shows it: words and several values as one text."""
     values = [v if v in f.choices else f.kind.to_json(v) for v in f.items(f.default)]
     if f.kind is CHOICE:
         return [str(v) for v in values] if f.many else str(values[0])
@@ -146,7 +146,7 @@ def _default(f: Field) -> Any:
 
 
 def general(spec: Spec) -> list[dict[str, Any]]:
-    """Options of every run that reads layers, as the command line has them."""
+    """The options of a run, as on the command line, for tools that read layers."""
     kinds = {f.kind.word for f in spec.sources.values()}
     made = []
     if kinds:
@@ -179,14 +179,14 @@ def _file(name: str, label: str, help: str, suffixes: tuple[str, ...]) -> dict[s
 
 
 SHOWN_OUTPUTS = [
-    _file("picture", "Picture", "Draw the resulting layers", (".png",)),
-    _file("page", "Page", "Write a page of all results, for people", find(Report).suffixes),
+    _file("picture", "Plot", "Draw a plot of the resulting layers", (".png",)),
+    _file("page", "Report", "Write a report of all results", find(Report).suffixes),
     _file("counts", "Counts", "How much each step read and gave, as a table", find(Table).suffixes),
 ]
 
 
 def _results(spec: Spec) -> list[dict[str, Any]]:
-    """The outputs; which of them QGIS writes unless told otherwise: the first, of a model all."""
+    """The entries of the outputs; QGIS writes the first by default, or all of a model."""
     made = [field(f) for f in spec.outputs.values()]
     layers = [out for out in made if "suffixes" in out]
     for out in layers if isinstance(spec, Model) else layers[:1]:
@@ -198,11 +198,11 @@ def _results(spec: Spec) -> list[dict[str, Any]]:
 
 
 def help_page(spec: Spec) -> str:
-    """The help of a tool as the small HTML that QGIS shows beside the dialog."""
-    parts = [_html(spec.help or f"{spec.title}.")]
-    parts += ["<h3>Input parameters</h3>", *map(_entry, spec.inputs.values())] * bool(spec.inputs)
-    parts += ["<h3>Outputs</h3>", *map(_entry, spec.outputs.values())]
-    return "\n".join([*parts, f"<p>On the command line: <code>{spec.id}</code></p>"])
+    """The help of a tool in the simple HTML that QGIS shows beside the dialog."""
+    lines = [_html(spec.help or f"{spec.title}.")]
+    lines += ["<h3>Input parameters</h3>", *map(_entry, spec.inputs.values())] * bool(spec.inputs)
+    lines += ["<h3>Outputs</h3>", *map(_entry, spec.outputs.values())]
+    return "\n".join([*lines, f"<p>On the command line: <code>{spec.id}</code></p>"])
 
 
 def _entry(f: Field) -> str:
@@ -216,7 +216,7 @@ def _entry(f: Field) -> str:
 
 
 def _html(text: str) -> str:
-    """Paragraphs, lists and `names` of a help text."""
+    """Convert the paragraphs, lists and `names` of a help text to HTML."""
     made = []
     for block in re.split(r"\n\s*\n", text.strip()):
         items = re.split(r"(?m)^- ", block)

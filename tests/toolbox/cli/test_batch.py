@@ -77,7 +77,7 @@ def test_a_row_that_fails_does_not_stop_the_rest(capsys: Capture) -> None:
 def test_mistakes_of_ours_are_a_message_too(monkeypatch: pytest.MonkeyPatch) -> None:
     runs = made("points\na.laz", lambda values, ctx: 1 / 0)
     runs.go(Context())
-    assert runs.records[0]["message"] == "ZeroDivisionError: division by zero"
+    assert runs.done[0]["message"] == "ZeroDivisionError: division by zero"
     assert runs.failed == 1
 
 

@@ -46,7 +46,7 @@ steps:
     method: duplicates
     points: {from: inputs.points}
     agree: {from: inputs.names}
-  clean: {tool: points.denoise, points: {from: thin.thinned}, height_gap: null, ignore: "7,18"}
+  clean: {tool: points.denoise, points: {from: thin.thinned}, height_gap: null, ignore: "7"}
   plane: {tool: planes.fit, points: {from: clean.clean}, reference: [0, 0, 1], max_distance: 0.25}
   top:
     tool: surface.grid
@@ -81,7 +81,7 @@ def test_round_trip(tmp_path: Path, capsys: Capture) -> None:
     plain = {step: children[step]["params"] for step in ("part", "plane", "clean")}
     extent = plain["part"]["EXTENT"]  # QGIS says both x first
     assert extent == [{"source": 2, "static_value": "0.0,10.0,-5.25,1000000.0"}]
-    assert plain["clean"]["IGNORE"][0]["static_value"] == "7,18"
+    assert plain["clean"]["IGNORE"][0]["static_value"] == "7"
     # QGIS hands no default of a model to its steps
     assert children["top"]["params"]["CELL"] == [
         {"source": 3, "expression": "coalesce(@CELL, 0.5)"}
@@ -178,7 +178,7 @@ def test_values_are_on_a_page_and_defaults_that_differ_are_told(
     )
     assert main(["model", "to-qgis", str(path)]) == 0
     told = capsys.readouterr().out
-    assert "share is a value: it is on the page of step grid, grid:PAGE" in told
+    assert "share is a value: it is in the report of step grid, grid:PAGE" in told
     assert "box has no default in QGIS: state it, here it is 0.0,1.0,2.0,3.0" in told
     assert "gap left empty means its default, 5, not none" in told
     exported = path.with_suffix(".model3")

@@ -1,4 +1,4 @@
-"""One algorithm class for all tools."""
+"""The algorithm class of QGIS for all tools."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ FILES = "_FILES"  # ends the name of the output that lists several layers
 
 
 class ToolAlgorithm(QgsProcessingAlgorithm):
-    """A tool as tools.json describes it.
+    """A tool of tools.json as an algorithm of QGIS.
 
     Parameters
     ----------
-    tool : its entry
-    colours : what layers are drawn in
+    tool : entry of the tool
+    colours : of layers
     """
 
     def __init__(self, tool: dict[str, Any], colours: dict[str, Any]) -> None:
@@ -78,9 +78,9 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         return (True, "") if bridge.find_python() else (False, bridge.missing())
 
     def checkParameterValues(self, parameters: Any, context: Any) -> tuple[bool, str]:
-        """Unknown names, which QGIS would pass over, and what is no value of a parameter.
+        """Refuse unknown names, which QGIS would ignore, and values of a wrong type.
 
-        Texts and numbers are left to the tool: where they are wrong, it says why.
+        The tool checks texts and numbers, and says what is wrong.
         """
         definitions = {made.name(): made for made in self.parameterDefinitions()}
         if unknown := sorted(parameters.keys() - definitions.keys()):
@@ -109,7 +109,7 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         return dict(self._results(result, {f["name"]: v for f, v in given}))
 
     def _results(self, result: dict[str, Any], given: dict[str, Any]) -> Any:
-        """What the tool gave, by the names of QGIS; no rows of a table that was not written."""
+        """The results of a tool by the names of QGIS, without tables that were not written."""
         for field in self.tool["outputs"]:
             name, value = field["name"].upper(), result.get(field["name"])
             if value is None or (not is_value(field) and field["name"] not in given):
@@ -123,29 +123,29 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
                 yield name, value
 
     def _keep_what_was_made(self, result: dict[str, Any], context: Any) -> None:
-        """Load no layer that the tool did not make, and give the others their colours."""
+        """Load only layers that the tool has written, and set their colours."""
         made = {_same(result.get(f["name"])): f for f in self.tool["outputs"] if f["type"] in TYPES}
         loads = context.layersToLoadOnCompletion()
-        kept = {place: details for place, details in loads.items() if _same(place) in made}
+        kept = {path: details for path, details in loads.items() if _same(path) in made}
         context.setLayersToLoadOnCompletion(kept)
-        for place in kept:
+        for path in kept:
             styler = Styler.of(self.colours)
-            context.layerToLoadOnCompletionDetails(place).setPostProcessor(styler)
+            context.layerToLoadOnCompletionDetails(path).setPostProcessor(styler)
 
 
 def option_words(field: dict[str, Any], value: Any) -> list[str]:
-    """The words for an option of every run."""
+    """The words of the command line for an option of a run."""
     word = f"--{field['option'].replace('_', '-')}"
     if field["type"] == "boolean":
         return [word] if str(value).lower() in ("true", "yes", "1") else []
     return [] if value is None else [word, str(value)]
 
 
-def _same(place: Any) -> str:
-    """A path as the tool and QGIS both write it."""
-    if not isinstance(place, str):
+def _same(source: Any) -> str:
+    """Normalise the path of a layer, so that those of the tool and of QGIS are equal."""
+    if not isinstance(source, str):
         return ""
-    path = place.removeprefix("ogr:dbname='").partition("' table=")[0]
+    path = source.removeprefix("ogr:dbname='").partition("' table=")[0]
     return os.path.normcase(os.path.realpath(path))
 
 

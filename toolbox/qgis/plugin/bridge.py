@@ -1,7 +1,7 @@
-"""The Python of the tools: which one it is, its environment, and one run of it.
+"""Finds the Python of the tools, and runs a tool with it.
 
-The values go in as one line of JSON on standard input, which stays open: its end asks the tool to
-stop, also when QGIS dies. What comes out is one JSON object per line.
+The tool reads its values from standard input, as one line of JSON. The input stays open; its end
+stops the tool, also if QGIS crashes. The tool prints one JSON object per line.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ HERE = Path(__file__).parent
 PYTHON, ROOT = "LIDAR_TOOLBOX_PYTHON", "LIDAR_TOOLBOX_ROOT"
 SETTING = "lidar_toolbox/python"
 INSTALLED = HERE / "environment.json"  # written by `python -m toolbox qgis install`
-# What the start of QGIS sets for its own libraries would break ours.
+# Variables that QGIS sets for its own libraries, and that would break ours.
 FOREIGN = ("PYTHON", "GDAL_", "PROJ_", "CPL_", "QT_", "OSGEO4W", "GRASS", "GISBASE")
 FOREIGN_EXACT = {
     "LD_LIBRARY_PATH", "LD_PRELOAD", "DYLD_LIBRARY_PATH", "DYLD_FALLBACK_LIBRARY_PATH",
@@ -30,7 +30,7 @@ FOREIGN_EXACT = {
     "__PYVENV_LAUNCHER__", "SSL_CERT_FILE",
 }  # fmt: skip
 OURS = {"GDAL_CACHEMAX", "GDAL_NUM_THREADS", "PROJ_NETWORK", "CPL_TMPDIR"}
-GRACE = 5.0  # seconds that a tool has to stop in good order
+GRACE = 5.0  # seconds that a tool has to stop before it is killed
 POLL = 0.05
 TAIL = 60  # lines of standard error that are kept
 CHECK = "from toolbox.qgis.tools import listing; print('lidar-toolbox', listing()['toolbox'])"
@@ -41,7 +41,7 @@ WAYS = (
 
 
 def find_python() -> str | None:
-    """The Python of the tools: never that of QGIS, which lacks their libraries."""
+    """The path of the Python of the tools; not that of QGIS, which lacks their libraries."""
     if said := _named():
         return said if os.path.isfile(said) else None
     usual = [str(_installed().get("python", "")), str(python_of(own_environment()))]
@@ -54,13 +54,13 @@ def _named() -> str:
 
 
 def missing() -> str:
-    """What to say and to do where there is no Python."""
+    """The message if no Python was found, and how to choose one."""
     where = f" at {said}" if (said := _named()) else ""
     return f"No Python environment for the LiDAR Toolbox was found{where}. {WAYS}"
 
 
 def own_environment() -> Path:
-    """Where the settings page creates one."""
+    """The folder of the environment that the settings page creates."""
     return Path(QgsApplication.qgisSettingsDirPath()) / "lidar_toolbox_env"
 
 
@@ -81,7 +81,7 @@ def _root() -> str:
 
 
 def clean_environment() -> dict[str, str]:
-    """The variables of QGIS without those that speak about its own Python and libraries."""
+    """The environment variables of QGIS without those of its own Python and libraries."""
     env = {
         name: value
         for name, value in os.environ.items()
@@ -98,12 +98,12 @@ def clean_environment() -> dict[str, str]:
 
 
 def _plain_path(path: str) -> str:
-    """A path to compare with others, without short names such as PROGRA~1."""
+    """Normalise a path for comparison, without short names such as PROGRA~1."""
     return os.path.normcase(os.path.realpath(path))
 
 
 def command(*words: str) -> list[str]:
-    """How the toolbox is started.
+    """The command that starts the toolbox.
 
     Raises
     ------
@@ -117,17 +117,17 @@ def command(*words: str) -> list[str]:
 
 
 def hidden() -> dict[str, Any]:
-    """No console window on Windows; elsewhere Ctrl-C is ours to pass on."""
+    """Options of a process: no console window on Windows, no Ctrl-C from a terminal elsewhere."""
     return {"creationflags": 0x08000000} if os.name == "nt" else {"start_new_session": True}
 
 
 def said(words: list[str]) -> str:
-    """What a command prints.
+    """Run a command and give what it prints.
 
     Raises
     ------
     RuntimeError
-        It failed, with its last lines.
+        It failed; with the last lines that it printed.
     """
     done = subprocess.run(
         words, env=clean_environment(), stdin=subprocess.DEVNULL, capture_output=True,
@@ -147,12 +147,12 @@ def run(tool: str, options: list[str], values: dict[str, Any], feedback: Any) ->
     tool : its id
     options : words of the command line
     values : its inputs and paths of outputs
-    feedback : where progress and messages go, and what can cancel it
+    feedback : takes progress and messages, and may cancel the run
 
     Raises
     ------
     QgsProcessingException
-        It failed, with the sentence of the tool, or was cancelled.
+        It failed, with the message of the tool, or was cancelled.
     """
     words = command("-m", "toolbox", "run", tool, "--params", "-", "--events", "jsonl", *options)
     feedback.pushCommandInfo(" ".join(words))
@@ -171,7 +171,7 @@ def run(tool: str, options: list[str], values: dict[str, Any], feedback: Any) ->
 
 
 def _tell_of_another_version(feedback: Any) -> None:
-    """Why a tool may not know what the plugin asks for."""
+    """Warn if the Python of the tools has another version than the plugin."""
     try:
         there = said(command("-m", "toolbox", "--version")).rpartition(" ")[2]
     except (OSError, RuntimeError):  # it has told already what is wrong
@@ -185,7 +185,7 @@ def _tell_of_another_version(feedback: Any) -> None:
 
 
 class _Child:
-    """A tool that runs. Only the thread that made this touches the feedback."""
+    """A running tool. Only the thread that made this object uses the feedback."""
 
     def __init__(self, words: list[str], feedback: Any) -> None:
         self.feedback = feedback
@@ -294,7 +294,7 @@ def _read(stream: Any, into: deque[str]) -> None:
 
 
 def _let_qt_work() -> None:
-    """In the main thread Ctrl-C of qgis_process arrives through the events of Qt."""
+    """Process the events of Qt, through which Ctrl-C of qgis_process reaches the main thread."""
     app = QCoreApplication.instance()
     if app is not None and QThread.currentThread() == app.thread():
         app.processEvents()

@@ -1,7 +1,7 @@
-"""The CRS that a LAS or LAZ file states, read from its header alone.
+"""Reads the CRS of a LAS or LAZ file from its header.
 
-QGIS without PDAL cannot say it, and it is needed to bring what was drawn on the map into the
-coordinates of the points. Layout: LAS 1.4 R15 (ASPRS), sections 2.4 and 2.5.
+It is needed to transform coordinates from the map to those of the points, and QGIS without PDAL
+does not read it. Layout: LAS 1.4 R15 (ASPRS), sections 2.4 and 2.5.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ USER_DEFINED = 32767
 
 
 def las_crs(path: str) -> str:
-    """WKT, or ``EPSG:code``; empty if the file states none or is no LAS file."""
+    """The CRS as WKT or ``EPSG:code``; empty if the file states none or is no LAS file."""
     try:
         with open(path, "rb") as file:
             header = file.read(104)
@@ -36,8 +36,8 @@ def las_crs(path: str) -> str:
 
 
 def _of_keys(body: bytes) -> str:
-    """The EPSG code among GeoTIFF keys: rows of key, place, count and value."""
+    """The EPSG code among GeoTIFF keys: rows of key, location, count and value."""
     rows = list(struct.iter_unpack("<4H", body[: len(body) // 8 * 8]))[1:]
-    codes = {key: value for key, place, _, value in rows if place == 0}
+    codes = {key: value for key, location, _, value in rows if location == 0}
     code = codes.get(PROJECTED) or codes.get(GEOGRAPHIC)
     return f"EPSG:{code}" if code and code != USER_DEFINED else ""

@@ -1,4 +1,4 @@
-"""Fields of tools.json as parameters of QGIS, and the values of these as the tools take them."""
+"""Makes parameters of QGIS from the fields of tools.json, and reads their values for the tools."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from qgis.PyQt.QtCore import QUrl
 from .lasheader import las_crs
 
 UNSET = object()
-"""The value of what was not given: the tool takes its own default."""
+"""The value of a parameter that was not given: the tool uses its own default."""
 
 POINTS_AS_LAYERS = hasattr(qgis.core, "QgsProcessingParameterPointCloudDestination")  # 3.24
 INFINITE = 1.7976931348623157e308
@@ -61,7 +61,7 @@ class _PathMixin:
 
     def checkValueIsAcceptable(self, value: Any, context: Any = None) -> bool:
         values = value if isinstance(value, (list, tuple)) else [value]
-        if values and all(map(is_place, values)):
+        if values and all(map(is_path, values)):
             return True
         return bool(super().checkValueIsAcceptable(value, context))  # type: ignore[misc]
 
@@ -78,8 +78,8 @@ class Layers(_PathMixin, _parameter("MultipleLayers")):  # type: ignore[misc]
     """Several layers of one type."""
 
 
-def is_place(value: Any) -> bool:
-    """Whether it is the path of something on this computer, or a pattern of paths."""
+def is_path(value: Any) -> bool:
+    """Whether a value is the path of a file or folder that exists, or a pattern of paths."""
     if not isinstance(value, str) or not value:
         return False
     path = value.partition("|layername=")[0]
@@ -90,7 +90,7 @@ def is_place(value: Any) -> bool:
 
 
 def definition(field: dict[str, Any]) -> Any:
-    """The parameter of an input or of an output that is written; else what QGIS calls an output.
+    """Make the parameter of an input or written output, or the QGIS output of a value.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def _source(field: dict[str, Any], name: str, label: str, default: Any, empty: b
 
 
 def _choice(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
-    """The words themselves are the values, not their places: these change."""
+    """A choice, whose values are its words, not their numbers, since these may change."""
     many = field["many"]
     return _parameter("Enum")(name, label, field["choices"], many, default, empty, True)
 
@@ -201,7 +201,7 @@ MAKERS: dict[str, Any] = {
 
 
 def _destination(field: dict[str, Any]) -> Any:
-    """Where an output goes; it may be skipped."""
+    """The destination of an output, which may be skipped."""
     name, label, type = field["name"].upper(), field["label"], field["type"]
     first = bool(field.get("first"))
     if field["many"]:
@@ -222,13 +222,13 @@ def _destination(field: dict[str, Any]) -> Any:
 
 
 class Reader:
-    """Reads the values of one run.
+    """Reads the values of the parameters of one run.
 
     Parameters
     ----------
-    algorithm : that runs
-    inputs : fields of its inputs
-    parameters, context, feedback : as QGIS hands them over
+    algorithm : the algorithm that runs
+    inputs : the fields of its inputs
+    parameters, context, feedback : from QGIS
     """
 
     def __init__(
@@ -240,7 +240,7 @@ class Reader:
         self.crs: QgsCoordinateReferenceSystem | None = None  # of the data, once it is needed
 
     def input(self, field: dict[str, Any]) -> Any:
-        """The value of an input as the command line takes it, or UNSET."""
+        """The value of an input for the command line, or UNSET."""
         name, type = field["name"].upper(), field["type"]
         raw = self.parameters.get(name)
         if is_missing(raw):
@@ -279,7 +279,7 @@ class Reader:
         text = self._as("String", name)
         if not field["many"]:
             return text
-        return [part.strip() for part in text.split(";") if part.strip()]
+        return [item.strip() for item in text.split(";") if item.strip()]
 
     def _file(self, field: dict[str, Any], name: str, raw: Any) -> Any:
         return self._as("File", name)
@@ -304,13 +304,13 @@ class Reader:
         return [box.xMinimum(), box.yMinimum(), box.xMaximum(), box.yMaximum()]
 
     def _position(self, field: dict[str, Any], name: str, raw: Any) -> Any:
-        place = self._as("Point", name, self._target_crs(self._as("PointCrs", name), field))
-        if place.isEmpty() and isinstance(raw, str):
+        point = self._as("Point", name, self._target_crs(self._as("PointCrs", name), field))
+        if point.isEmpty() and isinstance(raw, str):
             return raw
-        return [place.x(), place.y()]
+        return [point.x(), point.y()]
 
     def _target_crs(self, stated: Any, field: dict[str, Any]) -> QgsCoordinateReferenceSystem:
-        """The CRS of the data, into which what was drawn on the map is to be transformed."""
+        """The CRS of the data, to which coordinates from the map are transformed."""
         if not stated.isValid():
             return QgsCoordinateReferenceSystem()
         if self.crs is None:
@@ -323,7 +323,7 @@ class Reader:
         return self.crs
 
     def _data_crs(self) -> QgsCoordinateReferenceSystem:
-        """The CRS of the first layer that is given and states one."""
+        """The CRS of the first given layer that states one."""
         for field in (f for f in self.inputs if f["type"] in TYPES):
             name = field["name"].upper()
             raw = self.parameters.get(name)
@@ -349,8 +349,8 @@ class Reader:
         name = field["name"].upper()
         raw = self.parameters[name]
         values = list(raw) if isinstance(raw, (list, tuple)) else [raw]
-        if all(map(is_place, values)):
-            return [_place(value) for value in values]
+        if all(map(is_path, values)):
+            return [_layer_path(value) for value in values]
         layers = self._as("LayerList", name)
         if len(layers) < len(values) and is_plain(values):
             return values  # the tool says which file is not there
@@ -359,8 +359,8 @@ class Reader:
     def _layer(self, name: str, type: str, raw: Any) -> Any:
         if isinstance(raw, (list, tuple)) and is_plain(raw):
             return list(raw)
-        if is_place(raw):  # as it is: QGIS need not open it, nor build an index beside it
-            return _place(raw)
+        if is_path(raw):  # as it is: QGIS need not open it, nor build an index beside it
+            return _layer_path(raw)
         layer = self._as("Layer", name)
         if layer is None and isinstance(raw, str):
             return raw  # the tool says that there is no such file
@@ -371,19 +371,19 @@ class Reader:
         return source_of(layer)
 
     def _features(self, name: str) -> Any:
-        """The file of a layer; one in memory, filtered or selected is written to one first."""
+        """The file of a layer; one in memory, filtered or selected is written to a file first."""
         path, layer = self.algorithm.parameterAsCompatibleSourceLayerPathAndLayerName(
             self.parameters, name, self.context, FORMATS, "gpkg", self.feedback
         )
         return {"path": path, "layer": layer} if layer else path
 
     def output(self, field: dict[str, Any]) -> Any:
-        """Where an output goes, or UNSET if it is skipped.
+        """The path of an output, or UNSET if it is skipped.
 
         Raises
         ------
         QgsProcessingException
-            It is no file of its own.
+            It is not a file of its own.
         """
         name = field["name"].upper()
         if field["many"]:
@@ -411,18 +411,18 @@ class Reader:
 
 
 def is_missing(value: Any) -> bool:
-    """QGIS says NULL for what is left empty."""
+    """Whether a value is empty; QGIS has NULL for it."""
     return value is None or value == NULL or (isinstance(value, str) and value == "") or value == []
 
 
 def is_plain(value: Any) -> bool:
-    """Whether it is text or a number, or several of these: what a tool reads itself."""
+    """Whether a value is a text or number, or several of these, which a tool reads itself."""
     if isinstance(value, (list, tuple)):
         return bool(value) and all(map(is_plain, value))
     return isinstance(value, (str, int, float)) and value != ""
 
 
-def _place(value: str) -> Any:
+def _layer_path(value: str) -> Any:
     path, _, layer = value.partition("|layername=")
     return {"path": path, "layer": layer} if layer else path
 
@@ -433,7 +433,7 @@ def source_of(layer: Any) -> Any:
     Raises
     ------
     QgsProcessingException
-        There is none, as for a layer of a server, or the layer shows a part of it.
+        There is none, as for a layer of a server, or the layer is filtered.
     """
     path, *more = layer.source().split("|")
     path = path.removeprefix("vpc://")
@@ -447,7 +447,7 @@ def source_of(layer: Any) -> Any:
         raise QgsProcessingException(
             f"Layer '{layer.name()}' is filtered, which its file is not; save it to a file first."
         )
-    names = [part[len("layername=") :] for part in more if part.startswith("layername=")]
+    names = [item[len("layername=") :] for item in more if item.startswith("layername=")]
     return {"path": path, "layer": names[0]} if names else path
 
 

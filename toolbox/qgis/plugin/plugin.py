@@ -1,4 +1,4 @@
-"""The plugin and its provider: the list of tools, read from tools.json."""
+"""The plugin and its provider, which reads the list of tools from tools.json."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SCHEMA = 1  # of tools.json
 
 
 class Plugin:
-    """What QGIS loads; under qgis_process only `initProcessing` is called."""
+    """The class that QGIS loads; qgis_process calls only `initProcessing`."""
 
     def __init__(self, iface: Any) -> None:
         self.iface = iface
@@ -45,7 +45,7 @@ class Plugin:
 
 
 class Provider(QgsProcessingProvider):
-    """All tools of tools.json. It starts no other program."""
+    """The provider of all tools in tools.json. It starts no other program."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -94,14 +94,14 @@ class Provider(QgsProcessingProvider):
         return self._suffixes("pointcloud", "laz")
 
     def _suffixes(self, type: str, first: str) -> list[str]:
-        """Endings of all outputs of a type, without the dot; the usual one first."""
+        """The file endings of all outputs of a type, without the dot; the usual one first."""
         outputs = [out for tool in self.listed["tools"] for out in tool["outputs"]]
         found = [s[1:] for out in outputs if out["type"] == type for s in out["suffixes"]]
         return list(dict.fromkeys([first, *found]))
 
     def loadAlgorithms(self) -> None:
         for tool in self.listed["tools"]:
-            try:  # what fails within initAlgorithm would end QGIS; here one tool is left out
+            try:  # an error within initAlgorithm would end QGIS; here one tool is left out
                 for field in tool["inputs"] + tool["outputs"]:
                     definition(field)
                 self.addAlgorithm(ToolAlgorithm(tool, self.listed["colours"]))
@@ -110,7 +110,7 @@ class Provider(QgsProcessingProvider):
 
 
 def read_tools() -> dict[str, Any]:
-    """The list of tools; an empty one, and a message, if it cannot be used."""
+    """Read the list of tools; if it cannot be used, log a message and give an empty one."""
     nothing: dict[str, Any] = {"toolbox": "", "colours": {}, "tools": []}
     try:
         listed: dict[str, Any] = json.loads((HERE / "tools.json").read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""The page in Settings > Options: which Python runs the tools, or a new one for them."""
+"""The page in Settings > Options: chooses the Python of the tools, or creates an environment."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from . import bridge
 
 PACKAGE = "lidar-toolbox"
 PYTHONS = ("python3.14", "python3.13", "python3.12", "python3.11", "python3", "python", "py")
-# Where they are on macOS: a program that was not started from a terminal has a short search path.
+# Of Python on macOS, where a program not started from a terminal has a short search path.
 FOLDERS = ("/opt/homebrew/bin", "/usr/local/bin")
 # The launcher "py" of Windows is no Python itself.
 NEEDED = "import sys, venv, ensurepip; assert sys.version_info >= (3, 11); print(sys.executable)"
@@ -67,7 +67,7 @@ class OptionsPage(QgsOptionsPageWidget):
         QgsSettings().setValue(bridge.SETTING, self.python.filePath())
 
     def test(self) -> None:
-        """Say which toolbox the chosen Python has."""
+        """Show the version of the toolbox in the chosen Python."""
         self.apply()
         try:
             words = bridge.command("-c", bridge.CHECK)
@@ -76,7 +76,7 @@ class OptionsPage(QgsOptionsPageWidget):
             self.found.setText(str(err))
 
     def create(self) -> None:
-        """Make an environment in the profile, in the background: it takes a minute or two."""
+        """Create an environment in the profile, in the background: it takes a minute or two."""
         self.found.setText("Creating the environment ...")
         self.task = QgsTask.fromFunction(
             "LiDAR Toolbox: create environment",
@@ -98,22 +98,22 @@ class OptionsPage(QgsOptionsPageWidget):
 
 
 def create_environment(task: Any, package: str = PACKAGE) -> str:
-    """Make an environment with the toolbox in the profile and return its Python.
+    """Create an environment with the toolbox in the profile, and return its Python.
 
     Raises
     ------
     RuntimeError
         There is no suitable Python, or the package cannot be installed.
     """
-    home = bridge.own_environment()
-    python = str(bridge.python_of(home))
-    bridge.said([base_python(), "-m", "venv", "--clear", str(home)])
+    folder = bridge.own_environment()
+    python = str(bridge.python_of(folder))
+    bridge.said([base_python(), "-m", "venv", "--clear", str(folder)])
     bridge.said([python, "-m", "pip", "install", "--disable-pip-version-check", package])
     return python
 
 
 def base_python() -> str:
-    """A Python 3.11 or later: never that of QGIS.
+    """Find a Python 3.11 or later that is not that of QGIS.
 
     Raises
     ------

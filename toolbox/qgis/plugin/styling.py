@@ -1,7 +1,7 @@
-"""How results look when they are loaded, told from what they hold, never from which tool made them.
+"""Sets the colours of results when they are loaded, from their content and not from the tool.
 
-A cloud is drawn by its classes; a raster as relief, differences about zero or shades, by what its
-band says of itself; features by their severity, class or kind.
+A point cloud is drawn by its classes. A raster is drawn as relief, as differences about zero or in
+grey, by the description of its band. Features are drawn by their severity, class or kind.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ NO_HEIGHT = ("(std)", "(count)", "points", "distance", "error")
 ABOUT_ZERO = ("differ", "change")
 BLUE_RED = ("#2166ac", "#92c5de", "#f7f7f7", "#f4a582", "#b2182b")
 VIRIDIS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#fde725")
-BY_WORD = ("severity", "class", "classification", "kind")  # attributes that tell features apart
+BY_WORD = ("severity", "class", "classification", "kind")  # attributes by which features are drawn
 MOST = 20  # distinct values of such an attribute
 SEVERITIES = {
     "#b2182b": ("critical", "severe", "danger", "dangerous", "high", "urgent", "immediate"),
@@ -44,7 +44,7 @@ KINDS = {"agree": "#d4d4d4", "commission": "#d7261e", "omission": "#2166d1"}
 
 
 class Styler(QgsProcessingLayerPostProcessorInterface):
-    """Colours a layer after it was loaded."""
+    """Sets the colours of a layer after it was loaded."""
 
     _kept: ClassVar[list[Any]] = []  # QGIS holds a bare pointer only
 

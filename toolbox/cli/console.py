@@ -140,8 +140,8 @@ def as_json(value: Any) -> Any:
         return [as_json(item) for item in value]
     if isinstance(value, Path):
         return str(value)
-    if hasattr(value, "records"):
-        return value.records()
+    if hasattr(value, "rows"):
+        return value.rows()
     if hasattr(value, "save"):
         return None
     return value.item() if hasattr(value, "item") else value

@@ -126,7 +126,7 @@ def _info(args: argparse.Namespace, console: Console) -> None:
             report,
             farewell=lambda: console.error(Cancelled()),
         )
-    print(json.dumps(table.records(), indent=2) if console.as_json else table.text())
+    print(json.dumps(table.rows(), indent=2) if console.as_json else table.text())
 
 
 def _history(args: argparse.Namespace, _: Console) -> None:

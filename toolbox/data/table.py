@@ -153,7 +153,7 @@ class Table:
             raise DataError(f"{path} cannot be written: {error}") from error
         ctx.progress(1.0)
 
-    def records(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[dict[str, Any]]:
         """The rows as values that JSON knows, None where a value is missing.
 
         Dates and times are ISO 8601 texts. Infinity stays what it is, which JSON does not know.

@@ -58,7 +58,7 @@ def _write_csv(table: Table, path: Path) -> None:
 
 def _write_json(table: Table, path: Path) -> None:
     """Write one JSON object per line; the writer of pandas would cut floats to 15 digits."""
-    lines = [json.dumps(row, ensure_ascii=False, allow_nan=False) for row in table.records()]
+    lines = [json.dumps(row, ensure_ascii=False, allow_nan=False) for row in table.rows()]
     path.write_text("[\n" + ",\n".join(lines) + "\n]\n", encoding="utf-8")
 
 

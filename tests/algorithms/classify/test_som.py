@@ -202,7 +202,7 @@ def test_features_and_weights_of_the_study(trained: ClassifySom.Outputs) -> None
     """x, y, z, intensity; z and intensity count ten times as much; min-max normalisation."""
     features = ("x", "y", "z", "intensity")
     out = ClassifySom(points=park(), features=features, lattice="square").run()
-    row = out.map.records()[0]
+    row = out.map.rows()[0]
     assert [row[f"{name}_weight"] for name in features] == [1, 1, 10, 10]
     made, z = FeatureMap.of(out.map), park()["z"]
     assert (row["z_low"], row["z_high"]) == (z.min(), z.max())

@@ -43,9 +43,9 @@ def test_published_figures_of_the_som_study() -> None:
     assert out.type_2 == pytest.approx(19.43, abs=0.005)
     assert out.total_error == pytest.approx(16.41, abs=0.005)
     assert out.kappa == pytest.approx(0.665, abs=0.0005)
-    rows = {row["measure"]: row["value"] for row in out.table.records()}
+    rows = {row["measure"]: row["value"] for row in out.table.rows()}
     assert [rows[k] for k in "abcd"] == [15703, 2049, 5573, 23113]
-    matrix = {row["reference"]: row for row in out.confusion.records()}
+    matrix = {row["reference"]: row for row in out.confusion.rows()}
     assert matrix["class 6"]["class 2"] == 3630
     assert matrix["class 2"]["total"] == 17752
     right = {c: matrix[f"class {c}"][f"class {c}"] for c in (6, 5, 2)}
@@ -116,7 +116,7 @@ def test_table_with_limits() -> None:
     out = CompareClasses(
         points=from_counts(SOM_STUDY), reference_attribute=Attribute("truth")
     ).run()
-    rows = {row["measure"]: row for row in out.table.records()}
+    rows = {row["measure"]: row for row in out.table.rows()}
     assert list(rows) == [
         *("a", "b", "c", "d", "unmatched", "Type I", "Type II", "total error", "kappa"),
         *("correctness", "completeness", "quality"),
@@ -134,7 +134,7 @@ def test_errors_by_stratum() -> None:
     points = points.with_attributes({"return_number": returns})
     job: dict[str, Any] = {"points": points, "reference_attribute": Attribute("truth")}
     out = CompareClasses(**job, stratum=Attribute("return_number")).run()
-    rows = {row["stratum"]: row for row in out.strata.records()}
+    rows = {row["stratum"]: row for row in out.strata.rows()}
     assert list(rows) == ["return_number 1", "return_number 2"]
     for value in (1, 2):
         one = CompareClasses(**job | {"points": points.select(returns == value)}).run()
@@ -142,7 +142,7 @@ def test_errors_by_stratum() -> None:
         measures = ("type_1", "type_2", "total_error", "kappa")
         assert [row[name] for name in measures] == [getattr(one, name) for name in measures]
         assert row["type_1_low"] < row["type_1"] < row["type_1_high"]
-    alone = CompareClasses(**job).run().strata.records()
+    alone = CompareClasses(**job).run().strata.rows()
     assert [(row["stratum"], row["points"]) for row in alone] == [("all", len(points))]
 
 
@@ -156,7 +156,7 @@ def test_a_stratum_may_have_no_counterparts_but_not_a_value_for_each_point() -> 
         **job | {"points": points.with_attributes({"user_data": areas})},
         stratum=Attribute("user_data"),
     ).run()
-    second = out.strata.records()[1]
+    second = out.strata.rows()[1]
     assert (second["points"], second["unmatched"], second["total_error"]) == (0, 100, None)
     with pytest.raises(DataError, match=r"stratum: 'x' has 4\d\d values, at most 256"):
         CompareClasses(**job, stratum=Attribute("x")).run()

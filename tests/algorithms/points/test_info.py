@@ -23,7 +23,7 @@ def grid(side: int = 100, **columns: Any) -> PointCloud:
 
 def report(cloud: PointCloud | Survey) -> tuple[dict[str, Any], list[str]]:
     """Properties by name, and the warnings."""
-    rows = PointsInfo(points=cloud).run().table.records()
+    rows = PointsInfo(points=cloud).run().table.rows()
     found = {row["property"]: row["value"] for row in rows if row["property"] != "warning"}
     return found, [row["value"] for row in rows if row["property"] == "warning"]
 
@@ -73,7 +73,7 @@ def test_covered_area_in_feet_is_in_square_metres(crs: int, foot: float) -> None
 
 
 def test_the_covered_area_of_degrees_is_in_their_unit() -> None:
-    rows = PointsInfo(points=grid(crs=CRS(4326))).run().table.records()
+    rows = PointsInfo(points=grid(crs=CRS(4326))).run().table.rows()
     (row,) = (row for row in rows if row["property"] == "covered area")
     assert row["unit"] == "square unit"
     assert row["value"] == pytest.approx(10_000, rel=0.05)
@@ -177,7 +177,7 @@ def test_one_row_per_file(tmp_path: Path) -> None:
     table = PointsInfo(points=tiles(tmp_path, RING)).run().files
     assert table is not None
     assert len(table) == 8
-    assert table.records()[1] == {
+    assert table.rows()[1] == {
         "file": str(tmp_path / "0_1.las"),
         "points": 121,
         "xmin": 0,

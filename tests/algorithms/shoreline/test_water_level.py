@@ -44,7 +44,7 @@ def test_without_water_returns_it_is_the_foot_of_the_bank(bank: float) -> None:
 def test_several_waters_have_several_levels() -> None:
     east = lake(seed=1, level=110.0)
     both = PointCloud.concat([lake(), east.with_xyz(east.xyz + np.array([100.0, 0, 0]))])
-    rows = ShorelineWaterLevel(points=both).run().levels.records()
+    rows = ShorelineWaterLevel(points=both).run().levels.rows()
     assert sorted(round(row["level"], 1) for row in rows) == [110.0, 120.0]
     assert [row["body"] for row in rows] == [1, 2]
 
@@ -62,7 +62,7 @@ def test_a_polygon_without_points_is_told(caplog: pytest.LogCaptureFixture) -> N
 
 
 def test_a_river_is_told_by_its_fall() -> None:
-    (row,) = ShorelineWaterLevel(points=river()).run().levels.records()
+    (row,) = ShorelineWaterLevel(points=river()).run().levels.rows()
     assert row["slope"] == pytest.approx(0.004, rel=0.02)
     assert row["fall"] == pytest.approx(1.56, abs=0.05)
 

@@ -22,7 +22,7 @@ def rows(path: Path) -> dict[str, Any]:
     """Value of each property; all sorts of file have the same three columns."""
     table = describe_file(path)
     assert list(table.frame) == ["property", "value", "unit"]
-    return {row["property"]: row["value"] for row in table.records()}
+    return {row["property"]: row["value"] for row in table.rows()}
 
 
 def outlines(*shapes: Any) -> Vector:
@@ -131,7 +131,7 @@ def test_rasters(tmp_path: Path) -> None:
     assert [found[f"band 1 {measure}"] for measure in measures] == [1, 1, 3, 5]
     assert found["band 2 cells without data"] == 4
     assert "band 2 mean" not in found
-    units = {row["property"]: row["unit"] for row in describe_file(tmp_path / "a.tif").records()}
+    units = {row["property"]: row["unit"] for row in describe_file(tmp_path / "a.tif").rows()}
     assert (units["band 1 mean"], units["rows"]) == ("metre", "")
 
 

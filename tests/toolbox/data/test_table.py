@@ -82,7 +82,7 @@ def test_records_are_ready_for_json(tmp_path: Path) -> None:
             8: ["é", None],
         }
     )
-    first, second = Table(frame).records()
+    first, second = Table(frame).rows()
     assert first == {
         "count": 1,
         "share": 0.5,
@@ -183,7 +183,7 @@ def test_rows_longer_than_the_header_are_refused(tmp_path: Path) -> None:
 def test_parquet_writes_columns_of_mixed_types_as_text(tmp_path: Path) -> None:
     table = Table.from_rows([{"a": 1}, {"a": "two"}, {"a": None}])
     table.save(tmp_path / "a.parquet")
-    assert [row["a"] for row in Table.open(tmp_path / "a.parquet").records()] == ["1", "two", None]
+    assert [row["a"] for row in Table.open(tmp_path / "a.parquet").rows()] == ["1", "two", None]
 
 
 def test_geopackage_of_a_table_and_a_layer(tmp_path: Path) -> None:

@@ -500,7 +500,7 @@ def test_repeated_over_a_list(load: Load, cloud: PointCloud, by: str) -> None:
     wanted = {"[{from": (8.0, 14.0)}.get(by[:6], (8.0, 9.0, 10.0))
     assert result.all == wanted
     assert result.n == 2 * len(wanted)
-    assert [row["height"] for row in result.t.records()] == list(wanted)
+    assert [row["height"] for row in result.t.rows()] == list(wanted)
     assert made.outputs["all"].many
 
 

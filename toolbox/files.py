@@ -92,11 +92,11 @@ def _same(one: Path, other: Path) -> bool:
 
 @contextmanager
 def staged(targets: Mapping[Path, OwnFiles], *, overwrite: bool) -> Iterator[dict[Path, Path]]:
-    """Give a place beside each target to write to; move all there at the end, or none.
+    """Give a path beside each target to write to; at the end move all to their targets, or none.
 
     Each output is written under its own name in a hidden folder beside the target, because some
     formats write several files, and is then renamed, which is atomic within a file system. What
-    was there before, also parts that the new output does not have, is kept until all is moved.
+    was there before, also files that the new output does not have, is kept until all is moved.
 
     Parameters
     ----------

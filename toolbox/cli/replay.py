@@ -149,7 +149,7 @@ def _made_again(
         folder = f"{path.parent}{os.sep}"
         wanted = {**values, record.output: {**record.options, "path": folder}}
         run(tool, wanted, tiling=Tiling.parse({"tile": "auto"}), **how)
-        made = Target.of(record.output, folder, catalog.load(tool)).inside(record.file).home
+        made = Target.of(record.output, folder, catalog.load(tool)).inside(record.file).resolved
         assert made is not None
         return made
     if record.number:  # the path that was asked for has no number

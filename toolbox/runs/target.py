@@ -37,13 +37,13 @@ class Target:
     Attributes
     ----------
     path : as it was given; None if the value does not name one
-    home : the file to write: of a link, the one behind it
+    resolved : the file to write, links followed; None if there is no usable path
     suffixes : endings that the output can have; none for a number, which is printed
     folder : it is one, for one file per file of a survey
     """
 
     path: Path | None
-    home: Path | None
+    resolved: Path | None
     options: Mapping[str, Any]
     suffixes: tuple[str, ...]
     known: tuple[str, ...]
@@ -55,21 +55,25 @@ class Target:
         """Take a path, or a mapping of a path and options, apart."""
         how = dict(value) if isinstance(value, Mapping) else {"path": value}
         path = how.pop("path", None)
-        place = Path(path) if isinstance(path, str | Path) and str(path) else None
-        home = _resolved(place) if place else None
+        given = Path(path) if isinstance(path, str | Path) and str(path) else None
+        resolved = _resolved(given) if given else None
         kind = kind_of(name, spec)
         folder = kind.several and (
-            str(path).endswith(("/", os.sep)) or bool(home and home.is_dir())
+            str(path).endswith(("/", os.sep)) or bool(resolved and resolved.is_dir())
         )
-        return cls(place, home, how, kind.suffixes, kind.save_options, kind.own_files, folder)
+        return cls(given, resolved, how, kind.suffixes, kind.save_options, kind.own_files, folder)
 
     @property
     def layer(self) -> str | None:
         """The layer of a GeoPackage that it is; None for a file that holds nothing else."""
-        home = self.home
-        if home is None or home.suffix.lower() != geopackage.SUFFIX or "layer" not in self.known:
+        resolved = self.resolved
+        if (
+            resolved is None
+            or resolved.suffix.lower() != geopackage.SUFFIX
+            or "layer" not in self.known
+        ):
             return None
-        return str(self.options.get("layer") or home.stem)
+        return str(self.options.get("layer") or resolved.stem)
 
     @property
     def how(self) -> dict[str, Any]:
@@ -79,29 +83,31 @@ class Target:
     @property
     def is_las(self) -> bool:
         """Whether LAS or LAZ is written; always in a folder."""
-        return self.folder or (self.home is not None and self.home.suffix.lower() in LAS)
+        return self.folder or (self.resolved is not None and self.resolved.suffix.lower() in LAS)
 
     def inside(self, name: str) -> Target:
         """The file in this folder for a file of a survey: LAS stays LAS, all else becomes LAZ."""
         assert self.path is not None
-        assert self.home is not None
+        assert self.resolved is not None
         suffix = ".las" if name.lower().endswith(".las") else ".laz"
         stem = name.removesuffix(".gz")[: -len(Path(name.removesuffix(".gz")).suffix)]
         made = stem.removesuffix(".copc") + suffix
-        return replace(self, path=self.path / made, home=self.home / made, folder=False)
+        return replace(self, path=self.path / made, resolved=self.resolved / made, folder=False)
 
     def numbered(self, number: int) -> Target:
-        """The place of one of several layers: dtm_1.tif, dtm_2.tif for dtm.tif."""
-        path, home = (p and p.with_stem(f"{p.stem}_{number}") for p in (self.path, self.home))
-        return replace(self, path=path, home=home)
+        """The target of one of several layers: dtm_1.tif, dtm_2.tif for dtm.tif."""
+        path, resolved = (
+            p and p.with_stem(f"{p.stem}_{number}") for p in (self.path, self.resolved)
+        )
+        return replace(self, path=path, resolved=resolved)
 
     def problem(self) -> str | None:
-        """What is wrong with it, apart from the place."""
+        """What is wrong with the target, apart from files at its path."""
         if not self.suffixes:
             return "is a value, which is printed; it cannot be written to a file"
-        if self.home is None:
+        if self.resolved is None:
             return "must be a path" if self.path is None else f"{self.path} is no usable path"
-        if not self.folder and (other := foreign_side_car(self.home)):
+        if not self.folder and (other := foreign_side_car(self.resolved)):
             return f"{other} stands where its record would be written; choose another name"
         try:
             parsed_options(self.options, self.known)
@@ -130,10 +136,10 @@ def of_run(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Target]:
     no others are given.
     """
     made = {name: Target.of(name, value, spec) for name, value in wanted.items()}
-    uses = Counter(target.home for target in made.values() if target.layer)
+    uses = Counter(target.resolved for target in made.values() if target.layer)
     return {
         name: replace(target, options={"layer": name, **target.options})
-        if uses[target.home] > 1
+        if uses[target.resolved] > 1
         else target
         for name, target in made.items()
     }
@@ -146,10 +152,10 @@ def problems(
     found = {name: text for name, target in targets.items() if (text := target.problem())}
     good = {name: target for name, target in targets.items() if name not in found}
     found |= dict(_twins(good))
-    first = {(t.home if t.layer else None) or n: n for n, t in reversed(good.items())}
+    first = {(t.resolved if t.layer else None) or n: n for n, t in reversed(good.items())}
     good = {name: target for name, target in good.items() if name in first.values()}
     return found | files.problems(
-        {name: target.home for name, target in good.items() if target.home},
+        {name: target.resolved for name, target in good.items() if target.resolved},
         {name: target.suffixes for name, target in good.items()},
         {name: target.own_files for name, target in good.items()},
         reads,
@@ -162,7 +168,7 @@ def _twins(targets: Mapping[str, Target]) -> Iterator[tuple[str, str]]:
     first: dict[tuple[Path | None, str], str] = {}
     for name, target in targets.items():
         if target.layer:
-            twin = first.setdefault((target.home, target.layer.lower()), name)
+            twin = first.setdefault((target.resolved, target.layer.lower()), name)
             if twin != name:
                 yield name, f"layer {target.layer} of {target.path} is also that of {twin}"
 
@@ -205,14 +211,14 @@ def write(
     pieces = _pieces(spec.id, {**found, **shown}, targets, overwrite=overwrite)
     groups: dict[Path, list[_Piece]] = {}  # of one file each
     for piece in pieces:
-        assert piece.target.home is not None
-        groups.setdefault(piece.target.home, []).append(piece)
+        assert piece.target.resolved is not None
+        groups.setdefault(piece.target.resolved, []).append(piece)
     try:
-        own_files = {home: group[0].target.own_files for home, group in groups.items()}
-        with files.staged(own_files, overwrite=overwrite) as places:
-            for index, (home, group) in enumerate(groups.items()):
+        own_files = {resolved: group[0].target.own_files for resolved, group in groups.items()}
+        with files.staged(own_files, overwrite=overwrite) as staged:
+            for index, (resolved, group) in enumerate(groups.items()):
                 part = ctx.part(index / len(groups), (index + 1) / len(groups))
-                _save_all(spec.id, group, record, places[home], part)
+                _save_all(spec.id, group, record, staged[resolved], part)
             ctx.progress(1.0)
     except OSError as err:
         raise DataError(f"{spec.id}: cannot write: {err}") from err
@@ -254,7 +260,7 @@ def _pieces(
 
 
 def _save_all(
-    id: str, group: list[_Piece], record: Record | None, place: Path, ctx: Context
+    id: str, group: list[_Piece], record: Record | None, path: Path, ctx: Context
 ) -> None:
     """Write one file, which holds several layers if it is a GeoPackage."""
     first, *others = group
@@ -264,20 +270,20 @@ def _save_all(
     made = own.to_json() if own else ""
     for piece in group:
         how = piece.target.how if piece is first else {**piece.target.how, "add": True}
-        _save(id, piece, made if piece is group[-1] else "", place, how, ctx)
+        _save(id, piece, made if piece is group[-1] else "", path, how, ctx)
 
 
 def _save(
-    id: str, piece: _Piece, record: str, place: Path, how: Mapping[str, Any], ctx: Context
+    id: str, piece: _Piece, record: str, path: Path, how: Mapping[str, Any], ctx: Context
 ) -> None:
     target = piece.target
     try:
         if piece.output == PICTURE:
-            draw(piece.layer, place, record=record)
+            draw(piece.layer, path, record=record)
         else:
-            piece.layer.save(place, record=record, ctx=ctx, **how)
+            piece.layer.save(path, record=record, ctx=ctx, **how)
     except (OSError, DataError) as err:
-        text = str(err).replace(str(place), str(target.path))
-        if files.is_full(place.parent):
+        text = str(err).replace(str(path), str(target.path))
+        if files.is_full(path.parent):
             text += "; the disk is full"
         raise DataError(id, {piece.output: text}) from err

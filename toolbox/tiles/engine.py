@@ -163,8 +163,8 @@ class _Product:
     @property
     def resolved(self) -> Path:
         """The path of the file, links followed."""
-        assert self.target.home is not None
-        return self.target.home
+        assert self.target.resolved is not None
+        return self.target.resolved
 
 
 def _products(plan: TilePlan, targets: Mapping[str, Target], survey: Survey) -> list[_Product]:
@@ -315,7 +315,7 @@ def _working_folder(
     resume: bool,
 ) -> Iterator[Path]:
     """Make the working folder of a run; it is removed after success, and kept after a failure."""
-    first = next((target.home for target in targets.values() if target.home), None)
+    first = next((target.resolved for target in targets.values() if target.resolved), None)
     if record is None or first is None:  # only numbers are asked for
         with files.scratch() as work:
             for folder in _folders(work, plan):

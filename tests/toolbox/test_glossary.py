@@ -64,6 +64,13 @@ def test_each_word_has_one_entry_of_four_cells() -> None:
     assert sorted(words) == sorted(set(words))
 
 
+def test_classes_that_it_names_are_there() -> None:
+    named = re.findall(r"the class `(\w+)`", GLOSSARY.read_text(encoding="utf-8"))
+    code = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "toolbox").rglob("*.py"))
+    assert named
+    assert [name for name in named if f"class {name}" not in code] == []
+
+
 def test_words_that_are_not_used_do_not_occur() -> None:
     problems = [
         f"{path}: {word}"

@@ -13,6 +13,7 @@ ROOT = Path(__file__).parents[2]
 GLOSSARY = ROOT / "docs" / "reference" / "glossary.md"
 
 ALLOWED = {
+    ("home", "toolbox/qgis/install.py"): "XDG_DATA_HOME of Linux",
     ("station", "algorithms/samples/_facade.py"): "where a terrestrial scanner stands",
     ("station", "docs/explanation/denoise.md"): "the same",
     ("station", "docs/explanation/cloth-simulation.md"): "a railway station",

@@ -73,7 +73,7 @@ class Profile:
 
     Attributes
     ----------
-    lines : of each line its stations and offsets, arrays of shape (n,)
+    lines : of each line its chainages and offsets, arrays of shape (n,)
     """
 
     title: str
@@ -84,7 +84,7 @@ class Profile:
 
     @classmethod
     def of(cls, title: str, layer: Vector) -> Profile | None:
-        """The profile in points with station, offset and line; None if there is none."""
+        """The profile in points with chainage, offset and line; None if there is none."""
         frame = layer.frame
         if not set(frame.columns) >= _ALONG or not frame["offset"].notna().any():
             return None
@@ -97,10 +97,10 @@ class Profile:
 
 
 def show_profile(figure: Figure, profile: Profile, place: Place) -> None:
-    """Draw offsets over stations; left of the reference is above zero."""
+    """Draw offsets over chainages; left of the reference is above zero."""
     axes = figure.add_axes(fractions(figure, place.map))
-    for station, offset in profile.lines:
-        axes.plot(station, offset, lw=0.8, color=_CURVE)
+    for chainage, offset in profile.lines:
+        axes.plot(chainage, offset, lw=0.8, color=_CURVE)
     axes.axhline(0, color=INK, lw=0.8)
     unit = f" ({profile.unit})" if profile.unit else ""
     axes.set_xlabel(f"chainage{unit}", fontsize=7.5, color=INK)

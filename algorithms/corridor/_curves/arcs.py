@@ -258,8 +258,8 @@ def misfits(bins: Binned, low: Ints, high: Ints, bend: float) -> Floats:
 def agreed(bins: Binned, edges: Ints, bend: float, usual: Floats, price: Floats) -> Ints:
     """The edges of bins at which enough tracks gain by a cut: some three of four.
 
-    A single track may follow another wire, or be pushed off by a crane, and would pay for all. What
-    the most is that one pays goes by the usual price, where none sees an arm.
+    A single track may follow another wire, or be pushed off by a crane, and would pay for all. So
+    no track pays more than a limit, which goes by the price of a cut where there is no arm.
     """
     tracks = np.maximum(tracks_at(bins), 1)
     most = MOST_PAID * usual / tracks * (tracks + 1) / tracks

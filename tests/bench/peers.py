@@ -54,6 +54,16 @@ def work(xy, z, x, y):
 """
 
 
+PYKDTREE = """
+from pykdtree.kdtree import KDTree
+def work(xy, z, x, y):
+    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    far, near = KDTree(xy).query(places, 12)
+    weight = 1 / np.maximum(far, 1e-9) ** 2
+    return (weight * z[near]).sum(axis=1) / weight.sum(axis=1)
+"""
+
+
 STARTINPY = """
 import startinpy
 def spread(n):
@@ -90,6 +100,7 @@ def work(xy, z, x, y):
 PEERS = (  # method, name, program, bar, aim, step between the points that are used
     ("linear", "startinpy", STARTINPY, 1, 3, 1),
     ("idw", "cKDTree", CKDTREE, 2, 5, 1),
+    ("idw", "pykdtree", PYKDTREE, 2, 5, 1),
     ("nearest", "griddata", GRIDDATA.format("nearest"), 1, 1, 1),
     ("linear", "griddata", GRIDDATA.format("linear"), 5, 20, 5),
     ("cubic", "griddata", GRIDDATA.format("cubic"), 5, 20, 5),

@@ -31,6 +31,7 @@ HILLS = "line_quebec_hills/west.laz"
 DAM = "water_denoever_ahn3/AHN3.laz"
 CORNER = "facade_street_corner/street_thinned.las"
 DELFT = "ahn3_delft_bgt/ahn3_cropped_2.laz"
+RECORD = '<script type="application/json" id="provenance">'
 FRONT = {"attribute": "plane_id", "assume_crs": "local"}
 DUTCH = {"assume_crs": "EPSG:28992"}
 
@@ -279,9 +280,9 @@ def _of_vector(path: Path) -> Iterator[bytes]:
 
 
 def _of_text(path: Path) -> Iterator[bytes]:
-    """A table, or a page without the record at its end."""
-    text = path.read_text(encoding="utf-8")
-    yield text.partition('<script type="application/json" id="provenance">')[0].encode()
+    """A table, or a page without the record in it."""
+    head, start, rest = path.read_text(encoding="utf-8").partition(RECORD)
+    yield (head + start + rest.partition("</script>")[2]).encode()
 
 
 def _of_picture(path: Path) -> str:

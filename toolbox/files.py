@@ -16,7 +16,7 @@ OwnFiles = Callable[[Path], tuple[Path, ...]]  # all files that belong to a path
 PREFIX = ".unfinished-"
 FULL = 2**20  # bytes; a disk with less space than this is full
 _unfinished: set[Path] = set()  # temporary folders of this process, to remove at a hard exit
-_moving = threading.Lock()  # held while outputs are moved into place
+_moving = threading.Lock()  # held while outputs are moved to their paths
 
 
 def problems(

@@ -25,7 +25,7 @@ TABLES = (".parquet", ".json")
 Row = dict[str, Any]
 
 
-def describe_file(places: Paths, ctx: Context = QUIET) -> Table:
+def describe_file(paths: Paths, ctx: Context = QUIET) -> Table:
     """Make a table of the properties of a layer: rows of property, value and unit.
 
     A CSV file whose columns include x, y and z, or have no names, is a point cloud, and any other
@@ -33,7 +33,7 @@ def describe_file(places: Paths, ctx: Context = QUIET) -> Table:
 
     Parameters
     ----------
-    places : a file, or files of points: a folder, a pattern, a VPC, or a list of these
+    paths : a file, or files of points: a folder, a pattern, a VPC, or a list of these
 
     Raises
     ------
@@ -42,7 +42,7 @@ def describe_file(places: Paths, ctx: Context = QUIET) -> Table:
     DataError
         The file cannot be read.
     """
-    items = [places] if isinstance(places, str | Path) else list(places)
+    items = [paths] if isinstance(paths, str | Path) else list(paths)
     if absent := missing(items):
         raise ParameterError(f"there is no file {', '.join(map(str, absent))}")
     path = Path(items[0])
@@ -58,8 +58,8 @@ def describe_file(places: Paths, ctx: Context = QUIET) -> Table:
     return _points(items, ctx)
 
 
-def _points(places: Paths, ctx: Context) -> Table:
-    made: Table = run("points.info", {"points": places}, ctx=ctx)["table"]
+def _points(paths: Paths, ctx: Context) -> Table:
+    made: Table = run("points.info", {"points": paths}, ctx=ctx)["table"]
     return made
 
 
@@ -129,8 +129,8 @@ def _vectors(path: Path, ctx: Context) -> Iterator[Row]:
         return
     yield _row("file", path.name)
     yield _row("layers", len(names) + len(tables))
-    for place, name in enumerate(names):
-        share = place / len(names), (place + 1) / len(names)
+    for index, name in enumerate(names):
+        share = index / len(names), (index + 1) / len(names)
         layer = Vector.open(path, layer=name, ctx=ctx.part(*share))
         yield _row(f"layer {name}", _geometry(layer))
         yield _row(f"layer {name} crs", _crs(layer))

@@ -21,6 +21,15 @@ class Context:
     stop : returns True once the user has cancelled the run
     window : xmin, ymin, xmax, ymax in the unit of the coordinates; outside it the result is not
         needed. In a tile of a survey it is the extent of the points. A tool may ignore it.
+
+    Examples
+    --------
+    >>> seen = []
+    >>> ctx = Context(report=seen.append)
+    >>> ctx.progress(0.25)
+    >>> ctx.part(0.5, 1.0).progress(0.5)
+    >>> seen
+    [0.25, 0.75]
     """
 
     report: Callable[[float], None] = lambda fraction: None

@@ -8,7 +8,14 @@ from typing import Any, Self
 
 
 class ToolboxError(Exception):
-    """Base of all errors that a user can correct; the text says all without a traceback."""
+    """Base of all errors that a user can correct; the text says all without a traceback.
+
+    Examples
+    --------
+    >>> print(ToolboxError("ground.csf", {"cell": "must be > 0 m, got -1"}))
+    ground.csf: 1 problem(s)
+      cell: must be > 0 m, got -1
+    """
 
     exit_code = 1
 
@@ -31,13 +38,26 @@ class ToolboxError(Exception):
 
 
 class ParameterError(ToolboxError, ValueError):
-    """One or more values do not fit a tool's declaration."""
+    """One or more values do not fit a tool's declaration.
+
+    Examples
+    --------
+    >>> raise ParameterError("ground.csf: unknown parameter 'cel'")
+    Traceback (most recent call last):
+    toolbox.errors.ParameterError: ground.csf: unknown parameter 'cel'
+    """
 
     exit_code = 2
 
 
 class DataError(ToolboxError, ValueError):
-    """A file cannot be read, or holds what a tool cannot use."""
+    """A file cannot be read, or holds what a tool cannot use.
+
+    Examples
+    --------
+    >>> print(DataError("there is no ground").named("surface.grid"))
+    surface.grid: there is no ground
+    """
 
     exit_code = 3
 
@@ -47,6 +67,11 @@ class NothingToDo(DataError):
 
     For a whole survey this is an error. For a tile, which may lie in a lake, the result is
     `instead`; with None there is no layer.
+
+    Examples
+    --------
+    >>> NothingToDo("all points are ignored", instead="an empty layer").instead
+    'an empty layer'
     """
 
     def __init__(
@@ -62,7 +87,14 @@ class NothingToDo(DataError):
 
 
 class Cancelled(ToolboxError):
-    """The user asked the run to stop."""
+    """The user asked the run to stop.
+
+    Examples
+    --------
+    >>> raise Cancelled
+    Traceback (most recent call last):
+    toolbox.errors.Cancelled: cancelled
+    """
 
     exit_code = 130
 
@@ -71,6 +103,12 @@ class Cancelled(ToolboxError):
 
 
 def nearest(name: str, known: Iterable[Any]) -> str:
-    """Say '; did you mean ...?' with the known name that is closest, or nothing."""
+    """Say '; did you mean ...?' with the known name that is closest, or nothing.
+
+    Examples
+    --------
+    >>> nearest("cel", ["cell", "slope"])
+    "; did you mean 'cell'?"
+    """
     close = difflib.get_close_matches(name, [str(k) for k in known], n=1)
     return f"; did you mean {close[0]!r}?" if close else ""

@@ -45,6 +45,12 @@ class AlphaShape(NamedTuple):
         in which regions meet counts for the larger
     alpha : that the shape was made with
     least : radius of the smallest circle around a triangle; below it there is no shape
+
+    Examples
+    --------
+    >>> shape = alpha_shape(np.array([[0, 0], [3, 0], [0, 4.0]]), np.inf)
+    >>> shape.polygons[0].area, shape.least
+    (6.0, 2.5)
     """
 
     polygons: NDArray[Any]
@@ -87,6 +93,13 @@ def alpha_shape(
         There are fewer than three points, or all lie on one line.
     ValueError
         See :func:`algorithms.shared.delaunay.triangulate`.
+
+    Examples
+    --------
+    >>> xy = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [9, 9.0]])
+    >>> shape = alpha_shape(xy, 1.0)
+    >>> [polygon.area for polygon in shape.polygons], shape.points.tolist()
+    ([1.0], [4])
     """
     mesh = triangulate(xy, ctx=ctx.part(0, 0.7))
     radii = circumradii(mesh, ctx=ctx.part(0.7, 0.75))
@@ -100,7 +113,14 @@ def alpha_shape(
 
 
 def critical_alpha(mesh: Mesh, radii: Floats, rule: Rule) -> float:
-    """The least alpha that keeps all points, and with "auto" in one region; see `alpha_shape`."""
+    """The least alpha that keeps all points, and with "auto" in one region; see `alpha_shape`.
+
+    Examples
+    --------
+    >>> mesh = triangulate(np.array([[0, 0], [3, 0], [0, 4.0]]))
+    >>> round(critical_alpha(mesh, circumradii(mesh), "all_points"), 6)
+    2.5
+    """
     everywhere = np.full(len(mesh.xy), np.inf)
     cover = float(kernels.covering_radius(mesh.triangles, radii, everywhere))
     kept = radii <= cover * (1 + ROUNDING)
@@ -115,7 +135,13 @@ def critical_alpha(mesh: Mesh, radii: Floats, rule: Rule) -> float:
 
 
 def circumradii(mesh: Mesh, *, ctx: Context = QUIET) -> Floats:
-    """Radius of the circle around each triangle."""
+    """Radius of the circle around each triangle.
+
+    Examples
+    --------
+    >>> circumradii(triangulate(np.array([[0, 0], [3, 0], [0, 4.0]])))
+    array([2.5])
+    """
     return _of_triangles(kernels.radii_block, mesh, ctx)
 
 

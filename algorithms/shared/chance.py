@@ -19,6 +19,12 @@ def random_keys(xyz: NDArray[np.float64], seed: int) -> NDArray[np.uint64]:
     """A number for each point of shape (n, 3), that looks random: the same one in any cloud.
 
     The points with the lowest numbers are a random sample. Points at one place have the same.
+
+    Examples
+    --------
+    >>> first, second, third = random_keys(np.array([[0, 0, 0], [1, 0, 0], [0, 0, 0.0]]), seed=1)
+    >>> first == third, first == second
+    (np.True_, np.False_)
     """
     return np.asarray(_keys(np.ascontiguousarray(xyz).view(np.uint64), np.uint64(seed)))
 

@@ -68,6 +68,11 @@ class Feature:
     power : of the unit of length in it: 1 for a length, -2 for a number per area
     of : computes it from the rows of :mod:`algorithms.shared.kernels.covariance`
     shape : it needs FEWEST points
+
+    Examples
+    --------
+    >>> FEATURES["planarity"].power  # a ratio
+    0
     """
 
     text: str
@@ -156,6 +161,13 @@ def covariance_features(
     ------
     ValueError
         A coordinate is not a finite number, or there is neither a number nor a radius.
+
+    Examples
+    --------
+    >>> xyz = np.array([[x, y, 0.5 * x] for x in range(5) for y in range(5)], float)
+    >>> found = covariance_features(xyz, neighbours=8, names=("planarity", "nz"))
+    >>> found["nz"][12].round(3)  # of the point in the middle: cos(atan(0.5))
+    np.float32(0.894)
     """
     if neighbours is None and radius is None:
         raise ValueError("give neighbours, a radius or both")

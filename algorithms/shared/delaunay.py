@@ -50,6 +50,14 @@ class Mesh:
         the hull
     duplicate_of : array of shape (n,), of all points at the same place the first; a point that
         is alone there names itself. Triangles use only first points.
+
+    Examples
+    --------
+    >>> mesh = triangulate(np.array([[0, 0], [4, 0], [0, 4], [4, 4.0]]))
+    >>> len(mesh.triangles)
+    2
+    >>> mesh.interpolate(np.array([0, 4, 0, 4.0]), np.array([[1, 2], [9, 9.0]]))
+    array([ 1., nan])
     """
 
     xy: Floats
@@ -127,6 +135,11 @@ def triangulate(xy: Floats, *, ctx: Context = QUIET) -> Mesh:
     The points are worked on in a copy sorted by the order of insertion: what is near on the
     ground is then near in memory. Many points are worked on in strips, side by side in threads,
     which are then sewn together.
+
+    Examples
+    --------
+    >>> triangulate(np.array([[0, 0], [3, 0], [0, 4.0]])).triangles.shape
+    (1, 3)
     """
     xy = _checked(xy)
     if len(xy) < 2 * strips.STRIP:
@@ -229,6 +242,13 @@ class LiveMesh:
     ------
     DataError, ValueError
         See :func:`triangulate`.
+
+    Examples
+    --------
+    >>> live = LiveMesh(np.array([[0, 0], [4, 0], [0, 4], [1, 1.0]]))
+    >>> first, then = live.insert(np.arange(3)), live.insert(np.array([3]))
+    >>> live.round_of.tolist(), len(live.mesh().triangles)
+    ([0, 0, 0, 1], 3)
     """
 
     def __init__(self, xy: Floats) -> None:

@@ -34,6 +34,12 @@ def taking_part(cloud: PointCloud, *without: Sequence[int] | None) -> Mask:
     Returns
     -------
     array of shape (n,)
+
+    Examples
+    --------
+    >>> cloud = PointCloud(np.zeros((3, 3)), {"classification": [2, 7, 18]})
+    >>> taking_part(cloud, (7, 18))
+    array([ True, False, False])
     """
     part = ~is_withheld(cloud)
     if "classification" in cloud:
@@ -42,12 +48,24 @@ def taking_part(cloud: PointCloud, *without: Sequence[int] | None) -> Mask:
 
 
 def among(keep: Sequence[int] | None, classes: Sequence[int]) -> tuple[int, ...]:
-    """Those of some classes that are kept."""
+    """Those of some classes that are kept.
+
+    Examples
+    --------
+    >>> among((9, 17), SURFACES)
+    (9,)
+    """
     return tuple(set(keep or ()).intersection(classes))
 
 
 def is_withheld(cloud: PointCloud) -> Mask:
-    """True for the points that their producer wants nobody to use, array of shape (n,)."""
+    """True for the points that their producer wants nobody to use, array of shape (n,).
+
+    Examples
+    --------
+    >>> is_withheld(PointCloud(np.zeros((2, 3)), {"withheld": np.array([0, 1], np.uint8)}))
+    array([False,  True])
+    """
     if "withheld" not in cloud:
         return np.zeros(len(cloud), bool)
     return np.asarray(cloud["withheld"] != 0)
@@ -62,6 +80,12 @@ def may_be_ground(cloud: PointCloud, returns: Returns) -> Mask:
     Returns
     -------
     array of shape (n,)
+
+    Examples
+    --------
+    >>> returns = {"return_number": [1, 2], "number_of_returns": [2, 2]}
+    >>> may_be_ground(PointCloud(np.zeros((2, 3)), returns), "last")
+    array([False,  True])
     """
     if returns == "all" or not {"return_number", "number_of_returns"} <= set(cloud.names):
         return np.ones(len(cloud), bool)
@@ -80,6 +104,14 @@ class Candidates:
     part : array of shape (n,), see :func:`taking_part`; all other points keep their class
     chosen : array of shape (n,), the m points to decide on; the rest of `part` is not ground
     keep : classes of points that keep them unless they are ground, and of `SURFACES` even then
+
+    Examples
+    --------
+    >>> cloud = PointCloud(np.eye(3), {"classification": np.array([1, 1, 7], np.uint8)})
+    >>> candidates = Candidates.of(cloud, "all", ignore=(7,))
+    >>> found = candidates.xyz[:, 0] > 0.5
+    >>> candidates.classified(found, keep_classes=False)["classification"]
+    array([2, 1, 7], dtype=uint8)
     """
 
     cloud: PointCloud

@@ -21,6 +21,15 @@ def heights_problem(raster: Raster) -> str | None:
 
     A band without a unit is taken to have that of the coordinates. The text continues a sentence
     that begins with the name of the raster.
+
+    Examples
+    --------
+    >>> from pyproj import CRS
+    >>> from toolbox.data import Lattice
+    >>> lattice = Lattice(0, 2, 1.0, 2, 2)
+    >>> feet = Raster.from_lattice(np.ones((2, 2)), lattice, crs=CRS(32635), units=("foot",))
+    >>> heights_problem(feet)
+    'holds values in foot, not in metre as its coordinates; convert them'
     """
     if len(raster.values) != 1:
         return f"has {len(raster.values)} bands; choose one with the option band"
@@ -33,7 +42,15 @@ def heights_problem(raster: Raster) -> str | None:
 
 
 def infinity_problem(raster: Raster) -> str | None:
-    """Why values are no numbers to reckon with; NaN is no data. Continues a sentence."""
+    """Why values are no numbers to reckon with; NaN is no data. Continues a sentence.
+
+    Examples
+    --------
+    >>> from toolbox.data import Lattice
+    >>> lattice = Lattice(0, 1, 1.0, 1, 2)
+    >>> infinity_problem(Raster.from_lattice(np.array([[1, np.inf]]), lattice, crs=None))
+    'holds infinite values; set them to nodata'
+    """
     if raster.values.dtype.kind == "f" and np.isinf(raster.values).any():
         return "holds infinite values; set them to nodata"
     return None

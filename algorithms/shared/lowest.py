@@ -31,6 +31,12 @@ def require_finite(xyz: Floats, *, largest: float = LARGEST) -> None:
     ------
     DataError
         Names the first such point.
+
+    Examples
+    --------
+    >>> require_finite(np.array([[0, 0, np.nan]]))
+    Traceback (most recent call last):
+    toolbox.errors.DataError: points: coordinates must be finite numbers, got z = nan at point 0
     """
     if not xyz.size or (xyz.min() > -largest and xyz.max() < largest):  # False for NaN
         return
@@ -64,6 +70,11 @@ def lattice_around(
     ------
     DataError
         The bounding box of the points, which one stray point may stretch, has too many cells.
+
+    Examples
+    --------
+    >>> lattice_around(np.array([[0.5, 0.5, 9], [2.5, 1.5, 9]]), 1.0).bounds
+    (-1.0, -1.0, 4.0, 3.0)
     """
     low = np.array([xyz[:, axis].min() for axis in (0, 1)])  # much faster than along the points
     high = np.array([xyz[:, axis].max() for axis in (0, 1)])
@@ -88,6 +99,11 @@ def outlier_reach(cell: float) -> float:
 
     In each round it is compared with the lowest points of cells, and so are the points below it
     in its own cell.
+
+    Examples
+    --------
+    >>> round(outlier_reach(1.0), 1)
+    47.0
     """
     cell = max(cell, OUTLIER_CELL)
     return OUTLIER_ROUNDS * (max(OUTLIER_REACH, 2 * cell) + 2 * math.sqrt(2) * cell)
@@ -111,6 +127,14 @@ def without_low_outliers(xyz: Floats, cell: float, metre: float, ctx: Context) -
     -----
     What is left out may have hidden others, so the search is repeated where it found something,
     OUTLIER_ROUNDS times at most. Points farther away than :func:`outlier_reach` never count.
+
+    Examples
+    --------
+    >>> from toolbox.context import QUIET
+    >>> xyz = np.array([[x, y, 100.0] for x in range(30) for y in range(30)], float)
+    >>> xyz[450, 2] = 60.0
+    >>> np.flatnonzero(~without_low_outliers(xyz, 1.0, 1.0, QUIET))
+    array([450])
     """
     lattice = lattice_around(xyz, max(cell, OUTLIER_CELL * metre))
     cells = np.empty(len(xyz), np.int32)
@@ -148,6 +172,16 @@ def low_outliers(
     """Indices of the low outliers among the points in use, judged by all of these.
 
     Few cells are suspect by their lowest points alone; only what lies low there is looked at.
+
+    Examples
+    --------
+    >>> from toolbox.context import QUIET
+    >>> xyz = np.array([[x, y, 100.0] for x in range(30) for y in range(30)], float)
+    >>> xyz[450, 2] = 60.0
+    >>> use, lattice = np.ones(900, bool), lattice_around(xyz, 1.0)
+    >>> lowest = lowest_points(xyz, use, lattice, QUIET)
+    >>> low_outliers(xyz, use, cells_of(xyz, lattice), lowest, 1.0, 1.0, QUIET)
+    array([450])
     """
     from scipy.ndimage import maximum_filter  # of which the other functions have no need
 
@@ -185,6 +219,11 @@ def cells_of(xyz: Floats, lattice: Lattice) -> NDArray[np.int32]:
     Returns
     -------
     array of shape (n,)
+
+    Examples
+    --------
+    >>> cells_of(np.array([[0.5, 0.5, 9], [1.5, 1.5, 9]]), Lattice(0, 2, 1.0, 2, 2))
+    array([2, 1], dtype=int32)
     """
     left, top = round(lattice.west / lattice.cell), round(lattice.north / lattice.cell)
     found: NDArray[np.int32] = kernels.cells_of(xyz, left, top, lattice.cell, *lattice.shape)
@@ -195,6 +234,14 @@ def lowest_points(xyz: Floats, use: Mask, lattice: Lattice, ctx: Context) -> Int
     """Index of the lowest point in use of each cell; -1 where there is none.
 
     The lattice must be in whole multiples of its cell.
+
+    Examples
+    --------
+    >>> from toolbox.context import QUIET
+    >>> xyz = np.array([[0.5, 0.5, 9], [0.6, 0.5, 8], [1.5, 1.5, 7]])
+    >>> lowest_points(xyz, np.ones(3, bool), Lattice(0, 2, 1.0, 2, 2), QUIET)
+    array([[-1,  2],
+           [ 1, -1]])
     """
     lowest = np.full(lattice.shape, -1)
     height = np.full(lattice.shape, np.inf)
@@ -206,7 +253,18 @@ def lowest_points(xyz: Floats, use: Mask, lattice: Lattice, ctx: Context) -> Int
 
 
 def spread_to_empty(xyz: Floats, near: Ints, lattice: Lattice, ctx: Context) -> None:
-    """Give each empty cell (-1) the index of the point nearest to its middle (in place)."""
+    """Give each empty cell (-1) the index of the point nearest to its middle (in place).
+
+    Examples
+    --------
+    >>> from toolbox.context import QUIET
+    >>> xyz, lattice = np.array([[0.5, 0.5, 9], [1.4, 1.5, 7]]), Lattice(0, 2, 1.0, 2, 2)
+    >>> near = lowest_points(xyz, np.ones(2, bool), lattice, QUIET)
+    >>> spread_to_empty(xyz, near, lattice, QUIET)
+    >>> near
+    array([[1, 1],
+           [0, 0]])
+    """
     empty = near < 0
     down = [(first, last, 1) for first, last in blocks(lattice.rows, lattice.cols)]
     up = [(last - 1, first - 1, -1) for first, last, _ in reversed(down)]
@@ -216,6 +274,12 @@ def spread_to_empty(xyz: Floats, near: Ints, lattice: Lattice, ctx: Context) -> 
 
 
 def blocks(total: int, size: int = 1) -> list[tuple[int, int]]:
-    """Cut `total` items of `size` nodes into runs (first, last) of about BLOCK nodes."""
+    """Cut `total` items of `size` nodes into runs (first, last) of about BLOCK nodes.
+
+    Examples
+    --------
+    >>> blocks(5, BLOCK // 2)
+    [(0, 2), (2, 4), (4, 5)]
+    """
     length = max(1, BLOCK // size)
     return [(first, min(first + length, total)) for first in range(0, total, length)]

@@ -38,6 +38,13 @@ class PointTree:
     order : array of shape (n,), index of each among the points given
     boxes : array of shape (2**(depth + 1), 6), lowest and highest x, y, z of every node
     depth : level of the leaves
+
+    Examples
+    --------
+    >>> tree = PointTree.of(np.array([[0, 0, 0], [3, 0, 0], [4, 0, 0.0]]))
+    >>> mean, largest = tree.mean_distances(2)
+    >>> mean.tolist()  # in the order of the points given
+    [3.5, 2.0, 2.5]
     """
 
     xyz: Floats

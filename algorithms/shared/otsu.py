@@ -37,6 +37,11 @@ def otsu_threshold(values: NDArray[Any], all_of_them: str = "all values") -> flo
     Notes
     -----
     Otsu (1979), equation 14: the variance between the classes is w0 * w1 * (m1 - m0)**2.
+
+    Examples
+    --------
+    >>> otsu_threshold(np.array([1, 2, 2, 9, 10]))
+    9.0
     """
     level, count = np.unique(values, return_counts=True)
     if len(level) < 2:

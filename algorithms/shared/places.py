@@ -15,7 +15,14 @@ Array = NDArray[np.float64]
 
 
 def averaged(xy: Array, values: Array, *, ctx: Context = QUIET) -> tuple[Array, Array]:
-    """Each place of shape (n, 2) once, sorted, with the mean of its values of shape (n,)."""
+    """Each place of shape (n, 2) once, sorted, with the mean of its values of shape (n,).
+
+    Examples
+    --------
+    >>> xy, means = averaged(np.array([[1, 0], [0, 0], [1, 0.0]]), np.array([2, 5, 4.0]))
+    >>> xy.tolist(), means.tolist()
+    ([[0.0, 0.0], [1.0, 0.0]], [5.0, 3.0])
+    """
     order = np.argsort(xy[:, 0])
     ctx.progress(0.3)
     places, means = np.empty((len(xy), 2)), np.empty(len(xy))

@@ -49,6 +49,12 @@ class Plane:
     normal : array of shape (3,), of length 1
     centre : array of shape (3,), a place on the plane: the mean of the points it was fitted to
     origin : array of shape (3,), from which the centre is measured, so that no digits are lost
+
+    Examples
+    --------
+    >>> roof = Plane(np.array([0, 0, 1.0]), np.array([0, 0, 5.0]), np.zeros(3))
+    >>> roof.distances(np.array([[9, 9, 7], [9, 9, 4.0]])), roof.offset
+    (array([ 2., -1.]), 5.0)
     """
 
     normal: Floats
@@ -84,6 +90,12 @@ class Cone:
     ----------
     axis : array of shape (3,), of length 1
     cosine : of the angle
+
+    Examples
+    --------
+    >>> upright = Cone.of(np.array([0, 0, 9.0]), degrees=10)
+    >>> upright.holds(np.array([[0, 0, -1], [1, 0, 0.0]]))
+    array([ True, False])
     """
 
     axis: Floats
@@ -107,6 +119,13 @@ class Fit:
     ----------
     plane : that is best for them
     settled : whether the same points were near the plane again at the end
+
+    Examples
+    --------
+    >>> level = Plane(np.array([0, 0, 1.0]), np.zeros(3), np.zeros(3))
+    >>> xyz = np.array([[0, 0, 0.1], [9, 0, 0.1], [0, 9, 0.1], [9, 9, 0.1]])
+    >>> fit(xyz, level, limit=0.5).settled
+    True
     """
 
     plane: Plane
@@ -130,7 +149,13 @@ def trials_needed(share: float, confidence: float) -> float:
 
 
 def sample(xyz: Floats, seed: int, size: int = SAMPLE) -> Floats:
-    """Some of the points, array of shape (m, 3): the same ones for any order of the points."""
+    """Some of the points, array of shape (m, 3): the same ones for any order of the points.
+
+    Examples
+    --------
+    >>> sample(np.array([[2, 0, 0], [1, 0, 0.0]]), seed=0, size=9).shape
+    (2, 3)
+    """
     points = xyz
     if len(points) > size:
         points = points[np.argpartition(random_keys(points, seed), size)[:size]]
@@ -138,7 +163,13 @@ def sample(xyz: Floats, seed: int, size: int = SAMPLE) -> Floats:
 
 
 def is_line(xyz: Floats) -> bool:
-    """Whether points of shape (n, 3) lie on a line or at one place, as far as floats can tell."""
+    """Whether points of shape (n, 3) lie on a line or at one place, as far as floats can tell.
+
+    Examples
+    --------
+    >>> is_line(np.array([[0, 0, 0], [1, 1, 1], [3, 3, 3.0]]))
+    True
+    """
     if len(xyz) < 3:
         return True
     near = xyz - xyz[0]
@@ -179,6 +210,13 @@ def search(
     -------
     plane : None if no three points make one that is allowed
     trials : that were made
+
+    Examples
+    --------
+    >>> xyz = np.array([[0, 0, 0], [9, 0, 0], [0, 9, 0], [9, 9, 0], [5, 5, 7.0]])
+    >>> plane, _ = search(xyz, limit=0.5)
+    >>> abs(plane.normal).round(6).tolist()
+    [0.0, 0.0, 1.0]
     """
     origin = points[0].copy()
     near = points - origin
@@ -263,6 +301,13 @@ def fit(
     Returns
     -------
     None if the points near the plane are on a line
+
+    Examples
+    --------
+    >>> level = Plane(np.array([0, 0, 1.0]), np.zeros(3), np.zeros(3))
+    >>> xyz = np.array([[0, 0, 0.2], [9, 0, 0.2], [0, 9, 0.2], [9, 9, 0.2], [5, 5, 7.0]])
+    >>> fit(xyz, level, limit=0.5).plane.offset
+    0.2
     """
     points = np.ascontiguousarray(xyz).view()
     points.flags.writeable = False  # the kernel is compiled for such arrays alone

@@ -39,6 +39,13 @@ def polygons(layer: Vector, name: str) -> Shapes:
     ------
     DataError
         One is of another type, or crosses itself; names the parameter.
+
+    Examples
+    --------
+    >>> import geopandas
+    >>> two = shapely.MultiPolygon([shapely.box(0, 0, 1, 1), shapely.box(5, 0, 6, 1)])
+    >>> len(polygons(Vector(geopandas.GeoDataFrame(geometry=[two])), "clip"))
+    2
     """
     shapes = shapely.get_parts(geometries(layer))
     others = {shape.geom_type for shape in shapes} - {"Polygon"}
@@ -51,7 +58,14 @@ def polygons(layer: Vector, name: str) -> Shapes:
 
 
 def geometries(layer: Vector) -> Shapes:
-    """What there is, without features that have no geometry."""
+    """What there is, without features that have no geometry.
+
+    Examples
+    --------
+    >>> import geopandas
+    >>> len(geometries(Vector(geopandas.GeoDataFrame(geometry=[shapely.Point(0, 0), None]))))
+    1
+    """
     shapes = layer.frame.geometry.to_numpy()
     there: Shapes = shapes[~(shapely.is_missing(shapes) | shapely.is_empty(shapes))]
     return there
@@ -67,6 +81,12 @@ class Polygons:
     listed, starts : numbers of the edges that may touch a cell, and where those of each begin
     winding : array of shape (rows * cols,), in how many polygons the lower left corner is
     frame : west, south, cell, rows, cols; one row or column of cells around everything is empty
+
+    Examples
+    --------
+    >>> yard = Polygons.of(np.array([shapely.box(0, 0, 2, 2)]))
+    >>> yard.hold(np.array([[1, 1], [2, 1], [3, 1.0]]))
+    array([ True,  True, False])
     """
 
     edges: Array

@@ -51,6 +51,13 @@ def parse_crs(text: str) -> CRS:
     ------
     ValueError
         The text has another form, is unknown to PROJ, or names a height system alone.
+
+    Examples
+    --------
+    >>> parse_crs("EPSG:2154+5720").name
+    'RGF93 v1 / Lambert-93 + NGF-IGN69 height'
+    >>> parse_crs("local:mm").name
+    'Local coordinates in millimetres'
     """
     text = text.strip()
     if text.lower() in LOCALS:
@@ -70,6 +77,13 @@ def length_problem(crs: CRS | None) -> str | None:
     """Say why lengths cannot be measured in this CRS, and what to do; None if they can.
 
     The text continues a sentence that begins with the name of the file.
+
+    Examples
+    --------
+    >>> length_problem(CRS(32635)) is None
+    True
+    >>> length_problem(CRS(4326))
+    'is in degrees (EPSG:4326 WGS 84); reproject it to a projected CRS first'
     """
     if crs is None:
         return (
@@ -110,6 +124,11 @@ def metres_per_unit(crs: CRS | None) -> float:
     ------
     DataError
         The horizontal unit is not a length, as in a geographic CRS.
+
+    Examples
+    --------
+    >>> round(metres_per_unit(CRS(2263)), 6)  # US survey feet
+    0.304801
     """
     if crs is None:
         return 1.0
@@ -120,7 +139,13 @@ def metres_per_unit(crs: CRS | None) -> float:
 
 
 def metres_per_height(crs: CRS) -> float:
-    """Metres per unit of height; of a CRS without heights the horizontal unit, if a length."""
+    """Metres per unit of height; of a CRS without heights the horizontal unit, if a length.
+
+    Examples
+    --------
+    >>> metres_per_height(CRS("EPSG:2154+5720"))
+    1.0
+    """
     vertical = _vertical_axis(crs)
     if vertical is not None:
         return float(vertical.unit_conversion_factor)
@@ -128,7 +153,13 @@ def metres_per_height(crs: CRS) -> float:
 
 
 def vertical_unit(crs: CRS | None) -> str:
-    """Name of the unit of heights: "metre", "foot", "US survey foot", ...; "" if not known."""
+    """Name of the unit of heights: "metre", "foot", "US survey foot", ...; "" if not known.
+
+    Examples
+    --------
+    >>> vertical_unit(CRS(2263)), vertical_unit(CRS(4326))
+    ('US survey foot', '')
+    """
     if crs is None:
         return ""
     horizontal, vertical = horizontal_crs(crs), _vertical_axis(crs)
@@ -143,6 +174,11 @@ def same_crs(a: CRS | None, b: CRS | None) -> bool:
     Names, the WKT dialect, the order in which the axes are listed and an attached transformation
     to WGS 84 make no difference. A CRS with a vertical component differs from the same without it,
     and LOCAL or no CRS is the same only as itself.
+
+    Examples
+    --------
+    >>> same_crs(CRS("EPSG:2154"), CRS("EPSG:2154+5720"))
+    False
     """
     if a is None or b is None:
         return a is b
@@ -154,7 +190,13 @@ def same_crs(a: CRS | None, b: CRS | None) -> bool:
 
 
 def is_local(crs: CRS) -> bool:
-    """Whether a CRS is one of LOCALS, which is never written to a file."""
+    """Whether a CRS is one of LOCALS, which is never written to a file.
+
+    Examples
+    --------
+    >>> is_local(parse_crs("local:ft")), is_local(CRS(32635))
+    (True, False)
+    """
     return any(same_crs(crs, local) for local in LOCALS.values())
 
 
@@ -174,6 +216,13 @@ def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool) -> str | None:
     str or None
         Continues a sentence that begins with the name of the first layer, and is continued by
         "of" and the name of the second one.
+
+    Examples
+    --------
+    >>> crs_conflict(CRS(32636), CRS(32635), heights=False)
+    'is in EPSG:32636 WGS 84 / UTM zone 36N; reproject it to EPSG:32635 WGS 84 / UTM zone 35N'
+    >>> crs_conflict(CRS("EPSG:2154"), CRS("EPSG:2154+5720"), heights=False) is None
+    True
     """
     if same_crs(a, b):
         return None
@@ -184,7 +233,13 @@ def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool) -> str | None:
 
 
 def crs_conflicts(named: Sequence[tuple[str, CRS | None]]) -> list[str]:
-    """Say of each point cloud, given by name and CRS, why it cannot be used with the first one."""
+    """Say of each point cloud, given by name and CRS, why it cannot be used with the first one.
+
+    Examples
+    --------
+    >>> crs_conflicts([("a.laz", CRS(32635)), ("b.laz", None)])[0][:22]
+    'b.laz has no CRS; stat'
+    """
     (first_name, first), *others = named
     return [
         f"{name} {text} of {first_name}"
@@ -208,7 +263,13 @@ def _advice(a: CRS, b: CRS, heights: bool) -> str | None:
 
 
 def describe_crs(crs: CRS | None) -> str:
-    """Authority code and name, e.g. "EPSG:2154+5720 RGF93 v1 / Lambert-93 + NGF-IGN69 height"."""
+    """Authority code and name, e.g. "EPSG:2154+5720 RGF93 v1 / Lambert-93 + NGF-IGN69 height".
+
+    Examples
+    --------
+    >>> describe_crs(CRS(32635))
+    'EPSG:32635 WGS 84 / UTM zone 35N'
+    """
     if crs is None:
         return "no CRS"
     if is_local(crs):
@@ -218,7 +279,13 @@ def describe_crs(crs: CRS | None) -> str:
 
 
 def crs_text(crs: CRS | None) -> str:
-    """A text that :func:`parse_crs` reads as the same CRS: a code, "local", WKT; "" of none."""
+    """A text that :func:`parse_crs` reads as the same CRS: a code, "local", WKT; "" of none.
+
+    Examples
+    --------
+    >>> crs_text(CRS("EPSG:2154+5720")), crs_text(parse_crs("local")), crs_text(None)
+    ('EPSG:2154+5720', 'local', '')
+    """
     if crs is None:
         return ""
     word = next((word for word, local in LOCALS.items() if crs.equals(local)), "")
@@ -226,7 +293,13 @@ def crs_text(crs: CRS | None) -> str:
 
 
 def horizontal_crs(crs: CRS) -> CRS:
-    """The horizontal component of a CRS, without TOWGS84."""
+    """The horizontal component of a CRS, without TOWGS84.
+
+    Examples
+    --------
+    >>> horizontal_crs(CRS("EPSG:2154+5720")).to_epsg()
+    2154
+    """
     return _components(crs)[0]
 
 

@@ -43,6 +43,15 @@ class Lattice:
     ------
     DataError
         The lattice has no cells, or more than `MAX_CELLS`.
+
+    Examples
+    --------
+    >>> lattice = Lattice.cover((0, 0, 9, 5), cell=2.5)
+    >>> lattice.shape, lattice.bounds
+    ((2, 4), (0.0, 0.0, 10.0, 5.0))
+    >>> x, y = lattice.centres()
+    >>> x
+    array([1.25, 3.75, 6.25, 8.75])
     """
 
     west: float

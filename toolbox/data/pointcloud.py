@@ -44,6 +44,14 @@ class PointCloud:
     ------
     DataError
         The shapes do not fit, or an attribute is not made of numbers.
+
+    Examples
+    --------
+    >>> cloud = PointCloud([[0, 0, 5.0], [1, 0, 6.0]], {"classification": [2, 6]})
+    >>> cloud.select(cloud["classification"] == 2).xyz
+    array([[0., 0., 5.]])
+    >>> cloud.with_attributes({"height": cloud["z"] - 5.0}).names
+    ('classification', 'height')
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".laz", ".las", ".csv", ".xyz", ".txt", ".ply")

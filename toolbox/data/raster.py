@@ -51,6 +51,15 @@ class Raster:
     ------
     ValueError
         The arguments do not fit each other.
+
+    Examples
+    --------
+    >>> lattice = Lattice.cover((0, 0, 2, 2), cell=1.0)
+    >>> raster = Raster.from_lattice(np.array([[7.0, 8.0], [9.0, np.nan]]), lattice, crs=None)
+    >>> raster.band()[0], raster.bounds
+    (array([7., 8.]), (0.0, 0.0, 2.0, 2.0))
+    >>> raster.sample(np.array([0.2, 1.9]), np.array([1.8, 1.5]))
+    array([7., 8.])
     """
 
     values: NDArray[Any]

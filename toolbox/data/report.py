@@ -28,6 +28,11 @@ class Figure:
     ----------
     content : of a PNG or SVG file
     caption : what it shows, which is also read to those who cannot see it
+
+    Examples
+    --------
+    >>> Figure(b"<svg/>", "An empty drawing").source
+    'data:image/svg+xml;base64,PHN2Zy8+'
     """
 
     content: bytes
@@ -48,6 +53,12 @@ class Rows:
     ----------
     caption : what it shows
     most : rows to show
+
+    Examples
+    --------
+    >>> rows = Rows(Table.from_rows([{"class": 2}, {"class": 6}]), most=1)
+    >>> rows.cells, rows.left_out
+    ([['2']], 1)
     """
 
     table: Table
@@ -77,7 +88,13 @@ Block = str | Rows | Figure
 
 @dataclass(frozen=True)
 class Section:
-    """A heading of a report with texts, tables and images under it."""
+    """A heading of a report with texts, tables and images under it.
+
+    Examples
+    --------
+    >>> Section("Points", ["There are 42.", Rows(Table.from_rows([{"class": 2}]))]).title
+    'Points'
+    """
 
     title: str
     blocks: Sequence[Block]
@@ -92,6 +109,12 @@ class Report:
     sections : in the order of reading
     summary : what to know before all else
     name : for messages
+
+    Examples
+    --------
+    >>> report = Report("Survey", [Section("Points", ["There are 42."])])
+    >>> "There are 42." in report.html()
+    True
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".html",)

@@ -45,6 +45,17 @@ class SurveyFile:
     remarks : what is odd in the header but does no harm
     columns, separator : how a text file is read
     only : xmin, ymin, xmax, ymax of the area that is read, if not all
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     PointCloud([[0, 0, 5.0], [8, 9, 6.0]]).save(f"{folder}/a.las")
+    ...     file = SurveyFile.open(Path(folder, "a.las"))
+    >>> file.count, file.bounds
+    (2, (0.0, 0.0, 5.0, 8.0, 9.0, 6.0))
+    >>> file.touches((8, 8, 10, 10))
+    True
     """
 
     path: Path
@@ -204,6 +215,17 @@ class Survey:
     ----------
     files : sorted by path
     name : of the folder, pattern or list, for messages
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     for name in ("a.las", "b.las"):
+    ...         PointCloud([[0, 0, 5.0], [8, 9, 6.0]]).save(f"{folder}/{name}")
+    ...     survey = Survey.open(folder)
+    ...     near = survey.read(bounds=(0, 0, 1, 1))
+    >>> survey.count, len(near)
+    (4, 2)
     """
 
     files: tuple[SurveyFile, ...]

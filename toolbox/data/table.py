@@ -28,6 +28,12 @@ class Table:
     ----------
     frame : the rows; the table keeps its own copy
     name : of the file, for messages
+
+    Examples
+    --------
+    >>> table = Table.from_rows([{"class": 2, "points": 40}, {"class": 6, "points": 2}])
+    >>> len(table), table.records()[1]
+    (2, {'class': 6, 'points': 2})
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".csv", ".json", ".parquet", ".gpkg")

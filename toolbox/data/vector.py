@@ -51,6 +51,14 @@ class Vector:
     frame : the features; the layer keeps its own copy
     name : of the file, for messages
     geometry_type : of an empty layer, which cannot show it: "Point", "Polygon Z", ...
+
+    Examples
+    --------
+    >>> import geopandas, shapely
+    >>> yard = {"name": ["yard"], "geometry": [shapely.box(0, 0, 9, 9)]}
+    >>> layer = Vector(geopandas.GeoDataFrame(yard, crs=32635), name="yard.gpkg")
+    >>> len(layer), layer.names, layer.metre
+    (1, ('name',), 1.0)
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (*_DRIVERS, ".dxf", ".parquet", ".ply")

@@ -56,6 +56,14 @@ class Expression(str):
     It may contain attribute names, numbers, ``+ - * / % **``, comparisons (also chained), ``in``
     with a list, ``and``, ``or``, ``not``, and the functions abs, sqrt, floor, isnan, minimum and
     maximum.
+
+    Examples
+    --------
+    >>> condition = Expression("intensity > 40 and classification in (2, 6)")
+    >>> sorted(condition.names)
+    ['classification', 'intensity']
+    >>> condition.mask({"intensity": np.array([50, 50]), "classification": np.array([2, 5])}, 2)
+    array([ True, False])
     """
 
     tree: ast.expr

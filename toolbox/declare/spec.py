@@ -40,6 +40,11 @@ def source(help: str, *, default: Any = dataclasses.MISSING) -> Any:
 
     One that may be left out is annotated ``X | None`` and has the default None; several of a kind
     are annotated ``tuple[X, ...]``.
+
+    Examples
+    --------
+    >>> points: PointCloud = source("Points to classify")
+    >>> roads: PointCloud | None = source("Points on roads, if they are known", default=None)
     """
     return dataclasses.field(default=default, metadata={"role": "source", "help": help})
 
@@ -55,13 +60,23 @@ def param(
     unit : "m" and other lengths are metres for the user whatever the data; "1" is a ratio or count
     of : the source to which an `Attribute` or `Expression` refers
     limits : gt, ge, lt, le
+
+    Examples
+    --------
+    >>> cell: float = param("Size of a cell", default=1.0, unit="m", gt=0)
+    >>> method: Literal["mean", "median"] = param("What a cell holds", default="mean")
     """
     meta = {"role": "param", "help": help, "unit": unit, "limits": limits, "of": of}
     return dataclasses.field(default=default, metadata=meta)
 
 
 def sink(help: str, *, unit: str | None = None) -> Any:
-    """Declare a layer, number or text that the tool returns."""
+    """Declare a layer, number or text that the tool returns.
+
+    Examples
+    --------
+    >>> ground_share: float = sink("Share of points that are ground", unit="1")
+    """
     return dataclasses.field(metadata={"role": "sink", "help": help, "unit": unit})
 
 
@@ -69,7 +84,16 @@ def sink(help: str, *, unit: str | None = None) -> Any:
     frozen_default=True, kw_only_default=True, field_specifiers=(param, source, sink)
 )
 def outputs(cls: T) -> T:
-    """Make the class `Outputs` inside a tool, whose fields are the results of the tool."""
+    """Make the class `Outputs` inside a tool, whose fields are the results of the tool.
+
+    Examples
+    --------
+    >>> @outputs
+    ... class Outputs:
+    ...     count: int = sink("Number of points", unit="1")
+    >>> Outputs(count=3).count
+    3
+    """
     return cast(T, dataclasses.dataclass(frozen=True, kw_only=True)(cls))
 
 
@@ -89,6 +113,30 @@ def tool(id: str) -> Callable[[T], T]:
     coordinates are in feet. Lengths that `run` returns are turned back into metres. A constant in
     the code is brought to the unit of the data with ``self.points.metre``. To use what another
     tool does, call its array function: its class would convert the lengths a second time.
+
+    Examples
+    --------
+    >>> @tool("testing.count")
+    ... class TestingCount:
+    ...     '''Number of points.
+    ...
+    ...     Of all classes.
+    ...     '''
+    ...
+    ...     points: PointCloud = source("Points to count")
+    ...
+    ...     @outputs
+    ...     class Outputs:
+    ...         count: int = sink("Number of points", unit="1")
+    ...
+    ...     def halo(self):
+    ...         return 0.0
+    ...
+    ...     def run(self, ctx=QUIET):
+    ...         ctx.progress(1.0)
+    ...         return self.Outputs(count=len(self.points))
+    >>> TestingCount(points=PointCloud([[0, 0, 5.0], [1, 0, 6.0]])).run().count
+    2
     """
 
     def wrap(cls: T) -> T:

@@ -68,7 +68,13 @@ class ClassList(tuple[int, ...]):
 
 
 class Range(NamedTuple):
-    """A lower and an upper limit, both included; as text ``0,0.2``."""
+    """A lower and an upper limit, both included; as text ``0,0.2``.
+
+    Examples
+    --------
+    >>> Range.parse("0,0.2")
+    Range(low=0.0, high=0.2)
+    """
 
     low: float
     high: float
@@ -92,7 +98,13 @@ class Range(NamedTuple):
 
 
 class Extent(NamedTuple):
-    """A rectangle in the coordinates of the data; as text ``xmin,ymin,xmax,ymax``."""
+    """A rectangle in the coordinates of the data; as text ``xmin,ymin,xmax,ymax``.
+
+    Examples
+    --------
+    >>> Extent.parse("0,0,10,5").xmax
+    10.0
+    """
 
     xmin: float
     ymin: float
@@ -118,7 +130,13 @@ class Extent(NamedTuple):
 
 
 class Position(NamedTuple):
-    """A position in the coordinates of the data; as text ``x,y``."""
+    """A position in the coordinates of the data; as text ``x,y``.
+
+    Examples
+    --------
+    >>> Position.parse([500_000, 4_600_000])
+    Position(x=500000.0, y=4600000.0)
+    """
 
     x: float
     y: float
@@ -139,7 +157,13 @@ class Position(NamedTuple):
 
 
 class Direction(NamedTuple):
-    """A direction in space, of any length; as text ``0,0,1``, which is upwards."""
+    """A direction in space, of any length; as text ``0,0,1``, which is upwards.
+
+    Examples
+    --------
+    >>> str(Direction.parse("0 0 1"))
+    '0.0,0.0,1.0'
+    """
 
     x: float
     y: float
@@ -164,7 +188,13 @@ class Direction(NamedTuple):
 
 
 class Attribute(str):
-    """The name of an attribute of a point cloud, such as ``intensity``."""
+    """The name of an attribute of a point cloud, such as ``intensity``.
+
+    Examples
+    --------
+    >>> Attribute("intensity")
+    'intensity'
+    """
 
     __slots__ = ()
 

@@ -18,6 +18,8 @@ import toolbox.context
 import toolbox.data.crs
 import toolbox.errors
 
+ALIKE = {"algorithms.shared.parameters"}  # the module has an example that stands for each function
+
 
 def modules(*packages: ModuleType) -> list[str]:
     """Names of all modules in packages, but for those that only QGIS can import."""
@@ -39,8 +41,8 @@ def offered() -> Iterator[tuple[str, object]]:
     for module in (toolbox.declare, toolbox.data):
         yield from ((f"{module.__name__}.{name}", vars(module)[name]) for name in module.__all__)
     shared = [m.name for m in pkgutil.iter_modules(algorithms.shared.__path__) if not m.ispkg]
-    names = [f"algorithms.shared.{name}" for name in shared]
-    for name in ("toolbox.context", "toolbox.errors", "toolbox.data.crs", *names):
+    names = {f"algorithms.shared.{name}" for name in shared} - ALIKE
+    for name in ("toolbox.context", "toolbox.errors", "toolbox.data.crs", *sorted(names)):
         for own, value in vars(importlib.import_module(name)).items():
             if getattr(value, "__module__", None) == name and not own.startswith("_"):
                 yield f"{name}.{own}", value

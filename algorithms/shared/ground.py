@@ -110,7 +110,7 @@ class Candidates:
     >>> cloud = PointCloud(np.eye(3), {"classification": np.array([1, 1, 7], np.uint8)})
     >>> candidates = Candidates.of(cloud, "all", ignore=(7,))
     >>> found = candidates.xyz[:, 0] > 0.5
-    >>> candidates.classified(found, keep_classes=False)["classification"]
+    >>> candidates.classified(found)["classification"]
     array([2, 1, 7], dtype=uint8)
     """
 

@@ -1,6 +1,11 @@
 """Parameters that several tools declare: each has one help, one default and one unit.
 
-A tool that declares one of them writes ``ignore: ClassList | None = parameters.ignore()``.
+Each is declared in the same way; its docstring says of which type it is.
+
+Examples
+--------
+>>> from algorithms.shared import parameters
+>>> ignore: ClassList | None = parameters.ignore()
 """
 
 from __future__ import annotations

@@ -11,7 +11,8 @@ import pytest
 from hypothesis import settings
 
 # Compilation makes the first example slow; in CI a failure must be the fault of the change.
-settings.register_profile("local", deadline=None)
+# On a desk each run draws other examples, so fewer do; CI takes hypothesis' hundred.
+settings.register_profile("local", deadline=None, max_examples=25)
 settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "local")
 

@@ -47,7 +47,10 @@ TOOLS = [catalog.load(id) for id in catalog.own_ids()]
 NUMBERS = [(s, f) for s in TOOLS for f in s.inputs.values() if f.kind.word in ("number", "integer")]
 LIMITED = [(s, f) for s, f in NUMBERS if f.limits]
 POINT_TOOLS = [s for s in TOOLS if cloud_name(s)]
-FAST = {"samples.scene": {"size": 50.0, "density": 2.0}}  # settings that make a tool quick
+FAST: dict[str, dict[str, Any]] = {  # settings that make a tool quick
+    "samples.scene": {"size": 50.0, "density": 2.0},
+    "surface.cross_validation": {"folds": 3},
+}
 REFERENCE: dict[str, dict[str, Any]] = {  # settings that a tool needs
     "compare.classes": {"reference_attribute": "truth"},
     "compare.planes": {"attribute": "classification", "reference_attribute": "truth"},

@@ -283,6 +283,7 @@ def test_twenty_reservoirs(seed: int, density: float, bar: float) -> None:
         assert islands == truth
 
 
+@pytest.mark.slow
 def test_a_sea_dam_without_its_classes(data: Callable[[str], Path]) -> None:
     cloud = PointCloud.open(data("water_denoever_ahn3/AHN3.laz")).with_crs(CRS(28992))
     water = shapely.union_all(extract(cloud, bodies="all").water.frame.geometry.to_numpy())

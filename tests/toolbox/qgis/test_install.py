@@ -152,6 +152,7 @@ def test_install_and_doctor(
     assert "4 thing(s) to mend" in seen.err
 
 
+@pytest.mark.slow
 def test_doctor_asks_the_python_that_the_plugin_would_start(
     tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,7 +15,13 @@ Array = NDArray[np.float64]
 
 
 def misfit(one: Lattice, other: Lattice) -> str | None:
-    """Why cells of the other lattice do not lie on those of the first; continues a sentence."""
+    """Why cells of the other lattice do not lie on those of the first; continues a sentence.
+
+    Examples
+    --------
+    >>> misfit(Lattice(0, 9, 1.0, 9, 9), Lattice(2, 7, 1.0, 3, 3)) is None
+    True
+    """
     if abs(other.cell - one.cell) * max(one.shape) > ALIGNED * one.cell:
         return f"has cells of {other.cell:g}, not the {one.cell:g}"
     for apart in ((other.west - one.west) / one.cell, (other.north - one.north) / one.cell):
@@ -29,7 +35,13 @@ def misfit(one: Lattice, other: Lattice) -> str | None:
 
 
 def offset(one: Lattice, other: Lattice) -> tuple[int, int]:
-    """Row and column of the first lattice at which the other begins."""
+    """Row and column of the first lattice at which the other begins.
+
+    Examples
+    --------
+    >>> offset(Lattice(0, 9, 1.0, 9, 9), Lattice(2, 8, 1.0, 3, 3))
+    (1, 2)
+    """
     down = round((one.north - other.north) / one.cell)
     return down, round((other.west - one.west) / one.cell)
 
@@ -44,6 +56,13 @@ def difference(one: Raster, other: Raster, ctx: Context = QUIET) -> Array:
     Returns
     -------
     array of shape (rows, cols) of the first, NaN where one of the two has no value
+
+    Examples
+    --------
+    >>> surface = Raster.from_lattice(np.array([[7.0, 8.0]]), Lattice(0, 1, 1.0, 1, 2), crs=None)
+    >>> base = Raster.from_lattice(np.array([[5.0]]), Lattice(1, 1, 1.0, 1, 1), crs=None)
+    >>> difference(surface, base)
+    array([[nan,  3.]])
     """
     first, second = one.band(), other.band()
     down, right = offset(Lattice.of(one), Lattice.of(other))

@@ -47,6 +47,12 @@ def measures(error: Array) -> dict[str, Any]:
     Parameters
     ----------
     error : array of shape (n,), at least one
+
+    Examples
+    --------
+    >>> found = measures(np.array([-0.1, 0.0, 0.4]))
+    >>> round(float(found["bias"]), 3), round(float(found["rmse"]), 3)
+    (0.1, 0.238)
     """
     error = np.sort(error)
     size, median = np.sort(np.abs(error)), float(np.median(error))

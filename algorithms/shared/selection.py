@@ -21,7 +21,14 @@ ReturnKind = Literal[
 def choice_problems(
     cloud: PointCloud, classes: ClassList | None, returns: ReturnKind
 ) -> Iterator[tuple[str, str]]:
-    """What the cloud lacks for a choice of points, by parameter."""
+    """What the cloud lacks for a choice of points, by parameter.
+
+    Examples
+    --------
+    >>> bare = PointCloud([[0, 0, 5.0]])
+    >>> [name for name, _ in choice_problems(bare, ClassList([2]), "last")]
+    ['classes', 'returns']
+    """
     if classes and "classification" not in cloud:
         yield "classes", f"{cloud.name} has no classification"
     if returns != "all" and not {"return_number", "number_of_returns"} <= {*cloud.names}:
@@ -37,6 +44,12 @@ def chosen(
     ------
     NothingToDo
         See :func:`return_mask`.
+
+    Examples
+    --------
+    >>> cloud = PointCloud([[0, 0, 5.0], [1, 0, 9.0]], {"classification": [2, 2]})
+    >>> chosen(cloud, ClassList([2]), "all", Expression("z > 6"))
+    array([False,  True])
     """
     keep = np.ones(len(cloud), bool)
     if classes:
@@ -66,6 +79,11 @@ def return_mask(
     ------
     NothingToDo
         No point has a valid return number (1 to the number of returns).
+
+    Examples
+    --------
+    >>> return_mask(np.array([1, 1, 2]), np.array([1, 2, 2]), "last")
+    array([ True, False,  True])
     """
     valid = (number >= 1) & (number <= count)
     if len(valid) and not valid.any():

@@ -81,6 +81,13 @@ class Terrain:
     heights : array of shape (rows, cols), in metres, NaN beyond FAR from any ground
     lattice : cells of a metre, in the unit of the coordinates
     metre : length of one metre in that unit
+
+    Examples
+    --------
+    >>> xyz = np.array([[x, y, 100 + 0.1 * x] for x in range(30) for y in range(30)])
+    >>> terrain = find_terrain(xyz)
+    >>> terrain.heights.shape == terrain.lattice.shape
+    True
     """
 
     heights: Cells
@@ -110,6 +117,13 @@ def find_terrain(
         A coordinate is not a finite number.
     DataError
         There are no points, or their bounding box is too large for a raster.
+
+    Examples
+    --------
+    >>> xyz = np.array([[x, y, 100 + 0.1 * x] for x in range(30) for y in range(30)])
+    >>> xyz[(abs(xyz[:, :2] - 15) < 4).all(axis=1), 2] += 6.0  # a house
+    >>> round(float(np.nanmax(find_terrain(xyz).heights)), 1)
+    103.5
     """
     if not len(xyz):
         raise DataError("points: there are none that could be ground")
@@ -147,6 +161,13 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
     ------
     ValueError
         A coordinate is not a finite number.
+
+    Examples
+    --------
+    >>> xyz = np.array([[x, y, 100 + 0.1 * x] for x in range(30) for y in range(30)])
+    >>> ground, confidence = verdict(xyz + np.array([0, 0, 5.0]), find_terrain(xyz))
+    >>> ground.any()
+    np.False_
     """
     residual, allowed = _residuals(xyz, terrain)
     deepest = BELOW * allowed + 1.0
@@ -172,6 +193,13 @@ def height_above(xyz: Floats, terrain: Terrain) -> Floats:
     ------
     ValueError
         A coordinate is not a finite number.
+
+    Examples
+    --------
+    >>> xyz = np.array([[x, y, 100 + 0.1 * x] for x in range(30) for y in range(30)])
+    >>> height = height_above(xyz + np.array([0, 0, 5.0]), find_terrain(xyz))
+    >>> round(float(np.median(height)))
+    5
     """
     return _residuals(xyz, terrain)[0]
 
@@ -198,7 +226,13 @@ def _residuals(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats]:
 
 
 def aligned_lattice(xyz: Floats, metre: float) -> Lattice:
-    """Cells of a metre whose coarser levels fall on whole multiples of their size, too."""
+    """Cells of a metre whose coarser levels fall on whole multiples of their size, too.
+
+    Examples
+    --------
+    >>> aligned_lattice(np.array([[500_003.5, 4_600_001.5, 9.0]]), 1.0).cell
+    1.0
+    """
     lattice_around(xyz, CELL * metre, bytes_per_cell=BYTES_PER_CELL)
     size = 2 ** max(level for level, _ in FINE)
     coarse = lattice_around(xyz, size * metre)

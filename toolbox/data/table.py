@@ -32,7 +32,7 @@ class Table:
     Examples
     --------
     >>> table = Table.from_rows([{"class": 2, "points": 40}, {"class": 6, "points": 2}])
-    >>> len(table), table.records()[1]
+    >>> len(table), table.rows()[1]
     (2, {'class': 6, 'points': 2})
     """
 

@@ -92,7 +92,7 @@ class ClassifyBuildings:
     smallest: float = param("Smallest building", default=10.0, unit="m2", gt=0, le=100)
     largest: float | None = param("Largest building", default=None, unit="m2", gt=0)
     planarity: float = param(
-        "Least share of points on planes around a roof point",
+        "Least share of points on planes around what is no vegetation",
         default=0.1,
         unit="1",
         ge=0,

@@ -56,7 +56,11 @@ class ClassifyNdvi:
     )
     red: str | None = param("Red band: its number, or a word of its description", default=None)
     threshold: float | Literal["otsu"] = param(
-        "Lowest NDVI of vegetation", default="otsu", unit="1", ge=-1, le=1
+        "Lowest NDVI of vegetation; otsu splits the values in two",
+        default="otsu",
+        unit="1",
+        ge=-1,
+        le=1,
     )
     scale: float = param("Reflectance per value", default=1.0, unit="1", gt=0)
     offset: float = param("Reflectance of the value 0", default=0.0, unit="1")

@@ -55,12 +55,12 @@ class ClassifySom:
     returns, the share of them after which the pulse went on; or any attribute of the points, such
     as intensity or one of features.local. Features are brought to the same range and weighted.
 
-    Each cluster of points then gets the class that most of its points have by evidence: ground
-    (2) by ground.classify, and of the rest vegetation (5) where pulses go through and nothing is
-    plane, or building (6). With `labels`, the classes of some points are the evidence instead, and
-    all their classes can be found. Clusters of which more than `tolerance` of the known points are
+    Each cluster of points then gets the class that most of its points have by evidence: ground (2)
+    by ground.classify, and of the rest vegetation (5) where pulses go through and nothing is plane,
+    or building (6). With `labels`, the classes of some points are the evidence instead, and all
+    their classes can be found. Clusters of which more than `max_impurity` of the known points are
     of another class are split by a second map. With `search`, the map grows from two neurons until
-    no more than `tolerance` of all points are astray, or until it has `rows` and `columns`.
+    no more than `max_impurity` of all points are astray, or until it has `rows` and `columns`.
 
     `map` is the trained map, which classify.som_apply applies to other data and to tiles. Train it
     on a part of a large survey. Cars, walls and wires are none of the three and become one of them.
@@ -99,8 +99,8 @@ class ClassifySom:
         gt=0,
         le=50,
     )
-    search: bool = param("Grow the map from two neurons until tolerance is met", default=False)
-    tolerance: float = param(
+    search: bool = param("Grow the map from two neurons until max_impurity is met", default=False)
+    max_impurity: float = param(
         "Share of points of another class that a cluster, or a map that grows, may have",
         default=0.2,
         unit="1",
@@ -247,13 +247,15 @@ class ClassifySom:
             made = trained(values, empty, (*size, self.lattice), how, part)
             best, _ = made.neurons(values)
             made = named(made, best, known)
-            if share_astray(made, best, known) <= self.tolerance:
+            if share_astray(made, best, known) <= self.max_impurity:
                 break
         else:
             if self.search:
-                log.warning("tolerance %g is not met by %d x %d neurons", self.tolerance, *size)
+                log.warning(
+                    "max_impurity %g is not met by %d x %d neurons", self.max_impurity, *size
+                )
         if self.parts > 1:
-            made = split(made, values, best, self.tolerance, self.parts, how, ctx.part(0.8, 1.0))
+            made = split(made, values, best, self.max_impurity, self.parts, how, ctx.part(0.8, 1.0))
             made = named(made, made.neurons(values)[0], known)
         return made
 

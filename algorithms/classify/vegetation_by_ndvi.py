@@ -53,7 +53,7 @@ class ClassifyVegetationByNdvi:
     nir: Attribute = param("Attribute with near infrared", default=Attribute("nir"))
     red: Attribute = param("Attribute with red", default=Attribute("red"))
     threshold: float | Literal["otsu"] = param(
-        "Lowest NDVI of vegetation; otsu splits the points in two",
+        "Lowest NDVI of vegetation; otsu splits the values in two",
         default=0.1,
         unit="1",
         ge=-1,

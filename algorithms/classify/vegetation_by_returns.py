@@ -46,8 +46,8 @@ class ClassifyVegetationByReturns:
     Where the first return of a pulse is more than `difference` above its last, all its returns but
     the last become vegetation. At the edge of a roof, too, a pulse has one return from the roof and
     one from the ground. So the points of `building_classes` are put into a raster, and returns
-    within `buffer` of the edges that the Canny operator finds in it, and in space of a point of the
-    building, are left out. Classify the buildings first.
+    within `edge_reach` of the edges that the Canny operator finds in it, and in space of a point of
+    the building, are left out. Classify the buildings first.
 
     That sees tall plants only, and only where a pulse got through. With `spread` points that are
     neither ground nor building become vegetation if they are so near to one that is.
@@ -65,17 +65,15 @@ class ClassifyVegetationByReturns:
         "How far the first return is above the last at least", default=4.0, unit="m", gt=0
     )
     pairs: How = param("How returns of one pulse are found", default="gps_time")
-    building_classes: ClassList | None = param(
-        "Classes whose edges are left out; none to leave out nothing", default=ClassList([6])
-    )
-    buffer: float = param(
+    building_classes: ClassList | None = param("Classes that are buildings", default=ClassList([6]))
+    edge_reach: float = param(
         "Reach of an edge: spot of the laser and error of its place",
         default=1.0,
         unit="m",
         ge=0,
         le=10,
     )
-    cell: float = param("Cells in which edges are looked for", default=0.5, unit="m", gt=0, le=5)
+    cell: float = param("Size of the cells", default=0.5, unit="m", gt=0, le=5)
     sigma: float = param(
         "Canny: standard deviation of the Gaussian, in cells", default=1.0, unit="1", gt=0, le=10
     )
@@ -132,7 +130,7 @@ class ClassifyVegetationByReturns:
         if self.pairs == "order":
             return math.inf  # a tile has not all points between two
         cells = REACH + TRUNCATE * self.sigma + 3
-        return PULSE + cells * self.cell + self.buffer + self.spread
+        return PULSE + cells * self.cell + self.edge_reach + self.spread
 
     def run(self, ctx: Context = QUIET) -> ClassifyVegetationByReturns.Outputs:
         """Find the candidates, leave out edges, and spread."""
@@ -200,11 +198,11 @@ class ClassifyVegetationByReturns:
         np.maximum.at(top, (row[built], col[built]), xyz[built, 2])
         surface = filled(np.where(top > -np.inf, top, lowest)) / self.difference
         edges = canny(surface, self.sigma, self.weak, self.strong, REACH)
-        near = distance_transform_edt(~edges) * self.cell <= self.buffer + self.cell / 2
+        near = distance_transform_edt(~edges) * self.cell <= self.edge_reach + self.cell / 2
         some = np.flatnonzero(candidate)
         some = some[near[row[some], col[some]]]
         away, _ = cKDTree(xyz[built]).query(xyz[some])
-        on_edge[some] = away <= self.buffer
+        on_edge[some] = away <= self.edge_reach
         return on_edge
 
     def _spread(self, cloud: PointCloud, plant: Mask, above: Floats) -> tuple[Mask, Floats]:

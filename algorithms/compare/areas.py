@@ -73,12 +73,12 @@ class CompareAreas:
     areas: Vector = source("Polygons to judge")
     reference: Vector = source("Reference polygons")
     coverage: Vector | None = source("Polygons within which is compared", default=None)
-    extent: Extent | None = param("Rectangle within which is compared", default=None)
+    extent: Extent | None = param("Rectangle to work in; that of the data by default", default=None)
     min_area: float = param(
         "Area from which a polygon is judged as an object", default=0.0, unit="m2", ge=0
     )
     min_overlap: float = param(
-        "Share of its area that must be covered, or IoU of a pair",
+        "Least intersection over union of a pair, or share of its area that must be covered",
         default=0.5,
         unit="1",
         gt=0,

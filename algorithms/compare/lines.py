@@ -44,7 +44,7 @@ class CompareLines:
     """Compare lines with reference lines: distances, sides, and how much of each is found.
 
     Distances are exact, from a place on one line to the nearest place on the other, in the plane.
-    They are taken at all vertices and every `step` between, and change straight in between, so
+    They are taken at all vertices and every `spacing` between, and change straight in between, so
     that means and percentiles are those of the length, not of the vertices. Hausdorff and Fréchet
     distances are those of the lines themselves, to 0.1 mm.
 
@@ -59,16 +59,16 @@ class CompareLines:
     another of the same direction ends are one line. Fréchet asks for one line on each side; the
     second may be walked either way, and a closed one from anywhere.
 
-    `heights` compares Z too, at the nearest places. `polynomial` also fits y as a polynomial of x
-    to the vertices of each side, and tells how far these curves are apart. Tables are in metres,
-    layers in the unit of the data.
+    `compare_heights` compares Z too, at the nearest places. `polynomial` also fits y as a
+    polynomial of x to the vertices of each side, and tells how far these curves are apart. Tables
+    are in metres, layers in the unit of the data.
     """
 
     lines: Vector = source("Lines to judge, or polygons for their outlines")
     reference: Vector = source("Reference lines, or polygons for their outlines")
     buffer: float = param("Distance at which a line counts as found", default=1.0, unit="m", gt=0)
-    step: float = param("Longest way between two places", default=1.0, unit="m", gt=0)
-    heights: bool = param("Compare heights (Z) as well", default=False)
+    spacing: float = param("Longest way between two places", default=1.0, unit="m", gt=0)
+    compare_heights: bool = param("Compare heights (Z) as well", default=False)
     polynomial: int | None = param(
         "Degree of the polynomials that are compared", default=None, unit="1", ge=1, le=9
     )
@@ -95,11 +95,11 @@ class CompareLines:
                 yield name, text
             elif not len(layer):
                 yield name, f"{_named(layer)} has no lines"
-            elif self.heights and not _has_heights(layer):
+            elif self.compare_heights and not _has_heights(layer):
                 yield name, f"{_named(layer)} has no heights (Z) to compare"
         text = crs_conflict(self.reference.crs, self.lines.crs, heights=True)
-        if self.heights and text:
-            yield "heights", f"{_named(self.reference)} {text} of {_named(self.lines)}"
+        if self.compare_heights and text:
+            yield "compare_heights", f"{_named(self.reference)} {text} of {_named(self.lines)}"
 
     def halo(self) -> float:
         """Lines are of any length."""
@@ -110,7 +110,7 @@ class CompareLines:
         metre = self.lines.metre
         own, other = (Route.of(routes(_shapes(layer))) for layer in (self.lines, self.reference))
         to, back = IndexedRoute(other), IndexedRoute(own)
-        places, returns = own.divided(self.step), other.divided(self.step)
+        places, returns = own.divided(self.spacing), other.divided(self.spacing)
         feet = to.feet(places.nodes[:, :2], ctx.part(0.0, 0.3))
         feet_back = back.feet(returns.nodes[:, :2], ctx.part(0.3, 0.6))
         there, here = Along.of(places, feet.distance), Along.of(returns, feet_back.distance)
@@ -131,7 +131,7 @@ class CompareLines:
             *offset_rows(offset, there.length),
             *found.rows(self.buffer),
         ]
-        if self.heights:
+        if self.compare_heights:
             height = places.nodes[:, 2] - to.at(feet)[2]
             rows += spread_rows(there.weighted(height), "height_", "Z of lines minus reference")
         curves = None
@@ -164,7 +164,7 @@ class CompareLines:
             log.info("no Fréchet distance: a closed line against an open one")
             return None
         one, two = own.vertices(0), other.vertices(0)
-        return frechet(one, two, least, WITHIN * self.lines.metre, self.step, ctx)
+        return frechet(one, two, least, WITHIN * self.lines.metre, self.spacing, ctx)
 
     def _offsets(
         self, places: Route, feet: Feet, side: Array, abeam: NDArray[np.bool_], to: IndexedRoute
@@ -181,9 +181,9 @@ class CompareLines:
             "reference": line + 1,
             "reference_chainage": chainage,
         }
-        if self.heights:
+        if self.compare_heights:
             columns["height"] = places.nodes[:, 2] - z
-        width = 3 if self.heights else 2
+        width = 3 if self.compare_heights else 2
         frame = geopandas.GeoDataFrame(
             columns, geometry=shapely.points(places.nodes[:, :width]), crs=self.lines.crs
         )

@@ -65,7 +65,11 @@ class ComparePlanes:
         "Attribute with the number of the reference plane", default=Attribute("plane_id")
     )
     min_overlap: float = param(
-        "Least intersection over union of a pair", default=0.5, unit="1", gt=0, le=1
+        "Least intersection over union of a pair, or share of its area that must be covered",
+        default=0.5,
+        unit="1",
+        gt=0,
+        le=1,
     )
     min_points: int = param("Fewest points of a plane that is judged", default=3, unit="1", ge=3)
 

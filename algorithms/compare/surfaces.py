@@ -90,7 +90,7 @@ class CompareSurfaces:
     accuracy_class: float | None = param(
         "RMSE that the surface is to meet, for the report", default=None, unit="m", gt=0
     )
-    largest: int = param("Number of the largest errors to mark", default=100, unit="1", ge=0)
+    largest_errors: int = param("Number of the largest errors to mark", default=100, unit="1", ge=0)
 
     @outputs
     class Outputs:
@@ -316,7 +316,7 @@ class CompareSurfaces:
         import geopandas
         import shapely
 
-        few = largest(found.error, found.xy, self.largest)
+        few = largest(found.error, found.xy, self.largest_errors)
         frame = geopandas.GeoDataFrame(
             {
                 "rank": np.arange(1, len(few) + 1),

@@ -22,6 +22,7 @@ from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import Airborne, uncrowded
 from algorithms.corridor._extraction.follow import follow
 from algorithms.corridor._extraction.layers import wire_layer
+from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
 from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
@@ -48,16 +49,8 @@ class CorridorCatenaries:
     points: PointCloud = source("Points with classified wires")
     wire_classes: ClassList = param("Classes that are wire", default=ClassList([13, 14]))
     tower_classes: ClassList = param("Classes that are tower", default=ClassList([15, 16]))
-    max_gap: float = param(
-        "Longest piece of a wire that may be missing", default=60.0, unit="m", ge=0.0, le=500.0
-    )
-    tolerance: float = param(
-        "Farthest that a point may lie from the wire that is followed",
-        default=0.25,
-        unit="m",
-        ge=0.05,
-        le=2.0,
-    )
+    wire_gap: float = parameters.wire_gap()
+    wire_tolerance: float = parameters.wire_tolerance()
 
     @outputs
     class Outputs:
@@ -96,11 +89,11 @@ class CorridorCatenaries:
             air,
             height,
             may,
-            self.tolerance / metre,
+            self.wire_tolerance / metre,
             lambda x, y: lowest - GROUND_BELOW,
             lambda x, y: False,
         )
-        found, _ = follow(corridor, voxel, self.max_gap / metre, ctx)
+        found, _ = follow(corridor, voxel, self.wire_gap / metre, ctx)
         if not found:
             log.warning("no wire was found among %d points", np.count_nonzero(use))
         ctx.progress(1.0)

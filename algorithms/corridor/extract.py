@@ -64,16 +64,8 @@ class CorridorExtract:
     min_height: float = param(
         "Lowest conductor above the ground", default=4.0, unit="m", ge=1.0, le=50.0
     )
-    max_gap: float = param(
-        "Longest piece of a wire that may be missing", default=60.0, unit="m", ge=0.0, le=500.0
-    )
-    tolerance: float = param(
-        "Farthest that a point may lie from the wire that is followed",
-        default=0.25,
-        unit="m",
-        ge=0.05,
-        le=2.0,
-    )
+    wire_gap: float = parameters.wire_gap()
+    wire_tolerance: float = parameters.wire_tolerance()
     ignore: ClassList | None = parameters.ignore()
 
     @outputs
@@ -95,8 +87,8 @@ class CorridorExtract:
         line = find_line(
             points,
             min_height=self.min_height / cloud.metre,
-            max_gap=self.max_gap / cloud.metre,
-            tolerance=self.tolerance / cloud.metre,
+            max_gap=self.wire_gap / cloud.metre,
+            tolerance=self.wire_tolerance / cloud.metre,
             ctx=ctx.part(0.4, 1.0),
         )
         if not line.wires:
@@ -139,7 +131,8 @@ def find_line(
 
     Parameters
     ----------
-    min_height, max_gap, tolerance : see :class:`CorridorExtract`, metres
+    min_height, max_gap, tolerance : `min_height`, `wire_gap` and `wire_tolerance` of
+        :class:`CorridorExtract`, metres
     ctx : progress and cancellation
     """
     ctx.progress(0.0)

@@ -82,16 +82,8 @@ class CorridorExtractVoxels:
         "Farthest voxel in which a line may go on", default=20.0, unit="m", gt=0
     )
     seed: int = parameters.seed()
-    max_gap: float = param(
-        "Longest piece of a wire that may be missing", default=60.0, unit="m", ge=0.0, le=500.0
-    )
-    tolerance: float = param(
-        "Farthest that a point may lie from the wire that is followed",
-        default=0.25,
-        unit="m",
-        ge=0.05,
-        le=2.0,
-    )
+    wire_gap: float = parameters.wire_gap()
+    wire_tolerance: float = parameters.wire_tolerance()
     ignore: ClassList | None = parameters.ignore()
 
     @outputs
@@ -125,10 +117,10 @@ class CorridorExtractVoxels:
         tower_id[points.own] = tower
         wire_id[points.own[high]] = 1
         corridor = Corridor(
-            air, height, high, self.tolerance / metre, lambda x, y: 0.0, lambda x, y: False
+            air, height, high, self.wire_tolerance / metre, lambda x, y: 0.0, lambda x, y: False
         )
         _, voxel = uncrowded(corridor.wires, 1.0)
-        wires, _ = follow(corridor, voxel, self.max_gap / metre, ctx.part(0.9, 1.0))
+        wires, _ = follow(corridor, voxel, self.wire_gap / metre, ctx.part(0.9, 1.0))
         for wire in wires:
             near, _, _ = on_wire(corridor, wire)
             mine = points.own[near[high[near]]]

@@ -111,7 +111,7 @@ class GroundPtd:
         unit="m",
         gt=0,
     )
-    cell: float = param("Cell size of the surface", default=1.0, unit="m", gt=0)
+    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0)
     returns: Returns = parameters.ground_returns()
     ignore: ClassList | None = parameters.ignore()
     keep_classes: ClassList | None = parameters.keep_classes()

@@ -68,7 +68,7 @@ class GroundRobustInterpolation:
     """
 
     points: PointCloud = source("Points to classify")
-    cell: float = param("Size of the finest cells", default=1.0, unit="m", gt=0)
+    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0)
     building_size: float = param(
         "Width of the widest building", default=48.0, unit="m", gt=0, le=2000
     )
@@ -76,12 +76,12 @@ class GroundRobustInterpolation:
         "Height above the ground at which a point has half its weight", default=0.1, unit="m", gt=0
     )
     relief: float = param(
-        "Roughness of the terrain: half width and tolerance grow by it per metre of cell",
+        "Roughness of the terrain: half width and height_tolerance grow by it per metre of cell",
         default=0.15,
         unit="1",
         ge=0,
     )
-    tolerance: float = param(
+    height_tolerance: float = param(
         "Greatest height above a coarse surface at which a point goes on to finer cells",
         default=0.5,
         unit="m",
@@ -123,7 +123,7 @@ class GroundRobustInterpolation:
             building_size=self.building_size,
             half_width=self.half_width,
             relief=self.relief,
-            tolerance=self.tolerance,
+            tolerance=self.height_tolerance,
             iterations=self.iterations,
             below=self.below,
             metre=cloud.metre,

@@ -98,7 +98,7 @@ def segment_cells(cells: Cells, rules: Rules, *, ctx: Context = QUIET) -> Segmen
     least = ROUNDING * cells.size  # of points without noise
     for name, given, lowest in (
         ("tolerance", rules.tolerance, least),
-        ("max_gap", rules.gap, 4 * least),
+        ("plane_gap", rules.gap, 4 * least),
     ):
         if 0 < given < lowest:
             raise DataError(

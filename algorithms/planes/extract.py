@@ -36,7 +36,7 @@ class PlanesExtract:
     N = log(1 - confidence) / log(1 - share), worked out anew with each better plane. The plane is
     fitted to its points by least squares, they are taken out, and the next is looked for.
 
-    A plane is one patch, without gaps wider than about `max_gap`, unless `connected` is off. Then
+    A plane is one patch, without gaps wider than about `plane_gap`, unless `connected` is off. Then
     each point goes to the plane within the tolerance of which it is, and to which it is nearest for
     the spread of that plane, or to none. The last fit leaves out points along edges with other
     planes, and lets those that are far away count less. Planes are numbered by their points, the
@@ -52,9 +52,10 @@ class PlanesExtract:
     below half the tolerance. Those of one direction that lie within the tolerance of each other
     become one, however far apart. Points keep the plane that they were given.
 
-    Outlines leave out what a circle of the diameter `max_gap` without points covers. The elevation
-    shows them in the coordinates of the largest upright plane, to the right and upwards from its
-    lower left corner: that plane, and those that face the same way with their distance from it.
+    Outlines leave out what a circle of the diameter `plane_gap` without points covers. The
+    elevation shows them in the coordinates of the largest upright plane, to the right and upwards
+    from its lower left corner: that plane, and those that face the same way with their distance
+    from it.
 
     A cloud without CRS has to be given its unit: --assume-crs local for metres, local:mm for
     millimetres.
@@ -75,8 +76,8 @@ class PlanesExtract:
     min_extent: float = param(
         "Shortest side of the rectangle around a plane", default=0.1, unit="m", ge=0
     )
-    max_gap: float | Literal["auto"] = param(
-        "Widest gap within a plane, and narrowest opening of its outline; auto by the points",
+    plane_gap: float | Literal["auto"] = param(
+        "Widest gap within a plane; auto by the points",
         default="auto",
         unit="m",
         gt=0,
@@ -134,8 +135,8 @@ class PlanesExtract:
             )
         if not found.planes:
             log.warning(
-                "no plane was found; look at min_points, min_extent, max_gap, orientation and the "
-                "unit of the points"
+                "no plane was found; look at min_points, min_extent, plane_gap, orientation and "
+                "the unit of the points"
             )
         if self.regularise:
             found = regular(xyz, found, math.radians(self.regular_angle))
@@ -159,7 +160,7 @@ class PlanesExtract:
         return Rules(
             tolerance=0.0 if self.tolerance == "auto" else self.tolerance,
             angle=math.radians(self.max_angle),
-            gap=0.0 if self.max_gap == "auto" else self.max_gap,
+            gap=0.0 if self.plane_gap == "auto" else self.plane_gap,
             min_points=self.min_points,
             min_extent=self.min_extent,
             steep=steepness(self.orientation, self.orientation_angle),

@@ -40,8 +40,8 @@ class PlanesFit:
     again until they stay the same.
 
     With a `reference` direction, such as 0,0,1 for level planes, only planes are tried whose normal
-    is within `max_angle` of it. The normal then points to the side of the reference, otherwise
-    upwards. Withheld points take no part.
+    is within `reference_angle` of it. The normal then points to the side of the reference,
+    otherwise upwards. Withheld points take no part.
 
     The attribute PlaneDistance is the distance of each point, above zero on the side of the normal,
     in the unit of the data. In the layer of the plane all lengths are in that unit, too.
@@ -54,17 +54,17 @@ class PlanesFit:
     reference: Direction | None = param(
         "Direction x,y,z of the normal; any by default", default=None
     )
-    max_angle: float = param(
+    reference_angle: float = param(
         "Largest angle between the normal and the reference", default=5.0, unit="deg", gt=0, le=90
     )
     confidence: float = param(
-        "Probability of drawing three points of the plane at once",
+        "Probability that the best plane is among those drawn",
         default=0.99,
         unit="1",
         gt=0,
         lt=1,
     )
-    max_trials: int = param("Give up after this many trials", default=10_000, unit="1", ge=1)
+    max_trials: int = param("Draws at most", default=10_000, unit="1", ge=1)
     seed: int = parameters.seed()
 
     @outputs
@@ -98,7 +98,7 @@ class PlanesFit:
         """Find the plane and fit it."""
         cloud, used = self.points, ~is_withheld(self.points)
         xyz = cloud.xyz if used.all() else cloud.xyz[used]
-        cone = Cone.of(np.array(self.reference), self.max_angle) if self.reference else None
+        cone = Cone.of(np.array(self.reference), self.reference_angle) if self.reference else None
         fitted, trials = best_plane(
             xyz,
             self.max_distance,

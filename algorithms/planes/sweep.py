@@ -56,7 +56,7 @@ class PlanesSweep:
     min_extent: float = param(
         "Shortest side of the rectangle around a plane", default=0.1, unit="m", ge=0
     )
-    max_gap: float | Literal["auto"] = param(
+    plane_gap: float | Literal["auto"] = param(
         "Widest gap within a plane; auto by the points", default="auto", unit="m", gt=0
     )
     orientation: Orientation = param("Planes to look for", default="any")
@@ -123,7 +123,7 @@ class PlanesSweep:
         return Rules(
             tolerance=tolerance,
             angle=math.radians(self.max_angle),
-            gap=0.0 if self.max_gap == "auto" else self.max_gap,
+            gap=0.0 if self.plane_gap == "auto" else self.plane_gap,
             min_points=self.min_points,
             min_extent=self.min_extent,
             steep=steepness(self.orientation, self.orientation_angle),

@@ -34,10 +34,10 @@ class PointsClip:
 
     points: PointCloud = source("Points to choose from")
     polygons: Vector | None = source("Polygons to clip by", default=None)
-    extent: Extent | None = param("Rectangle to clip by", default=None)
+    extent: Extent | None = param("Rectangle to work in; that of the data by default", default=None)
     keep: Literal["inside", "outside"] = param("Which points to keep", default="inside")
     where: Expression | None = param(
-        "Condition that polygons must meet, over their attributes that are numbers",
+        "Condition over attributes that must be met",
         default=None,
         of="polygons",
     )

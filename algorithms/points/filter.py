@@ -31,8 +31,10 @@ class PointsFilter:
 
     points: PointCloud = source("Points to choose from")
     classes: ClassList | None = parameters.classes()
-    returns: ReturnKind = param("Returns to keep", default="all")
-    where: Expression | None = param("Condition to meet", default=None, of="points")
+    returns: ReturnKind = param("Returns to use", default="all")
+    where: Expression | None = param(
+        "Condition over attributes that must be met", default=None, of="points"
+    )
     elevation_above_lowest: Range | None = param(
         "Band of heights above the lowest point to keep, limits included", default=None, unit="m"
     )

@@ -36,8 +36,8 @@ class PointsMerge:
 
     With `duplicates` drop, a point goes that is also in an earlier file (in the order of the sorted
     paths): at the same place, with the same GPS time and return number if there are any. Files of
-    different scales round differently: then give a `tolerance` of half the coarser step. Points
-    that share their place within one file stay; points.thin removes them.
+    different scales round differently: then give a `max_difference` of half the coarser step.
+    Points that share their place within one file stay; points.thin removes them.
 
     `numbering` writes the number of the file, from 1, into the attribute file_id, or into
     point_source_id, in place of the flight line that may be there.
@@ -47,7 +47,7 @@ class PointsMerge:
     duplicates: Literal["keep", "drop"] = param(
         "What to do with points that are in several files", default="keep"
     )
-    tolerance: float = param(
+    max_difference: float = param(
         "Largest difference in x, y and z between two records of one point",
         default=0.0,
         unit="m",
@@ -65,7 +65,7 @@ class PointsMerge:
 
     def halo(self) -> float:
         """A point and its duplicate may lie on two sides of the edge of a tile."""
-        return self.tolerance * (1 + ROUNDING) if self.duplicates == "drop" else 0.0
+        return self.max_difference * (1 + ROUNDING) if self.duplicates == "drop" else 0.0
 
     def run(self, ctx: Context = QUIET) -> PointsMerge.Outputs:
         """Number the files, and drop duplicates."""
@@ -83,7 +83,7 @@ class PointsMerge:
         if self.duplicates == "drop":
             agree = [self.points[name] for name in SAME if name in self.points]
             twice = in_earlier_file(
-                self.points.xyz, number, agree, self.tolerance, ctx=ctx.part(0.1, 1.0)
+                self.points.xyz, number, agree, self.max_difference, ctx=ctx.part(0.1, 1.0)
             )
         dropped = int(np.count_nonzero(twice & cloud.core))
         ctx.progress(1.0)

@@ -52,7 +52,7 @@ class PointsThin:
 
     points: PointCloud = source("Points to thin")
     method: Method = param("What to keep of each cell", default="nearest_to_centre")
-    cell: float = param("Cell size", default=0.01, unit="m", gt=0)
+    cell: float = param("Size of the cells", default=0.01, unit="m", gt=0)
     dimensions: Literal[3, 2] = param("Cells are cubes (3) or columns (2)", default=3, unit="1")
     agree: tuple[Attribute, ...] | None = param(
         "Attributes that duplicates must have in common, beside the place",

@@ -76,3 +76,21 @@ def context() -> Any:
 def seed() -> Any:
     """Declare the seed of all that a tool draws: ``int``."""
     return param("Seed of the random numbers", default=0, unit="1", ge=0)
+
+
+def wire_gap() -> Any:
+    """Declare how far wires are followed without points: ``float``."""
+    return param(
+        "Longest piece of a wire that may be missing", default=60.0, unit="m", ge=0, le=500
+    )
+
+
+def wire_tolerance() -> Any:
+    """Declare how near to a wire its points are: ``float``."""
+    return param(
+        "Farthest that a point may lie from the wire that is followed",
+        default=0.25,
+        unit="m",
+        ge=0.05,
+        le=2,
+    )

@@ -89,16 +89,16 @@ class SurfaceGrid:
     )
     clip: Vector | None = source("Polygons outside of which cells stay empty", default=None)
     method: Method = param("How to interpolate, or what of each cell to take", default="linear")
-    cell: float = param("Cell size", default=1.0, unit="m", gt=0)
-    extent: Extent | None = param(
-        "Rectangle whose cells to fill; that of the points by default", default=None
-    )
+    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0)
+    extent: Extent | None = param("Rectangle to work in; that of the data by default", default=None)
     attribute: Attribute = param("Attribute to grid", default=Attribute("z"), of="points")
     classes: ClassList | None = parameters.classes()
     returns: ReturnKind = param("Returns to use", default="all")
-    where: Expression | None = param("Condition that points must meet", default=None, of="points")
+    where: Expression | None = param(
+        "Condition over attributes that must be met", default=None, of="points"
+    )
     max_gap: float | None = param(
-        "Leave cells empty that lie farther than this from any point", default=None, unit="m", gt=0
+        "Leave empty what lies farther than this from any point", default=None, unit="m", gt=0
     )
     power: float = param("Power of the distance, for idw", default=2.0, unit="1", gt=0)
     neighbours: int = param("Points used per cell, for idw", default=12, unit="1", ge=1, le=1000)

@@ -16,9 +16,12 @@ from toolbox.declare.spec import REGISTRY, outputs, sink, source, tool
 from toolbox.errors import Cancelled, DataError, ParameterError
 
 
-@tool("testing.together")
-class Together:
-    """Count the points of several clouds."""
+@tool("toy.together")
+class ToyTogether:
+    """Count the points of several clouds.
+
+    Each counts as often as it is given.
+    """
 
     clouds: tuple[PointCloud, ...] = source("Clouds")
     extra: PointCloud | None = source("One more", default=None)
@@ -30,12 +33,12 @@ class Together:
     def halo(self) -> float:
         return 0.0
 
-    def run(self, ctx: Context = QUIET) -> Together.Outputs:
+    def run(self, ctx: Context = QUIET) -> ToyTogether.Outputs:
         """Count."""
         return self.Outputs(count=sum(map(len, self.clouds)) + len(self.extra or ()))
 
 
-TOGETHER = REGISTRY.pop("testing.together")
+TOGETHER = REGISTRY.pop("toy.together")
 
 
 @pytest.fixture

@@ -33,6 +33,9 @@ RESERVED = {"assume_crs", "events", "help", "json", "overwrite", "params", *SHOW
 RESERVED |= {"quiet", "result", "verbose", "tile", "workers", "scheduler", "memory", "resume"}
 RESERVED |= {"tool", "when", "repeat"}  # words of a step in a model
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
+TITLE = re.compile(r"[A-Z][^`*<>]*")
+HELP = re.compile(r"[A-Z](.*[^.\s])?")
+LONGEST = 100  # characters of a help and of a line of a docstring
 
 
 def source(help: str, *, default: Any = dataclasses.MISSING) -> Any:
@@ -192,23 +195,50 @@ def _members(hint: Any) -> list[Any]:
 
 
 def _check_declaration(spec: Spec, made: Any) -> None:
-    """Raise an error for a mistake of the author of a tool, when the tool is imported."""
-    fields = [*spec.inputs.values(), *spec.outputs.values()]
+    """Raise the first mistake of the tool's author, when the tool is imported."""
+    for text in _mistakes(spec, made):
+        raise TypeError(f"{spec.id}: {text}")
+    for field in [*spec.inputs.values(), *spec.outputs.values()]:
+        for text in _field_mistakes(spec, field):
+            raise TypeError(f"{spec.id}.{field.name}: {text}")
+
+
+def _mistakes(spec: Spec, made: Any) -> Iterator[str]:
+    """What is wrong with a declaration as a whole."""
+    name = "".join(word.capitalize() for word in re.split(r"[._]", spec.id))
+    if made.__name__ != name:
+        yield f"the class is called {made.__name__}, must be {name}"
+    if not TITLE.fullmatch(spec.title):
+        yield f"the docstring needs a first line as title, without markup, got {spec.title!r}"
+    if not spec.help.endswith("."):
+        yield "the docstring needs a text below its first line, which ends with a full stop"
+    if max(map(len, spec.help.splitlines())) > LONGEST:
+        yield f"the docstring has a line of more than {LONGEST} characters"
     if twice := (spec.inputs.keys() & spec.outputs.keys() or REGISTRY.keys() & {spec.id}):
-        raise TypeError(f"{spec.id}: declared twice: {sorted(twice)}")
+        yield f"declared twice: {sorted(twice)}"
     if spec.sources and not hasattr(made, "halo"):
-        raise TypeError(f"{spec.id}: reads layers, so it needs halo()")
-    for field in fields:
-        if not NAME.fullmatch(field.name):
-            raise TypeError(f"{spec.id}.{field.name}: names are lower_case words")
-        if field.limits.keys() - MEETS.keys():
-            raise TypeError(f"{spec.id}.{field.name}: limits are {', '.join(MEETS)}")
-        if field.name in RESERVED:
-            raise TypeError(f"{spec.id}.{field.name}: is an option of every run")
-        if field.unit and field.unit not in UNITS:
-            raise TypeError(f"{spec.id}.{field.name}: unit {field.unit!r} is not in {UNITS}")
-        if field.of and field.of not in spec.sources:
-            raise TypeError(f"{spec.id}.{field.name}: no source called {field.of!r}")
+        yield "reads layers, so it needs halo()"
+
+
+def _field_mistakes(spec: Spec, field: Field) -> Iterator[str]:
+    """What is wrong with one field of a declaration."""
+    if not NAME.fullmatch(field.name):
+        yield "names are lower_case words"
+    if field.name in RESERVED:
+        yield "is an option of every run"
+    if not HELP.fullmatch(field.help) or len(field.help) > LONGEST:
+        yield (
+            "help is one sentence with a capital and no full stop, of at most "
+            f"{LONGEST} characters, got {field.help!r}"
+        )
+    if field.limits.keys() - MEETS.keys():
+        yield f"limits are {', '.join(MEETS)}"
+    if field.unit and field.unit not in UNITS:
+        yield f"unit {field.unit!r} is not in {UNITS}"
+    if field.role == "param" and field.kind.word in ("number", "integer") and not field.unit:
+        yield "a number has a unit, such as 'm', or '1' for a ratio or count"
+    if field.of and field.of not in spec.sources:
+        yield f"no source called {field.of!r}"
 
 
 def _check(job: Any) -> None:

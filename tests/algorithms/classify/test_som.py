@@ -229,8 +229,8 @@ def test_the_map_grows_until_the_tolerance_is_met() -> None:
     assert [*growing(1, 4)] == [(1, 2), (1, 3), (1, 4)]
     labels = Attribute("truth")
     how: dict[str, Any] = {"points": park(), "labels": labels, "search": True, "parts": 1}
-    loose = ClassifySom(**how, tolerance=0.5).run()
-    close = ClassifySom(**how, tolerance=0.05).run()
+    loose = ClassifySom(**how, max_impurity=0.5).run()
+    close = ClassifySom(**how, max_impurity=0.05).run()
     assert loose.neurons == 2
     assert loose.neurons < close.neurons < 20
     assert close.astray <= 0.05
@@ -238,7 +238,7 @@ def test_the_map_grows_until_the_tolerance_is_met() -> None:
 
 def test_mixed_clusters_are_split() -> None:
     """A map of two neurons cannot hold three classes; its second stage can."""
-    how: dict[str, Any] = {"points": park(), "rows": 1, "columns": 2, "tolerance": 0.05}
+    how: dict[str, Any] = {"points": park(), "rows": 1, "columns": 2, "max_impurity": 0.05}
     plain, better = ClassifySom(**how, parts=1).run(), ClassifySom(**how, parts=3).run()
     assert plain.neurons == 2
     assert better.neurons > 3

@@ -84,7 +84,7 @@ def test_line_beside_a_line() -> None:
 def test_distances_are_weighted_by_length_not_by_vertices() -> None:
     """90 m at a distance of 1 with two vertices, and 10 m at 3 with a hundred."""
     near, many = [(0, 1), (90, 1)], [(x, 3) for x in np.linspace(90, 100, 100)]
-    out = compare([line(*near), line(*many)], line((-50, 0), (150, 0)), step=50)
+    out = compare([line(*near), line(*many)], line((-50, 0), (150, 0)), spacing=50)
     assert out.mean == pytest.approx(1.2)
     assert out.rms == pytest.approx(math.sqrt(0.9 + 0.1 * 9))
     assert measures(out)["median"] == pytest.approx(1)
@@ -120,7 +120,7 @@ def test_concentric_circles() -> None:
 def test_circle_moved_by_a_known_vector() -> None:
     """Moved by 4 m: distance |sqrt(r2 + d2 + 2 r d cos a) - r| at the angle a."""
     moved, still = (shapely.Point(EAST + x, NORTH).buffer(50, quad_segs=720) for x in (4, 0))
-    out = compare(moved, still, step=0.1)
+    out = compare(moved, still, spacing=0.1)
     angle = np.linspace(0, 2 * math.pi, 100_001)
     away = np.abs(np.sqrt(2500 + 16 + 400 * np.cos(angle)) - 50)
     assert out.mean == pytest.approx(np.trapezoid(away, angle) / (2 * math.pi), abs=1e-3)
@@ -132,7 +132,7 @@ def test_circle_moved_by_a_known_vector() -> None:
 def test_completeness_and_correctness_by_hand() -> None:
     """60 of 80 m of line lie on the reference of 120 m, which has 60 m twice."""
     own = [line((0, 0), (30, 0)), line((0, 0.1), (30, 0.1)), line((0, 50), (20, 50))]
-    out = compare(own, line((0, 0), (120, 0)), buffer=0.5, step=0.25)
+    out = compare(own, line((0, 0), (120, 0)), buffer=0.5, spacing=0.25)
     found = measures(out)
     assert out.correctness == pytest.approx(100 * 60 / 80)
     assert out.completeness == pytest.approx(100 * (30 + 0.5) / 120, rel=1e-3)
@@ -143,7 +143,7 @@ def test_completeness_and_correctness_by_hand() -> None:
 def test_side_at_a_sharp_corner() -> None:
     """Beyond the tip of a needle both segments are equally near; one has the wrong side."""
     needle = line((0, 0), (10, 0), (0, 1))  # turns left by almost a half turn
-    out = compare(line((12, -5), (12, 5)), needle, step=0.1)
+    out = compare(line((12, -5), (12, 5)), needle, spacing=0.1)
     frame = out.offsets.frame
     tip = frame[np.isclose(frame["reference_chainage"], 10)]
     assert len(tip) > 50
@@ -176,7 +176,7 @@ def test_parts_of_opposite_directions_keep_their_sides() -> None:
 def test_heights_at_the_nearest_places() -> None:
     """The reference rises by a tenth; the line is half a metre above it."""
     own, other = line((0, 2, 0.5), (100, 2, 10.5)), line((0, 0, 0), (100, 0, 10))
-    out = compare(own, other, heights=True)
+    out = compare(own, other, compare_heights=True)
     found = measures(out)
     assert out.mean == pytest.approx(2)  # in the plane
     assert (found["height_bias"], found["height_rms"]) == pytest.approx((0.5, 0.5))
@@ -184,7 +184,7 @@ def test_heights_at_the_nearest_places() -> None:
     assert out.offsets.frame.geometry[100].z == pytest.approx(10.5)
     assert "height_bias" not in measures(compare(own, other))
     with pytest.raises(DataError, match=r"reference: b.gpkg has no heights \(Z\)"):
-        compare(own, line((0, 0), (9, 0)), heights=True)
+        compare(own, line((0, 0), (9, 0)), compare_heights=True)
 
 
 # Brute force ----------------------------------------------------------------------------------
@@ -354,8 +354,8 @@ def test_crs_and_step() -> None:
     degrees = layer(shapely.LineString([(29, 39), (30, 40)]), crs=CRS(4326))
     with pytest.raises(DataError, match="is in degrees"):
         CompareLines(lines=degrees, reference=degrees)
-    with pytest.raises(DataError, match="step: makes 90,000,000 pieces"):
-        CompareLines(lines=one, reference=one, step=1e-7).run()
+    with pytest.raises(DataError, match="spacing: makes 90,000,000 pieces"):
+        CompareLines(lines=one, reference=one, spacing=1e-7).run()
     with pytest.raises(ParameterError, match="polynomial: must be >= 1"):
         CompareLines(lines=one, reference=one, polynomial=0)
 

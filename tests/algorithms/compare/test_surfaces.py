@@ -182,14 +182,14 @@ def test_classes_and_withheld_points_choose() -> None:
 
 def test_the_largest_errors_come_first_and_ties_by_place() -> None:
     many = CompareSurfaces(surface=raster(np.ones((3, 3))), reference=raster(np.zeros((3, 3))))
-    places = CompareSurfaces(**vars(many) | {"largest": 4}).run().errors.frame.geometry
+    places = CompareSurfaces(**vars(many) | {"largest_errors": 4}).run().errors.frame.geometry
     assert [(p.x - WEST, NORTH - p.y) for p in places] == [
         (0.5, 2.5),
         (0.5, 1.5),
         (0.5, 0.5),
         (1.5, 2.5),
     ]
-    assert len(CompareSurfaces(**vars(many) | {"largest": 0}).run().errors) == 0
+    assert len(CompareSurfaces(**vars(many) | {"largest_errors": 0}).run().errors) == 0
 
 
 # Land cover -----------------------------------------------------------------------------------

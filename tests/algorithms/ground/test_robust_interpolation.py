@@ -418,7 +418,7 @@ def test_the_tool_gives_classes_share_and_surface() -> None:
         ("building_size", 15.0),
         ("half_width", 0.4),
         ("relief", 0.3),
-        ("tolerance", 0.1),
+        ("height_tolerance", 0.1),
         ("iterations", 0),
         ("above", 0.1),
         ("below", 0.3),

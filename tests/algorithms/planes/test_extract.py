@@ -169,7 +169,7 @@ def test_a_plane_is_one_patch_unless_asked() -> None:
     )
     assert extracted(apart).count == 3
     assert extracted(apart, connected=False).count == 2
-    assert extracted(apart, max_gap=8.0).count == 2
+    assert extracted(apart, plane_gap=8.0).count == 2
 
 
 def test_points_of_others_do_not_turn_a_plane() -> None:
@@ -348,8 +348,8 @@ def test_too_few_points_lines_and_places() -> None:
 def test_lengths_below_rounding_are_errors() -> None:
     with pytest.raises(DataError, match="tolerance: 1e-300 is too small for points"):
         extracted(corner(), tolerance=1e-300)
-    with pytest.raises(DataError, match="max_gap: 1e-09 is too small for points"):
-        extracted(corner(), max_gap=1e-9)
+    with pytest.raises(DataError, match="plane_gap: 1e-09 is too small for points"):
+        extracted(corner(), plane_gap=1e-9)
 
 
 def test_draws_are_no_more_than_allowed() -> None:

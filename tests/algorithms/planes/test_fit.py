@@ -132,9 +132,9 @@ def test_the_plane_stays_within_the_angle(caplog: pytest.LogCaptureFixture) -> N
         out = fitted(xyz, reference=Direction(0.0, 0.0, 1.0), max_distance=1.0)
     assert 4 < out.tilt <= 5 + 1e-9
     assert "did not settle" in caplog.text
-    assert fitted(xyz, reference=Direction(0.0, 0.0, 1.0), max_angle=6.0).tilt == pytest.approx(
-        5.5, abs=0.1
-    )
+    assert fitted(
+        xyz, reference=Direction(0.0, 0.0, 1.0), reference_angle=6.0
+    ).tilt == pytest.approx(5.5, abs=0.1)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
@@ -221,7 +221,7 @@ def test_ground_and_a_wall_of_a_street_corner(data: Callable[[str], Path]) -> No
     assert ground.tilt < 2
     assert len(ground.inliers) > 1600
     wall = PlanesFit(
-        points=points, max_distance=0.05, reference=Direction(-4.0, 3.0, 0.0), max_angle=10.0
+        points=points, max_distance=0.05, reference=Direction(-4.0, 3.0, 0.0), reference_angle=10.0
     ).run()
     assert abs(wall.tilt - 90) < 2
     assert len(wall.inliers) > 200

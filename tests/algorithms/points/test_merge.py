@@ -70,7 +70,7 @@ def test_numbering_tells_the_files(folder: Path) -> None:
 @pytest.mark.parametrize("tolerance", [0.0, 0.002])
 def test_tiles_give_the_same_points(folder: Path, tolerance: float) -> None:
     values = {"points": folder / "in", "duplicates": "drop", "numbering": "file_id"}
-    values |= {"tolerance": tolerance}
+    values |= {"max_difference": tolerance}
     whole = run("points.merge", values)
     out = folder / "tiles.laz"
     tiles = run("points.merge", values | {"merged": out}, tiling=Tiling(7.0, 1, 1 << 30))
@@ -136,7 +136,7 @@ def test_formats_scales_and_extra_bytes_are_reconciled(
     assert "rough.las: has no echo; 0 is written there" in caplog.text
     dropped = run("points.merge", {"points": tmp_path / "*.las", "duplicates": "drop"})["dropped"]
     assert dropped < 3  # rounded to 1 cm they are elsewhere
-    near = {"points": tmp_path / "*.las", "duplicates": "drop", "tolerance": 0.005}
+    near = {"points": tmp_path / "*.las", "duplicates": "drop", "max_difference": 0.005}
     assert run("points.merge", near)["dropped"] == 50
 
 

@@ -21,8 +21,8 @@ XYZ = np.array([[0.0, 0, 0], [10, 0, 1], [0, 10, 2]])
 METRES, FEET, DEGREES = CRS(32635), CRS(2263), CRS(4326)
 
 
-@tool("testing.measure")
-class Measure:
+@tool("toy.measure")
+class ToyMeasure:
     """Return what it was given.
 
     A second line of help.
@@ -66,13 +66,13 @@ class Measure:
     def halo(self) -> float:
         return self.width
 
-    def run(self, ctx: Context = QUIET) -> Measure.Outputs:
+    def run(self, ctx: Context = QUIET) -> ToyMeasure.Outputs:
         """Give the width back."""
         w = self.width
         return self.Outputs(inside=w, width_out=w, area=w * w, density=1 / (w * w))
 
 
-SPEC = REGISTRY.pop("testing.measure")  # the laws of test_every_tool are for real tools
+SPEC = REGISTRY.pop("toy.measure")  # the laws of test_every_tool are for real tools
 
 
 def cloud(crs: CRS | None = METRES, **columns: Any) -> PointCloud:
@@ -84,7 +84,7 @@ def test_all_problems_at_once_with_the_nearest_names() -> None:
         SPEC.build({"points": cloud(), "widht": 1, "mode": "exakt"})
     assert caught.value.problems == {"widht": "unknown parameter; did you mean 'width'?"}
     with pytest.raises(ParameterError) as caught:
-        Measure(points=cloud(), width=-1.0, count=0, mode="exakt")  # type: ignore[arg-type]
+        ToyMeasure(points=cloud(), width=-1.0, count=0, mode="exakt")  # type: ignore[arg-type]
     assert caught.value.problems == {
         "width": "must be > 0 and <= 100 m, got -1.0",
         "count": "must be >= 1, got 0",
@@ -115,7 +115,7 @@ def test_wrong_values_are_refused_by_name(name: str, value: Any) -> None:
 
 
 def test_numpy_numbers_are_numbers() -> None:
-    job = Measure(points=cloud(), width=np.float32(2), count=np.int64(3))  # type: ignore[arg-type]
+    job = ToyMeasure(points=cloud(), width=np.float32(2), count=np.int64(3))  # type: ignore[arg-type]
     assert job.run().inside == 2
 
 
@@ -176,8 +176,8 @@ def test_texts_that_cannot_be_read(name: str, text: Any, why: str) -> None:
 
 
 def test_lengths_reach_the_tool_in_the_unit_of_the_data_and_come_back_in_metres() -> None:
-    metres = Measure(points=cloud(METRES)).run()
-    feet = Measure(points=cloud(FEET)).run()
+    metres = ToyMeasure(points=cloud(METRES)).run()
+    feet = ToyMeasure(points=cloud(FEET)).run()
     assert metres.inside == 2
     assert feet.inside == pytest.approx(2 / (1200 / 3937))
     assert feet.width_out == pytest.approx(2)
@@ -193,9 +193,9 @@ def test_lists_and_words_are_scaled_with_sense() -> None:
 
 
 def test_limits_are_in_metres_whatever_the_data() -> None:
-    assert Measure(points=cloud(FEET), width=100.0).run().width_out == pytest.approx(100)
+    assert ToyMeasure(points=cloud(FEET), width=100.0).run().width_out == pytest.approx(100)
     with pytest.raises(ParameterError, match="got 101"):
-        Measure(points=cloud(FEET), width=101.0)
+        ToyMeasure(points=cloud(FEET), width=101.0)
 
 
 def test_halo_is_known_before_there_are_layers() -> None:
@@ -204,7 +204,7 @@ def test_halo_is_known_before_there_are_layers() -> None:
 
 
 def test_halo_is_in_metres() -> None:
-    assert Measure(points=cloud(FEET), width=5.0).halo() == 5
+    assert ToyMeasure(points=cloud(FEET), width=5.0).halo() == 5
 
 
 @pytest.mark.parametrize(
@@ -213,46 +213,46 @@ def test_halo_is_in_metres() -> None:
 )
 def test_lengths_without_meaning_are_refused(crs: CRS | None, text: str) -> None:
     with pytest.raises(DataError, match=text) as caught:
-        Measure(points=cloud(crs))
+        ToyMeasure(points=cloud(crs))
     assert caught.value.problems.keys() == {"points"}
     assert "a.laz" in caught.value.problems["points"]
 
 
 def test_local_coordinates_are_metres() -> None:
-    assert Measure(points=cloud(LOCAL)).run().inside == 2
+    assert ToyMeasure(points=cloud(LOCAL)).run().inside == 2
 
 
 def test_different_crs_are_refused_by_both_names() -> None:
     with pytest.raises(DataError, match=r"EPSG:32636.*EPSG:32635"):
-        Measure(points=cloud(), other=cloud(CRS(32636)))
+        ToyMeasure(points=cloud(), other=cloud(CRS(32636)))
     with pytest.raises(DataError, match=r"5773.*"):
-        Measure(points=cloud(), other=cloud(CRS("EPSG:32635+5773")))
+        ToyMeasure(points=cloud(), other=cloud(CRS("EPSG:32635+5773")))
 
 
 def test_unknown_attributes_are_refused_with_the_nearest_name() -> None:
     points = cloud(intensity=np.zeros(3, np.uint16))
-    assert Measure(points=points, column=Attribute("intensity"), where=Expression("z > 1"))
+    assert ToyMeasure(points=points, column=Attribute("intensity"), where=Expression("z > 1"))
     with pytest.raises(ParameterError, match="features: no attribute 'q'"):
-        Measure(points=points, features=(Attribute("z"), Attribute("q")))
+        ToyMeasure(points=points, features=(Attribute("z"), Attribute("q")))
     with pytest.raises(ParameterError) as caught:
-        Measure(points=points, column=Attribute("intensty"), where=Expression("q > 1"))
+        ToyMeasure(points=points, column=Attribute("intensty"), where=Expression("q > 1"))
     assert caught.value.problems["column"].startswith("no attribute 'intensty'; did you mean")
     assert caught.value.problems["where"].startswith("no attribute 'q'; there are x, y, z")
 
 
 def test_rules_between_parameters() -> None:
     with pytest.raises(ParameterError, match=r"gap: must be <= width \(2 m\), got 3"):
-        Measure(points=cloud(), gap=3.0)
+        ToyMeasure(points=cloud(), gap=3.0)
 
 
 def test_rules_between_parameters_and_layers() -> None:
     with pytest.raises(DataError, match="points: need 9, got 3"):
-        Measure(points=cloud(), count=9)
+        ToyMeasure(points=cloud(), count=9)
 
 
 def test_build_names_the_step_of_a_model() -> None:
     with pytest.raises(ParameterError, match=r"step 'ground'.*\n.*width"):
-        SPEC.build({"points": cloud(), "width": -1.0}, "models.a, step 'ground' (testing.measure)")
+        SPEC.build({"points": cloud(), "width": -1.0}, "models.a, step 'ground' (toy.measure)")
 
 
 def test_errors_can_be_sent_to_other_processes() -> None:
@@ -263,24 +263,24 @@ def test_errors_can_be_sent_to_other_processes() -> None:
 
 def test_a_job_is_frozen() -> None:
     with pytest.raises(AttributeError):
-        Measure(points=cloud()).width = 3.0  # type: ignore[misc]
+        ToyMeasure(points=cloud()).width = 3.0  # type: ignore[misc]
 
 
 def declare(annotations: dict[str, Any], **members: Any) -> type:
     """A minimal tool with something added."""
     body: dict[str, Any] = {
-        "__doc__": "Do something.",
+        "__doc__": "Do something.\n\nIn some way.",
         "__annotations__": {"points": PointCloud} | annotations,
         "points": source("Points"),
-        "Outputs": Measure.Outputs,
+        "Outputs": ToyMeasure.Outputs,
         "halo": lambda self: 0.0,
         "run": lambda self, ctx: None,
     }
     body = {name: value for name, value in (body | members).items() if value is not None}
     try:
-        return tool("testing.wrong")(type("Wrong", (), body))
+        return tool("toy.wrong")(type(members.pop("__name__", "ToyWrong"), (), body))
     finally:
-        REGISTRY.pop("testing.wrong", None)
+        REGISTRY.pop("toy.wrong", None)
 
 
 def test_a_sound_declaration_is_accepted() -> None:
@@ -300,6 +300,18 @@ def test_a_sound_declaration_is_accepted() -> None:
         ({"a": PointCloud | Raster}, {"a": source("X")}, "more than one type"),
         ({"a": float}, {"a": param("X", default=1.0, unit="metres")}, "unit 'metres'"),
         ({"picture": float}, {"picture": param("X", default=1.0)}, "option of every run"),
+        ({"a": float}, {"a": param("X", default=1.0)}, r"wrong\.a: a number has a unit"),
+        ({"a": int | None}, {"a": param("X", default=None)}, r"wrong\.a: a number has a unit"),
+        ({"a": bool}, {"a": param("Ends so.", default=True)}, "one sentence .* got 'Ends so.'"),
+        ({"a": bool}, {"a": param("begins so", default=True)}, "one sentence"),
+        ({"a": bool}, {"a": param("X" * 101, default=True)}, "at most 100 characters"),
+        ({}, {"points": source("points")}, r"wrong\.points: help is one sentence"),
+        ({}, {"__doc__": "Do something."}, "needs a text below its first line"),
+        ({}, {"__doc__": "Do something.\n\nSo"}, "ends with a full stop"),
+        ({}, {"__doc__": "Do *something*.\n\nSo."}, "without markup, got"),
+        ({}, {"__doc__": ""}, "needs a first line as title"),
+        ({}, {"__doc__": f"Do.\n\nSo{101 * ' '}."}, "a line of more than 100"),
+        ({}, {"__name__": "Wrong"}, "is called Wrong, must be ToyWrong"),
     ],
 )
 def test_mistakes_of_authors_are_found_on_import(

@@ -32,7 +32,10 @@ seen: list[weakref.ref[PointCloud]] = []  # clouds that toy.shift has made
 
 @tool("toy.shift")
 class ToyShift:
-    """Move points up."""
+    """Move points up.
+
+    By as much as it is told.
+    """
 
     points: PointCloud = source("Points")
     by: float = param("How far", default=1.0, unit="m", lt=100)
@@ -65,7 +68,10 @@ class ToyShift:
 
 @tool("toy.join")
 class ToyJoin:
-    """Count points of several clouds."""
+    """Count points of several clouds.
+
+    Each counts as often as it is given.
+    """
 
     points: tuple[PointCloud, ...] = source("Several clouds")
     raster: Raster | None = source("A raster", default=None)

@@ -639,7 +639,6 @@ def test_a_tool_with_any_layers_is_covered(
         test_progress_rises_and_cancel_stops,
     ):
         law(spec, block)
-    test_names_and_help_follow_the_house_style(spec)
     test_reach_and_rules_need_no_layers(spec)
     if cloud_name(spec):
         test_order_of_points_does_not_matter(spec, block)

@@ -9,12 +9,9 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pandas as pd
-
 from toolbox import __version__, catalog
 from toolbox.context import QUIET, Context, log
-from toolbox.data import PointCloud, Raster, Table, Vector
+from toolbox.data import Layer
 from toolbox.data.crs import describe_crs, same_crs
 from toolbox.errors import DataError
 from toolbox.execute import run
@@ -188,77 +185,7 @@ def _differences(path: Path, made: Path, record: Record, tool: str) -> Iterator[
             yield f"{name}, {text}" if record.layers else text
 
 
-def _differences_of(old: Any, new: Any) -> Iterator[str]:
+def _differences_of(old: Layer, new: Layer) -> Iterator[str]:
     if not same_crs(old.crs, new.crs):
         yield f"CRS: {describe_crs(old.crs)}, now {describe_crs(new.crs)}"
-    match old:
-        case PointCloud():
-            yield from _cloud(old, new)
-        case Raster():
-            yield from _raster(old, new)
-        case Vector() | Table():
-            yield from _frame(old.frame, new.frame)
-
-
-def _cloud(old: PointCloud, new: PointCloud) -> Iterator[str]:
-    if len(old) != len(new):
-        yield f"{len(old)} points, now {len(new)}"
-        return
-    names = [*"xyz", *(name for name in old.names if name in new)]
-    yield from _columns({n: old[n] for n in names}, {n: new[n] for n in names}, "points")
-    yield from _names(old.names, new.names)
-
-
-def _raster(old: Raster, new: Raster) -> Iterator[str]:
-    if old.values.shape != new.values.shape or old.transform != new.transform:
-        yield (
-            f"{old.values.shape} cells of {old.cell:g} from {old.bounds[:2]}, "
-            f"now {new.values.shape} of {new.cell:g} from {new.bounds[:2]}"
-        )
-        return
-    bands = range(1, len(old.values) + 1)
-    yield from _columns(
-        {f"band {i}": old.band(i) for i in bands},
-        {f"band {i}": new.band(i) for i in bands},
-        "cells",
-    )
-
-
-def _frame(old: pd.DataFrame, new: pd.DataFrame) -> Iterator[str]:
-    if len(old) != len(new):
-        yield f"{len(old)} rows, now {len(new)}"
-        return
-    for name in (name for name in old.columns if name in new):
-        before, now = old[name], new[name]
-        if pd.api.types.is_numeric_dtype(before) and pd.api.types.is_numeric_dtype(now):
-            columns = (c.to_numpy(float, na_value=np.nan) for c in (before, now))
-            yield from _columns({name: next(columns)}, {name: next(columns)}, "rows")
-        elif count := sum(map(_unequal, before, now)):
-            yield f"{name}: {count} of {len(old)} rows differ"
-    yield from _names(old.columns, new.columns)
-
-
-def _unequal(one: Any, other: Any) -> bool:
-    """Whether two values, or geometries, differ; two missing values are equal."""
-    missing = [bool(pd.isna(value)) for value in (one, other)]
-    return missing[0] != missing[1] if any(missing) else bool(one != other)
-
-
-def _names(old: Any, new: Any) -> Iterator[str]:
-    for text, one, other in (("is missing", old, new), ("is new", new, old)):
-        yield from (f"{name}: {text}" for name in one if name not in other)
-
-
-def _columns(old: Mapping[str, Any], new: Mapping[str, Any], what: str) -> Iterator[str]:
-    """Say how many values differ, and by how much at most; two NaN are equal."""
-    for name, before in old.items():
-        now = new[name]
-        if before.shape != now.shape:
-            yield f"{name}: of the shape {before.shape}, now {now.shape}"
-            continue
-        one, other = before.astype(np.float64), now.astype(np.float64)
-        differ = (before != now) & ~(np.isnan(one) & np.isnan(other))
-        if differ.any():
-            apart = np.abs(one - other)[differ]
-            most = f" by up to {np.nanmax(apart):g}" if not np.isnan(apart).all() else ""
-            yield f"{name}: {np.count_nonzero(differ)} of {differ.size} {what} differ{most}"
+    yield from old.differences(new)

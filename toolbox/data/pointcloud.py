@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -11,18 +11,20 @@ from numpy.typing import ArrayLike, NDArray
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
+from toolbox.data import differences
 from toolbox.data.crs import crs_conflicts, describe_crs, metres_per_unit
 from toolbox.data.las import points as las_points
 from toolbox.data.las.header import LasMetadata
 from toolbox.data.las.joint import in_layout, joint_metadata, with_layout
 from toolbox.data.las.read import read_las
 from toolbox.data.las.write import las_sink, write_las
+from toolbox.data.layer import Inside, Layer
 from toolbox.data.paths import LAS, TEXT, Paths, files_of, name_of, suffix_of
 from toolbox.data.record import own_side_car, with_record, write_beside
 from toolbox.errors import DataError, nearest
 
 
-class PointCloud:
+class PointCloud(Layer):
     """Points with attributes and a CRS, immutable; data of a LAS file stay the same, bit for bit.
 
     A cloud from LAS keeps the packed point records of the file (20 to 38 bytes per point and the
@@ -56,6 +58,11 @@ class PointCloud:
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".laz", ".las", ".csv", ".xyz", ".txt", ".ply")
     SUFFIXES += (".csv.gz", ".xyz.gz", ".txt.gz")
+    is_spatial: ClassVar[bool] = True
+    axes: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    name: str
+    crs: CRS | None
+    in_blocks: ClassVar[bool] = True
 
     def __init__(
         self,
@@ -474,6 +481,47 @@ class PointCloud:
         cloud = self._copy()
         cloud.crs = crs
         return cloud
+
+    # What every layer answers, see toolbox.data.layer ---------------------------------------------
+
+    def size(self, inside: Inside | None = None) -> int:
+        """Number of points; only of those that belong to a tile."""
+        return len(self) if inside is None else int(np.count_nonzero(self._belong(inside)))
+
+    def _belong(self, inside: Inside) -> NDArray[np.bool_]:
+        """The points that belong to a tile: of new ones, those that are inside."""
+        if self._origin is not None:
+            return self.core
+        return inside(self.xyz[:, 0], 0) & inside(self.xyz[:, 1], 1)
+
+    def cropped(self, inside: Inside) -> PointCloud:
+        """The points that belong to a tile."""
+        return self.select(self._belong(inside))
+
+    def contents(self) -> Iterator[tuple[str, NDArray[Any]]]:
+        """Coordinates and attributes."""
+        yield "xyz", self.xyz
+        yield from ((name, self[name]) for name in self.names)
+
+    def apart(self) -> tuple[dict[str, NDArray[Any]], tuple[PointCloud, NDArray[np.float64]]]:
+        """The arrays of the points; the cloud without points, and the box around them."""
+        origin = {} if self._origin is None else {"origin": self._origin}
+        box = np.reshape(self.bounds, (2, 3))
+        return self.arrays() | origin, (self.select([]).with_origin(None), box)
+
+    def size_text(self) -> str:
+        """The number of points in words."""
+        return f"{len(self):,} points"
+
+    def differences(self, now: PointCloud) -> Iterator[str]:
+        """What differs in another cloud, in words."""
+        if len(self) != len(now):
+            yield f"{len(self)} points, now {len(now)}"
+            return
+        names = [*self.axes, *(name for name in self.names if name in now)]
+        arrays = ({n: cloud[n] for n in names} for cloud in (self, now))
+        yield from differences.of_arrays(next(arrays), next(arrays), "points")
+        yield from differences.of_names(self.names, now.names)
 
     def _copy(self) -> PointCloud:
         cloud = object.__new__(type(self))

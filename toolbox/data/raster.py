@@ -16,8 +16,10 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context
+from toolbox.data import differences
 from toolbox.data.crs import is_local, metres_per_unit
 from toolbox.data.lattice import Lattice
+from toolbox.data.layer import Inside, Layer
 from toolbox.data.record import ITEM, checked
 from toolbox.errors import DataError
 
@@ -33,7 +35,7 @@ _DTYPES = frozenset(
 
 
 @dataclass(frozen=True, eq=False)
-class Raster:
+class Raster(Layer):
     """One or more bands of values on one lattice, with a CRS.
 
     Parameters
@@ -71,6 +73,9 @@ class Raster:
     name: str = field(default="", kw_only=True)
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".tif", ".tiff")
+    is_spatial: ClassVar[bool] = True
+    in_blocks: ClassVar[bool] = True
+    is_gridded: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if isinstance(self.values, np.ma.MaskedArray):
@@ -282,6 +287,52 @@ class Raster:
     def with_crs(self, crs: CRS | None) -> Raster:
         """The same raster, stated to be in another CRS; nothing is transformed."""
         return replace(self, crs=crs)
+
+    # What every layer answers, see toolbox.data.layer ---------------------------------------------
+
+    def size(self, inside: Inside | None = None) -> int | None:
+        """Number of cells with a value in any band; only of those that belong to a tile."""
+        if inside is not None:
+            part = self.cropped(inside)
+            return None if part is None else part.size()
+        known = (
+            ~np.isnan(self.values) if self.values.dtype.kind == "f" else self.values != self.nodata
+        )
+        return int(np.count_nonzero(known.any(axis=0)))
+
+    def cropped(self, inside: Inside) -> Raster | None:
+        """The cells whose centres are inside; None if there are none."""
+        x, y = Lattice.of(self).centres()
+        cols, rows = np.flatnonzero(inside(x, 0)), np.flatnonzero(inside(y, 1))
+        if not (len(rows) and len(cols)):
+            return None
+        return self.window(slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1))
+
+    def contents(self) -> Iterator[tuple[str, NDArray[Any]]]:
+        """Where the cells are, what stands for no value, and the values."""
+        yield "transform", np.array(self.transform)
+        yield "nodata", np.array([np.nan if self.nodata is None else self.nodata])
+        yield "values", self.values
+
+    def apart(self) -> tuple[dict[str, NDArray[Any]], Raster]:
+        """The values, and a raster of one cell that says all the rest."""
+        return {"values": self.values}, self.window(slice(0, 1), slice(0, 1))
+
+    def size_text(self) -> str:
+        """Rows and columns in words."""
+        return "{:,} rows, {:,} columns".format(*self.shape)
+
+    def differences(self, now: Raster) -> Iterator[str]:
+        """What differs in another raster, in words."""
+        if self.values.shape != now.values.shape or self.transform != now.transform:
+            yield (
+                f"{self.values.shape} cells of {self.cell:g} from {self.bounds[:2]}, "
+                f"now {now.values.shape} of {now.cell:g} from {now.bounds[:2]}"
+            )
+            return
+        bands = range(1, len(self.values) + 1)
+        arrays = ({f"band {i}": raster.band(i) for i in bands} for raster in (self, now))
+        yield from differences.of_arrays(next(arrays), next(arrays), "cells")
 
     def _stored(self, path: str | Path, wanted: np.dtype[Any]) -> tuple[NDArray[Any], float | None]:
         """The values as the file holds them, with nodata for NaN; and the nodata value."""

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context
+from toolbox.data.layer import Layer, text_array
 from toolbox.data.record import checked
 from toolbox.data.table import Table, cell_texts, is_number
 from toolbox.errors import DataError
@@ -100,7 +103,7 @@ class Section:
     blocks: Sequence[Block]
 
 
-class Report:
+class Report(Layer):
     """A report for people: sections with texts, tables and images.
 
     Parameters
@@ -120,6 +123,7 @@ class Report:
     SUFFIXES: ClassVar[tuple[str, ...]] = (".html",)
     crs: ClassVar[None] = None
     metre: ClassVar[float] = 1.0
+    name: str
 
     def __init__(
         self, title: str, sections: Sequence[Section], *, summary: str = "", name: str = ""
@@ -136,6 +140,21 @@ class Report:
             Always.
         """
         raise DataError(f"{path}: reports are written, not read")
+
+    # What every layer answers, see toolbox.data.layer ---------------------------------------------
+
+    def contents(self) -> Iterator[tuple[str, NDArray[Any]]]:
+        """The page as a text."""
+        yield "page", text_array(self.html())
+
+    def page_sections(self, title: str, help: str) -> tuple[Section, ...]:
+        """Its own sections."""
+        return self.sections
+
+    def differences(self, now: Report) -> Iterator[str]:
+        """Whether the page differs; it is not said where."""
+        if self.html() != now.html():
+            yield "the report differs"
 
     def html(self, record: str = "") -> str:
         """The HTML text; `record` is JSON text, see `toolbox.runs.provenance`."""

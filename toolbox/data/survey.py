@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from toolbox.data.crs import crs_conflicts, metres_per_unit
 from toolbox.data.las.header import LasMetadata
 from toolbox.data.las.points import Box
 from toolbox.data.las.read import chunk_sizes, read_metadata
+from toolbox.data.layer import Inside, Layer
 from toolbox.data.paths import LAS, Paths, files_of, name_of, suffix_of
 from toolbox.data.pointcloud import PointCloud
 from toolbox.errors import DataError
@@ -208,7 +209,7 @@ class SurveyFile:
 
 
 @dataclass(frozen=True)
-class Survey:
+class Survey(Layer):
     """Point cloud files in one CRS, of which only the headers have been read.
 
     Attributes
@@ -230,6 +231,8 @@ class Survey:
 
     files: tuple[SurveyFile, ...]
     name: str
+    is_spatial: ClassVar[bool] = True
+    axes: ClassVar[tuple[str, ...]] = PointCloud.axes
 
     @classmethod
     def open(
@@ -314,6 +317,15 @@ class Survey:
     def metre(self) -> float:
         """Length of one metre in the unit of the coordinates; 1.0 without a CRS."""
         return 1 / metres_per_unit(self.crs)
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """The files that hold the points."""
+        return tuple(file.path for file in self.files)
+
+    def size(self, inside: Inside | None = None) -> int | None:
+        """Number of points; None for a tile, since nothing is read."""
+        return self.count if inside is None else None
 
     def with_crs(self, crs: CRS | None) -> Survey:
         """The same survey, stated to be in another CRS; nothing is transformed."""

@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context
-from toolbox.data import geopackage
+from toolbox.data import differences, geopackage
+from toolbox.data.layer import Inside, Layer, text_array
 from toolbox.data.record import own_side_car, side_car, write_beside, write_into_geopackage
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:  # of which most tools have no need; it takes long to import
     import pandas as pd
 
+    from toolbox.data.report import Section
+
 
 _NULLABLE = {"Int64": np.dtype("int64"), "boolean": np.dtype("bool")}  # as pandas names them
 
 
-class Table:
+class Table(Layer):
     """Rows of named columns without geometry.
 
     Parameters
@@ -39,6 +43,7 @@ class Table:
     SUFFIXES: ClassVar[tuple[str, ...]] = (".csv", ".json", ".parquet", ".gpkg")
     crs: ClassVar[None] = None
     metre: ClassVar[float] = 1.0
+    name: str
 
     def __init__(self, frame: pd.DataFrame, *, name: str = "") -> None:
         self._frame, self.name = frame.reset_index(drop=True), name
@@ -167,6 +172,31 @@ class Table:
         frame = self._frame.astype(object)
         rows = frame.where(frame.notna(), None).to_dict("records")
         return [{str(name): _json_ready(value) for name, value in row.items()} for row in rows]
+
+    # What every layer answers, see toolbox.data.layer ---------------------------------------------
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(map(str, self._frame.columns))
+
+    def size(self, inside: Inside | None = None) -> int | None:
+        """Number of rows; of none is known in which tile it is."""
+        return len(self) if inside is None else None
+
+    def contents(self) -> Iterator[tuple[str, NDArray[Any]]]:
+        """The rows as a text."""
+        yield "table", text_array(self.frame.to_csv(index=False))
+
+    def page_sections(self, title: str, help: str) -> tuple[Section, ...]:
+        """The first rows."""
+        from toolbox.data.report import Rows, Section
+
+        return (Section(title, [Rows(self, help)]),)
+
+    def differences(self, now: Table) -> Iterator[str]:
+        """What differs in another table, in words."""
+        return differences.of_frames(self.frame, now.frame)
 
     def text(self) -> str:
         """The table as aligned plain text: numbers to the right, "-" if missing."""

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
-from toolbox.data import dxf, geopackage, mesh
+from toolbox.data import differences, dxf, geopackage, mesh
 from toolbox.data.crs import (
     describe_crs,
     horizontal_crs,
@@ -20,17 +22,20 @@ from toolbox.data.crs import (
     metres_per_unit,
     same_crs,
 )
+from toolbox.data.layer import Inside, Layer, text_array
 from toolbox.data.record import (
     own_side_car,
     side_car,
     write_beside,
     write_into_geopackage,
 )
-from toolbox.data.table import need_pyarrow
+from toolbox.data.table import Table, need_pyarrow
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
     import geopandas
+
+    from toolbox.data.report import Section
 
 _DRIVERS = {
     ".gpkg": "GPKG",
@@ -41,9 +46,10 @@ _DRIVERS = {
 }
 _SHAPEFILE = (".shx", ".dbf", ".prj", ".cpg", ".qpj", ".qix", ".sbn", ".sbx", ".idm", ".ind")
 _WGS84 = CRS.from_epsg(4326)
+_MOST_FEATURES = 50  # whose attributes a page lists
 
 
-class Vector:
+class Vector(Layer):
     """Features (geometries with attributes) in one CRS.
 
     Parameters
@@ -62,6 +68,8 @@ class Vector:
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (*_DRIVERS, ".dxf", ".parquet", ".ply")
+    is_spatial: ClassVar[bool] = True
+    name: str
 
     def __init__(
         self, frame: geopandas.GeoDataFrame, *, name: str = "", geometry_type: str = "Unknown"
@@ -211,7 +219,49 @@ class Vector:
     def with_crs(self, crs: CRS | None) -> Vector:
         """The same features, stated to be in another CRS; nothing is transformed."""
         frame = self._frame.set_crs(crs, allow_override=True)
+        return self._of(frame)
+
+    def _of(self, frame: geopandas.GeoDataFrame) -> Vector:
         return Vector(frame, name=self.name, geometry_type=self.geometry_type)
+
+    @classmethod
+    def concat(cls, layers: Sequence[Vector]) -> Vector:
+        """Join the features of layers to one layer, in their order; at least one layer."""
+        import pandas as pd
+
+        filled = [layer.frame for layer in layers if len(layer)] or [layers[0].frame]
+        return layers[0]._of(pd.concat(filled))
+
+    # What every layer answers, see toolbox.data.layer ---------------------------------------------
+
+    def size(self, inside: Inside | None = None) -> int:
+        """Number of features; only of those that belong to a tile."""
+        return len(self) if inside is None else int(np.count_nonzero(self._belong(inside)))
+
+    def _belong(self, inside: Inside) -> NDArray[np.bool_]:
+        """The features that belong to a tile: those whose bounding box has its middle inside."""
+        box = self._frame.geometry.bounds.to_numpy()
+        middle = (box[:, :2] + box[:, 2:]) / 2
+        return inside(middle[:, 0], 0) & inside(middle[:, 1], 1)
+
+    def cropped(self, inside: Inside) -> Vector:
+        """The features that belong to a tile."""
+        return self._of(self.frame[self._belong(inside)])
+
+    def contents(self) -> Iterator[tuple[str, NDArray[Any]]]:
+        """Geometries and attributes as a text."""
+        yield "table", text_array(self.frame.to_wkb(hex=True).to_csv(index=False))
+
+    def page_sections(self, title: str, help: str) -> tuple[Section, ...]:
+        """The attributes of the first features."""
+        from toolbox.data.report import Rows, Section
+
+        attributes = Table(self.frame.drop(columns=self._frame.geometry.name))
+        return (Section(title, [Rows(attributes, help, _MOST_FEATURES)]),)
+
+    def differences(self, now: Vector) -> Iterator[str]:
+        """What differs in another layer, in words."""
+        return differences.of_frames(self.frame, now.frame)
 
 
 @contextmanager

@@ -39,6 +39,7 @@ class Kind:
     open_options, save_options : names in `OPTIONS` that a source or target may have
     own_files : all files that a layer written to a path consists of
     several : whether one value may be read from many files: a folder, a pattern or a list
+    is_gridded, in_blocks : of a layer, see :class:`toolbox.data.Layer`
     """
 
     word: str
@@ -52,6 +53,8 @@ class Kind:
     save_options: tuple[str, ...] = ()
     own_files: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
     several: bool = False
+    is_gridded: bool = False
+    in_blocks: bool = False
 
     def files(self, place: Any) -> list[Path]:
         """The files that a place of :func:`located` names.
@@ -232,6 +235,8 @@ def _layer(
         save_options=_options_of(cls.save),
         own_files=getattr(cls, "own_files", lambda path: (path,)),
         several=several,
+        is_gridded=cls.is_gridded,
+        in_blocks=cls.in_blocks,
     )
 
 

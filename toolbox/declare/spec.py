@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Literal, TypeVar, cast, dataclass_transform
 
 from toolbox.context import QUIET, Context, log
-from toolbox.data import PointCloud, Survey
+from toolbox.data import Layer
 from toolbox.data.crs import crs_conflict, length_problem
 from toolbox.declare import kinds
 from toolbox.declare.expression import Expression
@@ -261,11 +261,11 @@ def _rules(job: Any, name: str) -> Iterable[tuple[str, str]]:
     return getattr(job, name)() if hasattr(job, name) else ()
 
 
-def _layers(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+def _layers(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple[str, Layer]]:
     """The layers among the sources that can have a CRS, with the names of their inputs."""
     for name, field in spec.sources.items():
         for layer in field.items(values[name]):
-            if field.kind.accepts(layer) and hasattr(layer, "with_crs"):
+            if field.kind.accepts(layer) and layer.is_spatial:
                 yield name, layer
 
 
@@ -286,7 +286,7 @@ def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
             log.warning("%s: %s %s", name, layer.name, text)
     for name, layer in layers[1:]:
         first_name, first = layers[0]
-        heights = all(isinstance(points, PointCloud | Survey) for points in (first, layer))
+        heights = "z" in first.axes and "z" in layer.axes
         if text := crs_conflict(layer.crs, first.crs, heights=heights):
             found[name] = f"{layer.name} {text} of {first_name} {first.name}".strip()
     return found
@@ -301,8 +301,7 @@ def _attribute_problems(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple
         wanted: set[str] = set()
         for value in field.items(values[name]):
             wanted |= value.names if isinstance(value, Expression) else {str(value)}
-        axes = ("x", "y", "z") if isinstance(layer, PointCloud | Survey) else ()
-        known = (*axes, *layer.names)
+        known = (*layer.axes, *layer.names)
         for missing in sorted(wanted - set(known)):
             hint = nearest(missing, known)
             yield name, f"no attribute {missing!r}{hint}; there are {', '.join(known)}"

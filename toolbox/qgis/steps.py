@@ -179,7 +179,6 @@ class _QgisStep:
                 value = results.get(name.upper())
                 if field.kind.is_layer and value is not None:
                     value = field.kind.parse(value)
-                    _loaded(value)
                 found[name] = value
         ctx.progress(1.0)
         return SimpleNamespace(**found)
@@ -224,12 +223,6 @@ def _text(field: Field, value: Any, raw: Mapping[str, Any], path: Path, ctx: Con
     if isinstance(value, CRS):
         return str(value.to_string())
     return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def _loaded(layer: Any) -> None:
-    """Read all of a layer now, since its file will be deleted."""
-    if isinstance(layer, PointCloud):
-        len(layer.xyz)
 
 
 def _run(words: list[str], ctx: Context) -> str:

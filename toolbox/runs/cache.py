@@ -29,7 +29,7 @@ from weakref import WeakKeyDictionary
 
 from toolbox import files
 from toolbox.context import Context, log
-from toolbox.data import Survey
+from toolbox.data import Layer
 from toolbox.declare.fields import Field, Spec
 from toolbox.errors import ParameterError
 from toolbox.models.model import Runner, run_tool
@@ -217,11 +217,10 @@ class _Hashing:
             self.file.write(data)
 
 
-def content_of(layer: Any) -> str:
+def content_of(layer: Layer) -> str:
     """A hash of all that a layer holds, the same in every process."""
     made = _Hashing()
-    if isinstance(layer, Survey):  # knows its points by their files alone
-        made.hash.update("".join(file_hash(file.path) for file in layer.files).encode())
+    made.hash.update("".join(map(file_hash, layer.paths)).encode())
     pickle.dump(layer, made, protocol=5)
     return made.hash.hexdigest()
 

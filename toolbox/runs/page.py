@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from toolbox.data import Figure, PointCloud, Raster, Report, Rows, Section, Table, Vector
+from toolbox.data import Figure, Layer, Report, Rows, Section, Table
 from toolbox.data.report import Block
 from toolbox.declare.fields import Spec
 from toolbox.pictures.picture import drawable, png
 from toolbox.runs.provenance import Record
-
-MOST_FEATURES = 50  # whose attributes are listed
 
 
 def page(spec: Spec, found: Mapping[str, Any], record: Record | None) -> Report:
@@ -23,11 +21,16 @@ def page(spec: Spec, found: Mapping[str, Any], record: Record | None) -> Report:
     found : what it gave, by name
     record : how that was made
     """
-    numbers, layers, sizes = _values(spec, found), drawable(found), _sizes(spec, found)
+    numbers, layers, single = _values(spec, found), drawable(found), _layers(spec, found)
+    sizes = _sizes(spec, single)
     sections = [
         _section("Results", [Rows(numbers)] if len(numbers) else []),
         _section("Map", [Figure(png(layers), ", ".join(layers))] if layers else []),
-        *(section for name, value in found.items() for section in _of_layer(spec, name, value)),
+        *(
+            section
+            for name, layer in single.items()
+            for section in layer.page_sections(name, spec.results[name].help)
+        ),
         _section("Layers", [Rows(sizes)] if len(sizes) else []),
         _section("How it was made", [record.text()] if record else []),
     ]
@@ -53,32 +56,22 @@ def _short(value: Any) -> Any:
     return f"{value:.6g}" if isinstance(value, float) else value
 
 
-def _of_layer(spec: Spec, name: str, value: Any) -> Iterator[Section]:
-    help = spec.results[name].help
-    match value:
-        case Report():
-            yield from value.sections
-        case Table():
-            yield _section(name, [Rows(value, help)])
-        case Vector():
-            frame = value.frame
-            attributes = Table(frame.drop(columns=frame.geometry.name))
-            yield _section(name, [Rows(attributes, help, MOST_FEATURES)])
+def _layers(spec: Spec, found: Mapping[str, Any]) -> dict[str, Layer]:
+    """The layers by name, but for those of a repeated step."""
+    return {
+        name: value
+        for name, value in found.items()
+        if spec.results[name].kind.is_layer and not (value is None or isinstance(value, tuple))
+    }
 
 
-def _sizes(spec: Spec, found: Mapping[str, Any]) -> Table:
-    """One row for each cloud and raster, which a page cannot list."""
-    rows = []
-    for name, value in found.items():
-        match value:
-            case PointCloud():
-                size = f"{len(value):,} points"
-            case Raster():
-                size = "{:,} rows, {:,} columns".format(*value.values.shape[1:])
-            case _:
-                continue
-        rows.append({"layer": name, "holds": spec.results[name].help, "size": size})
-    return Table.from_rows(rows)
+def _sizes(spec: Spec, layers: Mapping[str, Layer]) -> Table:
+    """One row for each layer that the page does not list."""
+    return Table.from_rows(
+        {"layer": name, "holds": spec.results[name].help, "size": layer.size_text()}
+        for name, layer in layers.items()
+        if layer.size_text()
+    )
 
 
 def _flowing(text: str) -> str:

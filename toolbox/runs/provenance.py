@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import itertools
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -26,8 +27,9 @@ from pyproj import CRS
 
 from toolbox import __version__
 from toolbox.context import QUIET, Context, log
-from toolbox.data import PointCloud, Raster, Survey, Table, Vector
+from toolbox.data import Layer
 from toolbox.data.crs import crs_text
+from toolbox.data.layer import Inside, text_array
 from toolbox.data.record import MEMBER, read_record
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import located, parsed_options
@@ -342,7 +344,9 @@ def counting(counts: list[Count], inner: Runner = run_tool) -> Runner:
     return run
 
 
-def counted(step: str, fields: Mapping[str, Field], values: Any) -> Iterator[Count]:
+def counted(
+    step: str, fields: Mapping[str, Field], values: Any, inside: Inside | None = None
+) -> Iterator[Count]:
     """How large the layers of a step are.
 
     Parameters
@@ -350,23 +354,15 @@ def counted(step: str, fields: Mapping[str, Field], values: Any) -> Iterator[Cou
     step : id of the tool, or name of the step
     fields : its sources or its outputs
     values : what has them as attributes: the tool itself, or what its run gave
+    inside : count only what belongs to this tile
     """
     for name, field in fields.items():
-        sizes = [_size(layer) for layer in field.items(getattr(values, name, None))]
+        if not field.kind.is_layer:
+            continue
+        layers: tuple[Layer | None, ...] = field.items(getattr(values, name, None))
+        sizes = [layer.size(inside) for layer in layers if layer is not None]
         if known := [size for size in sizes if size is not None]:
             yield Count(step, name, sum(known))
-
-
-def _size(layer: Any) -> int | None:
-    if isinstance(layer, PointCloud | Vector | Table):
-        return len(layer)
-    if isinstance(layer, Survey):
-        return layer.count
-    if not isinstance(layer, Raster):
-        return None
-    values = layer.values
-    known = ~np.isnan(values) if values.dtype.kind == "f" else values != layer.nodata
-    return int(np.count_nonzero(known.any(axis=0)))
 
 
 def _parameter(field: Field, value: Any) -> Any:
@@ -485,37 +481,15 @@ def joint_hash(hashes: Mapping[Path, str]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _content(layer: Any) -> str:
-    """The SHA-256 of what a layer in memory holds."""
-    made = hashlib.sha256(crs_text(getattr(layer, "crs", None)).encode())
-    for name, values in _arrays(layer):
+def _content(layer: Layer) -> str:
+    """The SHA-256 of what a layer holds, in memory and in files."""
+    made = hashlib.sha256(crs_text(layer.crs).encode())
+    of_files = ((path.name, text_array(file_hash(path))) for path in layer.paths)
+    for name, values in itertools.chain(layer.contents(), of_files):
         array = np.ascontiguousarray(values)
         made.update(f"{name} {array.dtype.str} {array.shape}".encode())
         made.update(array.data if array.size else b"")
     return made.hexdigest()
-
-
-def _arrays(layer: Any) -> Iterator[tuple[str, Any]]:
-    """All that makes up a layer, as named arrays."""
-    match layer:
-        case PointCloud():
-            yield "xyz", layer.xyz
-            yield from ((name, layer[name]) for name in layer.names)
-        case Raster():
-            yield "transform", np.array(layer.transform)
-            yield "nodata", np.array([np.nan if layer.nodata is None else layer.nodata])
-            yield "values", layer.values
-        case Vector():
-            yield "table", _bytes(layer.frame.to_wkb(hex=True).to_csv(index=False))
-        case Table():
-            yield "table", _bytes(layer.frame.to_csv(index=False))
-        case Survey():
-            for file in layer.files:
-                yield file.path.name, _bytes(file_hash(file.path))
-
-
-def _bytes(text: str) -> np.ndarray[Any, np.dtype[np.uint8]]:
-    return np.frombuffer(text.encode(), np.uint8)
 
 
 def _ancestors(files: Mapping[Path, str]) -> tuple[dict[str, Entry], int]:

@@ -9,6 +9,7 @@ from typing import Any
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
+from toolbox.data import Layer
 from toolbox.data.crs import describe_crs, same_crs
 from toolbox.data.paths import missing
 from toolbox.declare.fields import Field, Spec
@@ -111,9 +112,7 @@ def _openable(field: Field, value: Any, how: Mapping[str, Any]) -> Any:
     return made if field.many else made[0]
 
 
-def _with_crs(layer: Any, crs: CRS) -> Any:
-    if not hasattr(layer, "with_crs"):
-        return layer
+def _with_crs(layer: Layer, crs: CRS) -> Layer:
     if layer.crs is None:
         return layer.with_crs(crs)
     if not same_crs(layer.crs, crs):

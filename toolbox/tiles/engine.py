@@ -171,7 +171,7 @@ def _products(plan: TilePlan, targets: Mapping[str, Target], survey: Survey) -> 
     """The files to write from pieces; for a folder, one for each file of the survey."""
     found: list[_Product] = []
     for name, target in targets.items():
-        if (result := plan.stored.get(name)) is None or _is_vector(plan, name):
+        if (result := plan.stored.get(name)) is None or not _in_blocks(plan, name):
             continue
         if target.folder:
             inside = [target.inside(file.path.name) for file in survey.files]
@@ -181,9 +181,9 @@ def _products(plan: TilePlan, targets: Mapping[str, Target], survey: Survey) -> 
     return found
 
 
-def _is_vector(plan: TilePlan, output: str) -> bool:
-    """Whether an output is of features, which are written at once: layers may share a file."""
-    return plan.model.results[output].kind.word == "Vector"
+def _in_blocks(plan: TilePlan, output: str) -> bool:
+    """Whether an output is written from its pieces; not so features, which may share a file."""
+    return plan.model.results[output].kind.in_blocks
 
 
 def _check_products(
@@ -230,8 +230,8 @@ def _finish(
     if lost := [n for n, value in found.items() if value is None and n in plan.stored]:
         log.warning("not known from tiles: %s", ", ".join(lost))
         found = {n: value for n, value in found.items() if n not in lost}
-    vectors = [name for name in targets if name in plan.stored and _is_vector(plan, name)]
-    found |= {name: crew.read(plan.stored[name]) for name in vectors}
+    at_once = [name for name in targets if name in plan.stored and not _in_blocks(plan, name)]
+    found |= {name: crew.read(plan.stored[name]) for name in at_once}
     made = record and replace(record, counts=tuple(plan.ordered(crew.counts)))
     others = {n: target for n, target in targets.items() if n in found or n in SHOWN}
     try:

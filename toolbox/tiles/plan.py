@@ -120,7 +120,7 @@ class TilePlan:
     @property
     def gives_rasters(self) -> bool:
         """Whether any raster is joined from tiles."""
-        return any(self.model.between[name].kind.word == "Raster" for name in self.keep)
+        return any(self.model.between[name].kind.is_gridded for name in self.keep)
 
     def ordered(self, counts: Iterable[Count]) -> list[Count]:
         """Sort the counts of tiles and of whole results in the order of the steps."""

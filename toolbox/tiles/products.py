@@ -39,15 +39,7 @@ def read(folder: Path, name: str) -> Any:
     stored = pieces_of(folder, name)
     if not stored:
         return None
-    first = tile_store.load_object(stored[0] / "layer")
-    if isinstance(first, Vector):
-        return _vector(stored)
-    if isinstance(first, Raster):
-        mosaic = Mosaic(stored)
-        values = np.concatenate(list(mosaic.strips()), axis=1)
-        return dataclasses.replace(first, values=values, transform=mosaic.lattice.transform)
-    points = Points(stored)
-    return points.template.filled(points.windows(), points.size())
+    return _joined(stored).whole()
 
 
 def write(
@@ -73,10 +65,10 @@ def write(
     record : the provenance record of the run
     """
     stored = pieces_of(folder, name)
-    first = tile_store.load_object(stored[0] / "layer") if stored else None
-    if isinstance(first, Raster):
-        mosaic, text = Mosaic(stored), _text(record, output, first, options)
-        first.save_strips(path, mosaic.lattice, mosaic.strips(), record=text, **options)
+    joint = _joined(stored) if stored else None
+    if isinstance(joint, Mosaic):
+        text = _text(record, output, joint.first, options)
+        joint.first.save_strips(path, joint.lattice, joint.strips(), record=text, **options)
     else:
         job, _, _ = opened(folder)
         survey = job.surveys[job.first]
@@ -112,14 +104,6 @@ def _write_points(
         template.save_batches(path, windows, size, record=record)
     else:
         template.filled(windows, size).save(path, record=record)
-
-
-def _vector(stored: list[Path]) -> Vector:
-    import pandas as pd
-
-    layers: list[Vector] = [tile_store.load_object(piece / "layer") for piece in stored]
-    frame = pd.concat([layer.frame for layer in layers if len(layer)] or [layers[0].frame])
-    return Vector(frame, name=layers[0].name, geometry_type=layers[0].geometry_type)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -189,6 +173,10 @@ class Points:
         size = len(next(iter(tile_store.load_arrays(self._pieces[number]).values())))
         return (number << 40) + np.arange(size)
 
+    def whole(self) -> PointCloud:
+        """All points in memory."""
+        return self.template.filled(self.windows(), self.size())
+
     def size(self, interval: Interval | None = None) -> int:
         """The number of points, or of those whose origin is in an interval."""
         if interval is None:
@@ -220,7 +208,13 @@ class Points:
 
 
 class Mosaic:
-    """Joins the stored pieces of a raster on one lattice."""
+    """Joins the stored pieces of a raster on one lattice.
+
+    Attributes
+    ----------
+    first : one cell of a piece, which has all of the raster but its values
+    lattice : of all pieces
+    """
 
     def __init__(self, pieces: list[Path]) -> None:
         self._shells: list[Raster] = [tile_store.load_object(p / "layer") for p in pieces]
@@ -229,14 +223,19 @@ class Mosaic:
             dataclasses.replace(Lattice.of(shell), rows=values.shape[1], cols=values.shape[2])
             for shell, values in zip(self._shells, self._values, strict=True)
         ]
+        self.first = self._shells[0]
         self.lattice = Lattice.union(lattices)
         self._corners = [self.lattice.position_of(lattice) for lattice in lattices]
 
+    def whole(self) -> Raster:
+        """All cells in memory."""
+        values = np.concatenate(list(self.strips()), axis=1)
+        return dataclasses.replace(self.first, values=values, transform=self.lattice.transform)
+
     def strips(self) -> Iterator[NDArray[Any]]:
         """Values of shape (bands, STRIP, cols) from north to south, the last may be shorter."""
-        shell = self._shells[0]
-        bands, dtype = len(shell.values), shell.values.dtype
-        nothing = np.nan if dtype.kind == "f" else shell.nodata or 0
+        bands, dtype = len(self.first.values), self.first.values.dtype
+        nothing = np.nan if dtype.kind == "f" else self.first.nodata or 0
         for top in range(0, self.lattice.rows, STRIP):
             rows = min(STRIP, self.lattice.rows - top)
             strip = np.full((bands, rows, self.lattice.cols), nothing, dtype)
@@ -246,3 +245,23 @@ class Mosaic:
                     inside = strip[:, first - top : last - top, col : col + values.shape[2]]
                     inside[:] = values[:, first - row : last - row]
             yield strip
+
+
+class Features:
+    """Joins the stored pieces of a vector layer."""
+
+    def __init__(self, pieces: list[Path]) -> None:
+        self._layers: list[Vector] = [tile_store.load_object(p / "layer") for p in pieces]
+
+    def whole(self) -> Vector:
+        """All features in memory."""
+        return Vector.concat(self._layers)
+
+
+_JOINTS: Mapping[type, type[Mosaic | Features]] = {Raster: Mosaic, Vector: Features}
+
+
+def _joined(pieces: list[Path]) -> Points | Mosaic | Features:
+    """Join stored pieces, by the type of what is stored beside their arrays."""
+    rest = tile_store.load_object(pieces[0] / "layer")
+    return _JOINTS.get(type(rest), Points)(pieces)

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from toolbox import files
 from toolbox.context import QUIET, Context
-from toolbox.data import PointCloud
+from toolbox.data import Layer, PointCloud
+from toolbox.data.layer import Inside
 from toolbox.data.survey import Survey
 from toolbox.errors import DataError
 
@@ -56,6 +57,15 @@ class TileGrid:
     def holds(self, tile: tuple[int, int], xy: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Mask of the points, of shape (n, 2), in a tile; its west and south edges belong to it."""
         return np.asarray((self.buckets(xy) // SIDE == tile).all(axis=1))
+
+    def inside(self, tile: tuple[int, int]) -> Inside:
+        """Give a function that tells which coordinates along an axis are those of a tile."""
+
+        def holds(values: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
+            buckets = np.floor(values * (SIDE / self.size)).astype(np.int64)
+            return np.asarray(buckets // SIDE == tile[1 - axis])
+
+        return holds
 
 
 @dataclass(frozen=True)
@@ -153,12 +163,12 @@ def in_order(cloud: PointCloud, origin: Indices) -> PointCloud:
     return cloud.select(order).with_origin(origin[order])
 
 
-def save_points(folder: Path, cloud: PointCloud) -> None:
-    """Store points: their columns as arrays, all else as a pickle."""
-    origin = {} if cloud.origin is None else {"origin": cloud.origin}
-    save_arrays(folder, cloud.arrays() | origin)
-    box = np.reshape(cloud.bounds, (2, 3))
-    save_object(folder / "layer", (cloud.select([]).with_origin(None), box))
+def save_layer(folder: Path, layer: Layer) -> None:
+    """Store a layer in a new folder: points and cells as arrays, all else as a pickle."""
+    folder.mkdir()
+    arrays, rest = layer.apart()
+    save_arrays(folder, arrays)
+    save_object(folder / "layer", rest)
 
 
 def joined(folders: Iterable[Path], bounds: Box) -> PointCloud | None:

@@ -25,9 +25,9 @@ from pyproj import CRS
 
 from toolbox import catalog
 from toolbox.context import Context, log
-from toolbox.data import Lattice, PointCloud, Raster, Vector
+from toolbox.data import Layer, PointCloud
+from toolbox.data.layer import Inside
 from toolbox.data.survey import Survey
-from toolbox.declare.fields import Field
 from toolbox.errors import NothingToDo
 from toolbox.models.model import INPUTS, Model, ModelRun
 from toolbox.runs.provenance import Count, counted
@@ -136,8 +136,9 @@ def run_tile(folder: Path, tile: Tile, blocks: tuple[FileBlock, ...]) -> Result:
         given = {**job.given, **pieces}
         results = _results(job, model, values, given, tile, counts) if first else {}
         numbers = {name: v for name, v in results.items() if isinstance(v, float | int)}
-        for name in results.keys() - numbers.keys():
-            _store(draft / name, _cropped(job, tile, results[name]), las=name in job.las)
+        for name, result in results.items():
+            if result is not None and model.between[name].kind.is_layer:
+                _store(draft / name, result, job.grid.inside(tile), las=name in job.las)
         made = Result(numbers, tuple(counts), tuple(said), _peak())
         tile_store.save_object(draft / "result", made)
     return made
@@ -180,12 +181,13 @@ def _results(
     counts: list[Count],
 ) -> dict[str, Any]:  # fmt: skip
     """Run the local steps on a tile and give their results, by step.output."""
+    inside = job.grid.inside(tile)
 
     def runner(name: str, tool: Any, ctx: Context) -> Any:
         step = tool.spec.id if name == ALONE else name
         result = _result(tool, ctx)
-        counts.extend(_counts(job, tile, step, tool.spec.sources, tool))
-        counts.extend(_counts(job, tile, step, tool.spec.outputs, result))
+        counts.extend(counted(step, tool.spec.sources, tool, inside))
+        counts.extend(counted(step, tool.spec.outputs, result, inside))
         return result
 
     local = model.subset(job.steps)
@@ -204,61 +206,11 @@ def _result(tool: Any, ctx: Context) -> Any:
         return SimpleNamespace(**dict.fromkeys(tool.spec.outputs))
 
 
-def _counts(
-    job: TileJob, tile: Tile, step: str, fields: Mapping[str, Field], holder: Any
-) -> Iterator[Count]:
-    """Count the points, features or cells of the layers of a step within the tile."""
-    for name in fields:
-        layer = getattr(holder, name)
-        if isinstance(layer, PointCloud):
-            yield Count(step, name, int(np.count_nonzero(_core(job, tile, layer))))
-        else:
-            cropped = SimpleNamespace(**{name: _cropped(job, tile, layer)})
-            yield from counted(step, {name: fields[name]}, cropped)
-
-
-def _core(job: TileJob, tile: Tile, cloud: PointCloud) -> NDArray[np.bool_]:
-    """Mask of the points in the tile; that of points which a step has made is by position."""
-    return cloud.core if cloud.origin is not None else job.grid.holds(tile, cloud.xyz[:, :2])
-
-
-def _cropped(job: TileJob, tile: Tile, layer: Any) -> Any:
-    """Cut a layer to the tile; None if nothing of it is there."""
-    if isinstance(layer, PointCloud):
-        return layer.select(_core(job, tile, layer))
-    if isinstance(layer, Raster):
-        return _cropped_raster(layer, job.grid, tile)
-    if isinstance(layer, Vector):
-        box = layer.frame.geometry.bounds.to_numpy()  # of a feature, the middle of its box decides
-        middle = (box[:, :2] + box[:, 2:]) / 2
-        inside = job.grid.holds(tile, middle)
-        return Vector(layer.frame[inside], name=layer.name, geometry_type=layer.geometry_type)
-    return None
-
-
-def _cropped_raster(raster: Raster, grid: TileGrid, tile: Tile) -> Raster | None:
-    """Cut a raster to the cells whose centres are in the tile."""
-    x, y = Lattice.of(raster).centres()
-    middle = np.array(tile) * grid.size + grid.size / 2
-    cols = np.flatnonzero(grid.holds(tile, np.column_stack([x, np.full(len(x), middle[0])])))
-    rows = np.flatnonzero(grid.holds(tile, np.column_stack([np.full(len(y), middle[1]), y])))
-    if not (len(rows) and len(cols)):
-        return None
-    return raster.window(slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1))
-
-
-def _store(folder: Path, layer: Any, *, las: bool) -> None:
-    """Store the piece of a layer in a tile: points and cells as arrays, all else as a pickle."""
-    if layer is None:
-        return
-    folder.mkdir()
-    if isinstance(layer, PointCloud):
-        tile_store.save_points(folder, layer.read_back() if las else layer)
-    elif isinstance(layer, Raster):
-        tile_store.save_arrays(folder, {"values": layer.values})
-        tile_store.save_object(folder / "layer", layer.window(slice(0, 1), slice(0, 1)))
-    else:
-        tile_store.save_object(folder / "layer", layer)
+def _store(folder: Path, layer: Layer, inside: Inside, *, las: bool) -> None:
+    """Store the piece of a layer in a tile, if there is any; points as LAS would hold them."""
+    piece: Any = layer.cropped(inside)
+    if piece is not None:
+        tile_store.save_layer(folder, piece.read_back() if las else piece)
 
 
 @contextmanager

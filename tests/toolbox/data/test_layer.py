@@ -1,0 +1,109 @@
+"""What every layer class answers to the framework."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import geopandas
+import numpy as np
+import pandas as pd
+import pytest
+import shapely
+from affine import Affine
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from toolbox.data import Layer, PointCloud, Raster, Report, Section, Table, Vector
+from toolbox.errors import DataError
+
+UTM = CRS(32631)
+POINTS = PointCloud([[0.5, 0.5, 1], [1.5, 0.5, 2], [1.5, 2.5, 3]], {"intensity": [1, 2, 3]})
+CELLS = Raster(np.array([[1, np.nan], [2, 3], [4, 5]], np.float32), Affine(1, 0, 0, 0, -1, 3))
+SQUARES = geopandas.GeoDataFrame(
+    {"n": [1, 2]}, geometry=[shapely.box(0, 0, 1, 1), shapely.box(0.2, 0, 3, 1)], crs=UTM
+)
+LAYERS: dict[str, Any] = {
+    "points": POINTS,
+    "cells": CELLS,
+    "squares": Vector(SQUARES),
+    "rows": Table(pd.DataFrame({"a": [1, 2], "b": [3, 4]})),
+    "page": Report("Title", [Section("One", ["text"])]),
+}
+
+
+def west(values: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
+    """The tile from 0 to 1 in x, and all of y."""
+    return (values < 1) if axis == 0 else np.full(len(values), True)
+
+
+def nowhere(values: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
+    return np.full(len(values), False)
+
+
+@pytest.mark.parametrize(
+    ("name", "sizes"),
+    [("points", (3, 1)), ("cells", (5, 3)), ("squares", (2, 1)), ("rows", (2, None)), ("page", ())],
+)
+def test_size_of_all_and_of_a_tile(name: str, sizes: tuple[int | None, ...]) -> None:
+    layer: Layer = LAYERS[name]
+    assert (layer.size(), layer.size(west)) == (sizes or (None, None))
+    part = layer.cropped(west)
+    assert (part.size() if part is not None else None) == layer.size(west)
+
+
+def test_a_tile_without_cells_has_no_raster_but_no_points() -> None:
+    assert CELLS.cropped(nowhere) is None
+    assert len(POINTS.cropped(nowhere)) == 0
+
+
+def test_points_of_a_tile_with_neighbours_belong_where_their_origin_says() -> None:
+    tile = POINTS.with_origin(np.array([-1, 1, 2]))
+    assert tile.size(nowhere) == 2
+    assert tile.cropped(nowhere)["intensity"].tolist() == [2, 3]
+
+
+@pytest.mark.parametrize("name", LAYERS)
+def test_what_is_told_apart_has_other_contents(name: str) -> None:
+    layers = {n: {k: v.tobytes() for k, v in layer.contents()} for n, layer in LAYERS.items()}
+    assert layers.pop(name)
+    assert all(layers.values())
+
+
+@pytest.mark.parametrize("name", LAYERS)
+def test_a_page_lists_rows_and_says_how_large_the_rest_is(name: str) -> None:
+    layer: Layer = LAYERS[name]
+    said = {"points": "3 points", "cells": "3 rows, 2 columns"}
+    assert layer.size_text() == said.get(name, "")
+    assert bool(layer.page_sections("title", "help")) == (name not in said)
+
+
+@pytest.mark.parametrize("name", LAYERS)
+def test_only_layers_with_coordinates_take_a_crs(name: str) -> None:
+    layer: Layer = LAYERS[name]
+    assert (layer.with_crs(UTM).crs == UTM) == layer.is_spatial
+    assert layer.is_spatial == (name in ("points", "cells", "squares"))
+
+
+def test_differences_in_words() -> None:
+    assert list(POINTS.differences(POINTS)) == []
+    moved = POINTS.with_xyz(np.add(POINTS.xyz, [0, 0, 2])).with_attributes({"b": [1, 2, 3]})
+    assert list(POINTS.differences(moved)) == ["z: 3 of 3 points differ by up to 2", "b: is new"]
+    assert list(CELLS.differences(CELLS.window(slice(0, 2), slice(0, 2)))) == [
+        "(1, 3, 2) cells of 1 from (0.0, 0.0), now (1, 2, 2) of 1 from (0.0, 1.0)"
+    ]
+    assert list(Vector(SQUARES).differences(Vector(SQUARES.assign(n=[1, 3])))) == [
+        "n: 1 of 2 rows differ by up to 1"
+    ]
+
+
+def test_joined_features_are_those_of_all_layers_in_order() -> None:
+    joint = Vector.concat([Vector(SQUARES[:1], name="a"), Vector(SQUARES[:0]), Vector(SQUARES)])
+    assert (joint.frame["n"].tolist(), joint.name, joint.crs) == ([1, 1, 2], "a", UTM)
+
+
+def test_what_has_no_file_format_is_not_written() -> None:
+    class Strange(Layer):
+        crs, name, metre = None, "", 1.0
+
+    with pytest.raises(DataError, match=r"a\.txt: a Strange is not written"):
+        Strange().save("a.txt")

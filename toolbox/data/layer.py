@@ -1,0 +1,120 @@
+"""What the framework asks of a layer, whichever of the layer classes it is.
+
+Points, rasters, features, tables and reports answer for themselves how large they are, what they
+hold, which part of them belongs to a tile, and how a page lists them. So no other module of the
+framework asks of which class a layer is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from toolbox.context import QUIET, Context
+from toolbox.errors import DataError
+
+if TYPE_CHECKING:
+    from toolbox.data.report import Section
+
+Inside = Callable[[NDArray[np.float64], int], NDArray[np.bool_]]
+"""Which coordinates along an axis, 0 for x and 1 for y, are those of a tile."""
+
+
+class Layer(Protocol):
+    """What a tool reads and gives; the defaults are those of a layer without a position.
+
+    Attributes
+    ----------
+    SUFFIXES : endings of the files that it can be written to
+    is_spatial : whether it has coordinates, and so may have a CRS
+    is_gridded : whether it is made of cells, which reach beyond the points that they were made from
+    in_blocks : whether its file can be written block by block, so that it need not be in memory
+    axes : coordinates that can be used like attributes; x, y and z where each point has a height
+    """
+
+    SUFFIXES: ClassVar[tuple[str, ...]] = ()
+    is_spatial: ClassVar[bool] = False
+    is_gridded: ClassVar[bool] = False
+    in_blocks: ClassVar[bool] = False
+    axes: ClassVar[tuple[str, ...]] = ()
+
+    if TYPE_CHECKING:  # attributes of some classes, and properties of others
+
+        @property
+        def name(self) -> str:
+            """Of the file, for messages."""
+
+        @property
+        def crs(self) -> CRS | None:
+            """None if not known."""
+
+        @property
+        def metre(self) -> float:
+            """Length of one metre in the unit of the coordinates; 1.0 without a CRS."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the attributes or columns."""
+        return ()
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """Files that hold what the layer does not have in memory."""
+        return ()
+
+    def with_crs(self, crs: CRS | None) -> Self:
+        """The same layer, said to be in another CRS; as it is if it has no coordinates."""
+        return self
+
+    def size(self, inside: Inside | None = None) -> int | None:
+        """Number of points, features, rows, or cells with a value; None where nothing is counted.
+
+        Parameters
+        ----------
+        inside : count only what belongs to this tile
+        """
+        return None
+
+    def contents(self) -> Iterator[tuple[str, NDArray[Any]]]:
+        """All that the layer has in memory, as named arrays, which can be hashed."""
+        return iter(())
+
+    def cropped(self, inside: Inside) -> Self | None:
+        """What belongs to a tile; None if nothing does, or nothing has a position."""
+        return None
+
+    def apart(self) -> tuple[Mapping[str, NDArray[Any]], Any]:
+        """The arrays of what there is many of, and all the rest as one small object."""
+        return {}, self
+
+    def size_text(self) -> str:
+        """The size in words, for a page that does not list what is in the layer; else ""."""
+        return ""
+
+    def page_sections(self, title: str, help: str) -> tuple[Section, ...]:
+        """How a page lists what is in the layer; nothing where there is too much of it."""
+        return ()
+
+    def differences(self, now: Self) -> Iterator[str]:
+        """What differs in a later version of the layer, apart from the CRS, in words."""
+        return iter(())
+
+    def save(self, path: str | Path, *, record: str = "", ctx: Context = QUIET) -> None:
+        """Write a file; most classes have more options.
+
+        Raises
+        ------
+        DataError
+            The format cannot hold the layer, or the file cannot be written.
+        """
+        raise DataError(f"{path}: a {type(self).__name__} is not written")
+
+
+def text_array(text: str) -> NDArray[np.uint8]:
+    """A text as an array of its bytes, to be hashed."""
+    return np.frombuffer(text.encode(), np.uint8)

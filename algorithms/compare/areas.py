@@ -35,7 +35,7 @@ from algorithms.compare._shapes import (
 )
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector
-from toolbox.declare import Extent, outputs, param, sink, source, tool
+from toolbox.declare import Extent, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
 ROUNDING = 1e-9  # of an area: less than this is what calculation leaves
@@ -43,6 +43,11 @@ AGREE, COMMISSION, OMISSION = "agree", "commission", "omission"
 RELATIONS = ("1:1", "1:n", "n:1", "n:m", "1:0", "0:1")
 
 Row = dict[str, Any]
+LOOKS = {  # colours as of the outcomes of points
+    "agree": ("agree", "#d4d4d4"),
+    "commission": ("commission", "#d7261e"),
+    "omission": ("omission", "#2166d1"),
+}
 
 
 @tool("compare.areas")
@@ -93,7 +98,9 @@ class CompareAreas:
     class Outputs:
         table: Table = sink("One row per measure: measure, value, unit, meaning")
         polygons: Table = sink("One row per polygon of either layer")
-        difference: Vector = sink("Polygons of the kinds agree, commission and omission")
+        difference: Vector = sink(
+            "Polygons of the kinds agree, commission and omission", show=show.Classes("kind", LOOKS)
+        )
         area: float = sink("Area of the polygons", unit="m2")
         reference_area: float = sink("Area of the reference", unit="m2")
         overlap: float = sink("Area that both cover", unit="m2")

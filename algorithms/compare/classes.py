@@ -17,7 +17,7 @@ weighted kappa. Psychological Bulletin 72(5), 323-327.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,10 +25,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.compare._counterparts import Columns, counterparts
+from algorithms.compare._outcomes import (
+    CORRECT_NEGATIVE,
+    CORRECT_POSITIVE,
+    NO_REFERENCE,
+    OUTCOMES,
+    TYPE_1,
+    TYPE_2,
+)
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
-from toolbox.data.outcomes import CORRECT_NEGATIVE, CORRECT_POSITIVE, NO_REFERENCE, TYPE_1, TYPE_2
-from toolbox.declare import Attribute, ClassList, outputs, param, sink, source, tool
+from toolbox.declare import Attribute, ClassList, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
 # Attributes that the sensor gave, in the order in which they tell points at one place apart.
@@ -46,14 +53,8 @@ RECORDED = (
     "blue",
     "nir",
 )
-# Red, green and blue of the values of `error`, as in Şen and Bayaslı (2020) and our pictures.
-COLOURS: Mapping[int, tuple[int, int, int]] = {
-    CORRECT_POSITIVE: (0xD4, 0xD4, 0xD4),
-    CORRECT_NEGATIVE: (0x6E, 0x6E, 0x6E),
-    TYPE_1: (0x21, 0x66, 0xD1),
-    TYPE_2: (0xD7, 0x26, 0x1E),
-    NO_REFERENCE: (0xF0, 0xDF, 0xAE),
-}
+# Red, green and blue of the values of `error`, from 0 to 255.
+COLOURS = [tuple(bytes.fromhex(colour.removeprefix("#"))) for _, colour in OUTCOMES.values()]
 SIXTEEN_BIT = 257  # from 0..255 to 0..65535
 MOST_STRATA = 256
 ROUNDING = 1e-12  # what is left of a difference of shares that is zero
@@ -116,7 +117,10 @@ class CompareClasses:
         table: Table = sink("One row per measure: measure, value, low, high, unit, meaning")
         strata: Table = sink("One row per value of the stratum, or one for all")
         confusion: Table = sink("Full confusion matrix: a row per reference class")
-        errors: PointCloud = sink("The points with the attribute `error`: see the table of values")
+        errors: PointCloud = sink(
+            "The points with the attribute `error`: see the table of values",
+            show=show.Classes("error", OUTCOMES),
+        )
         type_1: float | None = sink("Reference ground that was lost, b / (a + b)", unit="%")
         type_2: float | None = sink("Reference objects taken for ground, c / (c + d)", unit="%")
         total_error: float | None = sink(
@@ -157,7 +161,7 @@ class CompareClasses:
         error = np.where(matched, error, NO_REFERENCE).astype(np.uint8)
         names = {"error": error}
         if self.colours:
-            table = np.array([COLOURS[code] for code in range(len(COLOURS))], np.uint16)
+            table = np.array(COLOURS, np.uint16)
             shown = (table * SIXTEEN_BIT)[error].T
             names |= dict(zip(("red", "green", "blue"), shown, strict=True))
         meaning = "0 and 1 correct, 2 Type I, 3 Type II"

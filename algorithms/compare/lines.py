@@ -31,7 +31,7 @@ from algorithms.compare._shapes import AREAS, LINES, layer_problem
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector
 from toolbox.data.crs import crs_conflict
-from toolbox.declare import outputs, param, sink, source, tool
+from toolbox.declare import outputs, param, show, sink, source, tool
 
 ROUNDING = 1e-7  # of the largest value: how far a quantile may be wrong
 WITHIN = 1e-4  # metres: how far Hausdorff and Fréchet distances may be wrong
@@ -76,7 +76,19 @@ class CompareLines:
     @outputs
     class Outputs:
         table: Table = sink("One row per measure: measure, value, unit, meaning")
-        offsets: Vector = sink("Places along the lines with chainage, distance and offset")
+        offsets: Vector = sink(
+            "Places along the lines with chainage, distance and offset",
+            show=(
+                show.Values(
+                    "offset",
+                    label="Offset",
+                    note="left of the reference above zero",
+                    length=True,
+                    centred=True,
+                ),
+                show.Profile("line", along="chainage", across="offset", note="left +"),
+            ),
+        )
         curves: Table | None = sink("Coefficients, fit and agreement of the polynomials")
         mean: float = sink("Mean distance to the reference", unit="m")
         rms: float = sink("Root mean square distance", unit="m")

@@ -21,10 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.compare._counterparts import counterparts
+from algorithms.compare._outcomes import (
+    DIFFERENCES,
+    FOUND_ALONE,
+    IN_BOTH,
+    IN_NEITHER,
+    NO_REFERENCE,
+    REFERENCE_ALONE,
+)
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
-from toolbox.data.outcomes import FOUND_ALONE, IN_BOTH, IN_NEITHER, NO_REFERENCE, REFERENCE_ALONE
-from toolbox.declare import Attribute, outputs, param, sink, source, tool
+from toolbox.declare import Attribute, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
 Floats = NDArray[np.float64]
@@ -76,7 +83,10 @@ class ComparePlanes:
     @outputs
     class Outputs:
         table: Table = sink("All planes, each reference plane, and each invented one")
-        differences: PointCloud = sink("The points with the attribute difference")
+        differences: PointCloud = sink(
+            "The points with the attribute difference",
+            show=show.Classes("difference", DIFFERENCES, front_of="plane_id"),
+        )
         correctness: float | None = sink("Points of pairs over those of found planes", unit="%")
         completeness: float | None = sink(
             "Points of pairs over those of reference planes", unit="%"

@@ -29,7 +29,7 @@ from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.crs import crs_conflict
-from toolbox.declare import ClassList, outputs, param, sink, source, tool
+from toolbox.declare import ClassList, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
 REFERENCES = ("reference", "checkpoints", "points")
@@ -98,8 +98,14 @@ class CompareSurfaces:
         covers: Table = sink("One row per land cover, with the same measures")
         report: Table | None = sink("Report in the manner of ASPRS 2023, for points")
         difference: Raster | None = sink("Surface minus reference raster")
-        errors: Vector = sink("The largest errors, the largest first")
-        histogram: Table = sink("Number of errors by size: low, high, count, unit")
+        errors: Vector = sink(
+            "The largest errors, the largest first",
+            show=show.Values("error", length=True, centred=True),
+        )
+        histogram: Table = sink(
+            "Number of errors by size: low, high, count, unit",
+            show=show.Histogram("low", "high", "count", unit_in="unit"),
+        )
         count: int = sink("Cells or points compared", unit="1")
         missing: int = sink("Cells of the surface, or points, without a counterpart", unit="1")
         bias: float = sink("Mean of surface minus reference", unit="m")

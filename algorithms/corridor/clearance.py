@@ -52,7 +52,7 @@ from algorithms.shared import parameters
 from algorithms.shared.heights import HEIGHT
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Report, Survey, Table, Vector
-from toolbox.declare import ClassList, outputs, param, sink, source, tool
+from toolbox.declare import ClassList, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
 FARTHEST_TREE = 60.0  # metres to the side from which a tree may fall on a wire
@@ -88,6 +88,8 @@ BOUNDED_COLUMNS = {
     "swing": (-90.0, 90.0),
 }
 VARIANCE_COLUMNS = tuple(name for name, (i, j) in COVARIANCES.items() if i == j)
+COLOURS = "#b2182b", "#ef8a62", "#fddc7a"
+LOOKS = {word: (word, colour) for word, colour in zip(SEVERITIES, COLOURS, strict=True)}
 
 
 @tool("corridor.clearance")
@@ -218,8 +220,14 @@ class CorridorClearance:
 
     @outputs
     class Outputs:
-        violations: PointCloud = sink("Points that break a rule, with their clearances in metres")
-        objects: Vector = sink("These put together to objects, where they are closest")
+        violations: PointCloud = sink(
+            "Points that break a rule, with their clearances in metres",
+            show=show.Classes("severity", dict(enumerate(LOOKS.values(), start=1))),
+        )
+        objects: Vector = sink(
+            "These put together to objects, where they are closest",
+            show=show.Classes("severity", LOOKS),
+        )
         spans: Table = sink("Least clearance of each span by kind of object and state of the wires")
         report: Report = sink("Map, profile of each span, and objects in order of urgency")
         object_count: int = sink("Objects too close to a wire", unit="1")

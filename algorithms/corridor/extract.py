@@ -38,7 +38,7 @@ from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Vector
-from toolbox.declare import ClassList, outputs, param, sink, source, tool
+from toolbox.declare import ClassList, outputs, param, show, sink, source, tool
 
 
 @tool("corridor.extract")
@@ -71,7 +71,9 @@ class CorridorExtract:
     @outputs
     class Outputs:
         classified: PointCloud = sink("The same points with classes 14 and 15 and their numbers")
-        towers: Vector = sink("Feet of towers and poles, with height, arms and width")
+        towers: Vector = sink(
+            "Feet of towers and poles, with height, arms and width", show=show.Classes("kind")
+        )
         wires: Vector = sink("One catenary per conductor and span, with its covariance")
         span_count: int = sink("Spans found", unit="1")
         tower_count: int = sink("Towers and poles found", unit="1")

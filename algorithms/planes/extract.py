@@ -19,7 +19,7 @@ from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
-from toolbox.declare import Share, outputs, param, sink, source, tool
+from toolbox.declare import Share, outputs, param, show, sink, source, tool
 
 NAME = "plane_id"
 BELOW = 2.0  # tolerance over the noise below which planes fall to pieces
@@ -105,9 +105,12 @@ class PlanesExtract:
 
     @outputs
     class Outputs:
-        segmented: PointCloud = sink("The points with plane_id, 0 for none")
+        segmented: PointCloud = sink("The points with plane_id, 0 for none", show=show.Planes(NAME))
         planes: Vector = sink("Outline of each plane in space, with its numbers")
-        elevation: Vector = sink("Outlines seen square to the largest upright plane, in its plane")
+        elevation: Vector = sink(
+            "Outlines seen square to the largest upright plane, in its plane",
+            show=show.Classes("kind"),
+        )
         count: int = sink("Planes", unit="1")
         share: float = sink("Share of points on planes", unit="1")
         noise: float = sink("Standard deviation of points about small planes", unit="m")

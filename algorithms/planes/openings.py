@@ -22,7 +22,7 @@ from algorithms.shared.plane_fit import Plane
 from algorithms.shared.polygons import Polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
-from toolbox.declare import Attribute, outputs, param, sink, source, tool
+from toolbox.declare import Attribute, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
 MIDDLE = 0.8  # share of a side along which its edge is looked for, away from the corners
@@ -98,9 +98,16 @@ class PlanesOpenings:
 
     @outputs
     class Outputs:
-        cleaned: PointCloud = sink("The points with plane_id, opening_id and behind")
-        openings: Vector = sink("Outline of each opening in space, with its size and what it is")
-        elevation: Vector = sink("The facade and its openings, in its own coordinates")
+        cleaned: PointCloud = sink(
+            "The points with plane_id, opening_id and behind", show=show.Planes("plane_id")
+        )
+        openings: Vector = sink(
+            "Outline of each opening in space, with its size and what it is",
+            show=show.Classes("kind"),
+        )
+        elevation: Vector = sink(
+            "The facade and its openings, in its own coordinates", show=show.Classes("kind")
+        )
         planes: Vector = sink("Outlines of the planes that are left")
         count: int = sink("Openings", unit="1")
         behind: int = sink("Points seen through openings", unit="1")

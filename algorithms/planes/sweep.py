@@ -21,7 +21,7 @@ from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
-from toolbox.declare import outputs, param, sink, source, tool
+from toolbox.declare import outputs, param, show, sink, source, tool
 
 OF_NOISE = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0)  # tolerances by default
 SETTLED_PLANES, SETTLED_SHARE = 0.02, 0.001  # changes that are none: of the number, of all points
@@ -71,7 +71,18 @@ class PlanesSweep:
 
     @outputs
     class Outputs:
-        table: Table = sink("One row per tolerance: planes, share of points on them, distances")
+        table: Table = sink(
+            "One row per tolerance: planes, share of points on them, distances",
+            show=show.Curve(
+                show.Axis("tolerance", "tolerance", "cm", factor=100),
+                (
+                    show.Axis("planes", "planes"),
+                    show.Axis("share", "points on planes", "%", from_zero=False),
+                ),
+                dots=True,
+                dashed="knee",
+            ),
+        )
         knee: float | None = sink("First tolerance after which little changes", unit="m")
         auto: float = sink("Tolerance that planes.extract takes by itself", unit="m")
         noise: float = sink("Standard deviation of points about small planes", unit="m")

@@ -17,7 +17,7 @@ from algorithms.shared import parameters
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.data.crs import length_problem, metres_per_unit
-from toolbox.declare import outputs, param, sink, tool
+from toolbox.declare import outputs, param, show, sink, tool
 from toolbox.errors import ParameterError
 
 MOST_POINTS = 1e8  # 20 GB while they are made
@@ -64,9 +64,13 @@ class SamplesScene:
 
     @outputs
     class Outputs:
-        points: PointCloud = sink("The survey, with true classes")
+        points: PointCloud = sink(
+            "The survey, with true classes", show=show.Planes("plane_id", optional=True)
+        )
         terrain: Raster = sink("True elevation of the ground, also below water and buildings")
-        features: Vector = sink("True outlines, wires, water bodies or planes")
+        features: Vector = sink(
+            "True outlines, wires, water bodies or planes", show=show.Classes("kind")
+        )
 
     def check(self) -> Iterator[tuple[str, str]]:
         """The survey is made in metres."""

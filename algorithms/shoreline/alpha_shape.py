@@ -22,7 +22,7 @@ from algorithms.shared.alpha_shape import AlphaShape, alpha_shape
 from algorithms.shared.lowest import require_finite
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
-from toolbox.declare import Attribute, ClassList, Share, outputs, param, sink, source, tool
+from toolbox.declare import Attribute, ClassList, Share, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
 
 if TYPE_CHECKING:
@@ -69,7 +69,10 @@ class ShorelineAlphaShape:
     @outputs
     class Outputs:
         shapes: Vector = sink("Polygons with area, perimeter, alpha, number of points and group")
-        outlines: Vector = sink("Their rings as lines, with the number of the polygon and kind")
+        outlines: Vector = sink(
+            "Their rings as lines, with the number of the polygon and kind",
+            show=show.Classes("kind"),
+        )
         alpha_used: float = sink("Radius of the disc; with groups the largest", unit="m")
         regions: int = sink("Number of polygons", unit="1")
         area: float = sink("Area of all polygons", unit="m2")

@@ -24,7 +24,7 @@ from algorithms.shoreline._returns import Returns
 from algorithms.shoreline._water import Water, at_place, find_water, sloping, tell
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Survey, Vector
-from toolbox.declare import ClassList, Position, outputs, param, sink, source, tool
+from toolbox.declare import ClassList, Position, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
 Row = dict[str, Any]
@@ -74,7 +74,9 @@ class ShorelineExtract:
     @outputs
     class Outputs:
         water: Vector = sink("Polygons of the water, at its level")
-        shoreline: Vector = sink("Their outlines: shore, islands, and edges of the data")
+        shoreline: Vector = sink(
+            "Their outlines: shore, islands, and edges of the data", show=show.Classes("kind")
+        )
         vertices: Vector = sink("Corners of the outlines with their standard deviation")
         level: float | None = sink("Level of the largest body given", unit="m")
         level_error: float | None = sink("Its standard error", unit="m")

@@ -24,7 +24,7 @@ from algorithms.shoreline._basin import BLOCK, Pieces, PointBasin, RasterBasin
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.crs import vertical_unit
-from toolbox.declare import ClassList, Position, outputs, param, sink, source, tool
+from toolbox.declare import ClassList, Position, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
 
 Array = NDArray[np.float64]
@@ -80,7 +80,15 @@ class ShorelineStorageCurve:
 
     @outputs
     class Outputs:
-        curve: Table = sink("Level, area and volume with gains, area apart, and whether open")
+        curve: Table = sink(
+            "Level, area and volume with gains, area apart, and whether open",
+            show=show.Curve(
+                show.Axis("level", "level", unit_in="unit"),
+                (show.Axis("area_m2", "area", "m²"), show.Axis("volume_m3", "volume", "m³")),
+                upright=True,
+                shaded="open",
+            ),
+        )
         lowest_ground: float = sink("Height of the lowest ground of the basin", unit="m")
         opens: float | None = sink(
             "Level from which water reaches the edge of the data; none if never", unit="m"

@@ -27,7 +27,17 @@ from algorithms.surface._samples import samples, why_none
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table
 from toolbox.data.crs import vertical_unit
-from toolbox.declare import Attribute, ClassList, Expression, outputs, param, sink, source, tool
+from toolbox.declare import (
+    Attribute,
+    ClassList,
+    Expression,
+    outputs,
+    param,
+    show,
+    sink,
+    source,
+    tool,
+)
 from toolbox.errors import DataError
 
 Interpolation = Literal["linear", "natural", "cubic", "idw", "nearest"]
@@ -111,7 +121,10 @@ class SurfaceCrossValidation:
     @outputs
     class Outputs:
         table: Table = sink("One row per method: counts, bias, RMSE, MAE and further measures")
-        residuals: PointCloud = sink("Points left out, with the error of each method")
+        residuals: PointCloud = sink(
+            "Points left out, with the error of each method",
+            show=show.Values("error_*", length=True, centred=True),
+        )
         count: int = sink("Points left out", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:

@@ -383,9 +383,10 @@ def check_layers_are_loaded_in_colours() -> None:
     styling.style(layer, COLOURS)
     assert type(layer.renderer()).__name__ == "QgsSingleBandGrayRenderer"
     layer = square()
-    styling.style(layer, COLOURS)
+    looks = [["critical", "Urgent", "#b2182b"]]
+    styling.style(layer, COLOURS, {"attribute": "severity", "looks": looks})
     colours = {c.value(): c.symbol().color().name() for c in layer.renderer().categories()}
-    assert colours == {"critical": "#b2182b", "low": "#fddc7a"}
+    assert colours == {"critical": "#b2182b", "low": COLOURS["other"][0]}
 
 
 def check_a_tool_of_each_group_and_all_kinds_of_output() -> None:

@@ -9,13 +9,16 @@ import sys
 import zipfile
 from pathlib import Path
 
+import matplotlib.image
+import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
 MODULE = '''
 from __future__ import annotations
 from toolbox.context import QUIET, Context
-from toolbox.data import PointCloud
-from toolbox.declare import outputs, sink, source, tool
+from toolbox.data import PointCloud, Table
+from toolbox.declare import outputs, show, sink, source, tool
 
 @tool("acme.count")
 class AcmeCount:
@@ -29,12 +32,17 @@ class AcmeCount:
     @outputs
     class Outputs:
         count: int = sink("Number of points", unit="1")
+        counts: Table = sink(
+            "Number of points up to each",
+            show=show.Curve(show.Axis("place", "place"), (show.Axis("points", "points"),)),
+        )
 
     def halo(self) -> float:
         return 0.0
 
     def run(self, ctx: Context = QUIET) -> AcmeCount.Outputs:
-        return self.Outputs(count=len(self.points))
+        rows = [{"place": n, "points": n + 1} for n in range(len(self.points))]
+        return self.Outputs(count=len(self.points), counts=Table.from_rows(rows))
 '''
 FILES = {
     "acme_lidar.py": MODULE,
@@ -79,7 +87,12 @@ def test_a_plugin_is_listed_described_and_run(site: Path, tmp_path: Path) -> Non
     assert described["title"] == "Count points"
     points = tmp_path / "a.xyz"
     points.write_text("x y z\n1 2 3\n4 5 6\n")
-    assert toolbox(site, "run", "acme.count", "--points", str(points)).stdout == "count: 2\n"
+    plot = tmp_path / "a.png"
+    words = ("--points", str(points), "--picture", str(plot))
+    assert "count: 2\n" in toolbox(site, "run", "acme.count", *words).stdout
+    picture = np.asarray(matplotlib.image.imread(plot))[..., :3]
+    line = np.abs(picture - to_rgb("#c4742b")).max(axis=-1) < 2 / 255
+    assert line.sum() > 200  # the curve that the tool declares
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """What the author of a tool imports: the declaration of a tool, and the types of parameters."""
 
+from toolbox.declare import show
 from toolbox.declare.expression import Expression
 from toolbox.declare.spec import outputs, param, sink, source, tool
 from toolbox.declare.values import (
@@ -23,6 +24,7 @@ __all__ = [
     "Share",
     "outputs",
     "param",
+    "show",
     "sink",
     "source",
     "tool",

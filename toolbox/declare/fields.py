@@ -9,6 +9,7 @@ from typing import Any, Literal, cast
 
 from toolbox import __version__
 from toolbox.declare.kinds import CHOICE, OPTIONS, Kind
+from toolbox.declare.show import Show
 from toolbox.declare.values import Range
 from toolbox.errors import DataError, ParameterError, ToolboxError, nearest
 
@@ -36,6 +37,7 @@ class Field:
     many : whether the value is a tuple of values of `kind`
     optional : whether None is a valid value
     of : the source to which an attribute name or expression refers
+    show : how an output is shown in a plot
     """
 
     name: str
@@ -49,6 +51,7 @@ class Field:
     many: bool = False
     optional: bool = False
     of: str | None = None
+    show: tuple[Show, ...] = ()
 
     @property
     def required(self) -> bool:

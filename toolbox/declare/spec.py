@@ -24,6 +24,7 @@ from toolbox.data.crs import crs_conflict, length_problem
 from toolbox.declare import kinds
 from toolbox.declare.expression import Expression
 from toolbox.declare.fields import MEETS, METRE_POWERS, UNITS, Field, Spec
+from toolbox.declare.show import Show
 from toolbox.errors import DataError, ParameterError, nearest
 from toolbox.shown import SHOWN
 
@@ -73,14 +74,22 @@ def param(
     return dataclasses.field(default=default, metadata=meta)
 
 
-def sink(help: str, *, unit: str | None = None) -> Any:
+def sink(help: str, *, unit: str | None = None, show: Show | tuple[Show, ...] = ()) -> Any:
     """Declare a layer, number or text that the tool returns.
+
+    Parameters
+    ----------
+    help : one sentence without a full stop
+    unit : as of a parameter
+    show : how a layer is shown in a plot, see `toolbox.declare.show`; several make several panels
 
     Examples
     --------
     >>> ground_share: float = sink("Share of points that are ground", unit="1")
     """
-    return dataclasses.field(metadata={"role": "sink", "help": help, "unit": unit})
+    shows = show if isinstance(show, tuple) else (show,)
+    meta = {"role": "sink", "help": help, "unit": unit, "show": shows}
+    return dataclasses.field(metadata=meta)
 
 
 @dataclass_transform(
@@ -239,6 +248,16 @@ def _field_mistakes(spec: Spec, field: Field) -> Iterator[str]:
         yield "a number has a unit, such as 'm', or '1' for a ratio or count"
     if field.of and field.of not in spec.sources:
         yield f"no source called {field.of!r}"
+    yield from filter(None, (_show_mistake(field, show) for show in field.show))
+
+
+def _show_mistake(field: Field, show: Show) -> str | None:
+    """Why an output of its type cannot be shown so."""
+    if field.kind not in [kinds.find(layer) for layer in show.layers]:
+        words = " or ".join(layer.__name__ for layer in show.layers)
+        return f"{type(show).__name__} shows a {words}, not a {field.kind.word}"
+    wrong = [name for name in show.columns if not (isinstance(name, str) and name)]
+    return f"{wrong[0]!r} is no name of a column or attribute" if wrong else None
 
 
 def _check(job: Any) -> None:

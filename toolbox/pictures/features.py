@@ -1,4 +1,4 @@
-"""Colours of vector layers whose features say what they are: a kind, an offset or an error."""
+"""Colours of vector layers whose features are shown by their words or numbers."""
 
 from __future__ import annotations
 
@@ -8,51 +8,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolbox.data import Vector
-from toolbox.data.crs import vertical_unit
-from toolbox.pictures.images import LENGTHS, OTHER, Classes, Ramp
+from toolbox.declare.show import Classes, Values
+from toolbox.pictures.images import OTHER, Key, Ramp, ramp_of
 
-_MOST_KINDS = 12
-_OF_KINDS = {"agree": "#d4d4d4", "commission": "#d7261e", "omission": "#2166d1"}
+_MOST_WORDS = 12
 _UNKNOWN = "#9a9a9a"
-_ABOUT_ZERO = {"offset": "Offset{}, left of the reference above zero", "error": "error{}"}
+
+Coloured = tuple[Vector, Classes | Values | None]
+"""A layer and how it is shown."""
 
 
-def feature_key(layer: Vector) -> Classes | Ramp | None:
-    """How the features are coloured: by the texts of `kind`, by numbers, or not."""
-    frame = layer.frame
-    if name := _about_zero(layer):
-        unit = LENGTHS.get(vertical_unit(layer.crs), "")
-        label = _ABOUT_ZERO[name].format(f" ({unit})" if unit else "")
-        return Ramp.about_zero(frame[name].to_numpy(float), label)
-    if "kind" not in frame:
-        return None
-    kinds = [str(kind) for kind in frame["kind"].dropna().unique()]
-    if not 0 < len(kinds) <= _MOST_KINDS:
-        return None
-    kinds.sort()
-    others = iter([name for name in kinds if name not in _OF_KINDS])
-    own = dict(zip(others, (OTHER * 2), strict=False))
-    return {code: (name, own.get(name) or _OF_KINDS[name]) for code, name in enumerate(kinds)}
+def feature_key(features: Coloured) -> Key | None:
+    """What the colours of the features mean; None if all have the same."""
+    layer, show = features
+    match show:
+        case Values():
+            return ramp_of(show, layer.frame[show.attribute].to_numpy(float), layer.crs)
+        case Classes():
+            words = [str(word) for word in layer.frame[show.attribute].dropna().unique()]
+            if not 0 < len(words) <= _MOST_WORDS:
+                return None
+            words.sort()
+            others = iter([word for word in words if word not in show.looks])
+            own = {w: (w, c) for w, c in zip(others, (OTHER * 2), strict=False)}
+            return {code: own.get(w) or show.looks[w] for code, w in enumerate(words)}
+        case _:
+            return None
 
 
-def _about_zero(layer: Vector) -> str | None:
-    """The attribute that is shown in two colours about zero."""
-    columns = layer.frame.dtypes
-    if "normal_x" in columns:
-        return None  # the offset is that of a plane
-    return next((n for n in _ABOUT_ZERO if n in columns and columns[n].kind == "f"), None)
-
-
-def feature_colours(layer: Vector, key: Classes | Ramp) -> NDArray[Any]:
+def feature_colours(features: Coloured, key: Key) -> NDArray[Any]:
     """One colour per feature, as shape (n, 4)."""
     from matplotlib.colors import to_rgba
 
+    layer, show = features
+    assert show is not None
     if isinstance(key, Ramp):
-        values = layer.frame[str(_about_zero(layer))].to_numpy(float)
+        values = layer.frame[show.attribute].to_numpy(float)
         share = np.clip((values - key.low) / (key.high - key.low), 0, 1)
         rgba = np.array(key.colour_map()(np.nan_to_num(share)), np.float64)
         rgba[~np.isfinite(values)] = to_rgba(_UNKNOWN)
         return rgba
-    table = {name: to_rgba(colour) for name, colour in key.values()}
-    kinds = layer.frame["kind"].astype(str)
-    return np.array([table.get(kind, to_rgba(_UNKNOWN)) for kind in kinds]).reshape(-1, 4)
+    words = layer.frame[show.attribute]
+    known = sorted(str(word) for word in words.dropna().unique())
+    table = {w: to_rgba(colour) for w, (_, colour) in zip(known, key.values(), strict=True)}
+    return np.array([table.get(w, to_rgba(_UNKNOWN)) for w in words.astype(str)]).reshape(-1, 4)

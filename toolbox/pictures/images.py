@@ -9,23 +9,16 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from pyproj import CRS
 
 from toolbox.data import Lattice, PointCloud, Raster
 from toolbox.data.asprs import CLASSES
 from toolbox.data.crs import vertical_unit
-from toolbox.data.outcomes import (
-    CORRECT_NEGATIVE,
-    CORRECT_POSITIVE,
-    DIFFERENCES,
-    NO_REFERENCE,
-    OUTCOMES,
-    TYPE_1,
-    TYPE_2,
-)
-from toolbox.pictures.oblique import PLANE, oblique
+from toolbox.declare.show import Classes, Planes, Show, Values
+from toolbox.pictures.oblique import oblique
 
 Colour: TypeAlias = str
-Classes: TypeAlias = Mapping[int, tuple[str, Colour]]
+Looks: TypeAlias = Mapping[int, tuple[str, Colour]]
 Bounds: TypeAlias = tuple[float, float, float, float]
 Array: TypeAlias = NDArray[np.float64]
 
@@ -54,19 +47,8 @@ _OF_CLASSES = {
     21: "#dff0f8",
     22: "#c3c2dc",
 }
-_OF_OUTCOMES = {  # as Şen and Bayaslı (2020) draw them
-    CORRECT_POSITIVE: "#d4d4d4",
-    CORRECT_NEGATIVE: "#6e6e6e",
-    TYPE_1: "#2166d1",
-    TYPE_2: "#d7261e",
-    NO_REFERENCE: "#f0dfae",
-}
-POINT_CLASSES: Classes = {code: (name, _OF_CLASSES[code]) for code, name in CLASSES.items()}
+POINT_CLASSES: Looks = {code: (name, _OF_CLASSES[code]) for code, name in CLASSES.items()}
 """Name and colour of the point classes."""
-ERRORS: Classes = {code: (name, _OF_OUTCOMES[code]) for code, name in OUTCOMES.items()}
-"""Name and colour of the values of the attribute "error"."""
-DIFFERING: Classes = {code: (name, _OF_OUTCOMES[code]) for code, name in DIFFERENCES.items()}
-"""Name and colour of the values of the attribute "difference"."""
 
 OTHER = ("#5b8def", "#e5a93c", "#58b2a3", "#c46bb0", "#93b245", "#d9755b", "#7a72c9", "#9c8567")
 """Colours in turn, of what has none of its own."""
@@ -119,13 +101,17 @@ class Ramp:
         return LinearSegmentedColormap.from_list("ramp", list(self.colours))
 
 
+Key: TypeAlias = Ramp | Looks
+"""What the colours of an image mean."""
+
+
 @dataclass(frozen=True)
 class Image:
     """What a map shows: RGBA of shape (rows, cols, 4), 0..1, and how to read it."""
 
     rgba: Array
     bounds: Bounds
-    key: Ramp | Classes
+    key: Key
     above: bool = True  # whether it is seen from there, as a map
 
 
@@ -176,49 +162,63 @@ def _ramp(name: str, band: Array, label: str) -> Ramp:
     )
 
 
-def cloud_image(cloud: PointCloud) -> Image:
-    """A cloud from above, one colour per pixel, the highest point on top; walls from the front."""
-    if (turned := oblique(cloud)) is not None:
-        return replace(_cloud_image(turned), above=False)
-    return _cloud_image(cloud)
+def cloud_image(cloud: PointCloud, show: Show | None = None) -> Image:
+    """A cloud as it is to be shown, one colour per pixel, the highest point on top.
 
-
-def _cloud_image(cloud: PointCloud) -> Image:
-    lattice = _pixels(cloud)
-    top = _highest(cloud, lattice)
-    for name in (name for name in cloud.names if name.startswith("error_")):
-        shown = _gathered(cloud[name], top)
-        ramp = Ramp.about_zero(shown, _label(name.replace("_", " "), _unit_of(cloud, name)))
-        return Image(_colours(shown, ramp), lattice.bounds, ramp)
-    height = _gathered(cloud.xyz[:, 2], top)
-    tables: dict[str, Classes] = {"error": ERRORS, "difference": DIFFERING}
-    tables |= {PLANE: _planes(cloud), "classification": POINT_CLASSES}
-    for name, table in tables.items():
-        if name in cloud and (name != "classification" or np.any(cloud[name])):
-            shown = _gathered(cloud[name], top)
-            classes = _table(_codes(shown), table)
-            rgba = _lit(_class_colours(shown, classes), height, lattice.cell, strength=0.35)
-            known = {c: v for c, v in classes.items() if name != PLANE or c <= len(OTHER)}
-            return Image(rgba, lattice.bounds, known)
+    Unless `show` says otherwise, in the colours of its classes, else of its elevation, or of its
+    intensity where it is flat.
+    """
+    match show:
+        case Classes():
+            return _from_front(cloud, show.front_of, show.attribute, show.looks)
+        case Planes():
+            looks = _looks_of_planes(cloud, show)
+            image = _from_front(cloud, show.attribute, show.attribute, looks)
+            largest = {code: look for code, look in looks.items() if code <= len(OTHER)}
+            return replace(image, key=largest)
+        case Values():
+            lattice, shown = _from_above(cloud, cloud[show.attribute])
+            ramp = ramp_of(show, shown, cloud.crs)
+            return Image(_colours(shown, ramp), lattice.bounds, ramp)
+    if "classification" in cloud and np.any(cloud["classification"]):
+        return _classed(cloud, "classification", POINT_CLASSES)
     if np.ptp(cloud.xyz[:, 2]) == 0 and "intensity" in cloud:
-        shown = _gathered(cloud["intensity"], top)
+        lattice, shown = _from_above(cloud, cloud["intensity"])
         ramp = Ramp.over(shown, "gray", "Intensity")
         return Image(_colours(shown, ramp), lattice.bounds, ramp)
+    lattice, height = _from_above(cloud, cloud.xyz[:, 2])
     label = _label("Elevation", vertical_unit(cloud.crs))
     return _relief(height, lattice.cell, lattice.bounds, label)
 
 
-def _planes(cloud: PointCloud) -> Classes:
-    """Name and colour of the numbers of planes; the key has room for the largest ones."""
-    numbers = _codes(cloud[PLANE].astype(np.float64)) if PLANE in cloud else []
+def _from_front(cloud: PointCloud, planes: str, attribute: str, looks: Looks) -> Image:
+    """Classes from the front of the largest plane if that is upright, else from above."""
+    turned = oblique(cloud, planes) if planes in cloud else None
+    if turned is None:
+        return _classed(cloud, attribute, looks)
+    return replace(_classed(turned, attribute, looks), above=False)
+
+
+def _classed(cloud: PointCloud, attribute: str, looks: Looks) -> Image:
+    lattice, shown, height = _from_above(cloud, cloud[attribute], cloud.xyz[:, 2])
+    classes = _table(_codes(shown), looks)
+    rgba = _lit(_class_colours(shown, classes), height, lattice.cell, strength=0.35)
+    return Image(rgba, lattice.bounds, classes)
+
+
+def _looks_of_planes(cloud: PointCloud, show: Planes) -> Looks:
+    """Name and colour of the numbers of planes."""
+    numbers = _codes(cloud[show.attribute].astype(np.float64))
     own = {number: (f"Plane {number}", OTHER[(number - 1) % len(OTHER)]) for number in numbers}
     return own | ({0: ("None", "#c9c9c9")} if 0 in own else {})
 
 
-def _unit_of(cloud: PointCloud, name: str) -> str:
-    """The unit of the heights, if the description of an attribute ends in it."""
-    unit = vertical_unit(cloud.crs)
-    return unit if cloud.descriptions.get(name, "").endswith(f", {unit}") else ""
+def ramp_of(show: Values, values: Array, crs: CRS | None) -> Ramp:
+    """The key of numbers."""
+    text = show.label or show.attribute.replace("_", " ")
+    label = _label(text, vertical_unit(crs) if show.length else "")
+    label += f", {show.note}" if show.note else ""
+    return Ramp.about_zero(values, label) if show.centred else Ramp.over(values, "viridis", label)
 
 
 def _relief(height: Array, cell: float, bounds: Bounds, label: str) -> Image:
@@ -255,9 +255,12 @@ def _highest(cloud: PointCloud, lattice: Lattice) -> NDArray[np.int64]:
     return np.where(away < 1.5, top[tuple(nearest)], -1)
 
 
-def _gathered(values: NDArray[Any], top: NDArray[np.int64]) -> Array:
-    """The value of the point shown in each pixel; NaN where there is none."""
-    return np.where(top >= 0, values[top].astype(np.float64), np.nan)
+def _from_above(cloud: PointCloud, *values: NDArray[Any]) -> tuple[Any, ...]:
+    """The pixels, and what the highest points in them say; NaN where there are none."""
+    lattice = _pixels(cloud)
+    top = _highest(cloud, lattice)
+    shown = (np.where(top >= 0, each[top].astype(np.float64), np.nan) for each in values)
+    return lattice, *shown
 
 
 # From values to colours --------------------------------------------------------------------
@@ -274,7 +277,7 @@ def _codes(values: Array) -> list[int]:
     return [int(code) for code in np.unique(values[np.isfinite(values)])]
 
 
-def _table(found: Sequence[int], table: Classes) -> Classes:
+def _table(found: Sequence[int], table: Looks) -> Looks:
     """Name and colour of each code found; codes that the table lacks get colours in turn."""
     lacking = [code for code in found if code not in table]
     word = "Class " if table else ""
@@ -282,7 +285,7 @@ def _table(found: Sequence[int], table: Classes) -> Classes:
     return {code: own[code] if code in own else table[code] for code in found}
 
 
-def _class_colours(values: Array, classes: Classes) -> Array:
+def _class_colours(values: Array, classes: Looks) -> Array:
     from matplotlib.colors import to_rgba
 
     rgba = np.zeros((*values.shape, 4))

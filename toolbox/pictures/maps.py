@@ -12,8 +12,8 @@ from pyproj import CRS
 
 from toolbox.data import Vector
 from toolbox.data.crs import length_problem, vertical_unit
-from toolbox.pictures.features import feature_colours, feature_key
-from toolbox.pictures.images import LENGTHS, Bounds, Classes, Image, Ramp
+from toolbox.pictures.features import Coloured, feature_colours, feature_key
+from toolbox.pictures.images import LENGTHS, Bounds, Image, Key, Looks, Ramp
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,9 +38,9 @@ class Panel:
     crs: CRS | None
     bounds: Bounds
     image: Image | None
-    vectors: tuple[Vector, ...]
+    vectors: tuple[Coloured, ...]
 
-    def under(self, title: str, vector: Vector) -> Panel:
+    def under(self, title: str, vector: Coloured) -> Panel:
         """The map with one more layer over it."""
         return replace(self, title=f"{self.title} + {title}", vectors=(*self.vectors, vector))
 
@@ -51,7 +51,7 @@ class Panel:
         return WIDTH * (north - south) / (east - west)
 
     @property
-    def key(self) -> Ramp | Classes | None:
+    def key(self) -> Key | None:
         """Of the image; without one that of the first vector layer, if it has one."""
         return self.image.key if self.image else feature_key(self.vectors[0])
 
@@ -63,6 +63,27 @@ class Panel:
         if isinstance(key, Ramp):
             return 0.5
         return 0.12 + 0.19 * math.ceil(len(key) / _key_columns(key))
+
+    def draw_on(self, figure: Figure, place: Place) -> None:
+        """Draw one map with its key."""
+        axes = figure.add_axes(fractions(figure, place.map))
+        axes.set_facecolor(_PAPER if self.image is None else _EMPTY)
+        if self.image is not None:
+            west, south, east, north = self.image.bounds
+            axes.imshow(self.image.rgba, extent=(west, east, south, north), interpolation="auto")
+        if self.key is not None:
+            _show_key(figure, self.key, fractions(figure, place.key))
+        for number, vector in enumerate(self.vectors):
+            if self.image is None and self.key is not None and number == 0:
+                _show_coloured(axes, vector[0], feature_colours(vector, self.key))
+            else:
+                _show_vector(axes, vector[0], over=self.image is not None)
+        west, south, east, north = self.bounds
+        axes.set(xlim=(west, east), ylim=(south, north), aspect="equal")
+        axes.set_title(self.title, fontsize=10, color=INK, loc="left", pad=6, fontweight="bold")
+        _show_ticks(axes)
+        if length_problem(self.crs) is None:
+            _show_scale(axes, self)
 
 
 @dataclass(frozen=True)
@@ -91,7 +112,7 @@ def in_proportion(bounds: Bounds, margin: float = 0.0) -> Bounds:
     return x - width / 2, y - height / 2, x + width / 2, y + height / 2
 
 
-class Sized(Protocol):
+class Drawn(Protocol):
     """What goes on a figure, with its heights in inches; all are of one width."""
 
     @property
@@ -100,8 +121,10 @@ class Sized(Protocol):
     @property
     def key_height(self) -> float: ...
 
+    def draw_on(self, figure: Figure, place: Place) -> None: ...
 
-def arrange(figure: Figure, panels: Sequence[Sized]) -> list[Place]:
+
+def arrange(figure: Figure, panels: Sequence[Drawn]) -> list[Place]:
     """Give the figure its size, and each map its place: rows of up to three of one width."""
     columns = len(panels) if len(panels) <= 3 else 2 + (len(panels) > 4)
     rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
@@ -119,28 +142,6 @@ def arrange(figure: Figure, panels: Sequence[Sized]) -> list[Place]:
     return places
 
 
-def show(figure: Figure, panel: Panel, place: Place) -> None:
-    """Draw one map with its key."""
-    axes = figure.add_axes(fractions(figure, place.map))
-    axes.set_facecolor(_PAPER if panel.image is None else _EMPTY)
-    if panel.image is not None:
-        west, south, east, north = panel.image.bounds
-        axes.imshow(panel.image.rgba, extent=(west, east, south, north), interpolation="auto")
-    if panel.key is not None:
-        _show_key(figure, panel.key, fractions(figure, place.key))
-    for number, vector in enumerate(panel.vectors):
-        if panel.image is None and panel.key is not None and number == 0:
-            _show_coloured(axes, vector, feature_colours(vector, panel.key))
-        else:
-            _show_vector(axes, vector, over=panel.image is not None)
-    west, south, east, north = panel.bounds
-    axes.set(xlim=(west, east), ylim=(south, north), aspect="equal")
-    axes.set_title(panel.title, fontsize=10, color=INK, loc="left", pad=6, fontweight="bold")
-    _show_ticks(axes)
-    if length_problem(panel.crs) is None:
-        _show_scale(axes, panel)
-
-
 def fractions(figure: Figure, box: Box) -> Box:
     """A place in inches as shares of the figure."""
     width, height = (float(inches) for inches in figure.get_size_inches())
@@ -150,7 +151,7 @@ def fractions(figure: Figure, box: Box) -> Box:
 # Keys --------------------------------------------------------------------------------------
 
 
-def _show_key(figure: Figure, key: Ramp | Classes, place: Box) -> None:
+def _show_key(figure: Figure, key: Key, place: Box) -> None:
     if isinstance(key, Ramp):
         _show_ramp(figure, key, place)
     else:
@@ -173,7 +174,7 @@ def _show_ramp(figure: Figure, ramp: Ramp, place: Box) -> None:
     axes.tick_params(labelsize=7, colors=INK, length=2.5, width=0.5, pad=2)
 
 
-def _show_classes(figure: Figure, classes: Classes, place: Box) -> None:
+def _show_classes(figure: Figure, classes: Looks, place: Box) -> None:
     from matplotlib.patches import Patch
 
     axes = figure.add_axes(place, frameon=False)
@@ -195,7 +196,7 @@ def _show_classes(figure: Figure, classes: Classes, place: Box) -> None:
     )
 
 
-def _key_columns(classes: Classes) -> int:
+def _key_columns(classes: Looks) -> int:
     """As many as fit beside each other by the longest name."""
     longest = max((len(name) for name, _ in classes.values()), default=1)
     return max(1, min(4, len(classes), int(WIDTH / (0.32 + 0.055 * longest))))

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from toolbox.data import PointCloud
 
-PLANE = "plane_id"
 _MOST, _SOME = 10, 2000  # planes that are looked at, and points of each
 _UPRIGHT = math.sin(math.radians(10.0))  # third part of the normal of a wall, at most
 _ASIDE, _ABOVE = math.radians(25.0), math.radians(20.0)  # where the eye is, seen from the wall
@@ -17,20 +16,22 @@ _ASIDE, _ABOVE = math.radians(25.0), math.radians(20.0)  # where the eye is, see
 Floats = NDArray[np.float64]
 
 
-def oblique(cloud: PointCloud) -> PointCloud | None:
+def oblique(cloud: PointCloud, planes: str) -> PointCloud | None:
     """The same points in the coordinates of a view: right, up, and towards the eye.
 
     The eye is before the upright plane with the most points, on the side with more points, a
     little aside and above, so that ground, side walls and roofs are seen too.
 
+    Parameters
+    ----------
+    planes : attribute with the number of the plane of each point, 0 for none
+
     Returns
     -------
-    None if the points have no plane_id, or none of their largest planes is upright
+    None if none of their largest planes is upright
     """
-    if PLANE not in cloud:
-        return None
     xyz = cloud.xyz - cloud.xyz[0]
-    wall = _wall(xyz, cloud[PLANE])
+    wall = _wall(xyz, cloud[planes])
     if wall is None:
         return None
     normal, centre = wall

@@ -16,9 +16,10 @@ from toolbox.context import log
 from toolbox.data import Report, Table
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import CHOICE, find
+from toolbox.declare.show import Classes
 from toolbox.errors import ParameterError
 from toolbox.models.model import Model
-from toolbox.pictures.images import ERRORS, OTHER, POINT_CLASSES, RELIEF
+from toolbox.pictures.images import OTHER, POINT_CLASSES, RELIEF
 
 PROVIDER = "lidartoolbox"
 SCHEMA = 1  # version of the list; the plugin refuses any other
@@ -66,7 +67,6 @@ def _colours() -> dict[str, Any]:
     """The colours of layers, the same as in our own plots."""
     return {
         "classification": [[code, *look] for code, look in POINT_CLASSES.items()],
-        "error": [[code, *look] for code, look in ERRORS.items()],
         "relief": list(RELIEF),
         "other": list(OTHER),
     }
@@ -105,7 +105,9 @@ def field(f: Field) -> dict[str, Any]:
         label += f" [{f.unit}]"
     made |= {"label": label, "many": f.many}
     if f.role == "sink":
-        return made | ({"suffixes": list(f.kind.suffixes)} if f.kind.is_layer else {})
+        made |= {"suffixes": list(f.kind.suffixes)} if f.kind.is_layer else {}
+        classes = next((show for show in f.show if isinstance(show, Classes)), None)
+        return made | ({"classes": _classes(classes)} if classes else {})
     made |= {"required": f.required, "nullable": f.optional, "rule": f.rule(), **f.limits}
     if f.kind is CHOICE:
         made["choices"] = [str(choice) for choice in f.choices]
@@ -129,6 +131,12 @@ def _type(f: Field) -> str:
     if f.kind.word not in SCALARS or f.choices or (f.many and f.role == "param"):
         return "text"
     return "length" if f.unit == "m" and f.kind.word == "number" else f.kind.word.lower()
+
+
+def _classes(show: Classes) -> dict[str, Any]:
+    """The attribute by which a layer is coloured, and name and colour of its values."""
+    looks = [[value, *look] for value, look in show.looks.items()]
+    return {"attribute": show.attribute, "looks": looks}
 
 
 def _default(f: Field) -> Any:

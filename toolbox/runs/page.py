@@ -8,7 +8,7 @@ from typing import Any
 from toolbox.data import Figure, Layer, Report, Rows, Section, Table
 from toolbox.data.report import Block
 from toolbox.declare.fields import Spec
-from toolbox.pictures.picture import drawable, png
+from toolbox.pictures.draw import drawable, png
 from toolbox.runs.provenance import Record
 
 
@@ -21,7 +21,11 @@ def page(spec: Spec, found: Mapping[str, Any], record: Record | None) -> Report:
     found : what it gave, by name
     record : how that was made
     """
-    numbers, layers, single = _values(spec, found), drawable(found), _layers(spec, found)
+    numbers, layers, single = (
+        _values(spec, found),
+        drawable(found, spec.results),
+        _layers(spec, found),
+    )
     sizes = _sizes(spec, single)
     sections = [
         _section("Results", [Rows(numbers)] if len(numbers) else []),

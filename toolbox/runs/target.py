@@ -18,7 +18,7 @@ from toolbox.data.record import foreign_side_car
 from toolbox.declare.fields import Spec
 from toolbox.declare.kinds import Kind, find, parsed_options
 from toolbox.errors import DataError
-from toolbox.pictures.picture import draw, drawable
+from toolbox.pictures.draw import draw, drawable
 from toolbox.runs.page import page
 from toolbox.runs.provenance import Record
 from toolbox.shown import COUNTS, PAGE, PICTURE, SHOWN
@@ -203,7 +203,7 @@ def write(
     """
     shown: dict[str, Any] = {}
     if PICTURE in targets:
-        shown[PICTURE] = drawable(found)
+        shown[PICTURE] = drawable(found, spec.results)
     if PAGE in targets:
         shown[PAGE] = page(spec, found, record and record.of(PAGE, None, {}))
     if COUNTS in targets and record:

@@ -10,11 +10,11 @@ import pytest
 from pyproj import CRS
 
 from algorithms.compare._counterparts import counterparts
+from algorithms.compare._outcomes import OUTCOMES
 from algorithms.compare.classes import COLOURS, CompareClasses, Counts, Proportion
 from toolbox.data import PointCloud
 from toolbox.declare import Attribute, ClassList
 from toolbox.errors import DataError
-from toolbox.pictures.images import ERRORS
 
 UTM = CRS(32635)
 
@@ -163,9 +163,9 @@ def test_a_stratum_may_have_no_counterparts_but_not_a_value_for_each_point() -> 
 
 
 def test_colours_are_those_of_the_picture(tmp_path: Path) -> None:
-    assert {code: f"#{r:02x}{g:02x}{b:02x}" for code, (r, g, b) in COLOURS.items()} == {
-        code: colour for code, (_, colour) in ERRORS.items()
-    }
+    assert ["#{:02x}{:02x}{:02x}".format(*rgb) for rgb in COLOURS] == [
+        colour for _, colour in OUTCOMES.values()
+    ]
     counts = {(2, 2): 1, (1, 1): 1, (2, 1): 1, (1, 2): 1}
     job: dict[str, Any] = {"points": from_counts(counts)}
     job["reference_attribute"] = Attribute("truth")

@@ -14,8 +14,8 @@ from algorithms.planes.extract import PlanesExtract
 from algorithms.planes.sweep import PlanesSweep, knee
 from toolbox.data import PointCloud
 from toolbox.errors import ParameterError
-from toolbox.pictures.curves import Sweep
-from toolbox.pictures.picture import draw
+from toolbox.pictures.charts import Curves
+from toolbox.pictures.draw import draw
 
 UTM = CRS(32635)
 
@@ -95,8 +95,10 @@ def test_one_tolerance_is_no_choice() -> None:
 
 def test_picture(tmp_path: Path) -> None:
     table = swept(room(0.004)).table
-    sweep = Sweep.of("sweep", table)
-    assert sweep is not None
-    assert sweep.knee == float(table.frame.tolerance[table.frame.knee].iloc[0])
-    draw({"sweep": table}, tmp_path / "a.png")
+    spec: Any = PlanesSweep
+    (show,) = spec.spec.outputs["table"].show
+    curve = Curves.of("sweep", table, show)
+    assert curve is not None
+    assert curve.dashed == 100 * float(table.frame.tolerance[table.frame.knee].iloc[0])
+    draw({"sweep": (table, (show,))}, tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 10_000

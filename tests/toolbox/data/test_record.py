@@ -20,7 +20,7 @@ from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import parse_crs
 from toolbox.data.record import foreign_side_car, is_record, read_record, side_car
 from toolbox.errors import DataError
-from toolbox.pictures.picture import draw
+from toolbox.pictures.draw import draw
 
 CRS = parse_crs("EPSG:2154+5720")
 RECORD = json.dumps({"lidar-toolbox": "0.1.0", "text": "é <&> \"'\\", "number": 0.1 + 0.2})

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 import pytest
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context
-from toolbox.data import PointCloud, Raster
+from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import LOCAL
-from toolbox.declare import Attribute, ClassList, Expression, Range
+from toolbox.declare import Attribute, ClassList, Expression, Range, show
 from toolbox.declare.spec import REGISTRY, outputs, param, sink, source, tool
 from toolbox.errors import Cancelled, DataError, ParameterError
 
@@ -319,3 +319,32 @@ def test_mistakes_of_authors_are_found_on_import(
 ) -> None:
     with pytest.raises(TypeError, match=text):
         declare(annotations, **members)
+
+
+def declare_sink(kind: Any, way: Any) -> Any:
+    body = {"__annotations__": {"found": kind}, "found": sink("What was found", show=way)}
+    return declare({}, Outputs=outputs(type("Outputs", (), body)))
+
+
+def test_outputs_say_how_they_are_shown() -> None:
+    ways = show.Values("offset", centred=True), show.Profile("line", "along", "offset")
+    assert declare_sink(Vector, ways).spec.outputs["found"].show == ways
+    assert declare_sink(Vector, ways[0]).spec.outputs["found"].show == ways[:1]
+
+
+@pytest.mark.parametrize(
+    ("kind", "way", "text"),
+    [
+        (Table, show.Planes("plane"), "Planes shows a PointCloud, not a Table"),
+        (PointCloud, show.Histogram("a", "b", "c"), "Histogram shows a Table, not a PointCloud"),
+        (Raster, show.Classes("class"), "Classes shows a PointCloud or Vector, not a Raster"),
+        (float, show.Values("error"), "not a number"),
+        (Vector, show.Classes(""), "'' is no name of a column or attribute"),
+        (Vector, show.Profile("line", cast(Any, 3), "c"), "3 is no name"),
+    ],
+)
+def test_mistakes_in_how_outputs_are_shown_are_found_on_import(
+    kind: Any, way: Any, text: str
+) -> None:
+    with pytest.raises(TypeError, match=text):
+        declare_sink(kind, way)

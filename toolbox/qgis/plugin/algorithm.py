@@ -129,7 +129,7 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         kept = {path: details for path, details in loads.items() if _same(path) in made}
         context.setLayersToLoadOnCompletion(kept)
         for path in kept:
-            styler = Styler.of(self.colours)
+            styler = Styler.of(self.colours, made[_same(path)].get("classes"))
             context.layerToLoadOnCompletionDetails(path).setPostProcessor(styler)
 
 

@@ -1,7 +1,8 @@
-"""Sets the colours of results when they are loaded, from their content and not from the tool.
+"""Sets the colours of results when they are loaded.
 
-A point cloud is drawn by its classes. A raster is drawn as relief, as differences about zero or in
-grey, by the description of its band. Features are drawn by their severity, class or kind.
+The output of a tool may declare the attribute by which points or features are coloured. Otherwise a
+point cloud is drawn by its classes, and a raster as relief, as differences about zero or in grey,
+by the description of its band.
 """
 
 from __future__ import annotations
@@ -31,16 +32,7 @@ NO_HEIGHT = ("(std)", "(count)", "points", "distance", "error")
 ABOUT_ZERO = ("differ", "change")
 BLUE_RED = ("#2166ac", "#92c5de", "#f7f7f7", "#f4a582", "#b2182b")
 VIRIDIS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#fde725")
-BY_WORD = ("severity", "class", "classification", "kind")  # attributes by which features are drawn
 MOST = 20  # distinct values of such an attribute
-SEVERITIES = {
-    "#b2182b": ("critical", "severe", "danger", "dangerous", "high", "urgent", "immediate"),
-    "#ef8a62": ("major", "warning", "medium", "moderate"),
-    "#fddc7a": ("minor", "low", "notice", "watch", "advisory"),
-    "#74a67a": ("none", "ok", "safe", "clear", "info"),
-}
-SEVERITY_CODES = [[1, "critical", "#b2182b"], [2, "warning", "#ef8a62"], [3, "watch", "#fddc7a"]]
-KINDS = {"agree": "#d4d4d4", "commission": "#d7261e", "omission": "#2166d1"}
 
 
 class Styler(QgsProcessingLayerPostProcessorInterface):
@@ -49,27 +41,27 @@ class Styler(QgsProcessingLayerPostProcessorInterface):
     _kept: ClassVar[list[Any]] = []  # QGIS holds a bare pointer only
 
     @classmethod
-    def of(cls, colours: dict[str, Any]) -> Styler:
+    def of(cls, colours: dict[str, Any], classes: dict[str, Any] | None) -> Styler:
         made = cls()
-        made.colours = colours
+        made.colours, made.classes = colours, classes
         cls._kept.append(made)
         return made
 
     def postProcessLayer(self, layer: Any, context: Any, feedback: Any) -> None:
         try:
-            style(layer, self.colours)
+            style(layer, self.colours, self.classes)
         except Exception as err:  # a layer in plain colours is better than none
             QgsMessageLog.logMessage(f"{layer.name()} keeps its colours: {err}", "LiDAR Toolbox")
 
 
-def style(layer: Any, colours: dict[str, Any]) -> None:
-    """Give a layer its colours."""
+def style(layer: Any, colours: dict[str, Any], classes: dict[str, Any] | None = None) -> None:
+    """Give a layer its colours; `classes` are those that the output of the tool declares."""
     if layer.type() == QgsMapLayerType.RasterLayer:
         _style_raster(layer, colours)
     elif layer.type() == QgsMapLayerType.VectorLayer:
-        _style_features(layer, colours)
+        _style_features(layer, colours, classes)
     elif layer.type() == QgsMapLayerType.PointCloudLayer:
-        _style_points(layer, colours)
+        _style_points(layer, colours, classes)
     layer.triggerRepaint()
 
 
@@ -126,54 +118,37 @@ def _ramp(layer: Any, colours: Any, low: float, high: float) -> None:
     layer.setRenderer(renderer)
 
 
-def _style_features(layer: Any, colours: dict[str, Any]) -> None:
-    name = next((n for n in BY_WORD if layer.fields().indexOf(n) >= 0), None)
-    if name is None or not layer.isSpatial():
+def _style_features(layer: Any, colours: dict[str, Any], classes: dict[str, Any] | None) -> None:
+    if classes is None or not layer.isSpatial():
+        return
+    name = classes["attribute"]
+    if layer.fields().indexOf(name) < 0:
         return
     values = sorted(layer.uniqueValues(layer.fields().indexOf(name), MOST + 1), key=str)
     values = [value for value in values if value is not None and str(value) != "NULL"]
     if not 0 < len(values) <= MOST:
         return
-    looks = _looks(name, values, colours)
+    known = {value: look for value, *look in classes["looks"]}
+    others = iter(list(colours["other"]) * 3)
     categories = []
-    for value, (label, colour) in zip(values, looks):
+    for value in values:
+        label, colour = known.get(value) or (str(value), next(others))
         symbol = QgsSymbol.defaultSymbol(layer.geometryType())
         symbol.setColor(QColor(colour))
         categories.append(QgsRendererCategory(value, symbol, label))
     layer.setRenderer(QgsCategorizedSymbolRenderer(name, categories))
 
 
-def _looks(name: str, values: list[Any], colours: dict[str, Any]) -> list[tuple[str, str]]:
-    """Label and colour of each value."""
-    classes = {code: (label, colour) for code, label, colour in colours["classification"]}
-    words = {word: colour for colour, group in SEVERITIES.items() for word in group}
-    others = iter(list(colours["other"]) * 3)
-    found = []
-    for index, value in enumerate(values):
-        if name == "severity":
-            usual = _between("#fddc7a", "#b2182b", index / max(len(values) - 1, 1))
-            found.append((str(value), words.get(str(value).lower(), usual)))
-        elif value in classes:
-            found.append(classes[value])
-        else:
-            found.append((str(value), KINDS.get(str(value)) or next(others)))
-    return found
-
-
-def _between(first: str, last: str, share: float) -> str:
-    a, b = QColor(first).getRgb(), QColor(last).getRgb()
-    return QColor(*(round(x + (y - x) * share) for x, y in zip(a, b))).name()
-
-
-def _style_points(layer: Any, colours: dict[str, Any]) -> None:
-    """By what the tool found: severities or errors, else the classes."""
+def _style_points(layer: Any, colours: dict[str, Any], classes: dict[str, Any] | None) -> None:
+    """By the attribute that the output names, else by the classes."""
     from qgis.core import QgsPointCloudCategory, QgsPointCloudClassifiedRenderer
 
     names = {a.name().lower(): a.name() for a in layer.attributes().attributes()}
-    looked = {"severity": SEVERITY_CODES} | colours
-    for name in ("severity", "error", "classification"):
-        if name in names:
-            looks = looked[name]
+    usual = {"attribute": "classification", "looks": colours["classification"]}
+    for shown in (classes or usual, usual):
+        if shown["attribute"].lower() in names:
+            looks = shown["looks"]
             made = [QgsPointCloudCategory(code, QColor(c), label) for code, label, c in looks]
-            layer.setRenderer(QgsPointCloudClassifiedRenderer(names[name], made))
+            name = names[shown["attribute"].lower()]
+            layer.setRenderer(QgsPointCloudClassifiedRenderer(name, made))
             return

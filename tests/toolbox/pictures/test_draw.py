@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +21,13 @@ from scenes import layers
 
 from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import LOCAL, parse_crs
+from toolbox.declare import show
 from toolbox.errors import DataError
-from toolbox.pictures.bars import Bars, Profile
-from toolbox.pictures.curves import Curve
+from toolbox.pictures.charts import Bars, Curves, Sections
+from toolbox.pictures.draw import draw, has_something_to_see
 from toolbox.pictures.features import feature_colours, feature_key
-from toolbox.pictures.images import ERRORS, POINT_CLASSES, RELIEF, Ramp, cloud_image, raster_image
+from toolbox.pictures.images import POINT_CLASSES, RELIEF, Ramp, cloud_image, raster_image
 from toolbox.pictures.maps import _EMPTY
-from toolbox.pictures.picture import draw, has_something_to_see
 
 LAMBERT = CRS(2154)
 raster = functools.partial(layers.raster, west=100.0, north=200.0, crs=LAMBERT)
@@ -75,11 +76,13 @@ def test_highest_point_is_on_top() -> None:
         assert colours(image.rgba) == {POINT_CLASSES[5][1]}
 
 
-def test_errors_come_before_classes_in_their_own_colours() -> None:
+def test_declared_classes_come_before_those_of_las_in_their_own_colours() -> None:
     codes = np.repeat(np.arange(4, dtype=np.uint8), 100)
-    image = cloud_image(square(error=codes, classification=codes + 2))
-    assert colours(image.rgba) == {colour for code, (_, colour) in ERRORS.items() if code < 4}
-    assert image.rgba[-2, -2] == pytest.approx(to_rgba("#d7261e"))  # Type II is red
+    looks = {0: ("Right", "#d4d4d4"), 3: ("Wrong", "#d7261e")}
+    image = cloud_image(square(error=codes, classification=codes + 2), show.Classes("error", looks))
+    assert colours(image.rgba) == {"#d4d4d4", "#d7261e", "#5b8def", "#e5a93c"}
+    assert image.key == looks | {1: ("Class 1", "#5b8def"), 2: ("Class 2", "#e5a93c")}
+    assert image.rgba[-2, -2] == pytest.approx(to_rgba("#d7261e"))
 
 
 def test_without_classes_elevation_then_intensity() -> None:
@@ -171,16 +174,21 @@ def test_errors_of_points_are_two_colours_about_zero() -> None:
     cloud = square(classification=codes).with_attributes(
         {"error_linear": errors}, descriptions={"error_linear": "surface minus point, metre"}
     )
-    key = cloud_image(cloud).key
+    way = show.Values("error_linear", length=True, centred=True)
+    key = cloud_image(cloud, way).key
     assert isinstance(key, Ramp)
     assert (key.colours, key.label, key.low) == ("RdBu_r", "error linear (m)", -key.high)
+    plain = cloud_image(cloud, show.Values("error_linear", label="Error", note="of some")).key
+    assert isinstance(plain, Ramp)
+    assert (plain.colours, plain.label) == ("viridis", "Error, of some")
 
 
 def test_checkpoints_are_coloured_by_their_error_and_whole(tmp_path: Path) -> None:
     """Those at the edge have room; the highest and the lowest error have the ends of the key."""
     places = [shapely.Point(x, y) for x in (0, 50) for y in (0, 50)]
     frame = geopandas.GeoDataFrame({"error": [-1.0, 1.0, 1.0, -1.0]}, geometry=places, crs=LAMBERT)
-    draw({"errors": Vector(frame)}, tmp_path / "a.png")
+    way = show.Values("error", centred=True)
+    draw({"errors": (Vector(frame), (way,))}, tmp_path / "a.png")
     picture = read(tmp_path / "a.png")[:, :, :3]
     ramp = Ramp.about_zero(np.array([-1.0, 1.0]), "").colour_map()
     shapes = [
@@ -326,14 +334,14 @@ def test_a_table_of_bins_is_a_histogram(tmp_path: Path) -> None:
     table = Table.from_rows(
         {"low": low, "high": high, "count": count, "unit": "m"} for low, high, count in BINS
     )
-    bars = Bars.of("histogram", table)
+    way = show.Histogram("low", "high", "count", unit_in="unit")
+    bars = Bars.of("histogram", table, way)
     assert bars == Bars("histogram", [0.0, 0.5, 1.0], [1, 6, 3, 2], "m")
-    other = Table.from_rows([{"a": 1, "b": 2}] * 4)
-    assert Bars.of("other", other) is None
-    assert [has_something_to_see(layer) for layer in (table, other, square(), outline(), 3)] == [
-        True, False, True, False, False,
-    ]  # fmt: skip
-    draw({"map": raster(np.eye(3)), "histogram": table}, tmp_path / "a.png")
+    assert Bars.of("short", Table(table.frame[:2]), way) is None
+    assert has_something_to_see(table, (way,))
+    layers = (table, square(), outline(), 3)
+    assert [has_something_to_see(layer) for layer in layers] == [False, True, False, False]
+    draw({"map": raster(np.eye(3)), "histogram": (table, (way,))}, tmp_path / "a.png")
     picture = read(tmp_path / "a.png")[:, 700:, :3]  # right of the map
     inside, beyond = (
         np.all(np.abs(picture - to_rgba(colour)[:3]) < 1 / 255, axis=-1).sum()
@@ -354,16 +362,81 @@ def test_a_storage_curve_has_two_axes(tmp_path: Path) -> None:
         }
         for h in range(11)
     )
-    curve = Curve.of("curve", table)
+    way = show.Curve(
+        show.Axis("level", "level", unit_in="unit"),
+        (show.Axis("area_m2", "area", "m²"), show.Axis("volume_m3", "volume", "m³")),
+        upright=True,
+        shaded="open",
+    )
+    curve = Curves.of("curve", table, way)
     assert curve is not None
-    assert (curve.opens, curve.unit, curve.volume[-1]) == (9.0, "metre", 45e6)
-    assert has_something_to_see(table)
-    draw({"curve": table}, tmp_path / "a.png")
+    assert (curve.over.label, curve.shaded, curve.dashed) == ("level, m", 9.0, None)
+    assert [line.label for line in curve.lines] == ["area, 1000 m²", "volume, million m³"]
+    assert curve.lines[1].values[-1] == 45
+    assert has_something_to_see(table, (way,))
+    draw({"curve": (table, (way,))}, tmp_path / "a.png")
     picture = read(tmp_path / "a.png")[..., :3]
     for colour, least in (("#c4742b", 1000), ("#2f6da8", 1000), ("#e9e9e9", 15_000)):
         near = np.all(np.abs(picture - to_rgba(colour)[:3]) < 2 / 255, axis=-1)
         assert near.sum() > least, colour
-    assert Curve.of("other", Table.from_rows([{"level": 1.0, "area_m2": 2.0}] * 4)) is None
+    assert Curves.of("short", Table(table.frame[:1]), way) is None
+
+
+@pytest.mark.parametrize("upright", [True, False])
+def test_a_curve_of_one_line_has_one_axis_and_a_dashed_line(upright: bool, tmp_path: Path) -> None:
+    rows = [{"t": 0.01 * k, "n": 40.0 - k, "best": k in (3, 5)} for k in range(9)]
+    way = show.Curve(
+        show.Axis("t", "tolerance", "cm", factor=100),
+        (show.Axis("n", "planes"),),
+        upright=upright,
+        dots=True,
+        dashed="best",
+    )
+    table = Table.from_rows(rows)
+    curve = Curves.of("curve", table, way)
+    assert curve is not None
+    assert (curve.dashed, curve.over.label) == (3, "tolerance, cm; dashed: the best")
+    assert curve.lines[0].label == "planes"
+    sizes = []
+    for name, shown in {"a": way, "b": replace(way, lines=way.lines * 2)}.items():
+        draw({"curve": (table, (shown,))}, tmp_path / f"{name}.png")
+        picture = read(tmp_path / f"{name}.png")[..., :3]
+        near = np.all(np.abs(picture - to_rgba("#2f6da8")[:3]) < 2 / 255, axis=-1)
+        sizes.append(near.sum())
+    assert sizes[0] == 0  # the colour of the second line
+    assert sizes[1] > 500
+
+
+def test_a_curve_has_one_line_or_two() -> None:
+    axis = show.Axis("a", "a")
+    with pytest.raises(TypeError, match="one line or two, not 3"):
+        show.Curve(axis, (axis, axis, axis))
+
+
+def test_missing_columns_are_named_and_the_rest_is_drawn(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    table = Table.from_rows([{"level": 1.0, "area": 2.0}] * 4)
+    way = show.Curve(show.Axis("level", "level"), (show.Axis("aera", "area"),))
+    cloud = square(classification=np.full(400, 2, np.uint8))
+    layers = {"curve": (table, (way,)), "cloud": (cloud, (show.Planes("plane"),))}
+    draw(layers, tmp_path / "a.png")
+    assert "curve is not shown as curve: it has no 'aera'; did you mean 'area'?" in caplog.text
+    assert "cloud is not shown as planes: it has no 'plane'" in caplog.text
+    draw({"cloud": cloud}, tmp_path / "b.png")
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    caplog.clear()
+    draw({"cloud": (cloud, (show.Planes("plane", optional=True),))}, tmp_path / "c.png")
+    assert not caplog.text
+    assert (tmp_path / "c.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_the_first_attribute_of_a_pattern_is_shown(tmp_path: Path) -> None:
+    cloud = square(error_b=np.arange(400.0), error_a=np.zeros(400))
+    for name, attribute in (("a", "error_*"), ("b", "error_b"), ("c", "error_a")):
+        draw({"cloud": (cloud, (show.Values(attribute),))}, tmp_path / f"{name}.png")
+    contents = [(tmp_path / f"{name}.png").read_bytes() for name in "abc"]
+    assert contents[0] == contents[1] != contents[2]
 
 
 def test_a_hillshade_is_grey() -> None:
@@ -417,7 +490,8 @@ def walls(upright: bool = True) -> PointCloud:
 
 
 def test_planes_have_their_colours_and_walls_are_seen_from_the_front(tmp_path: Path) -> None:
-    image, flat = cloud_image(walls()), cloud_image(walls(upright=False))
+    way = show.Planes("plane_id")
+    image, flat = cloud_image(walls(), way), cloud_image(walls(upright=False), way)
     assert (image.above, flat.above) == (False, True)
     assert not isinstance(image.key, Ramp)
     assert [name for name, _ in image.key.values()] == ["Plane 1", "Plane 2"]
@@ -428,9 +502,19 @@ def test_planes_have_their_colours_and_walls_are_seen_from_the_front(tmp_path: P
     assert blue.sum() / (shown & ~blue).sum() == pytest.approx(seen, rel=0.1)
     assert np.argwhere(blue)[:, 0].mean() < np.argwhere(shown & ~blue)[:, 0].mean()
     outline = Vector(geopandas.GeoDataFrame(geometry=[shapely.box(0, 0, 9, 9)], crs=LAMBERT))
-    draw({"a": walls(), "b": outline}, tmp_path / "a.png")
-    draw({"a": walls()}, tmp_path / "b.png")
+    draw({"a": (walls(), (way,)), "b": outline}, tmp_path / "a.png")
+    draw({"a": (walls(), (way,))}, tmp_path / "b.png")
     assert read(tmp_path / "a.png").shape[1] > 1.5 * read(tmp_path / "b.png").shape[1]
+
+
+def test_classes_of_a_wall_are_seen_from_its_front() -> None:
+    codes = np.tile(np.array([3, 7], np.int32), 20_000)
+    cloud = walls().with_attributes({"said": codes})
+    looks = {3: ("Three", "#111111"), 7: ("Seven", "#eeeeee")}
+    image = cloud_image(cloud, show.Classes("said", looks, front_of="plane_id"))
+    assert (image.above, image.key) == (False, looks)
+    assert cloud_image(cloud, show.Classes("said", looks, front_of="absent")).above
+    assert cloud_image(cloud, show.Classes("said", looks)).above
 
 
 # Features by kind and by offset ---------------------------------------------------------------
@@ -444,16 +528,14 @@ def kinds(*names: Any) -> Vector:
 
 def test_kinds_have_their_colours_and_a_key(tmp_path: Path) -> None:
     layer = kinds("omission", "agree", "commission")
-    key = feature_key(layer)
+    looks = {"commission": ("Too much", "#d7261e"), "omission": ("Too little", "#2166d1")}
+    way = show.Classes("kind", looks)
+    key = feature_key((layer, way))
     assert key is not None
     assert not isinstance(key, Ramp)
-    assert dict(key.values()) == {
-        "agree": "#d4d4d4",
-        "commission": "#d7261e",
-        "omission": "#2166d1",
-    }
-    np.testing.assert_allclose(feature_colours(layer, key)[0], to_rgba("#2166d1"))
-    draw({"a": layer}, tmp_path / "a.png")
+    assert list(key.values()) == [("agree", "#5b8def"), *looks.values()]
+    np.testing.assert_allclose(feature_colours((layer, way), key)[0], to_rgba("#2166d1"))
+    draw({"a": (layer, (way,))}, tmp_path / "a.png")
     draw({"a": Vector(layer.frame.drop(columns="kind"))}, tmp_path / "b.png")
     with_key, plain = read(tmp_path / "a.png"), read(tmp_path / "b.png")
     assert with_key.shape[0] > plain.shape[0]
@@ -462,36 +544,36 @@ def test_kinds_have_their_colours_and_a_key(tmp_path: Path) -> None:
     assert not np.isclose(plain[..., :3], to_rgba("#d7261e")[:3], atol=0.01).all(axis=-1).any()
 
 
-def test_the_offset_of_a_plane_is_not_that_of_a_line() -> None:
-    frame = kinds("a", "b").frame.drop(columns="kind").assign(offset=[1.5, -2.5])
-    assert isinstance(feature_key(Vector(frame)), Ramp)
-    assert feature_key(Vector(frame.assign(normal_x=[0.0, 1.0]))) is None
-
-
 def test_kinds_that_are_too_many_or_missing() -> None:
-    assert feature_key(kinds(*map(str, range(13)))) is None
-    assert feature_key(kinds(None, None)) is None
+    way = show.Classes("kind")
+    assert feature_key((kinds(*map(str, range(13))), way)) is None
+    assert feature_key((kinds(None, None), way)) is None
+    assert feature_key((kinds("tree"), None)) is None
     layer = kinds("tree", None)
-    key = feature_key(layer)
+    key = feature_key((layer, way))
     assert key is not None
     assert len(key) == 1  # type: ignore[arg-type]
-    assert feature_colours(layer, key)[1] == pytest.approx(to_rgba("#9a9a9a"))
+    assert feature_colours((layer, way), key)[1] == pytest.approx(to_rgba("#9a9a9a"))
 
 
 def test_offsets_have_a_profile(tmp_path: Path) -> None:
-    station = np.arange(50.0)
+    chainage = np.arange(50.0)
     frame = geopandas.GeoDataFrame(
-        {"line": np.repeat([1, 2], 25), "chainage": station, "offset": station - 20},
-        geometry=shapely.points(station, station),
+        {"line": np.repeat([1, 2], 25), "chainage": chainage, "offset": chainage - 20},
+        geometry=shapely.points(chainage, chainage),
         crs=LAMBERT,
     )
     layer = Vector(frame)
-    profile = Profile.of("a", layer)
+    across = show.Profile("line", along="chainage", across="offset", note="left +")
+    colours = show.Values("offset", label="Offset", length=True, centred=True)
+    profile = Sections.of("a", layer, across)
     assert profile is not None
-    assert [len(stations) for stations, _ in profile.lines] == [25, 25]
-    assert profile.unit == "m"
-    assert isinstance(feature_key(layer), Ramp)
-    draw({"a": layer}, tmp_path / "a.png")
-    draw({"a": Vector(frame[["geometry"]])}, tmp_path / "b.png")
+    assert [len(along) for along, _ in profile.lines] == [25, 25]
+    assert profile.labels == ("chainage (m)", "offset (m), left +")
+    key = feature_key((layer, colours))
+    assert isinstance(key, Ramp)
+    assert (key.label, key.low) == ("Offset (m)", -key.high)
+    draw({"a": (layer, (colours, across))}, tmp_path / "a.png")
+    draw({"a": layer}, tmp_path / "b.png")
     assert read(tmp_path / "a.png").shape[1] > 1.8 * read(tmp_path / "b.png").shape[1]
-    assert Profile.of("a", Vector(frame.assign(offset=np.nan))) is None
+    assert Sections.of("a", Vector(frame.assign(offset=np.nan)), across) is None

@@ -1,0 +1,202 @@
+"""How an output is shown in a plot: the words of ``sink("...", show=...)``.
+
+Without any, a raster is shown by what its bands say of themselves, points by their classes, their
+elevation or their intensity, features in one colour, and a table not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, TypeAlias
+
+from toolbox.data import PointCloud, Table, Vector
+
+Look: TypeAlias = tuple[str, str]
+"""Name in the key, and colour such as "#d7261e"."""
+
+
+@dataclass(frozen=True)
+class Classes:
+    """Points or features in the colours of a few codes or words.
+
+    Attributes
+    ----------
+    attribute : that holds the codes of points, or the words of features
+    looks : name and colour of each; those that are not named get colours in turn
+    front_of : attribute with the number of the plane of each point, 0 for none: where the largest
+        plane is upright, the points are seen from its front
+    optional : nothing is said where the attribute is missing
+    """
+
+    layers: ClassVar[tuple[Any, ...]] = (PointCloud, Vector)
+
+    attribute: str
+    looks: Mapping[Any, Look] = field(default_factory=dict)
+    front_of: str = ""
+    optional: bool = False
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names that the layer must have."""
+        return (self.attribute,)
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Points in a colour for each plane, walls from the front.
+
+    Attributes
+    ----------
+    attribute : number of the plane of each point, 0 for none
+    optional : nothing is said where it is missing
+    """
+
+    layers: ClassVar[tuple[Any, ...]] = (PointCloud,)
+
+    attribute: str
+    optional: bool = False
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names that the layer must have."""
+        return (self.attribute,)
+
+
+@dataclass(frozen=True)
+class Values:
+    """Points or features in the colours of a number.
+
+    Attributes
+    ----------
+    attribute : that holds it, or a pattern such as ``error_*``, of which the first is shown
+    label : of the key; the name of the attribute unless given
+    note : what else the key says
+    length : it is in the unit of the heights, which the key states
+    centred : blue below zero and red above
+    """
+
+    layers: ClassVar[tuple[Any, ...]] = (PointCloud, Vector)
+    optional: ClassVar[bool] = False
+
+    attribute: str
+    label: str = ""
+    note: str = ""
+    length: bool = False
+    centred: bool = False
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names that the layer must have."""
+        return (self.attribute,)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Values over the way along lines, beside the map of points on these.
+
+    Attributes
+    ----------
+    line : number of the line of each point
+    along : how far along it the point is
+    across : the value, a length too
+    note : what the sign of the value means
+    """
+
+    layers: ClassVar[tuple[Any, ...]] = (Vector,)
+    optional: ClassVar[bool] = False
+
+    line: str
+    along: str
+    across: str
+    note: str = ""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names that the layer must have."""
+        return self.line, self.along, self.across
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """A table of bins as bars; the first and the last row count what lies beyond the edges.
+
+    Attributes
+    ----------
+    low, high, count : columns of the edges and of the number in each bin
+    unit_in : column that states the unit of the edges
+    """
+
+    layers: ClassVar[tuple[Any, ...]] = (Table,)
+    optional: ClassVar[bool] = False
+
+    low: str
+    high: str
+    count: str
+    unit_in: str = ""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names that the table must have."""
+        return tuple(filter(None, (self.low, self.high, self.count, self.unit_in)))
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A column of a table as an axis of a chart.
+
+    Attributes
+    ----------
+    column : that holds the numbers
+    label : what they are
+    unit : of the numbers as shown; of large ones the axis gives thousands or millions
+    unit_in : column that states the unit instead
+    factor : that makes numbers in this unit of those in the table
+    from_zero : whether the axis begins at zero
+    """
+
+    column: str
+    label: str
+    unit: str = ""
+    unit_in: str = ""
+    factor: float = 1.0
+    from_zero: bool = True
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One or two columns of a table as lines over a third one.
+
+    Attributes
+    ----------
+    over : the column whose numbers rise from row to row
+    lines : one or two others, each with an axis of its own
+    upright : `over` goes upwards, as levels do, instead of to the right
+    dots : a dot on each row
+    dashed : column that is true in the row where a dashed line is drawn
+    shaded : column that is true from the row on from which the ground is grey
+    """
+
+    layers: ClassVar[tuple[Any, ...]] = (Table,)
+    optional: ClassVar[bool] = False
+
+    over: Axis
+    lines: tuple[Axis, ...]
+    upright: bool = False
+    dots: bool = False
+    dashed: str = ""
+    shaded: str = ""
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.lines) <= 2:
+            raise TypeError(f"a curve has one line or two, not {len(self.lines)}")
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names that the table must have."""
+        axes = (self.over, *self.lines)
+        names = (name for axis in axes for name in (axis.column, axis.unit_in))
+        return tuple(filter(None, (*names, self.dashed, self.shaded)))
+
+
+Show: TypeAlias = Classes | Planes | Values | Profile | Histogram | Curve

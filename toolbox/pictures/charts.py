@@ -1,0 +1,237 @@
+"""Charts on a matplotlib figure: histograms and curves of tables, profiles along lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toolbox.data import Table, Vector
+from toolbox.data.crs import vertical_unit
+from toolbox.declare.show import Axis, Curve, Histogram, Profile
+from toolbox.pictures.images import LENGTHS
+from toolbox.pictures.maps import INK, WIDTH, Place, fractions
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_INSIDE, _BEYOND, _ALONG = "#7f9fbf", "#c9c9c9", "#1f3a5f"
+_LINES, _OPEN = ("#c4742b", "#2f6da8"), "#c9c9c9"
+_SIZES = (1.0, ""), (1e3, "1000 "), (1e6, "million ")  # of the axes, below a thousand of them
+_FEWEST_BINS, _FEWEST_ROWS = 3, 2
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Bars:
+    """A histogram; the first and the last count are those of all that lies beyond the edges.
+
+    Attributes
+    ----------
+    edges : of the bins, rising
+    counts : one more than there are edges
+    """
+
+    title: str
+    edges: Sequence[float]
+    counts: Sequence[int]
+    unit: str
+    height: float = 0.7 * WIDTH  # inches
+    key_height: float = 0.3
+
+    @classmethod
+    def of(cls, title: str, table: Table, show: Histogram) -> Bars | None:
+        """The histogram in a table; None if it has too few rows."""
+        frame = table.frame
+        if len(frame) < _FEWEST_BINS:
+            return None
+        edges = [float(value) for value in frame[show.high][:-1]]
+        return cls(title, edges, [*frame[show.count]], _unit(table, show.unit_in))
+
+    def draw_on(self, figure: Figure, place: Place) -> None:
+        """Draw the bars; what lies beyond is as wide as the bin beside it, and lighter."""
+        axes = figure.add_axes(fractions(figure, place.map))
+        edges = np.array(self.edges)
+        steps = np.diff(edges)
+        left = np.concatenate([[edges[0] - steps[0]], edges])
+        width = np.concatenate([steps[:1], steps, steps[-1:]])
+        colours = [_BEYOND, *[_INSIDE] * len(steps), _BEYOND]
+        axes.bar(left, self.counts, width, align="edge", color=colours, edgecolor="white", lw=0.3)
+        if left[0] < 0 < left[-1]:
+            axes.axvline(0, color=INK, lw=0.8)
+        text = f"{self.unit}; grey: all beyond".removeprefix("; ")
+        axes.set_xlabel(text, fontsize=7.5, color=INK)
+        _plain(axes, self.title)
+
+
+@dataclass(frozen=True)
+class Sections:
+    """Values over the way along lines.
+
+    Attributes
+    ----------
+    lines : of each line how far its points are along it, and their values, arrays of shape (n,)
+    labels : of the way and of the values
+    """
+
+    title: str
+    lines: Sequence[tuple[Array, Array]]
+    labels: tuple[str, str]
+    height: float = 0.7 * WIDTH  # inches
+    key_height: float = 0.3
+
+    @classmethod
+    def of(cls, title: str, layer: Vector, show: Profile) -> Sections | None:
+        """The profiles of points on lines; None if no point has a value."""
+        frame = layer.frame
+        if not frame[show.across].notna().any():
+            return None
+        lines = [
+            (own[show.along].to_numpy(float), own[show.across].to_numpy(float))
+            for _, own in frame.groupby(show.line)
+        ]
+        unit = vertical_unit(layer.crs)
+        text = f" ({LENGTHS.get(unit, unit)})" if unit else ""
+        note = f", {show.note}" if show.note else ""
+        labels = f"{show.along}{text}", f"{show.across}{text}{note}"
+        return cls(f"{title} along the line", lines, labels)
+
+    def draw_on(self, figure: Figure, place: Place) -> None:
+        """Draw the values upwards, each line from its beginning."""
+        axes = figure.add_axes(fractions(figure, place.map))
+        for along, values in self.lines:
+            axes.plot(along, values, lw=0.8, color=_ALONG)
+        axes.axhline(0, color=INK, lw=0.8)
+        axes.set_xlabel(self.labels[0], fontsize=7.5, color=INK)
+        axes.set_ylabel(self.labels[1], fontsize=7.5, color=INK, labelpad=1)
+        _plain(axes, self.title)
+
+
+def _plain(axes: Axes, title: str) -> None:
+    axes.set_title(title, fontsize=10, color=INK, loc="left", pad=6, fontweight="bold")
+    axes.tick_params(labelsize=6.5, colors="#6a6a6a", length=2.5, width=0.5, pad=2)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.margins(x=0.01)
+
+
+@dataclass(frozen=True)
+class Line:
+    """The numbers of an axis, and what stands beside it."""
+
+    values: Array
+    label: str
+    from_zero: bool = False
+
+    @classmethod
+    def of(cls, table: Table, axis: Axis, *, scaled: bool) -> Line:
+        """A column of a table.
+
+        Parameters
+        ----------
+        scaled : in the largest unit that keeps the numbers above one
+        """
+        values = table.frame[axis.column].to_numpy(float) * axis.factor
+        unit = _unit(table, axis.unit_in) if axis.unit_in else axis.unit
+        unit = LENGTHS.get(unit, unit)
+        size, word = _SIZES[0]
+        if scaled and unit:
+            size, word = next(s for s in reversed(_SIZES) if values.max() >= s[0] or s[0] == 1)
+        label = f"{axis.label}, {word}{unit}" if unit else axis.label
+        return cls(values / size, label, axis.from_zero)
+
+
+@dataclass(frozen=True)
+class Curves:
+    """One or two lines over a column of a table.
+
+    Attributes
+    ----------
+    upright : `over` goes upwards, the lines to the right
+    dashed : value of `over` where a dashed line is drawn
+    shaded : from which value of `over` on the ground is grey; infinity if from none
+    """
+
+    title: str
+    over: Line
+    lines: Sequence[Line]
+    upright: bool
+    dots: bool
+    dashed: float | None
+    shaded: float
+    key_height: float = 0.3
+
+    @classmethod
+    def of(cls, title: str, table: Table, show: Curve) -> Curves | None:
+        """The lines in a table; None if it has too few rows."""
+        frame = table.frame
+        if len(frame) < _FEWEST_ROWS:
+            return None
+        over = Line.of(table, show.over, scaled=False)
+        marked = over.values[frame[show.dashed].to_numpy(bool)] if show.dashed else over.values[:0]
+        beyond = over.values[frame[show.shaded].to_numpy(bool)] if show.shaded else over.values[:0]
+        return cls(
+            title,
+            Line(over.values, over.label + f"; dashed: the {show.dashed}" * bool(show.dashed)),
+            [Line.of(table, axis, scaled=True) for axis in show.lines],
+            show.upright,
+            show.dots,
+            float(marked[0]) if len(marked) else None,
+            float(beyond.min(initial=np.inf)),
+        )
+
+    @property
+    def height(self) -> float:
+        """In inches."""
+        return (0.8 if self.upright else 0.7) * WIDTH
+
+    def draw_on(self, figure: Figure, place: Place) -> None:
+        """Draw the lines, the second one along an axis at the other side."""
+        left, bottom, width, height = place.map
+        two, over = len(self.lines) == 2, self.over.values
+        if self.upright:
+            height -= 0.3 * two
+        else:
+            width -= 0.35 * two
+        axes = figure.add_axes(fractions(figure, (left, bottom, width, height)))
+        sides = [axes, *([axes.twiny() if self.upright else axes.twinx()] if two else [])]
+        for side, line, colour in zip(sides, self.lines, _LINES, strict=False):
+            self._draw_line(side, line, colour)
+        if self.dashed is not None:
+            (axes.axhline if self.upright else axes.axvline)(
+                self.dashed, color=INK, lw=0.8, ls="--"
+            )
+        if self.shaded <= over[-1]:
+            span = axes.axhspan if self.upright else axes.axvspan
+            span(self.shaded, over[-1], color=_OPEN, alpha=0.4, lw=0, zorder=0)
+        if self.upright:
+            axes.ticklabel_format(axis="y", useOffset=False)
+            axes.set_ylim(over[0], over[-1])
+        (axes.set_ylabel if self.upright else axes.set_xlabel)(
+            self.over.label, fontsize=7.5, color=INK
+        )
+        pad = 28 if self.upright and two else 6
+        axes.set_title(self.title, fontsize=10, color=INK, loc="left", pad=pad, fontweight="bold")
+        axes.grid(color="#e4e4e4", lw=0.5)
+
+    def _draw_line(self, axes: Axes, line: Line, colour: str) -> None:
+        dots = {"marker": "o", "ms": 3.0} if self.dots else {}
+        pair = (line.values, self.over.values) if self.upright else (self.over.values, line.values)
+        axes.plot(*pair, color=colour, lw=1.4, **dots)  # type: ignore[arg-type]
+        if line.from_zero:
+            axes.set(xlim=(0, None)) if self.upright else axes.set(ylim=(0, None))
+        (axes.set_xlabel if self.upright else axes.set_ylabel)(
+            line.label, fontsize=7.5, color=colour
+        )
+        axes.tick_params(labelsize=6.5, colors="#6a6a6a", length=2.5, width=0.5, pad=2)
+        axes.tick_params(axis="x" if self.upright else "y", colors=colour)
+        axes.spines[:].set_color("#9a9a9a")
+
+
+def _unit(table: Table, column: str) -> str:
+    """What the first row says."""
+    return str(table.frame[column].iloc[0]) if column else ""

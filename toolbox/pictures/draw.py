@@ -1,0 +1,213 @@
+"""Pictures of layers: one PNG with a map and its key for each.
+
+Points are gathered into pixels before they are drawn, so a picture of a hundred million points
+is as small as one of a thousand. The same layers give the same bytes.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pyproj import CRS
+
+from toolbox.context import log
+from toolbox.data import Layer, PointCloud, Raster, Table, Vector
+from toolbox.data.crs import crs_conflict
+from toolbox.data.record import CHUNK, checked
+from toolbox.declare.fields import Field
+from toolbox.declare.show import Classes, Curve, Histogram, Profile, Show, Values
+from toolbox.errors import DataError, nearest
+from toolbox.pictures.charts import Bars, Curves, Sections
+from toolbox.pictures.features import Coloured
+from toolbox.pictures.images import Bounds, Image, cloud_image, raster_image
+from toolbox.pictures.maps import Drawn, Panel, arrange, in_proportion
+
+_DPI = 140
+_MOST_BANDS = 6
+_MARGIN = 0.12  # of a map of vectors, so that the scale bar hides none
+
+Shown = tuple[Any, tuple[Show, ...]]
+"""A layer, and how it is shown; by what it is if nothing is said."""
+
+
+def draw(layers: Mapping[str, Any | Shown], path: str | Path, *, record: str = "") -> None:
+    """Draw layers side by side into one PNG.
+
+    A layer is shown as the sink says that has given it, see `toolbox.declare.show`. If nothing is
+    said, a raster is shown as relief, as colours, or as classes where it holds few integers, named
+    bands side by side; a cloud from above, the highest point on top, in the colours of its classes,
+    its elevation or its intensity; a vector layer in one colour; and a table not at all. A vector
+    layer lies over the map before it, if that is in the same CRS and overlaps it, and has a map of
+    its own otherwise.
+
+    Parameters
+    ----------
+    layers : by title, each alone or with how it is shown
+    path : ends in .png
+    record : how the picture was made, as JSON text (see `toolbox.runs.provenance`)
+
+    Raises
+    ------
+    DataError
+        There is nothing to draw, a layer is of another type, or the picture cannot be written.
+    """
+    if Path(path).suffix.lower() != ".png":
+        raise DataError(f"{path}: pictures are written as .png")
+    made = png(layers, record=record)
+    try:
+        Path(path).write_bytes(made)
+    except OSError as error:
+        raise DataError(f"{path} cannot be written: {error}") from error
+
+
+def png(layers: Mapping[str, Any | Shown], *, record: str = "") -> bytes:
+    """Draw layers as :func:`draw` does; the content of the file.
+
+    Raises
+    ------
+    DataError
+        There is nothing to draw, or a layer is of another type.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    panels: list[Drawn] = []
+    for title, value in layers.items():
+        layer, shows = value if isinstance(value, tuple) else (value, ())
+        _add(panels, title, layer, _usable(title, layer, shows))
+    if not panels:
+        raise DataError("nothing to draw: no layer has points, cells, features or bins")
+    figure = Figure(facecolor="white")
+    FigureCanvasAgg(figure)
+    for panel, place in zip(panels, arrange(figure, panels), strict=True):
+        panel.draw_on(figure, place)
+    texts = {"Software": None} | ({CHUNK: checked(record)} if record else {})
+    made = io.BytesIO()
+    figure.savefig(made, dpi=_DPI, metadata=texts, format="png")
+    return made.getvalue()
+
+
+def drawable(found: Mapping[str, Any], fields: Mapping[str, Field]) -> dict[str, Shown]:
+    """The layers among the results of a run that hold anything to see, by title.
+
+    Parameters
+    ----------
+    found : what a tool gave, by name
+    fields : its outputs, which say how they are shown
+    """
+    layers: dict[str, Shown] = {}
+    for name, value in found.items():
+        show = fields[name].show
+        if isinstance(value, tuple):  # of a repeated step
+            layers |= {f"{name} {i}": (item, show) for i, item in enumerate(value, 1)}
+        else:
+            layers[name] = value, show
+    return {title: shown for title, shown in layers.items() if has_something_to_see(*shown)}
+
+
+def has_something_to_see(layer: object, shows: Sequence[Show] = ()) -> bool:
+    """Whether a picture can show a layer: one that has cells, points or features, or a chart."""
+    match layer:
+        case Raster():
+            return True
+        case PointCloud() | Vector():
+            return len(layer) > 0
+        case Table():
+            return len(layer) > 0 and bool(shows)
+        case _:
+            return False
+
+
+def _usable(title: str, layer: Layer, shows: Sequence[Show]) -> list[Show]:
+    """The words that a layer can be shown by; a warning tells what it lacks for the others."""
+    usable: list[Show] = []
+    for show in shows if has_something_to_see(layer, shows) else ():
+        known = (*layer.axes, *layer.names)
+        named = {n: [k for k in known if fnmatch.fnmatchcase(k, n)] for n in show.columns}
+        missing = [name for name, found in named.items() if not found]
+        if missing and not show.optional:
+            word = type(show).__name__.lower()
+            hint = nearest(missing[0], known)
+            log.warning("%s is not shown as %s: it has no %r%s", title, word, missing[0], hint)
+        if not missing:
+            first = named[show.columns[0]][0]
+            usable.append(replace(show, attribute=first) if isinstance(show, Values) else show)
+    return usable
+
+
+def _add(panels: list[Drawn], title: str, layer: Any, shows: Sequence[Show]) -> None:
+    """Add the maps and charts of a layer."""
+    match layer:
+        case Raster():
+            panels += _of_bands(title, layer)
+        case PointCloud():
+            ways: Sequence[Show | None] = (shows or [None]) if len(layer) else []
+            panels += [_of_image(title, layer.crs, cloud_image(layer, way)) for way in ways]
+        case Vector():
+            colours = (show for show in shows if isinstance(show, Classes | Values))
+            _add_vector(panels, title, (layer, next(colours, None)))
+            made = [Sections.of(title, layer, s) for s in shows if isinstance(s, Profile)]
+            panels += [chart for chart in made if chart]
+        case Table():
+            panels += [chart for show in shows if (chart := _chart(title, layer, show))]
+        case _:
+            raise DataError(f"{title}: a {type(layer).__name__} cannot be drawn")
+
+
+def _chart(title: str, table: Table, show: Show) -> Bars | Curves | None:
+    match show:
+        case Histogram():
+            return Bars.of(title, table, show)
+        case Curve():
+            return Curves.of(title, table, show)
+        case _:
+            return None
+
+
+def _of_bands(title: str, raster: Raster) -> Iterator[Panel]:
+    """A map of each band with a name of its own; only of the first, where bands are colours."""
+    names = raster.descriptions if all(raster.descriptions) else raster.descriptions[:1]
+    for number, name in enumerate(names[:_MOST_BANDS], start=1):
+        text = title if number == 1 else f"{title}: {name}"
+        yield _of_image(text, raster.crs, raster_image(raster, number))
+
+
+def _of_image(title: str, crs: CRS | None, image: Image) -> Panel:
+    return Panel(title, crs, in_proportion(image.bounds), image, ())
+
+
+def _add_vector(panels: list[Drawn], title: str, features: Coloured) -> None:
+    """Over the last map where it belongs there; nowhere if no feature has a geometry."""
+    layer = features[0]
+    west, south, east, north = (float(value) for value in layer.frame.total_bounds)
+    bounds = (west, south, east, north)
+    if not np.isfinite(bounds).all():
+        return
+    last = panels[-1] if panels else None
+    above = isinstance(last, Panel) and (last.image is None or last.image.above)
+    if (
+        isinstance(last, Panel)
+        and above
+        and _meet(last.bounds, bounds)
+        and _same_ground(last, layer)
+    ):
+        panels[-1] = last.under(title, features)
+    else:
+        panels.append(
+            Panel(title, layer.crs, in_proportion(bounds, margin=_MARGIN), None, (features,))
+        )
+
+
+def _meet(one: Bounds, other: Bounds) -> bool:
+    across = one[0] < other[2] and one[2] > other[0]
+    return across and one[1] < other[3] and one[3] > other[1]
+
+
+def _same_ground(panel: Panel, layer: Vector) -> bool:
+    return crs_conflict(panel.crs, layer.crs, heights=False) is None

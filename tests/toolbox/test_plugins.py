@@ -32,7 +32,7 @@ class AcmeCount:
     @outputs
     class Outputs:
         count: int = sink("Number of points", unit="1")
-        counts: Table = sink(
+        table: Table = sink(
             "Number of points up to each",
             show=show.Curve(show.Axis("place", "place"), (show.Axis("points", "points"),)),
         )
@@ -42,7 +42,7 @@ class AcmeCount:
 
     def run(self, ctx: Context = QUIET) -> AcmeCount.Outputs:
         rows = [{"place": n, "points": n + 1} for n in range(len(self.points))]
-        return self.Outputs(count=len(self.points), counts=Table.from_rows(rows))
+        return self.Outputs(count=len(self.points), table=Table.from_rows(rows))
 '''
 FILES = {
     "acme_lidar.py": MODULE,

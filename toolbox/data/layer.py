@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ Inside = Callable[[NDArray[np.float64], int], NDArray[np.bool_]]
 """Which coordinates along an axis, 0 for x and 1 for y, are those of a tile."""
 
 
+@runtime_checkable
 class Layer(Protocol):
     """What a tool reads and gives; the defaults are those of a layer without a position.
 

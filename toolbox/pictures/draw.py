@@ -80,7 +80,7 @@ def png(layers: Mapping[str, Any | Shown], *, record: str = "") -> bytes:
     panels: list[Drawn] = []
     for title, value in layers.items():
         layer, shows = value if isinstance(value, tuple) else (value, ())
-        _add(panels, title, layer, _usable(title, layer, shows))
+        _add(panels, title, layer, _usable(title, layer, shows) if shows else ())
     if not panels:
         raise DataError("nothing to draw: no layer has points, cells, features or bins")
     figure = Figure(facecolor="white")
@@ -108,26 +108,31 @@ def drawable(found: Mapping[str, Any], fields: Mapping[str, Field]) -> dict[str,
             layers |= {f"{name} {i}": (item, show) for i, item in enumerate(value, 1)}
         else:
             layers[name] = value, show
-    return {title: shown for title, shown in layers.items() if has_something_to_see(*shown)}
+    usable = {
+        title: (layer, _usable(title, layer, show))
+        for title, (layer, show) in layers.items()
+        if isinstance(layer, Layer)
+    }
+    return {title: shown for title, shown in usable.items() if has_something_to_see(*shown)}
 
 
-def has_something_to_see(layer: object, shows: Sequence[Show] = ()) -> bool:
-    """Whether a picture can show a layer: one that has cells, points or features, or a chart."""
+def has_something_to_see(layer: Layer, shows: Sequence[Show] = ()) -> bool:
+    """Whether a plot can show a layer: one that has cells, points or features, or a chart."""
     match layer:
         case Raster():
             return True
         case PointCloud() | Vector():
             return len(layer) > 0
         case Table():
-            return len(layer) > 0 and bool(shows)
+            return any(_chart("", layer, show) for show in shows)
         case _:
             return False
 
 
-def _usable(title: str, layer: Layer, shows: Sequence[Show]) -> list[Show]:
+def _usable(title: str, layer: Layer, shows: Sequence[Show]) -> tuple[Show, ...]:
     """The words that a layer can be shown by; a warning tells what it lacks for the others."""
     usable: list[Show] = []
-    for show in shows if has_something_to_see(layer, shows) else ():
+    for show in shows if layer.size() else ():
         known = (*layer.axes, *layer.names)
         named = {n: [k for k in known if fnmatch.fnmatchcase(k, n)] for n in show.columns}
         missing = [name for name, found in named.items() if not found]
@@ -138,7 +143,7 @@ def _usable(title: str, layer: Layer, shows: Sequence[Show]) -> list[Show]:
         if not missing:
             first = named[show.columns[0]][0]
             usable.append(replace(show, attribute=first) if isinstance(show, Values) else show)
-    return usable
+    return tuple(usable)
 
 
 def _add(panels: list[Drawn], title: str, layer: Any, shows: Sequence[Show]) -> None:

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from scenes import layers
 
+from algorithms.planes.sweep import PlanesSweep
 from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import LOCAL, parse_crs
 from toolbox.declare import show
 from toolbox.errors import DataError
 from toolbox.pictures.charts import Bars, Curves, Sections
-from toolbox.pictures.draw import draw, has_something_to_see
+from toolbox.pictures.draw import draw, drawable, has_something_to_see
 from toolbox.pictures.features import feature_colours, feature_key
 from toolbox.pictures.images import POINT_CLASSES, RELIEF, Ramp, cloud_image, raster_image
 from toolbox.pictures.maps import _EMPTY
@@ -339,8 +340,8 @@ def test_a_table_of_bins_is_a_histogram(tmp_path: Path) -> None:
     assert bars == Bars("histogram", [0.0, 0.5, 1.0], [1, 6, 3, 2], "m")
     assert Bars.of("short", Table(table.frame[:2]), way) is None
     assert has_something_to_see(table, (way,))
-    layers = (table, square(), outline(), 3)
-    assert [has_something_to_see(layer) for layer in layers] == [False, True, False, False]
+    layers = (table, square(), outline())
+    assert [has_something_to_see(layer) for layer in layers] == [False, True, False]
     draw({"map": raster(np.eye(3)), "histogram": (table, (way,))}, tmp_path / "a.png")
     picture = read(tmp_path / "a.png")[:, 700:, :3]  # right of the map
     inside, beyond = (
@@ -429,6 +430,21 @@ def test_missing_columns_are_named_and_the_rest_is_drawn(
     draw({"cloud": (cloud, (show.Planes("plane", optional=True),))}, tmp_path / "c.png")
     assert not caplog.text
     assert (tmp_path / "c.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_a_result_without_a_usable_column_or_row_is_left_out(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """So that a run does not fail for a plot, which is drawn when all is done."""
+    tool: Any = PlanesSweep
+    fields = {"table": tool.spec.outputs["table"]}
+    rows = [{"tolerance": 0.1 * k, "planes": k, "share": 1.0, "knee": False} for k in range(3)]
+    assert drawable({"table": Table.from_rows(rows)}, fields)
+    assert not drawable({"table": Table.from_rows(rows[:1])}, fields)
+    assert not drawable({"table": None}, fields)
+    assert not caplog.text
+    assert not drawable({"table": Table.from_rows({**row, "n": 1} for row in [{}, {}])}, fields)
+    assert "table is not shown as curve: it has no 'tolerance'" in caplog.text
 
 
 def test_the_first_attribute_of_a_pattern_is_shown(tmp_path: Path) -> None:

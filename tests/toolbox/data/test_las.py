@@ -518,10 +518,10 @@ def test_real_files_come_back_unchanged(
         path.read_bytes()[: old.header.offset_to_point_data - 300]
         == (result.read_bytes()[: old.header.offset_to_point_data - 300])
     )  # the LASzip record at the end may differ
-    assert len(before._frame.records) == len(PointCloud.open(result)._frame.records)  # type: ignore[union-attr]
+    assert len(before._metadata.all_vlrs) == len(PointCloud.open(result)._metadata.all_vlrs)  # type: ignore[union-attr]
     for one, other in zip(
-        before._frame.records,  # type: ignore[union-attr]
-        PointCloud.open(result)._frame.records,  # type: ignore[union-attr]
+        before._metadata.all_vlrs,  # type: ignore[union-attr]
+        PointCloud.open(result)._metadata.all_vlrs,  # type: ignore[union-attr]
         strict=True,
     ):
         assert one.head + one.data == other.head + other.data

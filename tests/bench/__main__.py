@@ -11,6 +11,7 @@ from tests.bench.fingerprints import fingerprints
 from tests.bench.gridding import gridding
 from tests.bench.ground import cloth, filters, isprs, terrain
 from tests.bench.long_lines import long_lines
+from tests.bench.path import path
 from tests.bench.shorelines import shorelines
 from tests.bench.speed import speed
 from tests.bench.structures import structures
@@ -33,6 +34,7 @@ ALL = (
     long_lines,
     facades,
     fingerprints,
+    path,
 )
 BENCHES = {b.__name__: b for b in ALL}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from pyproj import CRS
 from toolbox import catalog
 from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import parse_crs
+from toolbox.data.reading import Reading
 from toolbox.declare.fields import Spec
 from toolbox.errors import ParameterError
 from toolbox.models.model import ModelRun
@@ -19,6 +21,7 @@ from toolbox.runs import source as sources
 from toolbox.runs import target as targets
 from toolbox.runs.cache import Cache
 from toolbox.runs.provenance import Count, counting, record_of
+from toolbox.runs.source import Sources
 from toolbox.runs.target import Target
 from toolbox.shown import PICTURE, SHOWN
 from toolbox.tiles.tiling import Tiling
@@ -79,19 +82,17 @@ def run(
     results = spec.results.keys() | SHOWN
     given = {name: value for name, value in values.items() if name not in results}
     wanted = {n: v for n, v in values.items() if n in results and v is not None}
-    reads = {name: value for name, value in given.items() if name in spec.sources}
+    reads = sources.of_run(given, spec)
     writes = targets.of_run(wanted, spec)
-    settings = _checked(spec, given, writes, tiling, overwrite=overwrite)
+    settings = _checked(spec, given, reads, writes, tiling, overwrite=overwrite)
     for name in spec.idle(settings):
         if given.get(name) is not None:
             log.warning("%s: is not used by any step that runs", name)
     spec = spec.under(settings)
     crs = _crs(assume_crs, id)
-    record = None
-    if writes:
-        model = Path(id) if id.endswith(catalog.MODEL) else None
-        part = ctx.part(0, HASH)
-        record = record_of(spec, settings, reads, assume_crs=crs, model=model, ctx=part)
+    reading = Reading() if writes else None
+    model = Path(id) if id.endswith(catalog.MODEL) else None
+    describe = partial(record_of, spec, settings, reads, assume_crs=crs, model=model)
     if tiling:
         from toolbox.tiles import engine as tiles
 
@@ -102,13 +103,14 @@ def run(
             reads,
             writes,
             tiling,
-            record=record,
+            record=describe(reading, ctx=ctx.part(0, HASH)) if reading else None,
             overwrite=overwrite,
             resume=resume,
             assume_crs=crs,
             ctx=ctx.part(HASH if writes else 0, 1),
         )
-    layers = sources.opened(spec, reads, crs, ctx.part(HASH if writes else 0, READ))
+    layers = sources.opened(spec, reads, crs, reading, ctx.part(0, READ - HASH))
+    record = describe(reading, ctx=ctx.part(READ - HASH, READ)) if reading else None
     job = spec.build(settings | layers)
     asked = writes.keys() & spec.between.keys()
     counts: list[Count] = []
@@ -135,25 +137,22 @@ def _crs(crs: str | CRS | None, where: str) -> CRS | None:
 def _checked(
     spec: Spec,
     given: Mapping[str, Any],
+    reads: Sources,
     writes: Mapping[str, Target],
     tiling: Tiling | None,
     *,
     overwrite: bool,
 ) -> dict[str, Any]:
     """Read and check all values that need no data; gives those that are no layers."""
-    layers = {name: value for name, value in given.items() if name in spec.sources}
     settings = {name: value for name, value in given.items() if name not in spec.sources}
-    values, found = spec.parse(settings, present=layers)
+    values, found = spec.parse(settings, present=reads)
     if not found:
         found = spec.rules(values)
-    for name, value in layers.items():
-        if text := sources.problem(spec.sources[name], value):
-            found[name] = text
+    found |= sources.problems(reads, spec)
     if tiling and PICTURE in writes:
         found[PICTURE] = "is not drawn of tiles; draw the products with the tool that reads them"
-    reads = [path for n, value in layers.items() for path in sources.paths(spec.sources[n], value)]
     single = {n: target for n, target in writes.items() if not (tiling and target.folder)}
-    found |= targets.problems(single, reads, overwrite=overwrite)
+    found |= targets.problems(single, sources.paths(reads), overwrite=overwrite)
     if found:
         raise ParameterError(spec.id, dict(sorted(found.items())))
     return values

@@ -13,10 +13,12 @@ from toolbox import __version__, catalog
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Layer
 from toolbox.data.crs import describe_crs, same_crs
+from toolbox.data.reading import file_hash
 from toolbox.errors import DataError
 from toolbox.execute import run
 from toolbox.runs import provenance
 from toolbox.runs.provenance import Input, Record
+from toolbox.runs.source import Source
 from toolbox.runs.target import Target, kind_of
 from toolbox.shown import PAGE, PICTURE, SHOWN
 from toolbox.tiles.tiling import Tiling
@@ -170,7 +172,7 @@ def _same_files(path: Path, made: Path, own_files: Callable[[Path], tuple[Path, 
 
 def _same_bytes(one: Path, other: Path) -> bool:
     same_size = one.stat().st_size == other.stat().st_size
-    return same_size and provenance.file_hash(one) == provenance.file_hash(other)
+    return same_size and file_hash(one) == file_hash(other)
 
 
 def _differences(path: Path, made: Path, record: Record, tool: str) -> Iterator[str]:
@@ -180,7 +182,8 @@ def _differences(path: Path, made: Path, record: Record, tool: str) -> Iterator[
     for name, options in {record.output: record.options, **record.layers}.items():
         kind = kind_of(name, catalog.load(tool))
         how = {"layer": options["layer"]} if "layer" in options else {}
-        old, new = (kind.parse({"path": each, **how}) for each in (path, made))
+        sources = (Source.of(kind, {"path": each, **how}) for each in (path, made))
+        old, new = (source.open(kind) for source in sources)
         for text in _differences_of(old, new):
             yield f"{name}, {text}" if record.layers else text
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 import glob
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -35,38 +36,59 @@ def suffix_of(path: Path) -> str:
     return Path(name.removesuffix(".gz")).suffix
 
 
-def files_of(paths: Paths, warn: Callable[[str], None] = lambda text: None) -> list[Path]:
-    """The point cloud files that paths stand for, sorted by path.
+@dataclass(frozen=True)
+class PointFiles:
+    """The point cloud files that paths stand for: found once, and handed on to who reads them.
 
-    Parameters
+    Attributes
     ----------
-    paths : a file; a folder, which stands for the files of points directly in it that are not
-        hidden: LAS and LAZ if there are any, else those of all other formats; a pattern such as
-        ``tiles/*.laz`` or ``survey/**/*.las`` (where ** searches nested folders); a virtual point
-        cloud (.vpc); or a list of these
-    warn : is told of files that are left out
-
-    Raises
-    ------
-    DataError
-        A path does not exist or holds no files of points, a file of a VPC is missing or remote, a
-        file is of another format or empty, or is named twice; tells all that is wrong.
+    paths : of the files, sorted
+    name : that messages give to the points
+    remarks : which files are left out
     """
-    items = [paths] if isinstance(paths, str | Path) else list(paths)
-    if not items:
-        raise DataError("no files of points are given")
-    found: list[Path] = []
-    problems: list[str] = []
-    for item in items:
-        try:
-            found += _files(item, warn)
-        except DataError as error:
-            problems.append(str(error))
-    problems += [text for path in found if (text := _problem(path))]
-    problems += [] if problems else _twice(found)
-    if problems:
-        raise DataError("\n    ".join(problems))
-    return sorted(found)
+
+    paths: tuple[Path, ...]
+    name: str
+    remarks: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, paths: Paths | PointFiles) -> PointFiles:
+        """Find the files.
+
+        Parameters
+        ----------
+        paths : a file; a folder, which stands for the files of points directly in it that are not
+            hidden: LAS and LAZ if there are any, else those of all other formats; a pattern such
+            as ``tiles/*.laz`` or ``survey/**/*.las`` (where ** searches nested folders); a virtual
+            point cloud (.vpc); or a list of these
+
+        Raises
+        ------
+        DataError
+            A path does not exist or holds no files of points, a file of a VPC is missing or
+            remote, a file is of another format or empty, or is named twice; tells all that is
+            wrong.
+        """
+        if isinstance(paths, PointFiles):
+            return paths
+        items = [paths] if isinstance(paths, str | Path) else list(paths)
+        if not items:
+            raise DataError("no files of points are given")
+        found: list[Path] = []
+        problems: list[str] = []
+        remarks: list[str] = []
+        for item in items:
+            try:
+                found += _files(item, remarks)
+            except DataError as error:
+                problems.append(str(error))
+        problems += [text for path in found if (text := _problem(path))]
+        problems += [] if problems else _twice(found)
+        if problems:
+            raise DataError("\n    ".join(problems))
+        first = Path(items[0]).resolve().name
+        name = f"{first} and {len(items) - 1} more" if len(items) > 1 else first
+        return cls(tuple(sorted(found)), name, tuple(remarks))
 
 
 def missing(paths: Paths) -> list[Path]:
@@ -79,24 +101,17 @@ def _matches(pattern: str) -> bool:
     return glob.has_magic(pattern) and any(glob.iglob(pattern, recursive=True))
 
 
-def name_of(paths: Paths) -> str:
-    """The name that messages give to the points at some paths."""
-    items = [paths] if isinstance(paths, str | Path) else list(paths)
-    first = Path(items[0]).resolve().name if items else ""
-    return f"{first} and {len(items) - 1} more" if len(items) > 1 else first
-
-
-def _files(item: str | Path, warn: Callable[[str], None]) -> list[Path]:
+def _files(item: str | Path, remarks: list[str]) -> list[Path]:
     if not str(item):
         raise DataError("an empty path names no file")
     path = Path(item)
     try:
         if path.is_dir():
-            return _in_folder(path, warn)
+            return _in_folder(path, remarks)
         if path.exists():
             return _in_vpc(path) if suffix_of(path) == VPC else [path]
         if glob.has_magic(str(item)):
-            return _matching(str(item), warn)
+            return _matching(str(item), remarks)
     except OSError as error:
         raise DataError(f"{item} cannot be read: {error.strerror or error}") from error
     return [path]
@@ -118,9 +133,9 @@ def _problem(path: Path) -> str | None:
     return f"{path} is empty (0 bytes)" if size == 0 else None
 
 
-def _in_folder(folder: Path, warn: Callable[[str], None]) -> list[Path]:
+def _in_folder(folder: Path, remarks: list[str]) -> list[Path]:
     inside = (path for path in folder.iterdir() if not path.name.startswith("."))
-    found = _of_points(inside, str(folder), warn)
+    found = _of_points(inside, str(folder), remarks)
     if not found:
         raise DataError(
             f"{folder} holds no files of points ({', '.join(READABLE)}); folders in it are not "
@@ -129,20 +144,20 @@ def _in_folder(folder: Path, warn: Callable[[str], None]) -> list[Path]:
     return found
 
 
-def _matching(pattern: str, warn: Callable[[str], None]) -> list[Path]:
-    found = _of_points(map(Path, glob.iglob(pattern, recursive=True)), pattern, warn)
+def _matching(pattern: str, remarks: list[str]) -> list[Path]:
+    found = _of_points(map(Path, glob.iglob(pattern, recursive=True)), pattern, remarks)
     if not found:
         raise DataError(f"there is no file of points that matches {pattern}")
     return found
 
 
-def _of_points(paths: Iterable[Path], where: str, warn: Callable[[str], None]) -> list[Path]:
+def _of_points(paths: Iterable[Path], where: str, remarks: list[str]) -> list[Path]:
     """The LAS and LAZ files among paths; if there are none, the files of other point formats."""
     files = sorted(path for path in paths if path.is_file())
     readable = [path for path in files if path.name.lower().endswith(READABLE)]
     chosen = [path for path in readable if path.name.lower().endswith(LAS)] or readable
     if left := [path.name for path in readable if path not in chosen]:
-        warn(f"{where}: only its LAS and LAZ files are read, not {', '.join(left)}")
+        remarks.append(f"{where}: only its LAS and LAZ files are read, not {', '.join(left)}")
     return chosen
 
 

@@ -11,17 +11,24 @@ from numpy.typing import NDArray
 
 from toolbox.context import log
 from toolbox.data.ply import COLOURS, split
+from toolbox.data.reading import Reading, opened
 from toolbox.errors import DataError
 
 _PADDING = "#$%&~~"  # how pypcd4 names the field "_"
 _ERRORS = (ValueError, KeyError, TypeError, IndexError, MemoryError, OverflowError, RuntimeError)
 
 
-def read_pcd(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
+def read_pcd(
+    path: Path, reading: Reading | None = None
+) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
     """Read coordinates and attributes of a PCD file; "rgb" becomes 16-bit red, green and blue.
 
     Points whose coordinates are NaN are cells of an organised scan where nothing was measured:
     they are left out, and the log says how many.
+
+    Parameters
+    ----------
+    reading : where the hash of the file is noted
 
     Returns
     -------
@@ -36,7 +43,8 @@ def read_pcd(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
     from pypcd4.pypcd4 import PointCloud
 
     try:
-        file = PointCloud.from_path(path)
+        with opened(path, reading) as stream:
+            file = PointCloud.from_fileobj(stream)
     except (*_ERRORS, struct.error) as error:
         raise DataError(f"{path} is not a PCD file that can be read: {error}") from error
     data: NDArray[Any] = np.atleast_1d(file.pc_data)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolbox.context import log
+from toolbox.data.reading import Reading, opened
 from toolbox.data.text import Points, standard_names
 from toolbox.errors import DataError
 
@@ -24,12 +25,18 @@ _ERRORS = (ValueError, KeyError, TypeError, IndexError, EOFError, MemoryError, O
 _ERRORS += (gzip.BadGzipFile, zlib.error)
 
 
-def read_ply(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
+def read_ply(
+    path: Path, reading: Reading | None = None
+) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
     """Read coordinates and attributes of the vertices of a .ply or .ply.gz file.
 
     Faces and other elements are left out, and the log says so.
 
     Colours of 8 bit become 16 bit, as LAS has them.
+
+    Parameters
+    ----------
+    reading : where the hash of the file is noted
 
     Returns
     -------
@@ -45,8 +52,9 @@ def read_ply(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
 
     try:
         packed = path.suffix.lower() == ".gz"
-        stream = io.BytesIO(gzip.decompress(path.read_bytes())) if packed else path
-        file = plyfile.PlyData.read(stream, mmap=False)
+        with opened(path, reading) as stream:
+            content = io.BytesIO(gzip.decompress(stream.read())) if packed else stream
+            file = plyfile.PlyData.read(content, mmap=False)
     except (plyfile.PlyParseError, *_ERRORS) as error:
         raise DataError(f"{path} is not a PLY file that can be read: {error}") from error
     others = [element.name for element in file if element.name != "vertex"]

@@ -19,7 +19,8 @@ from toolbox.data.las.joint import in_layout, joint_metadata, with_layout
 from toolbox.data.las.read import read_las
 from toolbox.data.las.write import las_sink, write_las
 from toolbox.data.layer import Inside, Layer
-from toolbox.data.paths import LAS, TEXT, Paths, files_of, name_of, suffix_of
+from toolbox.data.paths import LAS, TEXT, Paths, PointFiles, suffix_of
+from toolbox.data.reading import Reading
 from toolbox.data.record import own_side_car, with_record, write_beside
 from toolbox.errors import DataError, nearest
 
@@ -87,13 +88,14 @@ class PointCloud(Layer):
     @classmethod
     def open(
         cls,
-        path: Paths,
+        path: Paths | PointFiles,
         *,
         columns: Sequence[str] | None = None,
         separator: str | None = None,
         bounds: Sequence[float] | None = None,
         point_range: tuple[int, int] | None = None,
         assume_crs: CRS | None = None,
+        reading: Reading | None = None,
         ctx: Context = QUIET,
     ) -> PointCloud:
         """Read a file in the format that its suffix names, or join all files of a survey.
@@ -111,6 +113,7 @@ class PointCloud(Layer):
             bounding boxes touch it
         point_range : (start, stop): only the points with these indices, stop excluded
         assume_crs : of files that state none
+        reading : where hashes and records of the files that are read from end to end are noted
         ctx : told of progress, and asked whether to stop
 
         Raises
@@ -118,22 +121,22 @@ class PointCloud(Layer):
         DataError
             The file is missing, damaged or of an unknown format, or the options do not suit it.
         """
+        files = PointFiles.of(path)
         if bounds is not None and not _is_box(bounds):
-            raise DataError(
-                f"{name_of(path)}: bounds must be xmin ymin xmax ymax, got {list(bounds)}"
-            )
-        files = files_of(path)
-        if len(files) > 1:
+            text = f"bounds must be xmin ymin xmax ymax, got {list(bounds)}"
+            raise DataError(f"{files.name}: {text}")
+        if len(files.paths) > 1:
             from toolbox.data.survey import Survey
 
             how: dict[str, Any] = {"columns": columns, "separator": separator}
-            survey = Survey.open(path, assume_crs=assume_crs, ctx=ctx.part(0, 0.05), **how)
-            return survey.read(bounds=bounds, ctx=ctx.part(0.05, 1))
-        file, suffix = files[0], suffix_of(files[0])
+            survey = Survey.open(files, assume_crs=assume_crs, ctx=ctx.part(0, 0.05), **how)
+            return survey.read(bounds=bounds, reading=reading, ctx=ctx.part(0.05, 1))
+        (file,) = files.paths
+        suffix = suffix_of(file)
         if suffix not in TEXT and (columns or separator):
             raise DataError(f"{file}: columns and separator are for text files, not for {suffix}")
         try:
-            cloud = cls._read(file, suffix, columns, separator, bounds, point_range, ctx)
+            cloud = cls._read(file, suffix, columns, separator, bounds, point_range, reading, ctx)
         except OSError as error:
             raise DataError(f"{file} cannot be read: {error.strerror or error}") from error
         cloud.crs = assume_crs if cloud.crs is None else cloud.crs
@@ -148,25 +151,27 @@ class PointCloud(Layer):
         separator: str | None,
         bounds: Sequence[float] | None,
         point_range: tuple[int, int] | None,
+        reading: Reading | None,
         ctx: Context,
     ) -> PointCloud:
         if suffix in LAS:
-            return cls._of_las(
-                *read_las(path, bounds=bounds, point_range=point_range, ctx=ctx), path.name
-            )
+            found = read_las(path, bounds=bounds, point_range=point_range, reading=reading, ctx=ctx)
+            return cls._of_las(*found, path.name)
         crs = None
         if suffix in TEXT:
             from toolbox.data.text import read_text
 
-            xyz, attributes = read_text(path, columns=columns, separator=separator, ctx=ctx)
+            xyz, attributes = read_text(
+                path, columns=columns, separator=separator, reading=reading, ctx=ctx
+            )
         elif suffix == ".ply":
             from toolbox.data.ply import read_ply
 
-            xyz, attributes = read_ply(path)
+            xyz, attributes = read_ply(path, reading)
         elif suffix == ".pcd":
             from toolbox.data.pcd import read_pcd
 
-            xyz, attributes = read_pcd(path)
+            xyz, attributes = read_pcd(path, reading)
         else:
             from toolbox.data.e57 import read_e57
 

@@ -200,7 +200,13 @@ def _of_las(path: Path) -> str:
             metadata = parse_metadata(stream, path.stat().st_size, lambda text: None)
         except DataError as error:
             raise DataError(f"{path} {error}") from error
-    return next((_decoded(found.data) for found in metadata.all_vlrs if found.key == _VLR), "")
+    return record_in(metadata)
+
+
+def record_in(metadata: LasMetadata) -> str:
+    """The record that a LAS file carries, given all but its points; "" if it has none."""
+    text = next((_decoded(found.data) for found in metadata.all_vlrs if found.key == _VLR), "")
+    return text if is_record(text) else ""
 
 
 def _decoded(data: bytes) -> str:

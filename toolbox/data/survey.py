@@ -19,8 +19,9 @@ from toolbox.data.las.header import LasMetadata
 from toolbox.data.las.points import Box
 from toolbox.data.las.read import chunk_sizes, read_metadata
 from toolbox.data.layer import Inside, Layer
-from toolbox.data.paths import LAS, Paths, files_of, name_of, suffix_of
+from toolbox.data.paths import LAS, Paths, PointFiles, suffix_of
 from toolbox.data.pointcloud import PointCloud
+from toolbox.data.reading import Reading
 from toolbox.errors import DataError
 
 _BATCH = 1_000_000  # points that are read at a time to find their bounds
@@ -162,7 +163,9 @@ class SurveyFile:
             start = int(ends[last])
         return found
 
-    def read(self, start: int, stop: int, *, ctx: Context = QUIET) -> PointCloud:
+    def read(
+        self, start: int, stop: int, *, reading: Reading | None = None, ctx: Context = QUIET
+    ) -> PointCloud:
         """Read the points with indices from start to before stop, if they lie in the area wanted.
 
         Raises
@@ -171,9 +174,8 @@ class SurveyFile:
             The file is damaged, or has not so many points.
         """
         whole = start == 0 and stop == self.count
-        cloud = self._opened(
-            point_range=None if whole else (start, stop), bounds=self.only, ctx=ctx
-        )
+        which = None if whole else (start, stop)
+        cloud = self._opened(point_range=which, bounds=self.only, reading=reading, ctx=ctx)
         if not self.only and len(cloud) != stop - start:
             raise DataError(f"{self.path} has {len(cloud)} points now, and {self.count} before")
         return cloud
@@ -182,7 +184,13 @@ class SurveyFile:
     def _is_copc(self) -> bool:
         return self.path.name.lower().endswith(".copc.laz")
 
-    def within(self, bounds: Sequence[float] | None, *, ctx: Context = QUIET) -> PointCloud:
+    def within(
+        self,
+        bounds: Sequence[float] | None,
+        *,
+        reading: Reading | None = None,
+        ctx: Context = QUIET,
+    ) -> PointCloud:
         """Read the points within (xmin, ymin, xmax, ymax), or all; COPC files only where needed.
 
         Raises
@@ -190,7 +198,9 @@ class SurveyFile:
         DataError
             The file is damaged.
         """
-        return self._opened(bounds=bounds, ctx=ctx) if bounds else self.read(0, self.count, ctx=ctx)
+        if bounds:
+            return self._opened(bounds=bounds, reading=reading, ctx=ctx)
+        return self.read(0, self.count, reading=reading, ctx=ctx)
 
     def _opened(self, **how: Any) -> PointCloud:
         cloud = PointCloud.open(self.path, columns=self.columns, separator=self.separator, **how)
@@ -237,7 +247,7 @@ class Survey(Layer):
     @classmethod
     def open(
         cls,
-        paths: Paths,
+        paths: Paths | PointFiles,
         *,
         columns: Sequence[str] | None = None,
         separator: str | None = None,
@@ -253,7 +263,7 @@ class Survey(Layer):
         ----------
         paths : a file, a folder (files directly in it; nested folders are not searched), a
             pattern such as ``tiles/**/*.laz``, a virtual point cloud (.vpc), or a list of these;
-            see :func:`toolbox.data.paths.files_of`
+            see :meth:`toolbox.data.paths.PointFiles.of`
         columns, separator : of text files, as in :meth:`PointCloud.open`
         assume_crs : of files that state none
         ctx : told of progress, and asked whether to stop
@@ -264,10 +274,12 @@ class Survey(Layer):
             A path does not exist, or files are damaged, given twice, or in another CRS or unit
             than the first; tells all of them.
         """
-        found = files_of(paths, log.warning)
+        found = PointFiles.of(paths)
+        for text in found.remarks:
+            log.warning(text)
         files, problems = [], []
-        for number, path in enumerate(found):
-            share = ctx.part(number / len(found), (number + 1) / len(found))
+        for number, path in enumerate(found.paths):
+            share = ctx.part(number / len(found.paths), (number + 1) / len(found.paths))
             share.progress(0)
             try:
                 files.append(
@@ -281,7 +293,7 @@ class Survey(Layer):
             problems = crs_conflicts([(str(file.path), file.crs) for file in files])
         if problems:
             raise DataError("\n    ".join(problems))
-        return cls(tuple(files), name_of(paths))
+        return cls(tuple(files), found.name)
 
     def absolute(self) -> Survey:
         """The same survey with absolute paths, for processes in another folder."""
@@ -344,8 +356,18 @@ class Survey(Layer):
         boxes = [np.reshape(file.bounds, (2, 3)) for file in self.files if file.count]
         return [(low, high) for low, high in boxes]
 
-    def read(self, *, bounds: Sequence[float] | None = None, ctx: Context = QUIET) -> PointCloud:
+    def read(
+        self,
+        *,
+        bounds: Sequence[float] | None = None,
+        reading: Reading | None = None,
+        ctx: Context = QUIET,
+    ) -> PointCloud:
         """Read all points in the order of the files, or those within bounds.
+
+        Parameters
+        ----------
+        reading : where hashes and records of the files that are read are noted
 
         Raises
         ------
@@ -357,7 +379,7 @@ class Survey(Layer):
         files = [self.files[number] for number in numbers]
         shares = np.cumsum([0, *(file.count for file in files)]) / max(self.count, 1)
         clouds = (
-            file.within(bounds, ctx=ctx.part(*share)).like(self.template)
+            file.within(bounds, reading=reading, ctx=ctx.part(*share)).like(self.template)
             for file, share in zip(files, itertools.pairwise(shares.tolist()), strict=True)
         )
         counts = [file.count for file in files]

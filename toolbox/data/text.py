@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, Any, Protocol
+from typing import IO, Any, BinaryIO, Protocol
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,7 @@ from pandas.io.parsers import TextFileReader
 
 from toolbox.context import QUIET, Context
 from toolbox.data.las.header import fields
+from toolbox.data.reading import Reading, opened
 from toolbox.errors import DataError
 
 _BLOCK = 250_000  # lines between two reports of progress
@@ -121,6 +122,7 @@ def read_text(
     *,
     columns: Sequence[str] | None = None,
     separator: str | None = None,
+    reading: Reading | None = None,
     ctx: Context = QUIET,
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
     """Read coordinates and attributes of a text file.
@@ -134,6 +136,7 @@ def read_text(
     path : of an existing file; .gz is unpacked
     columns : names of all columns, with x, y and z among them; instead of those in the file
     separator : one character; tab, semicolon, comma or blanks are found out
+    reading : where the hash of the file is noted
 
     Returns
     -------
@@ -150,7 +153,7 @@ def read_text(
     separator = None if separator == " " else separator  # blanks are found out
     try:
         table = _table(path, columns, separator)
-        frame = _read(path, table, ctx)
+        frame = _read(path, table, reading, ctx)
     except DataError:
         raise
     except _ERRORS as error:
@@ -281,12 +284,12 @@ def _suffix(path: Path) -> str:
     return Path(path.name.lower().removesuffix(".gz")).suffix
 
 
-def _read(path: Path, table: _Table, ctx: Context) -> pd.DataFrame:
+def _read(path: Path, table: _Table, reading: Reading | None, ctx: Context) -> pd.DataFrame:
     if table.empty:
         return pd.DataFrame({name: np.empty(0) for name in table.names})
     done, frames = 0, []
     try:
-        with _blocks(path, table) as blocks:
+        with opened(path, reading, ctx) as file, _blocks(file, path, table) as blocks:
             for block in blocks:
                 ctx.progress(1 - 1 / (1 + done / 1e7))  # the number of lines is not known
                 _check_block(block)
@@ -303,9 +306,10 @@ def _read(path: Path, table: _Table, ctx: Context) -> pd.DataFrame:
     return frame
 
 
-def _blocks(path: Path, table: _Table) -> TextFileReader:
+def _blocks(file: BinaryIO, path: Path, table: _Table) -> TextFileReader:
     return pd.read_csv(
-        path,
+        file,
+        compression="gzip" if path.suffix.lower() == ".gz" else None,
         sep=table.separator or r"\s+",
         header=None,
         skiprows=table.skip,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import operator
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal, cast
@@ -131,7 +132,14 @@ class Field:
             raise
         except (ValueError, TypeError) as err:
             why = "" if self.kind.plain else f": {err}"
-            raise ValueError(f"must be {_a(self.kind.word)}, got {_shown(value)}{why}") from None
+            raise ValueError(f"must be {_a(self.kind.word)}, got {value!r}{why}") from None
+
+    def to_json(self, value: Any) -> Any:
+        """A value as JSON, from which the same value is parsed again."""
+        made = [
+            v if v is None or v in self.choices else self.kind.to_json(v) for v in self.items(value)
+        ]
+        return made if self.many and value is not None else made[0]
 
     def scaled(self, value: Any, metre: float) -> Any:
         """Convert a length from metres to the unit of the data, of which `metre` make one metre."""
@@ -148,7 +156,7 @@ class Field:
         if self.many:
             body = {"type": "array", "items": body}
         if self.role == "param" and self.default is not None and not self.required:
-            body["default"] = self._default_json()
+            body["default"] = self.to_json(self.default)
         says = {"type": self.kind.word, "unit": self.unit, "rule": self.rule(), "of": self.of}
         meta = [{"role": role, "value": value} for role, value in says.items() if value]
         options = self.kind.save_options if self.role == "sink" else self.kind.open_options
@@ -162,10 +170,6 @@ class Field:
             made["minOccurs"] = int(self.required)
             made["maxOccurs"] = "unbounded" if self.many else 1
         return made
-
-    def _default_json(self) -> Any:
-        made = [v if v in self.choices else self.kind.to_json(v) for v in self.items(self.default)]
-        return made if self.many else made[0]
 
     def _item_schema(self) -> dict[str, Any]:
         """The JSON schema of one value: that of the kind and of the choices, joined by oneOf."""
@@ -205,7 +209,7 @@ class Spec:
     def group(self) -> str:
         return self.id.partition(".")[0].capitalize()
 
-    @property
+    @functools.cached_property
     def sources(self) -> Mapping[str, Field]:
         return {name: f for name, f in self.inputs.items() if f.role == "source"}
 
@@ -222,7 +226,7 @@ class Spec:
         """The fields of the results of the steps of a model, by step.output; a tool has none."""
         return {}
 
-    @property
+    @functools.cached_property
     def results(self) -> Mapping[str, Field]:
         """The fields of all that a run can write."""
         return {**self.outputs, **self.between}
@@ -316,8 +320,3 @@ def _times(value: Any, factor: float) -> Any:
 
 def _a(word: str) -> str:
     return f"{'an' if word[0] in 'aeiou' else 'a'} {word}"
-
-
-def _shown(value: Any) -> str:
-    """The text of a value in a message; of a source that could not be opened, its path."""
-    return repr(value["path"] if isinstance(value, Mapping) and "path" in value else value)

@@ -16,7 +16,8 @@ from pyproj import CRS
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Raster, Report, Survey, Table, Vector
 from toolbox.data.crs import parse_crs
-from toolbox.data.paths import Paths, files_of
+from toolbox.data.paths import Paths, PointFiles
+from toolbox.data.reading import Reading
 from toolbox.declare.expression import Expression
 from toolbox.declare.values import Attribute, ClassList, Direction, Extent, Position, Range, whole
 
@@ -35,6 +36,7 @@ class Kind:
     parse : reads one from a text or a JSON value; raises ValueError
     to_json : converts a value to JSON
     plain : whether the word alone says what a text must look like, so that errors need no more
+    open : reads a layer from a path; only `toolbox.runs.source` calls it
     suffixes : endings of the files that it can be written to; empty if it is no layer
     open_options, save_options : names in `OPTIONS` that a source or target may have
     own_files : all files that a layer written to a path consists of
@@ -48,6 +50,7 @@ class Kind:
     parse: Callable[[Any], Any]
     to_json: Callable[[Any], Any] = field(default=lambda value: value)
     plain: bool = False
+    open: Callable[..., Any] | None = None
     suffixes: tuple[str, ...] = ()
     open_options: tuple[str, ...] = ()
     save_options: tuple[str, ...] = ()
@@ -55,16 +58,6 @@ class Kind:
     several: bool = False
     is_gridded: bool = False
     in_blocks: bool = False
-
-    def files(self, place: Any) -> list[Path]:
-        """The files that a place of :func:`located` names.
-
-        Raises
-        ------
-        DataError, TypeError
-            It names none.
-        """
-        return files_of(place) if self.several else [Path(place)]
 
     @property
     def is_layer(self) -> bool:
@@ -172,31 +165,6 @@ OPTIONS: Mapping[str, Option] = {
 }
 
 
-def located(value: Any) -> tuple[Any, dict[str, Any]]:
-    """The place, or list of places, that a source is read from, and how to open it.
-
-    Parameters
-    ----------
-    value : a path, a mapping of a path and options, or a list of these for one layer
-
-    Raises
-    ------
-    ValueError
-        The items of a list have different options.
-    """
-    if isinstance(value, Mapping):
-        how = dict(value)
-        return how.pop("path", None), how
-    if not isinstance(value, list | tuple):
-        return value, {}
-    items = [located(item) for item in value]
-    options = [how for _, how in items] or [{}]
-    if any(how != options[0] for how in options):
-        raise ValueError("the files of one layer must be opened with the same options")
-    places = [place for place, _ in items]
-    return (places[0] if len(places) == 1 else places), options[0]
-
-
 def _layer(
     cls: Any,
     media_type: str,
@@ -205,33 +173,26 @@ def _layer(
     open: Callable[..., Any] | None = None,
     several: bool = False,
 ) -> Kind:
-    """A layer is opened from a path, or from a mapping of a path and how to open it.
+    """A layer, which is opened from a path and written to one.
 
     Parameters
     ----------
     types : of the layers, if others than `cls` too
     open : reads a layer, in place of that of `cls`
-    several : whether it takes several paths, and a CRS to assume for files that state none
+    several : whether `open` takes several files, a CRS to assume for those that state none, and
+        where to note their hashes
     """
     reader = open or cls.open
 
-    def opened(value: Any) -> Any:
-        place, how = located(value)
-        ctx, crs = how.pop("ctx", QUIET), how.pop("assume_crs", None)
-        options = parsed_options(how, known)
-        if several:
-            options["assume_crs"] = crs
-        return reader(place, ctx=ctx, **options)
-
-    known = _options_of(reader)
     schema = {"type": "string", "format": "uri-reference", "contentMediaType": media_type}
     return Kind(
         cls.__name__,
         schema,
         _is(*(types or (cls,))),
-        opened,
+        lambda value: value,
+        open=reader,
         suffixes=cls.SUFFIXES,
-        open_options=known,
+        open_options=_options_of(reader),
         save_options=_options_of(cls.save),
         own_files=getattr(cls, "own_files", lambda path: (path,)),
         several=several,
@@ -241,19 +202,21 @@ def _layer(
 
 
 def _cloud_or_survey(
-    place: Paths,
+    paths: Paths | PointFiles,
     *,
     columns: Sequence[str] | None = None,
     separator: str | None = None,
     bounds: Sequence[float] | None = None,
     assume_crs: CRS | None = None,
+    reading: Reading | None = None,
     ctx: Context = QUIET,
 ) -> PointCloud | Survey:
     """Several files as a survey, whose headers say enough; a single one, or a part, as a cloud."""
     how: dict[str, Any] = {"columns": columns, "separator": separator, "assume_crs": assume_crs}
-    if bounds is not None or len(files_of(place)) == 1:
-        return PointCloud.open(place, bounds=bounds, ctx=ctx, **how)
-    return Survey.open(place, ctx=ctx, **how)
+    files = PointFiles.of(paths)
+    if bounds is not None or len(files.paths) == 1:
+        return PointCloud.open(files, bounds=bounds, reading=reading, ctx=ctx, **how)
+    return Survey.open(files, ctx=ctx, **how)
 
 
 def _options_of(method: Callable[..., Any]) -> tuple[str, ...]:

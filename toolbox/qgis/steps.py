@@ -31,6 +31,7 @@ from toolbox.declare.spec import NAME
 from toolbox.declare.values import Extent, Position, Range
 from toolbox.errors import DataError, ParameterError
 from toolbox.qgis import process as qgis_process
+from toolbox.runs.source import Source
 
 PREFIX = "qgis:"
 POLL = 0.05  # seconds
@@ -178,7 +179,7 @@ class _QgisStep:
             for name, field in self.spec.outputs.items():
                 value = results.get(name.upper())
                 if field.kind.is_layer and value is not None:
-                    value = field.kind.parse(value)
+                    value = Source.of(field.kind, value).open(field.kind)
                 found[name] = value
         ctx.progress(1.0)
         return SimpleNamespace(**found)

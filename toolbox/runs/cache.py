@@ -30,10 +30,10 @@ from weakref import WeakKeyDictionary
 from toolbox import files
 from toolbox.context import Context, log
 from toolbox.data import Layer
+from toolbox.data.reading import file_hash
 from toolbox.declare.fields import Field, Spec
 from toolbox.errors import ParameterError
 from toolbox.models.model import Runner, run_tool
-from toolbox.runs.provenance import file_hash
 
 LIMIT = 20e9  # bytes of all entries
 FOLDER_VARIABLE, LIMIT_VARIABLE = "TOOLBOX_CACHE", "TOOLBOX_CACHE_LIMIT"
@@ -118,7 +118,9 @@ class Cache:
         says = {
             "code": code_of(str(spec.make.__module__).partition(".")[0]),
             "tool": spec.id,
-            "settings": {n: _plain(f, values[n]) for n, f in _params(spec)},
+            "settings": {
+                n: f.to_json(values[n]) for n, f in spec.inputs.items() if f.role == "param"
+            },
             "layers": {n: [*self._layers(f, values[n])] for n, f in spec.sources.items()},
         }
         return hashlib.sha256(json.dumps(says, sort_keys=True).encode()).hexdigest()
@@ -237,15 +239,3 @@ def code_of(package: str) -> str:
         for path in sorted(paths):
             made.update(path.read_bytes())
     return made.hexdigest()
-
-
-def _params(spec: Spec) -> list[tuple[str, Field]]:
-    return [(name, f) for name, f in spec.inputs.items() if f.role == "param"]
-
-
-def _plain(param: Field, value: Any) -> Any:
-    """A setting as JSON."""
-    items = [
-        v if v is None or v in param.choices else param.kind.to_json(v) for v in param.items(value)
-    ]
-    return items if param.many else items[0]

@@ -18,7 +18,7 @@ import dataclasses
 import hashlib
 import itertools
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -30,16 +30,16 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data import Layer
 from toolbox.data.crs import crs_text
 from toolbox.data.layer import Inside, text_array
+from toolbox.data.reading import Reading, file_hash
 from toolbox.data.record import MEMBER, read_record
 from toolbox.declare.fields import Field, Spec
-from toolbox.declare.kinds import located, parsed_options
 from toolbox.errors import DataError
 from toolbox.models.model import Model, Runner, leading_steps, run_tool
+from toolbox.runs.source import Source, Sources
 
 LONGEST = 60_000  # bytes of a record; a VLR of a LAS file holds 65 535
 MANY = 100  # files of a source; of more the record keeps one hash instead of their names
 IN_MEMORY = "in memory"  # what stands for the name of a file where there is none
-_BLOCK = 2**22  # bytes hashed between two reports of progress, some milliseconds
 _SHAPEFILE = (".dbf", ".shx", ".prj", ".cpg")  # parts of a Shapefile that are read
 
 Entry = Mapping[str, Any]
@@ -207,15 +207,20 @@ class Record:
         return "\n".join(_words(self))
 
 
-def read(path: str | Path) -> Record | None:
+def read(path: str | Path, reading: Reading | None = None) -> Record | None:
     """The record of a file, or None if it carries none.
+
+    Parameters
+    ----------
+    reading : what is known of files that were read before
 
     Raises
     ------
     DataError
         The file is missing or damaged, or its record is.
     """
-    text = read_record(path)
+    known = reading.records.get(Path(path)) if reading else None
+    text = read_record(path) if known is None else known
     try:
         return Record.from_json(text) if text else None
     except DataError as error:
@@ -225,7 +230,8 @@ def read(path: str | Path) -> Record | None:
 def record_of(
     spec: Spec,
     settings: Mapping[str, Any],
-    sources: Mapping[str, Any],
+    sources: Sources,
+    reading: Reading,
     *,
     assume_crs: CRS | None = None,
     model: Path | None = None,
@@ -238,10 +244,10 @@ def record_of(
     Parameters
     ----------
     settings : values of parameters; those that are missing have their defaults
-    sources : as they were given: layers, paths, or mappings of paths and options
+    sources, reading : what is read, and what is known of the files already
     model : file of the model, unless it is part of the toolbox
     """
-    inputs, ancestors, omitted = describe_inputs(spec, sources, ctx)
+    inputs, ancestors, omitted = describe_inputs(spec, sources, reading, ctx)
     return Record(
         version=__version__,
         tool=spec.id,
@@ -269,13 +275,13 @@ def qgis_of(spec: Spec) -> str:
 
 
 def describe_inputs(
-    spec: Spec, sources: Mapping[str, Any], ctx: Context = QUIET
+    spec: Spec, sources: Sources, reading: Reading, ctx: Context = QUIET
 ) -> tuple[dict[str, tuple[Input, ...]], dict[str, Entry], int]:
     """What the sources of a run are, and how those that are files were made.
 
     Parameters
     ----------
-    sources : as they were given, by name
+    reading : what is known of the files; the others are read for their hashes
     ctx : progress over all bytes, which are hashed
 
     Returns
@@ -289,21 +295,21 @@ def describe_inputs(
     DataError
         Files cannot be read: all of them, by source.
     """
-    given = [(name, field) for name, field in spec.sources.items() if sources.get(name) is not None]
-    layers = [(n, field, item) for n, field in given for item in field.given(sources[n])]
-    inputs: dict[str, tuple[Input, ...]] = {name: () for name, _ in given}
-    files: dict[Path, str] = {}
+    inputs: dict[str, tuple[Input, ...]] = {name: () for name in spec.sources if name in sources}
+    given = [(name, source) for name in inputs for source in sources[name]]
     problems: dict[str, str] = {}
-    for place, (name, field, item) in enumerate(layers):
-        part = ctx.part(place / len(layers), (place + 1) / len(layers))
+    files: list[Path] = []
+    for place, (name, source) in enumerate(given):
+        part = ctx.part(place / len(given), (place + 1) / len(given))
         try:
-            inputs[name] += tuple(_inputs(field, item, files, part))
+            inputs[name] += tuple(_inputs(source, reading, part))
+            files += [part for path in source.files for part in _parts(path)]
         except DataError as error:
             problems[name] = str(error)
     if problems:
         raise DataError(spec.id, problems)
     ctx.progress(1.0)
-    return inputs, *_ancestors(files)
+    return inputs, *_ancestors(files, reading)
 
 
 def leading_to(spec: Spec, output: str) -> Iterator[tuple[str, str]]:
@@ -367,21 +373,15 @@ def counted(
 
 def _parameter(field: Field, value: Any) -> Any:
     """A value as JSON, from which the field parses the same value again."""
-    if value is None:
-        return None
-    schema = field.kind.schema
-    made = [
-        v if v in field.choices else _numbers_as_floats(field.kind.to_json(v), schema)
-        for v in field.items(value)
-    ]
-    return _plain(made if field.many else made[0])
+    return _plain(_numbers_as_floats(field.to_json(value), field.kind.schema))
 
 
 def _numbers_as_floats(value: Any, schema: Mapping[str, Any]) -> Any:
     """A cell of 2 is the same as one of 2.0, and so must be the record."""
-    if schema.get("type") == "array":
-        return [_numbers_as_floats(item, schema["items"]) for item in value]
-    return float(value) if schema.get("type") == "number" else value
+    if isinstance(value, list):
+        return [_numbers_as_floats(item, schema.get("items", schema)) for item in value]
+    is_number = schema.get("type") == "number" and isinstance(value, int | float)
+    return float(value) if is_number else value
 
 
 def _plain(value: Any) -> Any:
@@ -397,38 +397,34 @@ def _dumps(value: Any) -> str:
     return json.dumps(value, separators=(",", ":"))
 
 
-def _inputs(field: Field, item: Any, files: dict[Path, str], ctx: Context) -> Iterator[Input]:
-    """One layer: its files, each once; `files` collects their hashes."""
-    if field.kind.accepts(item):
-        yield Input(IN_MEMORY, _content(item), None)
+def _inputs(source: Source, reading: Reading, ctx: Context) -> Iterator[Input]:
+    """The files of a layer, one by one unless there are very many."""
+    if source.layer is not None:
+        yield Input(IN_MEMORY, _content(source.layer), None)
         return
-    place, how = located(item)
-    paths = field.kind.files(place)
-    options = _plain(parsed_options(how, field.kind.open_options))
-    if len(paths) > MANY:
-        yield _described(paths, options, files, ctx)
-        return
-    for place, path in enumerate(paths):
-        part = ctx.part(place / len(paths), (place + 1) / len(paths))
-        yield _described([path], options, files, part)
+    options = _plain(source.options)
+    paths = source.files
+    groups = [paths] if len(paths) > MANY else [(path,) for path in paths]
+    for place, group in enumerate(groups):
+        part = ctx.part(place / len(groups), (place + 1) / len(groups))
+        yield _described(group, options, reading, part)
 
 
 def _described(
-    paths: list[Path], options: Mapping[str, Any], files: dict[Path, str], ctx: Context
+    paths: Sequence[Path], options: Mapping[str, Any], reading: Reading, ctx: Context
 ) -> Input:
     """One file with its parts, or many files as one entry."""
     parts = [part for path in paths for part in _parts(path)]
+    hashes: dict[Path, str] = {}
     for place, part in enumerate(parts):
         share = ctx.part(place / len(parts), (place + 1) / len(parts))
-        if part not in files:
-            files[part] = file_hash(part, share)
+        hashes[part] = reading.hash_of(part, share)
     name = paths[0].name if len(paths) == 1 else _pattern(paths)
-    hashes = {part: files[part] for part in parts}
     size = sum(part.stat().st_size for part in parts)
     return Input(name, joint_hash(hashes), size, len(parts), options)
 
 
-def describe_files(paths: list[Path], ctx: Context = QUIET) -> Input:
+def describe_files(paths: Sequence[Path], ctx: Context = QUIET) -> Input:
     """One file, or many as one, as an input that needs no options.
 
     Raises
@@ -436,7 +432,7 @@ def describe_files(paths: list[Path], ctx: Context = QUIET) -> Input:
     DataError
         A file cannot be read.
     """
-    return _described(paths, {}, {}, ctx)
+    return _described(paths, {}, Reading(), ctx)
 
 
 def _parts(path: Path) -> list[Path]:
@@ -450,26 +446,6 @@ def _pattern(paths: Iterable[Path]) -> str:
     """*.laz where all names end so, else *."""
     suffixes = {path.suffix for path in paths}
     return f"*{suffixes.pop()}" if len(suffixes) == 1 else "*"
-
-
-def file_hash(path: Path, ctx: Context = QUIET) -> str:
-    """The SHA-256 of a file, as hexadecimal digits.
-
-    Raises
-    ------
-    DataError
-        It cannot be read.
-    """
-    made = hashlib.sha256()
-    try:
-        size = path.stat().st_size
-        with path.open("rb") as stream:
-            while block := stream.read(_BLOCK):
-                made.update(block)
-                ctx.progress(min(stream.tell() / max(size, 1), 1.0))
-    except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror or error}") from error
-    return made.hexdigest()
 
 
 def joint_hash(hashes: Mapping[Path, str]) -> str:
@@ -492,19 +468,19 @@ def _content(layer: Layer) -> str:
     return made.hexdigest()
 
 
-def _ancestors(files: Mapping[Path, str]) -> tuple[dict[str, Entry], int]:
+def _ancestors(files: Iterable[Path], reading: Reading) -> tuple[dict[str, Entry], int]:
     """The records of files, then those that these carry; and how many these have left out."""
     near: dict[str, Entry] = {}
     far: dict[str, Entry] = {}
     omitted = 0
-    for path, digest in files.items():
+    for path in dict.fromkeys(files):
         try:
-            record = read(path)
+            record = read(path, reading)
         except DataError as error:
             log.warning("%s; how it was made is not passed on", error)
             continue
         if record is not None:
-            near[digest] = record.entry()
+            near[reading.hash_of(path)] = record.entry()
             far |= {key: entry for key, entry in record.ancestors.items() if key not in far}
             omitted = max(omitted, record.omitted)
     return near | {key: entry for key, entry in far.items() if key not in near}, omitted

@@ -1,8 +1,10 @@
-"""The layers that a run reads: checked before anything is opened, then opened."""
+"""The layers that a run reads: taken apart once, checked before anything is opened, then opened."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,63 +13,174 @@ from pyproj import CRS
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Layer
 from toolbox.data.crs import describe_crs, same_crs
-from toolbox.data.paths import missing
+from toolbox.data.paths import PointFiles, missing
+from toolbox.data.reading import Reading
 from toolbox.declare.fields import Field, Spec
-from toolbox.declare.kinds import Kind, located, parsed_options
-from toolbox.errors import DataError
+from toolbox.declare.kinds import Kind, parsed_options
+from toolbox.errors import DataError, ToolboxError
 
 
-def paths(field: Field, value: Any) -> list[Path]:
-    """The files that the raw value of a source names."""
-    found: list[Path] = []
-    for item in field.given(value):
+@dataclass(frozen=True)
+class Source:
+    """A layer that a run reads, in memory or in files: the twin of a target.
+
+    Attributes
+    ----------
+    layer : in memory; None if it is in files
+    paths : paths as they were given, of points also of folders, patterns and VPCs
+    options : how it is opened, as its kind takes them
+    several : whether many files may be one layer
+    problem : what is wrong with it, as far as that is known before it is opened
+    """
+
+    layer: Any = None
+    paths: tuple[str | Path, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+    several: bool = False
+    problem: str | None = None
+
+    @classmethod
+    def of(cls, kind: Kind, value: Any) -> Source:
+        """Take apart a layer, a path, a mapping of a path and options, or a list of these."""
+        if kind.accepts(value):
+            return cls(layer=value)
+        items = value if isinstance(value, list | tuple) else [value]
+        hows = [dict(item) if isinstance(item, Mapping) else {"path": item} for item in items]
+        paths = [how.pop("path", None) for how in hows]
+        if len(paths) == 1 and isinstance(paths[0], list):
+            paths = paths[0]
+        made = cls(paths=tuple(paths), several=kind.several)
         try:
-            place, _ = located(item)
-            found += field.kind.files(place)
-        except (ValueError, TypeError, OSError):
-            continue  # a layer, or a mistake that is reported elsewhere
-    return found
+            if any(how != hows[0] for how in hows):
+                raise ValueError("the files of one layer must be opened with the same options")
+            options = parsed_options(hows[0] if hows else {}, kind.open_options)
+            return replace(made, options=options, problem=_problem(kind, paths, value))
+        except (ValueError, OSError) as err:
+            return replace(made, problem=str(err))
+
+    @cached_property
+    def points(self) -> PointFiles:
+        """The files of points that its paths stand for.
+
+        Raises
+        ------
+        DataError
+            They cannot be found.
+        """
+        return PointFiles.of(self.paths)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that are read; of a layer in memory none.
+
+        Raises
+        ------
+        DataError
+            They cannot be found.
+        """
+        return self.points.paths if self.several else tuple(map(Path, self.paths))
+
+    def absolute(self) -> Source:
+        """The same for a process that may be in another folder."""
+        return replace(self, paths=tuple(Path(path).absolute() for path in self.paths))
+
+    def open(
+        self,
+        kind: Kind,
+        crs: CRS | None = None,
+        reading: Reading | None = None,
+        ctx: Context = QUIET,
+    ) -> Any:
+        """The layer.
+
+        Parameters
+        ----------
+        kind : of the layer; that of a model may be wider than the one which the source was made of
+        crs : of a layer that states none
+        reading : where the hashes of files that are read from end to end are noted
+
+        Raises
+        ------
+        DataError, ValueError, OSError
+            It cannot be read.
+        """
+        made = self._read(kind, crs, reading, ctx) if self.layer is None else self.layer
+        return made if crs is None else _with_crs(made, crs)
+
+    def _read(self, kind: Kind, crs: CRS | None, reading: Reading | None, ctx: Context) -> Any:
+        assert kind.open is not None
+        try:
+            if not self.several:
+                return kind.open(self.paths[0], ctx=ctx, **self.options)
+            how = {"assume_crs": crs, "reading": reading}
+            return kind.open(self.points, ctx=ctx, **how, **self.options)
+        except ToolboxError:
+            raise
+        except (ValueError, TypeError) as err:
+            given = self.paths[0] if len(self.paths) == 1 else list(self.paths)
+            raise ValueError(f"must be a {kind.word}, got {given!r}: {err}") from None
 
 
-def problem(field: Field, value: Any) -> str | None:
-    """What is wrong with the raw value of a source, before anything is opened."""
-    if value is None and field.optional:
-        return None
-    items = field.given(value)
-    if not items:
-        return f"takes at least one {field.kind.word}, got 0"
-    return next(filter(None, (_item_problem(field.kind, item) for item in items)), None)
+Sources = Mapping[str, tuple[Source, ...]]
+"""What a run reads, by parameter; several layers where the parameter takes several."""
 
 
-def _item_problem(kind: Kind, item: Any) -> str | None:
-    if kind.accepts(item):
-        return None
-    try:
-        place, how = located(item)
-        parsed_options(how, kind.open_options)
-        places = place if isinstance(place, list) else [place]
-        if not all(isinstance(path, str | Path) and str(path) for path in places):
-            return f"must be a path or a {kind.word}, got {item!r}"
-        if len(places) != 1 and not (kind.several and places):
-            return f"takes one {kind.word}, got {len(places)}"
-        absent = missing(places) if kind.several else [p for p in places if not Path(p).exists()]
-    except (ValueError, OSError) as err:
-        return str(err)
+def _problem(kind: Kind, paths: Sequence[Any], value: Any) -> str | None:
+    """What is wrong with the paths of a source."""
+    if not all(isinstance(path, str | Path) and str(path) for path in paths):
+        return f"must be a path or a {kind.word}, got {value!r}"
+    if len(paths) != 1 and not (kind.several and paths):
+        return f"takes one {kind.word}, got {len(paths)}"
+    absent = missing(paths) if kind.several else [p for p in paths if not Path(p).exists()]
     return f"there is no file {', '.join(map(str, absent))}" if absent else None
 
 
-def opened(spec: Spec, sources: Mapping[str, Any], crs: CRS | None, ctx: Context) -> dict[str, Any]:
-    """All sources of a run, or one error that names those that cannot be opened.
+def of_run(given: Mapping[str, Any], spec: Spec) -> dict[str, tuple[Source, ...]]:
+    """The sources of a run by parameter, of the values that were given; those left out are not."""
+    fields = {name: spec.sources[name] for name in given if name in spec.sources}
+    return {
+        name: tuple(Source.of(field.kind, item) for item in field.given(given[name]))
+        for name, field in fields.items()
+        if not (field.optional and given[name] is None)
+    }
+
+
+def problems(sources: Sources, spec: Spec) -> dict[str, str]:
+    """What is wrong with sources, by parameter, before anything is opened."""
+    found: dict[str, str] = {}
+    for name, items in sources.items():
+        if not items:
+            found[name] = f"takes at least one {spec.sources[name].kind.word}, got 0"
+        for source in items:
+            if source.problem:
+                found.setdefault(name, source.problem)
+    return found
+
+
+def paths(sources: Sources) -> Iterator[Path]:
+    """The files that a run reads; what is wrong with others is reported elsewhere."""
+    for source in (source for items in sources.values() for source in items):
+        try:
+            yield from source.files
+        except (ValueError, TypeError, OSError):
+            continue
+
+
+def opened(
+    spec: Spec, sources: Sources, crs: CRS | None, reading: Reading | None, ctx: Context
+) -> dict[str, Any]:
+    """All layers that a run reads, or one error that names those that cannot be opened.
 
     Parameters
     ----------
     crs : of layers that state none
+    reading : where the hashes of files that are read from end to end are noted
     """
     layers, problems = {}, {}
-    for index, (name, value) in enumerate(sources.items()):
+    for index, (name, items) in enumerate(sources.items()):
         part = ctx.part(index / len(sources), (index + 1) / len(sources))
         try:
-            layers[name] = open_source(spec.sources[name], value, crs, part)
+            layers[name] = open_all(spec.sources[name], items, crs, reading, part)
         except (ValueError, OSError) as err:
             problems[name] = str(err)
     if problems:
@@ -75,40 +188,15 @@ def opened(spec: Spec, sources: Mapping[str, Any], crs: CRS | None, ctx: Context
     return layers
 
 
-def absolute(field: Field, value: Any) -> Any:
-    """The raw value of a source for a process that may be in another folder; layers stay."""
-
-    def of(item: Any) -> Any:
-        if field.kind.accepts(item):
-            return item
-        place, options = located(item)
-        places = place if isinstance(place, list) else [place]
-        made = [str(Path(path).absolute()) for path in places]
-        return {"path": made if isinstance(place, list) else made[0], **options}
-
-    items = [of(item) for item in field.given(value)]
-    return items if field.many else items[0]
-
-
-def open_source(field: Field, value: Any, crs: CRS | None, ctx: Context = QUIET) -> Any:
-    """The layer, or layers, that the raw value of a source stands for."""
-    made = field.parse(_openable(field, value, {"ctx": ctx, "assume_crs": crs}))
-    if crs is None or made is None:
-        return made
-    assumed = tuple(_with_crs(layer, crs) for layer in field.items(made))
-    return assumed if field.many else assumed[0]
-
-
-def _openable(field: Field, value: Any, how: Mapping[str, Any]) -> Any:
-    """Paths become mappings that say how to open them; layers and None stay as they are."""
-
-    def openable(item: Any) -> Any:
-        if item is None or field.kind.accepts(item):
-            return item
-        place, options = located(item)
-        return {"path": place, **options, **how}
-
-    made = tuple(map(openable, field.given(value)))
+def open_all(
+    field: Field,
+    sources: tuple[Source, ...],
+    crs: CRS | None,
+    reading: Reading | None = None,
+    ctx: Context = QUIET,
+) -> Any:
+    """The layer of a parameter, or a tuple where it takes several."""
+    made = tuple(source.open(field.kind, crs, reading, ctx) for source in sources)
     return made if field.many else made[0]
 
 

@@ -41,7 +41,7 @@ from toolbox.errors import DataError, ParameterError, ToolboxError
 from toolbox.models.model import INPUTS, Model, ModelRun, reads_batches, resolved
 from toolbox.runs.cache import code_of
 from toolbox.runs.provenance import Count, Record, counting
-from toolbox.runs.source import absolute
+from toolbox.runs.source import Sources
 from toolbox.runs.target import Target, write
 from toolbox.runs.target import problems as targets_problems
 from toolbox.shown import SHOWN
@@ -68,7 +68,7 @@ def run(
     id: str,
     spec: Spec,
     settings: Mapping[str, Any],
-    sources: Mapping[str, Any],
+    sources: Sources,
     targets: Mapping[str, Target],
     tiling: Tiling,
     *,
@@ -84,7 +84,7 @@ def run(
     ----------
     id, spec : the tool and its specification
     settings : values of its parameters
-    sources : layers, or their paths; point clouds are paths
+    sources : the layers to read; point clouds are in files
     targets : the outputs to write
     record : the provenance record, which each product carries
     overwrite : whether products may replace files
@@ -110,11 +110,11 @@ def run(
     if size < (least := max(plan.halo / 20, SMALLEST)):
         raise ParameterError(spec.id, {"tile": f"must be at least {least:g} m here, got {size:g}"})
     log.info("tiles of %g m, each with %g m of its neighbourhood", size, plan.halo)
-    others = {n: v for n, v in sources.items() if n not in surveys and v is not None}
+    others = {n: items for n, items in sources.items() if n not in surveys}
     job = TileJob(
         str(Path(id).absolute()) if id.endswith(MODEL) else id,
         settings,
-        {name: absolute(spec.inputs[name], value) for name, value in others.items()},
+        {n: tuple(source.absolute() for source in items) for n, items in others.items()},
         assume_crs,
         surveys,
         steps=(),

@@ -11,13 +11,13 @@ from typing import Any
 from pyproj import CRS
 
 from toolbox.context import Context
-from toolbox.data import PointCloud, Survey
+from toolbox.data import Survey
 from toolbox.data.crs import crs_conflict, length_problem
 from toolbox.declare.fields import Spec
-from toolbox.declare.kinds import located, parsed_options
 from toolbox.errors import DataError, ParameterError
 from toolbox.models.model import INPUTS, Model, Reference, Step, leading_steps, references
 from toolbox.runs.provenance import Count
+from toolbox.runs.source import Source, Sources
 
 ALONE = "tool"  # the step of a model that stands for a tool
 
@@ -206,17 +206,16 @@ def _whole(model: Model, reach: Mapping[str, float]) -> str:
 
 
 def surveys_of(
-    spec: Spec, sources: Mapping[str, Any], assume_crs: CRS | None, ctx: Context
+    spec: Spec, sources: Sources, assume_crs: CRS | None, ctx: Context
 ) -> dict[str, Survey]:
     """Open all point clouds as surveys; they must be in one CRS in which metres have a meaning."""
     found: dict[str, Survey] = {}
     problems: dict[str, str] = {}
     for name, field in spec.sources.items():
-        value = sources.get(name)
-        if not field.kind.several or value is None:
+        if not field.kind.several or name not in sources:
             continue
         try:
-            found[name] = _survey(value, field.many, assume_crs, ctx)
+            found[name] = _survey(sources[name], field.many, assume_crs, ctx)
         except DataError as err:
             problems[name] = str(err)
     for name, survey in found.items():
@@ -233,12 +232,14 @@ def surveys_of(
     return found
 
 
-def _survey(value: Any, many: bool, assume_crs: CRS | None, ctx: Context) -> Survey:
-    if many or isinstance(value, PointCloud):
+def _survey(
+    sources: tuple[Source, ...], many: bool, assume_crs: CRS | None, ctx: Context
+) -> Survey:
+    if many or sources[0].layer is not None:
         raise DataError("is no survey in files; run the tool without tiles")
-    places, options = located(value)
-    how = parsed_options(options, ("bounds", "columns", "separator"))
+    (source,) = sources
+    how = dict(source.options)
     bounds = how.pop("bounds", None)
-    survey = Survey.open(places, assume_crs=assume_crs, ctx=ctx.part(0, 0), **how)
+    survey = Survey.open(source.points, assume_crs=assume_crs, ctx=ctx.part(0, 0), **how)
     survey = survey.absolute()
     return survey.limited_to(bounds) if bounds else survey

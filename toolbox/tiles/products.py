@@ -15,6 +15,7 @@ from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster, Survey, Vector
 from toolbox.data.paths import LAS
 from toolbox.data.raster import STRIP
+from toolbox.data.reading import Reading
 from toolbox.data.survey import SurveyFile
 from toolbox.runs.provenance import Record
 from toolbox.tiles import store as tile_store
@@ -133,7 +134,13 @@ class StoredSurvey(Survey):
             done += len(piece)
             ctx.progress(done / max(self.count, 1))
 
-    def read(self, *, bounds: Sequence[float] | None = None, ctx: Context = QUIET) -> PointCloud:
+    def read(
+        self,
+        *,
+        bounds: Sequence[float] | None = None,
+        reading: Reading | None = None,
+        ctx: Context = QUIET,
+    ) -> PointCloud:
         whole = self.template.filled(self.points.windows(), self.points.size())
         return whole if bounds is None else whole.within(bounds)
 

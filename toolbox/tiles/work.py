@@ -31,7 +31,7 @@ from toolbox.data.survey import Survey
 from toolbox.errors import NothingToDo
 from toolbox.models.model import INPUTS, Model, ModelRun
 from toolbox.runs.provenance import Count, counted
-from toolbox.runs.source import open_source
+from toolbox.runs.source import Sources, open_all
 from toolbox.tiles import store as tile_store
 from toolbox.tiles.plan import ALONE, as_model
 from toolbox.tiles.store import FileBlock, TileGrid
@@ -47,7 +47,7 @@ class TileJob:
     ----------
     id : of the tool or model
     settings : values of its parameters
-    layers : the other sources, as the user gave them
+    layers : the other sources
     assume_crs : CRS of the sources that state none
     surveys : point clouds by source; the tiles are those of the first one
     steps : the steps to run on each tile
@@ -60,7 +60,7 @@ class TileJob:
 
     id: str
     settings: Mapping[str, Any]
-    layers: Mapping[str, Any]
+    layers: Sources
     assume_crs: CRS | None
     surveys: Mapping[str, Survey]
     steps: tuple[str, ...]
@@ -100,7 +100,7 @@ def opened(folder: Path) -> tuple[TileJob, Model, dict[str, Any]]:
     """Read the job of a pass, its model, and the layers that are not point clouds."""
     job: TileJob = tile_store.load_object(folder / "job")
     model = as_model(catalog.load(job.id))
-    layers = {n: open_source(model.inputs[n], v, job.assume_crs) for n, v in job.layers.items()}
+    layers = {n: open_all(model.inputs[n], s, job.assume_crs) for n, s in job.layers.items()}
     return job, model, layers
 
 

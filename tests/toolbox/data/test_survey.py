@@ -17,7 +17,7 @@ from pyproj import CRS
 
 from toolbox.data import PointCloud, Survey
 from toolbox.data.crs import LOCAL
-from toolbox.data.paths import files_of
+from toolbox.data.paths import PointFiles
 from toolbox.errors import DataError
 
 FRANCE = CRS("EPSG:2154+5720")
@@ -86,7 +86,7 @@ def vpc(path: Path, *links: str, **more: Any) -> Path:
 
 
 def names(places: Any) -> list[str]:
-    return [path.name for path in files_of(places)]
+    return [path.name for path in PointFiles.of(places).paths]
 
 
 def test_places(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -128,16 +128,16 @@ def test_virtual_point_clouds(folder: Path, form: str) -> None:
 def test_what_is_no_virtual_point_cloud(tmp_path: Path, content: str, message: str) -> None:
     (tmp_path / "a.vpc").write_text(content, encoding="latin-1")
     with pytest.raises(DataError, match=message):
-        files_of(tmp_path / "a.vpc")
+        PointFiles.of(tmp_path / "a.vpc")
 
 
 def test_virtual_point_clouds_with_files_that_are_not_there(folder: Path) -> None:
     path = vpc(folder / "a.vpc", "a.las", "x.laz", "y.laz")
     with pytest.raises(DataError, match=r"not there: .*x\.laz, .*y\.laz"):
-        files_of(path)
+        PointFiles.of(path)
     path = vpc(folder / "a.vpc", "a.las", "https://example.org/x.laz", "s3://bucket/y.laz")
     with pytest.raises(DataError, match=r"remote files.*https://example.org/x\.laz, s3://buck"):
-        files_of(path)
+        PointFiles.of(path)
 
 
 def test_texts_beside_las_files_are_left_out(
@@ -198,7 +198,7 @@ def test_what_the_headers_say(folder: Path) -> None:
 def test_reading_in_parts_gives_the_whole(folder: Path, size: int) -> None:
     whole = PointCloud.open(folder)
     assert same(whole, in_batches(Survey.open(folder), size))
-    single = [PointCloud.open(path) for path in files_of(folder)]
+    single = [PointCloud.open(path) for path in PointFiles.of(folder).paths]
     assert np.array_equal(whole["intensity"], np.concatenate([c["intensity"] for c in single]))
     assert np.array_equal(whole["height"], np.concatenate([c["height"] for c in single]))
     assert np.array_equal(whole.xyz.round(2), np.concatenate([c.xyz for c in single]).round(2))

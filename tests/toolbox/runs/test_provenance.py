@@ -25,10 +25,12 @@ from toolbox.cli.replay import replay
 from toolbox.context import Context
 from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import LOCAL, crs_text, parse_crs, same_crs
+from toolbox.data.reading import Reading
 from toolbox.data.record import read_record
 from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.runs import provenance
 from toolbox.runs.provenance import Count, Input, Record, describe_inputs, read
+from toolbox.runs.source import of_run
 from toolbox.tiles.tiling import Tiling
 
 CRS = parse_crs("EPSG:2154+5720")
@@ -384,7 +386,7 @@ def test_nothing_is_hashed_where_nothing_is_written(
     def never(*_: Any) -> None:
         raise AssertionError
 
-    monkeypatch.setattr(provenance, "file_hash", never)
+    monkeypatch.setattr(hashlib, "sha256", never)
     assert toolbox.run("points.info", {"points": folder / "a.laz"})["table"]
 
 
@@ -400,11 +402,12 @@ def test_hashing_reports_progress_and_stops(tmp_path: Path) -> None:
     path.write_bytes(bytes(20_000_000))
     seen: list[float] = []
     spec = catalog.load("points.filter")
-    describe_inputs(spec, {"points": path}, Context(seen.append))
+    sources = of_run({"points": path}, spec)
+    describe_inputs(spec, sources, Reading(), Context(seen.append))
     assert seen == sorted(seen)
     assert len(seen) > 4
     with pytest.raises(Cancelled):
-        describe_inputs(spec, {"points": path}, Context(stop=lambda: len(seen) > 4))
+        describe_inputs(spec, sources, Reading(), Context(stop=lambda: len(seen) > 4))
 
 
 def with_ancestors(count: int) -> Record:

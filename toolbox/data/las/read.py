@@ -15,6 +15,7 @@ import struct
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from io import BufferedReader
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -28,6 +29,8 @@ from toolbox.data.las.copc import copc_chunks
 from toolbox.data.las.crs import read_crs
 from toolbox.data.las.header import Chunk, LasMetadata, demand, library_errors, parse_metadata
 from toolbox.data.las.points import MIXED_WAVEFORMS, box_of, waveform_channels
+from toolbox.data.reading import Reading, opened
+from toolbox.data.record import record_in
 from toolbox.errors import DataError
 
 _BLOCK = 1_000_000  # points between two reports of progress
@@ -43,6 +46,7 @@ def read_las(
     *,
     bounds: Sequence[float] | None = None,
     point_range: tuple[int, int] | None = None,
+    reading: Reading | None = None,
     ctx: Context = QUIET,
 ) -> tuple[LasMetadata, Array]:
     """Read metadata and points of a LAS, LAZ or COPC file.
@@ -54,6 +58,7 @@ def read_las(
         of others everything
     point_range : (start, stop): only the points with these indices, stop excluded; of a
         compressed file the chunks that hold them are unpacked
+    reading : where the hash of the file and its record are noted
     ctx : progress is reported every million points
 
     Returns
@@ -67,10 +72,12 @@ def read_las(
         The file is damaged or of an unknown kind; says which rule it breaks.
     """
     size = path.stat().st_size
-    with _named(path), path.open("rb") as stream:
+    with _named(path), opened(path, reading, ctx) as stream:
         metadata = parse_metadata(stream, size, lambda text: log.warning("%s %s", path.name, text))
         with library_errors("is damaged: its points cannot be read"):
             packed = _read_points(stream, metadata, size, bounds, point_range, ctx)
+    if reading:
+        reading.records[path] = record_in(metadata)
     _check_box(metadata.header, packed, path.name)
     if metadata.laszip and len(waveform_channels(metadata, packed)) > 1:
         log.warning("%s: %s; read with care", path.name, MIXED_WAVEFORMS)
@@ -130,7 +137,7 @@ def _named(path: Path) -> Iterator[None]:
 
 
 def _read_points(
-    stream: BinaryIO,
+    stream: BufferedReader,
     metadata: LasMetadata,
     size: int,
     bounds: Sequence[float] | None,
@@ -165,14 +172,15 @@ def _covering(chunks: list[Chunk], start: int, stop: int) -> tuple[list[Chunk], 
 
 
 def _read_plain(
-    stream: BinaryIO, header: laspy.LasHeader, start: int, stop: int, ctx: Context
+    stream: BufferedReader, header: laspy.LasHeader, start: int, stop: int, ctx: Context
 ) -> Array:
     packed = np.empty(stop - start, header.point_format.dtype())
     stream.seek(header.offset_to_point_data + start * packed.itemsize)
     for done in range(0, len(packed), _BLOCK):
         ctx.progress(done / len(packed))
         block = packed[done : done + _BLOCK]
-        block[:] = np.fromfile(stream, packed.dtype, len(block))
+        whole = stream.readinto(block.view("u1").data) == block.nbytes
+        demand(whole, "is cut off: its points end early")
     return packed
 
 

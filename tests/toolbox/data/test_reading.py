@@ -1,0 +1,138 @@
+"""What is learned of files while they are read."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scenes.layers import cloud
+
+from toolbox.context import Context
+from toolbox.data import PointCloud
+from toolbox.data.las import read as las_read
+from toolbox.data.reading import Reading, file_hash, opened
+from toolbox.errors import Cancelled, DataError
+
+CONTENT = bytes(range(256)) * 300  # more than the buffer of a stream
+
+
+def sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+@given(
+    moves=st.lists(st.tuples(st.integers(0, len(CONTENT) + 10), st.integers(-1, len(CONTENT)))),
+)
+def test_the_hash_is_the_same_in_whatever_order_a_file_is_read(
+    moves: list[tuple[int, int]], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path, reading = tmp_path_factory.mktemp("hash") / "a", Reading()
+    path.write_bytes(CONTENT)
+    with opened(path, reading) as stream:
+        for start, size in moves:
+            stream.seek(start)
+            data = stream.read(size)
+            assert data == CONTENT[start:][: size if size >= 0 else None]
+    assert reading.hashes == {path: sha256(CONTENT)}
+
+
+def test_a_file_that_changes_while_it_is_read_has_no_hash_of_either(tmp_path: Path) -> None:
+    path, reading = tmp_path / "a", Reading()
+    path.write_bytes(CONTENT)
+    with opened(path, reading) as stream:
+        seen = stream.read(50_000)
+        with path.open("rb+") as file:
+            file.write(bytes(len(CONTENT)))
+        stream.seek(0)
+        stream.read(10)  # what was read first counts
+    assert seen == CONTENT[:50_000]
+    assert reading.hashes[path] not in (sha256(CONTENT), file_hash(path))
+
+
+def test_what_is_read_ahead_is_what_is_hashed(tmp_path: Path) -> None:
+    path, reading = tmp_path / "a", Reading()
+    path.write_bytes(CONTENT)
+    with opened(path, reading) as stream:
+        stream.seek(60_000)
+        ahead = stream.read()
+        path.write_bytes(CONTENT[:60_000] + bytes(len(ahead)))
+    assert reading.hashes[path] == sha256(CONTENT)
+
+
+def test_a_file_that_cannot_be_read_has_no_hash(tmp_path: Path) -> None:
+    path, reading = tmp_path / "a", Reading()
+    path.write_bytes(CONTENT)
+    with pytest.raises(ValueError, match="damaged"), opened(path, reading):
+        raise ValueError("damaged")
+    with pytest.raises(Cancelled), opened(path, reading, Context(stop=lambda: True)):
+        pass
+    assert not reading.hashes
+    with pytest.raises(DataError, match="cannot be read"):
+        reading.hash_of(tmp_path / "b")
+
+
+def test_a_reader_may_close_what_it_reads(tmp_path: Path) -> None:
+    path, reading = tmp_path / "a", Reading()
+    path.write_bytes(CONTENT)
+    with opened(path, reading) as stream:
+        io.TextIOWrapper(stream, "latin-1").close()
+    assert reading.hashes[path] == sha256(CONTENT)
+
+
+@pytest.mark.parametrize("name", ["a.las", "a.laz", "a.csv", "a.csv.gz", "a.ply", "a.ply.gz"])
+def test_a_point_cloud_is_hashed_while_it_is_read(name: str, tmp_path: Path) -> None:
+    path, reading = tmp_path / name, Reading()
+    points = cloud([[x, x % 7, 1.5] for x in range(5000)])
+    if name == "a.ply.gz":
+        points.save(tmp_path / "a.ply")
+        path.write_bytes(gzip.compress((tmp_path / "a.ply").read_bytes()))
+    else:
+        points.save(path)
+    read = PointCloud.open(path, reading=reading)
+    assert reading.hashes == {path: sha256(path.read_bytes())}
+    assert (read.xyz == PointCloud.open(path).xyz).all()
+
+
+def test_a_survey_is_hashed_while_it_is_joined(tmp_path: Path) -> None:
+    for k in range(3):
+        cloud([[k, 0, 0], [k, 1, 1]]).save(tmp_path / f"{k}.laz")
+    reading = Reading()
+    PointCloud.open(tmp_path, reading=reading)
+    assert reading.hashes == {p: sha256(p.read_bytes()) for p in tmp_path.iterdir()}
+    near = Reading()
+    PointCloud.open(tmp_path, bounds=(0, 0, 0.5, 1), reading=near)
+    assert near.hashes.items() <= reading.hashes.items()  # the others are not touched
+    assert len(near.hashes) == 1
+
+
+@pytest.mark.parametrize("name", ["copc/simple.copc.laz", "feet/nebraska_wkt_and_geotiff.las"])
+@pytest.mark.parametrize("bounds", [None, (0, 0, 1, 1)])
+def test_of_a_real_file_all_is_hashed_although_not_all_is_read(
+    data: Callable[[str], Path], name: str, bounds: tuple[float, ...] | None
+) -> None:
+    path, reading = data(name), Reading()
+    PointCloud.open(path, bounds=bounds, reading=reading)
+    assert reading.hashes == {path: file_hash(path)}
+
+
+def test_a_file_that_is_cut_off_while_it_is_read_is_noticed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.las"
+    cloud([[x, 0, 0] for x in range(1000)]).save(path)
+    plain = las_read.parse_metadata
+
+    def cutting(stream: io.BufferedReader, *rest: object) -> object:
+        found = plain(stream, *rest)  # type: ignore[arg-type]
+        path.write_bytes(path.read_bytes()[:-10_000])
+        return found
+
+    monkeypatch.setattr(las_read, "parse_metadata", cutting)
+    with pytest.raises(DataError, match="its points"):
+        PointCloud.open(path)

@@ -100,8 +100,10 @@ def _matches(xyz: Any, true: Any, ids: Any, count: Any, faces: Any, planes: Any)
         ):
             continue
         best = int(count[1:, face].argmax()) + 1
-        one, other = (row[["normal_x", "normal_y", "normal_z"]].to_numpy(float)
-                      for row in (faces.loc[face], planes.loc[best]))  # fmt: skip
+        one, other = (
+            row[["normal_x", "normal_y", "normal_z"]].to_numpy(float)
+            for row in (faces.loc[face], planes.loc[best])
+        )
         middle = xyz[ids == best].mean(axis=0)
         yield Match(
             faces.kind[face],

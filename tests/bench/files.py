@@ -65,8 +65,11 @@ def damaged() -> None:
         start = time.perf_counter()
         done = subprocess.run(
             [sys.executable, "-c", code, str(path)],
-            capture_output=True, text=True, cwd=ROOT, check=False,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            cwd=ROOT,
+            check=False,
+        )
         *messages, last = done.stderr.strip().splitlines()
         points = next(
             (r["value"] for r in json.loads(done.stdout or "[]") if r["property"] == "points"), "-"

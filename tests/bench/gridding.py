@@ -69,8 +69,11 @@ def _measured(code: str, points: Path, cell: float, peer: bool) -> dict[str, flo
     python = os.environ.get("LIDAR_PEERS", sys.executable) if peer else sys.executable
     done = subprocess.run(
         [python, "-c", MEASURED.format(code), str(points), str(cell)],
-        capture_output=True, text=True, cwd=ROOT, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
+    )
     if "ModuleNotFoundError" in done.stderr:
         return None
     if done.returncode:

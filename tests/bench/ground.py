@@ -11,9 +11,15 @@ from tests.bench.measuring import DATA, alternately, folder, say, toolbox
 
 # Zhang et al. (2016), table 2 and section 4: settings by group, and total errors in percent.
 CSF_GROUPS = {
-    "12": (2, True, 2.97), "21": (3, False, 3.42), "23": (2, True, 4.79), "31": (3, False, 1.61),
-    "42": (3, False, 1.58), "51": (3, False, 3.08), "54": (3, False, 3.18), "61": (1, True, 1.49),
-}  # fmt: skip
+    "12": (2, True, 2.97),
+    "21": (3, False, 3.42),
+    "23": (2, True, 4.79),
+    "31": (3, False, 1.61),
+    "42": (3, False, 1.58),
+    "51": (3, False, 3.08),
+    "54": (3, False, 3.18),
+    "61": (1, True, 1.49),
+}
 
 
 def isprs() -> None:

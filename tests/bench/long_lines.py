@@ -14,9 +14,14 @@ from tests.bench.measuring import DATA, ROOT, folder, say
 COPIES = (15, 29)  # of two tiles in turn: 12.2 and 23.4 million points
 GAP = 200.0  # metres between them
 OUTPUTS = {
-    "classified": "c.laz", "wires": "w.gpkg", "towers": "t.gpkg", "violations": "v.laz",
-    "objects": "o.gpkg", "spans": "s.csv", "report": "r.html",
-}  # fmt: skip
+    "classified": "c.laz",
+    "wires": "w.gpkg",
+    "towers": "t.gpkg",
+    "violations": "v.laz",
+    "objects": "o.gpkg",
+    "spans": "s.csv",
+    "report": "r.html",
+}
 WAYS: dict[str, tuple[Any, ...]] = {
     "in tiles": ("--tile", 1000, "--workers", 2, "--memory", "2GB"),
     "in one piece": (),
@@ -32,9 +37,13 @@ def long_lines() -> None:
                 (work / way).mkdir()
                 paths = [(f"--{name}", work / way / file) for name, file in OUTPUTS.items()]
                 peak, cpu = measured(
-                    "run", "models.power_line_clearance", "--points", work / "survey", *options,
+                    "run",
+                    "models.power_line_clearance",
+                    "--points",
+                    work / "survey",
+                    *options,
                     *(word for pair in paths for word in pair),
-                )  # fmt: skip
+                )
                 say(
                     f"long line {count / 1e6:5.1f} M points, {way:12}  {peak / 1e9:.2f} GB  "
                     f"{cpu:.0f} CPU s"

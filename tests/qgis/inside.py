@@ -176,11 +176,21 @@ def check_values_of_every_type() -> None:
     given |= {"CRS": "EPSG:2154", "TEXTS": " a ; b;", "CHOICES": ["a", "c"], "FILE": CLOUD}
     got = read(**given)
     assert got == {
-        "number": "2.5", "integer": 5.5, "length": 12.0, "boolean": "no", "choice": "a",
-        "text": "2,9,14-16", "range": [0.0, 0.2], "extent": [1.0, 2.0, 3.0, 4.0],
-        "position": [5.0, 6.0], "crs": "EPSG:2154", "texts": ["a", "b"], "choices": ["a", "c"],
-        "file": CLOUD, "said": [],
-    }, got  # fmt: skip
+        "number": "2.5",
+        "integer": 5.5,
+        "length": 12.0,
+        "boolean": "no",
+        "choice": "a",
+        "text": "2,9,14-16",
+        "range": [0.0, 0.2],
+        "extent": [1.0, 2.0, 3.0, 4.0],
+        "position": [5.0, 6.0],
+        "crs": "EPSG:2154",
+        "texts": ["a", "b"],
+        "choices": ["a", "c"],
+        "file": CLOUD,
+        "said": [],
+    }, got
     assert read(INTEGER=5.0, BOOLEAN=True)["integer"] == 5
     assert read(NUMBER=QgsProperty.fromExpression("1 + 2"))["number"] == 3.0
     assert read(CRS="local")["crs"] == "local"
@@ -405,9 +415,15 @@ def check_a_tool_of_each_group_and_all_kinds_of_output() -> None:
     ground = out("ground.laz")
     go("ground.classify", POINTS=CLOUD, CLASSIFIED=ground)
     made = go(
-        "compare.classes", POINTS=ground, REFERENCE=CLOUD, TABLE=out("t.gpkg"),
-        CONFUSION=out("c.csv"), PAGE=out("p.html"), COUNTS=out("n.csv"), PICTURE=out("p.png"),
-    )  # fmt: skip
+        "compare.classes",
+        POINTS=ground,
+        REFERENCE=CLOUD,
+        TABLE=out("t.gpkg"),
+        CONFUSION=out("c.csv"),
+        PAGE=out("p.html"),
+        COUNTS=out("n.csv"),
+        PICTURE=out("p.png"),
+    )
     assert 0 <= made["TYPE_1"] <= 100
     assert QgsVectorLayer(made["TABLE"]).featureCount() > 3
     assert {"PAGE", "COUNTS", "PICTURE"} <= made.keys()
@@ -432,9 +448,12 @@ def check_a_tool_of_each_group_and_all_kinds_of_output() -> None:
     )
     go("surface.contours", SURFACE=out("s.tif"), INTERVAL=0.5, CONTOURS=out("c.gpkg"))
     go(
-        "shoreline.alpha_shape", POINTS=CLOUD, ALPHA="auto", SHAPES=out("a.gpkg"),
+        "shoreline.alpha_shape",
+        POINTS=CLOUD,
+        ALPHA="auto",
+        SHAPES=out("a.gpkg"),
         OUTLINES=out("a.dxf"),
-    )  # fmt: skip
+    )
     go("classify.urban", POINTS=CLOUD, CLASSIFIED=out("u.laz"))
     wire = FOLDER / "wire.xyz"  # states no CRS
     arc = [(x, 20 + 400 * (math.cosh((x - 40) / 400) - 1)) for x in range(80)]

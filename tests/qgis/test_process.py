@@ -92,9 +92,13 @@ def test_interrupt_stops_the_tool_and_leaves_nothing(
     out = tmp_path / "out.laz"
     values = [f"POINTS={cloud}", f"KEPT={out}", "CLASSES=2"]
     process = qgis.start(
-        "run", "lidartoolbox:pointsfilter", "--json", "--", *values,
+        "run",
+        "lidartoolbox:pointsfilter",
+        "--json",
+        "--",
+        *values,
         LIDAR_TOOLBOX_PYTHON=str(program),
-    )  # fmt: skip
+    )
     until = time.monotonic() + 60
     while not (note.exists() and note.read_text().strip()) and time.monotonic() < until:
         time.sleep(0.05)

@@ -76,8 +76,11 @@ def toolbox(site: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     paths = os.pathsep.join([str(site), str(root)])
     return subprocess.run(
         [sys.executable, "-m", "toolbox", *arguments],
-        capture_output=True, text=True, check=False, env=os.environ | {"PYTHONPATH": paths},
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": paths},
+    )
 
 
 @pytest.mark.slow

@@ -25,9 +25,16 @@ VARIABLE = "QGIS_PROCESS"
 NO_WINDOW = 0x08000000 if sys.platform == "win32" else 0  # of a console
 # Variables that an environment such as conda sets for its own libraries, not those of QGIS.
 FOREIGN = (
-    "PYTHON", "VIRTUAL_ENV", "CONDA_PREFIX", "PROJ_LIB", "PROJ_DATA", "GDAL_DATA",
-    "GDAL_DRIVER_PATH", "LD_LIBRARY_PATH", "DYLD_",
-)  # fmt: skip
+    "PYTHON",
+    "VIRTUAL_ENV",
+    "CONDA_PREFIX",
+    "PROJ_LIB",
+    "PROJ_DATA",
+    "GDAL_DATA",
+    "GDAL_DRIVER_PATH",
+    "LD_LIBRARY_PATH",
+    "DYLD_",
+)
 ABSENT = (
     "QGIS was not found: there is no qgis_process on the search path. Install QGIS, or let "
     f"{VARIABLE} name the program."
@@ -70,10 +77,15 @@ def call(words: Sequence[str], *, env: Mapping[str, str] | None = None) -> str:
     if program is None:
         raise DataError(ABSENT)
     done = subprocess.run(
-        [program, *words], env=environment(program) if env is None else dict(env),
-        stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", errors="replace",
-        check=False, creationflags=NO_WINDOW,
-    )  # fmt: skip
+        [program, *words],
+        env=environment(program) if env is None else dict(env),
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
+        check=False,
+        creationflags=NO_WINDOW,
+    )
     if done.returncode:
         raise DataError(f"qgis_process {' '.join(words[:2])}: {reason(done.stderr)}")
     return done.stdout

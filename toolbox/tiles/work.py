@@ -177,9 +177,13 @@ def _earlier(job: TileJob, tile: Tile, folder: Path, name: str) -> PointCloud | 
 
 
 def _results(
-    job: TileJob, model: Model, values: Mapping[str, Any], given: Mapping[str, Any], tile: Tile,
+    job: TileJob,
+    model: Model,
+    values: Mapping[str, Any],
+    given: Mapping[str, Any],
+    tile: Tile,
     counts: list[Count],
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Run the local steps on a tile and give their results, by step.output."""
     inside = job.grid.inside(tile)
 

@@ -29,10 +29,16 @@ def from_counts(counts: dict[tuple[int, int], int], crs: CRS | None = UTM) -> Po
 
 
 SOM_STUDY = {  # Şen and Bayaslı (2020), three classes: building 6, vegetation 5, ground 2
-    (6, 6): 13068, (6, 5): 1123, (6, 2): 3630,
-    (5, 6): 82, (5, 5): 8840, (5, 2): 1943,
-    (2, 6): 1631, (2, 5): 418, (2, 2): 15703,
-}  # fmt: skip
+    (6, 6): 13068,
+    (6, 5): 1123,
+    (6, 2): 3630,
+    (5, 6): 82,
+    (5, 5): 8840,
+    (5, 2): 1943,
+    (2, 6): 1631,
+    (2, 5): 418,
+    (2, 2): 15703,
+}
 
 
 def test_published_figures_of_the_som_study() -> None:

@@ -20,8 +20,9 @@ def layer(*lines: tuple[float, float, float, float], crs: int = 32635) -> Vector
         x = np.linspace(start, end, 60)
         z = 10 + lift + ((x % 100) - 50) ** 2 / 800
         shapes.append(shapely.LineString(np.column_stack([x, np.full(60, y), z])))
-    frame = geopandas.GeoDataFrame({"span_id": [int(line[0] // 100) for line in lines]},
-                                   geometry=shapes, crs=CRS(crs))  # fmt: skip
+    frame = geopandas.GeoDataFrame(
+        {"span_id": [int(line[0] // 100) for line in lines]}, geometry=shapes, crs=CRS(crs)
+    )
     return Vector(frame)
 
 
@@ -35,14 +36,27 @@ def test_all_found() -> None:
 
 
 def test_part_missed_and_invented() -> None:
-    wires = layer((0, 99, 0, 0.1), (0, 99, 3, 0.1), (100, 140, 0, 0.1), (100, 199, 3, 0.1),
-                  (200, 299, 9, 0), (0, 99, 3, 5))  # fmt: skip
+    wires = layer(
+        (0, 99, 0, 0.1),
+        (0, 99, 3, 0.1),
+        (100, 140, 0, 0.1),
+        (100, 199, 3, 0.1),
+        (200, 299, 9, 0),
+        (0, 99, 3, 5),
+    )
     result = CompareSpans(wires=wires, reference=TRUTH).run()
     assert (result.in_full, result.in_part, result.missed, result.invented) == (1, 1, 1, 2)
     assert result.height_rms == pytest.approx(0.1, abs=1e-3)
     rows = result.table.frame
-    assert rows.found.tolist() == ["in full", "in full", "in part", "in full", "missed",
-                                   "invented", "invented"]  # fmt: skip
+    assert rows.found.tolist() == [
+        "in full",
+        "in full",
+        "in part",
+        "in full",
+        "missed",
+        "invented",
+        "invented",
+    ]
     assert rows.share.iloc[2] == pytest.approx(0.41, abs=0.02)
     assert rows.bias.iloc[0] == pytest.approx(0.1, abs=1e-3)
 

@@ -113,9 +113,14 @@ def test_tiles_smaller_than_a_span_give_what_the_whole_gives(
 ) -> None:
     """Spans, wires, labels, violations and page are those of the cloud in one piece."""
     names = {
-        "classified": "c.laz", "violations": "v.laz", "wires": "w.gpkg", "towers": "t.gpkg",
-        "objects": "o.gpkg", "spans": "s.csv", "report": "r.html",
-    }  # fmt: skip
+        "classified": "c.laz",
+        "violations": "v.laz",
+        "wires": "w.gpkg",
+        "towers": "t.gpkg",
+        "objects": "o.gpkg",
+        "spans": "s.csv",
+        "report": "r.html",
+    }
     made: list[dict[str, Path]] = []
     numbers = []
     for where, tiling in (("whole", None), ("tiles", Tiling(size, 2))):

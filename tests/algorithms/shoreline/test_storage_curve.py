@@ -252,8 +252,18 @@ def test_levels() -> None:
     ground = raster([[3.7, 9.0], [9.0, 9.0]])
     assert curve(terrain=ground, step=2.0)["level"].tolist() == [2, 4, 6, 8, 9]
     assert curve(terrain=ground, lowest=4.0, highest=5.0, step=0.1)["level"].tolist() == [
-        4.0, 4.1, 4.2, 4.3, 4.4, 4.5, 4.6, 4.7, 4.8, 4.9, 5.0,
-    ]  # fmt: skip
+        4.0,
+        4.1,
+        4.2,
+        4.3,
+        4.4,
+        4.5,
+        4.6,
+        4.7,
+        4.8,
+        4.9,
+        5.0,
+    ]
     assert curve(terrain=raster(np.full((3, 3), 5.0)))["area_m2"].tolist() == [0.0]
     assert curve(terrain=ground, lowest=3.0, step=1e300)["level"].tolist() == [3.0, 9.0]
     flat = curve(terrain=raster(np.full((3, 3), 5.0)), highest=7.0)

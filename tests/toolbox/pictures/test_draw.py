@@ -59,8 +59,11 @@ def test_classes_of_flat_ground_have_their_exact_colours() -> None:
     codes = np.repeat(np.array([2, 6, 9, 200], np.uint8), 100)
     image = cloud_image(square(classification=codes))
     assert colours(image.rgba) == {
-        POINT_CLASSES[2][1], POINT_CLASSES[6][1], POINT_CLASSES[9][1], "#5b8def",
-    }  # fmt: skip
+        POINT_CLASSES[2][1],
+        POINT_CLASSES[6][1],
+        POINT_CLASSES[9][1],
+        "#5b8def",
+    }
     assert not isinstance(image.key, Ramp)
     assert [name for name, _ in image.key.values()] == ["Ground", "Building", "Water", "Class 200"]
     north_west, south_east = image.rgba[1, 1], image.rgba[-2, -2]

@@ -87,9 +87,18 @@ def test_package_is_what_the_plugin_site_takes(tmp_path: Path, capsys: Capture) 
     assert not any("environment.json" in name for name in names)
     assert f"\nversion={__version__}\n" in meta
     for key in (
-        "name", "description", "about", "qgisMinimumVersion", "author", "email", "icon",
-        "homepage", "tracker", "repository", "tags",
-    ):  # fmt: skip
+        "name",
+        "description",
+        "about",
+        "qgisMinimumVersion",
+        "author",
+        "email",
+        "icon",
+        "homepage",
+        "tracker",
+        "repository",
+        "tags",
+    ):
         assert f"\n{key}=" in meta
     assert "\nqgisMaximumVersion=4" in meta
     assert "\nsupportsQt6=True\n" in meta  # for builds of QGIS 3 with Qt 6

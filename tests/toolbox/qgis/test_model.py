@@ -270,9 +270,13 @@ def test_all_that_cannot_be_converted_is_said_at_once(tmp_path: Path, capsys: Ca
     for name in ("CELL", "METHOD", "SUPPORT", "POWER", "CLIP", "TILE"):
         del grid[name]
     (child_id,) = [name for name in children if name != "off"]
-    children[child_id] = child("lidartoolbox:surfacegrid", grid | {
-        "CELL": {"source": 3, "expression": " @q "},
-    }) | {"outputs": {"DTM": {"child_id": child_id, "output_name": "SURFACE"}}}  # fmt: skip
+    children[child_id] = child(
+        "lidartoolbox:surfacegrid",
+        grid
+        | {
+            "CELL": {"source": 3, "expression": " @q "},
+        },
+    ) | {"outputs": {"DTM": {"child_id": child_id, "output_name": "SURFACE"}}}
     made, notes = from_qgis(model3.text(says), "m.model3")
     assert made["steps"] == {
         "surfacegrid_1": {

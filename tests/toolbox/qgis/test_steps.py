@@ -37,7 +37,11 @@ HELP = {
     "parameters": {
         "INPUT": parameter("INPUT", "raster"),
         "METHOD": parameter(
-            "METHOD", "enum", 1, options=["Low", "High"], allow_multiple=False,
+            "METHOD",
+            "enum",
+            1,
+            options=["Low", "High"],
+            allow_multiple=False,
             uses_static_strings=False,
         ),
         "SIZE": parameter("SIZE", "number", 3.5, data_type=1),
@@ -50,7 +54,7 @@ HELP = {
         "OUTPUT": {"type": "outputRaster", "description": "Out"},
         "MEAN": {"type": "outputNumber", "description": "Mean"},
     },
-}  # fmt: skip
+}
 
 
 @pytest.fixture

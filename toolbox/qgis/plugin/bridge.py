@@ -25,10 +25,18 @@ INSTALLED = HERE / "environment.json"  # written by `python -m toolbox qgis inst
 # Variables that QGIS sets for its own libraries, and that would break ours.
 FOREIGN = ("PYTHON", "GDAL_", "PROJ_", "CPL_", "QT_", "OSGEO4W", "GRASS", "GISBASE")
 FOREIGN_EXACT = {
-    "LD_LIBRARY_PATH", "LD_PRELOAD", "DYLD_LIBRARY_PATH", "DYLD_FALLBACK_LIBRARY_PATH",
-    "DYLD_INSERT_LIBRARIES", "GEOTIFF_CSV", "PDAL_DRIVER_PATH", "VIRTUAL_ENV", "CONDA_PREFIX",
-    "__PYVENV_LAUNCHER__", "SSL_CERT_FILE",
-}  # fmt: skip
+    "LD_LIBRARY_PATH",
+    "LD_PRELOAD",
+    "DYLD_LIBRARY_PATH",
+    "DYLD_FALLBACK_LIBRARY_PATH",
+    "DYLD_INSERT_LIBRARIES",
+    "GEOTIFF_CSV",
+    "PDAL_DRIVER_PATH",
+    "VIRTUAL_ENV",
+    "CONDA_PREFIX",
+    "__PYVENV_LAUNCHER__",
+    "SSL_CERT_FILE",
+}
 OURS = {"GDAL_CACHEMAX", "GDAL_NUM_THREADS", "PROJ_NETWORK", "CPL_TMPDIR"}
 GRACE = 5.0  # seconds that a tool has to stop before it is killed
 POLL = 0.05
@@ -130,9 +138,15 @@ def said(words: list[str]) -> str:
         It failed; with the last lines that it printed.
     """
     done = subprocess.run(
-        words, env=clean_environment(), stdin=subprocess.DEVNULL, capture_output=True,
-        encoding="utf-8", errors="replace", check=False, **hidden(),
-    )  # fmt: skip
+        words,
+        env=clean_environment(),
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
+        check=False,
+        **hidden(),
+    )
     if done.returncode:
         last = "\n".join((done.stderr or done.stdout).strip().splitlines()[-5:])
         raise RuntimeError(f"{os.path.basename(words[0])} failed:\n{last}")
@@ -196,9 +210,15 @@ class _Child:
         self.stop_at: float | None = None
         pipe = subprocess.PIPE
         self.process: Any = subprocess.Popen(
-            words, stdin=pipe, stdout=pipe, stderr=pipe, env=clean_environment(),
-            encoding="utf-8", errors="replace", **hidden(),
-        )  # fmt: skip
+            words,
+            stdin=pipe,
+            stdout=pipe,
+            stderr=pipe,
+            env=clean_environment(),
+            encoding="utf-8",
+            errors="replace",
+            **hidden(),
+        )
         pairs = ((self.process.stdout, self.lines), (self.process.stderr, self.tail))
         self.readers = [threading.Thread(target=_read, args=pair, daemon=True) for pair in pairs]
         for reader in self.readers:

@@ -232,9 +232,13 @@ class Reader:
     """
 
     def __init__(
-        self, algorithm: Any, inputs: list[dict[str, Any]], parameters: Any, context: Any,
+        self,
+        algorithm: Any,
+        inputs: list[dict[str, Any]],
+        parameters: Any,
+        context: Any,
         feedback: Any,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.algorithm, self.inputs = algorithm, inputs
         self.parameters, self.context, self.feedback = parameters, context, feedback
         self.crs: QgsCoordinateReferenceSystem | None = None  # of the data, once it is needed

@@ -68,9 +68,14 @@ def style(layer: Any, colours: dict[str, Any], classes: dict[str, Any] | None = 
 def _style_raster(layer: Any, colours: dict[str, Any]) -> None:
     name = layer.bandName(1).partition(": ")[2].lower()
     stats = layer.dataProvider().bandStatistics(
-        1, QgsRasterBandStats.Min | QgsRasterBandStats.Max | QgsRasterBandStats.StdDev
-        | QgsRasterBandStats.Mean, layer.extent(), SAMPLE,
-    )  # fmt: skip
+        1,
+        QgsRasterBandStats.Min
+        | QgsRasterBandStats.Max
+        | QgsRasterBandStats.StdDev
+        | QgsRasterBandStats.Mean,
+        layer.extent(),
+        SAMPLE,
+    )
     low, high = stats.minimumValue, stats.maximumValue
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         return
@@ -106,10 +111,14 @@ def _ramp(layer: Any, colours: Any, low: float, high: float) -> None:
     step = (high - low) / (len(colours) - 1)
     shown = QgsColorRampShader(low, high)
     shown.setColorRampType(QgsColorRampShader.Interpolated)
-    shown.setColorRampItemList([
-        QgsColorRampShader.ColorRampItem(low + i * step, QColor(colour), f"{low + i * step:.4g}")
-        for i, colour in enumerate(colours)
-    ])  # fmt: skip
+    shown.setColorRampItemList(
+        [
+            QgsColorRampShader.ColorRampItem(
+                low + i * step, QColor(colour), f"{low + i * step:.4g}"
+            )
+            for i, colour in enumerate(colours)
+        ]
+    )
     shader = QgsRasterShader(low, high)
     shader.setRasterShaderFunction(shown)
     renderer = QgsSingleBandPseudoColorRenderer(layer.dataProvider(), 1, shader)

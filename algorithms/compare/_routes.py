@@ -78,7 +78,7 @@ class Route(NamedTuple):
         count = np.maximum(np.ceil(lengths / step), 1)
         if count.sum() > MOST_NODES:
             raise DataError(
-                f"step: makes {count.sum():,.0f} pieces, more than {MOST_NODES:,}; take a larger"
+                f"spacing: makes {count.sum():,.0f} pieces, more than {MOST_NODES:,}; take a larger"
             )
         pieces = np.ones(len(self.nodes), np.int64)  # the last node of a line stands alone
         pieces[begins] = count.astype(np.int64)

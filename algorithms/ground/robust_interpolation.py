@@ -123,7 +123,7 @@ class GroundRobustInterpolation:
             building_size=self.building_size,
             half_width=self.half_width,
             relief=self.relief,
-            tolerance=self.height_tolerance,
+            height_tolerance=self.height_tolerance,
             iterations=self.iterations,
             below=self.below,
             metre=cloud.metre,
@@ -245,7 +245,7 @@ def robust_interpolation(
     building_size: float = 48.0,
     half_width: float = 0.1,
     relief: float = 0.15,
-    tolerance: float = 0.5,
+    height_tolerance: float = 0.5,
     iterations: int = 3,
     below: float = 1.0,
     metre: float = 1.0,
@@ -259,8 +259,8 @@ def robust_interpolation(
     cell : size of the finest cells, in the unit of the points as all lengths
     building_size : width of the widest building; sets the coarsest cells
     half_width : residual above the ground at which a point has half its weight
-    relief : growth of `half_width` and `tolerance` per length of a cell
-    tolerance : greatest residual of the points that go on to finer cells
+    relief : growth of `half_width` and `height_tolerance` per length of a cell
+    height_tolerance : greatest residual of the points that go on to finer cells
     iterations : times that a surface is computed again with weights from its residuals
     below : residuals of less than -below are not ground; grows with the cells
     metre : length of one metre in the unit of the points
@@ -289,7 +289,7 @@ def robust_interpolation(
     xyz = read_only(xyz)
     inner = lattice_around(xyz, cell, bytes_per_cell=BYTES_PER_CELL, parameter="cell")
     cells = cells_of_levels(cell, building_size, metre)
-    weights = Weights(half_width, relief, tolerance, below, iterations)
+    weights = Weights(half_width, relief, height_tolerance, below, iterations)
     clean = without_low_outliers(xyz, max(cell, OUTLIER_CELL * metre), metre, ctx.part(0, 0.3))
     use, trend = clean, None
     for k, size in enumerate(cells):

@@ -252,7 +252,7 @@ def test_a_low_outlier_in_every_coarse_cell_leaves_the_ground_whole() -> None:
 
 def test_feet_give_the_labels_of_metres() -> None:
     xyz, _ = forest()
-    lengths = {"cell": 1.0, "building_size": 48.0, "half_width": 0.1, "tolerance": 0.5}
+    lengths = {"cell": 1.0, "building_size": 48.0, "half_width": 0.1, "height_tolerance": 0.5}
     in_feet: dict[str, Any] = {name: length / FOOT for name, length in lengths.items()}
     metres = robust_interpolation(xyz)
     surface = robust_interpolation(xyz / FOOT, below=1 / FOOT, metre=1 / FOOT, **in_feet)

@@ -150,7 +150,7 @@ def test_ground_classes_and_withheld_points() -> None:
     both = PointsHeightAboveGround(points=points, ground_classes=ClassList([2, 8])).run()
     np.testing.assert_allclose(both.heights["HeightAboveGround"], height, atol=1e-5)
     points = points.with_attributes({"withheld": (classes == 2).astype(np.uint8)})
-    with pytest.raises(DataError, match="all 1 points of class 2 are withheld"):
+    with pytest.raises(DataError, match="all 1 points of class 2,9-11 are withheld"):
         PointsHeightAboveGround(points=points).run()
     with pytest.raises(DataError, match="none is of class 9; classify them first"):
         PointsHeightAboveGround(points=points, ground_classes=ClassList([9])).run()

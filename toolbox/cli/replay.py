@@ -11,8 +11,8 @@ from typing import Any
 
 from toolbox import __version__, catalog
 from toolbox.context import QUIET, Context, log
-from toolbox.data import Layer
 from toolbox.data.crs import describe_crs, same_crs
+from toolbox.data.layer import Layer
 from toolbox.data.reading import file_hash
 from toolbox.errors import DataError
 from toolbox.execute import run

@@ -1,7 +1,6 @@
 """Layers: points, rasters, vectors, tables and reports, in memory and in files."""
 
 from toolbox.data.lattice import Lattice
-from toolbox.data.layer import Layer
 from toolbox.data.pointcloud import PointCloud
 from toolbox.data.raster import Raster
 from toolbox.data.report import Figure, Report, Rows, Section
@@ -12,7 +11,6 @@ from toolbox.data.vector import Vector
 __all__ = [
     "Figure",
     "Lattice",
-    "Layer",
     "PointCloud",
     "Raster",
     "Report",

@@ -41,7 +41,7 @@ class Kind:
     open_options, save_options : names in `OPTIONS` that a source or target may have
     own_files : all files that a layer written to a path consists of
     several : whether one value may be read from many files: a folder, a pattern or a list
-    is_gridded, in_blocks : of a layer, see :class:`toolbox.data.Layer`
+    is_gridded, in_blocks : of a layer, see :class:`toolbox.data.layer.Layer`
     """
 
     word: str

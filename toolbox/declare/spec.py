@@ -19,8 +19,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Literal, TypeVar, cast, dataclass_transform
 
 from toolbox.context import QUIET, Context, log
-from toolbox.data import Layer
 from toolbox.data.crs import crs_conflict, length_problem
+from toolbox.data.layer import Layer
 from toolbox.declare import kinds
 from toolbox.declare.expression import Expression
 from toolbox.declare.fields import MEETS, METRE_POWERS, UNITS, Field, Spec
@@ -128,27 +128,24 @@ def tool(id: str) -> Callable[[T], T]:
 
     Examples
     --------
-    >>> @tool("testing.count")
-    ... class TestingCount:
-    ...     '''Number of points.
+    >>> @tool("testing.square")
+    ... class TestingSquare:
+    ...     '''Area of a square.
     ...
-    ...     Of all classes.
+    ...     It is computed from the length of a side.
     ...     '''
     ...
-    ...     points: PointCloud = source("Points to count")
+    ...     side: float = param("Length of a side", default=1.0, unit="m", gt=0)
     ...
     ...     @outputs
     ...     class Outputs:
-    ...         count: int = sink("Number of points", unit="1")
-    ...
-    ...     def halo(self):
-    ...         return 0.0
+    ...         area: float = sink("Area of the square", unit="m2")
     ...
     ...     def run(self, ctx=QUIET):
     ...         ctx.progress(1.0)
-    ...         return self.Outputs(count=len(self.points))
-    >>> TestingCount(points=PointCloud([[0, 0, 5.0], [1, 0, 6.0]])).run().count
-    2
+    ...         return self.Outputs(area=self.side**2)
+    >>> TestingSquare(side=3.0).run().area
+    9.0
     """
 
     def wrap(cls: T) -> T:

@@ -17,8 +17,9 @@ import numpy as np
 from pyproj import CRS
 
 from toolbox.context import log
-from toolbox.data import Layer, PointCloud, Raster, Table, Vector
+from toolbox.data import PointCloud, Raster, Table, Vector
 from toolbox.data.crs import crs_conflict
+from toolbox.data.layer import Layer
 from toolbox.data.record import CHUNK, checked
 from toolbox.declare.fields import Field
 from toolbox.declare.show import Classes, Curve, Histogram, Profile, Show, Values

@@ -29,7 +29,7 @@ from weakref import WeakKeyDictionary
 
 from toolbox import files
 from toolbox.context import Context, log
-from toolbox.data import Layer
+from toolbox.data.layer import Layer
 from toolbox.data.reading import file_hash
 from toolbox.declare.fields import Field, Spec
 from toolbox.errors import ParameterError

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from toolbox.data import Figure, Layer, Report, Rows, Section, Table
+from toolbox.data import Figure, Report, Rows, Section, Table
+from toolbox.data.layer import Layer
 from toolbox.data.report import Block
 from toolbox.declare.fields import Spec
 from toolbox.pictures.draw import drawable, png

@@ -27,9 +27,8 @@ from pyproj import CRS
 
 from toolbox import __version__
 from toolbox.context import QUIET, Context, log
-from toolbox.data import Layer
 from toolbox.data.crs import crs_text
-from toolbox.data.layer import Inside, text_array
+from toolbox.data.layer import Inside, Layer, text_array
 from toolbox.data.reading import Reading, file_hash
 from toolbox.data.record import MEMBER, read_record
 from toolbox.declare.fields import Field, Spec

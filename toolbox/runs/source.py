@@ -11,8 +11,8 @@ from typing import Any
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
-from toolbox.data import Layer
 from toolbox.data.crs import describe_crs, same_crs
+from toolbox.data.layer import Layer
 from toolbox.data.paths import PointFiles, missing
 from toolbox.data.reading import Reading
 from toolbox.declare.fields import Field, Spec

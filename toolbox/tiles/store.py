@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from toolbox import files
 from toolbox.context import QUIET, Context
-from toolbox.data import Layer, PointCloud
-from toolbox.data.layer import Inside
+from toolbox.data import PointCloud
+from toolbox.data.layer import Inside, Layer
 from toolbox.data.survey import Survey
 from toolbox.errors import DataError
 

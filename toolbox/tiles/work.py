@@ -25,8 +25,8 @@ from pyproj import CRS
 
 from toolbox import catalog
 from toolbox.context import Context, log
-from toolbox.data import Layer, PointCloud
-from toolbox.data.layer import Inside
+from toolbox.data import PointCloud
+from toolbox.data.layer import Inside, Layer
 from toolbox.data.survey import Survey
 from toolbox.errors import NothingToDo
 from toolbox.models.model import INPUTS, Model, ModelRun

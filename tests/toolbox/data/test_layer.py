@@ -13,7 +13,8 @@ from affine import Affine
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from toolbox.data import Layer, PointCloud, Raster, Report, Section, Table, Vector
+from toolbox.data import PointCloud, Raster, Report, Section, Table, Vector
+from toolbox.data.layer import Layer
 from toolbox.errors import DataError
 
 UTM = CRS(32631)

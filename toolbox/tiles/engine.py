@@ -13,22 +13,18 @@ continues a run that was stopped. They take as much space as all points and all 
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import json
 import math
-import operator
 import shutil
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from filelock import FileLock, Timeout
-from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox import files
@@ -36,31 +32,26 @@ from toolbox.catalog import MODEL
 from toolbox.context import Context, log
 from toolbox.data import Survey
 from toolbox.declare.fields import Spec
-from toolbox.declare.values import Share
-from toolbox.errors import DataError, ParameterError, ToolboxError
-from toolbox.models.model import INPUTS, Model, ModelRun, reads_batches, resolved
+from toolbox.errors import DataError, ParameterError
+from toolbox.models.model import Model, resolved
 from toolbox.runs.cache import code_of
-from toolbox.runs.provenance import Count, Record, counting
+from toolbox.runs.provenance import Record
 from toolbox.runs.source import Sources
 from toolbox.runs.target import Target, write
 from toolbox.runs.target import problems as targets_problems
 from toolbox.shown import SHOWN
-from toolbox.tiles import products as tile_products
 from toolbox.tiles import store as tile_store
-from toolbox.tiles import work as tile_work
 from toolbox.tiles.cluster import client_of, memory_of
+from toolbox.tiles.crew import Crew, reach_of
 from toolbox.tiles.plan import TilePlan, as_model, surveys_of
-from toolbox.tiles.products import StoredSurvey
-from toolbox.tiles.store import SIDE, FileBlock, TileGrid
+from toolbox.tiles.products import Product
+from toolbox.tiles.store import TileGrid
 from toolbox.tiles.tiling import Tiling
-from toolbox.tiles.work import Tile, TileJob
+from toolbox.tiles.work import TileJob
 
-BLOCK = 2_000_000  # points that are read and sorted at a time
 BYTES_PER_POINT = 400  # that the hungriest tools need for a tile with its neighbours
-SLACK, NEAR = 1 + 1e-9, 1e-6  # of the halo, and metres: what lies on its edge is not lost
-SMALLEST, MOST_TILES = 0.1, 10**6  # metres; more are taken for a mistake in the size
+SMALLEST = 0.1  # metres: smaller tiles are taken for a mistake in the size
 RIM = 40.0  # metres that a raster may reach beyond all points: whole blocks of its cells
-LISTED = 10  # problems and warnings that are listed
 STORED, DONE = 0.1, 0.9  # of the progress, when all points are stored, and when all tiles are done
 
 
@@ -122,7 +113,7 @@ def run(
         before={},
         keep=frozenset(plan.keep),
         las=frozenset(plan.stored[n] for n, t in targets.items() if n in plan.stored and t.is_las),
-        halo=_reach(plan.halo, metre),
+        halo=reach_of(plan.halo, metre),
         grid=TileGrid(size * metre),
     )
     products = _products(plan, targets, survey)
@@ -131,7 +122,7 @@ def run(
         _working_folder(job, plan, record, targets, resume=resume) as work,
         client_of(tiling) as client,
     ):
-        crew = _Crew(client, spec.id, work, job, plan)
+        crew = Crew(client, spec.id, work, job, plan)
         rim = RIM if plan.gives_rasters else 0.0
         tiles = crew.split(rim * metre, ctx.part(0, STORED))
         for number in range(len(plan.passes)):
@@ -142,42 +133,17 @@ def run(
         return _finish(spec, crew, products, targets, record, overwrite, ctx.part(DONE, 1))
 
 
-@dataclass(frozen=True)
-class _Product:
-    """A file to write from the pieces of tiles.
-
-    Attributes
-    ----------
-    output, result : the output, and the step.output that it comes from
-    target : the file
-    path : the temporary path where it is prepared
-    file : for a folder of files, the index of the file of the survey
-    """
-
-    output: str
-    result: str
-    target: Target
-    file: int | None = None
-    path: Path = Path()
-
-    @property
-    def resolved(self) -> Path:
-        """The path of the file, links followed."""
-        assert self.target.resolved is not None
-        return self.target.resolved
-
-
-def _products(plan: TilePlan, targets: Mapping[str, Target], survey: Survey) -> list[_Product]:
+def _products(plan: TilePlan, targets: Mapping[str, Target], survey: Survey) -> list[Product]:
     """The files to write from pieces; for a folder, one for each file of the survey."""
-    found: list[_Product] = []
+    found: list[Product] = []
     for name, target in targets.items():
         if (result := plan.stored.get(name)) is None or not _in_blocks(plan, name):
             continue
         if target.folder:
             inside = [target.inside(file.path.name) for file in survey.files]
-            found += [_Product(name, result, t, number) for number, t in enumerate(inside)]
+            found += [Product(name, result, t, number) for number, t in enumerate(inside)]
         else:
-            found.append(_Product(name, result, target))
+            found.append(Product(name, result, target))
     return found
 
 
@@ -187,12 +153,12 @@ def _in_blocks(plan: TilePlan, output: str) -> bool:
 
 
 def _check_products(
-    id: str, products: list[_Product], surveys: Mapping[str, Survey], *, overwrite: bool
+    id: str, products: list[Product], surveys: Mapping[str, Survey], *, overwrite: bool
 ) -> None:
     """Raise an error if a product must not be written, or two products have the same path."""
     problems: dict[str, str] = {}
     paths = {n: file.path for n, file in enumerate(next(iter(surveys.values())).files)}
-    twins: dict[Path, _Product] = {}
+    twins: dict[Path, Product] = {}
     for product in [product for product in products if product.file is not None]:
         if twin := twins.get(product.resolved):
             one, other = paths[twin.file or 0], paths[product.file or 0]
@@ -212,8 +178,8 @@ def _check_products(
 
 def _finish(
     spec: Spec,
-    crew: _Crew,
-    products: list[_Product],
+    crew: Crew,
+    products: list[Product],
     targets: Mapping[str, Target],
     record: Record | None,
     overwrite: bool,
@@ -248,42 +214,6 @@ def _finish(
         raise DataError(f"{crew.id}: cannot write: {err}") from err
     crew.report()
     return found | {p.output: targets[p.output].path for p in products}
-
-
-def _reach(halo: float, metre: float) -> float:
-    """A halo in coordinate units, a little wider, so that points on its edge are within."""
-    return (halo * SLACK + NEAR) * metre
-
-
-def _sum(values: list[Any]) -> Any:
-    """The sum of the numbers of all tiles; None if they are no counts and no shares."""
-    if all(isinstance(value, Share) for value in values) or all(type(v) is int for v in values):
-        return functools.reduce(operator.add, values)
-    return None
-
-
-def _reason(error: BaseException) -> str:
-    if isinstance(error, ToolboxError):
-        return str(error)
-    if type(error).__name__ == "KilledWorker":
-        return "its worker died, perhaps for want of memory; take smaller tiles or more memory"
-    return f"{type(error).__name__}: {error}"
-
-
-def _tiles(table: NDArray[np.int64], reach: int) -> set[Tile]:
-    """The tiles that have one of some buckets within reach, which is a number of buckets.
-
-    Parameters
-    ----------
-    table : of shape (m, 3): row, column and number of points of each bucket
-    """
-    low, high = (table[:, :2] - reach) // SIDE, (table[:, :2] + reach) // SIDE
-    found: set[Tile] = set()
-    for down in range(int((high - low).max(initial=0)) + 1):
-        for right in range(int((high - low).max(initial=0)) + 1):
-            tiles = np.minimum(low + np.array([down, right]), high)
-            found |= set(map(tuple, np.unique(tiles, axis=0).tolist()))
-    return found
 
 
 def suitable_size(survey: Survey, halo: float, tiling: Tiling) -> float:
@@ -370,236 +300,3 @@ def _outline(spec: Spec) -> Any:
         return spec.id
     steps = spec.steps.values()
     return [[s.name, _outline(s.spec), s.settings, s.links, s.when, s.repeat] for s in steps]
-
-
-@dataclass(frozen=True)
-class _Failed:
-    """The result of a task that has failed twice."""
-
-    why: str
-
-
-class _Crew:
-    """Gives tasks to the workers of a run, and collects their results and failures.
-
-    Attributes
-    ----------
-    job : what all passes have in common
-    found : numbers of all tiles, None where they have no sum, and results on the whole survey
-    counts : sizes of the layers of each step
-    done : passes whose tiles were run
-    failed : the reason, for each tile that could not be run
-    unreadable : the reason, for each file whose points could not be read or stored
-    """
-
-    def __init__(self, client: Any, id: str, work: Path, job: TileJob, plan: TilePlan) -> None:
-        self.client, self.id, self.work, self.job, self.plan = client, id, work, job, plan
-        self.found: dict[str, Any] = {}
-        self.counts: list[Count] = []
-        self.done: set[int] = set()
-        self.failed: dict[Tile, str] = {}
-        self.unreadable: dict[Path, str] = {}
-
-    def folder(self, number: int) -> Path:
-        """The folder of a pass."""
-        return self.work / str(number)
-
-    def read(self, name: str) -> Any:
-        """Join a result of the tiles in memory."""
-        return tile_products.read(self.folder(self.plan.keep[name]), name)
-
-    def all(
-        self, task: Callable[..., Any], calls: list[tuple[Any, ...]], ctx: Context
-    ) -> list[Any]:
-        """Run a task for each tuple of arguments: its results, or `_Failed` after a second try."""
-        futures = [self.client.submit(task, *call, pure=False, retries=1) for call in calls]
-        try:
-            while left := sum(not future.done() for future in futures):
-                ctx.progress(1 - left / len(futures))
-                time.sleep(0.05)
-        except BaseException:
-            self.client.cancel(futures, force=True)
-            raise
-        ctx.progress(1.0)
-        return [_Failed(_reason(f.exception())) if f.exception() else f.result() for f in futures]
-
-    # Points
-
-    def split(self, rim: float, ctx: Context) -> dict[Tile, list[FileBlock]]:
-        """Store all points, and give the stored blocks with points in or near each tile.
-
-        Parameters
-        ----------
-        rim : distance beyond the points to which a result may extend, in coordinate units
-        """
-        blocks: list[FileBlock] = []
-        for source, survey in self.job.surveys.items():
-            for number, file in enumerate(survey.files):
-                try:
-                    blocks += tile_store.blocks(source, survey, number, BLOCK)
-                except DataError as err:
-                    self.unreadable[file.path] = str(err)
-        self._begin(0)
-        tables = self.all(tile_work.split, [(self.folder(0), block) for block in blocks], ctx)
-        reach = math.ceil(self.job.halo * SIDE / self.job.grid.size)
-        near: dict[Tile, list[FileBlock]] = {}
-        core: set[Tile] = set()
-        for block, table in zip(blocks, tables, strict=True):
-            if isinstance(table, _Failed):
-                path = self.job.surveys[block.source].files[block.file].path
-                self.unreadable[path] = table.why
-                continue
-            for tile in _tiles(table, reach):
-                near.setdefault(tile, []).append(block)
-            core |= _tiles(table, 0) if block.source == self.job.first else set()
-        self._give_up(near.keys() | core)
-        if not core:
-            return {}
-        if len(core) > MOST_TILES:
-            raise DataError(f"{self.id}: {len(core)} tiles are too many; take larger ones")
-        xmin, ymin, _, xmax, ymax, _ = self.job.surveys[self.job.first].bounds
-        corners = np.array([[xmin - rim, ymin - rim], [xmax + rim, ymax + rim]])
-        edge = map(tuple, (self.job.grid.buckets(corners) // SIDE).tolist()) if rim else ()
-        rows, cols = (range(min(n), max(n) + 1) for n in zip(*core, *edge, strict=True))
-        # Also tiles without points among those that have some: a gap may be filled there.
-        among = {t: b for t, b in near.items() if t[0] in rows and t[1] in cols}
-        return {tile: b for tile, b in among.items() if tile not in self.failed}
-
-    def _give_up(self, tiles: Iterable[Tile]) -> None:
-        """Mark the tiles that need points of unreadable files as failed."""
-        survey_files = [file for survey in self.job.surveys.values() for file in survey.files]
-        lost = [file for file in survey_files if file.path in self.unreadable]
-        for tile in tiles if lost else ():
-            bounds = self.job.grid.bounds(tile, self.job.halo)
-            for file in [file for file in lost if file.touches(bounds)]:
-                self.failed[tile] = self.unreadable[file.path]
-
-    # Tiles
-
-    def run_pass(self, number: int, tiles: Mapping[Tile, list[FileBlock]], ctx: Context) -> None:
-        """Run the local steps of a pass on all tiles, then its other steps on whole results."""
-        one = self.plan.passes[number]
-        if one.local:
-            self._begin(number)
-            self._run_tiles(number, tiles, ctx.part(0, 0.7))
-            self.done.add(number)
-        if one.rest and not self.failures:
-            self.found |= self._run_rest(number, ctx.part(0.7, 1))
-
-    def _begin(self, number: int) -> None:
-        """Write the job file of a pass for the workers."""
-        one, model, keep = self.plan.passes[number], self.plan.model, self.plan.keep
-        needs = {need for name in one.local for need in model.steps[name].needs}
-        earlier = {n for n in needs & keep.keys() if keep[n] < number}
-        clouds = {n for n in earlier if model.between[n].kind.several}
-        job = replace(
-            self.job,
-            steps=one.local,
-            given={n: value for n, value in self.found.items() if n in needs}
-            | {n: self.read(n) for n in earlier - clouds},
-            before={n: self.folder(keep[n]) for n in sorted(clouds)},
-            keep=one.keep,
-            halo=_reach(one.halo, self.job.surveys[self.job.first].metre),
-        )
-        tile_store.save_object(self.folder(number) / "job", job)
-
-    def _run_tiles(self, number: int, tiles: Mapping[Tile, list[FileBlock]], ctx: Context) -> None:
-        folder = self.folder(number)
-        calls = [(folder, tile, tuple(tiles[tile])) for tile in sorted(tiles)]
-        results = self.all(tile_work.run_tile, calls, ctx)
-        said: dict[str, list[Tile]] = {}
-        numbers: dict[str, list[Any]] = {}
-        counts: dict[tuple[str, str], int] = {}
-        for (_, tile, _), result in zip(calls, results, strict=True):
-            if isinstance(result, _Failed):
-                self.failed[tile] = result.why
-                continue
-            for text in dict.fromkeys(result.said):
-                said.setdefault(text, []).append(tile)
-            for name, value in result.values.items():
-                numbers.setdefault(name, []).append(value)
-            for count in result.counts:
-                key = count.step, count.name
-                counts[key] = counts.get(key, 0) + count.count
-        for text, where in list(said.items())[:LISTED]:
-            more = f" and {len(where) - 1} more tiles" if len(where) > 1 else ""
-            log.warning("tile %s%s: %s", tile_work.name_of(where[0]), more, text)
-        memory = max((r.memory for r in results if not isinstance(r, _Failed)), default=0)
-        log.debug("%d tiles; a worker needed up to %d MB", len(calls), memory // 10**6)
-        self.found |= {name: _sum(values) for name, values in numbers.items()}
-        self.counts += [Count(*key, count) for key, count in counts.items()]
-
-    def _run_rest(self, number: int, ctx: Context) -> dict[str, Any]:
-        """Run the steps of a pass that need the whole survey or whole results."""
-        one = self.plan.passes[number]
-        _, model, layers = tile_work.opened(self.folder(0))
-        rest = model.subset(one.rest)
-        steps = rest.steps.values()
-        needs = {need for step in steps for need in step.needs}
-        clouds = {
-            name: survey
-            if reads_batches(steps, f"{INPUTS}.{name}")
-            else survey.read(ctx=ctx.part(0, 0.1))
-            for name, survey in self.job.surveys.items()
-            if f"{INPUTS}.{name}" in needs
-        }
-        given = self.found | {
-            name: StoredSurvey.of(self.folder(self.plan.keep[name]), name)
-            if reads_batches(steps, name)
-            else self.read(name)
-            for name in needs & self.plan.keep.keys()
-        }
-        values = dict.fromkeys(model.sources) | dict(self.plan.settings) | layers | clouds
-        runner = counting(self.counts)
-        run = ModelRun(rest, values, keep=one.gives, given=given, runner=runner)
-        result = run.run(ctx.part(0.1, 1))
-        return {name: getattr(result, name) for name in one.gives}
-
-    # Products
-
-    def write(self, products: list[_Product], record: Record | None, ctx: Context) -> None:
-        """Write products to the temporary paths where they are prepared."""
-        folders = [self.folder(self.plan.keep[p.result]) for p in products]
-        calls = [
-            (folder, p.output, p.result, p.path, p.target.how, p.file, record)
-            for folder, p in zip(folders, products, strict=True)
-        ]
-        done = self.all(tile_products.write, calls, ctx)
-        pairs = zip(products, done, strict=True)
-        if wrong := {p.output: d.why for p, d in pairs if isinstance(d, _Failed)}:
-            raise DataError(self.id, wrong)
-
-    @property
-    def failures(self) -> bool:
-        """Whether anything has gone wrong."""
-        return bool(self.failed or self.unreadable)
-
-    def complete(self) -> set[int]:
-        """The indices of the files of the survey that no failed tile touches."""
-        files = enumerate(self.job.surveys[self.job.first].files)
-        boxes = [self.job.grid.bounds(tile) for tile in self.failed]
-        lost = self.unreadable
-        return {n for n, f in files if f.path not in lost and not any(map(f.touches, boxes))}
-
-    def report(self) -> None:
-        """Raise an error that lists the failures, if there are any."""
-        if not self.failures:
-            return
-        where: dict[str, list[Tile]] = {}
-        for tile in sorted(self.failed):
-            where.setdefault(self.failed[tile], []).append(tile)
-        lines = {str(path): why for path, why in list(self.unreadable.items())[:LISTED]}
-        for why, tiles in list(where.items())[:LISTED]:
-            lines[self._names(tiles)] = why
-        if (more := len(where) - LISTED) > 0:
-            lines["and"] = f"{more} more problems"
-        lines["what to do"] = (
-            f"mend the cause and run again with --resume; what is done is kept in {self.work}"
-        )
-        raise DataError(self.id, lines)
-
-    def _names(self, tiles: list[Tile]) -> str:
-        """Name the first of some tiles, with its bounds, and the number of the others."""
-        box = ", ".join(f"{value:.10g}" for value in self.job.grid.bounds(tiles[0]))
-        more = f" and {len(tiles) - 1} more tiles" if len(tiles) > 1 else ""
-        return f"tile {tile_work.name_of(tiles[0])} ({box}){more}"

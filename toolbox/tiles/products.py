@@ -18,6 +18,7 @@ from toolbox.data.raster import STRIP
 from toolbox.data.reading import Reading
 from toolbox.data.survey import SurveyFile
 from toolbox.runs.provenance import Record
+from toolbox.runs.target import Target
 from toolbox.tiles import store as tile_store
 from toolbox.tiles.work import opened
 
@@ -25,6 +26,31 @@ WINDOW = 1_000_000  # points that are written at a time
 
 Interval = tuple[int, int]
 """Origins of points: from the first of these numbers up to, but without, the second."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Product:
+    """A file to write from the pieces of tiles.
+
+    Attributes
+    ----------
+    output, result : the output, and the step.output that it comes from
+    target : the file
+    path : the temporary path where it is prepared
+    file : for a folder of files, the index of the file of the survey
+    """
+
+    output: str
+    result: str
+    target: Target
+    file: int | None = None
+    path: Path = Path()
+
+    @property
+    def resolved(self) -> Path:
+        """The path of the file, links followed."""
+        assert self.target.resolved is not None
+        return self.target.resolved
 
 
 def pieces_of(folder: Path, name: str) -> list[Path]:

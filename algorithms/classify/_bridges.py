@@ -1,4 +1,4 @@
-"""Bridges among what looks like roofs."""
+"""Bridges: which of the regions that look like roofs are bridge decks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Shapes = NDArray[Any]
 
 
 def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
-    """Regions that stay level while the ground below rises to meet them, at two ends or more.
+    """True for regions at whose two ends the ground rises to their level: bridges.
 
     At an end, points nearer to the ground than a roof lie beside the region, at its level. A low
     roof has those as well, but below its middle; a house on a slope at one end only.
@@ -65,7 +65,7 @@ def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
 
 
 def low_beside(features: PointFeatures, roof: Mask) -> NDArray[np.int64]:
-    """Indices of points lower above ground than any roof, at the level of the nearest of a roof."""
+    """Indices of low points beside a roof point and at its level; low is below all roof points."""
     height, metre, z = (
         features.terrain[1],
         features.cloud.metre,
@@ -81,6 +81,6 @@ def low_beside(features: PointFeatures, roof: Mask) -> NDArray[np.int64]:
 
 
 def _length(shapes: Shapes) -> Floats:
-    """The longer side of the boxes around shapes."""
+    """The longer side of the bounding box of each shape."""
     box = shapely.bounds(shapes)
     return np.asarray((box[:, 2:] - box[:, :2]).max(axis=1))

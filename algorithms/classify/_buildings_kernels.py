@@ -10,7 +10,7 @@ from algorithms.shared.kernels import neighbours as tree
 
 @njit(cache=True, nogil=True)
 def on_planes(begin, end, places, xyz, normal, box, depth, reach, thick, found):
-    """Tell of some places whether one is within `thick` of the plane of a point within `reach`.
+    """Set `found` for positions near a plane: within `thick` of that of a point within `reach`.
 
     `xyz`, `box` and `depth` are those of a tree, whose points have planes with the `normal`.
     """

@@ -1,4 +1,4 @@
-"""Edges in a raster, one cell wide.
+"""Edges in a raster by the Canny operator, one cell wide.
 
 References
 ----------
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 def canny(values: Floats, sigma: float, low: float, high: float, reach: int) -> NDArray[np.bool_]:
-    """Edges of a raster.
+    """True for the cells on edges of a raster, by the Canny operator.
 
     Smooth by a Gaussian, take the gradient, keep the cells in which it is larger than in both
     neighbours across the edge, and of those the strong ones and weak ones that go on from them.
@@ -47,7 +47,7 @@ def canny(values: Floats, sigma: float, low: float, high: float, reach: int) -> 
 
 
 def _across(gradient: Floats, south: Floats, east: Floats) -> Floats:
-    """The larger gradient of the two neighbours in the direction of the gradient."""
+    """The larger gradient of the two neighbours of each cell in the direction of its gradient."""
     eighth = np.rint(np.arctan2(south, east) / (np.pi / 4)).astype(np.int64) % 4
     padded = np.pad(gradient, 1)
     row, col = np.indices(gradient.shape) + 1

@@ -1,4 +1,4 @@
-"""What a point looks like to a classifier: features by name, and what they say of its class.
+"""Features of points by name, and the class of each point by physical evidence.
 
 Vegetation lets part of a pulse through, and its points do not lie on planes. A building is what
 stands on the ground and does neither. Single points say little: a branch may lie on a plane by
@@ -63,7 +63,7 @@ class PointFeatures:
     ground_classes: tuple[int, ...] | None = None
 
     def feature(self, name: str) -> Floats:
-        """Values of shape (n,): one of MADE, or an attribute of the points."""
+        """One feature of all points, array of shape (n,): one of MADE, or an attribute."""
         if name in MADE:
             return MADE[name](self)
         return np.asarray(self.cloud[name], np.float64)
@@ -75,9 +75,11 @@ class PointFeatures:
 
     @functools.cached_property
     def terrain(self) -> tuple[Mask, Floats]:
-        """Ground according to :mod:`algorithms.ground.classify`, and metres above the terrain.
+        """Which points are ground, and metres of all points above the terrain.
 
-        NaN where there is no terrain near, or no point that could be ground.
+        The ground is that of `ground_classes`, or else found as in
+        :mod:`algorithms.ground.classify`. Heights are NaN where there is no terrain near, or no
+        point that could be ground.
         """
         cloud, ctx = self.cloud, self.ctx.part(0.0, 0.4)
         if self.ground_classes is not None:
@@ -94,10 +96,11 @@ class PointFeatures:
 
     @functools.cached_property
     def planes(self) -> tuple[Floats, NDArray[np.float32]]:
-        """How far in metres, as standard deviation, points lie from the plane around each point.
+        """Scatter of points about the plane around each point, and the normal of that plane.
 
-        Array of shape (n,), NaN where there are too few; and the normals, shape (n, 3). Points at
-        one place count once: twins would make a plane of any two places.
+        The scatter is the standard deviation of the distances in metres, array of shape (n,), NaN
+        where there are too few points; the normals have the shape (n, 3). Points at one position
+        count once, since duplicates would make a plane of any two positions.
         """
         xyz, place = once_each(self.xyz)
         found = covariance_features(
@@ -123,7 +126,10 @@ class PointFeatures:
 
     @functools.cached_property
     def around(self) -> Mapping[str, Floats]:
-        """Means over the points around, on the same side of the ground."""
+        """Planarity, roughness and returns, as means over the points around each point.
+
+        Only points on the same side of the ground count: those on it, or those above it.
+        """
         ground, metre, off_plane = self.terrain[0], self.cloud.metre, self.planes[0]
         values = {
             "planarity": np.where(off_plane <= self.flat, 1.0, 0.0),
@@ -168,7 +174,7 @@ def penetrating(cloud: PointCloud) -> Mask:
 
 
 def evidence(features: PointFeatures) -> NDArray[np.uint8]:
-    """Class of each point by itself: GROUND, VEGETATION or BUILDING, array of shape (n,)."""
+    """Class of each point by its features: GROUND, VEGETATION or BUILDING, array of shape (n,)."""
     (ground, height), around = features.terrain, features.around
     on_planes = around["planarity"] / ON_PLANES
     if has_several_returns(features.cloud):
@@ -180,7 +186,7 @@ def evidence(features: PointFeatures) -> NDArray[np.uint8]:
 
 
 def once_each(xyz: Floats) -> tuple[Floats, NDArray[np.int64] | slice]:
-    """Places of points, each once, and which of them each of the n points is at."""
+    """The distinct positions of points, and for each of the n points the index of its position."""
     keys = random_keys(xyz, 0)
     in_order = np.sort(keys)
     if (in_order[1:] != in_order[:-1]).all():
@@ -243,13 +249,13 @@ def means_around(
 
 
 def _frozen(xyz: Floats) -> Floats:
-    """Read-only: kernels would be compiled for writable coordinates once more."""
+    """The same array, set read-only: for a writable one kernels would be compiled once more."""
     xyz.flags.writeable = False
     return xyz
 
 
 def _half_ball(reach: float) -> NDArray[np.int64]:
-    """Offsets of the cells within reach, of each and its opposite only one, shape (m, 3)."""
+    """Offsets of the cells within reach, array of shape (m, 3); of two opposite ones only one."""
     far = int(reach)
     ball = np.stack(np.meshgrid(*[np.arange(-far, far + 1)] * 3, indexing="ij"), -1).reshape(-1, 3)
     ball = ball[(ball**2).sum(axis=1) <= reach**2]
@@ -257,13 +263,17 @@ def _half_ball(reach: float) -> NDArray[np.int64]:
 
 
 def solid(features: PointFeatures) -> Mask:
-    """Points around which more lie on planes than let the pulse through, weighed against others."""
+    """True for points whose surroundings speak more for planes than for vegetation.
+
+    The share of points on planes and that of returns that let the pulse through are compared,
+    each relative to its threshold.
+    """
     flat = features.around["planarity"] / ON_PLANES
     return np.asarray((flat > 0) & (flat >= features.around["returns"] / LET_THROUGH))
 
 
 def missing_feature(names: tuple[str, ...], cloud: PointCloud) -> str:
-    """What is wrong with the names of features; empty if nothing is."""
+    """The problem with a list of feature names, as a text; empty if all can be had."""
     for name in names:
         if name not in MADE and name not in cloud:
             near = nearest(name, [*MADE, *cloud.names])
@@ -274,7 +284,7 @@ def missing_feature(names: tuple[str, ...], cloud: PointCloud) -> str:
 
 
 def features_of(features: PointFeatures, names: tuple[str, ...]) -> Floats:
-    """Features of shape (n, f), NaN where a point lacks one."""
+    """Array of shape (n, f) of the named features; NaN where a point lacks one."""
     values = np.column_stack([features.feature(name) for name in names])
     missing = int(np.count_nonzero(~np.isfinite(values).all(axis=1)))
     if missing:
@@ -283,7 +293,7 @@ def features_of(features: PointFeatures, names: tuple[str, ...]) -> Floats:
 
 
 def nobody_has_all(names: tuple[str, ...], values: Floats) -> str:
-    """What is wrong if no point has all features; empty if one has."""
+    """The problem that no point has all features, as a text; empty if one has."""
     known = np.isfinite(values)
     if known.all(axis=1).any():
         return ""

@@ -1,6 +1,6 @@
 """Maps of features: trained, named, split, kept in a table, and applied to points.
 
-A map is a table: a row for each neuron, with its place on the lattice, its class, its weights in
+A map is a table: a row for each neuron, with its position on the lattice, its class, its weights in
 the unit of each feature, and the lowest and highest values and the weight by which features are
 made comparable. All that is known of a map stands there, so that a map from a file does what the
 map did that was trained.
@@ -36,7 +36,7 @@ Bytes = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class FeatureMap:
-    """Neurons and what they stand for; those of the first stage come first.
+    """Neurons with their weights and classes; those of the first stage come first.
 
     Attributes
     ----------
@@ -74,16 +74,16 @@ class FeatureMap:
 
     @property
     def first_stage(self) -> Ints:
-        """Numbers of the neurons on the lattice."""
+        """Indices of the neurons of the first stage, which are on the lattice."""
         return np.flatnonzero(self.parent == NOBODY)
 
     @property
     def leaves(self) -> NDArray[np.bool_]:
-        """True for the neurons that points belong to, which are not split."""
+        """True for the neurons that are not split; points are assigned to these only."""
         return ~np.isin(np.arange(len(self.parent)), self.parent)
 
     def stage_one(self, values: Floats, ctx: Context = QUIET) -> som.Winners:
-        """What the neurons on the lattice say of features of shape (n, f)."""
+        """The nearest neurons of the first stage to features of shape (n, f)."""
         neurons = self.comparable(self.values)[self.first_stage]
         return som.winners(self.comparable(values), neurons, ctx)
 
@@ -134,7 +134,7 @@ class FeatureMap:
 
     @classmethod
     def of(cls, table: Table) -> FeatureMap:
-        """The map in a table.
+        """The map that a table holds.
 
         Raises
         ------
@@ -199,7 +199,10 @@ class FeatureMap:
 def _map_problems(
     numbers: pd.DataFrame, has_parent: pd.Series[bool], names: tuple[str, ...]
 ) -> Iterator[str]:
-    """What is wrong with the columns of a map, which people edit; what follows may not hold."""
+    """Problems with the columns of a map, which people may have edited.
+
+    Stop at the first one: those after it may be wrong.
+    """
     number = np.arange(len(numbers))
     cells = numbers.drop(columns=["parent", "astray"]).to_numpy()
     if not len(numbers) or not np.isfinite(cells).all():
@@ -228,7 +231,7 @@ def trained(
     how: som.Training,
     ctx: Context = QUIET,
 ) -> FeatureMap:
-    """The template with neurons trained on features of shape (n, f), not named yet.
+    """The map with neurons trained on features of shape (n, f), still without classes.
 
     Parameters
     ----------
@@ -248,13 +251,13 @@ def trained(
 
 
 def _in_units(weights: Floats, template: FeatureMap) -> Floats:
-    """Weights of neurons in the unit of each feature."""
+    """Weights of neurons, converted to the unit of each feature."""
     extent = (template.high - template.low) / np.where(template.weight > 0, template.weight, 1.0)
     return np.asarray(template.low + weights * extent)
 
 
 def named(made: FeatureMap, best: Ints, known: Bytes) -> FeatureMap:
-    """The map with the class that most of the known points of each neuron have.
+    """The map with a class for each neuron: that of most of its points of known class.
 
     A neuron without such a point takes the class of the nearest that has one.
 
@@ -286,7 +289,7 @@ def split(
     how: som.Training,
     ctx: Context = QUIET,
 ) -> FeatureMap:
-    """The map with clusters of which too many points are astray split by small maps of their own.
+    """The map in which clusters of mixed classes are split by small maps of their own.
 
     Parameters
     ----------
@@ -316,7 +319,7 @@ def split(
 def with_classes(
     cloud: PointCloud, part: NDArray[np.bool_], made: FeatureMap, best: Ints, away: Floats
 ) -> PointCloud:
-    """The cloud with the classes of the neurons of the points that take part.
+    """The cloud in which the points that take part have the classes of their neurons.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ PLANTS = (3, 4, 5)
 
 
 def by_height(height: NDArray[np.float64], low: float, high: float) -> NDArray[np.uint8]:
-    """Classes of vegetation; high where the height is not known (NaN).
+    """Low, medium or high vegetation for each height; high where the height is not known (NaN).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""NDVI of two bands, and the threshold from which it says vegetation.
+"""NDVI from two bands, and the threshold above which it means vegetation.
 
 References
 ----------
@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 
 def ndvi(nir: NDArray[Any], red: NDArray[Any]) -> Floats:
-    """(NIR - red) / (NIR + red), Rouse et al. (1974).
+    """NDVI = (NIR - red) / (NIR + red), Rouse et al. (1974).
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def ndvi(nir: NDArray[Any], red: NDArray[Any]) -> Floats:
 def chosen_threshold(
     values: Floats, threshold: float | Literal["otsu"], all_of_them: str
 ) -> float | None:
-    """The threshold itself, or that of Otsu; None if there are no values to find it from.
+    """The threshold that is given, or that by Otsu's method; None if there are no values for it.
 
     Raises
     ------
@@ -54,5 +54,5 @@ def chosen_threshold(
 
 
 def named(raster: Raster) -> str:
-    """What messages call it."""
+    """Name of an image for messages."""
     return raster.name or "the image"

@@ -19,7 +19,7 @@ Ints = NDArray[np.int64]
 
 
 def pulses(cloud: PointCloud, how: How) -> tuple[Ints, Ints, Ints]:
-    """Which points are returns of one pulse that has its first and its last return.
+    """Returns of pulses of which the first and the last return are there, with these two.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def pulses(cloud: PointCloud, how: How) -> tuple[Ints, Ints, Ints]:
 
 
 def _by_time(cloud: PointCloud, some: Ints) -> Ints:
-    """Number of the pulse of some points: those of one time, line, channel and count."""
+    """Number of the pulse of each point, by its time, flight line, channel and return count."""
     columns = [cloud[name][some] for name in KEYS if name in cloud]
     order = np.lexsort(columns[::-1])
     new = np.zeros(len(some), bool)
@@ -69,7 +69,7 @@ def _by_time(cloud: PointCloud, some: Ints) -> Ints:
 
 
 def _by_order(number: Ints, count: Ints) -> Ints:
-    """Number of the pulse of points in their order: a new one where the next return is missing."""
+    """Number of the pulse of each point in file order; a gap in return numbers begins a new one."""
     new = np.ones(len(number), bool)
     new[1:] = (np.diff(number) != 1) | (np.diff(count) != 0)
     return np.cumsum(new) - 1

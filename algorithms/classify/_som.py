@@ -1,4 +1,4 @@
-"""Self-organising maps: neurons on a lattice that learn to stand for points.
+"""Self-organising maps: neurons on a lattice, trained to represent points by their features.
 
 References
 ----------
@@ -44,7 +44,7 @@ Ints = NDArray[np.int64]
 
 
 def places(rows: int, columns: int, shape: Shape) -> Floats:
-    """Where the neurons lie, one step from their neighbours, array of shape (rows * columns, 2)."""
+    """Positions of the neurons, one step from their neighbours, shape (rows * columns, 2)."""
     row, column = (part.ravel().astype(float) for part in np.mgrid[:rows, :columns])
     if shape == "square":
         return np.column_stack([column, row])
@@ -58,7 +58,7 @@ def distances(place: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Training:
-    """How neurons learn.
+    """Settings of the training of a map.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Training:
     seed: int = 0
 
     def pull(self, away: Floats, step: int) -> Floats:
-        """How much each neuron follows each winner in a pass, array of shape (m, m).
+        """How far each neuron follows each winner in a pass, from 0 to 1, array of shape (m, m).
 
         Parameters
         ----------
@@ -98,13 +98,13 @@ class Training:
         return np.maximum(0.0, 1.0 - away / (2 * radius))
 
     def learning_rate(self, step: int) -> float:
-        """Of the online rule in a pass."""
+        """Learning rate of the online rule in a pass."""
         done = step / max(self.iterations - 1, 1)
         return self.rate + (self.final_rate - self.rate) * done
 
 
 def train(data: Floats, place: Floats, how: Training, ctx: Context = QUIET) -> Floats:
-    """Weights of the neurons after training.
+    """Weights of neurons on a lattice, trained on points.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def train(data: Floats, place: Floats, how: Training, ctx: Context = QUIET) -> F
 
 
 def spread_out(steps: Ints, place: Floats) -> Floats:
-    """Weights to begin with: the lattice laid into the plane in which the data extend farthest.
+    """Initial weights: the lattice laid into the plane of the two largest variances of the data.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def spread_out(steps: Ints, place: Floats) -> Floats:
 
 
 def _online(data: Floats, weights: Floats, away: Floats, how: Training, ctx: Context) -> Floats:
-    """The points one after the other, in an order of chance that is another in each pass."""
+    """Weights after online training: points one by one, in each pass in another random order."""
     columns = np.ascontiguousarray(weights.T)
     straight = np.lexsort(data.T)  # the same for any order in which the points come
     rng = np.random.default_rng(how.seed)
@@ -181,7 +181,7 @@ def _batch(
     how: Training,
     ctx: Context,
 ) -> Floats:
-    """All points at once, the neurons at the weighted means of those of their neighbourhood."""
+    """Weights after batch training: each neuron moves to the weighted mean of its neighbourhood."""
     runs = blocks(len(data), PER_POINT)
     shape = (len(runs), *weights.shape)
     sums, counts = np.zeros(shape, np.int64), np.zeros(shape[:2], np.int64)
@@ -225,7 +225,7 @@ def _batch(
 
 @dataclass(frozen=True)
 class Winners:
-    """What a map says of points.
+    """The nearest and the second nearest neuron of each point.
 
     Attributes
     ----------
@@ -239,7 +239,7 @@ class Winners:
 
 
 def winners(data: Floats, weights: Floats, ctx: Context = QUIET) -> Winners:
-    """The nearest neurons of points of shape (n, features)."""
+    """The two nearest neurons of points of shape (n, features)."""
     found = Winners(
         np.zeros(len(data), np.int64), np.zeros(len(data), np.int64), np.zeros(len(data))
     )
@@ -257,7 +257,7 @@ def winners(data: Floats, weights: Floats, ctx: Context = QUIET) -> Winners:
 
 
 def quantisation_error(found: Winners) -> float:
-    """Mean distance of the points from their neurons; summed up in order of size."""
+    """Mean distance of the points from their neurons, the same for any order of the points."""
     return float(np.sort(found.distance).mean()) if len(found.distance) else 0.0
 
 

@@ -18,7 +18,7 @@ ROUNDING = 1e-9  # by which bounds of distances are widened
 
 @helper
 def _distances(data, i, weights, away):
-    """Fill in the squared distances of a point from all neurons."""
+    """Fill in the squared distances of a point from all neurons, in feature space."""
     x = data[i, 0]
     for j in range(len(away)):
         away[j] = (x - weights[0, j]) ** 2
@@ -30,7 +30,7 @@ def _distances(data, i, weights, away):
 
 @helper
 def _two_nearest(away):
-    """The nearest neuron and the second; of neurons equally near, the first."""
+    """Indices of the nearest and the second nearest neuron; the first of those equally near."""
     best, second = 0, 0
     near, next_near = math.inf, math.inf
     for j in range(len(away)):
@@ -46,7 +46,7 @@ def _two_nearest(away):
 
 @njit(cache=True, nogil=True)
 def assign(first, last, data, steps, weights, moved, most, best, upper, lower, sums, counts):
-    """Give some points their nearest neurons, and keep the sums over those of each neuron.
+    """Assign points to their nearest neurons, and update the sums and counts of each neuron.
 
     A point is within `upper` of its neuron and not within `lower` of any other, as far as the
     neurons have `moved` since that was found; `most` is the largest move. Only points for which
@@ -86,7 +86,7 @@ def assign(first, last, data, steps, weights, moved, most, best, upper, lower, s
 
 @njit(cache=True, nogil=True)
 def nearest(first, last, data, weights, best, second, distance):
-    """Fill in the two nearest neurons of some points, and the distance of the nearest."""
+    """Fill in the two nearest neurons of points first..last, and the distance of the nearest."""
     away = np.empty(weights.shape[1])
     for i in range(first, last):
         _distances(data, i, weights, away)
@@ -96,7 +96,7 @@ def nearest(first, last, data, weights, best, second, distance):
 
 @njit(cache=True, nogil=True)
 def learn(order, data, pull, weights):
-    """Let the neurons learn from points one after the other (in place).
+    """Train neurons on points one after the other (in place).
 
     m_i(t + 1) = m_i(t) + h_ci(t) (x(t) - m_i(t)), where h_ci is the row of `pull` of the nearest
     neuron c.

@@ -1,4 +1,4 @@
-"""Points sorted from west to east, to find those in one polygon after the other."""
+"""Points sorted from west to east, to find the points in many polygons quickly."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class SortedPoints:
-    """Points sorted by x, so that only those between the ends of a polygon are looked at.
+    """Points sorted by x, so that only those in the x range of a polygon are tested.
 
     Attributes
     ----------
@@ -29,13 +29,13 @@ class SortedPoints:
 
     @classmethod
     def of(cls, xyz: Floats, some: NDArray[np.bool_]) -> SortedPoints:
-        """Sort some of n points."""
+        """The chosen ones of n points, sorted by x."""
         index = np.flatnonzero(some)
         index = index[np.argsort(xyz[index, 0], kind="stable")]
         return cls(np.ascontiguousarray(xyz[index, :2]), index)
 
     def within(self, shape: Any) -> Ints:
-        """Rising indices of the points in a polygon."""
+        """Indices of the points in a polygon, in rising order."""
         west, south, east, north = shape.bounds
         first, last = np.searchsorted(self.xy[:, 0], (west, np.nextafter(east, np.inf)))
         y = self.xy[first:last, 1]

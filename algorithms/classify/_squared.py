@@ -33,7 +33,7 @@ Floats = NDArray[np.float64]
 
 
 class WallLimits(NamedTuple):
-    """How far walls may be from an outline, and how long slanted edges are that cut corners off."""
+    """Distance of walls from an outline, and lengths below which edges only cut corners off."""
 
     tolerance: float
     outer: float
@@ -41,7 +41,7 @@ class WallLimits(NamedTuple):
 
     @property
     def far(self) -> float:
-        """From the middle of an edge that cuts off a right angle to its corner, at most."""
+        """Farthest a right-angled corner may be from the middle of the edge that cuts it off."""
         return self.inner / 2
 
 
@@ -63,7 +63,7 @@ class Wall(NamedTuple):
 
     @classmethod
     def of(cls, chain: Floats, kind: int) -> Wall:
-        """The wall at the mean of a part of the outline."""
+        """The wall at the mean position of a piece of the outline."""
         if kind == SLANTED:
             east, north = chain[-1] - chain[0]
             normal = np.array([-north, east]) / np.hypot(east, north)
@@ -73,12 +73,12 @@ class Wall(NamedTuple):
         return cls(kind, chain, normal, float(np.average(middle @ normal, weights=length)))
 
     def nearest(self, point: Floats) -> Floats:
-        """The place on the wall that is nearest to a point."""
+        """The point on the line of a wall that is nearest to a point."""
         return np.asarray(point + (self.away - point @ self.normal) * self.normal)
 
 
 def squared(outline: Any, tolerance: float, disc: float = 0.0) -> tuple[Any, bool]:
-    """An outline with straight walls, or without unnecessary corners if that does not fit.
+    """An outline with straight walls and right angles; only simplified where these do not fit.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def squared(outline: Any, tolerance: float, disc: float = 0.0) -> tuple[Any, boo
 
 
 def rings(polygon: Any) -> list[Any]:
-    """The outer ring, and the holes."""
+    """The exterior and the holes of a polygon."""
     return [polygon.exterior, *polygon.interiors]
 
 
@@ -120,7 +120,7 @@ def corners(ring: Any) -> Floats:
 
 
 def main_direction(polygon: Any) -> float:
-    """Angle in radians, from 0 to 90 degrees, that the edges agree on best, by their lengths."""
+    """Main direction of the edges by their lengths: radians, from 0 to 90 degrees."""
     steps = [np.diff(np.asarray(ring.coords), axis=0) for ring in rings(polygon)]
     edge = np.concatenate(steps) @ [1, 1j]
     length = np.abs(edge)
@@ -158,7 +158,7 @@ def wall_corners(ring: Floats, few: Floats, angle: float, limits: WallLimits) ->
 
 
 def _chains(ring: Floats, few: Floats) -> list[Floats]:
-    """Parts of a ring from each of some of its corners to the next, both included."""
+    """Pieces of a ring between consecutive ones of some of its corners, both included."""
     at = {tuple(corner): number for number, corner in enumerate(ring)}
     begins = [at[tuple(corner)] for corner in few]
     ends = [*begins[1:], begins[0]]
@@ -170,7 +170,7 @@ def _chains(ring: Floats, few: Floats) -> list[Floats]:
 
 
 def _walls(edges: list[Floats], limits: WallLimits) -> list[Wall]:
-    """Walls of a ring: neighbours in one line are joined, and edges that cut corners left out."""
+    """Walls of a ring; edges in one line are joined, and those that cut corners left out."""
     steps = [edge[-1] - edge[0] for edge in edges]
     kinds = [_kind(step, limits.tolerance) for step in steps]
     walls: list[Wall] = []
@@ -189,13 +189,13 @@ def _walls(edges: list[Floats], limits: WallLimits) -> list[Wall]:
 
 
 def in_line(one: Wall, other: Wall, tolerance: float) -> bool:
-    """Whether two walls are one."""
+    """Whether two walls have one direction and are within the tolerance of one line."""
     alike = one.kind == other.kind != SLANTED
     return alike and abs(one.away - other.away) <= tolerance
 
 
 def _kind(step: Floats, tolerance: float) -> int:
-    """ALONG the main direction, ACROSS it, or SLANTED."""
+    """Kind of an edge: ALONG the main direction, ACROSS it, or SLANTED."""
     off = abs(np.arctan2(step[1], step[0]))
     for kind, turned in ((ALONG, min(off, np.pi - off)), (ACROSS, abs(off - np.pi / 2))):
         if turned <= NEAR and np.hypot(*step) / 2 * np.sin(turned) <= tolerance:
@@ -204,14 +204,14 @@ def _kind(step: Floats, tolerance: float) -> int:
 
 
 def _from_a_corner(kinds: list[int]) -> list[int]:
-    """Numbers of the edges of a ring, beginning where one wall ends and another begins."""
+    """Indices of the edges of a ring, starting at one whose kind differs from that before it."""
     count = len(kinds)
     first = next((k for k in range(count) if kinds[k] != kinds[k - 1]), 0)
     return [k % count for k in range(first, first + count)]
 
 
 def _corners_between(one: Wall, other: Wall, far: float) -> list[Floats]:
-    """Where two walls meet, or a step from one to the other if that is far from their ends."""
+    """The corner where two walls meet; two corners, a step, if that is far from their ends."""
     ends = (one.chain[-1] + other.chain[0]) / 2
     both = np.array([one.normal, other.normal])
     if abs(np.linalg.det(both)) > PARALLEL:

@@ -1,4 +1,4 @@
-"""Buildings: points, outlines and heights.
+"""Buildings: classified points, and outlines with heights.
 
 A roof stands above the ground, lies on planes, and lets no pulse through. Points for which this
 holds, judged by what is around them, are joined to regions; what lies in a region, up to the roof,
@@ -133,21 +133,21 @@ class ClassifyBuildings:
         building_share: float = sink("Share of points that became building", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Sizes must fit."""
+        """The size limits are in order."""
         if self.largest is not None and self.largest < self.smallest:
             yield "largest", f"must be >= smallest ({self.smallest:g}), got {self.largest:g}"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """Ground must have been classified."""
+        """The points have a classification."""
         if "classification" not in self.points:
             yield "points", f"{self.points.name} has no classification; classify ground first"
 
     def halo(self) -> float:
-        """Beyond this nothing changes points; outlines longer than twice that may be cut."""
+        """Distance beyond which points change no class; outlines twice as long may be cut."""
         return HALO
 
     def run(self, ctx: Context = QUIET) -> ClassifyBuildings.Outputs:
-        """Find roof points, join them, and take what belongs to them."""
+        """Find roof points, join them to buildings, and classify the points of these."""
         cloud, metre = self.points, self.points.metre
         part = taking_part(cloud, self.ignore, among(self.keep_classes, STRUCTURES))
         features = self._features(part, ctx.part(0.0, 0.6))
@@ -165,7 +165,7 @@ class ClassifyBuildings:
         return self._packed(found, part, rows)
 
     def _features(self, part: Mask, ctx: Context) -> _evidence.PointFeatures:
-        """The points that take part, with their surroundings."""
+        """The points that take part, with their features."""
         cloud = self.points if part.all() else self.points.select(part)
         if not np.isin(cloud["classification"], self.ground_classes).any():
             raise NothingToDo(
@@ -184,14 +184,14 @@ class ClassifyBuildings:
         )
 
     def _roof(self, features: _evidence.PointFeatures) -> Mask:
-        """Points that look like a roof."""
+        """True for points that look like a roof."""
         ground, height = features.terrain
         least = self.planarity * (1 if _evidence.has_several_returns(features.cloud) else 2)
         flat = features.around["planarity"] >= least
         return ~ground & (height >= self.min_height / features.cloud.metre) & flat & solid(features)
 
     def _regions(self, features: _evidence.PointFeatures, some: Mask, ctx: Context) -> Shapes:
-        """Polygons around points of roofs, not smaller than buildings are."""
+        """Polygons around roof points, at least of the smallest size of a building."""
         try:
             shape = alpha_shape(
                 features.xyz[some, :2],
@@ -206,7 +206,7 @@ class ClassifyBuildings:
         return shapes[shapely.area(shapes) >= self.smallest]
 
     def _buildings(self, features: _evidence.PointFeatures, planes: Mask, ctx: Context) -> Shapes:
-        """Polygons around the planes of roofs, of a size that buildings have."""
+        """Polygons around the planes of roofs of an allowed size, without bridges."""
         shapes = self._regions(features, planes, ctx)
         if self.largest is not None:
             shapes = shapes[shapely.area(shapes) <= self.largest]
@@ -215,7 +215,7 @@ class ClassifyBuildings:
     def _rows(
         self, features: _evidence.PointFeatures, planes: Mask, shapes: Shapes, ctx: Context
     ) -> list[dict[str, Any]]:
-        """Buildings with their outlines drawn; several where only the overhang joins them."""
+        """Attributes and outline of each building; several where only the overhang joins them."""
         rows, narrow, roofs = [], 0, SortedPoints.of(features.xyz, planes)
         for done, shape in enumerate(shapes):
             ctx.progress(done / len(shapes))
@@ -261,13 +261,13 @@ class ClassifyBuildings:
 
 
 def without_spikes(shapes: Shapes, width: float) -> Shapes:
-    """Polygons without what is narrower than a width: branches and fences beside a roof."""
+    """Polygons without what is narrower than a width, such as branches and fences beside a roof."""
     core = shapely.buffer(shapes, -width / 2, join_style="mitre")
     return np.asarray(shapely.get_parts(shapely.buffer(core, width / 2, join_style="mitre")))
 
 
 def on_planes(features: _evidence.PointFeatures, roof: Mask, ctx: Context = QUIET) -> Mask:
-    """Points of a roof that lie on a plane, their own or that of another within the radius.
+    """True for roof points on a plane: their own, or that of another roof point within the radius.
 
     What stands beside a roof looks like one to :class:`_evidence.PointFeatures`, which judges by
     all that is around; but it does not lie on the planes of the roof.
@@ -302,7 +302,7 @@ def on_planes(features: _evidence.PointFeatures, roof: Mask, ctx: Context = QUIE
 
 
 def with_what_is_joined(shapes: Shapes, joined: Shapes, metre: float) -> Shapes:
-    """Regions of roofs with what is joined to them near their planes: gutters, dormers, walls.
+    """Polygons of roofs with what is joined to them near their planes: gutters, dormers, walls.
 
     Parameters
     ----------
@@ -317,7 +317,7 @@ def with_what_is_joined(shapes: Shapes, joined: Shapes, metre: float) -> Shapes:
 
 
 def margin(density: float, alpha: float) -> float:
-    """How far on average a straight edge lies outside of the alpha shape of the points along it.
+    """Mean distance by which a straight edge lies outside the alpha shape of points along it.
 
     Between two points that it touches, a disc of radius r sinks in by h = l^2 / (8 r) for a chord
     of length l. Where one point is expected in the area l h, no other is in the way: so
@@ -334,7 +334,7 @@ def margin(density: float, alpha: float) -> float:
 def up_to_the_roof(
     features: _evidence.PointFeatures, roof: Mask, shapes: Shapes, metre: float
 ) -> Mask:
-    """Points in outlines that are not above the roof, and points of the roof just outside.
+    """True for points in outlines below the roof, and for roof points just outside of them.
 
     Parameters
     ----------
@@ -359,7 +359,7 @@ def up_to_the_roof(
 
 
 def highest_around(xyz: Floats, some: Mask, cell: float) -> Floats:
-    """Highest of some points in the cell of each point and those around it; -inf without any."""
+    """Highest of some points in the 3 x 3 cells around each point; -inf where there is none."""
     lattice = Lattice.cover((*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0)), cell)
     row, col = lattice.indices(xyz[:, 0], xyz[:, 1])
     top = np.full(lattice.shape, -np.inf)
@@ -370,7 +370,7 @@ def highest_around(xyz: Floats, some: Mask, cell: float) -> Floats:
 def heights(
     features: _evidence.PointFeatures, inside: NDArray[np.int64], shape: Any
 ) -> dict[str, float]:
-    """Elevations of a roof and of the ground below it, and how high the ridge is above that.
+    """Elevations of the ground, eave, ridge and mean roof, and the height of the ridge.
 
     The eave is the tenth percentile of the roof points near the outline, the ridge the highest
     hundredth of all, so that neither a gutter nor a chimney decides.

@@ -1,4 +1,4 @@
-"""The normalised difference vegetation index of an image, and where it says vegetation.
+"""NDVI of an image, and a mask of where it means vegetation.
 
 References
 ----------
@@ -78,12 +78,12 @@ class ClassifyNdvi:
         filled_share: float = sink("Share of the cells that have NDVI", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Two bands are needed."""
+        """Both bands are given and differ."""
         if self.nir is not None and self.nir == self.red and self.red_image is None:
             yield "red", f"must be another band than nir, got {self.red} for both"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """The bands must be there, and cover the same cells."""
+        """The image has the bands, and both are on the same cells."""
         other = self.red_image or self.image
         nir, red = (
             band_number(self.image, self.nir, NIR, alone=self.red_image is not None),
@@ -109,7 +109,7 @@ class ClassifyNdvi:
         return 0.0
 
     def run(self, ctx: Context = QUIET) -> ClassifyNdvi.Outputs:
-        """Compute NDVI, find the threshold, and compare."""
+        """Compute NDVI, find the threshold, and compare the two."""
         other = self.red_image or self.image
         alone = self.red_image is not None
         nir, red = (
@@ -140,7 +140,7 @@ class ClassifyNdvi:
         )
 
     def _reflectance(self, image: Raster, number: int) -> Floats:
-        """A band, NaN where there is nothing."""
+        """Values of a band as reflectance, NaN where there is no data."""
         is_integer = image.values.dtype.kind != "f"
         if self.nodata_is_valid and is_integer:
             band = image.values[number - 1].astype(np.float64)
@@ -152,7 +152,7 @@ class ClassifyNdvi:
 def band_number(
     image: Raster, word: str | None, pattern: re.Pattern[str], *, alone: bool
 ) -> int | str:
-    """Number of the band that is meant, or why there is none.
+    """Index of a band by name or number, or why there is none.
 
     Parameters
     ----------
@@ -181,12 +181,12 @@ def band_number(
 
 
 def swapped(nir: str, red: str) -> bool:
-    """Whether the descriptions of the bands say the opposite of how they are used."""
+    """Whether the descriptions of the bands contradict the roles they are given."""
     return bool(RED.search(nir) and NIR.search(red))
 
 
 def warn(values: Floats) -> None:
-    """Log what a user may not have meant."""
+    """Log what may not be as the user intended."""
     if not len(values):
         log.warning("no cell has NDVI")
     elif (share := np.mean(values < 0)) > MOSTLY:

@@ -142,7 +142,7 @@ class ClassifySom:
         unclassified: int = sink("Points that lack a feature, now of class 1", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Every feature has one weight, and a map has two neurons."""
+        """Every feature has one weight, and the map has at least two neurons."""
         if self.features is not None and not self.features:
             yield "features", "give at least one name"
         if self.features and len(set(self.features)) < len(self.features):
@@ -156,12 +156,12 @@ class ClassifySom:
             yield "columns", "a map needs at least two neurons"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """Features that are not made must be attributes."""
+        """Features that are not computed are attributes of the points."""
         if text := missing_feature(self.features or (), self.points):
             yield "features", text
 
     def halo(self) -> float:
-        """All points train the map; apply it to tiles with classify.som_apply."""
+        """Infinite, as all points train the map; classify.som_apply applies it to tiles."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> ClassifySom.Outputs:
@@ -197,7 +197,7 @@ class ClassifySom:
         )
 
     def _known(self, features: _evidence.PointFeatures) -> Bytes:
-        """The class of each point as far as it is known, or 0."""
+        """The class of each point by labels or evidence; 0 where not known."""
         if self.labels is None:
             return _evidence.evidence(features)
         known = features.cloud[self.labels]
@@ -210,7 +210,7 @@ class ClassifySom:
     def _map(
         self, names: tuple[str, ...], values: Floats, known: Bytes, ctx: Context
     ) -> FeatureMap:
-        """Train maps of one size, or of growing sizes, and split what is mixed."""
+        """Train a map of one size or of growing sizes, and split its mixed clusters."""
         how = _som.Training(
             iterations=self.iterations,
             neighbourhood=self.neighbourhood,
@@ -266,7 +266,7 @@ class ClassifySom:
 
 
 def usual_features(cloud: PointCloud) -> tuple[str, ...]:
-    """Those of DEFAULT that the points tell something about."""
+    """The features of DEFAULT for which the points have data."""
     left_out = set()
     if not _evidence.has_several_returns(cloud):
         left_out.add("returns")
@@ -278,7 +278,7 @@ def usual_features(cloud: PointCloud) -> tuple[str, ...]:
 
 
 def drawn(xyz: Floats, count: int, seed: int) -> Ints:
-    """Indices of `count` of the points, chosen by chance that only their places decide."""
+    """Indices of `count` points chosen at random by their coordinates, whatever their order."""
     if len(xyz) <= count:
         return np.arange(len(xyz))
     keys = random_keys(xyz, seed)
@@ -286,7 +286,7 @@ def drawn(xyz: Floats, count: int, seed: int) -> Ints:
 
 
 def growing(rows: int, columns: int) -> Iterator[tuple[int, int]]:
-    """Sizes of a map that grows from two neurons, a column and a row in turn."""
+    """Sizes (rows, columns) of a growing map, from two neurons to the size given."""
     size = (1, min(2, columns)) if columns > 1 else (2, 1)
     while True:
         yield size
@@ -297,7 +297,7 @@ def growing(rows: int, columns: int) -> Iterator[tuple[int, int]]:
 
 
 def share_astray(made: FeatureMap, best: Ints, known: Bytes) -> float:
-    """Share of the known points whose neuron is of another class."""
+    """Share of the points of known class whose neuron has another class."""
     told = (known > 0) & (best != NOBODY)
     if not told.any():
         return 0.0

@@ -1,4 +1,4 @@
-"""Classification by a self-organising map that has been trained: see classify.som."""
+"""Classification by a self-organising map that classify.som has trained."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class ClassifySomApply:
         unclassified: int = sink("Points that lack a feature, now of class 1", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """The table must be a map, and the points must have its features."""
+        """The table is a map, and the points have its features."""
         try:
             made = FeatureMap.of(self.map)
         except DataError as error:
@@ -55,11 +55,11 @@ class ClassifySomApply:
             yield "map", f"its radius or context is above {LARGEST_RADIUS} or {LARGEST_CONTEXT} m"
 
     def halo(self) -> float:
-        """As far as the ground filter looks, and the neighbourhoods of the features."""
+        """Reach of the ground filter and of the neighbourhoods of the features."""
         return _evidence.HALO
 
     def run(self, ctx: Context = QUIET) -> ClassifySomApply.Outputs:
-        """Make the features of the map, and find the nearest neurons."""
+        """Compute the features of the map, and find the nearest neuron of each point."""
         cloud, made = self.points, FeatureMap.of(self.map)
         part = taking_part(cloud, self.ignore)
         if not part.any():

@@ -1,4 +1,4 @@
-"""What is left of a town once ground and buildings are known: water, plants of three heights, rest.
+"""Classes of a town beside ground and buildings: water, low to high vegetation, and the rest.
 
 How well it does: docs/explanation/urban-classes.md.
 
@@ -81,12 +81,12 @@ class ClassifyUrban:
         rest_share: float = sink("Share of points that are none of the known classes", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Heights rise."""
+        """The height limits are in order."""
         if self.low > self.high:
             yield "low", f"must be <= high ({self.high:g}), got {self.low:g}"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """Ground must have been classified, and water lie in the same place."""
+        """The points have a classification, and the water has their CRS."""
         name = self.points.name or "the cloud"
         if "classification" not in self.points:
             yield "points", f"{name} has no classification; classify ground first"
@@ -96,11 +96,11 @@ class ClassifyUrban:
             yield "water", f"{self.water.name or 'the layer'} {text} of {name}"
 
     def halo(self) -> float:
-        """That of the terrain and of what is around a point."""
+        """Reach of the terrain and of the neighbourhoods of the features."""
         return _evidence.HALO
 
     def run(self, ctx: Context = QUIET) -> ClassifyUrban.Outputs:
-        """Judge what is neither ground nor building."""
+        """Classify the points that are neither ground nor building."""
         cloud = self.points
         part = taking_part(cloud, self.ignore, among(self.keep_classes, STRUCTURES))
         chosen = cloud if part.all() else cloud.select(part)
@@ -165,7 +165,7 @@ class ClassifyUrban:
 
 
 def sure(water: Vector) -> Vector:
-    """Water without bodies that shoreline.extract knows by nothing but their level."""
+    """The layer of water without bodies whose only evidence is their level."""
     frame = water.frame
     if "evidence" not in frame:
         return water
@@ -176,7 +176,7 @@ def sure(water: Vector) -> Vector:
 
 
 def clear(features: _evidence.PointFeatures) -> NDArray[np.float64]:
-    """How far apart the evidence for plants and for what is built is, from 0 to 1, shape (n,)."""
+    """Contrast between the evidence for vegetation and for buildings, 0 to 1, shape (n,)."""
     flat = features.around["planarity"] / _evidence.ON_PLANES
     torn = features.around["returns"] / _evidence.LET_THROUGH
     total = flat + torn

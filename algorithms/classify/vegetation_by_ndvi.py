@@ -1,4 +1,4 @@
-"""Vegetation among points that know how green they are.
+"""Vegetation by an NDVI that points have, or that an image gives them.
 
 References
 ----------
@@ -75,12 +75,12 @@ class ClassifyVegetationByNdvi:
         covered_share: float = sink("Share of points that have NDVI", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Heights rise."""
+        """The height limits are in order."""
         if self.low > self.high:
             yield "low", f"must be <= high ({self.high:g}), got {self.low:g}"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """NDVI must come from somewhere, and lie in the same place."""
+        """The points have the bands, or the image is NDVI in the CRS of the points."""
         if self.image is None:
             for name in ("nir", "red"):
                 if (wanted := getattr(self, name)) not in self.points:
@@ -96,11 +96,11 @@ class ClassifyVegetationByNdvi:
             yield "image", "must be NDVI, from -1 to 1; make it with classify.ndvi"
 
     def halo(self) -> float:
-        """Each point by itself, unless all decide on the threshold."""
+        """Infinite where all points decide on the threshold, else 0."""
         return math.inf if self.threshold == "otsu" else 0.0
 
     def run(self, ctx: Context = QUIET) -> ClassifyVegetationByNdvi.Outputs:
-        """Take NDVI to the points, and compare."""
+        """Give the points their NDVI, and compare it with the threshold."""
         cloud = self.points
         values = self._ndvi()
         ctx.progress(0.4)
@@ -131,7 +131,7 @@ class ClassifyVegetationByNdvi:
         )
 
     def _ndvi(self) -> Floats:
-        """NDVI of each point, NaN where it is not known."""
+        """NDVI of each point, from the image or its own bands; NaN where not known."""
         cloud = self.points
         if self.image is not None:
             return self.image.sample(cloud.xyz[:, 0], cloud.xyz[:, 1])
@@ -141,7 +141,7 @@ class ClassifyVegetationByNdvi:
         return ndvi(nir, red)
 
     def _warn(self, values: Floats, known: Mask) -> None:
-        """Log what a user may not have meant."""
+        """Log what may not be as the user intended."""
         cloud = self.points
         missing = int(np.isnan(values).sum())
         if missing and self.image is not None:

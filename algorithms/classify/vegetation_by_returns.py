@@ -109,14 +109,14 @@ class ClassifyVegetationByReturns:
         removed: int = sink("Of these, points on edges of buildings", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Limits rise."""
+        """The limits are in order."""
         if self.weak > self.strong:
             yield "weak", f"must be <= strong ({self.strong:g}), got {self.weak:g}"
         if self.low > self.high:
             yield "low", f"must be <= high ({self.high:g}), got {self.low:g}"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """Returns, and what tells which belong together."""
+        """The points have returns, and what tells which of these are of one pulse."""
         cloud, name = self.points, self.points.name or "the cloud"
         if lacking := [wanted for wanted in NEEDED if wanted not in cloud]:
             yield "points", f"{name} has no {' and '.join(lacking)}"
@@ -126,14 +126,14 @@ class ClassifyVegetationByReturns:
             yield "building_classes", f"{name} has no classification; classify buildings first"
 
     def halo(self) -> float:
-        """Returns of a pulse lie apart, and so do an edge and what belongs to it."""
+        """Reach of the returns of a pulse, of edges, and of the spread."""
         if self.pairs == "order":
             return math.inf  # a tile has not all points between two
         cells = REACH + TRUNCATE * self.sigma + 3
         return PULSE + cells * self.cell + self.edge_reach + self.spread
 
     def run(self, ctx: Context = QUIET) -> ClassifyVegetationByReturns.Outputs:
-        """Find the candidates, leave out edges, and spread."""
+        """Find candidates, leave out those on edges of buildings, and spread."""
         cloud = self.points
         part = taking_part(cloud, self.ignore, self.keep_classes)
         chosen = cloud if part.all() else cloud.select(part)
@@ -156,7 +156,7 @@ class ClassifyVegetationByReturns:
         )
 
     def _candidates(self, cloud: PointCloud) -> tuple[Mask, Floats]:
-        """Returns of pulses that go on far enough below, and how high they are above the last.
+        """True for returns far enough above the last one of their pulse, and their height above it.
 
         Raises
         ------
@@ -183,7 +183,7 @@ class ClassifyVegetationByReturns:
         return candidate, above
 
     def _on_edges(self, cloud: PointCloud, candidate: Mask) -> Mask:
-        """Points within reach of an edge of a building, and of a point of it in space."""
+        """True for candidates near an edge of a building in plan, and near its points in space."""
         on_edge = np.zeros(len(cloud), bool)
         if not self.building_classes:
             return on_edge
@@ -206,7 +206,7 @@ class ClassifyVegetationByReturns:
         return on_edge
 
     def _spread(self, cloud: PointCloud, plant: Mask, above: Floats) -> tuple[Mask, Floats]:
-        """Vegetation with what is near to it, and heights for that."""
+        """True for vegetation and the points near it, and the heights of both."""
         if HEIGHT in cloud:
             above = cloud[HEIGHT].astype(np.float64)
         if not (self.spread and plant.any() and "classification" in cloud):
@@ -228,6 +228,6 @@ class ClassifyVegetationByReturns:
 
 
 def filled(values: Floats) -> Floats:
-    """A raster whose infinite cells have the value of the nearest other."""
+    """A raster in which infinite cells have the value of the nearest finite one."""
     index = distance_transform_edt(np.isinf(values), return_distances=False, return_indices=True)
     return np.asarray(values[tuple(index)])

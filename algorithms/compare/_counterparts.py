@@ -1,4 +1,4 @@
-"""The reference point that belongs to each point, whatever the order of both clouds."""
+"""Counterparts: the reference point for each point, by coordinates and attributes."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ def counterparts(
     max_distance: float | None = None,
     ctx: Context = QUIET,
 ) -> NDArray[np.int64]:
-    """The reference point that belongs to each point, whatever the order of both.
+    """Index of the reference point for each point; the order of the clouds does not matter.
 
-    Of several points at one place, those that are alike in all shared attributes belong together;
-    of the others the k-th belongs to the k-th of the reference points there. Points left over may
-    take the nearest reference point, several of them the same one.
+    Of several points at one position, those that are alike in all shared attributes belong
+    together; of the others the k-th belongs to the k-th of the reference points there. Points left
+    over may take the nearest reference point, several of them the same one.
 
     Parameters
     ----------
     xyz, reference : arrays of shape (n, 3) and (m, 3), in the same unit
-    ties, reference_ties : give for an array of indices the columns by which points at one place
+    ties, reference_ties : give for an array of indices the columns by which points at one position
         are told apart, the weightiest first, and those by which they are sorted after that
     max_distance : farthest counterpart of points left over, in that unit; None to leave them
     ctx : progress and cancellation
@@ -77,7 +77,7 @@ def counterparts(
 def told_apart(
     place: NDArray[np.int64], reference_place: NDArray[np.int64], ties: Ties, reference_ties: Ties
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Give points at one place that differ in a shared attribute places of their own."""
+    """Numbers of positions, split where points differ in a shared attribute."""
     size = max(place.max(initial=-1), reference_place.max(initial=-1)) + 1
     several = np.bincount(place, minlength=size) > 1
     several |= np.bincount(reference_place, minlength=size) > 1
@@ -99,7 +99,7 @@ def paired(
     order_by: Callable[[NDArray[np.int64]], Columns],
     reference_order_by: Callable[[NDArray[np.int64]], Columns],
 ) -> NDArray[np.int64]:
-    """For the k-th point of each place the k-th reference point there, -1 where there is none."""
+    """Index of the k-th reference point for the k-th point at a position; -1 if there is none."""
     rank = rank_in_place(place, order_by)
     reference_rank = rank_in_place(reference_place, reference_order_by)
     count = np.bincount(reference_place, minlength=place.max(initial=-1) + 1)
@@ -120,7 +120,7 @@ def _take_nearest(
     max_distance: float,
     ctx: Context,
 ) -> None:
-    """Give points without counterpart (-1) the nearest reference point (in place)."""
+    """Set the missing counterparts (-1) to the nearest reference point (in place)."""
     tree, left_over = cKDTree(reference[order]), np.flatnonzero(found < 0)
     for start in range(0, len(left_over), BLOCK):
         ctx.progress(start / len(left_over))
@@ -132,7 +132,7 @@ def _take_nearest(
 def shared_places(
     xyz: NDArray[np.float64], reference: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Number of the place of each point and reference point: equal for equal coordinates.
+    """Number of the position of each point and reference point, equal for equal coordinates.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def shared_places(
 
 
 def numbered(columns: Sequence[NDArray[np.float64]]) -> NDArray[np.int64]:
-    """Number equal rows of columns of shape (n,) alike, from 0, in their sorted order."""
+    """Number of each row of some columns: equal for equal rows, from 0, in their sorted order."""
     order = np.lexsort(columns)
     another = np.zeros(len(order), bool)
     for column in columns:
@@ -171,7 +171,7 @@ def numbered(columns: Sequence[NDArray[np.float64]]) -> NDArray[np.int64]:
 def rank_in_place(
     place: NDArray[np.int64], order_by: Callable[[NDArray[np.int64]], Columns]
 ) -> NDArray[np.int64]:
-    """0, 1, 2, ... for the points at one place.
+    """Rank 0, 1, 2, ... of each point among those at the same position.
 
     Parameters
     ----------

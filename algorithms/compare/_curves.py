@@ -1,4 +1,4 @@
-"""Polynomials through the vertices of lines, as Odabaş (2018) compares shorelines by them."""
+"""Polynomials through the vertices of lines, and how well two of them agree (Odabaş 2018)."""
 
 from __future__ import annotations
 
@@ -38,7 +38,9 @@ class PolynomialCurve(NamedTuple):
 
     @classmethod
     def fit(cls, points: Array, centre: Array, degree: int) -> PolynomialCurve:
-        """Least squares in x scaled to -1..1, so that the digits of coordinates do not matter.
+        """Polynomial of a degree through points by least squares, in x scaled to -1..1.
+
+        The scaling keeps the digits that large coordinates would lose.
 
         Parameters
         ----------
@@ -66,7 +68,7 @@ class PolynomialCurve(NamedTuple):
         return cls(centred, float(x.min()), float(x.max()), r2, rmse)
 
     def uncentred(self, centre: Array) -> Array:
-        """Coefficients of powers of x itself, for y itself, without rounding on the way."""
+        """Coefficients of the powers of x, not centred, by exact arithmetic."""
         x0, y0 = (Fraction(float(value)) for value in centre)
         exact = [Fraction(float(value)) for value in self.centred]
         found = [
@@ -85,7 +87,7 @@ class PolynomialCurve(NamedTuple):
 
 
 def curve_rows(own: Array, reference: Array, degree: int) -> Iterator[Row]:
-    """Coefficients of both curves, their fit, and how well they agree.
+    """Table rows: coefficients of both curves, their fit, and how well they agree.
 
     Parameters
     ----------
@@ -110,7 +112,7 @@ def curve_rows(own: Array, reference: Array, degree: int) -> Iterator[Row]:
 
 
 def _agreement(one: PolynomialCurve, other: PolynomialCurve) -> Iterator[Row]:
-    """Differences of two curves over the x that both have, as integrals; nothing of no x."""
+    """Table rows: differences of two curves over the x that both cover; none if they share no x."""
     low, high = max(one.low, other.low), min(one.high, other.high)
     width = max(high - low, 0.0)
     yield _row("common", width, None, "m", "range of x that both lines have")

@@ -1,4 +1,7 @@
-"""Fréchet distance of two lines: the shortest leash of two who walk along them, never back.
+"""Fréchet distance of two lines.
+
+It is the length of the shortest leash for a man and a dog who walk along one line each, without
+ever going back.
 
 References
 ----------
@@ -27,9 +30,9 @@ Indices = NDArray[np.int64]
 def frechet(
     one: Array, other: Array, least: float, within: float, step: float, ctx: Context = QUIET
 ) -> tuple[float, bool]:
-    """Fréchet distance of two lines, whichever way the second one is walked.
+    """Fréchet distance of two lines, the second one taken in the better of its directions.
 
-    Of closed lines it is that from the best place to begin, looked for every `step` along the
+    Of closed lines it is that from the best starting position, looked for every `step` along the
     second one: the answer may be too large by half a step, and says the least where it is exact.
 
     Parameters
@@ -37,7 +40,7 @@ def frechet(
     one, other : arrays of shape (n, 2) and (m, 2)
     least : a lower bound, such as the Hausdorff distance
     within : how far the answer may be wrong, beyond that of closed lines
-    step : between places at which a closed line may begin
+    step : between positions at which a closed line may begin
 
     Returns
     -------
@@ -53,7 +56,7 @@ def frechet(
     starts = [places_along(way, step) if is_closed else None for way in ways]
 
     def walks(leash: float) -> int | None:
-        """The way along which the leash is long enough, if any."""
+        """Index of the direction in which the leash is long enough; None if there is none."""
         for number, (way, start) in enumerate(zip(ways, starts, strict=True)):
             for begun in [way] if start is None else begun_at(way, *start, leash, one[0]):
                 if can_walk(one, begun, leash, ctx):
@@ -76,12 +79,12 @@ def frechet(
 
 
 def _apart(one: Array, other: Array) -> float:
-    """The larger distance between the first and the last places of two lines."""
+    """The larger of the distances between the two starts and between the two ends."""
     return max(math.dist(one[0], other[0]), math.dist(one[-1], other[-1]))
 
 
 def places_along(ring: Array, step: float) -> tuple[Indices, Array]:
-    """Segments and places of shape (n, 2) along a closed line, no farther apart than a step."""
+    """Positions of shape (n, 2) along a closed line, at most a step apart, and their segments."""
     way = np.diff(ring, axis=0)
     count = np.ceil(np.hypot(way[:, 0], way[:, 1]) / step).astype(np.int64)
     segment = np.repeat(np.arange(len(way)), count)
@@ -92,7 +95,7 @@ def places_along(ring: Array, step: float) -> tuple[Indices, Array]:
 def begun_at(
     ring: Array, segment: Indices, places: Array, leash: float, end: Array
 ) -> Iterator[Array]:
-    """A closed line from each place where it may begin: within the leash, the nearest first.
+    """The closed line, begun at each position within the leash of `end`, the nearest one first.
 
     Parameters
     ----------
@@ -110,7 +113,7 @@ def begun_at(
 
 
 def can_walk(one: Array, other: Array, leash: float, ctx: Context = QUIET) -> bool:
-    """Whether a leash is long enough for two lines, each walked from its begin to its end.
+    """Whether a leash is long enough for two lines that are walked from start to end.
 
     Time and memory go with the part of the free space diagram that can be reached, row by row: for
     lines close to each other with their lengths, at worst with the product of their nodes.
@@ -137,7 +140,7 @@ def can_walk(one: Array, other: Array, leash: float, ctx: Context = QUIET) -> bo
 
 @njit(cache=True, nogil=True)
 def free(x, y, ax, ay, bx, by, leash):
-    """From where to where, as shares, a segment is within the leash of a place; NaN for nowhere."""
+    """Range of shares of a segment within the leash of a position; NaN if there is none."""
     wx, wy, ux, uy = bx - ax, by - ay, x - ax, y - ay
     length = wx * wx + wy * wy
     along = (ux * wx + uy * wy) / length
@@ -159,7 +162,7 @@ def free(x, y, ax, ay, bx, by, leash):
 
 @njit(cache=True, nogil=True)
 def first_row(place, other, leash, now):
-    """What can be reached while the first line waits at its begin; first and last segment."""
+    """Fill in what is reached while the first line waits at its start; first and last segment."""
     last = -1
     for j in range(len(other) - 1):
         low, high = free(
@@ -178,7 +181,7 @@ def first_row(place, other, leash, now):
 def walk_rows(  # noqa: PLR0912
     one, other, leash, start, end, now, then, reach, bottom
 ):
-    """Walk segments start..end of the first line.
+    """Advance over the segments start..end of the first line; first and last segment reached.
 
     Parameters
     ----------

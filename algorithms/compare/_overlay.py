@@ -1,4 +1,4 @@
-"""Polygons of two layers over each other."""
+"""Overlay of the polygons of two layers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Indices = NDArray[np.int64]
 
 
 class Side(NamedTuple):
-    """One of the two layers.
+    """Polygons of one of the two layers, cut to the region that is compared.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Side(NamedTuple):
 
     @classmethod
     def of(cls, shapes: Shapes, region: Any, ctx: Context = QUIET) -> Side:
-        """Cut polygons to a region, if there is one, and to pieces that do not overlap."""
+        """Cut polygons to a region, if there is one, and take overlaps within the layer apart."""
         whole = shapely.area(shapes)
         shapes = clipped(shapes, region, ctx.part(0.0, 0.5))
         area = shapely.area(shapes)
@@ -48,17 +48,17 @@ class Side(NamedTuple):
 
     @property
     def total(self) -> float:
-        """Area of all polygons together, none of it counted twice."""
+        """Area of all polygons together; overlaps count once."""
         return float(shapely.area(self.pieces).sum())
 
     @property
     def twice(self) -> float:
-        """Area by which polygons lie over each other."""
+        """Area of the overlaps of polygons within the layer."""
         return max(0.0, float(self.area.sum()) - self.total) if len(self.covering) else 0.0
 
 
 class Pairs(NamedTuple):
-    """What polygons of two layers have in common, sorted by first and second.
+    """Intersections of polygons of two layers, sorted by first and second.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Pairs(NamedTuple):
 
 
 class Overlay(NamedTuple):
-    """Both layers over each other.
+    """Overlay of both layers.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class Overlay(NamedTuple):
 
     @classmethod
     def of(cls, own: Side, other: Side, ctx: Context = QUIET) -> Overlay:
-        """Overlay; where no layer overlaps itself, once."""
+        """Overlay of two layers; computed once for both uses where no layer overlaps itself."""
         pairs = meet(own.shapes, other.shapes, ctx.part(0.0, 0.3))
         own_whole, other_whole = not len(own.covering), not len(other.covering)
         onto = pairs if other_whole else meet(own.shapes, other.pieces, ctx.part(0.3, 0.4))
@@ -120,7 +120,7 @@ class Overlay(NamedTuple):
 
 
 def clipped(shapes: Shapes, region: Any, ctx: Context = QUIET) -> Shapes:
-    """Polygons within a region; those outside of it are empty."""
+    """Polygons cut to a region; empty where they lie outside."""
     if region is None:
         return shapes
     shapely.prepare(region)
@@ -136,7 +136,7 @@ def clipped(shapes: Shapes, region: Any, ctx: Context = QUIET) -> Shapes:
 
 
 def only_areas(shapes: Shapes) -> Shapes:
-    """Without the lines and points along which an overlay touches."""
+    """Shapes of an overlay without the lines and points in which polygons only touch."""
     mixed = shapely.get_dimensions(shapes) < 2
     shapes[mixed] = shapely.Polygon()
     for index in np.flatnonzero(
@@ -148,7 +148,7 @@ def only_areas(shapes: Shapes) -> Shapes:
 
 
 def disjoint(shapes: Shapes, ctx: Context = QUIET) -> tuple[Shapes, Indices]:
-    """Take from each polygon what earlier ones cover, so that together they cover the same.
+    """Polygons without what earlier ones cover; together they cover the same area.
 
     Returns
     -------
@@ -192,7 +192,7 @@ def meet(one: Shapes, other: Shapes, ctx: Context = QUIET, *, earlier: bool = Fa
 
 
 def intersections(one: Shapes, other: Shapes) -> Shapes:
-    """The intersection of each pair of polygons; what lies within the other needs no overlay.
+    """The intersection of each pair of polygons; computed only where neither covers the other.
 
     That matters where a large polygon of many vertices holds many small ones.
     """
@@ -208,7 +208,7 @@ def intersections(one: Shapes, other: Shapes) -> Shapes:
 def remainder(
     shapes: Shapes, first: Indices, second: Indices, other: Shapes, ctx: Context = QUIET
 ) -> Shapes:
-    """What is left of each polygon without those of the other layer that it meets.
+    """Each polygon minus those of the other layer that it intersects.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Lines as segments: places along them, and the nearest place on another line."""
+"""Lines as segments: positions along them, and the nearest position on another line."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Indices = NDArray[np.int64]
 
 
 class Route(NamedTuple):
-    """Lines of a layer as nodes; between two nodes in a row of one line lies a segment.
+    """Lines of a layer as nodes; consecutive nodes of a line are joined by a segment.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Route(NamedTuple):
 
     @classmethod
     def of(cls, lines: Sequence[Array]) -> Route:
-        """From the vertices of lines, of shape (k, 3) each, no two in a row at one place."""
+        """Build from the vertices of lines, of shape (k, 3) each, no two consecutive ones equal."""
         nodes = np.vstack(lines)
         line = np.repeat(np.arange(len(lines)), [len(vertices) for vertices in lines])
         closed = np.array([(v[0, :2] == v[-1, :2]).all() for v in lines], bool)
@@ -48,22 +48,22 @@ class Route(NamedTuple):
 
     @property
     def begins(self) -> Indices:
-        """Node at which each segment begins; it ends at the next one."""
+        """Index of the node at which each segment begins; it ends at the next node."""
         return np.flatnonzero(self.line[1:] == self.line[:-1])
 
     @property
     def lengths(self) -> Array:
-        """Of the segments, in the plane."""
+        """Lengths of the segments, in the plane."""
         way = np.diff(self.nodes[:, :2], axis=0)[self.begins]
         return np.hypot(way[:, 0], way[:, 1])
 
     @property
     def length(self) -> float:
-        """Of all lines."""
+        """Total length of all lines."""
         return float(self.lengths.sum())
 
     def vertices(self, number: int) -> Array:
-        """x and y of one line."""
+        """Vertices of one line, array of shape (k, 2)."""
         return self.nodes[self.line == number, :2]
 
     def divided(self, step: float) -> Route:
@@ -93,7 +93,7 @@ class Route(NamedTuple):
 
 
 def chainages(nodes: Array, line: Indices) -> Array:
-    """Length along each line up to its nodes."""
+    """Length along each line from its beginning to each node."""
     way = np.diff(nodes[:, :2], axis=0)
     step = np.where(line[1:] == line[:-1], np.hypot(way[:, 0], way[:, 1]), 0.0)
     total = np.concatenate([[0.0], np.cumsum(step)])
@@ -103,10 +103,10 @@ def chainages(nodes: Array, line: Indices) -> Array:
 
 
 def routes(shapes: Shapes) -> list[Array]:
-    """Vertices of shape (n, 3) of lines that continue each other, with outlines of polygons.
+    """Vertices of shape (n, 3) of each line; lines are merged where one continues another.
 
     Lines that go on in the same direction where another ends are one; polygons have their inside
-    on the left. Vertices in a row at one place are one.
+    on the left. Vertices in a row at one position are one.
     """
     areas = shapely.get_dimensions(shapes) == 2
     outlines = shapely.boundary(shapely.orient_polygons(shapes[areas]))
@@ -123,12 +123,12 @@ def routes(shapes: Shapes) -> list[Array]:
 
 
 class Feet(NamedTuple):
-    """The nearest places on a route; arrays of shape (n,).
+    """Nearest positions on a route (feet of perpendiculars); arrays of shape (n,).
 
     Attributes
     ----------
     segment : number of the segment
-    share : of the segment up to the place
+    share : of the segment up to the position
     distance : in the plane
     """
 
@@ -138,7 +138,7 @@ class Feet(NamedTuple):
 
 
 class IndexedRoute:
-    """A route whose segments are in a tree: it tells the nearest place on it."""
+    """A route with a spatial index of its segments, which finds the nearest position on it."""
 
     def __init__(self, route: Route) -> None:
         self.route = route
@@ -150,7 +150,7 @@ class IndexedRoute:
         self._tree = shapely.STRtree(segments)
 
     def feet(self, places: Array, ctx: Context = QUIET) -> Feet:
-        """The nearest place on the route for each of shape (n, 2)."""
+        """The nearest position on the route for each of the positions of shape (n, 2)."""
         segment = np.empty(len(places), np.int64)
 
         def work(first: int, last: int) -> None:
@@ -162,29 +162,29 @@ class IndexedRoute:
         return Feet(segment, share, distance)
 
     def onto(self, places: Array, segment: Indices) -> tuple[Array, Array]:
-        """The nearest place on given segments: share of the segment, and distance."""
+        """The nearest position on given segments, as a share of the segment, and its distance."""
         away, way = places - self.start[segment], self.way[segment]
         share = np.clip((away * way).sum(axis=1) / (way**2).sum(axis=1), 0, 1)
         left = away - share[:, None] * way
         return share, np.hypot(left[:, 0], left[:, 1])
 
     def at(self, feet: Feet) -> tuple[Indices, Array, Array]:
-        """Line, chainage and height of places on the route."""
+        """Number of the line, chainage and height of positions on the route."""
         node = self.begins[feet.segment]
         chainage, z = self.route.chainage, self.route.nodes[:, 2]
         along = chainage[node] + feet.share * (chainage[node + 1] - chainage[node])
         return self.route.line[node], along, z[node] + feet.share * (z[node + 1] - z[node])
 
     def sides(self, places: Array, feet: Feet) -> tuple[Array, NDArray[np.bool_]]:
-        """On which side of the route places lie, and whether abeam of it.
+        """Side of the route on which positions lie, and whether they are abeam of it.
 
         At a vertex the side is that of the mean direction of its two segments, since one of them
-        alone may have the place on its wrong side (Bærentzen and Aanæs 2005 for meshes).
+        alone may have the position on its wrong side (Bærentzen and Aanæs 2005 for meshes).
 
         Returns
         -------
         array of shape (n,), 1 on the left, -1 on the right, 0 on the route
-        array of shape (n,), False where a place lies beyond the end of a line
+        array of shape (n,), False where a position lies beyond the end of a line
         """
         unit = self.way / np.hypot(*self.way.T)[:, None]
         before, after = self._neighbours()
@@ -201,7 +201,7 @@ class IndexedRoute:
         return np.sign(cross), ~beyond
 
     def _neighbours(self) -> tuple[Indices, Indices]:
-        """The segments before and after each one, -1 where a line begins or ends."""
+        """Indices of the segments before and after each one; -1 where a line begins or ends."""
         count = len(self.begins)
         before, after = np.arange(count) - 1, np.arange(count) + 1
         line = self.route.line[self.begins]
@@ -216,7 +216,7 @@ class IndexedRoute:
 def farthest(
     route: Route, feet: Feet, other: IndexedRoute, within: float, ctx: Context = QUIET
 ) -> float:
-    """The largest distance of any place of a route to another: the directed Hausdorff distance.
+    """The largest distance of any point of a route from another: directed Hausdorff distance.
 
     The distance to one segment is convex along a straight piece, so it is nowhere larger than at
     the ends of the piece. Pieces that may hold a larger distance than the largest found are
@@ -249,6 +249,6 @@ def farthest(
 
 
 def halved(ends: NDArray[Any], middle: NDArray[Any]) -> NDArray[Any]:
-    """First and last values of pieces, of shape (n, 2, ...), as those of their 2 n halves."""
+    """Values at the ends of the halves of pieces, shape (2 n, 2, ...), from those of pieces."""
     first, last = ends[:, 0], ends[:, 1]
     return np.concatenate([np.stack([first, middle], axis=1), np.stack([middle, last], axis=1)])

@@ -1,4 +1,4 @@
-"""Features of vector layers, looked at one by one before they are compared."""
+"""Checks and repairs of the features of vector layers before these are compared."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def layer_problem(
 
 
 def _invalid(shapes: Shapes, nothing: NDArray[np.bool_], named: str) -> str | None:
-    """What is wrong but could be mended; continues a sentence."""
+    """The problem with features that can be repaired; continues a sentence."""
     if nothing.any():
         return f"{named} has no geometry in {features(np.flatnonzero(nothing))}"
     if (bad := ~shapely.is_valid(shapes)).any():
@@ -63,12 +63,12 @@ def _invalid(shapes: Shapes, nothing: NDArray[np.bool_], named: str) -> str | No
 
 
 def _codes(types: Collection[str]) -> list[int]:
-    """Numbers of geometry types by their names."""
+    """Codes of geometry types in shapely, by their names."""
     return [shapely.GeometryType[name.upper()].value for name in types]
 
 
 def features(indices: Iterable[int]) -> str:
-    """Name features by number, from 1: "feature 3", "features 3, 4 and 5 more"."""
+    """Text that names features by number, from 1: "feature 3", "features 3, 4 and 5 more"."""
     numbers = [int(index) + 1 for index in indices]
     listed = ", ".join(map(str, numbers[:MOST_NAMED]))
     more = f" and {len(numbers) - MOST_NAMED} more" if len(numbers) > MOST_NAMED else ""
@@ -76,7 +76,9 @@ def features(indices: Iterable[int]) -> str:
 
 
 def mended(layer: Vector, name: str) -> Shapes:
-    """The polygons of a layer that `layer_problem` found nothing wrong with, in the plane.
+    """The polygons of a layer in the plane, repaired where they are not valid.
+
+    The layer must have passed :func:`layer_problem`.
 
     Those that are not valid are rebuilt from their rings, and that is logged; without a geometry
     they are empty polygons.
@@ -102,7 +104,7 @@ def mended(layer: Vector, name: str) -> Shapes:
 
 
 def attribute_problem(name: str, layers: Iterable[Vector]) -> Iterator[str]:
-    """Say that no layer has the attribute, and which there are."""
+    """The problem that no layer has an attribute, with a list of those that there are."""
     known: dict[str, None] = {}
     for layer in layers:
         frame = layer.frame
@@ -117,7 +119,7 @@ def _geometries(layer: Vector) -> Shapes:
 
 
 def _may_hold(geometry_type: str | None, types: Collection[str]) -> bool:
-    """Whether an empty layer is one of these types, as far as it says."""
+    """Whether an empty layer may be of one of these types, by its declared type."""
     plain = (geometry_type or "Unknown").removeprefix("2.5D ").split(" ")[0]
     return plain in (*types, "Unknown", "GeometryCollection", "Geometry")
 

@@ -1,4 +1,4 @@
-"""Whether checkpoints are spread over the area of a surface, and not crowded.
+"""Whether checkpoints are spread over the area of a surface instead of crowded.
 
 References
 ----------
@@ -28,7 +28,7 @@ NAMES = ("south-west", "north-west", "south-east", "north-east")
 
 
 class Quarters(NamedTuple):
-    """Four parts of a surface that have as much area with values each, whatever its outline.
+    """Division of a surface into four quarters of equal area, by its cells with values.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Quarters(NamedTuple):
 
     @classmethod
     def of(cls, surface: Raster) -> Quarters:
-        """Halve the area from west to east, and each half from south to north."""
+        """Halve the area from west to east, then each half from south to north."""
         known, lattice = np.isfinite(surface.band()), Lattice.of(surface)
         column = _middle(known.sum(axis=0))
         cut = round(column)
@@ -53,20 +53,20 @@ class Quarters(NamedTuple):
         return cls(lattice.west + column * lattice.cell, (west, east), area)
 
     def shares(self, xy: Array) -> Array:
-        """Shares of the places, of shape (n, 2), that lie in the quarters, by `NAMES`."""
+        """Share of positions of shape (n, 2) in each of the quarters, in the order of `NAMES`."""
         eastern = xy[:, 0] >= self.east
         northern = xy[:, 1] >= np.where(eastern, self.north[1], self.north[0])
         return np.bincount(2 * eastern + northern, minlength=4) / len(xy)
 
 
 def _middle(counts: NDArray[Any]) -> float:
-    """How many of the lines of cells, from the first, hold half of all."""
+    """Position along rows or columns at which half of the counted cells is reached."""
     edges = np.concatenate([[0.0], np.cumsum(counts)])
     return float(np.interp(edges[-1] / 2, edges, np.arange(len(edges))))
 
 
 def spread(kind: str, xy: Array, quarters: Quarters) -> Iterator[dict[str, Any]]:
-    """Rows of the report on where checkpoints lie; warns where they are not spread.
+    """Rows of the report on the distribution of checkpoints; warns where it is uneven.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def spread(kind: str, xy: Array, quarters: Quarters) -> Iterator[dict[str, Any]]
 
 
 def _apart(kind: str, xy: Array, area: float) -> dict[str, Any]:
-    """The row on the mean distance from a checkpoint to the nearest other."""
+    """The row of the report on the mean distance from a checkpoint to its nearest neighbour."""
     from scipy.spatial import cKDTree
 
     apart = float(np.mean(cKDTree(xy).query(xy, k=[2])[0]))

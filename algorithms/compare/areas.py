@@ -112,7 +112,7 @@ class CompareAreas:
         object_completeness: float | None = sink("Reference polygons found", unit="%")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """Layers of valid polygons, and a name that one of them has."""
+        """The layers hold valid polygons, and one of them has the attribute `label`."""
         for name in ("areas", "reference", "coverage"):
             layer = getattr(self, name)
             if layer is None:
@@ -126,7 +126,7 @@ class CompareAreas:
                 yield "label", text
 
     def halo(self) -> float:
-        """Polygons are of any size."""
+        """Infinite, as polygons are of any size."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> CompareAreas.Outputs:
@@ -171,7 +171,7 @@ class CompareAreas:
         )
 
     def _region(self) -> Any:
-        """Where is compared, as one geometry; None for everywhere.
+        """The area that is compared, as one geometry; None for everywhere.
 
         Raises
         ------
@@ -189,7 +189,7 @@ class CompareAreas:
         return region
 
     def _labels(self, layer: Vector) -> list[Any]:
-        """The name of each feature; None where it has none."""
+        """The label of each feature; None where it has none."""
         frame = layer.frame
         if self.label is None or self.label not in frame:
             return [None] * len(frame)
@@ -197,7 +197,7 @@ class CompareAreas:
         return list(column.where(column.notna(), None))
 
     def _difference(self, overlay: Overlay) -> Vector:
-        """One feature for each polygon of a kind, with the features that it comes from."""
+        """Layer of agreement, commission and omission, with the numbers of the features."""
         import geopandas
         import pandas as pd
 
@@ -221,7 +221,7 @@ class CompareAreas:
 
 
 def _warn(own: Side, other: Side) -> None:
-    """Log what a user may not have meant."""
+    """Log what may not be as the user intended."""
     for name, side in (("areas", own), ("reference", other)):
         if not side.area.any():
             log.warning("%s: there are no polygons to compare", name)
@@ -236,14 +236,14 @@ def _warn(own: Side, other: Side) -> None:
 
 
 def numbered(indices: Indices) -> Any:
-    """Numbers from 1, missing where the index is -1."""
+    """Feature numbers, which count from 1; missing where the index is -1."""
     import pandas as pd
 
     return pd.arrays.IntegerArray(indices.astype(np.int64) + 1, indices < 0)
 
 
 def percent(part: float, whole: float) -> float | None:
-    """None of nothing."""
+    """A share in percent; None if the whole is zero."""
     return 100 * part / whole if whole else None
 
 
@@ -265,7 +265,7 @@ class Sums(NamedTuple):
 
     @classmethod
     def of(cls, own: Side, other: Side, overlay: Overlay) -> Sums:
-        """Add up, no area twice."""
+        """Sum up the areas of both layers; overlaps within a layer count once."""
         return cls(
             own.total,
             other.total,
@@ -332,7 +332,7 @@ def _row(measure: str, value: float | None, unit: str, meaning: str) -> Row:
 
 
 class Judged(NamedTuple):
-    """The polygons of one layer as objects; arrays of shape (n,), indices -1 for none.
+    """Outcome of each polygon of one layer as an object; arrays of shape (n,), -1 for no index.
 
     Attributes
     ----------
@@ -352,17 +352,17 @@ class Judged(NamedTuple):
 
     @property
     def found_share(self) -> float | None:
-        """Of those that are judged, in percent."""
+        """Percentage of the judged polygons that were found."""
         return percent(int((self.found & self.counts).sum()), int(self.counts.sum()))
 
     @property
     def paired_share(self) -> float | None:
-        """The same of those that are paired."""
+        """Percentage of the judged polygons that are paired."""
         return percent(int(((self.pair >= 0) & self.counts).sum()), int(self.counts.sum()))
 
 
 class Objects(NamedTuple):
-    """Both layers as objects."""
+    """Outcomes of the polygons of both layers as objects."""
 
     own: Judged
     other: Judged
@@ -378,7 +378,7 @@ class Objects(NamedTuple):
         min_area: float,
         min_overlap: float,
     ) -> Objects:
-        """Match polygons.
+        """Match the polygons of both layers.
 
         Parameters
         ----------
@@ -406,7 +406,7 @@ class Objects(NamedTuple):
         return cls(judged[0], judged[1], counts)
 
     def rows(self) -> Iterator[Row]:
-        """Counts and shares of objects."""
+        """Table rows: counts and shares of objects."""
         for word, name, side in (
             ("", "polygons", self.own),
             ("reference_", "reference", self.other),
@@ -428,7 +428,7 @@ class Objects(NamedTuple):
 
 
 def highest(mine: Indices, theirs: Indices, value: Array, count: int) -> tuple[Indices, Array]:
-    """Of each polygon the counterpart of the highest value, the first of equal ones; -1 for none.
+    """The counterpart of highest value for each polygon, the first of equal ones; -1 for none.
 
     Parameters
     ----------
@@ -448,7 +448,7 @@ def highest(mine: Indices, theirs: Indices, value: Array, count: int) -> tuple[I
 def one_to_one(
     first: Indices, second: Indices, iou: Array, least: float, counts: tuple[int, int]
 ) -> tuple[Indices, Indices]:
-    """Pair polygons, those of the highest IoU first, each at most once.
+    """Pairs of polygons in the order of falling IoU, each polygon in at most one.
 
     Returns
     -------
@@ -466,7 +466,7 @@ def one_to_one(
 def relations(
     first: Indices, second: Indices, there: NDArray[np.bool_], there_other: NDArray[np.bool_]
 ) -> tuple[NDArray[Any], NDArray[Any], dict[str, int]]:
-    """How many polygons belong together with how many of the reference.
+    """Relation of each polygon (such as "1:n") by the groups of overlapping polygons.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ from toolbox.data import PointCloud, Table
 from toolbox.declare import Attribute, ClassList, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
-# Attributes that the sensor gave, in the order in which they tell points at one place apart.
+# Attributes that the sensor gave, in the order in which they tell points at one position apart.
 RECORDED = (
     "gps_time",
     "return_number",
@@ -74,7 +74,7 @@ class CompareClasses:
     that was taken for ground. Points without a counterpart are counted and reported.
 
     Coordinates are the same if they agree to 0.000001 units (0.000000001 where none exceeds 360,
-    as degrees). Several points at one place are told apart by the attributes that both clouds
+    as degrees). Several points at one position are told apart by the attributes that both clouds
     have, GPS time and return number first, and where all those are equal in favour of the
     classification; each takes one reference point. With `max_distance`, points left over take the
     nearest reference point, which may then serve several.
@@ -130,7 +130,7 @@ class CompareClasses:
         unmatched: int = sink("Points without a counterpart in the reference", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """The reference must be something else than the points, and have its attribute."""
+        """The reference differs from the points, and has its attribute."""
         where = self.reference or self.points
         if self.reference_attribute not in where:
             known, name = ", ".join(where.names) or "none", self.reference_attribute
@@ -139,11 +139,11 @@ class CompareClasses:
             yield "reference", "give reference points, or another reference_attribute"
 
     def halo(self) -> float:
-        """A counterpart may lie this far outside a tile."""
+        """Largest distance of a counterpart outside a tile."""
         return self.max_distance or 0.0
 
     def run(self, ctx: Context = QUIET) -> CompareClasses.Outputs:
-        """Match, count, and mark."""
+        """Match the points, count the errors, and mark them."""
         found = self._counterparts(ctx.part(0.0, 0.8))
         matched = found >= 0
         if not matched.any():
@@ -180,7 +180,7 @@ class CompareClasses:
     def _strata(
         self, said: NDArray[np.bool_], true: NDArray[np.bool_], matched: NDArray[np.bool_]
     ) -> Iterator[dict[str, Any]]:
-        """A row for each value of the stratum, in rising order."""
+        """Table rows: one for each value of the stratum, in rising order."""
         name = self.stratum
         group = self.points[name] if name else np.zeros(len(matched), np.uint8)
         values, number = np.unique(group, return_inverse=True)
@@ -216,7 +216,7 @@ class CompareClasses:
 def ties(
     cloud: PointCloud, shared: Sequence[str], attribute: str, positive: ClassList
 ) -> tuple[Columns, Columns]:
-    """What tells points at one place apart, and whether they are of the class of interest."""
+    """Columns that tell points at one position apart, and columns on their class."""
     given = cloud[attribute]
     columns = [column for name in shared if (column := cloud[name]).ndim == 1]
     return columns, [np.isin(given, positive), given]
@@ -224,7 +224,7 @@ def ties(
 
 @dataclass(frozen=True)
 class Counts:
-    """The four counts of Sithole and Vosselman, and what follows from them.
+    """Counts of points by class and reference (Sithole and Vosselman), and measures from them.
 
     a: ground kept, b: ground lost, c: objects kept as ground, d: objects removed. A measure whose
     denominator is zero is None.
@@ -237,7 +237,7 @@ class Counts:
 
     @classmethod
     def of(cls, said: NDArray[np.bool_], true: NDArray[np.bool_]) -> Counts:
-        """Count from two arrays of shape (n,): positive as classified, and in truth."""
+        """Count from two arrays of shape (n,): positive as classified, and in the reference."""
         a, said_count, true_count = int((said & true).sum()), int(said.sum()), int(true.sum())
         b, c = true_count - a, said_count - a
         return cls(a, b, c, len(said) - a - b - c)
@@ -279,7 +279,7 @@ class Counts:
 
     @property
     def kappa_interval(self) -> tuple[float | None, float | None]:
-        """Limits of 95 % confidence: equation 13 of Fleiss, Cohen and Everitt (1969)."""
+        """Limits of the 95 % confidence interval (Fleiss, Cohen and Everitt 1969, equation 13)."""
         if (kappa := self.kappa) is None:
             return None, None
         cells = np.array([[self.a, self.b], [self.c, self.d]]) / self.total
@@ -296,13 +296,13 @@ class Counts:
 
     @property
     def _chance(self) -> float:
-        """Agreement of two classifications that have nothing to do with each other."""
+        """Agreement by chance of two independent classifications with these totals."""
         a, b, c, d = self.a, self.b, self.c, self.d
         return ((a + b) * (a + c) + (c + d) * (b + d)) / self.total**2
 
     @property
     def _shares(self) -> dict[str, tuple[str, Proportion, str]]:
-        """The measures that are shares: name, share and meaning."""
+        """Measures that are shares, by name: label, proportion and formula."""
         a, b, c, d = self.a, self.b, self.c, self.d
         return {
             "type_1": ("Type I", Proportion(b, a + b), "b / (a + b)"),
@@ -332,7 +332,7 @@ class Counts:
             yield _row(measure, share.percent, share.interval, "%", meaning)
 
     def row(self, unmatched: int) -> dict[str, Any]:
-        """All measures side by side, shares in percent."""
+        """Row with all measures side by side, shares in percent."""
         found: dict[str, Any] = {"points": self.total, "unmatched": unmatched}
         found |= {"a": self.a, "b": self.b, "c": self.c, "d": self.d}
         for name, (_, share, _) in self._shares.items():
@@ -342,19 +342,19 @@ class Counts:
 
 @dataclass(frozen=True)
 class Proportion:
-    """A part of a whole that was counted."""
+    """A counted share of a whole."""
 
     part: int
     whole: int
 
     @property
     def percent(self) -> float | None:
-        """None where there was nothing to count."""
+        """The share in percent; None if the whole is zero."""
         return 100 * self.part / self.whole if self.whole else None
 
     @property
     def interval(self) -> tuple[float | None, float | None]:
-        """Limits of 95 % confidence in percent (Wilson 1927)."""
+        """Limits of the 95 % confidence interval in percent (Wilson 1927)."""
         if not self.whole:
             return None, None
         n, p, z = self.whole, self.part / self.whole, CONFIDENCE
@@ -385,7 +385,7 @@ def _with_limits(
 
 
 def confusion_matrix(said: NDArray[Any], true: NDArray[Any]) -> Table:
-    """Points by reference class (rows) and given class (columns).
+    """Table of the number of points by reference class (rows) and given class (columns).
 
     Parameters
     ----------

@@ -100,7 +100,7 @@ class CompareLines:
         completeness: float = sink("Length of the reference within the buffer", unit="%")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """Layers of lines, with heights if these are compared."""
+        """Both layers hold lines, with heights if these are compared."""
         for name in ("lines", "reference"):
             layer = getattr(self, name)
             if text := layer_problem(layer, (*LINES, *AREAS), "lines or polygons"):
@@ -114,11 +114,11 @@ class CompareLines:
             yield "compare_heights", f"{_named(self.reference)} {text} of {_named(self.lines)}"
 
     def halo(self) -> float:
-        """Lines are of any length."""
+        """Infinite, as lines are of any length."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> CompareLines.Outputs:
-        """Measure there and back, and sum up."""
+        """Measure distances in both directions, and sum up."""
         metre = self.lines.metre
         own, other = (Route.of(routes(_shapes(layer))) for layer in (self.lines, self.reference))
         to, back = IndexedRoute(other), IndexedRoute(own)
@@ -181,7 +181,7 @@ class CompareLines:
     def _offsets(
         self, places: Route, feet: Feet, side: Array, abeam: NDArray[np.bool_], to: IndexedRoute
     ) -> Vector:
-        """Places along the lines as points; numbers of lines count from 1."""
+        """Layer of positions along the lines with their distances; lines are numbered from 1."""
         import geopandas
 
         line, chainage, z = to.at(feet)
@@ -219,7 +219,7 @@ def _has_heights(layer: Vector) -> bool:
 
 
 class Along(NamedTuple):
-    """A value at the nodes of lines that changes straight between them.
+    """A value at the nodes of lines that is linear between them.
 
     Attributes
     ----------
@@ -237,7 +237,7 @@ class Along(NamedTuple):
 
     @classmethod
     def of(cls, route: Route, value: Array) -> Along:
-        """From values of shape (n,) at the nodes of a route."""
+        """Build from values of shape (n,) at the nodes of a route."""
         begins, lengths = route.begins, route.lengths
         count = len(route.nodes)
         share = np.bincount(begins, lengths, count) + np.bincount(begins + 1, lengths, count)
@@ -257,12 +257,12 @@ class Along(NamedTuple):
         return math.sqrt(float((self.lengths * square).sum() / 3 / self.length))
 
     def weighted(self, value: Array) -> Weighted:
-        """Other values at the same nodes, without those that are NaN."""
+        """Values at the same nodes with lengths as weights; NaN is left out."""
         known = np.isfinite(value) & (self.share > 0)
         return Weighted.of(value[known], self.share[known])
 
     def quantile(self, part: float) -> float:
-        """The value that this part of the length does not exceed."""
+        """The value that a share of the length does not exceed."""
         low, high = float(self.value.min()), float(self.value.max())
         near = ROUNDING * max(abs(low), abs(high))
         while high - low > near:
@@ -274,7 +274,7 @@ class Along(NamedTuple):
         return high
 
     def below(self, limit: float) -> tuple[float, float]:
-        """Length along which the value is not above a limit, and its integral of squares."""
+        """Length along which the value is at most a limit, and the integral of its square there."""
         low, high = np.minimum(self.first, self.last), np.maximum(self.first, self.last)
         rise = np.where(high > low, high - low, 1.0)
         part = np.where(high > low, np.clip((limit - low) / rise, 0, 1), low <= limit)
@@ -284,14 +284,14 @@ class Along(NamedTuple):
 
 
 class Weighted(NamedTuple):
-    """Values, rising, each with a length; arrays of shape (n,)."""
+    """Values in rising order, weighted by lengths; arrays of shape (n,)."""
 
     value: Array
     share: Array
 
     @classmethod
     def of(cls, value: Array, share: Array) -> Weighted:
-        """Sort them."""
+        """Sort values and their weights."""
         order = np.argsort(value, kind="stable")
         return cls(value[order], share[order])
 
@@ -308,13 +308,13 @@ class Weighted(NamedTuple):
         return math.sqrt(float(((self.value - self.mean) ** 2 * self.share).sum() / self.length))
 
     def quantile(self, part: float) -> float:
-        """The value that this part of the length does not exceed."""
+        """The value that a share of the length does not exceed."""
         middle = np.cumsum(self.share) - self.share / 2
         return float(np.interp(part * self.length, middle, self.value))
 
 
 class BufferOverlay(NamedTuple):
-    """Lengths within the buffer of the other side, and in all."""
+    """Lengths within the buffer around the other layer, and total lengths."""
 
     lines: float
     reference: float
@@ -324,12 +324,12 @@ class BufferOverlay(NamedTuple):
 
     @classmethod
     def of(cls, there: Along, here: Along, buffer: float) -> BufferOverlay:
-        """From distances there and back."""
+        """Sum up lengths from distances in both directions."""
         lines, squares = there.below(buffer)
         return cls(lines, here.below(buffer)[0], there.length, here.length, squares)
 
     def rows(self, buffer: float) -> Iterator[Row]:
-        """Buffer overlay as Heipke et al. have it."""
+        """Table rows of the buffer overlay (Heipke et al. 1997)."""
         missed = self.reference_length - self.reference
         matched = self.lines
         yield row("buffer", buffer, "m", "a line within it of the other side counts as found")
@@ -345,12 +345,12 @@ class BufferOverlay(NamedTuple):
 
 
 def row(measure: str, value: float | None, unit: str, meaning: str) -> Row:
-    """One row of the table."""
+    """One row of the table of measures."""
     return {"measure": measure, "value": value, "unit": unit, "meaning": meaning}
 
 
 def distance_rows(along: Along, longest: float, word: str, what: str) -> Iterator[Row]:
-    """Distances in one direction."""
+    """Table rows: distances in one direction."""
     yield row(f"{word}length", along.length, "m", f"length {what}".split(" to ")[0])
     yield row(f"{word}mean", along.mean, "m", f"mean distance {what}")
     yield row(f"{word}rms", along.rms, "m", "root mean square of it")
@@ -370,7 +370,7 @@ def _leash_rows(hausdorff: float, leash: tuple[float, bool] | None) -> Iterator[
 
 
 def offset_rows(offset: Weighted, length: float) -> Iterator[Row]:
-    """Offsets to the sides; None where no place is abeam of the reference."""
+    """Table rows: offsets to the sides; no offsets where no position is beside the reference."""
     share = 100 * offset.length / length
     yield row("abeam", share, "%", "length beside the reference, not beyond its ends")
     if not offset.length:
@@ -384,7 +384,7 @@ def offset_rows(offset: Weighted, length: float) -> Iterator[Row]:
 
 
 def spread_rows(values: Weighted, word: str, what: str) -> Iterator[Row]:
-    """Signed differences."""
+    """Table rows: statistics of signed differences."""
     sizes = Weighted.of(np.abs(values.value), values.share)
     yield row(f"{word}bias", values.mean, "m", f"mean of {what}")
     yield row(f"{word}std", values.std, "m", "standard deviation about it")
@@ -395,7 +395,7 @@ def spread_rows(values: Weighted, word: str, what: str) -> Iterator[Row]:
 
 
 def in_metres(rows: list[Row], metre: float) -> Iterator[Row]:
-    """Lengths of the table in metres."""
+    """Table rows with lengths converted to metres."""
     for one in rows:
         length = one["unit"] == "m" and one["value"] is not None
         yield one | ({"value": one["value"] / metre} if length else {})

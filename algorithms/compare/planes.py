@@ -98,7 +98,7 @@ class ComparePlanes:
         split: int = sink("Reference planes with several pieces", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """There must be something else to compare with, and numbers in both."""
+        """The reference differs from the points, and has the number of planes."""
         where = self.reference if self.reference is not None else self.points
         if self.reference_attribute not in where:
             known = ", ".join(where.names) or "none"
@@ -108,7 +108,7 @@ class ComparePlanes:
             yield "reference", "give reference points, or another reference_attribute"
 
     def halo(self) -> float:
-        """Planes are of any size."""
+        """Infinite, as planes are of any size."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> ComparePlanes.Outputs:
@@ -151,14 +151,14 @@ class ComparePlanes:
         )
 
     def _counterparts(self, ctx: Context) -> Ints:
-        """Index of each point in the reference, -1 where there is none."""
+        """Index of each point's counterpart in the reference; -1 if there is none."""
         if self.reference is None:
             return np.arange(len(self.points))
         return counterparts(self.points.xyz, self.reference.xyz, ctx=ctx)
 
 
 class Sets(NamedTuple):
-    """Numbers of points: of O found by a program, of E of the reference, and of both.
+    """Numbers of points: of the found plane (O), of the reference plane (E), and of both.
 
     Examples
     --------
@@ -173,32 +173,32 @@ class Sets(NamedTuple):
 
     @property
     def o_alone(self) -> int:
-        """O without E, commission."""
+        """Number of points of O without E: commission."""
         return self.o - self.both
 
     @property
     def e_alone(self) -> int:
-        """E without O, omission."""
+        """Number of points of E without O: omission."""
         return self.e - self.both
 
     @property
     def correctness(self) -> float | None:
-        """Percent of O that is in E."""
+        """Percentage of O that is in E."""
         return 100 * self.both / self.o if self.o else None
 
     @property
     def completeness(self) -> float | None:
-        """Percent of E that was found."""
+        """Percentage of E that was found."""
         return 100 * self.both / self.e if self.e else None
 
     @property
     def iou(self) -> float | None:
-        """Percent of the union that is in both."""
+        """Intersection over union of O and E, in percent."""
         union = self.o + self.e - self.both
         return 100 * self.both / union if union else None
 
     def row(self) -> Row:
-        """All counts and shares."""
+        """Row of all counts and shares."""
         return {
             "o": self.o,
             "e": self.e,
@@ -212,7 +212,7 @@ class Sets(NamedTuple):
 
 
 class Compared(NamedTuple):
-    """Rows of the table, offsets in the unit of the points, and the difference of each point."""
+    """Rows of the table, and the difference of each point; offsets in the unit of the points."""
 
     rows: list[Row]
     difference: NDArray[np.uint8]
@@ -221,7 +221,7 @@ class Compared(NamedTuple):
 def compare(
     xyz: Floats, said: Ints, true: Ints, *, overlap: float = 0.5, fewest: int = 3
 ) -> Compared:
-    """Pair planes by their points.
+    """Compare found planes with reference planes by their points.
 
     Parameters
     ----------
@@ -287,7 +287,7 @@ def _pairs(
     judged_e: NDArray[np.bool_],
     overlap: float,
 ) -> Ints:
-    """The reference plane of each found plane, -1 of none; those of the highest IoU come first."""
+    """Index of the reference plane paired with each found plane by falling IoU, -1 for none."""
     first, second = np.nonzero(both * judged_o[:, None] * judged_e)
     iou = both[first, second] / (o[first] + e[second] - both[first, second])
     pair = np.full(len(o), -1)
@@ -300,7 +300,7 @@ def _pairs(
 
 
 def between(xyz: Floats, reference: Floats) -> tuple[float, float]:
-    """Angle in degrees between the planes of two sets of points, and how far they are apart.
+    """Angle in degrees between the least-squares planes of two sets of points, and their distance.
 
     The second is the distance of the mean of the reference from the plane of the first.
     """

@@ -1,4 +1,4 @@
-"""Which wires of a power line were found: in full, in part, or not at all, and which are invented.
+"""Wires found in full, in part or not at all, compared with reference wires span by span.
 
 References
 ----------
@@ -41,7 +41,7 @@ class CompareSpans:
     counts as its worst wire, but is missed only if all are. Lines of the reference that have no
     span, such as towers, are left out.
 
-    Heights are compared at the same place in plan.
+    Heights are compared at the same position in plan.
     """
 
     wires: Vector = source("Wires that were found")
@@ -66,7 +66,7 @@ class CompareSpans:
         height_rms: float | None = sink("Height of wires found over the true ones, RMS", unit="m")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """Both must be lines with heights."""
+        """Both layers hold lines with heights."""
         for name in ("wires", "reference"):
             shapes = getattr(self, name).frame.geometry
             if not ((shapes.geom_type == "LineString") & shapes.has_z).all():
@@ -75,7 +75,7 @@ class CompareSpans:
             yield "span", f"no column {self.span!r}; there are {', '.join(columns)}"
 
     def halo(self) -> float:
-        """A wire is compared as a whole."""
+        """Infinite, as a wire is compared as a whole."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> CompareSpans.Outputs:
@@ -120,15 +120,15 @@ class CompareSpans:
 
 @dataclass(frozen=True)
 class _Pair:
-    """A true wire and a wire near it.
+    """How a found wire agrees with a reference wire near it.
 
     Attributes
     ----------
     share : of the true wire that lies near the other
-    agreement : the same, but a place counts the less the farther it is
+    agreement : the same, but a position counts the less the farther it is
     over : metres by which the other goes on
     height : of the other above the true wire, where it is near
-    beside : array of shape (m,), which places of the other lie near the true wire
+    beside : array of shape (m,), which positions on the other lie near the true wire
     """
 
     share: float
@@ -141,7 +141,7 @@ class _Pair:
 def _pairs(
     true: Sequence[Floats], found: Sequence[Floats], reach: float, ctx: Context
 ) -> list[dict[int, _Pair]]:
-    """For each true wire those that are near some of it, by their numbers."""
+    """For each reference wire, the wires near it by number, with their agreement."""
     pairs: list[dict[int, _Pair]] = [{} for _ in true]
     tree = shapely.STRtree([shapely.LineString(places) for places in found])
     for i, places in enumerate(true):
@@ -159,7 +159,7 @@ def _pairs(
 
 
 def _one_to_one(pairs: Sequence[Mapping[int, _Pair]], found: int) -> dict[int, int]:
-    """The wire of each true wire, so that all together agree best."""
+    """Assignment of wires to reference wires with the best total agreement."""
     agreement = np.zeros((len(pairs), found))
     for i, own in enumerate(pairs):
         for k, pair in own.items():
@@ -174,7 +174,7 @@ def _unwanted(
     chosen: Mapping[int, int],
     found: Sequence[Floats],
 ) -> dict[int, str]:
-    """Wires that are invented or doubled, by their numbers."""
+    """Numbers of the wires that are invented or doubled, and which of both they are."""
     near = [np.zeros(len(places), bool) for places in found]
     again = [np.zeros(len(places), bool) for places in found]
     for own, whole in zip(pairs, in_full, strict=True):
@@ -189,12 +189,12 @@ def _unwanted(
 
 
 def _length(places: Floats) -> float:
-    """Length in plan."""
+    """Length of a line in plan."""
     return float(np.hypot(*np.diff(places[:, :2], axis=0).T).sum())
 
 
 def _places(line: shapely.LineString, step: float) -> Floats:
-    """Places along a line about a step apart, array of shape (n, 3)."""
+    """Positions along a line, about a step apart, array of shape (n, 3)."""
     corners = shapely.get_coordinates(line, include_z=True)
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners[:, :2], axis=0).T))])
     at = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / step) + 1))
@@ -202,7 +202,7 @@ def _places(line: shapely.LineString, step: float) -> Floats:
 
 
 def _beside(places: Floats, line: Floats) -> tuple[Floats, Floats]:
-    """How far a line is from each of several places, and how far above it there.
+    """Distance of a line from each of several positions, and its height above them.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ def _heights(difference: Floats) -> dict[str, float | None]:
 
 
 def _by_span(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Reference wires counted by span."""
+    """Table rows: outcomes of the reference wires of each span."""
     spans: dict[Any, list[str]] = {}
     for row in rows:
         if "span" in row:

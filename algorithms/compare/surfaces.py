@@ -114,12 +114,12 @@ class CompareSurfaces:
         le95: float = sink("Error that 95 % of the errors do not exceed", unit="m")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Names that would not be looked at."""
+        """No land cover is named twice."""
         if self.vegetated and len(set(self.vegetated)) < len(self.vegetated):
             yield "vegetated", f"names a land cover twice: {', '.join(self.vegetated)}"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """One reference, at most one land cover, and heights that can be compared."""
+        """There are one reference, at most one land cover, and comparable heights."""
         given = [name for name in REFERENCES if getattr(self, name) is not None]
         if len(given) != 1:
             there = " and ".join(given) or "none"
@@ -170,7 +170,7 @@ class CompareSurfaces:
                 yield "cover_attribute", text
 
     def _attributes(self) -> list[str]:
-        """Names in the layer that `cover_attribute` speaks about."""
+        """Names of the attributes that `cover_attribute` may name."""
         layer = self.areas if self.areas is not None else self.checkpoints
         if layer is not None:
             frame = layer.frame
@@ -178,11 +178,11 @@ class CompareSurfaces:
         return list(self.points.names) if self.points is not None else []
 
     def halo(self) -> float:
-        """Quantiles and the largest errors are those of the whole."""
+        """Infinite, as quantiles and the largest errors are those of the whole."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> CompareSurfaces.Outputs:
-        """Take the errors, and sum them up in several ways."""
+        """Compute the errors, and their statistics."""
         raster, found = self._found(ctx.part(0.0, 0.4))
         if not len(found.error):
             name = next(n for n in REFERENCES if getattr(self, n) is not None)
@@ -216,7 +216,7 @@ class CompareSurfaces:
         )
 
     def _found(self, ctx: Context) -> tuple[Raster | None, ErrorsAtPlaces]:
-        """The difference raster, if there is one, and all errors with their places."""
+        """The difference raster, if there is one, and all errors with their positions."""
         if self.reference is None:
             return None, self._at_points()
         one, other = self.surface, self.reference
@@ -268,7 +268,7 @@ class CompareSurfaces:
         )
 
     def _covers(self, found: ErrorsAtPlaces, ctx: Context) -> tuple[NDArray[np.int64], list[str]]:
-        """The land cover of each error as a number, and the names by number.
+        """Number of the land cover of each error, and the names of the numbers.
 
         Raises
         ------
@@ -305,7 +305,7 @@ class CompareSurfaces:
         names: Sequence[str],
         quarters: Quarters,
     ) -> Table:
-        """The rows of the report, in metres."""
+        """Report on checkpoints, in metres."""
         green = self.vegetated or ()
         is_green = np.isin(label, [code for code, name in enumerate(names) if name in green])
         rows: list[Row] = []
@@ -318,7 +318,7 @@ class CompareSurfaces:
     def _largest(
         self, found: ErrorsAtPlaces, label: NDArray[np.int64], names: Sequence[str]
     ) -> Vector:
-        """Points at the largest errors, with Z of the surface."""
+        """Layer of points at the largest errors, with the Z of the surface."""
         import geopandas
         import shapely
 
@@ -338,7 +338,7 @@ class CompareSurfaces:
 
 
 class ErrorsAtPlaces(NamedTuple):
-    """Errors, of cells or points that have a height in both.
+    """Errors of the cells or points that have a height in both data sets.
 
     Attributes
     ----------
@@ -360,7 +360,7 @@ def _named(raster: Raster) -> str:
 
 
 def _points_problem(layer: Vector) -> str | None:
-    """Why features are no checkpoints; continues a sentence."""
+    """The problem of a layer that holds no usable checkpoints; continues a sentence."""
     import shapely
 
     shapes = layer.frame.geometry.to_numpy()
@@ -375,7 +375,7 @@ def _points_problem(layer: Vector) -> str | None:
 
 
 def _areas_problem(layer: Vector) -> str | None:
-    """Why features are no areas; continues a sentence."""
+    """The problem of a layer that holds no valid polygons; continues a sentence."""
     shapes = layer.frame.geometry
     types = {shape.geom_type for shape in shapes if shape}
     if others := sorted(types - {"Polygon", "MultiPolygon"}):
@@ -384,7 +384,7 @@ def _areas_problem(layer: Vector) -> str | None:
 
 
 def resampled(raster: Raster, lattice: Lattice, ctx: Context = QUIET) -> Array:
-    """A raster at the centres of other cells, bilinearly; NaN where it has no data.
+    """Values of a raster at the cell centres of another lattice, bilinear; NaN without data.
 
     Returns
     -------
@@ -404,7 +404,7 @@ def resampled(raster: Raster, lattice: Lattice, ctx: Context = QUIET) -> Array:
 
 
 def areas_at(layer: Vector, xy: Array, ctx: Context = QUIET) -> NDArray[np.int64]:
-    """Number of the polygon at each place, of several the first of the layer; -1 for none."""
+    """Index of the polygon at each position, the first one of several; -1 for none."""
     import shapely
 
     tree = shapely.STRtree(layer.frame.geometry.to_numpy())
@@ -417,7 +417,7 @@ def areas_at(layer: Vector, xy: Array, ctx: Context = QUIET) -> NDArray[np.int64
 
 
 def texts(values: Iterable[Any]) -> NDArray[Any]:
-    """Land covers as texts; None where there is none."""
+    """Values of land cover as texts; None where missing."""
     import pandas as pd
 
     return np.array([None if pd.isna(value) else _text(value) for value in values], object)
@@ -428,7 +428,7 @@ def _text(value: Any) -> str:
 
 
 def numbered(values: NDArray[Any]) -> tuple[NDArray[np.int64], list[str]]:
-    """Number values, numbers or texts, in their order, and name them; what is missing comes last.
+    """Number of each value in sorted order, and names of the numbers; missing values come last.
 
     Returns
     -------
@@ -444,7 +444,7 @@ def numbered(values: NDArray[Any]) -> tuple[NDArray[np.int64], list[str]]:
 
 
 def table_rows(whole: Mapping[str, Any]) -> Iterator[Row]:
-    """One row per measure."""
+    """Table rows: one per measure."""
     for name, value in whole.items():
         unit = "1" if name in COUNTS else "m"
         yield {"measure": name, "value": value, "unit": unit, "meaning": MEANING[name]}
@@ -458,7 +458,7 @@ def cover_rows(
     metre: float,
     ctx: Context,
 ) -> Iterator[Row]:
-    """One row per land cover, in metres; of points also the share in the emptiest quarter."""
+    """Table rows: one per land cover, in metres; for points with the emptiest quarter."""
     for code, name in enumerate(names):
         ctx.progress(code / len(names))
         here = label == code
@@ -469,7 +469,7 @@ def cover_rows(
 
 
 def in_metres(rows: Iterable[Row], metre: float) -> Iterator[Row]:
-    """Rows whose lengths are in metres, from those in the unit of the data."""
+    """Table rows with lengths converted to metres."""
     for row in rows:
         is_length = row["unit"] == "m" and row["value"] is not None
         yield row | ({"value": row["value"] / metre} if is_length else {})
@@ -521,7 +521,7 @@ def _own_note(own: float | None, wanted: float | None) -> str:
 
 
 def largest(error: Array, xy: Array, count: int) -> NDArray[np.int64]:
-    """Indices of the errors that are farthest from zero; of equal ones the western, southern first.
+    """Indices of the largest errors by size; equal ones from west to east, south to north.
 
     Parameters
     ----------
@@ -536,7 +536,7 @@ def largest(error: Array, xy: Array, count: int) -> NDArray[np.int64]:
 
 
 def histogram(error: Array) -> Iterator[Row]:
-    """Rows low, high, count and unit; the first bin has no low end, and the last one no high end.
+    """Table rows: bins of a histogram with low, high, count and unit; outermost bins are open.
 
     The others lie between the outermost half percents, whole multiples of a round width apart.
 
@@ -557,6 +557,6 @@ def histogram(error: Array) -> Iterator[Row]:
 
 
 def rounded_up(length: float) -> float:
-    """The next 1, 2 or 5 times a power of ten."""
+    """A length rounded up to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(length))
     return next(f for f in (1, 2, 5, 10) if f * power >= length * (1 - 1e-9)) * power

@@ -33,16 +33,16 @@ class CorridorCandidates:
         candidates: PointCloud = sink("The chosen points with stands_for and point_number")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """Heights must be known."""
+        """The points have heights above the ground."""
         if HEIGHT not in self.points:
             yield "points", f"{self.points.name} has no {HEIGHT}; see heights of ground.classify"
 
     def halo(self) -> float:
-        """A square may lie across the edge of a tile."""
+        """One and a half cells, as a cell of the ground may lie across the edge of a tile."""
         return 1.5 * GROUND_CELL
 
     def run(self, ctx: Context = QUIET) -> CorridorCandidates.Outputs:
-        """Choose, and number."""
+        """Choose the points, and number them."""
         cloud = self.points
         index, stands_for = candidates(
             cloud.xyz,

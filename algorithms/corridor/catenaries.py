@@ -59,12 +59,12 @@ class CorridorCatenaries:
         span_count: int = sink("Spans found", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """A point is of one class."""
+        """No class is that of wires and of towers at once."""
         if both := set(self.wire_classes) & set(self.tower_classes):
             yield "tower_classes", f"must not be among wire_classes, got {ClassList(both)} in both"
 
     def halo(self) -> float:
-        """A span is one whatever its length."""
+        """Infinite, as spans may be of any length."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> CorridorCatenaries.Outputs:

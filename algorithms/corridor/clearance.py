@@ -1,4 +1,4 @@
-"""Violations from points and wires: what is too close to which conductor, by which rule.
+"""Points that are too close to the conductors of a power line, from points and catenaries.
 
 Distances are taken from the fitted catenaries, not from points on the wires, in the survey and, if
 the conductor is known, when it is hot or in the wind. Rules, uncertainty, limits and figures:
@@ -237,7 +237,7 @@ class CorridorClearance:
         )
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Names that exist, and settings that need each other."""
+        """The rules exist, and each setting has those it needs."""
         if problem := unknown_set(self.rules):
             yield "rules", problem
         elif self.rule_table is None:
@@ -252,7 +252,7 @@ class CorridorClearance:
             yield "wind_temperature", "is for wind, and none is given"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """Classes, catenaries, and rules that can be used."""
+        """The points have classes; the catenaries, towers, rules and conductor are valid."""
         if "classification" not in self.points.names:
             yield "points", f"{self.points.name} has no classification; classify the points first"
         if missing := [name for name in WIRE_COLUMNS if name not in self.wires.names]:
@@ -276,11 +276,11 @@ class CorridorClearance:
                 yield "conductor", str(error)
 
     def halo(self) -> float:
-        """The least clearance of a span, an object and the page are of the whole line."""
+        """Infinite, as least clearances of spans, objects and the report need the whole line."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> CorridorClearance.Outputs:
-        """Measure, group and report."""
+        """Measure the clearances, group the violations into objects, and report."""
         metric = self._in_metres()
         rules, conductor = metric._rules(), metric._conductor()
         line = metric._in_all_states(line_of(self.wires), conductor)
@@ -339,7 +339,7 @@ class CorridorClearance:
         )
 
     def _in_metres(self) -> CorridorClearance:
-        """The same job with lengths in metres, not in the unit of the data."""
+        """A copy of this tool whose lengths are in metres, not in the unit of the data."""
         names = (
             "distance",
             "wire_radius",
@@ -354,7 +354,7 @@ class CorridorClearance:
         return replace(self, **changed)
 
     def _bad_rules(self, name: str) -> Iterator[tuple[str, str]]:
-        """What is wrong with the rules, which the parameter `name` gives."""
+        """Problems of the rules that the parameter `name` gives."""
         try:
             self._rules()
         except DataError as error:
@@ -372,7 +372,7 @@ class CorridorClearance:
         return conductor_of(self.conductor, self.conductor_table) if self.conductor else None
 
     def _in_all_states(self, line: LineStates, conductor: Conductor | None) -> LineStates:
-        """The wires as surveyed, and as they hang in all other states that are asked for."""
+        """The line with the wires as surveyed and in all other states."""
         if conductor is None or self.survey_temperature is None:
             return line
         surveyed = line.curves[0]
@@ -394,7 +394,7 @@ class CorridorClearance:
         return replace(line, states=states, curves=curves)
 
     def _other_states(self, conductor: Conductor) -> list[State]:
-        """Hot, and in wind from either side."""
+        """The states other than the survey: hot, and in wind from either side."""
         states = []
         hottest = self.temperature
         if self.current is not None:
@@ -413,7 +413,7 @@ class CorridorClearance:
         return states
 
     def _cloud(self, line: LineStates, rules: list[Rule], ctx: Context) -> PointCloud:
-        """The points that are looked at: few, if heights need no others; lengths are in metres."""
+        """The points needed for clearances: few if heights are given; lengths are in metres."""
         if HEIGHT not in self.points.names:
             return self.points if isinstance(self.points, PointCloud) else self.points.read(ctx=ctx)
         if not line.spans:
@@ -436,7 +436,7 @@ class CorridorClearance:
     def _surroundings(
         self, cloud: PointCloud, line: LineStates, rules: list[Rule], ctx: Context
     ) -> Surroundings:
-        """The points around the line; lengths of this job are in metres."""
+        """The points around the line; lengths of this tool are in metres."""
         return surroundings_of(
             cloud,
             line,
@@ -450,12 +450,12 @@ class CorridorClearance:
         )
 
     def _reach(self, rules: list[Rule]) -> float:
-        """Metres to the side of the wires up to which points are looked at."""
+        """Horizontal distance from the wires up to which points are used, metres."""
         return max(reach_of(rules), FARTHEST_TREE if self.falling else LEAST_REACH)
 
     @property
     def _classes(self) -> dict[str, Sequence[int]]:
-        """Classes by kind; water, rail and road are kinds of their own, with their own rules."""
+        """Classes of each kind; water, rail and road are separate kinds with rules of their own."""
         return {
             "tree": self.tree_classes,
             "building": self.building_classes,
@@ -464,12 +464,12 @@ class CorridorClearance:
 
 
 def _measured(rules: list[Rule]) -> float:
-    """Metres to the side of the wires up to which clearances are measured."""
+    """Horizontal distance from the wires up to which clearances are measured, metres."""
     return max(reach_of(rules), LEAST_REACH)
 
 
 def _bad_wires(wires: Vector) -> Iterator[tuple[str, str]]:
-    """Curves must have an extent and be bent; their covariance need not be known."""
+    """The problem of the first invalid value in the layer of wires; covariances may be unknown."""
     names = [*NUMBER_COLUMNS, *BOUNDED_COLUMNS, *VARIANCE_COLUMNS]
     for number, row in enumerate(wires.frame[names].to_dict("records"), start=1):
         for name, value in row.items():
@@ -479,7 +479,7 @@ def _bad_wires(wires: Vector) -> Iterator[tuple[str, str]]:
 
 
 def _broken(name: str, value: object) -> str:
-    """What a value in a column of wires must be, if it is not."""
+    """The condition that a value of a column of wires fails; empty if it is valid."""
     if name in VARIANCE_COLUMNS:
         return "at least 0" if isinstance(value, float) and value < 0 else ""
     if not isinstance(value, int | float) or not math.isfinite(value):

@@ -1,7 +1,7 @@
-"""Wires and towers from a raw cloud: their points with classes, and the wires as catenaries.
+"""Wires and towers from an unclassified cloud: classes of their points, and catenaries.
 
 A wire is what stands alone in the air and hangs in an arc. Straight pieces of such points are
-followed along parabolas, across gaps. All wires of a line are cut into arcs at the same places,
+followed along parabolas, across gaps. All wires of a line are cut into arcs at the same chainages,
 where its supports are; between two supports each conductor is a catenary, and what lies on it is
 wire. What stands under and around the ends of the wires is tower.
 
@@ -79,11 +79,11 @@ class CorridorExtract:
         tower_count: int = sink("Towers and poles found", unit="1")
 
     def halo(self) -> float:
-        """A span is one whatever its length, and so is the line that it is part of."""
+        """Infinite, as spans and lines may be of any length."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> CorridorExtract.Outputs:
-        """Find the line, and label the points on it."""
+        """Find the power lines, and label their points."""
         cloud, use = self.points, taking_part(self.points, self.ignore)
         points = CorridorPoints.of(cloud, use, self.ground_classes, ctx.part(0.0, 0.4))
         line = find_line(
@@ -106,7 +106,7 @@ class CorridorExtract:
 
 @dataclass(frozen=True)
 class PowerLine:
-    """The power lines among n points, and which of these are theirs.
+    """Power lines found among n points, with the labels of their points.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ def find_line(
     tolerance: float = 0.25,
     ctx: Context = QUIET,
 ) -> PowerLine:
-    """Wires and towers among points.
+    """The power lines among points.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def find_line(
 
 
 def label_points(line: PowerLine, corridor: Corridor, own: NDArray[np.int64]) -> None:
-    """Enter which points are of wires and towers; `own` are those in the air."""
+    """Enter the labels of the points of wires and towers; `own` are the points in the air."""
     wire, span, tower, confidence = (line.labels[name] for name in (*LABEL_NUMBERS, "confidence"))
     for one in line.wires:
         near, away, radius = on_wire(corridor, one)

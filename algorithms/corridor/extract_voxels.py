@@ -1,9 +1,9 @@
 """Wires and towers from a raw cloud by voxels, step by step as in Muş (2019).
 
 Points high above the ground are put into voxels. Those of little (or much) variance of height hold
-straight lines, found by random samples, and grow together where their lines agree. Where much
-stands above one place is a tower. Where the text leaves a step open, or cannot work as printed, the
-notes of the functions say what is done.
+straight lines, found by random samples, and grow together where their lines agree. A column of many
+points above each other is a tower. Where the text leaves a step open, or cannot work as printed,
+the notes of the functions say what is done.
 
 References
 ----------
@@ -93,7 +93,7 @@ class CorridorExtractVoxels:
         span_count: int = sink("Spans found", unit="1")
 
     def halo(self) -> float:
-        """A span is one whatever its length, and so is the line that it is part of."""
+        """Infinite, as spans and lines may be of any length."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> CorridorExtractVoxels.Outputs:
@@ -146,7 +146,7 @@ def voxel_lines(
     seed: int,
     ctx: Context,
 ) -> tuple[Mask, Ints]:
-    """Which points are wire, and the number of the tower that each belongs to.
+    """True for points of wires, and the tower number of each point.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def otsu(values: Floats) -> float:
 
 
 def directions(xyz: Floats, voxel: Ints, chosen: Ints, seed: int, ctx: Context) -> Floats:
-    """Unit vectors of lines through the points of voxels, by random samples.
+    """Direction of the line through the points of each voxel, found by RANSAC; unit vectors.
 
     Lines are fitted in plan and in both vertical planes; here that is one line in space, which has
     a direction also where a slope would be infinite.
@@ -232,7 +232,7 @@ def directions(xyz: Floats, voxel: Ints, chosen: Ints, seed: int, ctx: Context) 
 
 
 def grow(centroid: Floats, direction: Floats, chosen: Mask, voxel: float, gap: float) -> Mask:
-    """Voxels that hang together: near each other, with lines of one direction.
+    """Voxels in connected groups: near each other, with lines of the same direction.
 
     As printed, voxels among the 26 neighbours must be nearer than 20 m, which all of them are; so
     any voxel within the gap may follow if its line agrees, and lies in the direction of both.
@@ -257,7 +257,7 @@ def grow(centroid: Floats, direction: Floats, chosen: Mask, voxel: float, gap: f
 
 
 def grown_near(centroid: Floats, grown: Mask, voxel: float) -> Mask:
-    """Voxels near those that grew: a tower stands at its wires."""
+    """Voxels near those of the wires in plan, where towers may stand."""
     if not grown.any():
         return np.zeros(len(centroid), bool)
     away, _ = cKDTree(centroid[grown, :2]).query(centroid[:, :2])
@@ -265,7 +265,7 @@ def grown_near(centroid: Floats, grown: Mask, voxel: float) -> Mask:
 
 
 def clusters(xyz: Floats, tall: Mask) -> Ints:
-    """Number of the tower of each point; towers are farther apart than TOWER_SPACING."""
+    """Tower number of each point; towers are more than TOWER_SPACING apart."""
     number = np.zeros(len(xyz), np.int64)
     if not tall.any():
         return number
@@ -277,7 +277,7 @@ def clusters(xyz: Floats, tall: Mask) -> Ints:
 
 
 def boxes(xyz: Floats, tower: Ints) -> list[tuple[Floats, Floats]]:
-    """Bounds in plan of each tower."""
+    """Bounding box of each tower in plan."""
     found = []
     for number in range(1, int(tower.max(initial=0)) + 1):
         plan = xyz[tower == number, :2]
@@ -286,7 +286,7 @@ def boxes(xyz: Floats, tower: Ints) -> list[tuple[Floats, Floats]]:
 
 
 def inside_hulls(xyz: Floats, lines: Floats, voxel: float) -> Mask:
-    """Points within the concave hull of the wires in plan, and near their heights there."""
+    """True for points within the concave hull of the wires in plan, and near them in space."""
     if len(lines) < 4:
         return np.zeros(len(xyz), bool)
     hull = shapely.concave_hull(shapely.MultiPoint(lines[:, :2]), HULL_TIGHTNESS).buffer(NEAR_LINE)

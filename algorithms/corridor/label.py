@@ -1,4 +1,4 @@
-"""Labels of all points of a cloud or tile, from the labels of points that were chosen from it."""
+"""Labels for all points of a cloud or tile, from those of points that were chosen from it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class CorridorLabel:
         classified: PointCloud = sink("The same points with classes 14 and 15 and their numbers")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """Numbers tell which point is which."""
+        """The points of the line have valid labels and unique point numbers."""
         line, needed = self.line, (POINT_NUMBER, *LABEL_NUMBERS, "confidence")
         if missing := [name for name in needed if name not in line]:
             yield "line", f"{line.name} has no attribute {', '.join(missing)}"
@@ -44,11 +44,11 @@ class CorridorLabel:
             yield "line", f"{line.name} has more than one point of {POINT_NUMBER} {twice[0]}"
 
     def halo(self) -> float:
-        """Each point is labelled by itself."""
+        """Zero, as each point is labelled by itself."""
         return 0.0
 
     def run(self, ctx: Context = QUIET) -> CorridorLabel.Outputs:
-        """Find the points of the line by their numbers."""
+        """Label the points of the line, found by their numbers."""
         cloud, line = self.points, self.line
         number = cloud.number  # rises: the points of a tile are in the order of the survey
         index = np.searchsorted(number, line[POINT_NUMBER])

@@ -1,4 +1,4 @@
-"""Distances of points from catenaries: which rules are broken, by how much and how surely."""
+"""Distances of points from catenaries: the rules they break, by how much, and how probably."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Kinds = NDArray[np.int8]
 
 @dataclass(frozen=True)
 class WireLattice:
-    """The wires that are near each cell of a lattice in plan.
+    """A lattice in plan with the wires that are near each cell.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class WireLattice:
 
     @classmethod
     def of(cls, curves: Sequence[Sequence[Catenary]], reach: float) -> WireLattice:
-        """The lattice of wires, each of which may be in several places."""
+        """Lattice of wires, each of which has one curve per state."""
         places, owners = [], []
         for states in zip(*curves, strict=True):
             for curve in states:
@@ -73,7 +73,7 @@ class WireLattice:
         return cls(lattice, starts.astype(np.int64), found % len(owners))
 
     def has(self, xy: Floats) -> NDArray[np.bool_]:
-        """Whether there is a wire near each of several places of shape (n, 2)."""
+        """True for positions of shape (n, 2) that have a wire near them."""
         west, south, cell, columns, rows = self.lattice
         column, row = np.floor((xy[:, 0] - west) / cell), np.floor((xy[:, 1] - south) / cell)
         inside = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
@@ -83,7 +83,7 @@ class WireLattice:
 
 @dataclass(frozen=True)
 class Violations:
-    """Points that break a rule, array of shape (n,) each.
+    """Points that break a rule; one array of shape (n,) per property.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class Violations:
 
     @classmethod
     def none(cls) -> Violations:
-        """Violations of no point."""
+        """No violations: arrays of length 0."""
         whole, real = np.empty(0, np.int64), np.empty(0)
         return cls(whole, whole, whole, whole, *([real] * 8))
 
@@ -135,7 +135,7 @@ class Violations:
 
 @dataclass(frozen=True)
 class Least:
-    """The points nearest to each wire of those near it in plan; shape (states, wires, kinds).
+    """The points nearest in space to each wire, of those near it in plan; (states, wires, kinds).
 
     Attributes
     ----------
@@ -148,18 +148,18 @@ class Least:
 
     @classmethod
     def none(cls, states: int, wires: int = 0) -> Least:
-        """Before any point has been seen."""
+        """No points: infinite distances and the index -1."""
         shape = (states, wires, len(KINDS))
         return cls(np.full(shape, np.inf), np.full(shape, -1, np.int64))
 
 
 def rows_of(curves: Sequence[Catenary]) -> Floats:
-    """Wires as the kernels take them, array of shape (m, 19).
+    """Wires as rows of numbers for the compiled loops, array of shape (m, 19).
 
-    The last columns are: the lowest place and the highest end; the largest second derivative of
-    the height; by how much the fourth term of the series of the height may be too small, per
-    fourth power of the distance from the lowest point; the share of its square that a distance to
-    the axis has at least, in plan and in space.
+    The last columns are: the lowest height and that of the higher end; the largest second
+    derivative of the height; by how much the fourth term of the series of the height may be too
+    small, per fourth power of the distance from the lowest point; the share of its square that a
+    distance to the axis has at least, in plan and in space.
     """
     return np.array([_row_of(curve) for curve in curves], float).reshape(-1, 19)
 
@@ -194,7 +194,7 @@ def _row_of(c: Catenary) -> tuple[float, ...]:
 
 
 def distances(xyz: Floats, curve: Catenary) -> Floats:
-    """Distance of points from a wire.
+    """Distances of points from a wire: in space, vertical and horizontal.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def distances(xyz: Floats, curve: Catenary) -> Floats:
     -------
     array of shape (n, 4)
         In space; vertical, above zero under the wire, and horizontal where the wire is nearest in
-        plan; u of the nearest place.
+        plan; u of the nearest position on the wire.
     """
     result = np.empty((len(xyz), 4))
     kernels.distances(0, len(xyz), np.ascontiguousarray(xyz, float), rows_of([curve])[0], result)
@@ -220,7 +220,7 @@ def own_points(
     attachment: float,
     ctx: Context = QUIET,
 ) -> NDArray[np.bool_]:
-    """Points without a class that are of the line: on a wire, or at an end of one.
+    """True for points without a class that belong to the line: on a wire, or at an end of one.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def find_violations(
     point_sd: float,
     ctx: Context = QUIET,
 ) -> tuple[Violations, Least]:
-    """Points that break a rule in any of several states of the wires.
+    """Points that break a rule in any of several states of the wires, and the nearest points.
 
     Parameters
     ----------
@@ -345,7 +345,7 @@ def find_violations(
 def _keep_worse(
     worst: Ints, measures: Floats, own: Ints, real: Floats, rank: Floats, state: int
 ) -> None:
-    """Enter what points break in a state where that is worse than in the states before."""
+    """Enter broken rules of one state where they are worse than those of the states before."""
     broken = np.flatnonzero(own[:, 1] >= 0)
     fresh, before = rank[own[broken, 1]], worst[broken, 1]
     old = np.where(before >= 0, rank[before], np.inf)
@@ -361,7 +361,7 @@ def _violations(
     numbers: Floats,
     point_sd: float,
 ) -> Violations:
-    """Violations from what was found in all blocks, with their probabilities."""
+    """Violations of all blocks, with their probabilities."""
     none = (np.empty(0, np.int64), np.empty((0, 3), np.int64), np.empty((0, 6)))
     point, worst, real = map(np.concatenate, zip(none, *blocks, strict=True))
     wire, rule, state = worst.T
@@ -374,7 +374,7 @@ def _violations(
 
 
 def _farthest(rules: Sequence[Rule], kind: str) -> tuple[float, float]:
-    """Distances in space and in plan from which no rule matters to a kind of points."""
+    """Distances in space and in plan beyond which no rule can be broken by points of a kind."""
     own = [rule for rule in rules if rule.holds_for(kind)]
     return (
         max((r.threshold for r in own if r.direction == "3-D"), default=0.0),
@@ -385,7 +385,7 @@ def _farthest(rules: Sequence[Rule], kind: str) -> tuple[float, float]:
 def clearance_sd(
     curves: Sequence[Sequence[Catenary]], state: Ints, wire: Ints, u: Floats, point_sd: float
 ) -> Floats:
-    """Standard deviation of distances from wires at u: that of the wire's height and of the point.
+    """Standard deviation of distances from wires at u, from those of wire heights and points.
 
     A wire whose uncertainty is not known counts as exact.
     """
@@ -402,7 +402,7 @@ def clearance_sd(
 def fall_in(
     tops: Floats, height: Floats, curves: Sequence[Sequence[Catenary]], *, ctx: Context = QUIET
 ) -> tuple[Floats, Ints, Ints, Floats]:
-    """How far trees stay away from the wires when they fall towards them.
+    """Distance from each tree to the wires if it falls towards them; below zero if it reaches one.
 
     A tree falls about its foot, right below its top, so its top sweeps a circle as wide as it is
     high.

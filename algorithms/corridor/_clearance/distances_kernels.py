@@ -19,7 +19,7 @@ NEWTON_LAST_STEP = 1e-5  # metres along the wire: a smaller step of Newton's met
 
 @njit(cache=True, nogil=True)
 def _place(w, u):
-    """Offset and height of a wire at u, and slope and second derivative of the height."""
+    """Offset and height of a wire at u, and the first two derivatives of the height."""
     grown = math.expm1(w[WIRE_CURVATURE] * (u - w[WIRE_U0]))
     rise = 0.5 * (grown + grown / (1.0 + grown))  # sinh, and cosh less one below: exact if small
     hung = 0.5 * grown * grown / (1.0 + grown)
@@ -35,7 +35,7 @@ def _place(w, u):
 
 @njit(cache=True, nogil=True)
 def _slope(w, u, p, q, h, tall):
-    """Half the derivative of the squared distance at u, and its own derivative.
+    """Half the derivative of the squared distance at u, and the derivative of that.
 
     `tall` is 1 for the distance in space and 0 for that in plan.
     """
@@ -49,9 +49,9 @@ def _slope(w, u, p, q, h, tall):
 
 @njit(cache=True, nogil=True)
 def _within(w, low, high, start, p, q, h, tall):
-    """The u between low and high where the distance is least: Newton, kept inside.
+    """The u between low and high with the least distance, by Newton's method within the bounds.
 
-    Where that goes to and fro it is halving.
+    Where Newton's method does not converge early, the interval is halved.
     """
     u = min(max(start, low), high)
     for k in range(NEWTON_ROUNDS):
@@ -70,10 +70,10 @@ def _within(w, low, high, start, p, q, h, tall):
 
 @njit(cache=True, nogil=True)
 def _nearest(w, p, q, h):
-    """The u at which a wire is nearest to a point: p along its axis, q to the left, at height h.
+    """The u of the point of a wire nearest to a point p along its axis, q to its left, at height h.
 
     The squared distance has one minimum if the point is nearer to all of the wire than this is
-    bent; else it is looked for from several places.
+    bent; else several starting points along the wire are tried.
     """
     length = w[WIRE_LENGTH]
     away = max(abs(w[WIRE_TOP] - h), abs(w[WIRE_Z0] - h)) + abs(w[WIRE_SWING] * q)
@@ -95,14 +95,14 @@ def _nearest(w, p, q, h):
 
 @njit(cache=True, nogil=True)
 def _along_axis(w, x, y):
-    """A place in plan along the axis of a wire, and to the left of it."""
+    """Coordinates of a position in plan along the axis of a wire and to its left."""
     dx, dy = x - w[WIRE_X], y - w[WIRE_Y]
     return dx * w[WIRE_EX] + dy * w[WIRE_EY], dy * w[WIRE_EX] - dx * w[WIRE_EY]
 
 
 @njit(cache=True, nogil=True)
 def _in_space(w, x, y, z):
-    """Distance in space, and u of the nearest place."""
+    """Distance of a point from a wire in space, and u of the nearest point of the wire."""
     p, q = _along_axis(w, x, y)
     u = _nearest(w, p, q, z)
     v, height, _, _ = _place(w, u)
@@ -111,7 +111,7 @@ def _in_space(w, x, y, z):
 
 @njit(cache=True, nogil=True)
 def _in_plan(w, x, y, z):
-    """Vertical and horizontal distance where the wire is nearest in plan; above zero under it."""
+    """Vertical and horizontal distance where a wire is nearest in plan; positive below the wire."""
     p, q = _along_axis(w, x, y)
     u = _within(w, 0.0, w[WIRE_LENGTH], p, p, q, z, 0.0)
     v, height, _, _ = _place(w, u)
@@ -120,11 +120,11 @@ def _in_plan(w, x, y, z):
 
 @njit(cache=True, nogil=True)
 def _at_least(w, x, y, z):
-    """Squares that those of the distance in space and in plan are not below.
+    """Lower bounds of the squared distances of a point from a wire, in space and in plan.
 
     A wire whose slopes are at most s is no nearer to a point than its distance square to the axis
-    over sqrt(1 + s^2); beyond an end, that to the end along the axis comes to it. The height is
-    only bounded, by the series of cosh and its remainder, which is several times as fast.
+    over sqrt(1 + s^2); beyond an end, the distance along the axis from the end is added. The height
+    is only bounded, by the series of cosh and its remainder, which is several times as fast.
     """
     p, q = _along_axis(w, x, y)
     u = min(max(p, 0.0), w[WIRE_LENGTH])
@@ -145,7 +145,7 @@ def _at_least(w, x, y, z):
 
 @njit(cache=True, nogil=True)
 def distances(first, last, xyz, wire, result):
-    """In space, vertical, horizontal, and u, of each point from a wire; shape (n, 4)."""
+    """Fill in space, vertical and horizontal distances of points first..last from a wire, and u."""
     for i in range(first, last):
         result[i, 0], result[i, 3] = _in_space(wire, xyz[i, 0], xyz[i, 1], xyz[i, 2])
         result[i, 1], result[i, 2] = _in_plan(wire, xyz[i, 0], xyz[i, 1], xyz[i, 2])
@@ -153,7 +153,7 @@ def distances(first, last, xyz, wire, result):
 
 @njit(cache=True, nogil=True)
 def _judged(rule, space, tall, flat):
-    """What a rule measures, and how much of what it allows is left; infinite if it is kept."""
+    """Distance measured by a rule and its ratio to the threshold; infinite if the rule is kept."""
     value, other = space, 0.0
     if rule[0] == 1:
         value, other = tall, flat
@@ -166,7 +166,7 @@ def _judged(rule, space, tall, flat):
 
 @njit(cache=True, nogil=True)
 def _matters(kind, old, ratio, rules, masks):
-    """The distance in space from which no rule is broken worse than `old` is, at its ratio."""
+    """Distance in space beyond which no rule is broken worse than rule `old` at the given ratio."""
     farthest = 0.0
     for r in range(len(rules)):
         if rules[r, 0] == 0 and masks[r] >> kind & 1:
@@ -179,7 +179,7 @@ def _matters(kind, old, ratio, rules, masks):
 
 @njit(cache=True, nogil=True)
 def _wires_near(x, y, cells, starts, candidates):
-    """The wires that are near the cell of a place."""
+    """Indices of the wires near the lattice cell of a position."""
     column, row = int((x - cells[0]) // cells[2]), int((y - cells[1]) // cells[2])
     if column < 0 or row < 0 or column >= cells[3] or row >= cells[4]:
         return candidates[:0]
@@ -189,7 +189,7 @@ def _wires_near(x, y, cells, starts, candidates):
 
 @njit(cache=True, nogil=True)
 def _bound(wires, near, x, y, z, least, limit, bounds):
-    """Fill in what `_at_least` gives for several wires; which of them may be the nearest.
+    """Fill in the lower bounds of the distances to several wires; the index of the least one.
 
     Infinite for those that are higher above the point than it matters: `limit`, or `least` of the
     wire if that is more.
@@ -290,7 +290,7 @@ def check(
 
 @njit(cache=True, nogil=True)
 def falls(first, last, xyz, foot, cells, starts, candidates, wires, own, real):
-    """How near a tree comes to the wires when it falls: the least of what is left.
+    """Fill in the wire nearest to the foot of each tree, its distance from there, and u.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Drawings in SVG from points, curves and marks, in a window with two axes.
+"""SVG drawings of points, curves and marks in a window with two axes.
 
 A report has a drawing per span: this takes milliseconds for one, matplotlib a tenth of a second.
 """
@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 
 
 class Drawing:
-    """A window with axes and a key; what is drawn first lies below.
+    """A drawing with axes and a legend; later shapes are drawn over earlier ones.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Drawing:
         self.keys: list[dict[str, Any]] = []
 
     def at(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-        """Pixels from the left and from the top of the window."""
+        """Positions in pixels from the left and the top of the window."""
         right, up = self.size / (self.high - self.low)
         return (x - self.low[0]) * right, self.size[1] - (y - self.low[1]) * up
 
@@ -56,7 +56,7 @@ class Drawing:
         colours: Sequence[str],
         opacity: float,
     ) -> None:
-        """Draw points in the colours of their kinds, the first of which are on top."""
+        """Draw points in the colours of their kinds; the first kinds are drawn on top."""
         cols, rows = (math.ceil(length / DOT) for length in self.size)
         col, row = (np.floor(pixel / DOT).astype(np.int64) for pixel in self.at(x, y))
         inside = (col >= 0) & (row >= 0) & (col < cols) & (row < rows)
@@ -70,25 +70,25 @@ class Drawing:
         self.shapes.append({"shape": "points", "png": png, "opacity": opacity, **size})
 
     def curve(self, x: Floats, y: Floats, colour: str, width: float, dashes: str = "") -> None:
-        """Draw a line from position to position."""
+        """Draw a line through positions."""
         points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(*self.at(x, y), strict=True))
         style = {"colour": colour, "width": width, "dashes": dashes}
         self.shapes.append({"shape": "curve", "points": points, **style})
 
     def mark(self, x: float, y: float, colour: str) -> None:
-        """Draw a dot with a rim."""
+        """Draw a dot with an outline."""
         self.shapes.append({"shape": "mark", "colour": colour, **self._position(x, y)})
 
     def text(self, x: float, y: float, text: str, colour: str = "#000") -> None:
-        """Write a small text just right of a position."""
+        """Write a small text to the right of a position."""
         self.shapes.append({"text": text, "colour": colour, **self._position(x, y)})
 
     def key(self, shape: str, name: str, colour: str, dashes: str = "") -> None:
-        """Tell what a colour of a shape means: "points", "curve" or "mark"."""
+        """Add an entry to the legend, for the shape "points", "curve" or "mark"."""
         self.keys.append({"shape": shape, "name": name, "colour": colour, "dashes": dashes})
 
     def svg(self) -> bytes:
-        """The content of a file."""
+        """The drawing as the bytes of an SVG file."""
         across, up = (_ticks(*ends) for ends in zip(self.low, self.high, self.size, strict=True))
         columns, _ = self.at(across, np.full(len(across), self.low[1]))
         _, rows = self.at(np.full(len(up), self.low[0]), up)
@@ -109,13 +109,13 @@ class Drawing:
 
 @functools.cache
 def _template() -> jinja2.Template:
-    """The file beside this one, ready to be filled in."""
+    """Template of the drawing, from the .svg file beside this module."""
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     return environment.from_string(Path(__file__).with_suffix(".svg").read_text(encoding="utf-8"))
 
 
 def _ticks(low: float, high: float, pixels: float) -> Floats:
-    """Round numbers on an axis: 1, 2 or 5 times a power of ten apart."""
+    """Multiples of 1, 2 or 5 times a power of ten between two ends of an axis."""
     least = (high - low) * min(TICK_SPACING / pixels, 0.5)
     power = 10.0 ** math.floor(math.log10(least))
     step = next(power * k for k in (1, 2, 5, 10) if power * k >= least)
@@ -123,7 +123,7 @@ def _ticks(low: float, high: float, pixels: float) -> Floats:
 
 
 def _png(image: NDArray[np.uint8], colours: Sequence[str]) -> str:
-    """A PNG file in base 64 of an image of colour numbers; 0 lets through what is below."""
+    """Base64-encoded PNG file of an image of colour numbers; 0 is transparent."""
     picture, file = Image.fromarray(image), io.BytesIO()
     picture.putpalette(b"".join(bytes.fromhex(colour[1:]) for colour in colours))
     picture.save(file, "PNG", transparency=0)

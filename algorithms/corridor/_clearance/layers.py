@@ -81,7 +81,7 @@ def object_layer(
     rules: Sequence[Rule],
     objects: Sequence[Object],
 ) -> Vector:
-    """One point per object, where it is closest."""
+    """Vector layer of the objects: one point per object, where it is closest to the wire."""
     rows: list[dict[str, Any]] = []
     for number, one in enumerate(objects, start=1):
         rule = rules[one.rule]
@@ -123,7 +123,7 @@ def violation_cloud(
     found: Violations,
     objects: Sequence[Object],
 ) -> PointCloud:
-    """The points that break a rule, in their order."""
+    """Point cloud of the points that break a rule, in their original order."""
     order = np.argsort(found.point, kind="stable")
     number = np.zeros(len(surroundings.index), np.uint32)
     for k, one in enumerate(objects, start=1):
@@ -156,7 +156,7 @@ def span_table(
     objects: Sequence[Object],
     point_sd: float,
 ) -> Table:
-    """One row per span and state; clearances in space, in metres."""
+    """Table of one row per span and state; clearances in space, in metres."""
     rows = []
     for span in line.spans:
         own = np.flatnonzero(line.span == span)
@@ -191,7 +191,7 @@ def _least_of(
     surroundings: Surroundings,
     point_sd: float,
 ) -> dict[str, float | None]:
-    """Least clearance of a span from anything, its standard deviation, and that of each kind."""
+    """Least clearance of a span, its standard deviation, and the least clearance for each kind."""
     table = least.distance[state, own]
     wire, kind = np.unravel_index(table[:, : len(OBJECTS)].argmin(), (len(own), len(OBJECTS)))
     row: dict[str, float | None] = {"clearance": None, "clearance_sd": None}

@@ -1,4 +1,4 @@
-"""From a cloud or survey, the few points that decide the clearances of a line.
+"""The few points of a cloud or survey that decide the clearances of a line.
 
 Most points are ground. Of these count only those that break a rule, or are the nearest of all to a
 wire; a few more show in drawings where the ground is. So the points of a long line fit in memory.
@@ -35,7 +35,7 @@ def what_matters(
     measured: float,
     ctx: Context = QUIET,
 ) -> PointCloud:
-    """The points that give the same clearances as all points do, in their order.
+    """Points that give the same clearances as all points do, in their original order.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def what_matters(
     """
 
     def matters(cloud: PointCloud, ctx: Context = QUIET) -> PointCloud:
-        """Points near wires that are no ground, points that are only counted, and some ground."""
+        """Points of a batch near the wires, those that are only counted, and ground as needed."""
         kind, _ = kinds_of(cloud, classes, ignore)
         keep = kind == TAKES_NO_PART
         near = near_wires(cloud, line, reach)

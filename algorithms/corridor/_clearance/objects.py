@@ -1,4 +1,4 @@
-"""Objects from points that break a rule: trees, buildings and whatever else is too near."""
+"""Objects from points that break a rule: trees, buildings and others."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Ints = NDArray[np.int64]
 def objects_of(
     surroundings: Surroundings, found: Violations, rules: Sequence[Rule], *, gap: float, fewest: int
 ) -> tuple[list[Object], int]:
-    """Violations put together to objects, the most urgent first.
+    """Objects grouped from violations, the most urgent first.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def objects_of(
 
 
 def _worst(xyz: Floats, group: Ints, rank: Ints, ratio: Floats) -> Ints:
-    """Indices of the worst point of each group, the worst first, and always the same."""
+    """Index of the worst point of each group, sorted by urgency, independent of the point order."""
     worst = np.arange(len(group))
     for values in (rank, ratio):
         least = np.full(int(group.max(initial=-1)) + 1, np.inf)
@@ -75,7 +75,7 @@ def _worst(xyz: Floats, group: Ints, rank: Ints, ratio: Floats) -> Ints:
 
 
 def _object(surroundings: Surroundings, found: Violations, worst: int, own: Ints) -> Object:
-    """An object from the violations `own`, with the measures of the worst of them."""
+    """Object made of the violations `own`, with the measures of the worst of them."""
     points = found.point[own]
     heights = surroundings.height[points]
     known = heights[np.isfinite(heights)]
@@ -99,7 +99,7 @@ def _object(surroundings: Surroundings, found: Violations, worst: int, own: Ints
 
 
 def _members(group: Ints) -> list[Ints]:
-    """The indices in each group."""
+    """Indices of the members of each group."""
     order = np.argsort(group, kind="stable")
     edges = np.searchsorted(group[order], np.arange(1, int(group.max(initial=-1)) + 1))
     return np.split(order, edges) if len(group) else []
@@ -115,7 +115,7 @@ def falling_trees(
     point_sd: float,
     ctx: Context = QUIET,
 ) -> Violations:
-    """Tops of trees that reach a wire if they fall, as violations of a rule.
+    """Violations by the tops of trees that reach a wire if they fall.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def with_falls(
     falls: Violations,
     rules: Sequence[Rule],
 ) -> tuple[list[Object], Violations]:
-    """Objects with what is left if a tree of theirs falls, and the other falling trees as objects.
+    """Objects with the clearance of their falling trees, and other falling trees as objects.
 
     Returns
     -------
@@ -190,7 +190,7 @@ def with_falls(
 
 
 def lonely(xyz: Floats, gap: float, fewest: int) -> NDArray[np.bool_]:
-    """Which points have, with those in the cells around them, fewer than some.
+    """True for points with fewer than `fewest` points in their cell and the cells around it.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def lonely(xyz: Floats, gap: float, fewest: int) -> NDArray[np.bool_]:
 
 
 def _numbers(cell: Ints) -> Ints:
-    """One number for each cell, which rises as the cells do; `cell` has the shape (n, k)."""
+    """Number of each cell, in the sorting order of the cells; `cell` has the shape (n, k)."""
     number = np.zeros(len(cell), np.int64)
     for column in cell.T:
         low, high = column.min(), column.max()
@@ -222,7 +222,7 @@ def _numbers(cell: Ints) -> Ints:
 
 
 def tree_tops(xyz: Floats, height: Floats) -> Ints:
-    """Points that are the highest within CROWN_RADIUS in plan, and high enough for a tree.
+    """Indices of points that are highest within CROWN_RADIUS in plan, and as high as a tree.
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def tree_tops(xyz: Floats, height: Floats) -> Ints:
 
 
 def groups(xyz: Floats, kind: Ints, gap: float) -> Ints:
-    """Number of the object that each point is of, from 0.
+    """Object number of each point, from 0.
 
     Points of one kind are of one object if a chain of cells of half a gap, each with points of it
     and no farther than a gap from the next, leads from one to the other.
@@ -280,7 +280,7 @@ def groups(xyz: Floats, kind: Ints, gap: float) -> Ints:
 
 
 def parted(xyz: Floats, group: Ints, may_part: NDArray[np.bool_], tops: Floats) -> Ints:
-    """Wide groups parted by the nearest top of a tree in plan.
+    """Group numbers in which wide groups are divided by the nearest tree top in plan.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A report from the results of a clearance analysis: map, profiles of spans, list of objects."""
+"""Report on a clearance analysis: map, profiles of spans, list of objects."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def report_of(
     conductor: Conductor | None,
     ctx: Context = QUIET,
 ) -> Report:
-    """Put the report together.
+    """Report with a list of objects, a map, and tables and profiles of spans.
 
     Parameters
     ----------
@@ -126,13 +126,13 @@ def _list(listed: pd.DataFrame) -> list[Rows | str]:
 
 
 def _span_list(spans: Table) -> Table:
-    """The table of spans without columns that say nothing."""
+    """Table of spans without its empty columns."""
     frame = spans.frame
     return _rounded(frame.drop(columns=[name for name in frame if frame[name].isna().all()]))
 
 
 def _rounded(frame: pd.DataFrame) -> Table:
-    """Centimetres are enough for people."""
+    """Table with lengths rounded to centimetres."""
     return Table(frame.round(dict.fromkeys(frame.select_dtypes("float").columns, 2)))
 
 
@@ -176,7 +176,7 @@ def _wires_text(line: LineStates, conductor: Conductor | None) -> str:
 
 
 def _told(state: State) -> str:
-    """A state with its numbers."""
+    """Name of a state with its wind and temperature."""
     wind = f" by {abs(state.wind):g} m/s" if state.wind else ""
     warm = f" at {state.temperature:g} C" if state.wind and state.temperature is not None else ""
     return state.name + wind + warm
@@ -188,7 +188,7 @@ def _left_out(surroundings: Surroundings) -> str:
 
 @dataclass(frozen=True)
 class _Across:
-    """The points sorted along the longer side of the line, so that those of a stretch are slices.
+    """Points sorted along the main direction of the line, x or y, into stretches.
 
     Attributes
     ----------
@@ -214,7 +214,7 @@ class _Across:
         return cls(surroundings, side, order, low, np.append(0, np.cumsum(np.bincount(stretch))))
 
     def between(self, low: float, high: float) -> tuple[Floats, NDArray[np.int8]]:
-        """Places and kinds of the points of a stretch that are of a kind, and of a bit more."""
+        """Positions and kinds of the points between two coordinates, and up to a stretch beyond."""
         ends = (low - self.low) / STRETCH_LENGTH, (high - self.low) / STRETCH_LENGTH + 1
         first, last = self.starts[np.clip(np.floor(ends).astype(int), 0, len(self.starts) - 1)]
         some = self.order[first:last]
@@ -223,7 +223,7 @@ class _Across:
 
 
 def _ends(line: LineStates) -> Floats:
-    """Both ends of each wire in plan."""
+    """End points of all wires in plan."""
     return np.concatenate([c.points(np.array([0.0, c.length]))[:, :2] for c in line.curves[0]])
 
 
@@ -234,7 +234,7 @@ def _map(
     objects: Sequence[Object],
     ctx: Context,
 ) -> list[Figure]:
-    """Wires, objects, and what stands around them: sheet by sheet along the line."""
+    """Maps of wires, objects and their surroundings, in sheets along the line."""
     if not line.spans:
         return []
     side = across.side
@@ -269,7 +269,7 @@ def _sheet(
     first: float,
     last: float,
 ) -> bytes:
-    """A picture of the stretch of the line between two coordinates, with its wires and spans."""
+    """Map of the line between two coordinates, with wires and spans, as SVG."""
     side = across.side
     seen = np.concatenate([xy for _, xy in wires])
     low, high = seen.min(axis=0) - PROFILE_BESIDE, seen.max(axis=0) + PROFILE_BESIDE
@@ -295,14 +295,14 @@ def _sheet(
 
 
 def _draw_points(drawing: Drawing, xy: Floats, kinds: NDArray[np.int8], opacity: float) -> None:
-    """What is around the line, in the colours of its kinds."""
+    """Draw the points around the line, in the colours of their kinds."""
     drawing.points(xy[0], xy[1], kinds, [KIND_COLOURS[kind] for kind in KINDS], opacity)
     for number in np.flatnonzero(np.bincount(kinds)).tolist():
         drawing.key("points", KINDS[number], KIND_COLOURS[KINDS[number]])
 
 
 def _mark(drawing: Drawing, rules: Sequence[Rule], spots: Sequence[Spot]) -> None:
-    """Objects where they are closest, the most urgent on top, with the numbers of the first."""
+    """Draw objects where they are closest, the most urgent on top; the first ones with numbers."""
     told = [rules[one.rule].severity for _, one, _ in spots]
     for _, one, place in reversed(spots):
         drawing.mark(place[0], place[1], SEVERITY_COLOURS[rules[one.rule].severity])
@@ -320,7 +320,7 @@ def _profiles(
     objects: Sequence[Object],
     ctx: Context,
 ) -> list[Figure | str]:
-    """One picture per span, the most urgent first."""
+    """Profile of each span, the most urgent first."""
     urgent = [int(line.span[one.wire]) for one in objects]
     order = list(dict.fromkeys([*urgent, *line.spans]))
     shown: list[Figure | str] = []
@@ -335,7 +335,7 @@ def _profiles(
 def _profile(
     across: _Across, line: LineStates, rules: Sequence[Rule], objects: Sequence[Object], span: int
 ) -> Figure:
-    """A span from the side: wires in each state, what is around them, objects."""
+    """Profile of a span: wires in each state, points around them, objects."""
     own = np.flatnonzero(line.span == span)
     axis = max((line.curves[0][k] for k in own), key=lambda curve: curve.length)
     stretch = axis.points(np.array([0.0, axis.length]))[:, across.side]
@@ -376,7 +376,7 @@ def _profile(
 def _spots(
     across: _Across, line: LineStates, objects: Sequence[Object], axis: Catenary, span: int
 ) -> list[Spot]:
-    """Objects of a span, where they are closest: along its axis and in height."""
+    """Objects of a span at their closest points, as distance along its axis and height."""
     spots: list[Spot] = []
     for number, one in enumerate(objects, start=1):
         if line.span[one.wire] == span:

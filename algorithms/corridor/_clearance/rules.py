@@ -1,4 +1,4 @@
-"""Rules from tables: which objects must keep which distance from a conductor, and why.
+"""Clearance rules from tables: the distance that objects must keep from a conductor.
 
 The tables of the toolbox are in the folder `rules`, one CSV file per set. A table of a user has the
 same columns.
@@ -55,7 +55,7 @@ LARGEST_THRESHOLD = 200.0  # metres that a rule may ask for
 
 @dataclass(frozen=True)
 class Rule:
-    """One distance to keep, in metres.
+    """A rule: one distance that objects of a kind must keep, in metres.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Rule:
     note: str = ""
 
     def holds_for(self, kind: str) -> bool:
-        """Whether points of a kind must keep the distance.
+        """Whether the rule holds for points of a kind.
 
         What is not classified may be a tree or a building: rules for both hold for it.
         """
@@ -96,19 +96,19 @@ def shipped() -> tuple[str, ...]:
 
 
 def unknown_set(name: str) -> str:
-    """What is wrong with the name of a set; empty if nothing is."""
+    """The problem if no rule set has that name; empty if one has."""
     if name in shipped():
         return ""
     return f"no rule set {name!r}; there are {', '.join(shipped())}{nearest(name, shipped())}"
 
 
 def rule_set(name: str) -> Table:
-    """A table of the toolbox."""
+    """Table of a rule set of the toolbox."""
     return Table.open(RULES_FOLDER / f"{name}.csv")
 
 
 def single(distance: float) -> list[Rule]:
-    """The rule that any object keeps one distance, in metres."""
+    """The rule that all objects must keep one distance, in metres."""
     source = "given as the parameter distance"
     return [Rule("distance", source, "", "any", "3-D", distance, 0.0, "critical", confirmed=True)]
 
@@ -161,7 +161,7 @@ def rules_of(table: Table, voltage: float | None) -> list[Rule]:
 
 
 def _problems(row: Mapping[Any, Any]) -> list[str]:
-    """All that is wrong with one row."""
+    """Problems of one row of a rule table."""
     found = [
         f"{name} is empty" for name in NEEDED_RULE_COLUMNS if pd.isna(row[name]) or row[name] == ""
     ]
@@ -198,7 +198,10 @@ def _is_missing(value: Any) -> bool:
 
 
 def _is_number(value: Any) -> bool:
-    """A column with a word in it holds its numbers as texts."""
+    """Whether a value is a number of at least 0; it may be a text.
+
+    A column with one word in it has its numbers as texts.
+    """
     if _is_missing(value) or isinstance(value, bool):
         return False
     try:
@@ -234,7 +237,7 @@ def _rule(row: Mapping[Any, Any], voltage: float) -> Rule:
 
 
 def grown(rules: Sequence[Rule], growth: float) -> list[Rule]:
-    """What trees must keep now to keep the rules when they have grown by some metres."""
+    """Rules for trees that keep the rules also after growing by some metres."""
     return [
         replace(
             rule,
@@ -250,6 +253,6 @@ def grown(rules: Sequence[Rule], growth: float) -> list[Rule]:
 
 
 def reach_of(rules: Sequence[Rule]) -> float:
-    """How far to the side of a conductor any of the rules looks, in metres."""
+    """Largest horizontal distance from a conductor at which any of the rules applies, metres."""
     sideways = [r.within if r.direction == "vertical" else r.threshold for r in rules]
     return max(sideways, default=0.0)

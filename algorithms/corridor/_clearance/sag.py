@@ -1,4 +1,4 @@
-"""The curve of a wire that is warmer than in the survey or in wind, from its surveyed curve.
+"""The curve of a wire at another temperature or in wind, from its surveyed curve.
 
 Its length without tension is that of the survey, longer by its thermal expansion. The tension in
 the new state is the one at which the catenary has just that length, stretched elastically: the
@@ -43,7 +43,7 @@ LEAST_C, MOST_C = 2.0, 1e6  # metres of tension over weight that are looked for
 
 @dataclass(frozen=True)
 class Conductor:
-    """What a wire is made of, in SI units.
+    """Properties of a conductor in SI units.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Conductor:
 
 
 def conductor_of(name: str, table: Table | None = None) -> Conductor:
-    """A conductor of a table, or of that of the toolbox.
+    """Conductor of a given name, from a table or from that of the toolbox.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def _text(value: Any) -> str:
 
 @dataclass(frozen=True)
 class State:
-    """The state of the wires in which clearances are looked at.
+    """A state of the wires in which clearances are determined.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class State:
 
 
 def wind_load(conductor: Conductor, wind: float) -> float:
-    """Force of a wind in m/s on a metre of wire, N/m, with its sign."""
+    """Wind load per length of wire, N/m, with the sign of the wind; wind in m/s."""
     return 0.5 * AIR_DENSITY * DRAG * conductor.diameter * wind * abs(wind)
 
 
@@ -148,7 +148,7 @@ def in_state(
     surveyed_sd: float = 0.0,
     ruling_span: float | None = None,
 ) -> Catenary:
-    """The curve of a wire in another state, between the same ends.
+    """Catenary of a wire in another state, between the same ends.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def in_state(
 def _curvature(
     curve: Catenary, conductor: Conductor, warmer: float, wind: float, ruling_span: float | None
 ) -> float:
-    """Vertical curvature of a wire that is warmer by some degrees, in the wind."""
+    """Vertical curvature of a wire `warmer` degrees above its surveyed temperature, in wind."""
     span, rise = curve.length, curve.z_end - curve.z_start
     weight, load = conductor.weight, math.hypot(conductor.weight, wind_load(conductor, wind))
     tilt = wind_load(conductor, wind) / weight
@@ -216,18 +216,18 @@ def _curvature(
 
 
 def _in_plane(span: float, rise: float, swing: float) -> tuple[float, float]:
-    """Length and rise of a chord across and along the load of a wire that swings."""
+    """Chord of a swung wire, as its extent perpendicular to and along the load."""
     cosine = 1 / math.hypot(1.0, swing)
     return math.sqrt(span**2 + rise**2 * (1 - cosine**2)), rise * cosine
 
 
 def _length(c: float, span: float, rise: float) -> float:
-    """Length of a catenary."""
+    """Length of a catenary from its parameter c and the extent of its chord."""
     return math.hypot(2 * c * math.sinh(span / (2 * c)), rise)
 
 
 def _stretch(tension: float, load: float, span: float, rise: float, stiffness: float) -> float:
-    """By how much tension makes a wire longer: the integral of the tension along it."""
+    """Elastic elongation of a wire: the integral of the tension along it over the stiffness."""
     c = tension / load
     left = span / 2 - c * math.asinh(rise / (2 * c * math.sinh(span / (2 * c))))
     ends = math.sinh(2 * (span - left) / c) + math.sinh(2 * left / c)
@@ -281,7 +281,7 @@ def conductor_temperature(
 
 
 def cooling(diameter: float, surface: float, air: float, wind: float, height: float) -> float:
-    """Heat that the air takes from a metre of wire, W/m (IEEE 738-2012, section 4.4.3)."""
+    """Convective heat loss per metre of wire, W/m (IEEE 738-2012, section 4.4.3)."""
     film = (surface + air) / 2
     viscosity = 1.458e-6 * (film + 273) ** 1.5 / (film + 383.4)
     density = (1.293 - 1.525e-4 * height + 6.379e-9 * height**2) / (1 + 0.00367 * film)
@@ -295,6 +295,6 @@ def cooling(diameter: float, surface: float, air: float, wind: float, height: fl
 
 
 def radiation(diameter: float, surface: float, air: float, emissivity: float) -> float:
-    """Heat that a metre of wire radiates, W/m."""
+    """Radiated heat loss per metre of wire, W/m."""
     warm = (surface + 273.15) ** 4 - (air + 273.15) ** 4
     return math.pi * STEFAN * diameter * emissivity * warm

@@ -1,4 +1,4 @@
-"""From layers, what a clearance analysis works on: wires in several states, points near them."""
+"""Input of a clearance analysis from layers: wires in several states, and the points near them."""
 
 from __future__ import annotations
 
@@ -69,14 +69,14 @@ class LineStates:
 
     @property
     def open_spans(self) -> list[int]:
-        """Numbers of spans of which an end is where the data end, not at a tower."""
+        """Numbers of the spans that end where the data end, not at a tower."""
         open_ended = (self.start == 0) | (self.end == 0)
         return [int(number) for number in np.unique(self.span[open_ended])]
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """The points around the line, in metres from its origin.
+    """Points around the line, in metres from its origin.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class Surroundings:
 
 @dataclass(frozen=True)
 class Object:
-    """Points that are one thing, and the one of them that breaks its rule worst, in metres.
+    """Points that form one object, with the measures of the worst violation among them, in metres.
 
     `falls` is what is left between its highest tree and a wire if the tree falls; NaN if no tree
     of it reaches one. The others are as in `Violations`.
@@ -120,9 +120,9 @@ class Object:
 
 
 def line_of(wires: Vector) -> LineStates:
-    """The wires of a layer as they were surveyed, in metres from an origin near by."""
+    """Wires of a layer as surveyed, in metres from an origin near them."""
     frame, metre = wires.frame, wires.metre
-    # Whole metres: the same place whatever the unit.
+    # Whole metres: the same position whatever the unit.
     corner = np.floor(frame[["x0", "y0"]].min() / metre) if len(frame) else (0.0, 0.0)
     origin = np.array([*corner, 0.0]) * metre
     columns = ("wire_id", "span_id", "from_tower", "to_tower")
@@ -142,7 +142,7 @@ def surroundings_of(
     towers: Vector | None = None,
     ctx: Context = QUIET,
 ) -> Surroundings:
-    """Points near the wires in metres, what they are, and how high above the ground.
+    """Points near the wires, in metres, with their kinds and their heights above the ground.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def surroundings_of(
 
 
 def near_wires(cloud: PointCloud, line: LineStates, reach: float) -> Ints:
-    """Indices of the points near the wires in plan."""
+    """Indices of the points that are near the wires in plan."""
     cells = WireLattice.of(line.curves, reach)
     found = [np.empty(0, np.int64)]
     for first in range(0, len(cloud), MEASURED_BLOCK):
@@ -188,7 +188,7 @@ def near_wires(cloud: PointCloud, line: LineStates, reach: float) -> Ints:
 def kinds_of(
     cloud: PointCloud, classes: Mapping[str, Sequence[int]], ignore: Sequence[int]
 ) -> tuple[NDArray[np.int8], dict[str, int]]:
-    """Index into KINDS of each point, and how many points take no part, and why."""
+    """Index into KINDS of each point, and numbers of excluded points by reason."""
     given = np.asarray(cloud["classification"])
     kind = np.full(len(cloud), KINDS.index("other"), np.int8)
     for name, codes in (*KIND_CLASSES.items(), *classes.items()):
@@ -209,7 +209,7 @@ def kinds_of(
 
 
 def _heights(cloud: PointCloud, index: Ints, ground: NDArray[np.bool_], ctx: Context) -> Floats:
-    """Metres above the ground of some points; NaN where not known."""
+    """Heights of some points above the ground, metres; NaN where not known."""
     if HEIGHT in cloud:
         return given_heights(cloud)[index]
     if not ground.any():
@@ -224,7 +224,7 @@ def _heights(cloud: PointCloud, index: Ints, ground: NDArray[np.bool_], ctx: Con
 def _at_towers(
     xyz: Floats, kind: NDArray[np.int8], towers: Vector, origin: Floats
 ) -> NDArray[np.bool_]:
-    """Points without a class around the body of a tower."""
+    """True for points without a class at the body of a tower."""
     feet = (shapely.get_coordinates(towers.frame.geometry.to_numpy()) - origin[:2]) / towers.metre
     radius = towers.frame["width"].to_numpy(float) / 2 + BESIDE_TOWER
     radius = np.append(np.nan_to_num(radius, nan=BESIDE_TOWER), 0.0)  # the last for none near

@@ -3,7 +3,7 @@
 Between two supports the wires of a line hang as arcs of about one curvature, which the whole line
 has in common, for its conductors are of one kind under one tension. Of all the ways to cut the
 line the one is taken in which the arcs fit best, at a price for each cut, by dynamic programming
-(Bellman 1961). What sticks out of the wires at one place, such as an arm, makes a cut there
+(Bellman 1961). What sticks out of the wires at one chainage, such as an arm, makes a cut there
 cheaper. In a valley, where wires pull up at their support and hardly bend there, and where points
 are few, that finds what no wire shows alone.
 
@@ -58,7 +58,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Binned:
-    """What is seen of the tracks in each bin along an alignment, arrays of shape (bins, tracks)."""
+    """Means and weights of the points of each track in each bin, arrays of shape (bins, tracks)."""
 
     step: float  # metres, length of a bin
     tall: Floats  # 1 / variance of heights; 0 where nothing is seen
@@ -71,7 +71,7 @@ class Binned:
 def arcs_of(
     corridor: Corridor, alignments: Sequence[Alignment]
 ) -> tuple[list[Piece], list[Alignment]]:
-    """Arcs of wires, cut at their supports, and the alignments with the chainages of the cuts."""
+    """Arcs of wires between their supports, and the alignments with the chainages of the cuts."""
     arcs: list[Piece] = []
     cut: list[Alignment] = []
     for number, alignment in enumerate(alignments):
@@ -84,13 +84,13 @@ def arcs_of(
 
 
 def is_certain(corridor: Corridor, alignment: Alignment, piece: Piece) -> bool:
-    """Whether a track has a say in where supports are: it is a wire by itself, and smooth."""
+    """Whether a track is sure and smooth enough to tell where supports are."""
     xyz = corridor.wires.xyz[piece.points]
     return piece.sure and scatter(alignment.along(xyz)[0], xyz[:, 2]) < SMOOTH_TRACK
 
 
 def cut_up(corridor: Corridor, alignment: Alignment, piece: Piece, number: int) -> Iterator[Piece]:
-    """The arcs of one track; none of what goes a short way beyond the outermost supports."""
+    """The arcs of one track, without short stubs beyond the outermost supports."""
     u, _ = alignment.along(corridor.wires.xyz[piece.points])
     arc = np.searchsorted(alignment.cuts, u)
     edges = [0.0, *alignment.cuts, alignment.step * alignment.steps]
@@ -107,7 +107,7 @@ def cut_up(corridor: Corridor, alignment: Alignment, piece: Piece, number: int) 
 
 
 def binned(corridor: Corridor, alignment: Alignment, step: float) -> Binned:
-    """Mean chainage, height and offset of the points of each track in each bin."""
+    """Mean chainage, height and offset of the points of each track in each bin, with weights."""
     steps = math.ceil(alignment.step * alignment.steps / step)
     bins = Binned(step, *(np.zeros((steps, len(alignment.pieces))) for _ in range(5)))
     for k, piece in enumerate(alignment.pieces):
@@ -132,13 +132,13 @@ def binned(corridor: Corridor, alignment: Alignment, step: float) -> Binned:
 
 
 def astray(u: Floats, z: Floats) -> Floats:
-    """How far each value but the first and last is off the line between its neighbours."""
+    """Difference of each value but the first and last from the line between its neighbours."""
     share = (u[1:-1] - u[:-2]) / np.maximum(u[2:] - u[:-2], 1e-6)
     return z[1:-1] - (1 - share) * z[:-2] - share * z[2:]
 
 
 def scatter(u: Floats, z: Floats) -> float:
-    """Standard deviation of heights along a wire, from that of each between its neighbours."""
+    """Standard deviation of heights along a wire, estimated from neighbouring points."""
     if len(u) < 5:
         return 2 * LEAST_SCATTER
     order = np.argsort(u, kind="stable")
@@ -147,7 +147,7 @@ def scatter(u: Floats, z: Floats) -> float:
 
 
 def hardware(corridor: Corridor, alignment: Alignment, bins: Binned, chainages: Floats) -> Floats:
-    """How sure it is, in squares of sigmas, that an arm stands at chainages of an alignment.
+    """Evidence for an arm at each chainage of an alignment, in squares of sigmas.
 
     An arm is points among the wires that lie on none of them. It reaches across, so columns with
     points are counted, and is thin: a little way before and behind, a tree that comes up from
@@ -201,14 +201,14 @@ def hardware(corridor: Corridor, alignment: Alignment, bins: Binned, chainages: 
 
 
 def columns(u: Floats, v: Floats) -> Floats:
-    """Chainages of upright columns with points: what hangs from a wire is only one."""
+    """Chainages of the vertical columns that hold points; what hangs from a wire is one column."""
     cell = np.floor(np.column_stack([u, v]) / COLUMN_WIDTH)
     _, which, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
     return np.sort(np.bincount(which.ravel(), u, len(count)) / count)
 
 
 def cuts_of(corridor: Corridor, alignment: Alignment) -> Floats:
-    """Chainages of an alignment at which its wires are held, in order."""
+    """Chainages of an alignment at which supports hold its wires, in order."""
     coarse = binned(corridor, alignment, COARSE_BINS * alignment.step)
     usual = CUT_PRICE + CUT_PRICE_PER_WIRE * tracks_at(coarse)
     bends = LEAST_TRIED * TRIED_RATIO ** np.arange(
@@ -238,7 +238,7 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> Floats:
 
 
 def misfits(bins: Binned, low: Ints, high: Ints, bend: float) -> Floats:
-    """Squares of sigmas by which each track is off an arc, array of shape (arcs, tracks)."""
+    """Misfit of each track to each arc, in squares of sigmas, array of shape (arcs, tracks)."""
     found = np.empty((len(low), bins.u.shape[1]))
     kernels.misfits(
         bins.tall,
@@ -256,7 +256,7 @@ def misfits(bins: Binned, low: Ints, high: Ints, bend: float) -> Floats:
 
 
 def agreed(bins: Binned, edges: Ints, bend: float, usual: Floats, price: Floats) -> Ints:
-    """The edges of bins at which enough tracks gain by a cut: some three of four.
+    """The edges of bins at which a cut improves the fit of enough tracks: about three of four.
 
     A single track may follow another wire, or be pushed off by a crane, and would pay for all. So
     no track pays more than a limit, which goes by the price of a cut where there is no arm.
@@ -276,7 +276,7 @@ def agreed(bins: Binned, edges: Ints, bend: float, usual: Floats, price: Floats)
 
 
 def tracks_at(bins: Binned) -> Floats:
-    """Number of tracks that go on across each edge between two bins."""
+    """Number of tracks that cross each edge between two bins."""
     seen = bins.tall > 0
     behind = np.maximum.accumulate(seen, axis=0)
     ahead = np.maximum.accumulate(seen[::-1], axis=0)[::-1]
@@ -286,7 +286,7 @@ def tracks_at(bins: Binned) -> Floats:
 
 
 def solved(bins: Binned, bend: float, price: Floats) -> tuple[float, Ints]:
-    """Least cost, and the edges of bins at which the tracks are cut for it, with both ends."""
+    """Least total cost, and the edges of bins at which to cut the tracks, with both ends."""
     steps = len(bins.u)
     total, before = np.empty(steps + 1), np.zeros(steps + 1, np.int64)
     kernels.cuts(
@@ -311,7 +311,7 @@ def solved(bins: Binned, bend: float, price: Floats) -> tuple[float, Ints]:
 def settled(
     bins: Binned, low: int, at: int, high: int, bend: float, chainages: Floats, shown: Floats
 ) -> float:
-    """A cut moved to where the arcs on both sides meet, and where an arm shows."""
+    """Chainage of a cut, moved to where the arcs on both sides meet and an arm is seen."""
     middle = at * bins.step
     near = np.abs(chainages - middle) < MOST_SHIFT
     near &= (chainages > low * bins.step + 1.0) & (chainages < high * bins.step - 1.0)
@@ -343,7 +343,7 @@ def settled(
 def arc(
     x: Floats, values: Floats, weight: Floats, usual: float, spread: float
 ) -> tuple[Floats, Floats] | None:
-    """Value, slope and curvature at x = 0 of the arc through values, and their covariance."""
+    """Value, slope and curvature at x = 0 of the arc fitted to values, and their covariance."""
     used = weight > 0
     if np.count_nonzero(used) < 3:
         return None

@@ -12,7 +12,7 @@ TINY = 1e-9
 
 @helper
 def _misfit(m, bend, sigma):
-    """Least sum of squares of a + b x + c x^2 / 2, with c known to be bend within sigma.
+    """Least sum of squares of a + b x + c x^2 / 2, with the prior that c is `bend` +- `sigma`.
 
     `m` holds the sums of w, w x, w x^2 / 2, w x^2, w x^3 / 2, w x^4 / 4, w y, w x y, w x^2 y / 2
     and w y^2.
@@ -50,7 +50,7 @@ def _add(m, w, d, y):
 
 @njit(cache=True, nogil=True)
 def cuts(tall, flat, x, z, v, price, bend, spread, least, total, before):
-    """Cut tracks into arcs at the same edges of bins so that misfit and price are least in all.
+    """Cut tracks into arcs at common edges of bins, for the least sum of misfits and prices.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def cuts(tall, flat, x, z, v, price, bend, spread, least, total, before):
 
 @njit(cache=True, nogil=True)
 def misfits(tall, flat, x, z, v, low, high, bend, spread, out):
-    """Misfit of each track as arcs between the edges low and high, two arrays of shape (k,).
+    """Fill in the misfit of each track as an arc between low[k] and high[k], arrays of shape (k,).
 
     `out` is an array of shape (k, tracks) and filled in. The other parameters are those of
     :func:`cuts`.

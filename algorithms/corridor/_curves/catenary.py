@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Catenary:
-    """One wire of one span, in metres.
+    """Catenary of one wire in one span, in metres.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Catenary:
 
     @property
     def u0(self) -> float:
-        """Where the lowest point is, or would be beyond the ends."""
+        """Distance along the axis of the lowest point, which may lie beyond the ends."""
         return _lowest(self.length, self.z_start, self.z_end, self.curvature)
 
     @property
@@ -91,7 +91,7 @@ class Catenary:
 
     @property
     def variance_of_curvature(self) -> float:
-        """Of the fit, 1 / square metre; infinite where nothing is known of it."""
+        """Variance of the fitted curvature, 1 / square metre; infinite where it is not known."""
         return math.inf if self.covariance is None else float(self.covariance[2, 2])
 
     def height(self, u: Floats) -> Floats:
@@ -99,37 +99,37 @@ class Catenary:
         return _heights(u, self.length, self.z_start, self.z_end, self.curvature)
 
     def offset(self, u: Floats) -> Floats:
-        """Distance to the left of the axis at u."""
+        """Offset of the wire to the left of its axis at u."""
         chord = self.z_start + (self.z_end - self.z_start) * u / self.length
         return np.asarray(self.v0 + self.v1 * u + self.swing * (chord - self.height(u)))
 
     def along(self, xyz: Floats) -> tuple[Floats, Floats]:
-        """Distance along and to the left of the axis, of points of shape (n, 3)."""
+        """Distances of points of shape (n, 3) along the axis, and to the left of it."""
         dx, dy = xyz[:, 0] - self.x, xyz[:, 1] - self.y
         return dx * self.ex + dy * self.ey, dy * self.ex - dx * self.ey
 
     def residuals(self, xyz: Floats) -> tuple[Floats, Floats, Floats]:
-        """Distance along, to the left of, and above the wire, of points of shape (n, 3)."""
+        """Distances of points of shape (n, 3) along the axis, left of the wire, and above it."""
         u, v = self.along(xyz)
         return u, v - self.offset(u), xyz[:, 2] - self.height(u)
 
     def points(self, u: Floats) -> Floats:
-        """Places on the wire, array of shape (n, 3)."""
+        """Positions on the wire at u, array of shape (n, 3)."""
         v = self.offset(u)
         x, y = self.x + u * self.ex - v * self.ey, self.y + u * self.ey + v * self.ex
         return np.column_stack([x, y, self.height(u)])
 
     @functools.cached_property
     def ends(self) -> Floats:
-        """First and last place, array of shape (2, 3)."""
+        """Positions of the first and the last end, array of shape (2, 3)."""
         return self.points(np.array([0.0, self.length]))
 
     def away(self, xyz: Floats) -> Floats:
-        """Distance of points of shape (n, 3) from the wire, square to it."""
+        """Distances of points of shape (n, 3) from the wire, in the plane across it."""
         return np.asarray(np.hypot(*self.residuals(xyz)[1:]))
 
     def between(self, low: float, high: float) -> Catenary:
-        """The same curve from u = low to u = high."""
+        """The section of the wire from u = low to u = high, as a catenary of its own."""
         ends = self.height(np.array([low, high]))
         moved = replace(
             self,
@@ -187,7 +187,7 @@ class Catenary:
 
 
 def _hang(u: float, curvature: float) -> float:
-    """Height above the lowest point, u away from it."""
+    """Height of a catenary above its lowest point, at the horizontal distance u from it."""
     return 2 * math.sinh(0.5 * curvature * u) ** 2 / curvature
 
 
@@ -203,7 +203,7 @@ def _heights(u: Floats, length: float, z_start: float, z_end: float, curvature: 
 
 
 def _jacobian(u: Floats, length: float, z_start: float, z_end: float, curvature: float) -> Floats:
-    """Change of height with z_start, z_end and curvature, array of shape (n, 3)."""
+    """Derivatives of the height by z_start, z_end and curvature, array of shape (n, 3)."""
     base = _heights(u, length, z_start, z_end, curvature)
     step = 1e-3 * curvature + 1e-9
     bent = _heights(u, length, z_start, z_end, curvature + step)

@@ -25,7 +25,7 @@ FIT_SIZE = 8
 
 @helper
 def _hung(length, z_start, z_end, curvature):
-    """Where the lowest point is, and its height."""
+    """Horizontal position and height of the lowest point of a catenary."""
     half = math.sinh(0.5 * curvature * length)
     u0 = length / 2 - math.asinh(0.5 * curvature * (z_end - z_start) / half) / curvature
     return u0, z_start - 2 * math.sinh(0.5 * curvature * u0) ** 2 / curvature
@@ -47,7 +47,7 @@ def _add(row, value, weight, normal, right):
 
 @helper
 def _begun(u, z, length, normal, right, result, inverse):
-    """Heights at both ends and second derivative of the parabola through points."""
+    """First approximation: end heights and second derivative of a parabola through the points."""
     normal[:], right[:] = 0.0, 0.0
     for i in range(len(u)):
         t = 2 * u[i] / length - 1
@@ -61,7 +61,7 @@ def _begun(u, z, length, normal, right, result, inverse):
 
 @helper
 def _plan(u, v, length, weight, sways, shape, off, normal, right, result, inverse):
-    """Fit the plan curve to the offsets v; `off` receives what it leaves of them."""
+    """Fit the curve in plan to the offsets v, and fill `off` with the residuals."""
     u0, z0 = _hung(length, shape[FIT_Z_START], shape[FIT_Z_END], shape[FIT_CURVATURE])
     slope = (shape[FIT_Z_END] - shape[FIT_Z_START]) / length
     deep = max(shape[FIT_CURVATURE] * length**2 / 8, RIDGE) if sways else math.inf
@@ -80,7 +80,7 @@ def _plan(u, v, length, weight, sways, shape, off, normal, right, result, invers
 
 @helper
 def _rise(u, z, length, weight, known, sigma, shape, normal, right, result, inverse):
-    """One step of Gauss and Newton for the heights at both ends and the curvature.
+    """One Gauss-Newton step for the heights at both ends and the curvature.
 
     A curvature that is known of other wires, above 0, is one more observation.
     """
@@ -112,7 +112,7 @@ def _rise(u, z, length, weight, known, sigma, shape, normal, right, result, inve
 
 @helper
 def _squares(u, z, length, weight, shape, off, square):
-    """Squares of distances from the curve, and the standard error of a height."""
+    """Fill in the squared distances of points from the curve, its RMS and its error of a height."""
     u0, z0 = _hung(length, shape[FIT_Z_START], shape[FIT_Z_END], shape[FIT_CURVATURE])
     total, tall, flat, count = 0.0, 0.0, 0.0, 0
     for i in range(len(u)):
@@ -129,7 +129,9 @@ def _squares(u, z, length, weight, shape, off, square):
 
 @njit(cache=True, nogil=True)
 def fitted(u, v, z, length, spread, known, sways, shape, covariance):
-    """Fit a catenary to points along, aside and above its axis; how many it rests on, 0 for none.
+    """Fit a catenary to the points of a wire; the number of points used, 0 if there is no fit.
+
+    Points are given along the axis, to the left of it, and by height.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Tracks of sparse wires, which are followed all together where none can be followed alone.
+"""Tracks of sparse wires, which are followed all at once where single ones have too few points.
 
 Between two supports the wires of a line run beside each other at about constant distances, and go
 on so behind the next. Moved by these distances onto one of them, the points of all make one wire,
@@ -38,7 +38,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Lanes:
-    """The wires of an alignment, side by side.
+    """Lanes: the parallel wires of an alignment, with their distances from the first.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Lanes:
 
     @classmethod
     def of(cls, tracks: Sequence[Floats]) -> Lanes | None:
-        """The lanes of tracks, or None where no two of these are seen beside each other."""
+        """The lanes of tracks; None unless at least two of these are seen beside each other."""
         place = placed(tracks)
         spots: list[Floats] = []
         own: list[list[int]] = []
@@ -77,7 +77,7 @@ class Lanes:
         return cls(aside, up, own, u, v)
 
     def middle(self, u: Floats) -> Floats:
-        """Offset of the first lane; straight on beyond its ends."""
+        """Offset of the first lane from the axis at chainages, extrapolated beyond its ends."""
         offset = np.interp(u, self.u, self.v)
         for end, way in ((0, -1), (-1, 1)):
             beyond = (u - self.u[end]) * way > 0
@@ -110,7 +110,7 @@ def in_order(track: Floats) -> Floats:
 
 
 def placed(tracks: Sequence[Floats]) -> dict[int, Floats]:
-    """Offset and height, from the first of them, of the most tracks that lie beside each other."""
+    """Position of each track relative to the first, of the largest group linked side by side."""
     best: dict[int, Floats] = {}
     left = set(range(len(tracks)))
     while left:
@@ -130,12 +130,12 @@ def placed(tracks: Sequence[Floats]) -> dict[int, Floats]:
 
 
 def abreast(one: Floats, other: Floats) -> bool:
-    """Whether two tracks are of different wires, for they are followed at the same chainages."""
+    """Whether two tracks overlap in chainage, and so belong to different wires."""
     return bool(min(one[-1, 0], other[-1, 0]) - max(one[0, 0], other[0, 0]) > LEAST_OVERLAP)
 
 
 def beside(one: Floats, other: Floats) -> Floats | None:
-    """How far aside and up of one track another lies, if that is known and constant."""
+    """Offset and height of one track relative to another; None if not known or not constant."""
     after = np.searchsorted(one[:, 0], other[:, 0])
     inner = (after > 0) & (after < len(one))
     after = after[inner]
@@ -152,7 +152,7 @@ def beside(one: Floats, other: Floats) -> Floats | None:
 def pieces_in(
     corridor: Corridor, alignment: Alignment, lanes: Lanes, max_gap: float, ctx: Context
 ) -> list[Piece]:
-    """One piece for each lane of an alignment, and what else the alignment has."""
+    """One piece for each lane, and the pieces of the alignment that are of no lane."""
     lane_of = np.full(len(corridor.wires.xyz), -1)
     for k, own in enumerate(lanes.own):
         for j in own:
@@ -177,7 +177,7 @@ def pieces_in(
 def followed(
     corridor: Corridor, alignment: Alignment, lanes: Lanes, max_gap: float, ctx: Context
 ) -> list[tuple[Ints, Ints]]:
-    """Points of the wires of each curve that is followed along all lanes, and their lanes."""
+    """Points of the wires that were followed along all lanes together, and the lane of each."""
     source, lane, places = moved(corridor, alignment, lanes)
     air = Airborne.of(places)
     source, lane = source[air.order], lane[air.order]
@@ -201,7 +201,7 @@ def followed(
 
 
 def moved(corridor: Corridor, alignment: Alignment, lanes: Lanes) -> tuple[Ints, Ints, Floats]:
-    """Points in the air around the lanes, their lanes, and their positions on the first lane."""
+    """Points in the air near lanes, their lanes, and their positions moved to the first lane."""
     u, v = alignment.along(corridor.air.xyz)
     near = (u > lanes.u[0] - LOOK_AHEAD) & (u < lanes.u[-1] + LOOK_AHEAD)
     box = np.flatnonzero(near & (np.abs(v - np.median(lanes.v)) < LOOK_ASIDE))

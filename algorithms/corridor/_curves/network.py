@@ -1,4 +1,4 @@
-"""Wires from the curves that were followed: which are wires, and which go on in each other."""
+"""Wires from traced curves: which curves are wires, and which are continuations of each other."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Piece:
-    """What was followed of a wire: its points and the curve through them.
+    """A traced piece of a wire: its points, and the catenary through them.
 
     Attributes
     ----------
@@ -53,13 +53,13 @@ class Piece:
 
     @property
     def ends(self) -> Floats:
-        """First and last place, array of shape (2, 3)."""
+        """First and last position, array of shape (2, 3)."""
         return self.curve.ends
 
 
 @dataclass
 class Corridor:
-    """The points of a corridor above the ground, the terrain, and which points are still free.
+    """The points above the ground of a corridor, the terrain, and which points are still free.
 
     Attributes
     ----------
@@ -87,13 +87,13 @@ class Corridor:
         self.free = np.ones(len(self.air.xyz), bool)
 
     def take(self, curves: Iterable[Catenary]) -> None:
-        """Mark the points around wires, so that they are not taken for anything else."""
+        """Mark the points around wires as used."""
         for curve in curves:
             self.free[self.air.around(curve, 2 * self.tolerance)[0]] = False
 
 
 def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list[Piece]:
-    """Pieces with catenaries, from the curves that stand out from what is around them."""
+    """Pieces with catenaries, from the traced curves that stand out from their surroundings."""
     found = []
     for curve, points in curves:
         length = curve[kernels.CURVE_HIGH] - curve[kernels.CURVE_LOW]
@@ -130,7 +130,7 @@ def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
 
 
 def lies_on(corridor: Corridor, one: Piece, other: Piece) -> bool:
-    """Whether a piece was followed on a longer one a second time."""
+    """Whether a piece lies on a longer one: the same wire, traced twice."""
     length = other.curve.length
     if one.curve.length >= length:
         return False
@@ -143,7 +143,7 @@ def lies_on(corridor: Corridor, one: Piece, other: Piece) -> bool:
 
 
 def clearness(corridor: Corridor, curve: Floats, count: int) -> float:
-    """Share of a curve's length along which there are points on it and few just around it."""
+    """Share of the length of a curve with points on it and few points just around it."""
     length = curve[kernels.CURVE_HIGH] - curve[kernels.CURVE_LOW]
     bins = max(1, int(length / max(2.0, 3 * length / count)))
     tubed, shelled = np.zeros(bins, np.int64), np.zeros(bins, np.int64)
@@ -155,12 +155,12 @@ def clearness(corridor: Corridor, curve: Floats, count: int) -> float:
 
 
 def is_straight(curve: Catenary) -> bool:
-    """Whether a curve sags less than the tightest wire, for certain: a rail, a bar or a tie."""
+    """Whether a curve surely sags less than any wire, as rails, bars and ties do."""
     return curve.sag + CERTAIN_SIGMAS * curve.sigma("sag") < curve.length**2 / (8 * LARGEST_C)
 
 
 def alone(corridor: Corridor, curve: Catenary) -> float:
-    """Share of a curve along which more points lie on it than around it and on no other wire.
+    """Share of a curve with more points on it than around it, those of other wires not counted.
 
     Twigs that happen to lie along an arc have others around them everywhere.
     """
@@ -174,7 +174,7 @@ def alone(corridor: Corridor, curve: Catenary) -> float:
 
 
 def carries(corridor: Corridor, curve: Catenary, straight: Sequence[Catenary]) -> bool:
-    """Whether something hangs from a curve all along, as from a bridge cable or over a railway.
+    """Whether something hangs from a curve all along, as from a cable of a bridge or railway.
 
     It is a straight wire below it in its plane, or hangers: points at all depths in its plane and
     not beside that. Another wire below is at one depth.
@@ -206,7 +206,7 @@ def carries(corridor: Corridor, curve: Catenary, straight: Sequence[Catenary]) -
 
 
 def connected(strong: list[Piece], weak: list[Piece]) -> list[Piece]:
-    """The strong pieces, and the weak ones that go on from a wire or lie beside one."""
+    """The strong pieces, and the weak ones that meet one at a support or continue one."""
     found = list(strong)
     queue = list(strong)
     while queue and weak:
@@ -219,7 +219,7 @@ def connected(strong: list[Piece], weak: list[Piece]) -> list[Piece]:
 
 
 def goes_on(one: Piece, other: Piece) -> bool:
-    """Whether two curves end at one support: they come from both sides and meet."""
+    """Whether two curves come from opposite sides and meet, as wires do at a support."""
     for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
         a, b = heading(one, i), heading(other, j)
         step = other.ends[j] - one.ends[i]
@@ -235,7 +235,7 @@ def goes_on(one: Piece, other: Piece) -> bool:
 
 
 def runs_beside(one: Piece, other: Piece) -> bool:
-    """Whether the middle of a curve lies beside another of the same heading."""
+    """Whether the middle of one curve lies beside another of the same heading."""
     a, b = heading(one, 1), heading(other, 1)
     if abs(a @ b) < math.cos(PARALLEL_ANGLE):
         return False
@@ -251,13 +251,13 @@ def runs_beside(one: Piece, other: Piece) -> bool:
 
 
 def heading(piece: Piece, end: int) -> Floats:
-    """Unit vector in plan that leads out of a curve at its first (0) or last (1) end."""
+    """Unit vector in plan that points outwards at the first (0) or last (1) end of a curve."""
     way = 1.0 if end else -1.0
     return way * np.array([piece.curve.ex, piece.curve.ey])
 
 
 def continues(one: Piece, other: Piece, near: float = BUNDLE_WIDTH) -> bool:
-    """Whether two curves are of one wire, side by side in a bundle or one after the other."""
+    """Whether two curves are of one wire or bundle: side by side, or one after the other."""
     if abs(heading(one, 1) @ heading(other, 1)) < math.cos(PARALLEL_ANGLE):
         return False
     u, _ = one.curve.along(other.ends)
@@ -269,7 +269,7 @@ def continues(one: Piece, other: Piece, near: float = BUNDLE_WIDTH) -> bool:
 
 
 def apart(one: Piece, other: Piece) -> float:
-    """Distance of two curves where both have points, or halfway between their ends."""
+    """Median distance of two curves where they overlap, or in the middle of the gap."""
     a = one.curve
     u, _ = a.along(other.ends)
     low, high = max(0.0, u.min()), min(a.length, u.max())
@@ -280,7 +280,7 @@ def apart(one: Piece, other: Piece) -> float:
 
 
 def joined(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:
-    """Pieces of one wire made one, where a single arc fits them all."""
+    """Pieces in which those of one wire are joined, where a single arc fits them all."""
     order = sorted(pieces, key=lambda p: (-p.curve.length, p.curve.x, p.curve.y))
     found: list[Piece] = []
     for piece in order:
@@ -299,7 +299,7 @@ def joined(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:
 
 
 def agrees(corridor: Corridor, curve: Catenary, pieces: Sequence[Piece]) -> bool:
-    """Whether all pieces are as near to a common curve as to their own."""
+    """Whether a common curve fits all pieces as well as their own curves do."""
     for piece in pieces:
         xyz = corridor.wires.xyz[piece.points]
         own, common = (c.away(xyz) for c in (piece.curve, curve))

@@ -1,4 +1,4 @@
-"""Curves from points that stand alone in the air: each is followed along a parabola.
+"""Curves from points in the air: each one is traced along a parabola from a seed.
 
 References
 ----------
@@ -41,7 +41,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Airborne:
-    """Points above the ground in the order of square plan cells.
+    """Points above the ground, sorted by square cells in plan.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Airborne:
 
     @classmethod
     def of(cls, xyz: Floats) -> Airborne:
-        """Sort points of shape (n, 3), those of a cell by x, y, z: their order does not matter."""
+        """Sort points of shape (n, 3) by cell, then x, y, z, whatever their order."""
         low = np.floor(xyz[:, :2].min(axis=0) / PLAN_CELL) * PLAN_CELL if len(xyz) else np.zeros(2)
         west, south = float(low[0]), float(low[1])
         col = ((xyz[:, 0] - west) / PLAN_CELL).astype(np.int64)
@@ -75,7 +75,7 @@ class Airborne:
 
     @property
     def plan_grid(self) -> tuple[float, float, float, int, int]:
-        """The cells as kernels take them."""
+        """The cells in the form in which the kernels take them."""
         return self.west, self.south, PLAN_CELL, self.rows, self.cols
 
     def select(self, which: Mask) -> Airborne:
@@ -95,7 +95,7 @@ class Airborne:
     def around(
         self, curve: Catenary, radius: float, low: float = 0.0, high: float | None = None
     ) -> tuple[Ints, Floats]:
-        """Indices of the points within a radius of a wire, from u = low to high, and how far."""
+        """Indices and distances of the points within a radius of a wire, from u = low to high."""
         high = curve.length if high is None else high
         slope = (curve.z_end - curve.z_start) / curve.length
         shape = (
@@ -128,7 +128,7 @@ class Airborne:
         return found[:count][order], away[:count][order]
 
     def within(self, spot: Floats, reach: float) -> Ints:
-        """Indices of the points in the cells that a square around a position touches."""
+        """Indices of the points in the cells that meet a square around a position."""
         r0, r1 = (int((spot[1] + d - self.south) // PLAN_CELL) for d in (-reach, reach))
         c0, c1 = (int((spot[0] + d - self.west) // PLAN_CELL) for d in (-reach, reach))
         r0, r1, c0, c1 = max(r0, 0), min(r1, self.rows - 1), max(c0, 0), min(c1, self.cols - 1)
@@ -141,12 +141,12 @@ class Airborne:
 
     @functools.cached_property
     def _scratch(self) -> tuple[Ints, Floats]:
-        """Room for the answer of a kernel."""
+        """Buffers for the indices and distances that a kernel fills in."""
         return np.empty(len(self.xyz), np.int64), np.empty(len(self.xyz))
 
 
 def uncrowded(points: Airborne, density: float) -> tuple[Mask, Ints]:
-    """True for points with so little around them as some wires leave, and the voxel of each.
+    """Which points have as little around them as wires leave, and the index of the voxel of each.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def uncrowded(points: Airborne, density: float) -> tuple[Mask, Ints]:
 
 
 def seeds(points: Airborne, voxel: Ints, ctx: Context) -> tuple[Ints, Floats]:
-    """Points at which wires may begin, the most straightly aligned first, and their headings.
+    """Points at which wires may begin and the directions there, the best aligned first.
 
     One point of each voxel is looked at.
     """
@@ -205,7 +205,7 @@ def seeds(points: Airborne, voxel: Ints, ctx: Context) -> tuple[Ints, Floats]:
 def trace_all(
     points: Airborne, voxel: Ints, *, tolerance: float, max_gap: float, ctx: Context
 ) -> list[tuple[Floats, Ints]]:
-    """Curves from all seeds that no other curve has covered, and the points of each.
+    """Curves traced from all seeds that lie on no earlier curve, and the points of each.
 
     Parameters
     ----------

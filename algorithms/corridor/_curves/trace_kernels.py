@@ -30,7 +30,7 @@ RESUMING_SHARE = 0.3  # of the usual number of points must be found after a gap
 
 @njit(cache=True, nogil=True)
 def in_cells(xyz, by_x, cell, free, start, order):
-    """Fill in the order of points by cell, x, y and z, given that by x.
+    """Fill in the order of points by cell, x, y and z, from their order by x.
 
     `free` is where the next point of each cell goes; it begins as `start`.
     """
@@ -48,7 +48,7 @@ def in_cells(xyz, by_x, cell, free, start, order):
 
 @njit(cache=True, nogil=True)
 def crowding(keys, masks, offsets, first, last, out):
-    """Occupied eighths of the voxels around each, those of sorted `keys` from first to last.
+    """Fill in how many eighths of the voxels around each voxel first..last have points.
 
     `offsets` are the first and last key of each column around, relative to that of the middle.
     """
@@ -66,7 +66,7 @@ def crowding(keys, masks, offsets, first, last, out):
 
 @helper
 def _cells(x, y, radius, west, south, cell, rows, cols):
-    """First and last row and column of a square around a position; those of the edge beyond it."""
+    """First and last row and column of the cells that meet a square, clipped to the lattice."""
     r0 = min(max(0, int((y - radius - south) / cell)), rows - 1)
     r1 = max(0, min(rows - 1, int((y + radius - south) / cell)))
     c0 = min(max(0, int((x - radius - west) / cell)), cols - 1)
@@ -92,7 +92,7 @@ def straightness(
     score,
     heading,
 ):
-    """For seeds first..last, in how many metres of the best line through it points lie.
+    """Score the seeds first..last by the metres of the best line through each that hold points.
 
     They count the less the farther they are off the line, as those of a line across several wires
     are. Points in a shell around it, thrice as wide as the tube, count against it. `heading`
@@ -154,7 +154,7 @@ def _values(curve, u):
 def _gather(
     curve, low, high, tolerance, spread, xyz, start, west, south, cell, rows, cols, found, count
 ):
-    """Append to `found` the points near the curve with u from low to high; how many there are.
+    """Append to `found` the points near the curve with u from low to high; the new count.
 
     `spread` is the inverse normal matrix of the fit, by which the tolerance grows away from what
     is known.
@@ -214,7 +214,7 @@ def solve(normal, right, result, inverse):
 
 @helper
 def _fit(curve, found, count, tolerance, xyz, spread, rounds):
-    """Parabolas through points in plan and height, robustly (Tukey); updates curve and spread."""
+    """Fit parabolas in plan and height to points robustly (Tukey); updates curve and spread."""
     old_mid, old_half = curve[CURVE_MIDDLE], curve[CURVE_HALF]
     lo, hi = np.inf, -np.inf
     for k in range(count):
@@ -278,7 +278,7 @@ def _fit(curve, found, count, tolerance, xyz, spread, rounds):
 
 @helper
 def _keep_near(curve, found, count, tolerance, xyz):
-    """Drop points that the curve has left; how many remain."""
+    """Drop the points of `found` that are too far from the curve; the number that remain."""
     kept = 0
     for k in range(count):
         i = found[k]
@@ -296,7 +296,7 @@ def _keep_near(curve, found, count, tolerance, xyz):
 def _begin(
     seed, heading, xyz, start, west, south, cell, rows, cols, reach, tolerance, curve, found, spread
 ):
-    """A first curve through the points around a seed; their number, 0 if they are too few."""
+    """Fit the first curve to the points around a seed; their number, 0 if there are too few."""
     flat = math.sqrt(heading[0] ** 2 + heading[1] ** 2)
     curve[:] = 0.0
     curve[CURVE_X], curve[CURVE_Y] = xyz[seed, 0], xyz[seed, 1]
@@ -331,7 +331,7 @@ def trace(
     curve,
     found,
 ):
-    """Follow a wire from a seed in both directions as far as it goes; the number of its points.
+    """Trace a wire from a seed in both directions; the number of its points.
 
     `curve` and `found` are filled in.
     """
@@ -408,7 +408,7 @@ def trace(
 
 @njit(cache=True, nogil=True)
 def profile(curve, step, tube, xyz, start, west, south, cell, rows, cols, tubed, shelled):
-    """Count the points in a tube around a curve and in a shell thrice as wide, per `step` of it."""
+    """Count points in a tube around a curve, and in the shell around that, per step along it."""
     for k in range(len(tubed)):
         u = curve[CURVE_LOW] + (k + 0.5) * step
         v, _ = _values(curve, u)
@@ -432,7 +432,7 @@ def profile(curve, step, tube, xyz, start, west, south, cell, rows, cols, tubed,
 
 @njit(cache=True, nogil=True)
 def tube(shape, low, high, radius, xyz, start, west, south, cell, rows, cols, found, away):
-    """The points within a radius of a catenary from u = low to high; how many, and how far away.
+    """Fill in the points within a radius of a catenary, from u = low to high; their number.
 
     `shape` holds x, y, ex, ey, u0, z0, curvature, the chord's height at 0 and its slope, v0, v1 and
     swing of :class:`algorithms.corridor._curves.catenary.Catenary`.

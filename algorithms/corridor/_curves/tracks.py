@@ -1,4 +1,4 @@
-"""Tracks from curves: those beside each other as one line, those of one wire as one track."""
+"""Tracks from curves: curves are grouped into lines, and those of one wire are joined."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Alignment:
-    """Curves of wires that run beside each other, and the straight axis along them.
+    """Curves of wires side by side, and the straight axis along them.
 
     Attributes
     ----------
@@ -80,12 +80,12 @@ class Alignment:
         return dx * self.ex + dy * self.ey, dy * self.ex - dx * self.ey
 
     def track(self, xyz: Floats) -> Floats:
-        """Distance along and to the left of the axis, and height, array of shape (n, 3)."""
+        """Chainage, offset to the left of the axis, and height of points, array of shape (n, 3)."""
         return np.column_stack([*self.along(xyz), xyz[:, 2]])
 
 
 def alignments_among(corridor: Corridor, curves: Sequence[Piece]) -> Iterator[Alignment]:
-    """Alignments from curves, each with one track for all that was followed of a wire."""
+    """Alignments from curves, each with one track per wire."""
     tracks = [track for curve in curves for track in tracks_of(corridor, curve)]
     for pieces in alignments_of(tracks):
         alignment = Alignment.of(pieces)
@@ -93,7 +93,7 @@ def alignments_among(corridor: Corridor, curves: Sequence[Piece]) -> Iterator[Al
 
 
 def alignments_of(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
-    """Groups of the curves that run beside each other or go on in each other."""
+    """Groups of curves that lie side by side or continue each other."""
     ends = np.array([piece.ends for piece in pieces])
     way = np.array([[p.curve.ex, p.curve.ey] for p in pieces])
     length = np.array([p.curve.length for p in pieces])
@@ -120,7 +120,7 @@ def alignments_of(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
 
 
 def tracks_of(corridor: Corridor, piece: Piece) -> Iterator[Piece]:
-    """Tracks from a curve and the points near it, parted where it changes over to another wire.
+    """Tracks from a curve and the points near it, split where it passes to another wire.
 
     A curve that is followed across supports leaves the wire there by as much as the wire kinks.
     Where it changes over, the heights jump.
@@ -155,7 +155,7 @@ def tracks_of(corridor: Corridor, piece: Piece) -> Iterator[Piece]:
 
 
 def chained(corridor: Corridor, alignment: Alignment) -> list[Piece]:
-    """Tracks in which those of one wire that overlap, or go on in each other, are joined."""
+    """Tracks in which those of one wire are joined, whether they overlap or follow each other."""
     chains: list[tuple[Piece, Floats]] = []  # with chainages, offsets and heights
     tracks = [
         (piece, alignment.track(corridor.wires.xyz[piece.points])) for piece in alignment.pieces
@@ -192,7 +192,7 @@ def beside(track: Floats, u: float) -> Floats:
 
 
 def at_zero(u: Floats, values: Floats) -> Floats:
-    """Where the lines through values of shape (n,) or (n, k) along u are at u = 0."""
+    """Value at u = 0 of the line fitted to values of shape (n,) or (n, k) at u."""
     off = u - u.mean()
     slope = off @ values / max(off @ off, 1e-12)
     return np.asarray(values.mean(axis=0) - slope * u.mean())

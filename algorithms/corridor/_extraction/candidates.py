@@ -1,4 +1,4 @@
-"""From a cloud, the points that may be of a power line, and few that stand for the ground."""
+"""From a cloud, the points that may belong to a power line, and a thinned ground."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def candidates(
     metre: float = 1.0,
     ctx: Context = QUIET,
 ) -> tuple[Ints, NDArray[np.uint32]]:
-    """All points off the ground, and of the others one per cell.
+    """Indices of all points off the ground, and of the lowest other point of each cell.
 
     Parameters
     ----------

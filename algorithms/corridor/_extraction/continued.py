@@ -1,4 +1,4 @@
-"""Wires of which few points were recorded, from the wires of the next spans.
+"""Wires with few points, completed from the wires of the neighbouring spans.
 
 Where a wire hangs from a support it goes on behind it, beside the others of the line as it was
 before. So both ends of a wire that has too few points to be followed are known, and so is its
@@ -34,7 +34,7 @@ Floats = NDArray[np.float64]
 
 
 def completed(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]) -> list[Wire]:
-    """The wires with numbers, and further ones that are known from the next spans."""
+    """The wires numbered, with those added that the neighbouring spans imply."""
     found = numbered(carried_on(corridor, wires, supports), supports)
     chains: dict[int, list[Wire]] = {}
     for wire in found:
@@ -44,7 +44,7 @@ def completed(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Supp
 
 
 def leads(wire: Wire) -> bool:
-    """Whether what is known of a wire tells where both its ends are, and no wind blows it away."""
+    """Whether both ends of a wire are well known, and its swing is possible."""
     ends = wire.curve.height_sigma(np.array([0.0, wire.curve.length]))
     return bool(ends.max() < LOST_END and abs(wire.curve.swing) < LARGEST_SWING)
 
@@ -55,7 +55,7 @@ def leads(wire: Wire) -> bool:
 def carried_on(
     corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]
 ) -> list[Wire]:
-    """The wires, with those that go on from a span into the next and were not found there."""
+    """The wires, with those added that a wire of a neighbouring span must continue in."""
     found = list(wires)
     fresh = True
     while fresh:
@@ -70,12 +70,12 @@ def carried_on(
 
 
 def end_at(wire: Wire, number: int) -> Floats:
-    """Where a wire hangs from a support."""
+    """Position where a wire is attached to a support."""
     return np.asarray(wire.curve.ends[wire.supports.index(number)])
 
 
 def missing(wires: Sequence[Wire], span: int) -> Iterator[tuple[int, Floats]]:
-    """Supports and places there from which more wires of another span hang than of this one."""
+    """Supports, and attachment points there that wires of another span have, but not this one."""
     own = [wire for wire in wires if wire.span == span]
     for number in sorted({n for wire in own for n in wire.supports if n >= 0}):
         mine = [end_at(wire, number) for wire in own if number in wire.supports]
@@ -95,7 +95,7 @@ def expected(
     place: Floats,
     supports: Sequence[Support],
 ) -> Wire | None:
-    """The wire of a span that hangs from a place at a support, if points lie where it must be."""
+    """The wire of a span from a given attachment point, if points lie where it must be."""
     own = [wire for wire in wires if wire.span == span and number in wire.supports]
     near = min(own, key=lambda wire: float(np.linalg.norm(end_at(wire, number) - place)))
     if np.linalg.norm(end_at(near, number) - place) < SAME_WIRE:
@@ -123,7 +123,7 @@ def expected(
 def other_end(
     wires: Sequence[Wire], near: Wire, number: int, place: Floats, supports: Sequence[Support]
 ) -> tuple[Floats, bool]:
-    """Where a wire that hangs from a place goes, beside another one; whether others meet it."""
+    """Far end of a wire by the wire next to it, and whether wires of other spans meet it there."""
     first = near.supports[0] == number
     step = place - end_at(near, number)
     other = near.supports[1 if first else 0]
@@ -139,7 +139,7 @@ def other_end(
 
 
 def points_of(corridor: Corridor, curve: Catenary, radius: float, others: Sequence[Wire]) -> Floats:
-    """Points within a radius of a curve that are not nearer to other wires, of shape (n, 3)."""
+    """Points within a radius of a curve that are nearer to it than to other wires, shape (n, 3)."""
     xyz = corridor.wires.xyz[corridor.wires.around(curve, radius)[0]]
     for other in others:
         xyz = xyz[other.curve.away(xyz) > curve.away(xyz)]
@@ -147,7 +147,7 @@ def points_of(corridor: Corridor, curve: Catenary, radius: float, others: Sequen
 
 
 def hung(ends: Floats, like: Catenary) -> Catenary:
-    """A curve between two places, bent as another one."""
+    """A catenary between two positions with the curvature of another one."""
     step = ends[1] - ends[0]
     length = math.hypot(step[0], step[1])
     return Catenary(
@@ -165,7 +165,7 @@ def hung(ends: Floats, like: Catenary) -> Catenary:
 
 
 def turned(wire: Wire, like: Wire) -> Wire:
-    """A wire whose supports are in the order of its curve, not in that of another one."""
+    """A wire whose supports are swapped if its curve runs against that of another wire."""
     same = wire.curve.ex * like.curve.ex + wire.curve.ey * like.curve.ey > 0
     return replace(wire, supports=like.supports if same else like.supports[::-1])
 
@@ -180,7 +180,7 @@ def stiffened(
     wires: Sequence[Wire],
     supports: Sequence[Support],
 ) -> Wire:
-    """A wire; if few points tell of it, fitted with ends and curvature of that in the next spans.
+    """A wire; if it is vague, fitted again with ends and curvature of the neighbouring spans.
 
     If these are as vague, the curvature is that of the wires beside it.
     """
@@ -210,7 +210,7 @@ def stiffened(
 
 
 def as_far(wire: Wire, wires: Sequence[Wire]) -> Wire:
-    """A wire that goes on as far as those beside it, where its support is not known."""
+    """A wire extended or cut to the reach of those beside it, at ends without a support."""
     if min(wire.supports) >= 0:
         return wire
     ends = [

@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 def heights_of(
     cloud: PointCloud, use: NDArray[np.bool_], ground_classes: Sequence[int] | None, ctx: Context
 ) -> Floats:
-    """Metres of n points above the ground, array of shape (n,); NaN where not known.
+    """Heights of the n points above the ground in metres, shape (n,); NaN where not known.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def heights_of(
 
 
 def given_heights(cloud: PointCloud) -> Floats:
-    """Metres above the ground of points that have them; NaN where not known.
+    """Heights above the ground that the points have, in metres; NaN where not known.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def given_heights(cloud: PointCloud) -> Floats:
 
 
 def accompanied(xyz: Floats, metre: float) -> NDArray[np.bool_]:
-    """False for points with no other near them, if most have one: many low ones sink the terrain.
+    """False for isolated points if most are not: low outliers would pull the terrain down.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def accompanied(xyz: Floats, metre: float) -> NDArray[np.bool_]:
 
 
 def elevation(xyz: Floats, height: Floats) -> Callable[[float, float], float]:
-    """Elevation of the ground at a position, by the plane through what is known of it near by.
+    """Function for the ground elevation at a position, by a plane through points near by.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Classes and numbers of points, from what was found of a power line."""
+"""Classes and numbers of points, from the power line that was found."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def labelled(
     index: Ints,
     labels: Mapping[str, NDArray[np.generic]],
 ) -> PointCloud:
-    """A cloud of n points with the labels of some of them; no other is of a line.
+    """A cloud of n points with the labels of m of them; all others belong to no line.
 
     Parameters
     ----------
@@ -51,13 +51,13 @@ def labelled(
 
 
 def none_labelled(count: int) -> dict[str, NDArray[Any]]:
-    """Labels of points none of which is of a line, for sure."""
+    """Labels of points that surely belong to no line."""
     labels: dict[str, NDArray[Any]] = {name: np.zeros(count, np.uint32) for name in LABEL_NUMBERS}
     return labels | {"confidence": np.ones(count, np.float32)}
 
 
 def classes_of(cloud: PointCloud) -> NDArray[np.uint8]:
-    """The classes of points; unclassified where they have none."""
+    """The classes of points; class 1 where they have no classification."""
     if "classification" in cloud:
         return np.asarray(cloud["classification"], np.uint8)
     return np.full(len(cloud), OTHER)

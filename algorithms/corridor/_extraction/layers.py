@@ -1,4 +1,4 @@
-"""Layers from wires and towers, with their columns, and curves from the layer of wires."""
+"""Vector layers from wires and towers, and catenaries from the layer of wires."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ TOWER_COLUMNS = (
 
 
 def wire_layer(wires: Sequence[Wire], origin: Floats, metre: float, crs: CRS | None) -> Vector:
-    """One line per conductor and span.
+    """Vector layer with one line per conductor and span.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def wire_layer(wires: Sequence[Wire], origin: Floats, metre: float, crs: CRS | N
 
 
 def vertices(curve: Catenary) -> Floats:
-    """Places along a curve, chords between which are close to it; array of shape (n, 3)."""
+    """Positions along a curve whose chords are within CHORD_ERROR of it, array of shape (n, 3)."""
     step = math.sqrt(8 * CHORD_ERROR * curve.c)
     count = max(8, math.ceil(curve.length / step)) + 1
     return curve.points(np.linspace(0.0, curve.length, count))
@@ -131,7 +131,7 @@ def wire_row(wire: Wire, origin: Floats, metre: float) -> dict[str, Any]:
 
 
 def catenaries_of(layer: Vector, origin: Floats) -> list[Catenary]:
-    """The curves of a layer that :func:`wire_layer` made, in metres from an origin.
+    """The catenaries in a layer made by :func:`wire_layer`, in metres from an origin.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def tower_layer(
     metre: float,
     crs: CRS | None,
 ) -> Vector:
-    """One point per tower or pole, at its foot."""
+    """Vector layer with one point per tower or pole, at its foot."""
     rows, points = [], []
     for number, (tower, string) in enumerate(zip(towers, strings, strict=True)):
         support = tower.support

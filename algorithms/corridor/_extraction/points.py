@@ -1,4 +1,4 @@
-"""From a cloud, the points among which a power line is looked for, in metres, with heights."""
+"""From a cloud, the points in which a power line is sought, in metres, with heights."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class CorridorPoints:
         ground_classes: Sequence[int] | None,
         ctx: Context,
     ) -> CorridorPoints:
-        """Choose points of a cloud, and tell their heights; see :func:`heights_of`.
+        """Choose points of a cloud, and find their heights; see :func:`heights_of`.
 
         Parameters
         ----------
@@ -87,7 +87,7 @@ class CorridorPoints:
         return cls(index, origin, xyz, height, air, off[air.order], seen, density)
 
     def warn_of_no_line(self) -> None:
-        """Tell the user that no line was found, and why."""
+        """Log that no line was found, and why."""
         unknown = len(self.height) > 0 and np.isnan(self.height).all()
         why = ": no height above the ground is known" if unknown else ""
         log.warning("no power line was found%s", why)
@@ -96,7 +96,7 @@ class CorridorPoints:
 def footprint(
     xy: Floats, stands_for: NDArray[np.uint32]
 ) -> tuple[Callable[[float, float], bool], float]:
-    """Whether there are points around a position, and points per square metre where there are any.
+    """A function that tells whether points lie around a position, and the density where they do.
 
     The points must not lie along lines only, as wires without ground do, the lowest of which would
     be taken for it. Seen from above, cells with ground have others around them; those with wires
@@ -131,7 +131,7 @@ def footprint(
 
 
 def occupied(xy: Floats) -> NDArray[np.bool_]:
-    """Which cells have points, with an empty one all around; positions are not below 0."""
+    """True for cells with points, with one row and column of empty cells on all sides."""
     cell = np.floor(xy / SEEN_CELL).astype(np.int64) + 1
     table = np.zeros(cell.max(axis=0, initial=0) + 2, bool)
     table[cell[:, 0], cell[:, 1]] = True
@@ -139,6 +139,6 @@ def occupied(xy: Floats) -> NDArray[np.bool_]:
 
 
 def share_beside(table: NDArray[np.bool_]) -> float:
-    """Share of the cells with points that have enough of them around."""
+    """Share of the cells with points that have enough such cells around them."""
     beside = sum(np.roll(table, step, (0, 1))[table].astype(np.uint8) for step in CELLS_AROUND)
     return float(np.mean(np.asarray(beside) >= AREA_CELLS))

@@ -78,7 +78,7 @@ class Wire:
 
 
 def on_wire(corridor: Corridor, wire: Wire) -> tuple[Ints, Floats, float]:
-    """The points in the air that lie on a wire, how far from it, and how far that may be."""
+    """Indices of the points on a wire, their distances, and the largest distance allowed."""
     radius = min(max(ON_WIRE_RMS * wire.curve.rms, ON_WIRE_LEAST), ON_WIRE_MOST)
     return *corridor.air.around(wire.curve, radius), radius
 
@@ -89,7 +89,7 @@ def on_wire(corridor: Corridor, wire: Wire) -> tuple[Ints, Floats, float]:
 def spans_of(
     corridor: Corridor, pieces: Sequence[Piece], supports: Sequence[Support]
 ) -> list[Wire]:
-    """Pieces cut at the supports, joined where they are of one wire, and fitted anew."""
+    """Wires of each span: pieces cut at the supports, joined, fitted again, bundles split."""
     spans = list(bundles_of(corridor, pieces, supports))
     found: list[Wire] = []
     bundle = 0
@@ -112,7 +112,7 @@ def spans_of(
 
 
 def without_doubles(corridor: Corridor, spans: Sequence[Sequence[Wire]]) -> list[list[Wire]]:
-    """Spans without wires that lie on those of another span with more points: found twice."""
+    """Spans without the wires that repeat those of another span with more points."""
     taken = np.zeros(len(corridor.wires.xyz), bool)
     kept: dict[int, list[Wire]] = {}
     by_points = sorted(range(len(spans)), key=lambda k: -sum(w.curve.count for w in spans[k]))
@@ -129,7 +129,7 @@ def without_doubles(corridor: Corridor, spans: Sequence[Sequence[Wire]]) -> list
 
 
 def are_wires(wires: Sequence[Wire]) -> bool:
-    """Whether curves of one span sag for certain, and are thin, as wires are.
+    """Whether the curves of a span surely sag and are thin, as wires are.
 
     Curves without a support in the data must be thinner, and long.
     """
@@ -149,7 +149,7 @@ def are_wires(wires: Sequence[Wire]) -> bool:
 def with_supports(
     wires: Sequence[Wire], supports: Sequence[Support]
 ) -> tuple[list[Wire], list[Support]]:
-    """The wires, and the supports that hold any of them, numbered anew."""
+    """The wires, and only the supports that hold one of them, with new indices."""
     held = sorted({number for wire in wires for number in wire.supports if number >= 0})
     new = {-1: -1} | {number: k for k, number in enumerate(held)}
     renamed = [
@@ -161,7 +161,7 @@ def with_supports(
 def bundles_of(
     corridor: Corridor, pieces: Sequence[Piece], supports: Sequence[Support]
 ) -> Iterator[list[Wire]]:
-    """The wires of each span, those of a bundle as one."""
+    """The wires of each span; a bundle counts as one wire."""
     cuts = [one for piece in pieces for one in cut(corridor, piece, supports)]
     groups: dict[tuple[int, int], list[Piece]] = {}
     for piece, between in cuts:
@@ -176,7 +176,7 @@ def bundles_of(
 def cut(
     corridor: Corridor, piece: Piece, supports: Sequence[Support]
 ) -> Iterator[tuple[Piece, tuple[int, int]]]:
-    """Pieces of a piece between the supports that it passes, with those at their ends."""
+    """Pieces of a wire between the supports that it passes, with the indices of these supports."""
     curve = piece.curve
     stops = []
     for number, support in enumerate(supports):
@@ -210,7 +210,7 @@ def cut(
 def of_one_span(
     pieces: list[Piece], key: tuple[int, int], supports: Sequence[Support]
 ) -> list[list[Piece]]:
-    """Groups of pieces of one span: all if both supports are known, else those side by side."""
+    """Groups of pieces in one span: all if both supports are known, else those side by side."""
     if key[0] >= 0:
         return [pieces]
     link = np.zeros((len(pieces), len(pieces)), bool)
@@ -227,7 +227,7 @@ def of_one_span(
 
 
 def side_of(piece: Piece, support: Support) -> bool:
-    """Whether the middle of a piece lies ahead of the arms of a support."""
+    """Whether the middle of a piece lies on the forward side of a support's arms."""
     middle = piece.curve.points(np.array([0.5 * piece.curve.length]))[0, :2]
     step = middle - (support.x, support.y)
     return bool(support.across[0] * step[1] - support.across[1] * step[0] > 0)
@@ -236,7 +236,7 @@ def side_of(piece: Piece, support: Support) -> bool:
 def wires_of(
     corridor: Corridor, pieces: list[Piece], key: tuple[int, int], supports: Sequence[Support]
 ) -> list[Wire]:
-    """Join the pieces of each wire of a span, and fit it.
+    """Wires of a span: pieces of one wire joined and fitted.
 
     What is known of a wire only along a short way is looked for along the whole span, beside the
     wire that is known best.
@@ -263,7 +263,7 @@ def wires_of(
 
 
 def alike(wires: list[Wire]) -> list[Wire]:
-    """Wires of one span, without twins and short pieces of another shape than the best wire."""
+    """Wires of one span, without duplicates and short pieces unlike the best wire in shape."""
     order = sorted(wires, key=lambda w: -w.curve.count * (w.known[1] - w.known[0]))
     found: list[Wire] = []
     for wire in order:
@@ -280,12 +280,12 @@ def alike(wires: list[Wire]) -> list[Wire]:
 
 
 def apart_wires(one: Catenary, other: Catenary) -> float:
-    """Distance of the middle of a curve from another."""
+    """Distance of the middle of one curve from another curve."""
     return float(other.away(one.points(np.array([0.5 * one.length])))[0])
 
 
 def to_supports(wire: Wire, supports: Sequence[Support]) -> Wire:
-    """The wire extended, or cut, to where it passes its supports."""
+    """A wire extended or cut to the positions of its supports."""
     curve = wire.curve
     ends = [0.0, curve.length]
     for k, number in enumerate(wire.supports):
@@ -304,7 +304,7 @@ def to_supports(wire: Wire, supports: Sequence[Support]) -> Wire:
 
 
 def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
-    """Wires that are too sparse to follow, found beside the known wires of a span."""
+    """Wires too sparse to be traced, found parallel to the best known wire of a span."""
     if not wires:
         return []
     best = max(wires, key=lambda w: w.curve.count * (w.known[1] - w.known[0]))
@@ -363,7 +363,7 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
 
 
 def densest_group(v: Floats, z: Floats, free: NDArray[np.bool_]) -> tuple[float, float] | None:
-    """The offset and height around which most of the free points are."""
+    """Offset and height of the densest group of free points; None if it is too small."""
     if np.count_nonzero(free) < FOUND_POINTS:
         return None
     cells = np.floor(np.column_stack([v[free], z[free]]) / GROUP_RADIUS).astype(np.int64)
@@ -383,7 +383,7 @@ def densest_group(v: Floats, z: Floats, free: NDArray[np.bool_]) -> tuple[float,
 
 
 def subconductors(corridor: Corridor, wire: Wire) -> list[Wire]:
-    """The subconductors of a bundle, each a catenary of its own; the wire itself if it is one."""
+    """The subconductors of a bundle, each with a catenary; the wire itself if it is single."""
     low, high = wire.known
     points, _ = corridor.wires.around(wire.curve, BUNDLE_WIDTH, low - 0.5, high + 0.5)
     xyz = corridor.wires.xyz[points]
@@ -402,7 +402,7 @@ def subconductors(corridor: Corridor, wire: Wire) -> list[Wire]:
 
 
 def once(conductors: Sequence[tuple[Wire, int]]) -> list[tuple[Wire, int]]:
-    """Conductors without those found twice, beside two wires; the better known one is kept."""
+    """Conductors without duplicates, which two wires led to; the better known one is kept."""
     kept: list[tuple[Wire, int]] = []
     for wire, bundle in sorted(conductors, key=lambda c: -c[0].curve.count * c[0].curve.length):
         if all(apart_wires(wire.curve, other.curve) > SUBCONDUCTOR_GAP for other, _ in kept):
@@ -411,7 +411,7 @@ def once(conductors: Sequence[tuple[Wire, int]]) -> list[tuple[Wire, int]]:
 
 
 def peaks_of(v: Floats, z: Floats) -> Floats:
-    """Offsets and heights around which points are densest, array of shape (k, 2)."""
+    """Offsets and heights of the density peaks of points in cross-section, shape (k, 2)."""
     middle = np.array([[np.median(v), np.median(z)]]) if len(v) else np.zeros((1, 2))
     if len(v) < SECTION_POINTS:
         return middle
@@ -428,7 +428,7 @@ def peaks_of(v: Floats, z: Floats) -> Floats:
 
 
 def valley(smooth: Floats, one: NDArray[np.int64], other: NDArray[np.int64]) -> bool:
-    """Whether the density drops between two peaks."""
+    """Whether the density drops enough between two peaks."""
     share = np.linspace(0, 1, 11)[:, None]
     path = np.round(one + share * (other - one)).astype(np.int64)
     lowest = smooth[path[:, 0], path[:, 1]].min()
@@ -439,7 +439,7 @@ def valley(smooth: Floats, one: NDArray[np.int64], other: NDArray[np.int64]) -> 
 
 
 def numbered(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Wire]:
-    """Give every conductor a number that it keeps across the supports, and so for bundles."""
+    """Wires with conductor and bundle numbers that are the same in all spans."""
     if not wires:
         return []
     link = np.zeros((len(wires), len(wires)), bool)
@@ -464,7 +464,7 @@ def numbered(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Wire]:
 
 
 def in_order(label: NDArray[np.int32]) -> Ints:
-    """Labels numbered from 0 in the order in which they occur."""
+    """Labels renumbered from 0 in the order in which they occur."""
     _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[inverse])
 
@@ -472,7 +472,7 @@ def in_order(label: NDArray[np.int32]) -> Ints:
 def matched(
     wires: Sequence[Wire], here: Sequence[tuple[int, int]], there: Sequence[tuple[int, int]]
 ) -> Iterator[tuple[int, int]]:
-    """Pairs of wires that go on in each other at a support."""
+    """Pairs of wires that continue each other at a support."""
     a, b = (np.array([wires[k].curve.ends[e] for k, e in side]) for side in (here, there))
     away = np.linalg.norm(a[:, None] - b[None], axis=2)
     rows, columns = linear_sum_assignment(np.minimum(away, 10 * CONTINUED_GAP))
@@ -482,7 +482,7 @@ def matched(
 
 
 def ordered(curve: Catenary, key: tuple[int, int], supports: Sequence[Support]) -> tuple[int, int]:
-    """Which of the two supports is at the start of a curve, and which at its end."""
+    """Index of the support at the start of a curve, and of that at its end."""
     ends = [-1, -1]
     for number in key:
         if number >= 0:

@@ -1,4 +1,4 @@
-"""Supports from arcs of wires: where wires are held or end together, and what stands there."""
+"""Supports from arcs of wires: where wires are held or end together, and the body there."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Hint:
-    """An end of an arc."""
+    """An end of an arc, which hints at a support."""
 
     place: Floats
     way: Floats  # unit vector out of the wire
@@ -62,7 +62,7 @@ class Support:
 
 
 def hints_of(pieces: Sequence[Piece], alignments: Sequence[Alignment]) -> Iterator[Hint]:
-    """Where arcs are held, and the ends of alignments."""
+    """Hints at supports: cuts between arcs, and ends of alignments."""
     whole = {
         number: alignment.along(np.vstack([p.ends for p in pieces if p.arc[0] == number]))[0]
         for number, alignment in enumerate(alignments)
@@ -92,7 +92,7 @@ def hints_of(pieces: Sequence[Piece], alignments: Sequence[Alignment]) -> Iterat
 def supports_of(
     corridor: Corridor, pieces: Sequence[Piece], alignments: Sequence[Alignment]
 ) -> list[Support]:
-    """Where wires are held or end together, and what stands there.
+    """Supports where wires are held or end together.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def supports_of(
 
 
 def clusters(hints: Sequence[Hint]) -> Iterator[list[Hint]]:
-    """Hints near each other: less far along the wires than across them."""
+    """Groups of hints near each other; the limit along the wires is smaller than that across."""
     if not hints:
         return
     place = np.array([hint.place for hint in hints])
@@ -129,7 +129,7 @@ def clusters(hints: Sequence[Hint]) -> Iterator[list[Hint]]:
 def support_of(
     corridor: Corridor, pieces: Sequence[Piece], group: Sequence[Hint]
 ) -> Support | None:
-    """The support at a group of ends and cusps, or None if there is no reason for one."""
+    """The support at a group of hints, or None if the evidence is too weak."""
     place = np.array([hint.place for hint in group])
     way = np.array([hint.way for hint in group])
     axis = way * np.sign(way @ way[0] + 1e-12)[:, None]
@@ -194,7 +194,7 @@ def support_of(
 
 
 def topped(corridor: Corridor, spot: Floats, mean: Floats, side: Floats, high: float) -> bool:
-    """Whether points of a body, thin along the line, are as high as the highest wire."""
+    """Whether a body reaches the height of the highest wire, with points thin along the line."""
     near = corridor.air.within(spot, SUPPORT_ALONG + float(np.ptp(side)))
     near = near[corridor.free[near]]
     away = np.abs((corridor.air.xyz[near, :2] - spot) @ mean)
@@ -207,7 +207,7 @@ def topped(corridor: Corridor, spot: Floats, mean: Floats, side: Floats, high: f
 
 
 def passes(piece: Piece, centre: Floats, across: Floats, side: Floats, heights: Floats) -> bool:
-    """Whether a wire goes through the arms of a support as if there was none."""
+    """Whether a wire passes a supposed support without being held there."""
     u, _ = piece.curve.along(np.array([[*centre, 0.0]]))
     if not PASSING_LENGTH < u[0] < piece.curve.length - PASSING_LENGTH:
         return False
@@ -227,7 +227,7 @@ def body_at(
     top: float,
     slack: float,
 ) -> tuple[float, Floats]:
-    """Share of the height at which there are points of a vertical body, and where it stands."""
+    """Share of the height over which a vertical body has points, and its position in plan."""
     air = corridor.air
     reach = SUPPORT_ALONG + abs(sides[1] - sides[0])
     near = air.within(spot, reach)

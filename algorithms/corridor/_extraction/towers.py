@@ -64,13 +64,13 @@ class Tower:
 
 
 def scaled(rule: tuple[float, float, float], height: float) -> float:
-    """A length that grows with the height of a tower, between limits."""
+    """A length in proportion to the height of a tower, between limits."""
     share, least, most = rule
     return min(max(share * height, least), most)
 
 
 def strings_of(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]) -> Floats:
-    """Length of the insulators by which wires pull at their supports, 0 where they hang; metres.
+    """Length in metres of the tension strings at the ends of each wire, 0 where it is suspended.
 
     A wire that pulls at an arm ends at its height, one that hangs is below it. What stands above
     the arms, as a guard wire, has no insulators.
@@ -105,13 +105,13 @@ def strings_of(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Sup
 
 
 def around_end(curve: Catenary, end: int, xyz: Floats) -> tuple[Floats, Floats, Floats]:
-    """How far points of shape (n, 3) are from an end along a wire, to its left and above it."""
+    """Distances of points (n, 3) from an end of a wire: inwards along it, left of it, and above."""
     u, v, z = curve.residuals(xyz)
     return curve.length - u if end else u, v, z
 
 
 def arms_at(along: Floats, v: Floats, z: Floats, height: float) -> tuple[int, int]:
-    """How many points of arms there are beside the end of a wire, and how many above it."""
+    """Number of arm points beside the end of a wire, and of those above it."""
     depth, level, above = (share * height for share in ARM_ZONE)
     beside = (
         (np.abs(along) < depth)
@@ -125,7 +125,7 @@ def arms_at(along: Floats, v: Floats, z: Floats, height: float) -> tuple[int, in
 
 
 def by_jumpers(around: Sequence[tuple[Floats, Floats, Floats]], height: float) -> float:
-    """Length of the insulators between the wires and a support, 0 where no jumpers are seen.
+    """Length of the strings between wires and a support, from jumpers; 0 where none are seen.
 
     Where wires end at both sides of a tower, a jumper leads the current around it, from the end of
     one string to the end of the other.
@@ -141,7 +141,7 @@ def by_jumpers(around: Sequence[tuple[Floats, Floats, Floats]], height: float) -
 
 
 def centred(corridor: Corridor, support: Support) -> Support:
-    """The support moved to its arms along the line, and to the body below them across it."""
+    """The support, moved along the line to its arms, and across it to the body below them."""
     height = support.high - support.ground
     waist, half = support.low - scaled(ARMS_DROP, height), 0.1 * height
     _, a, s, z = around_axis(corridor, support)
@@ -164,7 +164,7 @@ def centred(corridor: Corridor, support: Support) -> Support:
 
 
 def tower_of(corridor: Corridor, support: Support) -> Tower:
-    """The points of the body and the arms of a support, without those around wires."""
+    """The tower at a support: points of its body and its arms, without those on wires."""
     height = support.high - support.ground
     near, a, s, z = around_axis(corridor, support)
     above = corridor.height[near]
@@ -203,7 +203,7 @@ def around_axis(corridor: Corridor, support: Support) -> tuple[Ints, Floats, Flo
 
 
 def level_with_arms(support: Support, s: Floats, z: Floats) -> NDArray[np.bool_]:
-    """Which points, s across the line and at heights z, are as high and as far out as the arms."""
+    """True for points at offsets s across the line and heights z in the range of the arms."""
     height = support.high - support.ground
     out, (left, right) = scaled(ARMS_OUT, height), support.reach
     low, high = support.low - scaled(ARMS_DROP, height), support.high + scaled(ARMS_PEAK, height)
@@ -211,7 +211,7 @@ def level_with_arms(support: Support, s: Floats, z: Floats) -> NDArray[np.bool_]
 
 
 def waist_of(away: Floats, z: Floats, waist: float, height: float) -> float:
-    """Half width of a body just below its arms."""
+    """Half width of a tower's body just below its arms."""
     near = (z < waist) & (z > waist - 0.25 * height) & (away < 0.1 * height)
     width = (
         float(np.quantile(away[near], 0.85)) if near.sum() >= KNOWN_BY_POINTS else HIDDEN_POLE_WIDTH
@@ -227,7 +227,7 @@ def waist_of(away: Floats, z: Floats, waist: float, height: float) -> float:
 def dressed(
     corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]
 ) -> tuple[list[Wire], list[Tower], list[float]]:
-    """Wires cut at their insulators, towers, and the longest insulators of each tower."""
+    """Wires cut at their insulator strings, towers, and the longest string of each tower."""
     take(corridor, wires)
     supports = [centred(corridor, support) for support in supports]
     wires = [to_supports(wire, supports) for wire in wires]
@@ -247,7 +247,7 @@ def take(corridor: Corridor, wires: Sequence[Wire]) -> None:
 
 
 def without_strings(wire: Wire, low: float, high: float) -> Wire:
-    """A wire that begins and ends at its insulators, of these lengths."""
+    """A wire shortened by the length of the strings at both ends."""
     if 3 * (low + high) >= wire.curve.length:
         return wire
     curve = wire.curve.between(low, wire.curve.length - high)

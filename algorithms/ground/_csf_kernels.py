@@ -27,7 +27,7 @@ BAND = 256  # columns: at least twice the reach of all steps that are made at on
 
 @njit(cache=True, nogil=True)
 def fall(first, last, spread, steps, awake, even, odd, obstacle, drop, inertia):
-    """Some steps of the bands first..last, or of the seams on their left.
+    """Make several steps of the bands first..last, or of the seams at their left.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def fall(first, last, spread, steps, awake, even, odd, obstacle, drop, inertia):
 
 @helper
 def _step_strip(row, left, right, awake, height, out, obstacle, drop, inertia):
-    """One step of what is awake in the columns left..right of a strip of rows."""
+    """Make one step of the awake tiles in the columns left..right of a strip of rows."""
     last = min(row + STRIP, obstacle.shape[0])
     while left < right:
         end = left
@@ -81,7 +81,7 @@ def _step_strip(row, left, right, awake, height, out, obstacle, drop, inertia):
 
 @helper
 def _step_row(r, first, last, height, out, obstacle, drop, inertia):
-    """Springs, gravity and inertia of one step in the columns first..last of a row.
+    """Make one step of the columns first..last of a row: springs, gravity and inertia.
 
     A particle goes half way to the mean of its 16 neighbours, keeps the share `inertia` of its
     last way, falls by `drop` and is held up by the obstacle. Rows are cut out first, so that
@@ -110,7 +110,7 @@ def _step_row(r, first, last, height, out, obstacle, drop, inertia):
 
 @helper
 def _continue_edges(height, row, first, last, rows, cols):
-    """Let the rim repeat the nodes first..last of a row that are outermost."""
+    """Copy the outermost nodes among first..last of a row into the rim."""
     here = height[row + REACH]
     for k in range(REACH):
         if first == 0:
@@ -129,7 +129,7 @@ def _continue_edges(height, row, first, last, rows, cols):
 
 @njit(cache=True, nogil=True)
 def movement(first, last, awake, height, before, still, moving):
-    """Which tiles of the rows of tiles first..last have a particle that went more than `still`."""
+    """Set `moving` for tiles in which a particle moved by more than `still`."""
     rows, cols = height.shape[0] - REACH, height.shape[1] - REACH
     for i in range(first, last):
         for j in range(awake.shape[1]):
@@ -143,11 +143,11 @@ def movement(first, last, awake, height, before, still, moving):
 
 @njit(cache=True, nogil=True)
 def settle_slopes(height, obstacle, resting, steep, step, waiting):
-    """Let movable particles down beside `resting` ones, from the rim inwards (in place).
+    """Let movable particles down beside `resting` ones, from the resting ones inwards (in place).
 
-    A `steep` particle is let down on its obstacle where that lies within `step` of the obstacle
-    of one of its four neighbours that rests already. The outcome is what can be reached from
-    the rim, whatever the order of the visits. `waiting` is scratch for all movable particles.
+    A `steep` particle is let down on its obstacle where that lies within `step` of the obstacle of
+    one of its four neighbours that rests already. The outcome is what can be reached from the
+    resting ones, whatever the order of the visits. `waiting` is scratch for all movable particles.
     """
     rows, cols = height.shape
     count = np.int64(0)  # a plain 0 would be a type of its own, and _let_down compiled twice
@@ -164,7 +164,7 @@ def settle_slopes(height, obstacle, resting, steep, step, waiting):
 
 @helper
 def _let_down(obstacle, resting, steep, step, row, col, waiting, count):
-    """Let the steep movable neighbours of a resting particle rest and note them as waiting."""
+    """Let the steep movable neighbours of a resting particle down, and list them as waiting."""
     for r, c in ((row - 1, col), (row + 1, col), (row, col - 1), (row, col + 1)):
         if 0 <= r < obstacle.shape[0] and 0 <= c < obstacle.shape[1]:
             if resting[r, c] or not steep[r, c]:
@@ -178,7 +178,7 @@ def _let_down(obstacle, resting, steep, step, row, col, waiting, count):
 
 @njit(cache=True, nogil=True)
 def near_surface(first, last, xyz, heights, left, top, cell, threshold, near):
-    """Whether each point is within threshold + slope x cell of the bilinear lattice, up or down.
+    """Set `near` for points within threshold + slope x cell of the bilinear lattice, up or down.
 
     The lattice begins `left` and `top` cells from the origin of the coordinates; beyond its
     outermost nodes it goes on level.

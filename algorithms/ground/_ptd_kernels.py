@@ -13,7 +13,7 @@ from algorithms.shared.sets import root
 
 
 class PointLimits(NamedTuple):
-    """What a point above the surface must keep to enter it; lengths in the unit of the points."""
+    """Conditions for a point to enter the surface; lengths in the unit of the points."""
 
     angle: float  # degrees, to each corner of the facet
     distance: float  # from the plane of the facet
@@ -26,7 +26,7 @@ class PointLimits(NamedTuple):
 
 @helper
 def _normal(mesh, z, t):
-    """Upward normal of facet t; twice its area in plan is the vertical part."""
+    """Upward normal vector of facet t; its vertical component is twice the area in plan."""
     xy = mesh.xy
     a, b, c = mesh.triangles[t, 0], mesh.triangles[t, 1], mesh.triangles[t, 2]
     ux, uy, uz = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1], z[b] - z[a]
@@ -36,7 +36,7 @@ def _normal(mesh, z, t):
 
 @helper
 def _against(mesh, z, t, x, y, h):
-    """Compare a place with facet t.
+    """Distance, angles and slopes of a point relative to facet t.
 
     Signed distance from its plane, greatest angle to its corners in degrees, steepest rise to
     them, longest edge, rise of the facet, and its highest corner.
@@ -62,7 +62,7 @@ def _against(mesh, z, t, x, y, h):
 
 @helper
 def _enters(mesh, z, t, x, y, h, limits, break_rise):
-    """Whether a point may enter facet t, and its distance from it."""
+    """Whether a point may enter facet t, and its distance from the facet."""
     distance, angle, steepest, longest, rise, top = _against(mesh, z, t, x, y, h)
     most = limits.angle
     if limits.reduce > 0:
@@ -83,7 +83,7 @@ def _enters(mesh, z, t, x, y, h, limits, break_rise):
 
 @helper
 def _enters_beyond(mesh, z, t, x, y, h, limits, angle, top):
-    """Mirror a point at corner `top` of facet t, in plan and height: is it on the surface there?
+    """Whether a point, mirrored in plan and height at corner `top` of facet t, is on the surface.
 
     On the other side of a break the surface may be known already. Mirrored in plan alone, plants
     on a slope would be held against the higher ground uphill. What is as steep as a wall there is
@@ -99,7 +99,7 @@ def _enters_beyond(mesh, z, t, x, y, h, limits, angle, top):
 
 @helper
 def _take_points(t, head, following, found, n):
-    """List the points of facet t in `found` from n on, and empty the facet; how many now."""
+    """Move the points of facet t from its list to `found`, from n on; the new count."""
     i = head[t]
     while i >= 0:
         found[n] = i
@@ -111,7 +111,7 @@ def _take_points(t, head, following, found, n):
 
 @njit(cache=True, nogil=True)
 def points_of(facets, head, following, found):
-    """List the points of facets, and empty the facets; how many points there are."""
+    """Move the points of facets from their lists to `found`; their number."""
     n = 0
     for t in facets:
         n = _take_points(t, head, following, found, n)
@@ -120,7 +120,7 @@ def points_of(facets, head, following, found):
 
 @njit(cache=True, nogil=True)
 def points_at_rim(mesh, real, head, following, found):
-    """List the points of facets with a corner from `real` on, and empty them; how many."""
+    """Move the points of facets with a corner from `real` on to `found`; their number."""
     n = 0
     for t in range(mesh.size[0]):
         a, b, c = mesh.triangles[t, 0], mesh.triangles[t, 1], mesh.triangles[t, 2]
@@ -133,7 +133,7 @@ def points_at_rim(mesh, real, head, following, found):
 def best_of_facets(
     mesh, z, points, entered, limits, break_rise, facet, head, following, best, lowest, chosen, n
 ):
-    """Test points against the surface; per facet keep the lowest one that may enter.
+    """Test points against their facets, and keep the lowest one per facet that may enter.
 
     Facets with such a point are listed in `chosen` from n on; returns how many there are now.
     Equal distances are decided by position, never by the order of the points. All points that
@@ -162,7 +162,7 @@ def best_of_facets(
 
 @njit(cache=True, nogil=True)
 def against_facets(mesh, z, points, facet, seen):
-    """Greatest angle to a corner of its facet (row 0 of `seen`), and distance, of each point."""
+    """Fill in the greatest angle (row 0 of `seen`) and distance of each point from its facet."""
     t = np.int64(0)
     for k in range(len(points)):
         i = points[k]
@@ -177,7 +177,7 @@ def against_facets(mesh, z, points, facet, seen):
 
 @njit(cache=True, nogil=True)
 def take_out(mesh, gone, facet, head, following, found):
-    """Take the vertices marked in `gone` out; list the points of the facets that go.
+    """Remove the vertices marked in `gone`; list the points of the facets that go.
 
     Goes through the triangles from the last to the first: those behind have no such vertex, and
     only they change their number. `gone[-1]` must be False. Returns how many points are listed.
@@ -197,7 +197,7 @@ def take_out(mesh, gone, facet, head, following, found):
 
 @helper
 def _remove(mesh, t, k, facet, head, following, found, n):
-    """Take vertex k of triangle t out of the mesh; it must not be on the hull.
+    """Remove vertex k of triangle t from the mesh; it must not be on the hull.
 
     The triangles around it leave a hole, from which corners are cut off where the circle of
     the new triangle holds no other corner of the hole.
@@ -238,7 +238,7 @@ def _remove(mesh, t, k, facet, head, following, found, n):
 
 @helper
 def _is_ear(xy, corner, count, before, i, after):
-    """Whether corner i of a hole and those beside it make a triangle of the mesh."""
+    """Whether corner i of a hole forms a Delaunay triangle with the corners beside it."""
     a, b, c = corner[before], corner[i], corner[after]
     ax, ay, bx, by, cx, cy = xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1]
     if orient(ax, ay, bx, by, cx, cy) <= 0.0:
@@ -252,7 +252,7 @@ def _is_ear(xy, corner, count, before, i, after):
 
 @helper
 def _join(mesh, s, a, t, b):
-    """Make s and t neighbours across an edge that in s ends at a, and in t at b."""
+    """Make s and t neighbours at the edge that ends at vertex a in s, and at vertex b in t."""
     for k in range(3):
         if mesh.triangles[s, (k + 2) % 3] == a:
             mesh.neighbours[s, k] = t
@@ -262,7 +262,7 @@ def _join(mesh, s, a, t, b):
 
 @helper
 def _fill_gap(mesh, t, facet, head, following):
-    """Give the last triangle of the mesh, and its points, the number t."""
+    """Renumber the last triangle of the mesh to t, with its points."""
     mesh.size[0] -= 1
     last = mesh.size[0]
     if t == last:
@@ -282,7 +282,7 @@ def _fill_gap(mesh, t, facet, head, following):
 
 @njit(cache=True, nogil=True)
 def join_patches(mesh, z, real, step, rise, first, last, group, walls, n):
-    """Put vertices below `real` that an edge joins into one group, unless it is a wall.
+    """Join vertices below `real` into groups along edges, unless the edge is a wall.
 
     Looks at the triangles first to last. Walls climb more than `step` and steeper than `rise`.
     They are listed in `walls` from n on, foot and top, and so are edges to vertices from `real`
@@ -309,7 +309,7 @@ def join_patches(mesh, z, real, step, rise, first, last, group, walls, n):
 
 @njit(cache=True, nogil=True)
 def patches_of(mesh, first, last, group, boxes):
-    """Name the patch of each vertex, and widen its box (west, south, -east, -north)."""
+    """Set the patch of each vertex, and extend its box (west, south, -east, -north)."""
     for v in range(first, last):
         group[v] = g = root(group, v)
         x, y = mesh.xy[v, 0], mesh.xy[v, 1]
@@ -319,7 +319,9 @@ def patches_of(mesh, first, last, group, boxes):
 
 @njit(cache=True, nogil=True)
 def near_surface(xyz, first, cells, lowest, facet, mesh, z, tolerance, per_rise, near):
-    """Whether points from `first` on, which lie within the ring, are near the surface.
+    """Set `near` for the points from `first` on that are near the surface.
+
+    The points lie within the ring.
 
     The search begins at the facet of the lowest point of the cell, if it has one.
     """

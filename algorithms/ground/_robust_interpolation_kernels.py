@@ -2,7 +2,7 @@
 
 A surface is an array of heights in the middle of its cells, NaN where it is unknown, and its
 `place`: (left, top, cell), the whole cells between the origin of the coordinates and its
-north-west corner. So a place in the terrain has the same numbers in every tile.
+north-west corner. So a position in the terrain has the same numbers in every tile.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ STEEPEST = 1.0  # slope that still widens a threshold, rise over run
 
 @helper
 def _height_and_slope(surface, place, x, y):
-    """Bilinear height between the known nodes around (x, y), and rise over run."""
+    """Height at (x, y) from the known nodes around it, bilinear, and the slope as rise over run."""
     left, top, cell = place
     across, down = x / cell - left - 0.5, top - y / cell - 0.5
     col, row = int(np.floor(across)), int(np.floor(down))
@@ -50,7 +50,7 @@ def _height_and_slope(surface, place, x, y):
 
 @njit(cache=True, nogil=True)
 def residuals(first, last, xyz, surface, place, residual, rise):
-    """Height of the points above the surface, and what it rises there over one cell."""
+    """Fill in heights of points above the surface, and the rise of the surface over one cell."""
     for i in range(first, last):
         height, slope = _height_and_slope(surface, place, xyz[i, 0], xyz[i, 1])
         residual[i] = xyz[i, 2] - height
@@ -61,7 +61,7 @@ def residuals(first, last, xyz, surface, place, residual, rise):
 def interpolate(
     first, last, xyz, lowest, offset, place, trend, trend_place, half, relief, depth, rounds, out
 ):
-    """Heights of the nodes in the rows first..last: the trend and a robust plane above it.
+    """Fill in the heights of nodes in the rows first..last: trend plus a robust plane above it.
 
     `lowest` has the index of a point for each cell or -1, `offset` is its height above the
     trend. An empty `trend` stands for none; then nodes without points near them are unknown.
@@ -114,7 +114,7 @@ def _window(xyz, lowest, offset, row, col, x, y, cell, points):
 
 @helper
 def _robust_plane(points, count, residual, half, depth, nugget, rounds):
-    """Height at the node of a plane through the lower of the points; see :func:`_window`.
+    """Height at the node of a robust plane through the lower points; see :func:`_window`.
 
     Without a nugget there is no trend to begin with, so all points start out equal.
     """
@@ -151,7 +151,7 @@ def _robust_plane(points, count, residual, half, depth, nugget, rounds):
 
 @helper
 def _shift(residual, weight, count, depth):
-    """Mean of the negative residuals: where in their histogram the ground lies."""
+    """Mean of the negative residuals, which locates the ground in their histogram."""
     total, mass = 0.0, 0.0
     for i in range(count):
         if -depth <= residual[i] < 0.0:
@@ -162,7 +162,7 @@ def _shift(residual, weight, count, depth):
 
 @helper
 def robust_weight(residual, shift, half, depth):
-    """1 up to the shift, 1/2 at a half width above it, 0 far above and far below."""
+    """Weight of a residual: 1 up to the shift, 1/2 at a half width above it, 0 far from it."""
     if residual < -depth:
         return 0.0
     ratio = (residual - shift) / half

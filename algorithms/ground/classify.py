@@ -1,4 +1,4 @@
-"""Ground filter without scene parameters: what is near the terrain is ground.
+"""Ground filter without scene parameters: points near the terrain are ground.
 
 How the terrain is found, with sources: :mod:`algorithms.shared.terrain`.
 """
@@ -51,7 +51,7 @@ class GroundClassify:
         ground_share: float = sink("Share of points that are ground", unit="1")
 
     def halo(self) -> float:
-        """Beyond this the terrain has no say that changes labels; measured, see the page."""
+        """Distance beyond which the terrain does not change labels; measured, see the page."""
         return HALO
 
     def run(self, ctx: Context = QUIET) -> GroundClassify.Outputs:
@@ -81,7 +81,7 @@ class GroundClassify:
     def _classified(
         self, candidates: Candidates, ground: Mask, clear: Floats, terrain: Terrain | None
     ) -> PointCloud:
-        """The cloud with classes and confidence, given them for the candidates, and heights."""
+        """The cloud with classes, confidence and, if asked for, heights above the ground."""
         cloud = candidates.cloud
         confidence = np.where(candidates.part, 1.0, 0.0)
         confidence[candidates.chosen] = clear

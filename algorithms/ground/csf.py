@@ -110,11 +110,11 @@ class GroundCsf:
         ground_share: float = sink("Share of points that are ground", unit="1")
 
     def halo(self) -> float:
-        """What lies farther away moves the cloth by millimetres; auto looks at blocks around."""
+        """Distance beyond which points move the cloth by millimetres; auto adds blocks."""
         return AUTO_HALO if self.rigidness == "auto" else HALO
 
     def run(self, ctx: Context = QUIET) -> GroundCsf.Outputs:
-        """Simulate, and compare points and cloth."""
+        """Simulate the cloth, and compare the points with it."""
         cloud = self.points
         candidates = Candidates.of(cloud, self.returns, self.ignore, self.keep_classes)
         if not candidates.chosen.any():
@@ -174,7 +174,7 @@ class Cloth:
 
 
 def ground_mask(xyz: Floats, cloth: Cloth, *, class_threshold: float = 0.5) -> NDArray[np.bool_]:
-    """True where a point is near the cloth.
+    """True for points near the cloth.
 
     The vertical distance may be `class_threshold`, and more where the cloth is steep: its
     elevation there is uncertain by slope times cell, since a particle took the height of a
@@ -197,7 +197,7 @@ def ground_mask(xyz: Floats, cloth: Cloth, *, class_threshold: float = 0.5) -> N
     """
     require_finite(xyz)
     cell = cloth.lattice.cell
-    # Counted in whole cells from the origin of the coordinates, a place is the same in all tiles.
+    # Counted in whole cells from the origin of the coordinates, positions agree in all tiles.
     left, top = round(cloth.lattice.west / cell), round(cloth.lattice.north / cell)
     near = np.empty(len(xyz), bool)
     side_by_side(
@@ -225,7 +225,7 @@ def cloth_simulation(
     metre: float = 1.0,
     ctx: Context = QUIET,
 ) -> Cloth:
-    """Let a cloth fall on the points turned upside down.
+    """The cloth at rest after falling on the points turned upside down.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ def cloth_simulation(
 
 
 def obstacle_of(xyz: Floats, lattice: Lattice, metre: float, ctx: Context) -> Floats:
-    """What the cloth falls on: the height of each particle's point, upside down."""
+    """Obstacle of the cloth: the height of the point of each particle, upside down."""
     use = without_low_outliers(xyz, lattice.cell, metre, ctx.part(0.0, 0.5))
     point = lowest_points(xyz, use, lattice, ctx.part(0.5, 0.8))
     spread_to_empty(xyz, point, lattice, ctx.part(0.8, 1.0))
@@ -298,7 +298,7 @@ def obstacle_of(xyz: Floats, lattice: Lattice, metre: float, ctx: Context) -> Fl
 
 
 def terrain_slope(height: Floats, lattice: Lattice, metre: float) -> Singles:
-    """Slope of the terrain around each node: of the cloth, over 2 LAG, averaged by blocks.
+    """Slope of the terrain around each node, from the cloth over 2 LAG, averaged by blocks.
 
     Blocks are in whole multiples from the origin of the coordinates, so that all tiles share them.
     """
@@ -314,7 +314,7 @@ def terrain_slope(height: Floats, lattice: Lattice, metre: float) -> Singles:
 
 
 def rise_per_row(height: Floats, lag: int) -> Floats:
-    """Rise per row, measured over `lag` rows up and down; less at the edges."""
+    """Rise per row, measured over `lag` rows to each side, fewer at the edges."""
     row = np.arange(len(height))
     first, last = np.maximum(row - lag, 0), np.minimum(row + lag, len(row) - 1)
     rise: Floats = (height[last] - height[first]) / (last - first)[:, None]
@@ -322,7 +322,7 @@ def rise_per_row(height: Floats, lag: int) -> Floats:
 
 
 def block_means(values: Floats, first_row: int, first_col: int, size: int) -> Floats:
-    """Mean of the nodes in 3 x 3 blocks around each block that the lattice touches."""
+    """Mean of the nodes in the 3 x 3 blocks around each block of the lattice."""
     sums, counts = values, np.ones((1, 1))
     for axis, first in ((0, first_row), (1, first_col)):
         block = np.arange(first, first + values.shape[axis]) // size
@@ -340,7 +340,7 @@ def block_means(values: Floats, first_row: int, first_col: int, size: int) -> Fl
 def between_blocks(
     mean: Floats, first: tuple[int, int], shape: tuple[int, int], size: int
 ) -> Singles:
-    """Bilinear interpolation between the middles of blocks; level beyond the outermost."""
+    """Bilinear interpolation between the centres of blocks, constant beyond the outermost."""
     for axis in (0, 1):
         at = (np.arange(first[axis], first[axis] + shape[axis]) + 0.5) / size - 0.5
         at = np.clip(at - first[axis] // size, 0, mean.shape[axis] - 1)
@@ -354,7 +354,7 @@ def between_blocks(
 def come_to_rest(
     obstacle: Floats, drop: Singles, spacing: float, iterations: int, ctx: Context
 ) -> tuple[Floats, bool]:
-    """Let the cloth fall at coarse resolution first: it starts the fine one where it will rest.
+    """Heights of the cloth at rest, and whether it came to rest; coarse resolutions come first.
 
     Where the cloth rests does not depend on its start, so the coarse ones only save time.
     """
@@ -374,7 +374,7 @@ def come_to_rest(
 
 
 def coarser(obstacle: Floats) -> Floats:
-    """The highest of every 2 x 2 nodes."""
+    """The highest of every 2 x 2 nodes, as a lattice of half the resolution."""
     rows, cols = obstacle.shape
     even = np.pad(obstacle, ((0, rows % 2), (0, cols % 2)), mode="edge")
     made: Floats = np.maximum(
@@ -384,7 +384,7 @@ def coarser(obstacle: Floats) -> Floats:
 
 
 def lid_over(obstacle: Floats, reach: float) -> Floats:
-    """Grey closing with a square of half width `reach` nodes: bridges what is narrower."""
+    """Grey closing of the obstacle with a square of half width `reach`: bridges narrow gaps."""
     window = 2 * max(1, round(reach)) + 1
     lid: Floats = grey_closing(obstacle, (window, window))
     return lid
@@ -398,7 +398,7 @@ def let_fall(
     iterations: int,
     ctx: Context,
 ) -> tuple[Floats, bool]:
-    """Move the cloth from `start` until it rests; its heights and whether it came to rest.
+    """Heights of the cloth that falls from `start`, and whether it came to rest.
 
     `drop` is the way of a free particle in the first step, `spacing` of the particles in metres.
     """

@@ -124,14 +124,14 @@ class GroundPtd:
         ground_share: float = sink("Share of points that are ground", unit="1")
 
     def halo(self) -> float:
-        """Seeds and the test for raised patches look about two building sizes far.
+        """Reach of the seeds and of the test for raised patches: about two building sizes.
 
         Medians look everywhere.
         """
         return math.inf if self.thresholds == "median" else HALO * self.max_building_size
 
     def run(self, ctx: Context = QUIET) -> GroundPtd.Outputs:
-        """Grow the surface, and compare points with it."""
+        """Grow the surface, and compare the points with it."""
         cloud = self.points
         candidates = Candidates.of(cloud, self.returns, self.ignore, self.keep_classes)
         if not candidates.chosen.any():
@@ -210,7 +210,7 @@ def ground_mask(
     metre: float = 1.0,
     ctx: Context = QUIET,
 ) -> Mask:
-    """True where a point is near the surface.
+    """True for points near the surface.
 
     The vertical distance may be `class_distance`, and more where the facet is steep, since its
     corners are the lowest points of their cells.
@@ -286,7 +286,7 @@ def densified(
     metre: float = 1.0,
     ctx: Context = QUIET,
 ) -> GroundMesh:
-    """Grow a triangulated surface of the ground from the lowest points of large cells.
+    """The triangulated surface of the ground, grown from the lowest points of large cells.
 
     Parameters
     ----------
@@ -381,7 +381,7 @@ def box_of(points: Floats) -> tuple[float, float, float, float]:
 
 
 def ring_around(points: Floats, step: float) -> Floats:
-    """Places outside the points, `step` apart in whole multiples of it, shape (m, 2)."""
+    """Vertices of a ring outside the points, at multiples of `step`, array of shape (m, 2)."""
     box = np.array(box_of(points)) / step
     west, south = np.floor(box[:2]) - 1
     east, north = np.floor(box[2:]) + 2
@@ -392,7 +392,7 @@ def ring_around(points: Floats, step: float) -> Floats:
 
 
 def plane_at(xy: Floats, z: Floats, places: Floats) -> Floats:
-    """Heights at places (m, 2) of planes through corners (m, 3, 2) of heights (m, 3)."""
+    """Heights at positions (m, 2) of the planes through corners (m, 3, 2) with heights (m, 3)."""
     (ux, uy), (vx, vy) = (xy[:, 1] - xy[:, 0]).T, (xy[:, 2] - xy[:, 0]).T
     x, y = (places - xy[:, 0]).T
     area = ux * vy - uy * vx
@@ -402,7 +402,7 @@ def plane_at(xy: Floats, z: Floats, places: Floats) -> Floats:
 
 
 class Growth:
-    """The surface while it grows.
+    """The surface while it grows, with the points that wait to enter it.
 
     A ring of vertices around the points saves the rim from special rules. Their heights go on
     with the surface, set anew whenever it has come to rest.
@@ -432,13 +432,13 @@ class Growth:
         self.rounds = 0
 
     def start(self, seeds: Ints, ctx: Context) -> None:
-        """Make the surface through the given points."""
+        """Triangulate the given points and the ring."""
         self.entered[seeds] = True
         self.mesh.insert(np.flatnonzero(self.entered), ctx=ctx)
         self.lift_ring()
 
     def lift_ring(self) -> Ints:
-        """Give the ring the heights to which the surface goes on, or else the nearest vertices'.
+        """Set the heights of the ring: the surface continued, or those of nearest vertices.
 
         The surface is mirrored at the nearest vertex, in plan and height. Returns the points
         whose facets have moved with the ring.
@@ -461,7 +461,7 @@ class Growth:
         return self.waiting[:count]
 
     def nearest_to_ring(self) -> Ints:
-        """The vertices nearest to the ring."""
+        """Index of the vertex nearest to each vertex of the ring."""
         ring, vertices = self.xy[self.real :], self.entered[: self.real]
         reach = 4 * RING * self.metre
         while True:  # what is farther inwards than the nearest one found cannot be nearer
@@ -475,12 +475,12 @@ class Growth:
             reach *= 2
 
     def grow(self, points: Ints, limits: kernels.PointLimits, ctx: Context) -> None:
-        """Let points enter that were not looked at so far, or with other limits."""
+        """Let points enter that were not tested so far, or were tested with other limits."""
         self.head[:] = -1
         self.settle(points, limits, ctx)
 
     def settle(self, waiting: Ints, limits: kernels.PointLimits, ctx: Context) -> None:
-        """Let points enter in rounds, until none is left that may."""
+        """Let points enter in rounds until no further one may."""
         again, done, now = False, 0.0, limits
         while True:
             half = ctx.part(done, (1 + done) / 2)  # how many rounds there will be, nobody knows
@@ -497,7 +497,7 @@ class Growth:
             done = (1 + done) / 2
 
     def all_waiting(self, waiting: Ints) -> Ints:
-        """Empty all lists: where limits have changed, all points are looked at again."""
+        """The given points and all on lists, to be tested again after limits have changed."""
         waiting = waiting[~self.entered[waiting]]  # a copy: it may have been a view of the next
         facets = np.arange(self.mesh.arrays.size[0])
         count = kernels.points_of(facets, self.head, self.following, self.waiting)
@@ -523,7 +523,7 @@ class Growth:
         )
 
     def look(self, points: Ints, limits: kernels.PointLimits, ctx: Context) -> Ints:
-        """Find the lowest point for each facet that may enter; the facets."""
+        """The facets that a point may enter; `best` has the lowest such point of each."""
         count = 0
         for first in range(0, len(points), BLOCK):
             count = kernels.best_of_facets(
@@ -545,7 +545,7 @@ class Growth:
         return self.chosen[:count]
 
     def enter(self, facets: Ints, ctx: Context) -> Ints:
-        """Make the points found for the facets vertices; the points whose facets have changed."""
+        """Insert the points found for facets; the points whose facets have changed."""
         points = self.best[facets]
         self.best[facets] = -1
         self.entered[points] = True
@@ -555,7 +555,7 @@ class Growth:
         return self.waiting[:count]
 
     def raised(self, extent: float, ctx: Context) -> Mask:
-        """True for vertices on patches narrower than `extent` that drop all round: roofs.
+        """True for vertices on patches narrower than `extent` that drop on all sides: roofs.
 
         Patches are what is left of the surface when it is cut at its walls. Nearly all walls
         around go down; what goes on beyond the data is at most a third of the outline. The walls
@@ -578,7 +578,7 @@ class Growth:
         return found
 
     def patches(self, ctx: Context) -> tuple[Ints, Floats, Ints]:
-        """Cut the surface at its walls.
+        """Patches of the surface, cut at its walls.
 
         Returns the patch of each point, named by one of its vertices; the box of each patch
         (west, south, -east, -north); and edges: walls from foot to top, and edges to the ring.
@@ -598,7 +598,7 @@ class Growth:
         return patch, boxes, edges[:count]
 
     def take_out(self, gone: Mask) -> Ints:
-        """Make vertices points that never enter again; the points whose facets have changed."""
+        """Remove vertices for good; the points whose facets have changed."""
         gone = np.append(gone, np.zeros(len(self.xy) - self.real, bool))
         self.entered[gone] = False
         count = kernels.take_out(
@@ -608,6 +608,6 @@ class Growth:
         return np.concatenate([changed, self.lift_ring()])
 
     def surface(self, lowest: Ints, lattice: Lattice) -> GroundMesh:
-        """The surface as it is now."""
+        """The present surface."""
         vertices = int(np.count_nonzero(self.entered[: self.real]))
         return GroundMesh(self.mesh, self.z, self.facet, lowest, lattice, vertices, self.rounds)

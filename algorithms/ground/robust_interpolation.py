@@ -106,11 +106,11 @@ class GroundRobustInterpolation:
         ground_share: float = sink("Share of points that are ground", unit="1")
 
     def halo(self) -> float:
-        """All levels and the search for outliers together."""
+        """Reach of all levels and of the search for outliers together."""
         return reach(self.cell, self.building_size)
 
     def run(self, ctx: Context = QUIET) -> GroundRobustInterpolation.Outputs:
-        """Interpolate, and compare points and surface."""
+        """Interpolate the surface, and compare the points with it."""
         cloud = self.points
         candidates = Candidates.of(cloud, self.returns, self.ignore, self.keep_classes)
         if not candidates.chosen.any():
@@ -149,7 +149,7 @@ class GroundRobustInterpolation:
 
 @dataclass(frozen=True)
 class GroundRaster:
-    """A surface through the ground.
+    """A surface through the ground, as a raster.
 
     Attributes
     ----------
@@ -163,17 +163,17 @@ class GroundRaster:
 
     @property
     def corner(self) -> Corner:
-        """Where the cells lie, for the kernels."""
+        """Position of the lattice, for the kernels."""
         return corner_of(self.lattice)
 
 
 def corner_of(lattice: Lattice) -> Corner:
-    """Whole cells from the origin of the coordinates to the corner, and the size of a cell."""
+    """Position of a lattice: whole cells from the origin to its corner, and the size of a cell."""
     return round(lattice.west / lattice.cell), round(lattice.north / lattice.cell), lattice.cell
 
 
 class Weights(NamedTuple):
-    """How robust interpolation treats the points; lengths in the unit of the points."""
+    """Settings of the robust interpolation; lengths in the unit of the points."""
 
     half_width: float
     relief: float
@@ -213,7 +213,7 @@ def ground_mask(
     below: float = 1.0,
     ctx: Context = QUIET,
 ) -> Mask:
-    """True where a point is near the surface.
+    """True for points near the surface.
 
     Both thresholds grow by what the surface rises over one cell, because its height there is
     that uncertain.
@@ -251,7 +251,7 @@ def robust_interpolation(
     metre: float = 1.0,
     ctx: Context = QUIET,
 ) -> GroundRaster:
-    """Lay surfaces through the ground, from coarse cells to fine ones.
+    """The surface through the ground, interpolated from coarse cells to fine ones.
 
     Parameters
     ----------
@@ -303,14 +303,14 @@ def robust_interpolation(
 
 
 def read_only(array: Floats) -> Floats:
-    """The same array; kernels are compiled once for it, not for a writable one too."""
+    """A read-only view; so kernels are not compiled for writable arrays too."""
     view = array.view()
     view.flags.writeable = False
     return view
 
 
 def cells_of_levels(cell: float, building_size: float, metre: float = 1.0) -> list[float]:
-    """Sizes of the cells of the levels, in the order in which they are worked on.
+    """Sizes of the cells of all levels, in the order of processing.
 
     The building strategy goes down from the coarsest cells. The vegetation strategy goes down
     twice: hilltops that its first pass reached only with its finest cells grow in the second.
@@ -322,7 +322,7 @@ def cells_of_levels(cell: float, building_size: float, metre: float = 1.0) -> li
 
 
 def reach(cell: float, building_size: float) -> float:
-    """Metres from a point within which other points can change its label."""
+    """Distance in metres within which other points can change the label of a point."""
     cells = cells_of_levels(cell, building_size)
     window = kernels.WINDOW + 0.5  # cells from a node to the far side of the outermost cell
     bilinear = 1.0  # cells from a point to the nodes around it
@@ -330,7 +330,7 @@ def reach(cell: float, building_size: float) -> float:
 
 
 def widened(lattice: Lattice, margin: float, cell: float) -> Lattice:
-    """Cells of another size over the same area and a margin.
+    """Lattice of cells of another size over the same area and a margin.
 
     With all finer cells as the margin, no height within the area depends on where it ends.
     """
@@ -341,7 +341,7 @@ def widened(lattice: Lattice, margin: float, cell: float) -> Lattice:
 def near_surface(
     xyz: Floats, surface: GroundRaster, above: float, below: float, ctx: Context
 ) -> Mask:
-    """True where residuals lie between -below and above, both widened on slopes."""
+    """True for points with residuals from -below to above, both widened on slopes."""
     near = np.empty(len(xyz), bool)
     for start, stop in blocks(len(xyz)):
         residual, rise = residuals_and_rises(xyz[start:stop], surface)
@@ -351,7 +351,7 @@ def near_surface(
 
 
 def residuals_and_rises(xyz: Floats, surface: GroundRaster) -> tuple[Floats, Floats]:
-    """Height of the points above the surface, and what it rises there over one cell."""
+    """Heights of the points above the surface, and the rise of the surface over one cell."""
     residual, rise = np.empty(len(xyz)), np.empty(len(xyz))
     side_by_side(
         kernels.residuals,
@@ -366,7 +366,7 @@ def residuals_and_rises(xyz: Floats, surface: GroundRaster) -> tuple[Floats, Flo
 
 
 def tolerated(xyz: Floats, surface: GroundRaster, weights: Weights, ctx: Context) -> Mask:
-    """True for the points that go on to finer cells."""
+    """True for points that are used again at finer cells."""
     cell = surface.lattice.cell
     above = weights.tolerance + weights.relief * cell
     return near_surface(xyz, surface, above, weights.below + DROP * cell, ctx)

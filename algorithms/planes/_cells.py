@@ -1,4 +1,4 @@
-"""Points in the cells of an octree, and what each cell looks like: its centre and its normal.
+"""Cells of an octree from points, each with its centre and normal.
 
 The search for planes looks at cells, not at points, of which there are some thirty times as many.
 
@@ -40,7 +40,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Cells:
-    """Points sorted into cells.
+    """Points sorted into cells of an octree, and what describes each cell.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Cells:
 
     @property
     def size(self) -> float:
-        """The largest coordinate."""
+        """The largest coordinate, measured from the origin."""
         return float(self.reach[:, 3:].max())
 
     @property
@@ -82,7 +82,7 @@ class Cells:
 
     @property
     def flat(self) -> NDArray[np.bool_]:
-        """Cells whose points have a plane."""
+        """True for cells whose points lie on a plane."""
         return self.spread[:, 1] < THICK * self.spread[:, 0]
 
 
@@ -93,7 +93,7 @@ def sort_into_cells(
     noise: float | None = None,
     ctx: Context = QUIET,
 ) -> Cells:
-    """Sort points of shape (n, 3) into cells of at most MOST points, or as small as the noise.
+    """Sort points of shape (n, 3) into cells of at most MOST points, not below the noise in size.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def sort_into_cells(
 
 
 def _leaves(keys: NDArray[np.uint64], most: int, deepest: int) -> tuple[Ints, Ints]:
-    """Where the points of each leaf begin, and its level; see the kernel."""
+    """Index of the first point of each leaf, and the level of the leaf; see the kernel."""
     starts, levels = np.empty(len(keys) + 1, np.int64), np.empty(len(keys), np.int64)
     count = kernels.leaves(keys, most, deepest, starts, levels)
     starts[count] = len(keys)
@@ -162,7 +162,7 @@ def _leaves(keys: NDArray[np.uint64], most: int, deepest: int) -> tuple[Ints, In
 
 
 def _scales(xyz: Floats, keys: NDArray[np.uint64], side: float) -> tuple[float, float]:
-    """The noise of sorted points, and how far they are apart; 0 where nothing is flat.
+    """Noise of the points about planes, and distance of neighbours; 0 where nothing is flat.
 
     In a dense scan small cells are no larger than the noise. Larger ones are looked at until half
     are planes, and taken if clearly more of them are.
@@ -180,7 +180,7 @@ def _scales(xyz: Floats, keys: NDArray[np.uint64], side: float) -> tuple[float, 
 def _scale(
     xyz: Floats, keys: NDArray[np.uint64], side: float, most: int
 ) -> tuple[float, float, float]:
-    """The share of cells that are planes, their noise, and how far points are apart.
+    """Share of cells that are planes, their noise, and the distance of neighbouring points.
 
     The points of a plane lie as close to it in a large piece as in a small one. Where they do not,
     the surface is bent, or is none.
@@ -204,7 +204,7 @@ def _scale(
 
 
 def _sorted(found: NDArray[np.uint64], xyz: Floats) -> tuple[Ints, NDArray[np.uint64]]:
-    """The order of keys, of those that are equal by x, y and z; and the keys in it."""
+    """The order of points by key, then x, y, z; and the keys in this order."""
     order = np.argsort(found, kind="stable")
     keys = found[order]
     same = keys[1:] == keys[:-1]

@@ -16,7 +16,7 @@ SURE = 0.02  # least variance over the middle one, of points that are a plane fo
 
 @njit(cache=True, nogil=True)
 def keys(first, last, xyz, low, side, found):
-    """Keys of places along a curve through all cells of an octree (Morton 1966)."""
+    """Fill in the keys of points: positions along a curve through the octree (Morton 1966)."""
     fine = (1 << LEVELS) / side
     top = (1 << LEVELS) - 1
     for i in range(first, last):
@@ -29,7 +29,7 @@ def keys(first, last, xyz, low, side, found):
 
 @helper
 def _spread(bits):
-    """The low bits of a number, two zeros between each and the next."""
+    """The low bits of a number with two zero bits between each two."""
     bits &= np.uint64(0x1FFFFF)
     bits = (bits | bits << np.uint64(32)) & np.uint64(0x1F00000000FFFF)
     bits = (bits | bits << np.uint64(16)) & np.uint64(0x1F0000FF0000FF)
@@ -40,7 +40,7 @@ def _spread(bits):
 
 @njit(cache=True, nogil=True)
 def leaves(sorted_keys, most, deepest, starts, levels):
-    """Split cells until they hold at most `most` points or are `deepest` levels down.
+    """Split cells until each holds at most `most` points or is at the level `deepest`.
 
     Fills in where the points of each leaf begin, and its level; returns their number.
     """
@@ -68,7 +68,7 @@ def leaves(sorted_keys, most, deepest, starts, levels):
 
 @njit(cache=True, nogil=True)
 def at_two_scales(some, xyz, keys, starts, levels, found):
-    """Middle and least variance of the points of leaves, and of the cells that these are parts of.
+    """Fill in the middle and least variance of leaves, and of the cells one level above them.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def at_two_scales(some, xyz, keys, starts, levels, found):
 
 @helper
 def _above(keys, start, stop, level):
-    """The points of the cell of a level in which those of a smaller one lie."""
+    """First and last index of the points in the cell of a given level that holds a smaller cell."""
     if level < 0:
         return start, stop
     shift = np.uint64(3 * (LEVELS - level))
@@ -100,7 +100,7 @@ def _above(keys, start, stop, level):
 
 @njit(cache=True, nogil=True)
 def describe(first, last, xyz, keys, starts, levels, up, centres, normals, spread, reach):
-    """Centre, normal and eigenvalues of leaves.
+    """Fill in centre, normal, variances and bounding box of the leaves first..last.
 
     A leaf with few points, or with points that are no plane, takes the normal of the cell around
     it, at most `up` levels up.
@@ -141,7 +141,7 @@ def describe(first, last, xyz, keys, starts, levels, up, centres, normals, sprea
 
 @helper
 def _axes(xyz, start, stop):
-    """Middle and least variance of some points about their plane, and its normal."""
+    """Middle and least variance of points, and the normal of their plane."""
     count = stop - start
     mx = my = mz = 0.0
     for i in range(start, stop):

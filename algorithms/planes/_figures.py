@@ -1,4 +1,4 @@
-"""Numbers that tell where a plane lies, and how well points fit it."""
+"""Measures of a plane: where it lies, and how well points fit it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 
 class Figures(NamedTuple):
-    """What is to be known of a plane; see the outputs of :class:`PlanesFit`."""
+    """Measures of a plane; see the outputs of :class:`PlanesFit`."""
 
     normal_x: float
     normal_y: float
@@ -31,7 +31,7 @@ class Figures(NamedTuple):
 
 
 def figures(plane: Plane, away: Floats) -> Figures:
-    """The numbers of a plane and of the distances, of shape (m,), of the points on it."""
+    """Measures of a plane, from it and the distances of its points, array of shape (m,)."""
     east, north, up = plane.normal.tolist()
     level, side = math.hypot(east, north), math.copysign(1.0, up)
     azimuth = math.degrees(math.atan2(side * east, side * north)) % 360.0

@@ -1,4 +1,4 @@
-"""Outlines of planes: polygons in the plane, in space, and on an elevation."""
+"""Outlines of planes: polygons on the plane, in space, and in an elevation drawing."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class View:
-    """Coordinates on a plane: u along it and level, v upwards, from its lower left corner.
+    """Coordinates on a plane: u horizontal, v upwards, from the lower left corner.
 
     Attributes
     ----------
@@ -43,31 +43,31 @@ class View:
 
     @classmethod
     def of(cls, plane: Plane, xyz: Floats) -> View:
-        """On a plane, from the lower left of points of shape (n, 3) on it."""
+        """Coordinates on a plane whose origin is the lower left of points of shape (n, 3)."""
         view = cls(plane, axes_of(plane.normal), np.zeros(2))
         return cls(plane, view.axes, view.flat(xyz).min(axis=0))
 
     def flat(self, xyz: Floats) -> Floats:
-        """Places of points of shape (n, 3) on the plane, shape (n, 2)."""
+        """Coordinates on the plane, shape (n, 2), of points of shape (n, 3)."""
         near = (xyz - self.plane.origin) - self.plane.centre
         return np.asarray(near @ self.axes.T - self.corner)
 
     def solid(self, uv: Floats) -> Floats:
-        """Places in space, shape (n, 3), of places on the plane, shape (n, 2)."""
+        """Coordinates in space, shape (n, 3), of points on the plane, shape (n, 2)."""
         near = (uv + self.corner) @ self.axes
         return np.asarray((near + self.plane.centre) + self.plane.origin)
 
     def raised(self, shapes: Any) -> Any:
-        """Shapes on the plane as shapes in space."""
+        """Shapes in space from shapes on the plane."""
         return _through(self.solid, shapes)
 
     def seen(self, shapes: Any) -> Any:
-        """Shapes in space as seen square to the plane."""
+        """Shapes on the plane from shapes in space, projected at right angles."""
         return _through(self.flat, shapes)
 
 
 def _through(places: Callable[[Floats], Floats], shapes: Any) -> Any:
-    """Shapes whose corners are taken elsewhere, from space to a plane or the other way."""
+    """Shapes with their vertices transformed, from space to a plane or the other way."""
     to_space = not shapely.has_z(shapes).any()
     start = shapely.force_3d(shapes) if to_space else shapes
     made = shapely.transform(
@@ -79,7 +79,7 @@ def _through(places: Callable[[Floats], Floats], shapes: Any) -> Any:
 
 
 def outline(uv: Floats, alpha: float, *, ctx: Context = QUIET) -> Any:
-    """The polygon around places on a plane, shape (n, 2); of several parts where it has gaps.
+    """Polygon around points on a plane, shape (n, 2); a multipolygon where these have wide gaps.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def outline(uv: Floats, alpha: float, *, ctx: Context = QUIET) -> Any:
 def drawn(
     xyz: Floats, ids: Ints, planes: Sequence[Plane], alpha: float, ctx: Context = QUIET
 ) -> tuple[geopandas.GeoDataFrame, geopandas.GeoDataFrame]:
-    """The outline of each plane in space, and those that face the same way on an elevation.
+    """Outlines of all planes in space, and of those parallel to the facade in an elevation drawing.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def drawn(
 
 
 def _numbers(view: View, xyz: Floats, flat: Any) -> dict[str, Any]:
-    """What is to be known of a plane with points of shape (n, 3) and an outline on it."""
+    """Attributes of a plane, from its points of shape (n, 3) and its outline."""
     found = figures(view.plane, view.plane.distances(xyz))._asdict()
     sides = np.hypot(
         *np.diff(shapely.get_coordinates(shapely.oriented_envelope(flat))[:3], axis=0).T
@@ -138,7 +138,7 @@ def _numbers(view: View, xyz: Floats, flat: Any) -> dict[str, Any]:
 def elevation(
     solid: geopandas.GeoDataFrame, planes: Sequence[Plane], xyz: Floats
 ) -> geopandas.GeoDataFrame:
-    """Outlines seen square to the largest upright plane, or else to the largest of all.
+    """Outlines projected on the largest vertical plane, or on the largest if none is vertical.
 
     Parameters
     ----------

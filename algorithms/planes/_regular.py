@@ -1,4 +1,4 @@
-"""Planes made regular: parallel and square to each other where they almost are.
+"""Regular planes: parallel and at right angles to each other where they nearly are.
 
 References
 ----------
@@ -23,13 +23,13 @@ Floats = NDArray[np.float64]
 
 
 def regular(xyz: Floats, found: Segments, angle: float) -> Segments:
-    """Planes of few directions, those that lie in one plane joined; the points keep to them.
+    """Planes turned to few common directions, and joined where coplanar; points keep their planes.
 
-    The plane with the most points keeps its direction. Each of the others takes a direction that
-    is there already if it is parallel to it but for an angle, or else becomes square to those to
-    which it is so but for the angle. It turns about the mean of its points, and only if these
-    stay near it: their root mean square distance must not exceed half the tolerance. Planes of one
-    direction, none farther than the tolerance from the first, become one.
+    The plane with the most points keeps its direction. Each of the others takes an existing
+    direction if it is parallel to it within an angle, or else becomes perpendicular to those to
+    which it is perpendicular within that angle. It turns about the mean of its points, and only if
+    these stay near it: their root mean square distance must not exceed half the tolerance. Planes
+    of one direction, none farther than the tolerance from the first, become one.
 
     Parameters
     ----------
@@ -53,13 +53,13 @@ def regular(xyz: Floats, found: Segments, angle: float) -> Segments:
 
 
 def _parallel(plane: Plane, directions: list[Floats], angle: float) -> list[Floats]:
-    """The directions that a plane almost has, the nearest first."""
+    """Known directions within the angle of a plane's normal, the nearest first."""
     near = [d for d in directions if abs(d @ plane.normal) >= math.cos(angle)]
     return sorted(near, key=lambda d: -abs(float(d @ plane.normal)))
 
 
 def _square(plane: Plane, directions: list[Floats], angle: float) -> list[Floats]:
-    """The direction that is square to two, or one, to which a plane is almost square."""
+    """Directions near a plane's normal, at right angles to two known ones or to one."""
     square = [d for d in directions if abs(d @ plane.normal) <= math.sin(angle)]
     other = [d for d in square if abs(d @ square[0]) < math.cos(angle)]
     found = []
@@ -72,7 +72,7 @@ def _square(plane: Plane, directions: list[Floats], angle: float) -> list[Floats
 
 
 def _joined(found: Segments, planes: list[Plane]) -> Segments:
-    """The same points, with planes of one direction within the tolerance as one."""
+    """The same segments, in which coplanar planes are one."""
     counts = np.bincount(found.ids, minlength=len(planes) + 1)[1:]
     heads: list[list[int]] = []
     for number, plane in enumerate(planes):

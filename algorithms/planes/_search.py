@@ -1,4 +1,4 @@
-"""Plane after plane from a cloud: RANSAC among the cells of an octree, patch by patch.
+"""Patches of planes from a cloud, one after the other: RANSAC among the cells of an octree.
 
 Three cells are drawn from one cell of the octree of any size, since points that are near each other
 are likely to be on one plane. The plane through their centres must agree with their normals. It is
@@ -48,7 +48,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Rules:
-    """What makes a plane; lengths in the unit of the points.
+    """Conditions that a plane must meet; lengths in the unit of the points.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Rules:
 
 @dataclass(frozen=True)
 class Patch:
-    """A part of a plane.
+    """A connected piece of a plane.
 
     Attributes
     ----------
@@ -95,24 +95,24 @@ class Patch:
 
     @cached_property
     def wider(self) -> Ints:
-        """The squares, and all that touch them."""
+        """The squares of the patch and all squares that touch them, sorted."""
         row, column = (1 << 31) * np.array([-1, 0, 1])[:, None], np.array([-1, 0, 1])
         return np.unique(self.squares + (row + column).reshape(-1, 1))
 
     def moved(self, plane: Floats, spread: float) -> Patch:
-        """The same patch with a plane that is a little better."""
+        """The same patch with a refined plane."""
         made = replace(self, plane=plane, spread=spread)
         made.__dict__["wider"] = self.wider
         return made
 
     def under(self, xyz: Floats, gap: float) -> float:
-        """Share of points of shape (n, 3) that lie over or under squares of the patch."""
+        """Share of points of shape (n, 3) whose projection lies on the patch."""
         return float(kernels.over(xyz, self.axes, gap, self.squares).mean())
 
 
 @dataclass
 class Search:
-    """Takes patch after patch out of cells.
+    """The search that takes one patch after the other out of the cells.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ class Search:
         return found
 
     def _draw(self) -> None:
-        """Draw more planes, and score them."""
+        """Draw further planes, and score them."""
         cells, rules = self.cells, self.rules
         size = min(BATCH, rules.max_trials - self.trials)
         planes = np.empty((size, 4))
@@ -217,7 +217,7 @@ class Search:
         return gains
 
     def _best(self) -> int | None:
-        """The plane with the highest score; those that have lost too much are forgotten."""
+        """Index of the plane with the highest score; planes with too low scores are dropped."""
         while len(self.gains):
             best = int(np.argmax(self.gains))
             if self.gains[best] < self.rules.min_points / 3:
@@ -234,7 +234,7 @@ class Search:
         return None
 
     def _support(self, plane: Floats) -> Ints:
-        """The cells of a plane."""
+        """Indices of the cells that support a plane."""
         cells, found = self.cells, np.empty(len(self.weights), np.int64)
         count = kernels.support(
             plane,
@@ -249,7 +249,7 @@ class Search:
         return found[:count].copy()
 
     def _grown(self, plane: Floats) -> tuple[Ints, Floats]:
-        """A plane fitted to its cells, and again until they are the same; cells and plane."""
+        """A plane refitted to its cells until these no longer change; the cells and the plane."""
         cells = self._support(plane)
         for _ in range(ROUNDS):
             if len(cells) < 3:
@@ -271,7 +271,7 @@ class Search:
         return bool(low <= abs(plane[2]) <= high)
 
     def _needed(self, cells: Ints) -> float:
-        """Draws until a plane with these cells is drawn with the confidence; see `worth`."""
+        """Draws needed to find a plane with these cells with the confidence, counted as `worth`."""
         some = cells
         if len(cells) > SOME:
             some = cells[np.linspace(0, len(cells) - 1, SOME).astype(np.int64)]
@@ -282,11 +282,11 @@ class Search:
         )
 
     def _needed_for_least(self) -> float:
-        """The same for a plane of as few points as are allowed, of which a draw hits a quarter."""
+        """The same for the smallest plane allowed, with a quarter for the chance `kernels.hits`."""
         return -math.log1p(-self.rules.confidence) / (0.25 * self.rules.min_points)
 
     def _patch(self, cells: Ints, plane: Floats) -> Patch | None:
-        """The largest piece of a plane fitted to its points; None if it is too small."""
+        """The largest connected piece of a plane, fitted to its points; None if it is too small."""
         for _ in range(FITS):
             if (piece := self._piece(cells, plane)) is None:
                 return None
@@ -306,7 +306,7 @@ class Search:
         return patch
 
     def _count(self, patch: Patch) -> int:
-        """The free points of a patch, in cells of any kind."""
+        """Number of the free points of a patch, in all cells."""
         cells, rules = self.cells, self.rules
         return int(
             kernels.near(
@@ -324,13 +324,13 @@ class Search:
         )
 
     def _forget(self, plane: Floats, middle: Floats) -> None:
-        """Drop the planes that are almost the same around the middle of a piece too small."""
+        """Drop planes nearly equal to one whose piece, around `middle`, was too small."""
         alike = np.abs(self.planes[:, :3] @ plane[:3]) >= ALIKE
         away = np.abs(self.planes[:, :3] @ middle - self.planes[:, 3])
         self.gains[alike & (away < self.rules.tolerance)] = 0.0
 
     def _piece(self, cells: Ints, plane: Floats) -> tuple[Ints, Ints, Floats] | None:
-        """The cells and squares of the piece of a plane with the most points."""
+        """Cells, squares and axes of the largest piece of a plane; None if it has no points."""
         if not len(cells):
             return None
         all_cells, rules = self.cells, self.rules
@@ -399,7 +399,7 @@ class Search:
 
 
 def plane_of(sums: Floats, middle: Floats, normal: Floats) -> Floats | None:
-    """The plane of sums over points, see the kernel; None if these are on a line.
+    """Plane from sums over points, see the kernel; None if the points are on a line.
 
     Parameters
     ----------
@@ -420,7 +420,7 @@ def plane_of(sums: Floats, middle: Floats, normal: Floats) -> Floats | None:
 
 
 def _through(places: Floats, weights: Floats) -> Floats | None:
-    """The plane of least squares through weighted places of shape (k, 3)."""
+    """Least-squares plane through weighted points of shape (k, 3); None if they are on a line."""
     middle = places.mean(axis=0)
     near = places - middle
     moved = near * weights[:, None]
@@ -429,7 +429,7 @@ def _through(places: Floats, weights: Floats) -> Floats | None:
 
 
 def axes_of(normal: Floats) -> Floats:
-    """Two directions along a plane, square to each other: level, and upwards; shape (2, 3)."""
+    """Two unit vectors along a plane at right angles: horizontal, and upwards; shape (2, 3)."""
     along = np.array([-normal[1], normal[0], 0.0])
     length = math.hypot(*along)
     along = np.array([1.0, 0.0, 0.0]) if length < 1e-9 else along / length
@@ -439,7 +439,7 @@ def axes_of(normal: Floats) -> Floats:
 
 
 def steepness(orientation: Orientation, degrees: float) -> tuple[float, float]:
-    """Least and largest size of the third part of the normals of planes of an orientation."""
+    """Limits of the absolute z component of the normals of planes with an orientation."""
     upright, level = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
     limits = {"any": (0.0, 1.0), "vertical": (0.0, upright), "horizontal": (level, 1.0)}
     return limits.get(orientation, (upright, level))

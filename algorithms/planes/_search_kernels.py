@@ -17,7 +17,7 @@ GROUP = 32  # cells that are looked at together
 
 @njit(cache=True, nogil=True)
 def boxes(reach):
-    """Lowest and highest coordinates of groups of cells, shape (groups, 6)."""
+    """Bounding boxes of groups of GROUP consecutive cells, array of shape (groups, 6)."""
     found = np.empty((-(-len(reach) // GROUP), 6))
     found[:, :3], found[:, 3:] = np.inf, -np.inf
     for cell in range(len(reach)):
@@ -39,7 +39,7 @@ def _meets(box, plane, limit):
 
 @helper
 def _around(keys, levels, cell, up):
-    """The run of cells within the cell of the octree that is `up` levels above one."""
+    """First and last index of the cells in the octree cell `up` levels above one."""
     level = levels[cell] - up
     if up <= 0 or level < 0:
         return cell, cell + 1
@@ -52,7 +52,7 @@ def _around(keys, levels, cell, up):
 
 @njit(cache=True, nogil=True)
 def draw(chance, running, keys, levels, centres, normals, weights, cosine, cone, planes):
-    """Planes through the centres of three cells drawn from one cell of the octree.
+    """Fill in planes through the centres of three cells drawn from one octree cell.
 
     The first cell is drawn by its weight, then how large the cell of the octree around it is, then
     two others in that one. A cell that is alone has its own plane.
@@ -85,7 +85,7 @@ def draw(chance, running, keys, levels, centres, normals, weights, cosine, cone,
                 a[0] * b[1] - a[1] * b[0],
             )
             length = math.sqrt(x * x + y * y + z * z)
-            # Three places almost on a line say little of the plane through them.
+            # Three positions almost on a line say little of the plane through them.
             if length <= 0.2 * max((a * a).sum(), (b * b).sum()):
                 continue
             x, y, z = x / length, y / length, z / length
@@ -103,7 +103,7 @@ def draw(chance, running, keys, levels, centres, normals, weights, cosine, cone,
 
 @njit(cache=True, nogil=True)
 def score(first, last, planes, centres, normals, weights, group, limit, cosine, gains):
-    """How well cells support planes: the sum of weight * (1 - (distance / limit)**2).
+    """Fill in the scores of planes: the sum of weight * (1 - (distance / limit)**2) over cells.
 
     Groups of cells that are nowhere near a plane are passed over.
     """
@@ -128,7 +128,7 @@ def score(first, last, planes, centres, normals, weights, group, limit, cosine, 
 
 @njit(cache=True, nogil=True)
 def support(plane, centres, normals, weights, group, limit, cosine, found):
-    """Fill in which cells support a plane; returns their number."""
+    """Fill in the indices of the cells that support a plane; their number."""
     x, y, z, offset = plane[0], plane[1], plane[2], plane[3]
     count = 0
     for g in range(len(group)):
@@ -146,7 +146,7 @@ def support(plane, centres, normals, weights, group, limit, cosine, found):
 
 @njit(cache=True, nogil=True)
 def hits(some, cells, keys, levels, weights, member):
-    """Chance that two cells drawn beside one of a plane are of the plane too, on average.
+    """Mean chance that two cells drawn near a cell of a plane are on this plane too.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def hits(some, cells, keys, levels, weights, member):
 
 @njit(cache=True, nogil=True)
 def sums(cells, xyz, starts, free, plane, middle, limit, found):
-    """Sums over the free points of cells near a plane: 1, x, y, z, xx, xy, xz, yy, yz, zz.
+    """Fill in sums over free points near a plane: 1, x, y, z, xx, xy, xz, yy, yz, zz.
 
     Coordinates are measured from `middle`.
     """
@@ -194,7 +194,7 @@ def sums(cells, xyz, starts, free, plane, middle, limit, found):
 
 @njit(cache=True, nogil=True)
 def weighted(xyz, part, plane, middle, limit, found):
-    """The sums of :func:`sums` over some points, the nearer to the plane the more they count.
+    """Fill in the sums of :func:`sums`, with weights that fall with the distance from the plane.
 
     The weight is Tukey's, (1 - (distance / limit)**2)**2, and 0 beyond the limit.
     """
@@ -220,10 +220,10 @@ def weighted(xyz, part, plane, middle, limit, found):
 
 @njit(cache=True, nogil=True)
 def squares(cells, xyz, starts, free, plane, axes, limit, gap, found, owner):
-    """The squares of a grid on a plane that hold free points of cells near it.
+    """Fill in the squares of a grid on a plane that hold free points of given cells.
 
-    Squares that follow each other are written once. `owner` is the place in `cells` each is of.
-    Returns their number.
+    Squares that follow each other are written once. `owner` is the index in `cells` of the cell of
+    each. Returns their number.
     """
     count = 0
     for place in range(len(cells)):
@@ -243,7 +243,7 @@ def squares(cells, xyz, starts, free, plane, axes, limit, gap, found, owner):
 
 @helper
 def _square(place, axes, gap):
-    """The number of the square of a grid in which a place lies."""
+    """Number of the square of the grid on a plane in which a point lies."""
     u = axes[0, 0] * place[0] + axes[0, 1] * place[1] + axes[0, 2] * place[2]
     v = axes[1, 0] * place[0] + axes[1, 1] * place[1] + axes[1, 2] * place[2]
     return (
@@ -255,7 +255,7 @@ def _square(place, axes, gap):
 
 @njit(cache=True, nogil=True)
 def pieces(squares, groups):
-    """Which squares hang together, by their sides and corners and by their groups.
+    """Connected pieces of squares, joined by sides, corners or groups.
 
     Parameters
     ----------
@@ -290,7 +290,7 @@ def _join(parent, i, j):
 
 @njit(cache=True, nogil=True)
 def take(plane, axes, limit, gap, squares, xyz, starts, reach, group, free, weights, counts):
-    """Take the free points near a patch, and the weight off cells that lose most of theirs."""
+    """Mark the points of a patch as taken, and update the weights of their cells; their number."""
     taken = 0
     for g in range(len(group)):
         if not _meets(group[g], plane, limit):
@@ -314,7 +314,7 @@ def take(plane, axes, limit, gap, squares, xyz, starts, reach, group, free, weig
 
 @njit(cache=True, nogil=True)
 def near(plane, axes, limit, gap, squares, xyz, starts, reach, group, free):
-    """The number of free points near a patch."""
+    """Number of free points near a patch."""
     count = 0
     for g in range(len(group)):
         if not _meets(group[g], plane, limit):
@@ -331,7 +331,7 @@ def near(plane, axes, limit, gap, squares, xyz, starts, reach, group, free):
 
 @njit(cache=True, nogil=True)
 def over(xyz, axes, gap, squares):
-    """Which places of shape (n, 3) lie over squares of a patch."""
+    """True for points of shape (n, 3) whose projection lies on a patch."""
     found = np.empty(len(xyz), np.bool_)
     for i in range(len(xyz)):
         found[i] = _within(squares, _square(xyz[i], axes, gap))
@@ -360,7 +360,7 @@ def assign(
     nearest,
     owner,
 ):
-    """Give points near a patch to its plane, unless another is nearer.
+    """Assign the points near a patch to its plane, unless another plane is nearer.
 
     Parameters
     ----------
@@ -400,7 +400,7 @@ def near_edges(
     owner,
     edge,
 ):
-    """Mark points of other planes where these meet a patch: they may be points of the patch.
+    """Mark points of other planes near the line where their plane meets a patch.
 
     How far they are is measured within their own plane, so that their noise does not choose among
     them. Planes that face almost the same way do not meet.

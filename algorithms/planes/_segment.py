@@ -1,4 +1,4 @@
-"""All planes of a cloud, and to which of them each point belongs.
+"""All planes of a cloud, and the plane of each point.
 
 References
 ----------
@@ -42,7 +42,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Segments:
-    """Planes, the one with the most points first, and which of them each point is on.
+    """Planes, the one with the most points first, and the number of the plane of each point.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Segments:
 
 
 def segment(xyz: Floats, rules: Rules, *, ctx: Context = QUIET) -> Segments:
-    """Find planes one after the other, and give each point to the nearest that it may belong to.
+    """Find planes one after the other, and assign each point to the nearest suitable plane.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def segment_cells(cells: Cells, rules: Rules, *, ctx: Context = QUIET) -> Segmen
 
 
 def _patches(cells: Cells, rules: Rules, ctx: Context) -> tuple[list[Patch], int]:
-    """Patches of the points, then of those that are left in cells of their own, and so on."""
+    """Patches of the points, then of the remaining points in cells of their own, and so on."""
     found: list[Patch] = []
     trials, part = 0, cells
     for number in range(PASSES):
@@ -140,7 +140,7 @@ def _patches(cells: Cells, rules: Rules, ctx: Context) -> tuple[list[Patch], int
 
 
 def _owners(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> NDArray[np.int32]:
-    """The number of the plane of each sorted point; patches are fitted to them, in that order.
+    """Number of the plane of each sorted point, after the patches were fitted to their points.
 
     Those that lose points to others until they are too small are left out, and those that lie in
     the noise of a larger one.
@@ -171,7 +171,7 @@ def _owners(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> N
 
 
 def _halves(ctx: Context) -> Iterator[Context]:
-    """Half of the progress that is left, again and again, if nobody knows how often."""
+    """Contexts for an unknown number of steps, each with half of the remaining progress."""
     done = 0.0
     while True:
         yield ctx.part(done, (1 + done) / 2)
@@ -179,7 +179,7 @@ def _halves(ctx: Context) -> Iterator[Context]:
 
 
 def _nearest(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> NDArray[np.int32]:
-    """The number of the patch, from 1, to which each point is nearest in its spread; 0 of none."""
+    """Number from 1 of the patch nearest to each point, in units of its spread; 0 for none."""
     group = kernels.boxes(cells.reach)
     nearest = np.full(len(cells.xyz), np.inf, np.float32)
     owner = np.zeros(len(cells.xyz), np.int32)
@@ -204,13 +204,13 @@ def _nearest(cells: Cells, patches: list[Patch], rules: Rules, ctx: Context) -> 
 
 
 def parts_of(owner: NDArray[np.int32], count: int) -> list[Ints]:
-    """The places of the points of each patch."""
+    """Indices of the points of each patch."""
     order = np.argsort(owner, kind="stable")
     return np.split(order, np.cumsum(np.bincount(owner, minlength=count + 1))[:-1])[1:]
 
 
 def _width(uv: Floats) -> float:
-    """The shorter side of the smallest rectangle around places of shape (n, 2)."""
+    """Width of the smallest rectangle around points of shape (n, 2)."""
     hull = shapely.get_coordinates(shapely.convex_hull(shapely.linestrings(uv)))
     sides = np.diff(hull, axis=0)
     long = np.hypot(*sides.T)
@@ -221,13 +221,13 @@ def _width(uv: Floats) -> float:
 
 
 def _on(plane: Floats, xyz: Floats) -> Floats:
-    """The place on a plane that is nearest to the mean of points of shape (n, 3)."""
+    """The mean of points of shape (n, 3), projected onto a plane."""
     mean = np.array([xyz[:, axis].mean() for axis in range(3)])
     return np.asarray(mean - (plane[:3] @ mean - plane[3]) * plane[:3])
 
 
 def _is_noise(patch: Patch, xyz: Floats, other: Patch, rules: Rules) -> bool:
-    """Whether a patch lies over another one, so close that both cannot have been seen."""
+    """Whether a patch lies over another one so closely that it must be noise of that one."""
     if abs(patch.plane[:3] @ other.plane[:3]) < math.cos(rules.angle):
         return False
     away = np.median(np.abs(xyz @ other.plane[:3] - other.plane[3]))
@@ -237,7 +237,7 @@ def _is_noise(patch: Patch, xyz: Floats, other: Patch, rules: Rules) -> bool:
 def _all_fitted(
     cells: Cells, patches: list[Patch], owner: NDArray[np.int32], rules: Rules
 ) -> list[Patch]:
-    """The patches fitted to their points, without those along the edges with others."""
+    """The patches fitted to their points, but for points along edges with other patches."""
     edge = np.zeros(len(owner), np.bool_)
     group, cosine = kernels.boxes(cells.reach), math.cos(rules.angle)
     planes = np.array([patch.plane for patch in patches]).reshape(-1, 4)
@@ -267,7 +267,7 @@ def _all_fitted(
 
 
 def _fitted(xyz: Floats, part: Ints, patch: Patch, least: float) -> Patch:
-    """A patch with the plane of some points, and their spread about it.
+    """A patch refitted to some points, with their spread about it.
 
     Points far from the plane for its own spread count less and less (biweight): the
     tolerance is the same for all planes, so that those with little noise have points of others.

@@ -119,7 +119,7 @@ class PlanesExtract:
         trials: int = sink("Draws that were made", unit="1")
 
     def halo(self) -> float:
-        """Planes are of any size."""
+        """Infinite, as planes are of any size."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> PlanesExtract.Outputs:

@@ -91,7 +91,7 @@ class PlanesFit:
         trials: int = sink("Trials that were made", unit="1")
 
     def halo(self) -> float:
-        """A plane is that of all points."""
+        """Infinite, as the plane is that of all points."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> PlanesFit.Outputs:
@@ -141,7 +141,7 @@ def best_plane(
     seed: int = 0,
     ctx: Context = QUIET,
 ) -> tuple[Fit, int]:
-    """The plane with the most points near it, fitted to these.
+    """The plane with the most points within the distance, fitted to these.
 
     Parameters
     ----------

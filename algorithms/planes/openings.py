@@ -1,4 +1,4 @@
-"""Windows and doors of a house front, and what is seen through them.
+"""Windows and doors of a facade, and the points seen through them.
 
 How openings are told from shadows, and how exact their edges are: docs/explanation/planes.md.
 """
@@ -114,16 +114,16 @@ class PlanesOpenings:
         given_up: int = sink("Planes that were seen through openings", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """There must be a width between the limits."""
+        """The width limits are in order."""
         if self.max_width < self.min_width:
             yield "max_width", f"is below min_width, {self.min_width:g}"
 
     def halo(self) -> float:
-        """A facade is of any size."""
+        """Infinite, as a facade is of any size."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> PlanesOpenings.Outputs:
-        """Find the gaps, look behind them, and mark what is there."""
+        """Find the gaps of the facade, look for points behind them, and mark these."""
         cloud = self.points
         ids = cloud[self.attribute].astype(np.int64)
         number = self._facade(cloud.xyz, ids, ctx.part(0.0, 0.1))
@@ -167,7 +167,7 @@ class PlanesOpenings:
         )
 
     def _facade(self, xyz: Floats, ids: Ints, ctx: Context) -> int:
-        """The number of the facade."""
+        """Number of the plane that is the facade."""
         numbers, counts = np.unique(ids[ids > 0], return_counts=True)
         if self.plane is not None:
             if self.plane not in numbers:
@@ -180,7 +180,7 @@ class PlanesOpenings:
         raise DataError(f"points: {self.attribute} has no upright plane; name one with plane")
 
     def _layers(self, front: Facade, made: Openings, number: int) -> tuple[Vector, Vector]:
-        """Openings in space, and with the facade in its own coordinates."""
+        """Layer of the openings in space, and layer of facade and openings in its coordinates."""
         metre = self.points.metre
         rows = [{"opening_id": k} | row for k, row in enumerate(made.rows(front, metre), start=1)]
         columns = ["opening_id", *COLUMNS]
@@ -200,7 +200,7 @@ class PlanesOpenings:
         )
 
     def _planes(self, ids: NDArray[np.int32], ctx: Context) -> Vector:
-        """Outlines of the planes that are left, numbered as they were."""
+        """Outlines of the remaining planes, which keep their numbers."""
         xyz = self.points.xyz
         numbers, rank = np.unique(np.append(ids, 0), return_inverse=True)
         ranks = np.asarray(rank[:-1], np.int32)
@@ -211,7 +211,7 @@ class PlanesOpenings:
 
 
 class Facade(NamedTuple):
-    """A wall and all points, in its coordinates.
+    """A wall, and all points in its coordinates.
 
     Attributes
     ----------
@@ -248,7 +248,7 @@ class Openings(NamedTuple):
     edges: list[tuple[float, str]]
 
     def rows(self, front: Facade, metre: float) -> Iterator[dict[str, Any]]:
-        """What is to be known of each opening; lengths in the unit of the data."""
+        """Attributes of each opening; lengths in the unit of the data."""
         known = zip(self.shapes, self.seen, self.set_back, self.edges, strict=True)
         for shape, seen, back, (edge_seen, hidden) in known:
             left, bottom, right, top = shape.bounds
@@ -270,7 +270,7 @@ class Openings(NamedTuple):
 
 
 def fitted(xyz: Floats) -> Plane:
-    """The plane of least squares through points of shape (n, 3)."""
+    """Least-squares plane through points of shape (n, 3)."""
     origin = xyz[0].copy()
     near = xyz - origin
     centre = near.mean(axis=0)
@@ -279,7 +279,7 @@ def fitted(xyz: Floats) -> Plane:
 
 
 def facade_of(xyz: Floats, own: NDArray[np.bool_]) -> Facade:
-    """A wall with points `own`, seen from the side on which more of the points of a cloud lie."""
+    """The wall through the points `own`; its front is the side with more points."""
     plane = fitted(xyz[own])
     away = plane.distances(xyz)
     if np.median(away) < 0:
@@ -301,7 +301,7 @@ def openings(
     depth: float,
     ctx: Context = QUIET,
 ) -> Openings:
-    """The gaps of a wall behind which points lie; for the settings see the class.
+    """Gaps of a wall with points behind them; for the settings see :class:`PlanesOpenings`.
 
     Lengths are in the unit of the points.
     """
@@ -336,7 +336,7 @@ def openings(
 
 
 def _edge_seen(shape: Any, front: Facade, inside: Ints, recess: float) -> tuple[float, str]:
-    """The share of an outline with points on both sides, and sides mostly without; see the class.
+    """Share of an outline that is seen, and names of the sides that mostly are not.
 
     Parameters
     ----------
@@ -366,7 +366,7 @@ def _edge_seen(shape: Any, front: Facade, inside: Ints, recess: float) -> tuple[
 
 
 def _rectangle(gap: Any, uv: Floats, apart: float) -> Any:
-    """The rectangle between the rows of points that end at a gap; None if it is no rectangle."""
+    """Rectangle of a gap, between the ends of the rows of points around it; None if it has none."""
     left, bottom, right, top = gap.bounds
     box = shapely.box(left, bottom, right, top)
     if gap.area < FULL * box.area:
@@ -391,7 +391,7 @@ def _rectangle(gap: Any, uv: Floats, apart: float) -> Any:
 
 
 def _edge(ends: Floats, row: Ints) -> float | None:
-    """Where rows of points end: the place that all but a twentieth of them do not reach beyond."""
+    """The position of an edge, beyond which 5 % of the rows of points reach; None for few rows."""
     rows, number = np.unique(row, return_inverse=True)
     if len(rows) < FEWEST_ROWS:
         return None
@@ -403,7 +403,7 @@ def _edge(ends: Floats, row: Ints) -> float | None:
 def marked(
     front: Facade, made: Openings, recess: float, depth: float
 ) -> tuple[Ints, NDArray[np.bool_]]:
-    """The opening, from 1, in or behind which each point lies, and which are seen through it.
+    """Number of the opening of each point, 0 for none, and which points were seen through it.
 
     A point beyond the recess is within the outline of the wall; the opening is the nearest one, as
     the way of the ray is not known.

@@ -1,4 +1,4 @@
-"""Which tolerance suits a scan: the planes that are found with each of several.
+"""Planes found with each of several tolerances, to choose the one that suits a scan.
 
 References
 ----------
@@ -88,12 +88,12 @@ class PlanesSweep:
         noise: float = sink("Standard deviation of points about small planes", unit="m")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """One tolerance is no choice."""
+        """At least two tolerances are given."""
         if self.tolerances is not None and len(set(self.tolerances)) < 2:
             yield "tolerances", f"give at least two, got {list(self.tolerances)}"
 
     def halo(self) -> float:
-        """Planes are of any size."""
+        """Infinite, as planes are of any size."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> PlanesSweep.Outputs:
@@ -143,7 +143,7 @@ class PlanesSweep:
 
 
 def knee(planes: Sequence[int], shares: Sequence[float] | None = None) -> int | None:
-    """The place of the first tolerance after which the next one changes little; None of none.
+    """Index of the first tolerance after which the next one changes little; None if there is none.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Two rasters on one lattice: whether their cells lie on each other, and their difference."""
+"""Two rasters on a common lattice: whether their cells coincide, and their difference."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 def misfit(one: Lattice, other: Lattice) -> str | None:
-    """Why cells of the other lattice do not lie on those of the first; continues a sentence.
+    """The problem if cells of two lattices do not coincide, or None; continues a sentence.
 
     Examples
     --------
@@ -35,7 +35,7 @@ def misfit(one: Lattice, other: Lattice) -> str | None:
 
 
 def offset(one: Lattice, other: Lattice) -> tuple[int, int]:
-    """Row and column of the first lattice at which the other begins.
+    """Row and column of the first lattice at which the other one begins.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def offset(one: Lattice, other: Lattice) -> tuple[int, int]:
 
 
 def difference(one: Raster, other: Raster, ctx: Context = QUIET) -> Array:
-    """The first raster minus the other on the cells of the first.
+    """The first raster minus the other, on the cells of the first.
 
     Parameters
     ----------

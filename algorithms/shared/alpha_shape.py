@@ -41,8 +41,8 @@ class AlphaShape(NamedTuple):
     Attributes
     ----------
     polygons : array of shape (r,), shapely polygons; valid, and they meet in single points at most
-    points : array of shape (r,), how many points each holds, those at one place counted each; one
-        in which regions meet counts for the larger
+    points : array of shape (r,), how many points each holds, those at one position counted each;
+        one in which regions meet counts for the larger
     alpha : that the shape was made with
     least : radius of the smallest circle around a triangle; below it there is no shape
 
@@ -113,7 +113,7 @@ def alpha_shape(
 
 
 def critical_alpha(mesh: Mesh, radii: Floats, rule: Rule) -> float:
-    """The least alpha that keeps all points, and with "auto" in one region; see `alpha_shape`.
+    """The least alpha by a rule: all points are kept, with "auto" in one region; see `alpha_shape`.
 
     Examples
     --------
@@ -135,7 +135,7 @@ def critical_alpha(mesh: Mesh, radii: Floats, rule: Rule) -> float:
 
 
 def circumradii(mesh: Mesh, *, ctx: Context = QUIET) -> Floats:
-    """Radius of the circle around each triangle.
+    """Circumradius of each triangle.
 
     Examples
     --------
@@ -146,7 +146,7 @@ def circumradii(mesh: Mesh, *, ctx: Context = QUIET) -> Floats:
 
 
 def _of_triangles(kernel: Callable[..., Any], mesh: Mesh, ctx: Context) -> Floats:
-    """What a kernel finds for each triangle."""
+    """The value that a kernel computes for each triangle."""
     found = np.empty(len(mesh.triangles))
     in_blocks(
         lambda first, last: kernel(mesh.xy, mesh.triangles, first, last, found),
@@ -158,7 +158,7 @@ def _of_triangles(kernel: Callable[..., Any], mesh: Mesh, ctx: Context) -> Float
 
 
 def _trimmed(mesh: Mesh, kept: Mask, hole_threshold: float, region_threshold: float) -> Mask:
-    """The triangles with small holes filled, and then without small regions."""
+    """Mask of kept triangles, with small holes filled and then small regions dropped."""
     if hole_threshold > 0:
         small, rim = _small_patches(mesh, kept, hole_threshold)
         kept = kept | (small & ~rim)
@@ -169,7 +169,7 @@ def _trimmed(mesh: Mesh, kept: Mask, hole_threshold: float, region_threshold: fl
 
 
 def _small_patches(mesh: Mesh, kept: Mask, threshold: float) -> tuple[Mask, Mask]:
-    """Triangles in patches, of kept or of other ones, below an area; those at the convex hull."""
+    """True for triangles in patches below an area, and for those in patches at the convex hull."""
     patch, count = kernels.patches(mesh.neighbours, kept)
     areas = _of_triangles(kernels.areas_block, mesh, QUIET)
     small = np.bincount(patch, areas, minlength=count) < threshold
@@ -207,7 +207,7 @@ def _outlined(mesh: Mesh, kept: Mask) -> tuple[NDArray[Any], NDArray[np.int64]]:
 
 
 def _points_in(mesh: Mesh, rank: Ints, count: int) -> NDArray[np.int64]:
-    """How many points lie at vertices of the triangles of each rank."""
+    """Number of points at the triangles of each rank."""
     owner = np.full(len(mesh.xy), count, np.int32)
     kernels.owners(mesh.triangles, rank, owner)
     return np.bincount(owner[mesh.duplicate_of], minlength=count + 1)[:count]

@@ -1,4 +1,4 @@
-"""Chance that depends on the points alone, not on their order or on what else is there.
+"""Pseudorandom numbers from coordinates, so that a sample depends on the points alone.
 
 References
 ----------
@@ -16,9 +16,10 @@ from algorithms.shared.kernels.compiling import helper
 
 
 def random_keys(xyz: NDArray[np.float64], seed: int) -> NDArray[np.uint64]:
-    """A number for each point of shape (n, 3), that looks random: the same one in any cloud.
+    """Pseudorandom number of each point of shape (n, 3), by its coordinates and the seed alone.
 
-    The points with the lowest numbers are a random sample. Points at one place have the same.
+    The points with the lowest numbers are a random sample. Points at one position have the same
+    number.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What the neighbourhood of each point looks like: a line, a plane or a cloud, steep or level.
+"""Covariance features of the neighbourhoods of points: linear, planar, vertical, rough, ...
 
 The coordinates of a point and its neighbours have a covariance matrix. Its eigenvalues l1 >= l2 >=
 l3 are the variances along three axes square to each other; the last axis is the normal.
@@ -86,7 +86,7 @@ def _row(number: int) -> Callable[[Floats], Floats]:
 
 
 def _ratio(above: Callable[[Floats, Floats, Floats], Floats]) -> Callable[[Floats], Floats]:
-    """A part of the largest eigenvalue."""
+    """Function of the eigenvalues, divided by the largest one."""
     return lambda found: above(*found[kernels.LARGE : kernels.SMALL + 1]) / found[kernels.LARGE]
 
 
@@ -153,7 +153,7 @@ def covariance_features(
     -------
     dict of arrays of shape (n,)
         In the unit of xyz. The radius of a density is that given, or with `neighbours` the distance
-        of the farthest. NaN where there are fewer than three points or all are at one place, and
+        of the farthest. NaN where there are fewer than three points or all are at one position, and
         for what the normal tells (verticality, roughness, nx, ny, nz) if they lie on a line.
         The same for any order of the points and any number of threads.
 
@@ -176,7 +176,7 @@ def covariance_features(
     reach = np.inf if radius is None else float(radius)
 
     def describe(first_leaf: int, last_leaf: int) -> None:
-        """Work on a run of leaves, whose points are in one piece."""
+        """Compute the features of the points in leaves first_leaf..last_leaf."""
         some = slice(*((leaf * len(xyz)) >> tree.depth for leaf in (first_leaf, last_leaf)))
         found = np.empty((kernels.ROWS, some.stop - some.start))
         leaves = (first_leaf, last_leaf, tree.xyz, tree.boxes, tree.depth)
@@ -193,7 +193,7 @@ def covariance_features(
 
 
 def _values(feature: Feature, found: Floats) -> Floats:
-    """A feature of some points; not a number where it has no meaning."""
+    """Values of a feature; NaN where it is not defined."""
     values = feature.of(found)
     known = np.isfinite(values)
     if feature.shape:

@@ -48,7 +48,7 @@ class Mesh:
     triangles : array of shape (t, 3), indices of points, counter-clockwise
     neighbours : array of shape (t, 3), the triangle across the edge opposite vertex k; -1 at
         the hull
-    duplicate_of : array of shape (n,), of all points at the same place the first; a point that
+    duplicate_of : array of shape (n,), of all points at the same position the first; a point that
         is alone there names itself. Triangles use only first points.
 
     Examples
@@ -66,7 +66,7 @@ class Mesh:
     duplicate_of: Ints
 
     def locate(self, xy: Floats, *, ctx: Context = QUIET) -> Ints:
-        """The triangle of each place (m, 2).
+        """Index of the triangle at each position of shape (m, 2).
 
         Returns
         -------
@@ -162,7 +162,7 @@ def _whole(xy: Floats, ctx: Context) -> Mesh:
 
 
 def _sewn(xy: Floats, ctx: Context) -> Mesh:
-    """Triangulate strips of the points side by side, and sew them together."""
+    """Triangulate strips of the points in threads, and join them by triangulated seams."""
     frame, (dealt, starts, bounds) = _frame(xy), strips.dealt(xy)
     ctx.progress(0.1)
     triangles, neighbours = _room(len(xy))
@@ -202,13 +202,13 @@ def _sewn(xy: Floats, ctx: Context) -> Mesh:
 def _grown(
     xy: Floats, points: Ints, frame: Frame, room: Room, ctx: Context
 ) -> tuple[kernels.Arrays, Ints, Ints]:
-    """Triangulate some of the points, in a copy that is sorted by the order of insertion.
+    """Triangulate some of the points, in a copy sorted by the order of insertion.
 
     Returns
     -------
     live : the triangles of the copy
     order : array of shape (m,), the point that each one of the copy is
-    vertex_of : array of shape (m,), the one of the copy at the place of each
+    vertex_of : array of shape (m,), the one of the copy at the position of each
     """
     order = _order(xy, points, frame, ctx.part(0, 0.2))
     copy = _gather(xy, order, np.empty((len(order), 2)), ctx.part(0.2, 0.25))
@@ -222,7 +222,7 @@ class LiveMesh:
 
     Some of the triangles are ghosts: each hull edge has one, joined to the vertex at infinity,
     -1, which is vertex 1 or 2 of it and never vertex 0. So `triangles[t].min() < 0` tells a
-    ghost. Numbers of triangles are used again at the same place: an old number is a good hint
+    ghost. Numbers of triangles are used again at the same position: an old number is a good hint
     of where to look next.
 
     Parameters
@@ -235,7 +235,7 @@ class LiveMesh:
         (whole, or the views of the same name here), `insert` takes it all.
     round_of : array of shape (n,), in which call of :meth:`insert` (0, 1, ...) a point became a
         vertex; -1 for points that are none
-    duplicate_of : array of shape (n,), the vertex at the place of a point: itself, or the one
+    duplicate_of : array of shape (n,), the vertex at the position of a point: itself, or the one
         that was there first; -1 before the point was inserted
 
     Raises
@@ -302,12 +302,12 @@ class LiveMesh:
         return np.flatnonzero(changed).astype(np.int32)
 
     def locate(self, xy: Floats, *, ctx: Context = QUIET) -> Ints:
-        """The triangle of each place, as :meth:`Mesh.locate`; needs a round of points before."""
+        """Index of the triangle at each position, as :meth:`Mesh.locate`; after the first round."""
         arrays = self.arrays  # kernels would be compiled for the read-only views once more
         return _located(arrays.xy, arrays.triangles, arrays.neighbours, _checked(xy), ctx)
 
     def mesh(self) -> Mesh:
-        """What there is now, without ghosts, in arrays that do not change any more."""
+        """The present triangulation without ghosts, in arrays that no longer change."""
         triangles, neighbours = self.triangles.copy(), self.neighbours.copy()
         count = kernels.drop_ghosts(triangles, neighbours, len(triangles))
         return Mesh(
@@ -319,7 +319,7 @@ class LiveMesh:
 
 
 def _room(points: int) -> Room:
-    """Memory for the triangles and neighbours of some points; it takes none until written to."""
+    """Memory for the triangles and neighbours of a number of points; not used until written to."""
     return np.empty((2 * points, 3), np.int32), np.empty((2 * points, 3), np.int32)
 
 
@@ -331,7 +331,7 @@ def _empty(xy: Floats, room: Room) -> kernels.Arrays:
 
 
 def _fill(mesh: kernels.Arrays, points: Ints, hint: int, vertex_of: Ints, ctx: Context) -> int:
-    """Insert points in the order given, and note the vertex at the place of each; the next hint."""
+    """Insert points in order, and note the vertex at the position of each; the next hint."""
     if not mesh.size[0] and (len(points) < 3 or not kernels.start(mesh, points)):
         which = f"all {len(points)} lie on one line and" if len(points) > 2 else len(points)
         raise DataError(f"points: {which} do not span a triangle")
@@ -343,7 +343,7 @@ def _fill(mesh: kernels.Arrays, points: Ints, hint: int, vertex_of: Ints, ctx: C
 
 
 def _located(xy: Floats, triangles: Ints, neighbours: Ints, places: Floats, ctx: Context) -> Ints:
-    """The triangle of each place, walked to from that of the place before on the curve."""
+    """Index of the triangle at each position; each search starts from the position before."""
     found = np.empty(len(places), np.int32)
     everything = np.arange(len(places), dtype=np.int32)
     order = _order(places, everything, _frame(places), ctx.part(0, 0.2), in_rounds=False)
@@ -357,7 +357,7 @@ def _located(xy: Floats, triangles: Ints, neighbours: Ints, places: Floats, ctx:
 
 
 def _checked(xy: Floats) -> Floats:
-    """The points as one read-only piece of memory, fit for exact arithmetic."""
+    """The points as one contiguous read-only array, checked for exact arithmetic."""
     xy = _frozen(np.ascontiguousarray(xy, np.float64))
     require_finite(xy, largest=np.inf)
     if len(xy) > MAX_POINTS:
@@ -375,7 +375,7 @@ def _checked(xy: Floats) -> Floats:
 
 
 def _frame(xy: Floats) -> Frame:
-    """The bounding square of the points, cut into the cells of a Hilbert curve."""
+    """Bounding square of the points, with the number of cells of a Hilbert curve per unit."""
     if not len(xy):
         return 0.0, 0.0, 0.0
     west, south = xy[:, 0].min(), xy[:, 1].min()
@@ -386,7 +386,7 @@ def _frame(xy: Floats) -> Frame:
 def _order(xy: Floats, points: Ints, frame: Frame, ctx: Context, *, in_rounds: bool = True) -> Ints:
     """Points in the order of insertion: along a Hilbert curve, in rounds of growing size.
 
-    Few points, drawn by their place, come first and keep the cost down where the curve alone
+    Few points, drawn by their position, come first and keep the cost down where the curve alone
     would build on the rim of what is there. Points of one cell stay in the order they have.
     """
     keys = np.empty(len(points), np.int64)

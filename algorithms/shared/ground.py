@@ -1,4 +1,4 @@
-"""What all ground filters share: which points take part, and what becomes of their classes."""
+"""What ground filters share: the choice of points, and the classes that these get."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def taking_part(cloud: PointCloud, *without: Sequence[int] | None) -> Mask:
 
 
 def among(keep: Sequence[int] | None, classes: Sequence[int]) -> tuple[int, ...]:
-    """Those of some classes that are kept.
+    """The classes that are both kept and in a given list.
 
     Examples
     --------
@@ -59,7 +59,7 @@ def among(keep: Sequence[int] | None, classes: Sequence[int]) -> tuple[int, ...]
 
 
 def is_withheld(cloud: PointCloud) -> Mask:
-    """True for the points that their producer wants nobody to use, array of shape (n,).
+    """True for points flagged as withheld, array of shape (n,).
 
     Examples
     --------
@@ -72,7 +72,7 @@ def is_withheld(cloud: PointCloud) -> Mask:
 
 
 def may_be_ground(cloud: PointCloud, returns: Returns) -> Mask:
-    """True for last and only returns, or for all.
+    """True for points that may be ground: last and only returns, or all.
 
     A pulse goes on to the ground after all its other returns. Points without return numbers, or
     with zeros in them, may all be last returns.
@@ -96,7 +96,7 @@ def may_be_ground(cloud: PointCloud, returns: Returns) -> Mask:
 
 @dataclass(frozen=True)
 class Candidates:
-    """The points of a cloud of which a filter decides whether they are ground.
+    """The points of a cloud that a filter decides on: ground or not.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class Candidates:
         ignore: Sequence[int] | None = None,
         keep: Sequence[int] | None = None,
     ) -> Candidates:
-        """The points that take part and may be ground; structures that are kept may not."""
+        """Choose the points that take part and may be ground; structures to keep are left out."""
         part = taking_part(cloud, ignore, among(keep, STRUCTURES))
         return cls(cloud, part, part & may_be_ground(cloud, returns), keep or ())
 
@@ -142,7 +142,7 @@ class Candidates:
         return xyz
 
     def classified(self, found: Mask) -> PointCloud:
-        """The cloud with class 2 on ground and 1 elsewhere, but for the classes that are kept.
+        """The cloud with class 2 for ground and 1 for other points; kept classes stay.
 
         Parameters
         ----------
@@ -157,21 +157,24 @@ class Candidates:
         return cloud.with_attributes({"classification": classes})
 
     def ground(self, classified: PointCloud, found: Mask) -> PointCloud:
-        """The points that are ground, whatever their class, given which of the chosen ones are."""
+        """The ground points, whatever their class.
+
+        `found` has the shape (m,): ground among the chosen points.
+        """
         return classified.select(self._of_all(found))
 
     def share(self, found: Mask) -> Share:
-        """Share of all points that are ground, given which of the chosen ones are."""
+        """Share of ground among all points; `found` is as for :meth:`classified`."""
         return Share.of_points(self._of_all(found), self.cloud.core)
 
     def _of_all(self, found: Mask) -> Mask:
-        """True for ground, array of shape (n,)."""
+        """Mask of ground among all points, shape (n,), from that among the chosen ones."""
         ground = np.zeros(len(self.cloud), bool)
         ground[self.chosen] = found
         return ground
 
     def nothing_to_do(self, classified: PointCloud, **others: Any) -> NothingToDo:
-        """The error where no point is chosen; a tile of a survey has no ground there.
+        """The error that no point is chosen, with the outputs for tiles without ground.
 
         Parameters
         ----------

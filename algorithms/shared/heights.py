@@ -1,4 +1,4 @@
-"""The attribute that holds heights, and whether a raster holds some in the unit of its CRS."""
+"""The attribute for heights above ground, and checks that a raster holds heights."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SPELT = {
 
 
 def heights_problem(raster: Raster) -> str | None:
-    """Why one band of a raster is no heights in the unit of its coordinates; None if it is.
+    """The problem if a raster is not one band of heights in the unit of its coordinates, or None.
 
     A band without a unit is taken to have that of the coordinates. The text continues a sentence
     that begins with the name of the raster.
@@ -42,7 +42,7 @@ def heights_problem(raster: Raster) -> str | None:
 
 
 def infinity_problem(raster: Raster) -> str | None:
-    """Why values are no numbers to reckon with; NaN is no data. Continues a sentence.
+    """The problem if a raster holds infinite values, or None; NaN is nodata. Continues a sentence.
 
     Examples
     --------

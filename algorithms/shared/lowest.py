@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 
 
 def require_finite(xyz: Floats, *, largest: float = LARGEST) -> None:
-    """Refuse coordinates that are not finite numbers, or as large as `largest`.
+    """Raise an error for coordinates that are not finite, or not below `largest` in size.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def lattice_around(
     count: int | None = None,
     parameter: str | None = None,
 ) -> Lattice:
-    """The cells of the points and one more on each side.
+    """Lattice over the points, with one more cell on each side.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def lattice_around(
 
 
 def outlier_reach(cell: float) -> float:
-    """Metres from a point within which others decide whether it is a low outlier.
+    """Metres within which other points decide whether a point is a low outlier.
 
     In each round it is compared with the lowest points of cells, and so are the points below it
     in its own cell.
@@ -110,7 +110,7 @@ def outlier_reach(cell: float) -> float:
 
 
 def without_low_outliers(xyz: Floats, cell: float, metre: float, ctx: Context) -> Mask:
-    """False for single points and small groups far below almost all others around them.
+    """False for low outliers: single points and small groups far below almost all around them.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def low_outliers(
     metre: float,
     ctx: Context,
 ) -> Ints:
-    """Indices of the low outliers among the points in use, judged by all of these.
+    """Indices of the low outliers among the points in use, judged by these points.
 
     Few cells are suspect by their lowest points alone; only what lies low there is looked at.
 
@@ -209,7 +209,7 @@ def low_outliers(
 
 
 def cells_of(xyz: Floats, lattice: Lattice) -> NDArray[np.int32]:
-    """The cell that each point lies in, counted row by row; as :meth:`Lattice.indices`.
+    """Index of the cell of each point, row by row; as :meth:`Lattice.indices`.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ def spread_to_empty(xyz: Floats, near: Ints, lattice: Lattice, ctx: Context) -> 
 
 
 def blocks(total: int, size: int = 1) -> list[tuple[int, int]]:
-    """Cut `total` items of `size` nodes into runs (first, last) of about BLOCK nodes.
+    """Cut `total` items of `size` nodes into blocks (first, last) of about BLOCK nodes.
 
     Examples
     --------

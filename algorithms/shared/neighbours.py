@@ -2,7 +2,7 @@
 
 The answer is exact in clouds of any and of changing density. Of points equally far from a point,
 those that come first by x, then y, then z are taken, so that it does not depend on the order of the
-points; which of several points at one place is taken is not defined.
+points; which of several points at one position is taken is not defined.
 
 References
 ----------
@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PointTree:
-    """Points in an order in which neighbours are close, with the boxes of their groups.
+    """A balanced k-d tree: points sorted so that neighbours are close, and the boxes of its nodes.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class PointTree:
 
     @property
     def leaves(self) -> list[tuple[int, int]]:
-        """Runs of leaves (first, last) to search around, of some 20,000 points each."""
+        """Blocks of leaves (first, last) of some 20,000 points each, to work on in threads."""
         return blocks(1 << self.depth, 1 + (100 * len(self.xyz) >> self.depth))
 
     def mean_distances(

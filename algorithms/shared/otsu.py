@@ -1,4 +1,4 @@
-"""The threshold between two groups of values.
+"""Otsu's threshold between two groups of values.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""Points as surfaces take them: each place once, in the order of x, then y."""
+"""Points for gridding: one point per position with the mean value, sorted by x, then y."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 def averaged(xy: Array, values: Array, *, ctx: Context = QUIET) -> tuple[Array, Array]:
-    """Each place of shape (n, 2) once, sorted, with the mean of its values of shape (n,).
+    """Distinct positions of points of shape (n, 2), sorted, with the mean values, shape (k,).
 
     Examples
     --------
@@ -34,7 +34,7 @@ def averaged(xy: Array, values: Array, *, ctx: Context = QUIET) -> tuple[Array, 
     in_blocks(work, len(xy), RUN, ctx.part(0.3, 0.9))
     total = 0
     for begin, count in sorted(parts):
-        if begin > total:  # close the gap that points at one place have left
+        if begin > total:  # close the gap that points at one position have left
             places[total : total + count] = places[begin : begin + count]
             means[total : total + count] = means[begin : begin + count]
         total += count
@@ -46,7 +46,7 @@ def averaged(xy: Array, values: Array, *, ctx: Context = QUIET) -> tuple[Array, 
 
 @njit(cache=True, nogil=True)
 def _settle(xy, values, order, first, last, places, means):
-    """Average the places whose x begins in first..last of the order, and sort them by x, then y.
+    """Average points of equal position in first..last of the order by x, and sort by x, y.
 
     Returns
     -------

@@ -47,7 +47,7 @@ class Plane:
     Attributes
     ----------
     normal : array of shape (3,), of length 1
-    centre : array of shape (3,), a place on the plane: the mean of the points it was fitted to
+    centre : array of shape (3,), a position on the plane: the mean of the points it was fitted to
     origin : array of shape (3,), from which the centre is measured, so that no digits are lost
 
     Examples
@@ -62,7 +62,7 @@ class Plane:
     origin: Floats
 
     def distances(self, xyz: Floats) -> Floats:
-        """Distances of points of shape (n, 3), above zero on the side of the normal; shape (n,)."""
+        """Distances of points of shape (n, 3), positive on the side of the normal; shape (n,)."""
         away = np.zeros(len(xyz))
         for axis in range(3):
             near = (xyz[:, axis] - self.origin[axis]) - self.centre[axis]
@@ -72,11 +72,11 @@ class Plane:
 
     @property
     def offset(self) -> float:
-        """Distance of the plane from the zero of the coordinates, along the normal."""
+        """Distance of the plane from the coordinate origin, along the normal."""
         return math.fsum(self.normal * self.centre) + math.fsum(self.normal * self.origin)
 
     def turned(self, axis: Floats) -> Plane:
-        """The same plane with the normal on the side of an axis of shape (3,)."""
+        """The same plane with its normal turned to the side of an axis of shape (3,)."""
         if self.normal @ axis >= 0:
             return self
         return Plane(-self.normal, self.centre, self.origin)
@@ -84,7 +84,7 @@ class Plane:
 
 @dataclass(frozen=True)
 class Cone:
-    """Normals that are allowed: within an angle of an axis, to either side.
+    """Allowed directions of normals: within an angle of an axis, in either sense.
 
     Attributes
     ----------
@@ -103,11 +103,11 @@ class Cone:
 
     @classmethod
     def of(cls, axis: Floats, degrees: float) -> Cone:
-        """Around an axis of any length."""
+        """Cone around an axis of any length."""
         return cls(axis / np.linalg.norm(axis), math.cos(math.radians(degrees)))
 
     def holds(self, normals: Floats) -> Mask:
-        """Which normals of shape (..., 3) are allowed; an ulp beyond the angle still is."""
+        """True for allowed normals of shape (..., 3), with a tolerance for rounding."""
         return np.asarray(np.abs(normals @ self.axis) >= self.cosine - 1e-12)
 
 
@@ -133,7 +133,7 @@ class Fit:
 
 
 def trials_needed(share: float, confidence: float) -> float:
-    """Trials until three points of the plane are drawn at once, with a confidence.
+    """Number of trials until three points of the plane are drawn at once, with a confidence.
 
     N = log(1 - p) / log(1 - w**3), where w = 1 - e is the share of points on the plane.
 
@@ -149,7 +149,7 @@ def trials_needed(share: float, confidence: float) -> float:
 
 
 def sample(xyz: Floats, seed: int, size: int = SAMPLE) -> Floats:
-    """Some of the points, array of shape (m, 3): the same ones for any order of the points.
+    """A sample of points, array of shape (m, 3), that does not depend on their order.
 
     Examples
     --------
@@ -163,7 +163,7 @@ def sample(xyz: Floats, seed: int, size: int = SAMPLE) -> Floats:
 
 
 def is_line(xyz: Floats) -> bool:
-    """Whether points of shape (n, 3) lie on a line or at one place, as far as floats can tell.
+    """Whether points of shape (n, 3) are collinear or equal, within rounding.
 
     Examples
     --------
@@ -191,7 +191,7 @@ def search(
     seed: int = 0,
     ctx: Context = QUIET,
 ) -> tuple[Plane | None, int]:
-    """The plane that points support best, by MSAC.
+    """The plane with the highest MSAC score, from random trials.
 
     Three points make a trial. After each batch of trials their number is worked out anew from the
     best plane so far.
@@ -248,7 +248,7 @@ def search(
 
 
 def _planes(corners: Floats, cone: Cone | None) -> Floats:
-    """Normal and offset of planes through three points each, NaN where there is none.
+    """Normals and offsets of planes through three points each; NaN where not defined or allowed.
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ def _planes(corners: Floats, cone: Cone | None) -> Floats:
 
 
 def _scores(sides: Floats, planes: Floats, limit: float) -> tuple[Floats, NDArray[np.int64]]:
-    """How well points of shape (3, n) support planes of shape (k, 4), and how many do."""
+    """MSAC scores of planes of shape (k, 4), and the number of points of shape (3, n) near each."""
     gains, counts = np.zeros(len(planes)), np.zeros(len(planes), np.int64)
 
     def work(first: int, last: int) -> None:
@@ -285,7 +285,7 @@ def _scores(sides: Floats, planes: Floats, limit: float) -> tuple[Floats, NDArra
 def fit(
     xyz: Floats, plane: Plane, limit: float, *, cone: Cone | None = None, ctx: Context = QUIET
 ) -> Fit | None:
-    """The plane with the least squares of distances to the points near it.
+    """The least-squares plane through the points near a plane, refined until these stay the same.
 
     It begins with a plane, is fitted to the points within the limit, and again until these stay
     the same. If it would leave the cone, the last plane within it is taken.

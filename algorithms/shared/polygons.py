@@ -1,4 +1,4 @@
-"""Which points lie in polygons, exactly, and so fast that reading the points takes longer.
+"""Point in polygon tests, exact and faster than reading the points.
 
 References
 ----------
@@ -33,7 +33,7 @@ Shapes = NDArray[Any]  # of shapely geometries
 
 
 def polygons(layer: Vector, name: str) -> Shapes:
-    """The polygons of a layer, one by one.
+    """The single polygons of a layer.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def polygons(layer: Vector, name: str) -> Shapes:
 
 
 def geometries(layer: Vector) -> Shapes:
-    """What there is, without features that have no geometry.
+    """The geometries of a layer, without missing and empty ones.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def geometries(layer: Vector) -> Shapes:
 
 @dataclass(frozen=True)
 class Polygons:
-    """Polygons sorted into cells, each of which knows its edges and whether its corner is inside.
+    """Polygons with a grid of cells: edges of each cell, and winding number of its corner.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Polygons:
 
     @classmethod
     def of(cls, shapes: Shapes) -> Polygons:
-        """Sort valid polygons, or several in one, which may overlap each other."""
+        """Build the grid of valid polygons or multipolygons, which may overlap each other."""
         edges = _edges(shapely.get_parts(shapes))
         if not len(edges):
             nothing = np.zeros(0, np.int32)
@@ -116,7 +116,7 @@ class Polygons:
         return cls(edges, listed, starts, winding, (*grid, rows, cols))
 
     def hold(self, xy: Array, *, ctx: Context = QUIET) -> NDArray[np.bool_]:
-        """Which points lie in a polygon or on its edge, exactly; so the edge of a hole is inside.
+        """True for points in a polygon or on its edge, exactly; on the edge of a hole is inside.
 
         Parameters
         ----------
@@ -151,7 +151,7 @@ class Polygons:
 
 
 def _edges(shapes: Shapes) -> Array:
-    """The edges of polygons, array of shape (m, 4), directed as :class:`Polygons` says."""
+    """The directed edges of polygons, array of shape (m, 4); see :class:`Polygons`."""
     rings, polygon = shapely.get_rings(shapes, return_index=True)
     if not len(rings):
         return np.zeros((0, 4))

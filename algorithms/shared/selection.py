@@ -21,7 +21,7 @@ ReturnKind = Literal[
 def choice_problems(
     cloud: PointCloud, classes: ClassList | None, returns: ReturnKind
 ) -> Iterator[tuple[str, str]]:
-    """What the cloud lacks for a choice of points, by parameter.
+    """Problems of a choice of points: parameters for which the cloud lacks attributes.
 
     Examples
     --------

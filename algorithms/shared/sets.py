@@ -1,4 +1,4 @@
-"""Disjoint sets within kernels: each member leads, by way of others, to the name of its set."""
+"""Disjoint sets (union-find) for kernels: each member points to its root, directly or not."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from algorithms.shared.kernels.compiling import helper
 
 @helper
 def root(parent, i):
-    """The number of the set that i is in; shortens the way for those who ask next."""
+    """Root of the set of i; halves the path on the way."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]

@@ -1,4 +1,4 @@
-"""The terrain among points of which nobody knows which are ground.
+"""The terrain below a point cloud whose ground is not known.
 
 A building or a tree drops to the ground on all sides, and does so in a step. A hill, a terrace or
 an embankment drops on one side, on two, or gradually. So each cell of a raster of lowest points
@@ -74,7 +74,7 @@ Levels = tuple[tuple[int, float], ...]
 
 @dataclass(frozen=True)
 class Terrain:
-    """The terrain as the filter sees it.
+    """The terrain as a raster of heights.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class Terrain:
 def find_terrain(
     xyz: Floats, *, known: bool = False, metre: float = 1.0, ctx: Context = QUIET
 ) -> Terrain:
-    """A surface through the lowest points that do not stand out all round.
+    """The terrain: a robust surface through the lowest points that are not raised on all sides.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def find_terrain(
 
 
 def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
-    """True where a point lies near the terrain, and how clear that is.
+    """True for points near the terrain, and the confidence of that.
 
     Ground may lie above the terrain by the tolerance, which grows with slope, and below it by
     three times that and a metre.
@@ -178,7 +178,7 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
 
 
 def height_above(xyz: Floats, terrain: Terrain) -> Floats:
-    """Metres of points above the terrain.
+    """Heights of points above the terrain, in metres.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def height_above(xyz: Floats, terrain: Terrain) -> Floats:
 
 
 def _residuals(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats]:
-    """Metres of points above the terrain, and how many of them its slope allows ground to have."""
+    """Heights of points above the terrain, and the tolerance for ground by its slope, in metres."""
     require_finite(xyz)
     cell = terrain.lattice.cell
     residual, allowed = np.empty(len(xyz)), np.empty(len(xyz))
@@ -226,7 +226,7 @@ def _residuals(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats]:
 
 
 def aligned_lattice(xyz: Floats, metre: float) -> Lattice:
-    """Cells of a metre whose coarser levels fall on whole multiples of their size, too.
+    """Lattice of one-metre cells around points, aligned so that coarser levels are aligned too.
 
     Examples
     --------
@@ -240,7 +240,7 @@ def aligned_lattice(xyz: Floats, metre: float) -> Lattice:
 
 
 def ground_cells(z: Cells, ctx: Context) -> NDArray[np.bool_]:
-    """Cells with a point that does not stand out all round.
+    """True for cells whose lowest point is not raised above its surroundings on all sides.
 
     The first look takes any slope below FIRST_SLOPE for terrain. It yields a coarse surface, whose
     slope tells the second look what a fall is here. In the third, what was taken out is no longer
@@ -267,7 +267,7 @@ def ground_cells(z: Cells, ctx: Context) -> NDArray[np.bool_]:
 
 
 def steep_steps(z: Cells, ctx: Context) -> Cells:
-    """The deepest step within STEP_REACH of each 2 x 2 cells, shape (rows / 2, cols / 2)."""
+    """The largest step down within STEP_REACH of each 2 x 2 cells, shape (rows / 2, cols / 2)."""
     step = np.empty_like(z)
     for first, last in blocks(len(z), z.shape[1]):
         kernels.steps(z, first, last, STEP_REACH, STEP_SLOPE, step)
@@ -279,7 +279,7 @@ def steep_steps(z: Cells, ctx: Context) -> Cells:
 def raised_share(
     z: Cells, ground: NDArray[np.bool_], slope: Cells, step: Cells, ctx: Context
 ) -> Cells:
-    """The share of directions in which each cell falls off to cells of `ground`."""
+    """Share of the eight sectors in which each cell drops abruptly to cells of `ground`."""
     low = np.where(ground, z, np.float32(np.inf))
     lows, lowest = [], []
     for _ in range(LEVELS):
@@ -311,7 +311,7 @@ def raised_share(
 
 @functools.cache
 def sectors() -> NDArray[np.int64]:
-    """Where a cell looks, shape (levels, k, 3): rows down, columns right, and sector 0 to 7.
+    """Offsets at which a cell looks, shape (levels, k, 3): rows down, columns right, sector 0 to 7.
 
     The coarser levels begin where the finer ones end, so they skip the middle; their rows are
     filled up with the last offset.
@@ -331,7 +331,7 @@ def sectors() -> NDArray[np.int64]:
 
 
 def votes_of_planes(z: Cells, votes: Cells, ctx: Context) -> Cells:
-    """Let cells that lie on one plane agree: a roof or a terrace is judged as one."""
+    """Votes averaged over cells on one plane, so that a roof or terrace is judged as a whole."""
     runs = blocks(len(z), 10 * z.shape[1])
     for k in range(SAME_ROUNDS):
         mean = np.empty_like(votes)
@@ -344,7 +344,7 @@ def votes_of_planes(z: Cells, votes: Cells, ctx: Context) -> Cells:
 
 
 def slopes(surface: Cells) -> tuple[Cells, Cells]:
-    """Slope of the surface, and its mean in a window of RELIEF on all sides."""
+    """Slope of a surface, and its mean in a square window of RELIEF cells on each side."""
     south, east = np.gradient(surface)
     slope = np.nan_to_num(np.hypot(east, south)).astype(np.float32)
     return slope, uniform_filter(slope, 2 * RELIEF + 1, mode="nearest")
@@ -359,7 +359,7 @@ def robust_surface(
     *,
     rounds: int = ROUNDS,
 ) -> Cells:
-    """A surface through the candidates that those far from it lose hold on.
+    """Robust surface through candidates: those far from it lose weight.
 
     Coarse planes first, finer ones through what they leave; then points far above get little
     weight, and all starts again.
@@ -386,7 +386,7 @@ def robust_surface(
 
 
 def planes_through(z: Cells, weight: Cells, levels: Levels, stiff: float, ctx: Context) -> Cells:
-    """Planes in ever smaller windows, each through what the larger ones leave."""
+    """Surface summed up from planes in windows of falling size, each fitted to the residuals."""
     surface = np.zeros_like(z)
     for k, (level, sigma) in enumerate(levels):
         rows, cols = z.shape[0] >> level, z.shape[1] >> level

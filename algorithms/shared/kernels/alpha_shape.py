@@ -40,7 +40,7 @@ def areas_block(xy, triangles, first, last, areas):
 
 @njit(cache=True, nogil=True)
 def covering_radius(triangles, radii, least):
-    """The least limit at which each vertex has a triangle with a radius within it.
+    """The least radius limit at which each vertex has a triangle of at most that circumradius.
 
     `least`, of shape (n,), comes filled with infinity.
     """
@@ -49,14 +49,14 @@ def covering_radius(triangles, radii, least):
             least[triangles[t, k]] = min(least[triangles[t, k]], radii[t])
     greatest = 0.0
     for radius in least:
-        if radius < math.inf:  # the others share their place with a vertex
+        if radius < math.inf:  # the others share their position with a vertex
             greatest = max(greatest, radius)
     return greatest
 
 
 @njit(cache=True, nogil=True)
 def patches(neighbours, kept):
-    """Number the patches of triangles that are joined by edges and all kept, or all not.
+    """Patch of each triangle: triangles joined by edges that are all kept, or all not kept.
 
     Returns
     -------
@@ -84,7 +84,7 @@ def patches(neighbours, kept):
 
 @njit(cache=True, nogil=True)
 def one_piece(neighbours, radii, order, node, nodes, pieces, slack):
-    """The radius at which the triangles first are one piece, when added one by one.
+    """The circumradius at which triangles, added in rising order, first make one connected piece.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def one_piece(neighbours, radii, order, node, nodes, pieces, slack):
 
 @njit(cache=True, nogil=True)
 def owners(triangles, rank, owner):
-    """Write the lowest rank of the triangles at each vertex; `owner` comes filled with a higher."""
+    """Set the lowest rank of the triangles at each vertex; `owner` is filled with a higher one."""
     for t in range(len(triangles)):
         if rank[t] >= 0:
             for k in range(3):
@@ -122,14 +122,14 @@ def owners(triangles, rank, owner):
 
 @helper
 def _is_rim(neighbours, kept, t, k):
-    """Whether nothing is kept beyond edge k of triangle t."""
+    """Whether edge k of a kept triangle t is on the rim: the triangle beyond it is not kept."""
     n = neighbours[t, k]
     return n < 0 or not kept[n]
 
 
 @njit(cache=True, nogil=True)
 def count_rim(neighbours, kept):
-    """Number of edges around the kept triangles."""
+    """Number of rim edges of the kept triangles."""
     count = 0
     for t in range(len(kept)):
         if kept[t]:
@@ -191,7 +191,7 @@ def trace(xy, triangles, neighbours, kept, length):
 
 @helper
 def _emit(xy, loop, place, corners, first):
-    """Write a ring from its lowest (x, y), and forget the places; twice its area."""
+    """Write a ring from its lowest (x, y), and reset its vertices in `place`; twice its area."""
     low, twice = 0, 0.0
     x0, y0 = xy[loop[0], 0], xy[loop[0], 1]
     for i, v in enumerate(loop):

@@ -27,7 +27,10 @@ SEEN = 16  # points noted while searching, for each one that is wanted
 
 @njit(cache=True, nogil=True)
 def nearest(first_leaf, last_leaf, xyz, box, depth, k, reach, found):
-    """Fill in `found` (ROWS, points of the leaves) from the k nearest, all nearer than `reach`."""
+    """Fill in the moments and axes of the k nearest neighbours of points, within `reach`.
+
+    `found` has the shape (ROWS, points of the leaves).
+    """
     n = len(xyz)
     far, near, near_far = np.empty(k), np.empty(k, np.int64), np.empty(k)
     seen, seen_far = np.empty(SEEN * k, np.int64), np.empty(SEEN * k)
@@ -61,7 +64,7 @@ def nearest(first_leaf, last_leaf, xyz, box, depth, k, reach, found):
 
 @helper
 def _keep(limit, count, seen, seen_far):
-    """Keep of the points noted those not farther than the limit (squared); their number."""
+    """Drop the noted points whose squared distance is above the limit; the number that remain."""
     kept = 0
     for j in range(count):
         if seen_far[j] <= limit:
@@ -72,7 +75,7 @@ def _keep(limit, count, seen, seen_far):
 
 @helper
 def _farthest(squared, count):
-    """The largest of the first distances."""
+    """The largest of the first `count` squared distances, as a distance."""
     most = 0.0
     for j in range(count):
         most = max(most, squared[j])
@@ -81,7 +84,10 @@ def _farthest(squared, count):
 
 @njit(cache=True, nogil=True)
 def within(first_leaf, last_leaf, xyz, box, depth, reach, found):
-    """Fill in `found` (ROWS, points of the leaves) from all points nearer than `reach`."""
+    """Fill in the moments and axes of all neighbours of points within `reach`.
+
+    `found` has the shape (ROWS, points of the leaves).
+    """
     n, limit = len(xyz), reach * reach
     leaves, near = np.empty(64, np.int64), np.empty(0, np.int64)
     held = np.empty(tree.DEEPEST, np.int64)
@@ -106,7 +112,7 @@ def within(first_leaf, last_leaf, xyz, box, depth, reach, found):
 
 @helper
 def _leaves_near(box, depth, leaf, limit, leaves, held):
-    """Nodes of the leaves that may hold points near those of a leaf, and how many there are."""
+    """Nodes of the leaves that may hold points near those of a leaf, and their number."""
     own = box[(1 << depth) + leaf]
     held[0], waiting, count = 1, 1, 0
     while waiting > 0:
@@ -135,7 +141,7 @@ def _leaves_near(box, depth, leaf, limit, leaves, held):
 
 @helper
 def _describe(xyz, own, near, count, reach, row):
-    """Fill in a row from a point and its neighbours, none farther than `reach`."""
+    """Fill in the row of moments and axes of a point and its neighbours within `reach`."""
     fine = FINE / reach if reach > 0.0 else 0.0
     east, north, up = xyz[own, 0], xyz[own, 1], xyz[own, 2]
     lowest = highest = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = np.int64(0)
@@ -178,7 +184,7 @@ def _unit(x, y, z):
 
 @helper
 def eigen(xx, xy, xz, yy, yz, zz):
-    """Eigenvalues of a covariance matrix, the largest first, and the axis of the smallest.
+    """Eigenvalues of a covariance matrix in falling order, and the axis of the smallest one.
 
     The eigenvalue that is farthest from the other two comes from the cubic equation (Smith 1961),
     its axis from the rows of the matrix; the other two from the 2 x 2 matrix across that axis

@@ -39,7 +39,7 @@ PASSES = -(-(2 * BITS + 3) // DIGIT)  # three bits for the round
 
 
 class Arrays(NamedTuple):
-    """A live mesh as kernels see it."""
+    """The arrays of a live mesh, for kernels."""
 
     xy: NDArray[np.float64]  # (n, 2), read-only
     triangles: NDArray[np.int32]  # (2 n, 3)
@@ -54,7 +54,7 @@ class Arrays(NamedTuple):
 
 @helper
 def _add(e, n, b):
-    """Add a float to an exact sum in place; its new length (Shewchuk, figure 6)."""
+    """Add a float to an exact sum in place; the new number of its terms (Shewchuk, figure 6)."""
     length = 0
     for i in range(n):
         total = b + e[i]
@@ -72,7 +72,7 @@ def _add(e, n, b):
 
 @helper
 def _add_product(e, n, a, b):
-    """Add a x b to an exact sum in place; its new length (Dekker's product, figure 14 there)."""
+    """Add a x b to an exact sum in place; the new number of terms (Dekker, figure 14 there)."""
     product = a * b
     if product == 0.0:
         return n
@@ -89,7 +89,7 @@ def _add_product(e, n, a, b):
 
 @helper
 def _difference(ax, ay, bx, by):
-    """a - b, exactly: x and y as rounded, and what rounding took from each, which is mostly 0."""
+    """Exact difference a - b: rounded x and y, and the rounding errors of both, mostly 0."""
     x, y = ax - bx, ay - by
     u, v = ax - x, ay - y
     return x, y, (ax - (x + u)) + (u - bx), (ay - (y + v)) + (v - by)
@@ -97,7 +97,7 @@ def _difference(ax, ay, bx, by):
 
 @helper
 def _cross(e, a, b):
-    """Cross product of two differences as an exact sum; its length."""
+    """Cross product of two differences as an exact sum; the number of its terms."""
     n = _add_product(e, np.int64(0), a[0], b[1])
     n = _add_product(e, n, -a[1], b[0])
     if a[2] != 0.0 or a[3] != 0.0 or b[2] != 0.0 or b[3] != 0.0:
@@ -110,7 +110,7 @@ def _cross(e, a, b):
 
 @helper
 def _square(e, a):
-    """Squared length of a difference as an exact sum; its length."""
+    """Squared length of a difference as an exact sum; the number of its terms."""
     n = _add_product(e, np.int64(0), a[0], a[0])
     n = _add_product(e, n, a[1], a[1])
     if a[2] != 0.0 or a[3] != 0.0:
@@ -133,7 +133,7 @@ def _orient_exact(ax, ay, bx, by, cx, cy):
 
 @helper
 def _circle_exact(ax, ay, bx, by, cx, cy, px, py):
-    """Part of the exact determinant that has its sign, and 0 only if it is 0."""
+    """The largest term of the exact determinant, which has its sign; 0 only if it is 0."""
     a = _difference(ax, ay, px, py)
     b = _difference(bx, by, px, py)
     c = _difference(cx, cy, px, py)
@@ -184,13 +184,13 @@ def in_circle(ax, ay, bx, by, cx, cy, px, py):
 
 @helper
 def _in_pairs(a, b, c, d):
-    """Whether the four are two times two equal numbers."""
+    """Whether the four numbers are two pairs of equal ones."""
     return (d == a and b == c) or (d == b and c == a) or (d == c and a == b)
 
 
 @helper
 def _in_common_circle(ax, ay, bx, by, cx, cy, px, py):
-    """The same where all four are on one circle: the greatest (x, y) counts as outside it."""
+    """The same for points on one circle: the one with the greatest (x, y) counts as outside."""
     a, b, c, p = (ax, ay), (bx, by), (cx, cy), (px, py)
     if p > a and p > b and p > c:
         return False
@@ -212,10 +212,10 @@ def is_ghost(triangles, t):
 
 @helper
 def walk(xy, triangles, neighbours, x, y, hint):
-    """A triangle that holds the place, the last real one on the way, and whether it is on its rim.
+    """The triangle at a position, the last real triangle visited, and whether an edge is touched.
 
     Outside the hull the first is -1 in a Mesh, a ghost in a LiveMesh. Goes through any edge that
-    has the place on its other side; in a Delaunay triangulation that comes to an end.
+    has the position on its other side; in a Delaunay triangulation that comes to an end.
     """
     t = hint
     if is_ghost(triangles, t):
@@ -251,7 +251,7 @@ def walk(xy, triangles, neighbours, x, y, hint):
 
 @helper
 def locate(xy, triangles, neighbours, x, y, hint):
-    """The triangle of a place, seen from triangle `hint`; always the same for any hint.
+    """The triangle at a position, found from triangle `hint`; the same for any hint.
 
     On an edge or a vertex it is the triangle a hair to the right (then above); on the hull, where
     that may be outside, the last one counter-clockwise around the vertex. Outside the hull: -1 in
@@ -265,7 +265,7 @@ def locate(xy, triangles, neighbours, x, y, hint):
 
 @helper
 def _of_the_touched(xy, triangles, neighbours, x, y, t):
-    """Choose from the triangles that touch a place, of which t is one."""
+    """The triangle chosen by rule among those that touch a position, of which t is one."""
     outside = False
     k = 0
     while k < 3:
@@ -286,7 +286,7 @@ def _of_the_touched(xy, triangles, neighbours, x, y, t):
 
 @helper
 def _last_around(xy, triangles, neighbours, x, y, t):
-    """Turn counter-clockwise around the vertex at a place, if there is one, up to the hull."""
+    """The last triangle before the hull, counter-clockwise around a vertex at the position."""
     k = 0
     while k < 3:
         v = triangles[t, k]
@@ -302,7 +302,7 @@ def _last_around(xy, triangles, neighbours, x, y, t):
 
 @njit(cache=True, nogil=True)
 def locate_block(xy, triangles, neighbours, places, order, first, last, hint, found):
-    """Write the triangles of places order[first:last]; -1 outside. Returns the next hint."""
+    """Fill in the triangles at positions order[first:last], -1 outside the hull; the next hint."""
     for i in range(first, last):
         x, y = places[order[i], 0], places[order[i], 1]
         t, hint, touches = walk(xy, triangles, neighbours, x, y, hint)
@@ -315,7 +315,7 @@ def locate_block(xy, triangles, neighbours, places, order, first, last, hint, fo
 
 @helper
 def facet_weights(xy, triangles, t, x, y):
-    """Barycentric weights (three floats >= 0, sum 1) of a place in triangle t."""
+    """Barycentric weights (three floats >= 0, sum 1) of a position in triangle t."""
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
     ax, ay, bx, by, cx, cy = xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1]
     u = orient(bx, by, cx, cy, x, y)
@@ -327,7 +327,7 @@ def facet_weights(xy, triangles, t, x, y):
 
 @njit(cache=True, nogil=True)
 def interpolate_block(xy, triangles, values, places, found, first, last, out):
-    """Write the linear interpolation at places[first:last]; NaN where found is -1."""
+    """Fill in linear interpolations at places[first:last]; NaN where `found` is -1."""
     for i in range(first, last):
         t = found[i]
         if t < 0:
@@ -343,7 +343,7 @@ def interpolate_block(xy, triangles, values, places, found, first, last, out):
 
 @njit(cache=True, nogil=True)
 def start(mesh, points):
-    """Make the first triangle and its ghosts; False if all points lie on one line."""
+    """Make the first triangle and its ghosts; False if all points are on one line."""
     xy, triangles, neighbours = mesh.xy, mesh.triangles, mesh.neighbours
     a, b = points[0], points[0]
     for point in points:
@@ -369,10 +369,10 @@ def start(mesh, points):
 
 @helper
 def insert(mesh, point, hint):
-    """Make a point a vertex of a live mesh; a triangle at it, of which it is vertex 0.
+    """Insert a point into a live mesh; a triangle of which it is vertex 0.
 
-    ~v (negative) if vertex v is at that place already and nothing was done. All changed
-    triangles are around the new vertex, and it is vertex 0 of each: from t go on to
+    Returns ~v (negative) if vertex v is at that position already; then nothing is changed. All
+    changed triangles are around the new vertex, and it is vertex 0 of each: from t go on to
     `neighbours[t, 1]` until t comes again.
 
     The triangles whose circle holds the point are taken out; their rim is joined to the point
@@ -418,7 +418,7 @@ def insert(mesh, point, hint):
 
 @helper
 def _conflict(xy, triangles, t, x, y):
-    """Whether a new vertex does away with a triangle or ghost."""
+    """Whether a new vertex invalidates a triangle or ghost."""
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
     if b < 0:
         return _beyond(xy[c, 0], xy[c, 1], xy[a, 0], xy[a, 1], x, y)
@@ -429,7 +429,7 @@ def _conflict(xy, triangles, t, x, y):
 
 @helper
 def _beyond(ax, ay, bx, by, x, y):
-    """Whether a place is outside hull edge ab (to its left) or on it."""
+    """Whether a position is outside of hull edge ab (to its left), or on it."""
     side = orient(ax, ay, bx, by, x, y)
     if side != 0.0:
         return side > 0.0
@@ -440,7 +440,7 @@ def _beyond(ax, ay, bx, by, x, y):
 
 @njit(cache=True, nogil=True)
 def insert_block(mesh, points, first, last, hint, vertex_of):
-    """Insert points[first:last] and note the vertex at the place of each; the next hint."""
+    """Insert points[first:last], and note the vertex at the position of each; the next hint."""
     for i in range(first, last):
         point = points[i]
         t = insert(mesh, point, hint)
@@ -454,7 +454,7 @@ def insert_block(mesh, points, first, last, hint, vertex_of):
 
 @njit(cache=True, nogil=True)
 def drop_ghosts(triangles, neighbours, size):
-    """Move the real triangles to the front, with -1 for neighbours at the hull; their number."""
+    """Move the real triangles to the front, and set neighbours at the hull to -1; their number."""
     for g in range(size):
         if is_ghost(triangles, g):
             s = neighbours[g, 1 if triangles[g, 1] < 0 else 2]
@@ -476,7 +476,7 @@ def drop_ghosts(triangles, neighbours, size):
 
 @helper
 def _exchange(neighbours, t, old, new):
-    """Give triangle t a new neighbour in the place of an old one."""
+    """Replace a neighbour of triangle t by another one."""
     for k in range(3):
         if neighbours[t, k] == old:
             neighbours[t, k] = new
@@ -487,7 +487,7 @@ def _exchange(neighbours, t, old, new):
 
 @njit(cache=True, nogil=True)
 def keys_block(xy, points, low_x, low_y, scale, rounds, first, last, keys, counts):
-    """Write the sort keys of points[first:last] and count their digits."""
+    """Fill in the sort keys of points[first:last], and count their digits."""
     for i in range(first, last):
         x = int((xy[points[i], 0] - low_x) * scale)
         y = int((xy[points[i], 1] - low_y) * scale)
@@ -501,7 +501,7 @@ def keys_block(xy, points, low_x, low_y, scale, rounds, first, last, keys, count
 
 @helper
 def _hilbert(x, y):
-    """Number of a cell along the Hilbert curve."""
+    """Index of a cell along the Hilbert curve."""
     key = 0
     for bit in range(BITS - 1, -1, -1):
         right, upper = (x >> bit) & 1, (y >> bit) & 1
@@ -515,7 +515,7 @@ def _hilbert(x, y):
 
 @helper
 def _round(key):
-    """The round of a place, drawn by its cell alone; the last one has most of all places."""
+    """Insertion round of a cell, drawn from its key alone; the last round has most cells."""
     mixed = key * 0x2545F4914F6CDD1D
     mixed ^= mixed >> 29
     mixed *= 0x1B873593CC9E2D51
@@ -529,7 +529,7 @@ def _round(key):
 
 @njit(cache=True, nogil=True)
 def sort_block(keys, points, shift, starts, first, last, keys_out, points_out):
-    """One pass of a radix sort for [first:last]: to where the bucket of each digit has got."""
+    """One pass of a radix sort over [first:last], by the digit at `shift`."""
     for i in range(first, last):
         digit = (keys[i] >> shift) & (2**DIGIT - 1)
         to = starts[digit]

@@ -1,4 +1,4 @@
-"""Delaunay triangulation in several threads: in strips, which are then sewn together.
+"""Delaunay triangulation in threads: strips of points are triangulated apart and then joined.
 
 Points are dealt into strips from west to east, and each strip is triangulated by itself. A
 triangle whose circle lies within its strip is certain: there are no other points in it. What is
@@ -29,7 +29,7 @@ Edges = NDArray[np.int64]  # numbered 3 t + k; edge k is opposite vertex k of tr
 
 
 def dealt(xy: Floats) -> tuple[Ints, list[int], Floats]:
-    """Deal points into strips of some STRIP points; those of one x are never parted.
+    """Distribute points over strips of about STRIP points; points of equal x share a strip.
 
     Returns
     -------
@@ -47,7 +47,7 @@ def dealt(xy: Floats) -> tuple[Ints, list[int], Floats]:
 
 @njit(cache=True, nogil=True)
 def _is_certain(xy, a, b, c, west, east):
-    """Whether the circle of a triangle is between two meridians for sure."""
+    """Whether the circumcircle of a triangle surely lies between two x coordinates."""
     ax, ay = xy[a, 0], xy[a, 1]
     bx, by, cx, cy = xy[b, 0] - ax, xy[b, 1] - ay, xy[c, 0] - ax, xy[c, 1] - ay
     bb, cc, bc = bx * bx + by * by, cx * cx + cy * cy, (cx - bx) ** 2 + (cy - by) ** 2
@@ -64,7 +64,7 @@ def _is_certain(xy, a, b, c, west, east):
 
 @njit(cache=True, nogil=True)
 def settle(mesh, order, bounds, first, loose):
-    """Make the certain triangles of a strip those of the whole, and mark its loose vertices.
+    """Turn the certain triangles of a strip into triangles of the whole, and mark loose vertices.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def settle(mesh, order, bounds, first, loose):
 def sew(
     triangles: Ints, neighbours: Ints, free: Edges, rim: Edges, seam: Ints, across: Ints
 ) -> int:
-    """Enter what fits of the seam between the certain triangles; how many there are in the end.
+    """Insert the triangles of the seam that fit between the certain ones; the number of triangles.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def sew(
 
 
 def _edge_keys(triangles: Ints, edges: Edges, *, forward: bool) -> Edges:
-    """Both ends of edges in one number."""
+    """One number for both ends of each edge."""
     t, k = np.divmod(edges, 3)
     begin, end = triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
     if not forward:
@@ -154,7 +154,7 @@ def _edge_keys(triangles: Ints, edges: Edges, *, forward: bool) -> Edges:
 
 @njit(cache=True, nogil=True)
 def _reached(start, across, joined):
-    """Whether each triangle is one of some, or joined to one of them by way of others."""
+    """True for the triangles `start`, and for those connected with them."""
     reached, waiting, count = np.zeros(len(across), np.bool_), np.empty(len(across), np.int64), 0
     for t in start:
         if not reached[t]:
@@ -173,7 +173,7 @@ def _reached(start, across, joined):
 
 @njit(cache=True, nogil=True)
 def _close_up(triangles, neighbours, free):
-    """Move the last triangles to the free places, which are in rising order; how many there are."""
+    """Move the last triangles to the free indices, which are in rising order; their number."""
     end, last, i = len(triangles), len(free) - 1, 0
     while i <= last:
         end -= 1

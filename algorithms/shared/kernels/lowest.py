@@ -17,7 +17,7 @@ ROUNDING = 1e-6  # cells, as in toolbox.data.Lattice
 
 @njit(cache=True, nogil=True)
 def cells_of(xyz, left, top, cell, rows, cols):
-    """Cells of the points on a lattice that begins `left` and `top` cells from the origin."""
+    """Index of the cell of each point, `left` and `top` being the lattice's corner in cells."""
     found = np.empty(len(xyz), np.int32)
     for i in range(len(xyz)):
         col = int(np.floor(xyz[i, 0] / cell + ROUNDING)) - left
@@ -28,7 +28,7 @@ def cells_of(xyz, left, top, cell, rows, cols):
 
 @njit(cache=True, nogil=True)
 def enter_lowest(xyz, use, start, cells, height, lowest):
-    """Enter the points from start on, in `cells`, as the lowest of their cell.
+    """Update the lowest point of each cell with the points from `start` on, which lie in `cells`.
 
     Equal heights are decided by position, never by the order of the points.
     """
@@ -43,7 +43,7 @@ def enter_lowest(xyz, use, start, cells, height, lowest):
 
 @helper
 def _support(tops, x, y, z, row, col, cell, reach, metre):
-    """Count the cells with their lowest point under and above a cone and a plane over (x, y, z).
+    """Count the cells whose lowest point is under or above a cone and a plane at (x, y, z).
 
     Cells as near as a group is wide count above only. Enough cells under the plane end the count.
     """
@@ -71,7 +71,7 @@ def _support(tops, x, y, z, row, col, cell, reach, metre):
 
 @njit(cache=True, nogil=True)
 def suspects(tops, first, last, cell, reach, metre, ceiling):
-    """Find the cells of the rows first..last whose lowest point (x, y, z) hardly has support.
+    """Set the ceiling of cells in the rows first..last whose lowest point may be an outlier.
 
     `ceiling` takes the height below which points around it tell whether it is an outlier.
     """
@@ -91,7 +91,7 @@ def suspects(tops, first, last, cell, reach, metre, ceiling):
 
 @njit(cache=True, nogil=True)
 def below(xyz, use, start, cells, ceiling):
-    """Indices of the points in use, from start on, below the ceiling of their cell."""
+    """Indices of the points in use, from `start` on, that are below the ceiling of their cell."""
     found, count = np.empty(len(cells), np.int64), 0
     for k in range(len(cells)):
         if xyz[start + k, 2] < ceiling[cells[k]] and use[start + k]:
@@ -102,7 +102,7 @@ def below(xyz, use, start, cells, ceiling):
 
 @njit(cache=True, nogil=True)
 def judge(tops, places, low, cells, cell, reach, metre, alone):
-    """Mark the low points of the cells at `places` that are outliers, from the lowest upwards.
+    """Mark the outliers among the low points of the cells at `places`, from the lowest upwards.
 
     `low` are points sorted by their `cells`, and by height in each.
     """
@@ -119,7 +119,7 @@ def judge(tops, places, low, cells, cell, reach, metre, alone):
 
 @helper
 def _is_alone(tops, point, row, col, low, cells, cell, reach, metre):
-    """Whether few points lie under the cone, or under the plane in spite of dense terrain."""
+    """Whether few points lie under the cone of a point, or under its plane and dense terrain."""
     rows, cols, _ = tops.shape
     x, y, z = point
     cone, plane, above_cone, above_plane = _support(tops, x, y, z, row, col, cell, reach, metre)
@@ -143,7 +143,7 @@ def _is_alone(tops, point, row, col, low, cells, cell, reach, metre):
 
 @helper
 def _nearer(x, y, xyz, near, row, col, from_row, from_col):
-    """Let the node take over its neighbour's point if that is nearer than its own."""
+    """Set the point of a node to that of a neighbouring node if this one is nearer."""
     if not (0 <= from_row < near.shape[0] and 0 <= from_col < near.shape[1]):
         return
     j, i = near[from_row, from_col], near[row, col]
@@ -159,7 +159,7 @@ def _nearer(x, y, xyz, near, row, col, from_row, from_col):
 
 @njit(cache=True, nogil=True)
 def spread_rows(xyz, near, empty, xs, ys, start, stop, way):
-    """Hand points on to `empty` nodes at (xs, ys), row by row from start to stop by `way`.
+    """Pass points on to `empty` nodes at (xs, ys), row by row from start to stop by `way`.
 
     Two such sweeps, one down and one up, give each node its nearest point (Danielsson 1980,
     vector distance transform with the true positions of the points).

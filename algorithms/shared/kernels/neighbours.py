@@ -17,7 +17,7 @@ ROUNDING = 1e-9  # share by which a bound made of two square roots is widened
 
 @helper
 def first(node, level, n):
-    """Where the points of a node begin."""
+    """Index of the first point of a node."""
     return (node * n) >> level
 
 
@@ -26,7 +26,7 @@ def first(node, level, n):
 
 @njit(cache=True, nogil=True)
 def split(first_node, last_node, xyz, order, level):
-    """Split some nodes of a level at the median of their widest axis (in place)."""
+    """Split nodes of a level at the median of their widest axis (in place)."""
     n = len(xyz)
     for node in range(first_node, last_node):
         start, stop = first(node, level, n), first(node + 1, level, n)
@@ -49,7 +49,7 @@ def _widest(xyz, start, stop):
 
 @helper
 def _part(xyz, order, start, stop, middle, axis):
-    """Move points until none before `middle` is above any from there on (Hoare 1961)."""
+    """Partition points so that none before index `middle` is above any after it (Hoare 1961)."""
     low, high = start, stop - 1
     while low < high:
         a, b, c = xyz[low, axis], xyz[(low + high) >> 1, axis], xyz[high, axis]
@@ -76,7 +76,7 @@ def _part(xyz, order, start, stop, middle, axis):
 
 @njit(cache=True, nogil=True)
 def boxes(xyz, depth):
-    """Lowest and highest coordinates of every node, shape (2**(depth + 1), 6)."""
+    """Bounding boxes of all nodes, array of shape (2**(depth + 1), 6)."""
     n = len(xyz)
     box = np.empty((2 << depth, 6))
     for leaf in range(1 << depth):
@@ -97,7 +97,7 @@ def boxes(xyz, depth):
 
 @helper
 def _beyond(low, high, at):
-    """Squared distance of a number from an interval."""
+    """Squared distance of a number from an interval, 0 inside."""
     under, over = low - at, at - high
     most = under if under > over else over
     return most * most if most > 0.0 else 0.0
@@ -105,14 +105,14 @@ def _beyond(low, high, at):
 
 @helper
 def away(box, node, x, y, z):
-    """Squared distance of a place from the box of a node."""
+    """Squared distance of a position from the box of a node."""
     flat = _beyond(box[node, 0], box[node, 3], x) + _beyond(box[node, 1], box[node, 4], y)
     return flat + _beyond(box[node, 2], box[node, 5], z)
 
 
 @helper
 def _scan(xyz, start, stop, own, far, seen, seen_far, count):
-    """Sort the squared distances of a leaf's points from point `own` into the nearest so far."""
+    """Merge the squared distances of a leaf's points from point `own` into the smallest so far."""
     x, y, z = xyz[own, 0], xyz[own, 1], xyz[own, 2]
     last = len(far) - 1
     for i in range(start, stop):
@@ -122,7 +122,7 @@ def _scan(xyz, start, stop, own, far, seen, seen_far, count):
             if count < len(seen):
                 seen[count], seen_far[count] = i, d
             count += 1
-            # All places are worked out without a branch, which the processor does in parallel.
+            # All elements are computed without a branch, so the processor can do it in parallel.
             for j in range(last):
                 kept = d if d < far[j] else far[j]
                 far[j] = kept if kept > far[j + 1] else far[j + 1]
@@ -132,7 +132,7 @@ def _scan(xyz, start, stop, own, far, seen, seen_far, count):
 
 @helper
 def search(xyz, box, depth, leaf, own, far, held, held_away, seen, seen_far):
-    """Squared distances from point `own` to its nearest, the largest first.
+    """Fill in the squared distances from point `own` to its nearest points, the largest first.
 
     The search goes from the leaf up to the root, and down into what else may hold a nearer point.
 
@@ -177,7 +177,7 @@ def search(xyz, box, depth, leaf, own, far, held, held_away, seen, seen_far):
 
 @njit(cache=True, nogil=True)
 def mean_distances(first_leaf, last_leaf, xyz, box, depth, k, reach, mean, farthest):
-    """Fill in the mean and the largest distance to the k nearest for the points of some leaves.
+    """Fill in the mean and largest distance to the k nearest points, for the points of some leaves.
 
     A neighbour that is missing within `reach` counts as being that far away.
     """
@@ -209,7 +209,7 @@ def mean_distances(first_leaf, last_leaf, xyz, box, depth, k, reach, mean, farth
 
 @helper
 def _before(x, y, z, place):
-    """Whether (x, y, z) comes before a place in the order of x, then y, then z."""
+    """Whether (x, y, z) precedes a position in the order of x, then y, then z."""
     if x != place[0]:
         return x < place[0]
     if y != place[1]:
@@ -219,7 +219,7 @@ def _before(x, y, z, place):
 
 @helper
 def _enter(xyz, i, d, near, far):
-    """Sort point i at squared distance d into the nearest; of equally near ones x, y, z decide."""
+    """Insert point i at squared distance d into the nearest; of equal ones x, y, z decide."""
     x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
     at = len(near)
     while at > 0 and (
@@ -236,7 +236,7 @@ def _enter(xyz, i, d, near, far):
 
 @helper
 def gather(xyz, box, depth, own, limit, near, far, held):
-    """Fill in the nearest of point `own`, none farther than `limit` (squared); their number.
+    """Fill in the nearest points of point `own` within `limit` (squared); their number.
 
     Of points equally near to the last those that come first by x, y, z are taken.
     """
@@ -270,7 +270,7 @@ def gather(xyz, box, depth, own, limit, near, far, held):
 
 @helper
 def nearest(xyz, box, depth, leaf, own, reach, near, far, held, held_away):
-    """Fill in the nearest of point `own` that are nearer than `reach`; their number."""
+    """Fill in the nearest points of point `own` that are nearer than `reach`; their number."""
     far[:] = reach * reach
     search(xyz, box, depth, leaf, own, far, held, held_away, near[:0], far[:0])
     limit = far[0]

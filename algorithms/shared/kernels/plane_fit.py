@@ -8,7 +8,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def score(first, last, xyz, planes, limit, gains, counts):
-    """How well points support planes: the sum of limit**2 - distance**2 of those within limit.
+    """Fill in the scores of planes: the sum of limit**2 - distance**2 over points within limit.
 
     Up to a constant that is the cost of MSAC, with the sign turned.
 
@@ -39,7 +39,7 @@ def score(first, last, xyz, planes, limit, gains, counts):
 
 @njit(cache=True, nogil=True)
 def moments(first, last, xyz, origin, normal, centre, limit, block, sums):
-    """Sums over the points within a distance of a plane.
+    """Fill in sums over the points within a distance of a plane.
 
     They are kept with twice the digits of a float, so that the order of points does not matter.
 

@@ -17,7 +17,7 @@ from algorithms.shared.kernels.delaunay import orient
 
 @njit(cache=True, nogil=True)
 def count(edges, west, south, cell, margin, rows, cols):
-    """Where the edges of each cell begin in the list of `fill`, array of rows * cols + 1."""
+    """Start of each cell in the list that `fill` makes, array of shape (rows * cols + 1,)."""
     starts = np.zeros(rows * cols + 1, np.int64)
     for e in range(len(edges)):
         first, last = _span(edges[e, 1], edges[e, 3], south, cell, margin, rows)
@@ -33,7 +33,7 @@ def count(edges, west, south, cell, margin, rows, cols):
 
 @njit(cache=True, nogil=True)
 def fill(edges, west, south, cell, margin, rows, cols, starts):
-    """Numbers of the edges that may touch each cell, cell by cell."""
+    """Indices of the edges that may touch each cell, cell by cell."""
     listed, free = np.empty(starts[-1], np.int32), starts[:-1].copy()
     for e in range(len(edges)):
         first, last = _span(edges[e, 1], edges[e, 3], south, cell, margin, rows)
@@ -48,7 +48,7 @@ def fill(edges, west, south, cell, margin, rows, cols, starts):
 
 @njit(cache=True, nogil=True)
 def corners(edges, listed, starts, west, south, cell, rows, cols):
-    """Winding number of the lower left corner of each cell; outside of all in the first column."""
+    """Winding number of the lower left corner of each cell; 0 in the first column."""
     winding = np.zeros(rows * cols, np.int32)
     for row in range(rows):
         y = south + row * cell
@@ -65,7 +65,7 @@ def corners(edges, listed, starts, west, south, cell, rows, cols):
 
 @njit(cache=True, nogil=True)
 def inside(first, last, xyz, edges, listed, starts, winding, frame, found):
-    """Set `found` for the points from first to before last that some polygon or its edge holds.
+    """Set `found` for the points first..last that are in a polygon or on its edge.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def inside(first, last, xyz, edges, listed, starts, winding, frame, found):
 
 @helper
 def _span(a, b, begin, cell, margin, size):
-    """First and last cell that a stretch may touch."""
+    """First and last index of the cells that an interval may touch."""
     first = int((min(a, b) - margin - begin) / cell)
     last = int((max(a, b) + margin - begin) / cell)
     return max(first, 0), min(last, size - 1)
@@ -104,7 +104,7 @@ def _span(a, b, begin, cell, margin, size):
 
 @helper
 def _within_row(e, row, south, cell, margin):
-    """The x at the ends of the part of an edge that may lie in a row of cells."""
+    """x at both ends of the section of an edge within a row of cells."""
     x1, y1, x2, y2 = e
     low, high = south + row * cell - margin, south + (row + 1) * cell + margin
     ends = (x1, x2)
@@ -118,7 +118,7 @@ def _within_row(e, row, south, cell, margin):
 
 @helper
 def _is_on(e, x, y):
-    """Whether a place is on a closed edge, exactly."""
+    """Whether a position is on a closed edge, exactly."""
     x1, y1, x2, y2 = e
     if x < min(x1, x2) or x > max(x1, x2) or y < min(y1, y2) or y > max(y1, y2):
         return False
@@ -127,7 +127,7 @@ def _is_on(e, x, y):
 
 @helper
 def _crossings_of_ray(e, x, y):
-    """What a ray to the left meets: 1 for an edge that goes down, -1 for one that goes up."""
+    """Crossing of an edge by the ray to the left: 1 if the edge goes down, -1 up, 0 for none."""
     x1, y1, x2, y2 = e
     way = -1
     if y1 > y2:
@@ -143,7 +143,7 @@ def _crossings_of_ray(e, x, y):
 
 @helper
 def _crossing_upwards(e, x, low, high):
-    """What a way up from low to high (or down) meets: 1 for an edge to the right, -1 to the left.
+    """Crossing of an edge by the way up from low to high: 1 if it goes right, -1 left, 0 for none.
 
     Going down counts the other way round.
     """

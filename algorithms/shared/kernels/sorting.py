@@ -1,4 +1,4 @@
-"""Sorting and searching, most of it within kernels."""
+"""Sorting and searching, mostly for use within kernels."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 def distinct(values: NDArray[Number]) -> NDArray[Number]:
-    """The different ones of some values, rising.
+    """The distinct values of an array in rising order.
 
     np.unique puts them into a hash table, which takes 30 times as long for a million.
     """
@@ -35,7 +35,7 @@ def sort_few(values):
 
 @helper
 def first_at(rising, value, start, stop):
-    """The first place of start..stop whose value is not below one; stop if there is none.
+    """The first index in start..stop whose value is not below a given one; stop if there is none.
 
     np.searchsorted takes long to compile.
     """
@@ -50,7 +50,7 @@ def first_at(rising, value, start, stop):
 
 @helper
 def median(values):
-    """Median of values, which are put into another order (selection by Hoare 1961, FIND).
+    """Median of values, which are reordered (selection by Hoare 1961, FIND).
 
     np.median takes seconds to compile.
     """

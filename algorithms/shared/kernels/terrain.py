@@ -17,7 +17,7 @@ from algorithms.shared.kernels.compiling import helper
 
 @njit(cache=True, nogil=True)
 def steps(z, first, last, reach, slope, out):
-    """The deepest step down from each cell to one within `reach`, beyond what `slope` explains."""
+    """The largest step down from each cell to one within `reach`, minus what `slope` explains."""
     rows, cols = z.shape
     for r in range(first, last):
         for c in range(cols):
@@ -33,7 +33,7 @@ def steps(z, first, last, reach, slope, out):
 
 @njit(cache=True, nogil=True)
 def sectors_seen(low, look, offsets, out):
-    """In which sectors around each cell of a level there are data, as bits; see `_falls`."""
+    """Bits of the sectors around each cell of a level that hold data; see `_falls`."""
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             out[i, j] = 0
@@ -44,7 +44,7 @@ def sectors_seen(low, look, offsets, out):
 
 @helper
 def _falls(r, c, highest, slope, lows, lowest, seen, look, offsets, way):
-    """Look around in 8 sectors; which hold data, and which a cell below `highest`, as bits.
+    """Bits of the 8 sectors around a cell with data, and of those with a cell below `highest`.
 
     Of each such sector `way` receives where the cell is whose cone with `slope` is lowest here, in
     rows and columns, and its height. `lows` have a margin of `look` cells, `lowest` are their
@@ -78,7 +78,7 @@ def _falls(r, c, highest, slope, lows, lowest, seen, look, offsets, way):
 
 @helper
 def _is_abrupt(step, r, c, south, east, least):
-    """Whether there is a step of at least `least` on the straight way; `step` has cells of 2 m."""
+    """Whether the straight way has a step of at least `least`; `step` has cells of 2 m."""
     count = int(max(abs(south), abs(east)) / 2) + 1
     for t in range(count + 1):
         i, j = int(r + 0.5 + south * t / count) >> 1, int(c + 0.5 + east * t / count) >> 1
@@ -89,7 +89,7 @@ def _is_abrupt(step, r, c, south, east, least):
 
 @njit(cache=True, nogil=True)
 def raised(first, last, z, lows, lowest, far, look, offsets, slope, step, fall, least, share, out):
-    """The share of the sectors with data in which the terrain falls off abruptly from each cell.
+    """Share of the sectors with data in which the terrain falls off abruptly from each cell.
 
     At least half the sectors are counted as having data. `far` are those with data at the coarsest
     level; `least` and `share` (of the whole way down) say how much of the fall must be in one step.
@@ -123,7 +123,7 @@ def raised(first, last, z, lows, lowest, far, look, offsets, slope, step, fall, 
 
 @njit(cache=True, nogil=True)
 def levelled(first, last, votes, z, reach, step, slope, out):
-    """The mean of the votes around each cell, of cells that lie on about the same height."""
+    """Mean of the votes around each cell, over cells at about the same height."""
     rows, cols = z.shape
     for r in range(first, last):
         for c in range(cols):
@@ -141,7 +141,7 @@ def levelled(first, last, votes, z, reach, step, slope, out):
 
 @njit(cache=True, nogil=True)
 def gathered(z, surface, weight, level, weights, residuals):
-    """Sums of the weights, and of weight times z - surface, over cells of 2**level m."""
+    """Sums of the weights, and of weight times z - surface, over cells of 2**level metres."""
     size = 1 << level
     for i in range(weights.shape[0]):
         for j in range(weights.shape[1]):
@@ -156,7 +156,7 @@ def gathered(z, surface, weight, level, weights, residuals):
 
 @njit(cache=True, nogil=True)
 def planes(first, last, weights, residuals, sigma, enough, stiff, out):
-    """Height, at each cell, of the plane through the residuals around it.
+    """Height of the plane fitted to the residuals around each cell.
 
     Weighted least squares in a Gaussian window of `sigma` cells; `stiff` (of the square of sigma)
     holds the plane level where there is little data. The height fades to nothing where the
@@ -215,7 +215,7 @@ def planes(first, last, weights, residuals, sigma, enough, stiff, out):
 
 @njit(cache=True, nogil=True)
 def add_bilinear(surface, coarse, level):
-    """Add to the surface another one with cells of 2**level m, read between their middles."""
+    """Add a surface with cells of 2**level metres to a surface, interpolated bilinearly."""
     size = 1 << level
     rows, cols = coarse.shape
     for r in range(surface.shape[0]):
@@ -246,7 +246,7 @@ def _between(surface, y, x):
 
 @njit(cache=True, nogil=True)
 def reweighted(z, candidate, surface, tolerance, slope_tolerance, below, weight):
-    """Weights of the candidates by their residual; those above the surface lose it sooner."""
+    """Weights of candidates by their residuals; they fall faster above the surface than below."""
     rows, cols = z.shape
     for r in range(rows):
         for c in range(cols):
@@ -264,7 +264,7 @@ def reweighted(z, candidate, surface, tolerance, slope_tolerance, below, weight)
 def residuals(
     first, last, xyz, metre, left, top, surface, tolerance, slope_tolerance, residual, allowed
 ):
-    """Height over the surface in metres, and how much of it the slope there allows; NaN outside.
+    """Height above the surface in metres, and the tolerance by the slope there; NaN outside.
 
     The raster begins `left` and `top` metres from the origin of the coordinates.
     """

@@ -1,4 +1,4 @@
-"""Kernels that run side by side, in threads."""
+"""Running kernels in several threads."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def side_by_side(
     *arguments: Any,
     ctx: Context = QUIET,
 ) -> None:
-    """Call ``kernel(first, last, *arguments)`` for all runs, as many at a time as numba may.
+    """Call ``kernel(first, last, *arguments)`` for all runs in threads, as many as numba may use.
 
     Numba's own way, `parallel`, makes a kernel take several times as long to compile.
 
@@ -40,7 +40,7 @@ def side_by_side(
 def in_blocks(
     work: Callable[[int, int], object], total: int, length: int, ctx: Context = QUIET
 ) -> None:
-    """Call work(first, last) side by side for runs of `length` out of `total` items."""
+    """Call work(first, last) in threads, for runs of `length` out of `total` items."""
     length = max(1, length)
     runs = [(first, min(first + length, total)) for first in range(0, total, length)]
     side_by_side(work, runs, ctx=ctx)

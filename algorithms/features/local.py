@@ -41,7 +41,7 @@ class FeaturesLocal:
     and area of the sphere, volume_density and surface_density.
 
     Lengths are in the unit of the data; variances are in m2, densities per m3 and m2. A feature is
-    not a number (NaN) where fewer than three points, or points at one place, have no shape, and
+    not a number (NaN) where fewer than three points, or points at one position, have no shape, and
     those of the plane where points lie on a line. Ignored classes and withheld points are nobody's
     neighbours and get NaN.
     """
@@ -76,7 +76,7 @@ class FeaturesLocal:
         without_shape: int = sink("Points with a feature that is not a number", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Something must end a neighbourhood, and a file must be able to hold the names."""
+        """A neighbourhood has a limit, and a file can hold the names of the features."""
         if self.neighbours is None and self.radius is None:
             yield "radius", "give a radius, neighbours or both"
         if not self.features:
@@ -87,7 +87,7 @@ class FeaturesLocal:
                 yield "suffix", text
 
     def halo(self) -> float:
-        """Nobody beyond the radius is a neighbour."""
+        """The radius, beyond which there are no neighbours; infinite without one."""
         return math.inf if self.radius is None else self.radius
 
     def run(self, ctx: Context = QUIET) -> FeaturesLocal.Outputs:

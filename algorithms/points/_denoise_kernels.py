@@ -15,7 +15,7 @@ MAD = 1.4826  # standard deviation of a normal distribution over its median abso
 
 @njit(cache=True, nogil=True)
 def lowest_means(mean, depth):
-    """The lowest mean distance among the points of every node, shape (2**(depth + 1),)."""
+    """Lowest mean distance among the points of each node of the tree, shape (2**(depth + 1),)."""
     n = len(mean)
     lowest = np.full(2 << depth, np.inf)
     for leaf in range(1 << depth):
@@ -28,7 +28,7 @@ def lowest_means(mean, depth):
 
 @helper
 def _lowest_around(box, depth, leaf, reach, lowest, held):
-    """No neighbour within `reach` of any point of the leaf has a lower mean distance."""
+    """Lower bound of the mean distances of neighbours within `reach` of the points of a leaf."""
     own = box[(1 << depth) + leaf]
     held[0], waiting, low = 1, 1, np.inf
     while waiting > 0:
@@ -49,7 +49,7 @@ def _lowest_around(box, depth, leaf, reach, lowest, held):
 
 @helper
 def _side(xyz, own, near, values, found):
-    """Whether a point is high or low noise, by the median height of its neighbours."""
+    """Low or high noise: by the median height of the neighbours of a point."""
     for j in range(found):
         values[j] = xyz[near[j], 2]
     return HIGH if xyz[own, 2] > median(values[:found]) else LOW
@@ -57,7 +57,7 @@ def _side(xyz, own, near, values, found):
 
 @njit(cache=True, nogil=True)
 def judge(first_leaf, last_leaf, xyz, box, depth, mean, farthest, lowest, k, reach, rule, verdict):
-    """Fill in the verdict on the points of some leaves.
+    """Fill in the verdicts on the points of the leaves first_leaf..last_leaf.
 
     `rule` holds the threshold, the least deviation as a share of what is usual, and the least
     number of neighbours; `k` is the number of neighbours near by and around, see the tool.
@@ -101,7 +101,7 @@ def judge(first_leaf, last_leaf, xyz, box, depth, mean, farthest, lowest, k, rea
 
 @njit(cache=True, nogil=True)
 def sides(first, last, xyz, box, depth, noise, k, verdict):
-    """Fill in whether each of some points, in the order of the tree, is low or high noise."""
+    """Fill in whether the noise points first..last, in the order of the tree, are low or high."""
     n = len(xyz)
     near, far, values = np.empty(k, np.int64), np.empty(k), np.empty(k)
     held, held_away = np.empty(tree.DEEPEST, np.int64), np.empty(tree.DEEPEST)

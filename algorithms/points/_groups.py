@@ -16,9 +16,9 @@ Indices = NDArray[np.int64]
 
 
 def cells(places: Floats, cell: float) -> Indices:
-    """Numbers of the cells, counted from zero, that hold places; both arrays of shape (n, k).
+    """Cell numbers of positions along each axis, from floor division; both arrays of shape (n, k).
 
-    A place on the edge of two cells is in the higher one, also if it is there but for rounding.
+    A position on the edge of two cells is in the higher one, also if it is there but for rounding.
 
     Examples
     --------
@@ -29,7 +29,7 @@ def cells(places: Floats, cell: float) -> Indices:
 
 
 def grouped(codes: Indices, *, ctx: Context = QUIET) -> tuple[Indices, int]:
-    """The group of each point, numbered from 0, and how many there are.
+    """Group number of each point, from 0, and the number of groups.
 
     Parameters
     ----------

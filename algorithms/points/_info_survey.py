@@ -1,4 +1,4 @@
-"""What the headers of a survey's files tell: figures of the whole, a row per file, and warnings."""
+"""Properties of a survey from the headers of its files: totals, a row per file, and warnings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Row = dict[str, Any]
 
 
 class Cover:
-    """The ground that the bounding boxes of the files cover, in square units of the coordinates.
+    """The area that the bounding boxes of the files cover, in square units of the coordinates.
 
     Attributes
     ----------
@@ -44,14 +44,14 @@ class Cover:
 
 
 def _common(boxes: Any) -> Any:
-    """What each two boxes have in common."""
+    """Intersections of all pairs of boxes that intersect."""
     one, other = shapely.STRtree(boxes).query(boxes, predicate="intersects")
     pairs = one < other
     return shapely.intersection(boxes[one[pairs]], boxes[other[pairs]])
 
 
 def figures(survey: Survey, cover: Cover) -> Iterator[Row]:
-    """Properties of the survey as a whole."""
+    """Table rows: properties of the survey as a whole."""
     yield {"property": "survey", "value": survey.name}
     yield {"property": "files", "value": len(survey.files)}
     yield {"property": "points", "value": survey.count}
@@ -87,7 +87,7 @@ def _areas(survey: Survey, cover: Cover) -> Iterator[Row]:
 
 
 def _square_metre(survey: Survey) -> float:
-    """A square metre in square units of the coordinates; 1 where lengths have no meaning."""
+    """Area of a square metre in square units of the coordinates; 1 without a length unit."""
     return 1.0 if length_problem(survey.crs) else survey.metre**2
 
 
@@ -98,7 +98,7 @@ def _format(file: SurveyFile) -> str:
 
 
 def file_rows(survey: Survey) -> Iterator[Row]:
-    """One row per file; the density is that of its bounding box."""
+    """Table rows: one per file; the density is that of its bounding box."""
     square = _square_metre(survey)
     for file in survey.files:
         xmin, ymin, _, xmax, ymax, _ = file.bounds
@@ -114,7 +114,7 @@ def file_rows(survey: Survey) -> Iterator[Row]:
 
 
 def warnings(survey: Survey) -> Iterator[str]:
-    """What may surprise a user of this survey, one sentence each."""
+    """Warnings about the survey, one sentence each."""
     if survey.count == 0:
         yield "there are no points"
     if problem := length_problem(survey.crs):

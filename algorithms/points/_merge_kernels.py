@@ -8,7 +8,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def mark(first, last, order, starts, xyz, file, near, marks):
-    """Mark the points of groups that are in an earlier file, too.
+    """Mark the points of groups that also occur in an earlier file.
 
     Parameters
     ----------

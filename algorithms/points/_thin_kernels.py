@@ -1,4 +1,4 @@
-"""Compiled loops of points.thin: groups of points, and the best or the mean of each."""
+"""Compiled loops of points.thin: groups of points, and one point or the mean of each."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from algorithms.shared.kernels.compiling import helper
 
 @njit(cache=True, nogil=True)
 def number(first, last, codes, table, groups, size):
-    """Give the points from first to before last the number of their group, by a hash table.
+    """Fill in the group numbers of the points first..last, found by a hash table.
 
     Parameters
     ----------
     codes : array of shape (n, k); points are of one group if all k are the same
-    table : array of 2**m > n places, at first all -1; holds a point of the group that is there
+    table : array of 2**m > n entries, at first all -1; each holds a point of one group
     groups : array of shape (n,), to fill
     size : array of shape (1,), how many groups there are so far
     """
@@ -46,13 +46,13 @@ def _same(codes, i, j):
 
 @njit(cache=True, nogil=True)
 def lowest(first, last, groups, key, xyz, rank, best):
-    """The point of each group with the lowest key; then x, y, z and rank decide.
+    """Fill in the point of each group with the lowest key; ties are decided by x, y, z, then rank.
 
     Parameters
     ----------
     groups, key, rank : arrays of shape (n,)
     xyz : array of shape (n, 3)
-    best : array of one place per group, at first all -1
+    best : array of one entry per group, at first all -1
     """
     for i in range(first, last):
         j = best[groups[i]]
@@ -69,13 +69,13 @@ def lowest(first, last, groups, key, xyz, rank, best):
 
 @helper
 def _order(a, b):
-    """Below zero if a is lower, above if b is."""
+    """Sign of a comparison: -1 if a is lower than b, 1 if it is higher, else 0."""
     return -1 if a < b else int(a > b)
 
 
 @njit(cache=True, nogil=True)
 def add(first, last, groups, values, high, low, count):
-    """Add values to the sums of their groups; what is no number (NaN) does not count.
+    """Add values to the sums of their groups; NaN is left out.
 
     The sums, high + low, have twice the digits of a float, so that the order of the points does not
     matter (Knuth's exact sum of two).

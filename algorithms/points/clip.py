@@ -48,7 +48,7 @@ class PointsClip:
         removed_share: float = sink("Share of points removed", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """There must be something to clip by."""
+        """An extent or polygons are given, and the polygons fit the condition."""
         if self.polygons is None and self.extent is None:
             yield "extent", "neither a rectangle nor polygons are given; give one of both"
         if self.polygons is None and self.where:
@@ -62,7 +62,7 @@ class PointsClip:
                     yield "where", f"attribute {name!r} of {self.polygons.name} is no number"
 
     def halo(self) -> float:
-        """Each point is judged by itself."""
+        """Zero, as each point is judged by itself."""
         return 0.0
 
     def run(self, ctx: Context = QUIET) -> PointsClip.Outputs:
@@ -79,7 +79,7 @@ class PointsClip:
         )
 
     def _chosen(self) -> Shapes:
-        """The polygons that meet the condition, one by one."""
+        """Polygons that meet the condition, as single polygons."""
         layer = self.polygons
         assert layer is not None
         if self.where:
@@ -103,7 +103,7 @@ def within(
     *,
     ctx: Context = QUIET,
 ) -> NDArray[np.bool_]:
-    """Which points lie in a rectangle and in polygons, or on their edges.
+    """True for points inside a rectangle or polygons, or on their boundary.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Statistical outlier removal: noise is what lies too far from its neighbours.
+"""Statistical outlier removal: points too far from their neighbours are noise.
 
 References
 ----------
@@ -99,13 +99,17 @@ class PointsDenoise:
         high_noise: int = sink("Points found to be high noise", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Nobody can have more neighbours than are looked for."""
+        """No more neighbours are required than searched for."""
         if self.min_neighbours > self.neighbours:
             text = f"must be <= neighbours ({self.neighbours}), got {self.min_neighbours}"
             yield "min_neighbours", text
 
     def halo(self) -> float:
-        """Neighbours of neighbours, and for each whether a gap two cells wide cuts it off."""
+        """Four times the search radius, or infinite.
+
+        The distances of neighbours of neighbours are compared, and the height gap is judged
+        in a window of cells around each of them.
+        """
         return 4 * self.reach if self.scope == "local" else math.inf
 
     def run(self, ctx: Context = QUIET) -> PointsDenoise.Outputs:
@@ -144,7 +148,7 @@ class PointsDenoise:
 
 
 def _labelled(cloud: PointCloud, verdict: Verdicts) -> PointCloud:
-    """The cloud with classes 7 and 18 on noise."""
+    """The cloud with the noise in classes 7 and 18."""
     old: NDArray[Any] = cloud["classification"] if "classification" in cloud else 0 * verdict
     classes = np.where(verdict > 0, verdict, old).astype(np.uint8)
     return cloud.with_attributes({"classification": classes})
@@ -161,7 +165,7 @@ def noise(
     height_gap: float | None = 100.0,
     ctx: Context = QUIET,
 ) -> Verdicts:
-    """Which points are noise.
+    """Class of noise of each point, from its distances to its neighbours.
 
     Parameters
     ----------
@@ -207,7 +211,7 @@ def noise(
 def _beside_neighbours(
     tree: PointTree, k: int, reach: float, rule: tuple[float, float, int], ctx: Context
 ) -> Verdicts:
-    """Verdicts in the order of the tree, each by the mean distances of the neighbours."""
+    """Verdicts, in the order of the tree: mean distances compared with those of the neighbours."""
     mean, farthest = tree.mean_distances(k, max_distance=reach, ctx=ctx.part(0.0, 0.8))
     lowest = kernels.lowest_means(mean, tree.depth)
     counts = (max(1, k // NEARER), k * WIDER)
@@ -231,7 +235,7 @@ def _beside_neighbours(
 
 
 def _beside_all(tree: PointTree, k: int, threshold: float, scope: Scope, ctx: Context) -> Verdicts:
-    """Verdicts in the order of the tree, each by the mean distances of the whole cloud."""
+    """Verdicts, in the order of the tree: mean distances compared with those of the whole cloud."""
     mean, _ = tree.mean_distances(k, ctx=ctx.part(0.0, 0.8))
     ordered = np.sort(mean)  # sums depend on the order
     if scope == "classic":
@@ -259,7 +263,7 @@ def _beside_all(tree: PointTree, k: int, threshold: float, scope: Scope, ctx: Co
 
 
 def cell_numbers(xyz: Floats, cell: float) -> Indices:
-    """The square cell of a fixed lattice that each point lies in; those beside it are at WINDOW."""
+    """Number of the square cell of each point; cells around it have that number plus WINDOW."""
     places = np.floor(np.ascontiguousarray(xyz[:, :2].T) / cell)
     places -= places.min(axis=1, keepdims=True)
     extent = places.max()
@@ -273,7 +277,7 @@ def cell_numbers(xyz: Floats, cell: float) -> Indices:
 
 
 class Columns:
-    """The points by their cells, of which only occupied ones are kept."""
+    """Points sorted by cell; only cells with points are stored."""
 
     def __init__(self, number: Indices) -> None:
         self.order: Indices = np.argsort(number, kind="stable")
@@ -283,7 +287,7 @@ class Columns:
         self.edges: Indices = np.append(starts, len(number))
 
     def around(self, numbers: Indices) -> Indices:
-        """The cells in the windows around some, shape (9, m); -1 for an empty one."""
+        """Indices of the 3 x 3 cells around each cell, shape (9, m); -1 for one without points."""
         wanted = numbers + WINDOW[:, None]
         return np.where(is_among(wanted, self.numbers), np.searchsorted(self.numbers, wanted), -1)
 
@@ -292,18 +296,18 @@ class Columns:
         return self.order[self.edges[cell] : self.edges[cell + 1]]
 
     def window(self, cells: Indices) -> Indices:
-        """Indices of the points in the occupied ones of some cells."""
+        """Indices of the points in some cells; those of -1 have none."""
         return np.concatenate([self.points(cell) for cell in cells[cells >= 0]])
 
 
 def is_among(numbers: Indices, few: Indices) -> NDArray[np.bool_]:
-    """True for numbers that are among a few sorted ones, without sorting them all."""
+    """True for numbers in a short sorted array, without sorting them."""
     at = np.minimum(np.searchsorted(few, numbers), len(few) - 1)
     return np.asarray(few[at] == numbers)
 
 
 def cut_off(xyz: Floats, cell: float, height_gap: float, ctx: Context = QUIET) -> Verdicts:
-    """Noise far above or below the ground, however many points it has.
+    """Noise in layers far above or below the main layer of points, however many points these have.
 
     In the window of 3 x 3 cells around each cell, the points fall into layers, with more than
     `height_gap` between them. All layers but the one of most points are noise.
@@ -338,7 +342,10 @@ def cut_off(xyz: Floats, cell: float, height_gap: float, ctx: Context = QUIET) -
 
 
 def main_layer(z: Floats, gap: float) -> tuple[float, float]:
-    """Bottom and top of the layer of most heights, the lowest such; layers lie `gap` apart."""
+    """Lowest and highest z of the largest layer; layers are more than `gap` apart.
+
+    Of layers of the same size the lowest is taken.
+    """
     z = np.sort(z)
     cuts = np.flatnonzero(np.diff(z) > gap) + 1
     starts, stops = np.r_[0, cuts], np.r_[cuts, len(z)]
@@ -347,7 +354,7 @@ def main_layer(z: Floats, gap: float) -> tuple[float, float]:
 
 
 def against_columns(xyz: Floats, points: Indices, cell: float, ctx: Context = QUIET) -> Verdicts:
-    """Low or high noise by the median height in the window around each of some points.
+    """Low or high noise, by the median height of the window around each of some points.
 
     Parameters
     ----------

@@ -45,11 +45,11 @@ class PointsFilter:
         removed_share: float = sink("Share of points removed", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """The points need what the conditions look at."""
+        """The points have the attributes of the conditions."""
         yield from choice_problems(self.points, self.classes, self.returns)
 
     def halo(self) -> float:
-        """Each point is judged by itself, unless the lowest point of all decides."""
+        """Zero, as each point is judged by itself; infinite if all points decide on the lowest."""
         return math.inf if self.elevation_above_lowest else 0.0
 
     def run(self, ctx: Context = QUIET) -> PointsFilter.Outputs:
@@ -63,7 +63,7 @@ class PointsFilter:
         return self._outputs(keep)
 
     def _in_band(self, others: NDArray[np.bool_], low: float, high: float) -> NDArray[np.bool_]:
-        """Points of the band above the lowest one that meets the other conditions."""
+        """True for points in a height band above the lowest one that meets the other conditions."""
         lowest = self.points["z"][others].min()
         height = self.points["z"] - lowest
         band: NDArray[np.bool_] = (height >= low - ROUNDING) & (height <= high + ROUNDING)

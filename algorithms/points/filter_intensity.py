@@ -54,7 +54,7 @@ class PointsFilterIntensity:
         threshold: float | None = sink("Lowest intensity that is kept", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Limits must fit each other and the method."""
+        """The limits fit each other and the method."""
         if self.method == "otsu":
             return
         if self.minimum is None and self.maximum is None:
@@ -67,12 +67,12 @@ class PointsFilterIntensity:
             yield "minimum", f"must be <= maximum ({self.maximum:g}), got {self.minimum:g}"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """The points need an intensity."""
+        """The points have intensities."""
         if "intensity" not in self.points:
             yield "points", f"{self.points.name} has no intensity"
 
     def halo(self) -> float:
-        """Each point is judged by itself, unless the histogram of all decides."""
+        """Zero, as each point is judged by itself; infinite if the histogram of all is needed."""
         return 0.0 if self.method == "value" else math.inf
 
     def run(self, ctx: Context = QUIET) -> PointsFilterIntensity.Outputs:
@@ -100,7 +100,10 @@ class PointsFilterIntensity:
         return self.Outputs(kept=kept, removed_share=removed, threshold=low)
 
     def _look_for_nan(self, intensity: NDArray[Any]) -> None:
-        """Intensities from text files may be missing: within no limits, and of no rank."""
+        """Raise an error if missing intensities (NaN) would be ranked; warn if they are removed.
+
+        Points from text files may lack an intensity.
+        """
         missing = int(np.isnan(intensity).sum())
         if missing and self.method != "value":
             raise DataError(

@@ -42,7 +42,7 @@ class PointsHeightAboveGround:
 
     `tin` takes the ground from the Delaunay triangulation of the ground points, and outside of it
     from the nearest ground point. `nearest` takes the nearest ground point in plan, or with
-    `count` several of them weighted by their inverse distance. Ground points at one place are
+    `count` several of them weighted by their inverse distance. Ground points at one position are
     averaged, all others are used. Classify the ground first.
 
     The height is in the unit of the data, and not a number (NaN) beyond `max_distance`.
@@ -67,17 +67,17 @@ class PointsHeightAboveGround:
         without_height: int = sink("Points too far from the ground to have a height", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """A triangle has three corners."""
+        """The count of ground points is 1 for method tin."""
         if self.method == "tin" and self.count != 1:
             yield "count", f"is for method nearest; must be 1 with tin, got {self.count}"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """Ground must have been classified."""
+        """The points have classes."""
         if "classification" not in self.points:
             yield "points", f"{self.points.name} has no classification; classify ground first"
 
     def halo(self) -> float:
-        """Triangles reach across gaps of any size; ground within a distance does not."""
+        """Infinite, as triangles may be of any size; with method nearest the maximum distance."""
         return self.max_distance if self.method == "nearest" and self.max_distance else math.inf
 
     def run(self, ctx: Context = QUIET) -> PointsHeightAboveGround.Outputs:
@@ -131,7 +131,7 @@ def height_above_ground(
     Parameters
     ----------
     xyz : array of shape (n, 3)
-    ground_xyz : array of shape (m, 3); points at one place are averaged
+    ground_xyz : array of shape (m, 3); points at one position are averaged
     method : "tin" for the plane of the Delaunay triangle, and the nearest ground point outside of
         all triangles; "nearest" for the nearest ground points in plan
     count : ground points used with "nearest", weighted by the inverse of their distance
@@ -174,7 +174,7 @@ def height_above_ground(
 
 
 def _on_facets(ground: Floats, elevation: Floats, places: Floats, ctx: Context) -> Floats:
-    """Elevation at places in the Delaunay triangulation of the ground, NaN outside of it."""
+    """Elevation at positions in the Delaunay triangulation of the ground, NaN outside of it."""
     try:
         mesh = triangulate(ground, ctx=ctx.part(0.0, 0.5))
     except DataError:  # fewer than three ground points, or all of them on a line
@@ -184,7 +184,7 @@ def _on_facets(ground: Floats, elevation: Floats, places: Floats, ctx: Context) 
 
 
 def _from_nearest(tree: cKDTree, elevation: Floats, places: Floats, count: int) -> Floats:
-    """Elevation at places by the inverse distance of the nearest `count` points of the tree."""
+    """Elevation at positions: inverse-distance mean of the nearest `count` points of the tree."""
     count = min(count, tree.n)
     distance, index = (np.asarray(a) for a in tree.query(places, range(1, count + 2)))
     for row in np.flatnonzero(distance[:, count] == distance[:, count - 1]):
@@ -202,7 +202,7 @@ def _from_nearest(tree: cKDTree, elevation: Floats, places: Floats, count: int) 
 
 
 def _blocks(indices: NDArray[np.int64], ctx: Context) -> Iterator[NDArray[np.int64]]:
-    """Cut indices into runs of BLOCK, with progress after each."""
+    """Blocks of BLOCK indices, with progress after each."""
     for start in range(0, len(indices), BLOCK):
         yield indices[start : start + BLOCK]
         ctx.progress(min(1.0, (start + BLOCK) / len(indices)))

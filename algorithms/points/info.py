@@ -1,4 +1,4 @@
-"""What a point cloud holds, and what a user should know before working with it."""
+"""Properties of a point cloud, and warnings about its data."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class PointsInfo:
         files: Table | None = sink("One row per file, where there are several")
 
     def halo(self) -> float:
-        """Each point counts by itself."""
+        """Zero, as each point is counted by itself."""
         return 0.0
 
     def run(self, ctx: Context = QUIET) -> PointsInfo.Outputs:
@@ -152,7 +152,7 @@ def _intensity(cloud: PointCloud) -> Iterator[Row]:
 
 
 def warnings(cloud: PointCloud) -> Iterator[str]:
-    """What may surprise a user of this cloud, one sentence each."""
+    """Warnings about the cloud, one sentence each."""
     if len(cloud) == 0:
         yield "there are no points"
         return
@@ -172,7 +172,7 @@ def warnings(cloud: PointCloud) -> Iterator[str]:
 
 
 def _gross_outliers(cloud: PointCloud) -> Iterator[str]:
-    """Heights far outside the body of the data: three times the range of the inner 98 %."""
+    """Warnings about heights more than three times the inner 98 % range outside of that range."""
     z = cloud["z"]
     low, high = np.percentile(z, (1, 99))
     margin = 3 * (high - low) + 10 * (1.0 if length_problem(cloud.crs) else cloud.metre)

@@ -1,4 +1,4 @@
-"""Many files of points as one, without what overlapping files have in common.
+"""Many files of points merged into one, without points that overlapping files share.
 
 What is reconciled and what is refused: docs/explanation/preparing-points.md.
 """
@@ -35,8 +35,8 @@ class PointsMerge:
     Files in different CRS, units or height systems are refused: reproject them first.
 
     With `duplicates` drop, a point goes that is also in an earlier file (in the order of the sorted
-    paths): at the same place, with the same GPS time and return number if there are any. Files of
-    different scales round differently: then give a `max_difference` of half the coarser step.
+    paths): at the same position, with the same GPS time and return number if there are any. Files
+    of different scales round differently: then give a `max_difference` of half the coarser step.
     Points that share their place within one file stay; points.thin removes them.
 
     `numbering` writes the number of the file, from 1, into the attribute file_id, or into
@@ -64,7 +64,7 @@ class PointsMerge:
         dropped: int = sink("Points that were in an earlier file, too", unit="1")
 
     def halo(self) -> float:
-        """A point and its duplicate may lie on two sides of the edge of a tile."""
+        """The largest difference of duplicates, which may lie on two sides of a tile edge."""
         return self.max_difference * (1 + ROUNDING) if self.duplicates == "drop" else 0.0
 
     def run(self, ctx: Context = QUIET) -> PointsMerge.Outputs:
@@ -98,7 +98,7 @@ def in_earlier_file(
     *,
     ctx: Context = QUIET,
 ) -> Bools:
-    """Which points are in an earlier file, too.
+    """True for points that also occur in an earlier file.
 
     That a point goes does not depend on whether the other stays, so that each can be judged by
     what is near it. Two points within the tolerance are in the same cell of one of eight lattices

@@ -67,17 +67,17 @@ class PointsThin:
         removed_share: float = sink("Share of points removed", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """A setting that the method would not look at."""
+        """`agree` is only given for duplicates."""
         if self.agree and self.method != "duplicates":
             yield "agree", f"is for method duplicates, not for {self.method}"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """The order in a file tells nothing of what came first."""
+        """The points have GPS times if the first are kept; file order is not time order."""
         if self.method == "first" and "gps_time" not in self.points:
             yield "method", f"first needs gps_time, which {self.points.name} does not have"
 
     def halo(self) -> float:
-        """A cell may lie across the edge of a tile; duplicates are in one place."""
+        """One cell, which may lie across a tile edge; zero for duplicates, in one position."""
         return 0.0 if self.method == "duplicates" else self.cell * (1 + 10 * ROUNDING)
 
     def run(self, ctx: Context = QUIET) -> PointsThin.Outputs:
@@ -93,7 +93,7 @@ class PointsThin:
         return self._outputs(cloud.select(kept), kept)
 
     def _codes(self) -> Indices:
-        """Whole numbers that are the same for points of one group, array of shape (n, k)."""
+        """Integers that are equal for points of the same group, array of shape (n, k)."""
         cloud = self.points
         if self.method == "duplicates":
             columns = [column for name in self.agree or () for column in _columns(cloud[name])]
@@ -102,7 +102,7 @@ class PointsThin:
         return cells(cloud.xyz[:, : self.dimensions], self.cell)
 
     def _key(self) -> Floats:
-        """The lower, the rather a point is kept; array of shape (n,)."""
+        """Key by which points are chosen, the lowest first; array of shape (n,)."""
         xyz = self.points.xyz
         if self.method == "nearest_to_centre":
             places = xyz[:, : self.dimensions]
@@ -118,7 +118,7 @@ class PointsThin:
         return np.where(np.isnan(time), math.inf, time)
 
     def _averaged(self, groups: Indices, size: int, ctx: Context) -> PointsThin.Outputs:
-        """New points at the mean places."""
+        """A new point at the mean position of each group."""
         cloud = self.points
         xyz = np.column_stack([mean(groups, size, cloud.xyz[:, axis]) for axis in range(3)])
         ctx.progress(0.3)
@@ -150,7 +150,7 @@ class PointsThin:
 def best_of(
     cloud: PointCloud, groups: Indices, size: int, key: Floats, *, ctx: Context = QUIET
 ) -> Indices:
-    """The point of each group with the lowest key, array of shape (size,), in rising order.
+    """Index of the point with the lowest key in each group, sorted; shape (size,).
 
     Where keys are the same, x, y and z decide, and then all attributes, in the order of their
     names; points that have all this in common are not told apart.
@@ -180,7 +180,7 @@ def _lowest(
 
 
 def mean(groups: Indices, size: int, values: NDArray[Any]) -> Floats:
-    """Mean of the values, of shape (n,), of each group; NaN where none is a number.
+    """Mean of the values, of shape (n,), in each group; NaN where all are NaN.
 
     The order of the points does not matter.
     """

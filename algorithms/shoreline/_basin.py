@@ -1,4 +1,4 @@
-"""Ground that holds water: as triangles between points, or between the cell centres of a raster.
+"""The ground of a basin, as triangles between points or between the cell centres of a raster.
 
 Both kinds know where water runs from one piece to the next, and give triangles to sum up.
 """
@@ -29,7 +29,7 @@ Polygon = Any  # of shapely, or a MultiPolygon
 
 
 class Pieces(NamedTuple):
-    """Triangles of ground.
+    """Triangles of ground with heights, areas and the levels from which they are connected.
 
     Attributes
     ----------
@@ -46,11 +46,11 @@ class Pieces(NamedTuple):
 
 
 class PointBasin:
-    """Triangles between points.
+    """Ground as the triangulation of points.
 
     Parameters
     ----------
-    xyz : array of shape (n, 3); heights of points at one place are averaged
+    xyz : array of shape (n, 3); heights of points at one position are averaged
     outline : wall around the water; None for none
     max_gap : triangles whose circle, in which there is no point, has a larger radius are no ground
 
@@ -106,7 +106,7 @@ class PointBasin:
         self._joined = np.full(len(corners), -np.inf)
 
     def at(self, x: float, y: float) -> int:
-        """The number of the piece of ground at a place.
+        """Index of the triangle at a position.
 
         Raises
         ------
@@ -119,9 +119,11 @@ class PointBasin:
         return t
 
     def fill(self, start: int | None, highest: float, *, ctx: Context = QUIET) -> None:
-        """Find what is joined to the lowest ground of the lake of a level over a piece.
+        """Find the water connected with the lowest ground of the basin.
 
-        Without a piece it is the lowest ground of all. Before this is called, all is joined.
+        The basin is what a lake of the level `highest` covers that contains the triangle
+        `start`; without `start` it is the one of the lowest ground. Before this is called,
+        all water counts as connected.
 
         Raises
         ------
@@ -137,7 +139,7 @@ class PointBasin:
         ctx.progress(1.0)
 
     def opens(self) -> float:
-        """Level above which the water reaches where ground is not known; infinity if never."""
+        """Level above which water reaches unknown ground; infinity if it never does."""
         ends = self._z[self._mesh.triangles]
         gates = np.minimum(np.roll(ends, -1, axis=1), np.roll(ends, -2, axis=1))
         levels = np.maximum(gates, self._joined[:, None])
@@ -149,7 +151,7 @@ class PointBasin:
         return _spread(kernels.flood_facets, what, joined, start, self._low[start], ctx)
 
     def pieces(self) -> Iterator[Pieces]:
-        """All ground within the outline."""
+        """Triangles of all ground within the outline, block by block."""
         t = np.flatnonzero(self._inside)
         for first in range(0, len(t), BLOCK):
             some = t[first : first + BLOCK]
@@ -163,7 +165,7 @@ class PointBasin:
 
 
 class RasterBasin:
-    """Squares between the centres of four cells, each as four triangles around their mean.
+    """Ground as squares between the centres of four cells, each cut into four triangles.
 
     The half cells at the edge of the raster, and around cells without a value, hold nothing. The
     rest as :class:`PointBasin`.
@@ -200,7 +202,7 @@ class RasterBasin:
         self._joined = np.full(self._heights.shape, -np.inf)
 
     def at(self, x: float, y: float) -> int:
-        """As :meth:`PointBasin.at`: the number of the cell."""
+        """Index of the cell at a position; see :meth:`PointBasin.at`."""
         col = int(np.floor((x - self._x[0]) / self._cell + 0.5))
         row = int(np.floor((self._y[0] - y) / self._cell + 0.5))
         rows, cols = self._used.shape
@@ -209,7 +211,7 @@ class RasterBasin:
         return int(row * cols + col)
 
     def fill(self, start: int | None, highest: float, *, ctx: Context = QUIET) -> None:
-        """As :meth:`PointBasin.fill`."""
+        """See :meth:`PointBasin.fill`."""
         low = np.where(self._starts, self._heights, np.inf)
         if start is not None:
             low[self._flooded(start, ctx.part(0, 0.5)) >= highest] = np.inf
@@ -219,7 +221,7 @@ class RasterBasin:
         ctx.progress(1.0)
 
     def opens(self) -> float:
-        """As :meth:`PointBasin.opens`."""
+        """See :meth:`PointBasin.opens`."""
         levels = np.fmax(self._heights, self._joined)
         return float(levels.min(where=self._rim, initial=np.inf))
 
@@ -229,7 +231,7 @@ class RasterBasin:
         return _spread(kernels.flood_cells, what, joined, start, self._heights.flat[start], ctx)
 
     def pieces(self) -> Iterator[Pieces]:
-        """As :meth:`PointBasin.pieces`."""
+        """See :meth:`PointBasin.pieces`."""
         joined = _lowest_corner(self._joined)
         squares = np.flatnonzero(self._inside)
         for first in range(0, len(squares), BLOCK):
@@ -244,7 +246,7 @@ class RasterBasin:
         yield self._cut.pieces(joined.ravel())
 
     def _placed(self, outline: Polygon, there: Mask, ctx: Context) -> tuple[Mask, Mask]:
-        """Squares within the outline, and those near it; shape (rows - 1, cols - 1)."""
+        """Masks of the squares within the outline and near it, shape (rows - 1, cols - 1)."""
         inside, near = np.zeros_like(there), np.zeros_like(there)
         x, y = (self._x[1:] + self._x[:-1]) / 2, (self._y[1:] + self._y[:-1]) / 2
         west, south, east, north = outline.bounds
@@ -263,7 +265,7 @@ class RasterBasin:
         return inside, near
 
     def _around(self, squares: NDArray[np.int64]) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Corners, heights and square of the four triangles of each square."""
+        """Corners, heights and index of the square, for the four triangles of each square."""
         row, col = np.divmod(squares, len(self._x) - 1)
         x = np.stack([self._x[col], self._x[col + 1]] * 2, axis=1)[:, [0, 1, 3, 2]]
         y = np.stack([self._y[row]] * 2 + [self._y[row + 1]] * 2, axis=1)
@@ -273,7 +275,7 @@ class RasterBasin:
         return corners[..., :2], corners[..., 2], np.repeat(squares, 4)
 
     def _corners(self, squares: NDArray[np.int64]) -> Array:
-        """Heights of shape (m, 4), one after the other around each square."""
+        """Heights at the corners of squares, going around, array of shape (m, 4)."""
         row, col = np.divmod(squares, len(self._x) - 1)
         z = self._heights
         around = [z[row, col], z[row, col + 1], z[row + 1, col + 1], z[row + 1, col]]
@@ -284,29 +286,29 @@ _FOUR = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])  # 4 is the middl
 
 
 def _at_all_corners(cells: Mask) -> Mask:
-    """Squares of whose four cells all are true."""
+    """True for squares whose four cells are all true."""
     return cells[:-1, :-1] & cells[:-1, 1:] & cells[1:, :-1] & cells[1:, 1:]
 
 
 def _lowest_corner(cells: Array) -> Array:
-    """The least of the four cells of each square."""
+    """The least value of the four cells of each square."""
     rows = np.minimum(cells[:-1], cells[1:])
     return np.minimum(rows[:, :-1], rows[:, 1:])
 
 
 def _of_any_square(squares: Mask) -> Mask:
-    """Cells of which a square is true."""
+    """True for cells that touch a square that is true."""
     wide = np.pad(squares, 1)
     return ~_at_all_corners(~wide)
 
 
 def _at_all_squares(squares: Mask) -> Mask:
-    """Cells of which all four squares are true, so that none lies beyond the raster."""
+    """True for cells whose four squares exist and are all true."""
     return _at_all_corners(np.pad(squares, 1))
 
 
 def _first(low: Array) -> int:
-    """Number of the lowest piece."""
+    """Index of the lowest triangle or cell."""
     first = int(np.argmin(low))
     if low.flat[first] == np.inf:
         raise DataError("lies where the ground is not below the highest level")
@@ -321,7 +323,7 @@ def _spread(
     level: float,
     ctx: Context,
 ) -> Array:
-    """Let water spread from a piece."""
+    """Levels above which each triangle or cell is connected with the start."""
     joined.flat[start] = level
     levels, items, size = np.full(1, level), np.full(1, start, np.int64), np.ones(1, np.int64)
     more = True
@@ -334,7 +336,7 @@ def _spread(
 
 
 class Cut(NamedTuple):
-    """Parts of pieces that the outline cuts, as triangles from one vertex of each ring.
+    """Ground that an outline cuts, as triangles from the first vertex of each ring to its edges.
 
     Attributes
     ----------
@@ -348,7 +350,7 @@ class Cut(NamedTuple):
     parent: NDArray[np.int64]
 
     def pieces(self, joined: Array) -> Pieces:
-        """To sum up; `joined` is that of all pieces."""
+        """The triangles for the sums; `joined` has the level of each piece of the basin."""
         triangles = np.arange(self.z.size).reshape(-1, 3)
         return Pieces(triangles, self.z.ravel(), self.areas, joined[self.parent])
 
@@ -360,7 +362,7 @@ def _no_cut() -> Cut:
 def placed(
     outline: Polygon, centres: Array, reach: Array, there: Mask, ctx: Context
 ) -> tuple[Mask, Mask]:
-    """Which pieces are within an outline, and which may be cut by it.
+    """Which triangles or squares lie within an outline, and which may be cut by it.
 
     Parameters
     ----------
@@ -382,7 +384,7 @@ def placed(
 
 
 def cut(outline: Polygon, xy: Array, z: Array, ctx: Context) -> Cut:
-    """What of triangles lies within an outline.
+    """Intersection of triangles with an outline.
 
     A part may have any shape. Whatever is linear on it is the sum over the triangles from its
     first vertex to its edges, those that turn clockwise taken away.
@@ -406,7 +408,7 @@ def cut(outline: Polygon, xy: Array, z: Array, ctx: Context) -> Cut:
 
 
 def _fans(rings: NDArray[Any], parent: NDArray[np.int64], xy: Array, z: Array) -> Cut:
-    """Triangles of rings, with the heights that the planes of their triangles have there."""
+    """Triangles from the first vertex of each ring to its edges, with heights on the ground."""
     places, ring = shapely.get_coordinates(rings, return_index=True)
     if not len(rings):
         return _no_cut()
@@ -426,12 +428,12 @@ def _fans(rings: NDArray[Any], parent: NDArray[np.int64], xy: Array, z: Array) -
 
 
 def no_ground(outline: Polygon | None) -> DataError:
-    """To be raised."""
+    """The error that there is no ground."""
     where = "" if outline is None else " within the outline"
     return DataError(f"there is no ground{where}")
 
 
 def share_missing(covered: float, wanted: float) -> float:
-    """Part of an area that is not covered, without what rounding makes of none."""
+    """Share of an area that is not covered; rounding errors count as none."""
     share = 1 - covered / wanted
     return float(share) if share > ROUNDING else 0.0

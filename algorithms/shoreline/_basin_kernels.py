@@ -13,7 +13,7 @@ PUSHES = 8 * BLOCK  # that they may make
 
 @helper
 def _push(levels, items, size, level, item):
-    """Put an item on a heap, the one with the lowest level first (Williams 1964)."""
+    """Put an item on a heap, which has the item of the lowest level on top (Williams 1964)."""
     i = size[0]
     size[0] += 1
     while i > 0 and levels[(i - 1) // 2] > level:
@@ -24,7 +24,7 @@ def _push(levels, items, size, level, item):
 
 @helper
 def _pop(levels, items, size):
-    """Take the first item off a heap: its level and itself."""
+    """Take the item of the lowest level off a heap: level and item."""
     size[0] -= 1
     first, last = (levels[0], items[0]), (levels[size[0]], items[size[0]])
     i = 0
@@ -42,7 +42,7 @@ def _pop(levels, items, size):
 
 @njit(cache=True, nogil=True)
 def flood_facets(triangles, neighbours, z, low, used, joined, levels, items, size):
-    """Spread water over triangles, always where it is lowest; whether there is more to do.
+    """Flood triangles in the order of rising level; whether there is more to do.
 
     Water gets from one triangle to the next at the lower end of the edge between them.
 
@@ -73,7 +73,7 @@ def flood_facets(triangles, neighbours, z, low, used, joined, levels, items, siz
 
 @njit(cache=True, nogil=True)
 def flood_cells(heights, used, joined, levels, items, size):
-    """The same from cell to cell of a raster, and to the four across a corner.
+    """Flood the cells of a raster in the order of rising level; whether there is more to do.
 
     Arrays of shape (rows, cols); cells are numbered row by row. Water is at a cell above its
     height, and gets across a corner above the mean of the four cells that meet there, if known.
@@ -104,7 +104,7 @@ def flood_cells(heights, used, joined, levels, items, size):
 
 @helper
 def _below(a, b, c, level):
-    """Share of a triangle below a level between its heights a <= b <= c, and its mean depth."""
+    """Share of a triangle's area below a level, and mean water depth; heights are a <= b <= c."""
     if level <= b:
         share = (level - a) / (b - a) * ((level - a) / (c - a))
         return share, share * (level - a) / 3.0
@@ -114,7 +114,7 @@ def _below(a, b, c, level):
 
 @njit(cache=True, nogil=True)
 def add_block(triangles, z, areas, joined, levels, first, last, sums):
-    """Add triangles first..last to the sums.
+    """Add the areas and volumes of triangles first..last to the sums for each level.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where water is: cells of a survey, places that look like water, and what they fill.
+"""Water bodies from cells: areas that look like water are filled up to their levels.
 
 Near-infrared light is absorbed by water or mirrored away from it, so a lake is a hole in the data,
 or flat and dark with few returns. But shadows behind buildings and gaps between strips are holes
@@ -58,7 +58,7 @@ PEAKS = 12  # levels that are looked for in one calm place
 
 @dataclass(frozen=True)
 class CellGrid:
-    """What is known of each cell; arrays of shape (rows, cols), lengths in the unit of the data.
+    """Statistics of the points in each cell, arrays of shape (rows, cols), in the data's unit.
 
     Attributes
     ----------
@@ -91,23 +91,23 @@ class CellGrid:
 
     @property
     def area(self) -> float:
-        """Of a cell."""
+        """Area of a cell."""
         return self.lattice.cell**2
 
     @property
     def hole(self) -> Mask:
-        """Cells without points, but for single ones."""
+        """True for cells without points, unless single ones among cells with points."""
         return np.asarray(self.inside & (self.count == 0) & (self.known < FILLED))
 
     @property
     def calm(self) -> Mask:
-        """Cells around which heights are nearly the same."""
+        """True for cells around which the heights are nearly equal."""
         calm = self.spread <= CALM * self.metre
         return np.asarray(self.inside & (self.known >= KNOWN) & calm)
 
     @property
     def floor(self) -> Floats:
-        """Height that water must reach to cover a cell; -inf in holes, inf outside of the data."""
+        """Height from which water covers a cell; -inf in holes, inf outside of the data."""
         floor = np.where(self.count > 0, self.low, self.middle)
         floor[self.hole] = -np.inf
         floor[~self.inside] = np.inf
@@ -115,7 +115,7 @@ class CellGrid:
 
 
 class Tilt(NamedTuple):
-    """A plane through height 0 at a row and a column, and its rise per cell."""
+    """A plane through height 0 at a row and a column, with its rise per cell."""
 
     south: float = 0.0
     east: float = 0.0
@@ -123,7 +123,7 @@ class Tilt(NamedTuple):
     col: float = 0.0
 
     def at(self, row: Any, col: Any) -> Floats:
-        """Heights at rows and columns."""
+        """Heights of the plane at rows and columns."""
         return np.asarray(self.south * (row - self.row) + self.east * (col - self.col))
 
 
@@ -132,7 +132,7 @@ LEVEL = Tilt()
 
 @dataclass(frozen=True)
 class Body:
-    """Water as the cells show it.
+    """A water body as a set of cells, with the evidence for it.
 
     Attributes
     ----------
@@ -153,7 +153,7 @@ class Body:
 
 
 def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
-    """Count points into cells whose size follows from their density."""
+    """Statistics of points in cells, whose size follows from the density of the points."""
     metre = points.metre
     corners = points.origin + UNIT * np.array([f(points.packed, axis=0) for f in (np.min, np.max)])
     coarse = lattice_around(corners, COARSE * metre, count=len(points))
@@ -195,7 +195,7 @@ def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
 
 
 def enclosed(data: Mask) -> Mask:
-    """Cells with data, and those that lie between data in their row or in their column."""
+    """True for cells with data, and for cells between data in their row or column."""
     inside = data.copy()
     for axis in (0, 1):
         before = np.logical_or.accumulate(data, axis=axis)
@@ -228,7 +228,7 @@ def find_bodies(cells: CellGrid, pour: Pour, ctx: Context = QUIET) -> list[Body]
 
 
 class Pour:
-    """Water poured on places of the cells.
+    """Simulation of water that is poured on cells and spreads at its level.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ class Pour:
     Attributes
     ----------
     least : cells of a body
-    first : cells of a place to begin with
+    first : cells to begin with
     state : array of shape (rows, cols), TAKEN where a body has been found
     """
 
@@ -250,7 +250,7 @@ class Pour:
         self.stack = np.empty(self.floor.size, np.int32)
 
     def on(self, starts: Ints, level: float, tilt: Tilt) -> list[Body]:
-        """The body that holds water poured to a level on some cells, if there is one."""
+        """The body that holds water poured on some cells up to a level; empty if it runs off."""
         if (self.state.ravel()[starts] == TAKEN).mean() > 0.5:  # found from elsewhere
             return []
         metre = self.cells.metre
@@ -266,7 +266,7 @@ class Pour:
         return [judged] if judged else []
 
     def again(self, body: Body, level: float, crest: float, tilt: Tilt) -> Body:
-        """The body with all cells that its waves reach, up to a crest above its level."""
+        """The body extended to all cells that its waves reach, up to a crest above its level."""
         metre = self.cells.metre
         top = level - self.cells.base + max(crest, STEP * metre)
         wider, _ = self._spread(body.cells, top, -np.inf, 0, tilt)
@@ -276,7 +276,7 @@ class Pour:
     def _spread(
         self, starts: Ints, level: float, below: float, most_lower: int, tilt: Tilt
     ) -> tuple[Ints, int]:
-        """Cells that water at a level covers, and how many of them lie low."""
+        """Cells that water at a level covers, and how many of them lie clearly below it."""
         floor, middle = self.floor, self.cells.middle
         if tilt != LEVEL:
             rows, cols = floor.shape
@@ -291,7 +291,7 @@ class Pour:
 
 
 def _fit(cells: CellGrid, some: Ints, heights: Floats) -> tuple[float, Tilt]:
-    """Plane through heights at some cells."""
+    """Level and tilt of the least-squares plane through heights at cells."""
     r, c = some // cells.lattice.cols, some % cells.lattice.cols
     row, col = float(r.mean()), float(c.mean())
     design = np.column_stack([np.ones(len(some)), r - row, c - col])
@@ -300,7 +300,7 @@ def _fit(cells: CellGrid, some: Ints, heights: Floats) -> tuple[float, Tilt]:
 
 
 def _holes(cells: CellGrid, least: int) -> Iterator[Pool]:
-    """Holes in the data, with the level at their edge.
+    """Holes in the data as starting cells, with the level at their edges.
 
     The edge of a lake is at one level, that of a shadow or of a gap between strips follows the
     terrain, and so does that of a river.
@@ -321,7 +321,7 @@ def _holes(cells: CellGrid, least: int) -> Iterator[Pool]:
 
 
 def _tilt_of(cells: CellGrid, edge: Ints) -> Tilt:
-    """Slope on which the lowest points of the sectors of an edge lie, if they lie on one."""
+    """Tilt of the plane through the lowest points along an edge; LEVEL if they lie on none."""
     r, c = edge // cells.lattice.cols, edge % cells.lattice.cols
     order = np.lexsort((cells.low.ravel()[edge], c // SECTOR, r // SECTOR))
     sector = np.stack([r // SECTOR, c // SECTOR])[:, order]
@@ -342,7 +342,7 @@ def _tilt_of(cells: CellGrid, edge: Ints) -> Tilt:
 
 
 def _slopes(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
-    """Calm places on a plane, where pulses were lost: rivers."""
+    """Calm tilted areas with few returns, which may be rivers, with their levels and tilts."""
     on_land = cells.density * cells.lattice.cell**2
     for place in _patches(where, least):
         heights = cells.middle.ravel()[place]
@@ -355,7 +355,7 @@ def _slopes(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
 
 
 def _level_places(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
-    """Places at one level each, of patches that are calm or of a class of water."""
+    """Cells at one level each, from patches that are calm or of a class of water."""
     step = STEP * cells.metre
     for place in _patches(where, least):
         rest = place
@@ -371,7 +371,7 @@ def _level_places(cells: CellGrid, where: Mask, least: int) -> Iterator[Pool]:
 
 
 def _patches(mask: Mask, least: int) -> Iterator[Ints]:
-    """Indices of the cells of each connected patch of at least so many cells."""
+    """Indices of the cells of each connected patch of at least `least` cells."""
     labels, _ = ndimage.label(mask)
     sizes = np.bincount(labels.ravel())
     order = np.argsort(labels.ravel(), kind="stable")
@@ -382,7 +382,7 @@ def _patches(mask: Mask, least: int) -> Iterator[Ints]:
 
 
 def around(lattice: Lattice, some: Ints, width: int) -> Ints:
-    """Cells within a width of some cells, but not these."""
+    """Indices of the cells within a number of cells of some, without these."""
     (top, left), mask = window(lattice, some, width)
     ring = ndimage.binary_dilation(mask, np.ones((3, 3), bool), iterations=width) & ~mask
     r, c = np.nonzero(ring)
@@ -390,7 +390,7 @@ def around(lattice: Lattice, some: Ints, width: int) -> Ints:
 
 
 def window(lattice: Lattice, some: Ints, margin: int) -> tuple[tuple[int, int], Mask]:
-    """First row and column, and mask, of the smallest window with a margin around some cells."""
+    """First row and column, and mask, of the smallest window around cells with a margin."""
     r, c = some // lattice.cols, some % lattice.cols
     top, left = max(0, r.min() - margin), max(0, c.min() - margin)
     bottom = min(lattice.rows, r.max() + margin + 1)
@@ -401,9 +401,9 @@ def window(lattice: Lattice, some: Ints, margin: int) -> tuple[tuple[int, int], 
 
 
 def judge(cells: CellGrid, body: Ints, level: float, tilt: Tilt = LEVEL) -> Body | None:
-    """What speaks for water in a place that holds it; None where too little does.
+    """The body with the evidence that it is water; None if that is too weak.
 
-    A place that swallows pulses is water, unless it is narrow as shadows are. One that returns
+    An area that returns no pulses is water, unless it is narrow as shadows are. One that returns
     them must be level, and very dark or large.
     """
     count, bright = cells.count.ravel(), cells.bright.ravel()
@@ -431,7 +431,7 @@ def judge(cells: CellGrid, body: Ints, level: float, tilt: Tilt = LEVEL) -> Body
 
 
 def separation(water: Floats, land: Floats) -> float:
-    """Largest difference between the distributions of two samples, where water is the darker."""
+    """Largest difference of the distribution functions of two samples, where water is darker."""
     if not (len(water) and len(land)):
         return 0.0
     water, land = np.sort(water), np.sort(land)
@@ -441,7 +441,7 @@ def separation(water: Floats, land: Floats) -> float:
 
 
 def _is_level(cells: CellGrid, some: Ints) -> bool:
-    """Whether cells lie on a level surface; a dry field is never as level."""
+    """Whether cells lie on one level surface, more exactly than fields do."""
     core = core_of(cells, some)
     core = core[np.isfinite(cells.middle.ravel()[core])]
     if len(core) < KNOWN:
@@ -453,7 +453,7 @@ def _is_level(cells: CellGrid, some: Ints) -> bool:
 
 
 def core_of(cells: CellGrid, body: Ints, share: float = CORE) -> Ints:
-    """Cells of a body that are far from its edge, where flat banks may count as water.
+    """Indices of the cells of a body far from its edge, where flat banks may count as water.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Loops over the cells of a survey and over water that spreads in them."""
+"""Compiled loops over cells: statistics of points, and water that spreads."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ NEIGHBOURS = ((-1, 0), (0, -1), (0, 1), (1, 0))  # of a cell: water does not cre
 
 @njit(cache=True, nogil=True)
 def gather(cells, z, intensity, is_water, low, count, bright, water):
-    """Enter points: lowest height, number, sum of intensities, number of class water."""
+    """Add points to their cells: lowest height, count, sum of intensities, count of class water."""
     for i in range(len(cells)):
         k = cells[i]
         low[k] = min(low[k], z[i])
@@ -21,7 +21,7 @@ def gather(cells, z, intensity, is_water, low, count, bright, water):
 
 @njit(cache=True, nogil=True)
 def surroundings(low, first, last, reach, middle, spread, known):
-    """Median, 20 to 80 % spread and number of the heights within `reach` cells of each cell."""
+    """Fill in median, 20-80 % range and number of the heights within `reach` cells of each cell."""
     rows, cols = low.shape
     held = np.empty((2 * reach + 1) ** 2, low.dtype)
     for r in range(first, last):
@@ -41,7 +41,7 @@ def surroundings(low, first, last, reach, middle, spread, known):
 
 @njit(cache=True, nogil=True)
 def spread(heights, middle, level, below, most_lower, starts, state, stack):
-    """Let water spread from cells at its level to all it can reach; how many cells, how many lower.
+    """Spread water at a level from cells; number of cells reached, and of those lying lower.
 
     A cell is reached when its height is at most the level; `heights` is infinite on land and
     minus infinite where nothing is known, so that water spreads over it. It stops early where

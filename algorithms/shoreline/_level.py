@@ -1,4 +1,4 @@
-"""Levels from heights: modes, which neither banks above nor errors below can move."""
+"""Levels of water from heights, by modes: neither banks above nor errors below affect them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROUNDS = 10  # of narrowing down; it settles after few
 
 
 def mode(heights: NDArray[np.floating[Any]], width: float) -> float:
-    """Middle of the fullest interval of a width; of equally full ones the lowest."""
+    """Median of the heights in the fullest interval of a width, the lowest of equally full ones."""
     h = np.sort(heights)
     ends = np.searchsorted(h, h + width, side="right")
     first = int(np.argmax(ends - np.arange(len(h))))
@@ -28,7 +28,7 @@ def mode(heights: NDArray[np.floating[Any]], width: float) -> float:
 
 
 def lowest_mode(heights: NDArray[np.floating[Any]], width: float) -> float:
-    """Middle of the lowest interval of a width that holds a share of FEW of the heights."""
+    """Median of the heights in the lowest interval of a width that holds a share of FEW of them."""
     h = np.sort(heights)
     ends = np.searchsorted(h, h + width, side="right")
     many = ends - np.arange(len(h)) >= max(3, FEW * len(h))
@@ -60,14 +60,14 @@ class Level:
     centre: tuple[float, float] = (0.0, 0.0)
 
     def at(self, xy: Floats) -> Floats:
-        """Height at places of shape (n, 2)."""
+        """Heights of the surface at positions of shape (n, 2)."""
         if self.gradient == (0.0, 0.0):
             return np.full(len(xy), self.height)
         return np.asarray(self.height + (xy - np.array(self.centre)) @ np.array(self.gradient))
 
 
 def level_of(xyz: Floats, core: NDArray[np.bool_], start: float, metre: float) -> Level:
-    """Level from points on the water.
+    """Level of a water body from points on the water.
 
     Banks, boats and reeds above and errors below hardly move it: of the points within three
     standard deviations of their own median the mean is taken.
@@ -81,7 +81,8 @@ def level_of(xyz: Floats, core: NDArray[np.bool_], start: float, metre: float) -
 
     Notes
     -----
-    Waves and strips err alike within a place: the standard error is that of means of squares.
+    Errors by waves and strips are alike within a square, so the standard error is that of the means
+    of squares.
     """
     every, xyz = xyz[:, 2], xyz[core]
     heights, middle, sigma = xyz[:, 2], start, FIRST_SIGMA * metre
@@ -107,7 +108,7 @@ def level_of(xyz: Floats, core: NDArray[np.bool_], start: float, metre: float) -
 
 
 def edge_level(xyz: Floats, start: float, metre: float) -> Level:
-    """Level from points on the shore, where the water returned none.
+    """Level of a water body without returns, from points on its shore.
 
     The lowest points on a bank lie between the level and a spacing up the slope: their heights
     begin at the level. That is where their number per height reaches half of its most.

@@ -1,4 +1,4 @@
-"""Rings of shores as polygons, lines and corners with what is known of them."""
+"""Outlines of water bodies as polygons, lines and vertices with their attributes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ALIKE = 20.0  # m of a shore along which errors are taken to be alike
 
 @dataclass(frozen=True)
 class Outline:
-    """A drawn body.
+    """The outline of a water body, with what its attributes are made of.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Outline:
 
     @property
     def polygons(self) -> list[shapely.Polygon]:
-        """One for each part, at the level of the water."""
+        """Polygons of the body, one for each of its separate areas, at the level of the water."""
         rings = [self._raised(ring) for ring in self.shore.rings]
         return [shapely.Polygon(rings[p[0]], [rings[k] for k in p[1:]]) for p in self.parts]
 
@@ -57,7 +57,7 @@ class Outline:
         return np.column_stack([ring, self.water.level.at(ring)])
 
     def rows(self) -> Iterator[tuple[shapely.Polygon, Row]]:
-        """Polygons with what is known of them."""
+        """Polygons with their attributes."""
         level, body, metre = self.water.level, self.water.body, self.cells.metre
         for polygon, part in zip(self.polygons, self.parts, strict=True):
             sigma, length, is_open = (
@@ -88,7 +88,7 @@ class Outline:
             )
 
     def _sides(self, ring: int) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-        """Standard deviation, length and openness of each side of a ring."""
+        """Standard deviation, length and whether it is an edge of the data, of each ring side."""
         xy, sigma, is_open = (
             getattr(self.shore, name)[ring] for name in ("rings", "sigma", "open")
         )
@@ -96,7 +96,7 @@ class Outline:
         return sigma, length, is_open & np.roll(is_open, -1)
 
     def lines(self) -> Iterator[tuple[shapely.LineString, Row]]:
-        """Stretches of the outline of one kind each."""
+        """Lines of the outline, each of one kind, with their attributes."""
         for part in self.parts:
             for place, k in enumerate(part):
                 ring = self._raised(self.shore.rings[k])
@@ -114,7 +114,7 @@ class Outline:
                     )
 
     def corners(self) -> Iterator[tuple[shapely.Point, Row]]:
-        """Corners with their standard deviation across the shore."""
+        """Vertices of the outline, with their standard deviation across the shore."""
         for k in (ring for part in self.parts for ring in part):
             spots = np.asarray(shapely.points(self._raised(self.shore.rings[k])))
             for spot, sigma, edge in zip(
@@ -131,7 +131,7 @@ class Outline:
 
 
 def _stretches(ring: Floats, edge: NDArray[np.bool_]) -> Iterator[tuple[Floats, bool]]:
-    """Cut a ring where its sides change between shore and edge of the data."""
+    """Lines from a ring, cut where its sides change between shore and edge of the data."""
     changes = np.flatnonzero(edge != np.roll(edge, 1))
     if not len(changes):
         yield np.vstack([ring, ring[:1]]), bool(edge[0])
@@ -183,7 +183,7 @@ def draw(
 def _band(
     points: Returns, cells: CellGrid, water: Sequence[Water], ctx: Context
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Points near the edges of bodies, sorted by cell, and their cells."""
+    """Points near the edges of bodies, sorted by cell, and the cell of each."""
     band = np.zeros(cells.low.shape, bool)
     square = np.ones((3, 3), bool)
     for one in water:
@@ -205,7 +205,7 @@ def _band(
 
 
 def _parts(made: Shore, least_area: float, least_island: float) -> list[list[int]]:
-    """Rings of each part: the outer one, then its islands; the largest part comes first."""
+    """Indices of the rings of each polygon: outer ring, then islands; largest polygon first."""
     areas = np.array([area_of(ring) for ring in made.rings])
     outer = [k for k in np.argsort(-areas, kind="stable") if areas[k] > 0]
     outer = [k for rank, k in enumerate(outer) if rank == 0 or areas[k] >= least_area]
@@ -221,7 +221,7 @@ def _parts(made: Shore, least_area: float, least_island: float) -> list[list[int
 
 
 def _smoothed(made: Shore, parts: list[list[int]], length: float) -> Shore:
-    """The same shore without zigzag; where the data end it stays as it is."""
+    """The shore with smoothed rings; along the edge of the data they stay as they are."""
     rings = list(made.rings)
     for part in parts if length else []:
         smooth = smooth_part([rings[k] for k in part], [made.open[k] for k in part], length)

@@ -1,4 +1,4 @@
-"""Last returns of a survey, packed: what is needed of them to find water, in 17 bytes each."""
+"""Last returns of a survey, packed into 17 bytes each: coordinates, intensity and class water."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Returns:
-    """Points that may lie on water or ground.
+    """Last returns, which may lie on water or ground.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Returns:
         return np.asarray(self.packed[which] * UNIT + self.origin)
 
     def blocks(self) -> Iterator[slice]:
-        """Runs of points that are worked on at a time."""
+        """Slices of points to work on one after the other."""
         return (slice(first, last) for first, last in blocks(len(self)))
 
     @classmethod
@@ -58,7 +58,7 @@ class Returns:
         water_classes: Sequence[int] | None,
         ctx: Context = QUIET,
     ) -> Returns:
-        """The last returns, without those withheld or of ignored classes.
+        """The last returns that are neither withheld nor of ignored classes.
 
         Raises
         ------

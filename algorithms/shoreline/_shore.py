@@ -1,7 +1,7 @@
-"""The shoreline of one water body, between its points: finer than cells.
+"""The shoreline of a water body, interpolated between its points.
 
 Points in a band along the edge of the body become a triangulation. Land points tell by their height
-how far above the water they are, and a plane through those nearest to a place of water tells how
+how far above the water they are, and a plane through those nearest to a position on water tells how
 deep the ground should be there. Where a side of a triangle goes from land to water, the shore
 crosses it where the ground reaches the level: neither the last point on land nor the first one on
 water, between which there may be metres.
@@ -47,7 +47,7 @@ WATER, LAND, HOLE, OUTSIDE = 0, 1, 2, 3  # what a place of the band is
 
 @dataclass(frozen=True)
 class Places:
-    """Places in the band along the edge of a body.
+    """Points and empty cell centres in the band along the edge of a body.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Places:
 
 @dataclass(frozen=True)
 class Shore:
-    """The outline of a body.
+    """The outline of a body as rings with standard deviations.
 
     Attributes
     ----------
@@ -160,12 +160,12 @@ def places(
 
 
 def sure_step(level: Level, metre: float) -> float:
-    """Height above the level from which a point is on land."""
+    """Height above the level from which points are surely on land."""
     return max(SURE * level.sigma, LEAST_STEP * metre)
 
 
 def _in_cells(cell_of: Ints, some: Ints) -> Ints:
-    """Indices of the points in some cells, of points sorted by cell."""
+    """Indices of the points in some cells, from points sorted by cell."""
     first = np.searchsorted(cell_of, some, side="left")
     count = np.searchsorted(cell_of, some, side="right") - first
     ends = np.cumsum(count)
@@ -173,7 +173,7 @@ def _in_cells(cell_of: Ints, some: Ints) -> Ints:
 
 
 def _stands(points: Floats, high: Mask, metre: float, ctx: Context) -> Mask:
-    """Points above the water on firm ground: reeds and branches are rough, and hide what is below.
+    """True for points on firm ground; false for those on reeds and branches, which are rough.
 
     A point stands if it and most of its high neighbours lie on a plane, or if nothing around is
     lower than the ground may be.
@@ -200,14 +200,14 @@ def _stands(points: Floats, high: Mask, metre: float, ctx: Context) -> Mask:
 
 
 def _amid_water(d: Floats, water: Floats) -> Mask:
-    """Whether the near points of water are on more than one side; d of shape (n, k, 3)."""
+    """Whether the nearest water points lie on more than one side; d of shape (n, k, 3)."""
     unit = d[..., :2] / np.maximum(np.hypot(d[..., 0], d[..., 1]), 1e-9)[..., None]
     pull = np.hypot(*(unit * water[..., None]).sum(axis=1).T)
     return np.asarray(pull < AROUND * water.sum(axis=1))
 
 
 def _blocks(some: Ints, ctx: Context) -> Iterator[Ints]:
-    """Runs of indices that are worked on at a time."""
+    """Blocks of indices to work on one after the other."""
     for first in range(0, len(some), BLOCK):
         ctx.progress(first / len(some))
         yield some[first : first + BLOCK]
@@ -218,7 +218,7 @@ def _design(d: Floats) -> Floats:
 
 
 def fit_planes(d: Floats, weight: Floats) -> Floats:
-    """Planes by least squares through many small sets of points.
+    """Least-squares planes through many small sets of points.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def _expect_ground(
     density: float,
     ctx: Context,
 ) -> None:
-    """Height of the ground at places of water, from the land near by (in place)."""
+    """Extrapolate the ground below water positions from the land near by (in place)."""
     land, wet = np.flatnonzero(kind == LAND), np.flatnonzero(kind != LAND)
     wet = wet[kind[wet] != OUTSIDE]
     if len(land) < PLANE:
@@ -279,7 +279,7 @@ def _expect_ground(
 
 
 def outline(where: Places, level: Level, cells: CellGrid, ctx: Context) -> Shore:
-    """Rings between water and land in the triangulation of the places."""
+    """Shoreline rings between water and land, from the triangulation of the positions."""
     origin = np.floor(where.xy.min(axis=0))
     mesh = triangulate(where.xy - origin, ctx=ctx)
     wet = where.height < 0
@@ -310,7 +310,7 @@ def outline(where: Places, level: Level, cells: CellGrid, ctx: Context) -> Shore
 
 
 def _no_waves(where: Places, rings: list[Floats], level: Level) -> Mask:
-    """Outer rings, and islands that are higher than waves."""
+    """True for outer rings, and for islands higher than waves."""
     inside = np.array([area_of(ring) < 0 for ring in rings])
     land = np.flatnonzero(where.kind == LAND)
     tree = shapely.STRtree([*map(shapely.Point, where.xy[land])])
@@ -323,7 +323,7 @@ def _no_waves(where: Places, rings: list[Floats], level: Level) -> Mask:
 def _crossings(
     where: Places, i: Ints, j: Ints, wet: Mask, level: Level, cells: CellGrid
 ) -> tuple[Floats, Floats, Mask]:
-    """Where the shore crosses sides of triangles, how sure, and whether the data end there."""
+    """Shoreline points on sides of triangles, their standard deviations, and where the data end."""
     water, land = np.where(wet[i], i, j), np.where(wet[i], j, i)
     length = np.hypot(*(where.xy[land] - where.xy[water]).T)
     share = where.height[land] / (where.height[land] - where.height[water])
@@ -348,7 +348,7 @@ def _crossings(
 
 
 def _rings(follow: Ints) -> list[Ints]:
-    """Closed rings of the sides that follow each other."""
+    """Closed rings of sides, from the side that follows each."""
     rings, left = [], follow.copy()
     for start in range(len(left)):
         ring, at = [], start

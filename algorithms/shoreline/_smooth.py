@@ -1,4 +1,4 @@
-"""Shores without the zigzag that comes from the places of points.
+"""Smoothing of shorelines: the zigzag between single points is taken out.
 
 Each corner of an outline is wrong by up to a point spacing, on its own. The area hardly notices,
 but the zigzag makes the outline longer, the more so the denser the points are. So the corners are
@@ -35,7 +35,7 @@ HALVINGS = 4
 
 
 def smooth_part(rings: Sequence[Floats], fixed: Sequence[Mask], length: float) -> list[Floats]:
-    """Smooth a polygon: as much as is asked for, or less if it would cross itself.
+    """Smooth the rings of a polygon, less than asked for if it would cross itself.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def smooth_part(rings: Sequence[Floats], fixed: Sequence[Mask], length: float) -
 
 
 def smooth_ring(ring: Floats, fixed: Mask, length: float) -> Floats:
-    """Smooth one closed line; see :func:`smooth_part`."""
+    """Smooth one closed line, but for fixed vertices; see :func:`smooth_part`."""
     shape = shapely.Polygon(ring)
     h = min(length, 2 * shape.area / shape.length / WIDTHS)
     if h <= 0 or fixed.all():

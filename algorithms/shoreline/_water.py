@@ -1,4 +1,4 @@
-"""From points to water bodies with their levels: what the tools of this group share."""
+"""Water bodies with their levels from points: what the tools of this group share."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Water:
-    """A body with its level.
+    """A water body with its level.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Water:
 def find_water(
     points: Returns, least_area: float, ctx: Context = QUIET
 ) -> tuple[CellGrid, list[Water]]:
-    """All water bodies of at least an area, the largest first."""
+    """The cells, and all water bodies of at least an area, the largest first."""
     cells = grid(points, ctx.part(0.0, 0.5))
     pour = Pour(cells, least_area)
     bodies = find_bodies(cells, pour, ctx.part(0.5, 0.7))
@@ -80,7 +80,7 @@ def _by_size(water: Water) -> tuple[int, int]:
 
 
 def _filled(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> list[Water]:
-    """The bodies with all cells below their levels; stretches of one river become one."""
+    """Bodies extended to all cells below their levels; bodies that then overlap become one."""
     pour.state[:] = 0
     filled = []
     for water in sorted(found, key=lambda one: (one.fall == 0, _by_size(one))):
@@ -92,7 +92,7 @@ def _filled(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> list[Water]:
 
 
 def _tilt(cells: CellGrid, water: Water) -> Tilt:
-    """The slope of a river in cells."""
+    """The tilt of a river, in rows and columns."""
     if not water.fall:
         return LEVEL
     lattice, (east, north) = cells.lattice, water.level.gradient
@@ -101,7 +101,7 @@ def _tilt(cells: CellGrid, water: Water) -> Tilt:
 
 
 def lattice_place(cells: CellGrid, x: Any, y: Any) -> tuple[Any, Any]:
-    """Rows and columns of places, whole numbers at the middle of cells."""
+    """Fractional rows and columns of positions; cell centres have whole numbers."""
     lattice = cells.lattice
     return (lattice.north - y) / lattice.cell - 0.5, (x - lattice.west) / lattice.cell - 0.5
 
@@ -109,7 +109,7 @@ def lattice_place(cells: CellGrid, x: Any, y: Any) -> tuple[Any, Any]:
 def with_levels(
     points: Returns, cells: CellGrid, bodies: Sequence[Body], ctx: Context = QUIET
 ) -> list[Water]:
-    """The level of each body from the points on it."""
+    """Bodies with their levels, from the points on them."""
     label = np.zeros(cells.low.shape, np.int32)
     for number, body in enumerate(bodies, 1):
         label.ravel()[_sampled(cells, body.cells)] = number
@@ -127,7 +127,7 @@ def with_levels(
 
 
 def _sampled(cells: CellGrid, body: Ints) -> Ints:
-    """Cells of a body whose points tell its level: not at its edge, and not more than needed."""
+    """Cells of a body whose points give its level: not at its edge, no more than needed."""
     count = cells.count.ravel()
     if count[core_of(cells, body)].sum() < FEW_RETURNS:
         return np.union1d(body, around(cells.lattice, body, 1))
@@ -137,7 +137,7 @@ def _sampled(cells: CellGrid, body: Ints) -> Ints:
 
 
 def _surface(cells: CellGrid, body: Body, xyz: Floats) -> Water:
-    """The level of a body, or the plane of a river."""
+    """A body with its level, or with the plane of a river."""
     lattice, metre = cells.lattice, cells.metre
     xs, ys = lattice.centres()
     r, c = body.cells // lattice.cols, body.cells % lattice.cols
@@ -168,14 +168,14 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats) -> Water:
 
 
 def place_of(cells: CellGrid, water: Water) -> tuple[float, float]:
-    """Middle of a cell of a body: that in the middle of its list."""
+    """Centre of a cell of a body, one in the middle of the list of its cells."""
     xs, ys = cells.lattice.centres()
     some = water.body.cells[len(water.body.cells) // 2]
     return float(xs[some % cells.lattice.cols]), float(ys[some // cells.lattice.cols])
 
 
 def name_of(cells: CellGrid, water: Water) -> str:
-    """A body by its place and size, for messages."""
+    """Text that names a body by its position and size, for messages."""
     x, y = place_of(cells, water)
     return (
         f"water of {len(water.body.cells) * cells.area / cells.metre**2:.0f} m2 at {x:.1f},{y:.1f}"
@@ -183,7 +183,7 @@ def name_of(cells: CellGrid, water: Water) -> str:
 
 
 def sloping(cells: CellGrid, water: Water) -> str:
-    """How a river falls, for messages."""
+    """Text on the fall of a river, for messages."""
     east, north = water.level.gradient
     towards = math.degrees(math.atan2(-east, -north)) % 360
     return (
@@ -194,7 +194,7 @@ def sloping(cells: CellGrid, water: Water) -> str:
 
 
 def tell(cells: CellGrid, found: Sequence[Water]) -> None:
-    """Log what was found, and by what; of very many bodies the largest."""
+    """Log the bodies and their evidence; if there are many, the largest ones."""
     metre = cells.metre
     log.info(
         "%d water bodies in cells of %.2f m, land has %.1f points per m2",
@@ -217,7 +217,7 @@ def tell(cells: CellGrid, found: Sequence[Water]) -> None:
 
 
 def at_place(cells: CellGrid, found: Sequence[Water], place: Position) -> int:
-    """Number of the body at a place.
+    """Index of the body at a position.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Alpha shapes: what area do points cover?
+"""Alpha shapes: polygons around the area that points cover.
 
 How alpha is chosen, how exact and how fast it is: docs/explanation/alpha-shapes.md.
 
@@ -79,18 +79,18 @@ class ShorelineAlphaShape:
         outside_share: float = sink("Share of the points that are in no polygon", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """The choice of points, and a name for the groups."""
+        """The points have the classes, and the group has a free name."""
         if self.classes and "classification" not in self.points:
             yield "classes", f"{self.points.name} has no classification"
         if self.group in OWN:
             yield "group", f"{self.group} is what an attribute of the polygons is called; rename it"
 
     def halo(self) -> float:
-        """A region may run through the whole survey."""
+        """Infinite, as a region may run through the whole survey."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> ShorelineAlphaShape.Outputs:
-        """Draw the shape, or one after the other."""
+        """Draw one shape, or one for each group."""
         cloud, keep = self.points, np.ones(len(self.points), bool)
         if self.classes:
             keep = np.isin(cloud["classification"], self.classes)
@@ -119,7 +119,7 @@ class ShorelineAlphaShape:
     def _shapes(
         self, xy: NDArray[np.float64], keep: NDArray[np.bool_], ctx: Context
     ) -> Iterator[tuple[Any, AlphaShape]]:
-        """Value of the group, None if there are no groups, and shape."""
+        """Value of each group (None without groups) and its alpha shape."""
         thresholds = {
             "hole_threshold": self.hole_threshold,
             "region_threshold": self.region_threshold,
@@ -147,7 +147,7 @@ class ShorelineAlphaShape:
             log.warning("%d of %d groups do not span a triangle", without, len(groups))
 
     def _frame(self, made: list[tuple[Any, AlphaShape]]) -> geopandas.GeoDataFrame:
-        """One row per polygon."""
+        """Polygons with their attributes, one row each."""
         import geopandas
         import shapely
 
@@ -165,7 +165,7 @@ class ShorelineAlphaShape:
 
 
 def _rings(frame: geopandas.GeoDataFrame) -> geopandas.GeoDataFrame:
-    """Outer rings and holes as lines; polygons are counted from 1."""
+    """Outer rings and holes as lines; polygons are numbered from 1."""
     import geopandas
     import shapely
 

@@ -1,4 +1,4 @@
-"""Water bodies out of a point cloud: outline, level, and how far both may be wrong.
+"""Water bodies from a point cloud: outlines and levels, with their uncertainty.
 
 How it works, how exact it is and what it cannot know: docs/explanation/shoreline.md.
 
@@ -84,17 +84,17 @@ class ShorelineExtract:
         count: int = sink("Number of bodies given", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """One body is at a place."""
+        """A seed point is not combined with all bodies."""
         if self.seed_point and self.bodies == "all":
             yield "bodies", "must be largest with a seed_point"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """Classes must be there to be used."""
+        """The points have a classification if classes are used."""
         if self.water_classes and "classification" not in self.points.names:
             yield "water_classes", f"{self.points.name} has no classification"
 
     def halo(self) -> float:
-        """A body may be of any size."""
+        """Infinite, as a body may be of any size."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> ShorelineExtract.Outputs:
@@ -119,7 +119,7 @@ class ShorelineExtract:
         return self._packed(outlines)
 
     def _chosen(self, cells: CellGrid, water: Sequence[Water]) -> list[int]:
-        """Which bodies to give."""
+        """Indices of the bodies to give out."""
         tell(cells, water)
         every = list(range(len(water)))
         chosen = every if self.bodies == "all" else every[:1]
@@ -151,7 +151,7 @@ class ShorelineExtract:
 
 
 def _warn(outlines: Sequence[Outline]) -> None:
-    """Say what may not be what is wanted."""
+    """Log what may not be as the user intended."""
     if not outlines:
         log.warning("points: no water was found")
     for outline in outlines:

@@ -1,4 +1,4 @@
-"""Storage curves: how much water a basin holds up to each level.
+"""Storage curves: area and volume of the water in a basin at each level.
 
 The rules, and how exact the figures are: docs/explanation/storage-curves.md.
 """
@@ -98,7 +98,7 @@ class ShorelineStorageCurve:
         missing_share: float = sink("Share of the outline, or of all, without ground", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Levels in order, and a place only where it matters."""
+        """The levels are in order, and a seed point is given only for connected water."""
         low, high = self.lowest, self.highest
         if low is not None and high is not None and low >= high:
             yield "lowest", f"must be < highest ({high:g}), got {low:g}"
@@ -106,7 +106,7 @@ class ShorelineStorageCurve:
             yield "seed_point", "is for connected water; with fill all it would make no difference"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """One kind of ground, and only settings that go with it."""
+        """There is one source of ground, and only settings that go with it."""
         if (self.points is None) == (self.terrain is None):
             yield "points", "give points or a terrain, one of both"
             return
@@ -120,11 +120,11 @@ class ShorelineStorageCurve:
             yield "classes", f"{self.points.name} has no classification"
 
     def halo(self) -> float:
-        """A basin may run through the whole survey."""
+        """Infinite, as a basin may run through the whole survey."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> ShorelineStorageCurve.Outputs:
-        """Fill the basin."""
+        """Fill the basin, and sum up its water level by level."""
         ground: Any = self.points if self.terrain is None else self.terrain
         basin = self._basin(ctx.part(0, 0.6))
         if basin.missing:
@@ -161,7 +161,7 @@ class ShorelineStorageCurve:
         return PointBasin(self._ground_points(), outline, self.max_gap or math.inf, ctx=ctx)
 
     def _ground_points(self) -> Array:
-        """The points of the classes asked for, of shape (n, 3)."""
+        """The points of the chosen classes, array of shape (n, 3)."""
         cloud = self.points
         assert cloud is not None
         require_finite(cloud.xyz)
@@ -176,7 +176,7 @@ class ShorelineStorageCurve:
         return cloud.xyz
 
     def _fill(self, basin: PointBasin | RasterBasin, highest: float, ctx: Context) -> None:
-        """Find the water that is one, from the place named or from the lowest ground."""
+        """Find the connected water, from the seed point or from the lowest ground."""
         if self.seed_point is None:
             basin.fill(None, highest, ctx=ctx)
             return
@@ -187,7 +187,7 @@ class ShorelineStorageCurve:
             raise DataError(f"seed_point: {x:.12g}, {y:.12g} {err}") from err
 
     def _first(self, ground: float, highest: float) -> float:
-        """The first level, which must leave some up to the last one."""
+        """The first level, checked against the ground and the last level."""
         first = self.lowest
         if first is None:
             first = math.floor(ground / self.step + ROUNDING) * self.step
@@ -199,7 +199,7 @@ class ShorelineStorageCurve:
 
 
 def levels_between(first: float, last: float, step: float) -> Array:
-    """Levels a step apart, and the last one.
+    """Levels that are a step apart, with the last one.
 
     Raises
     ------
@@ -219,7 +219,7 @@ def levels_between(first: float, last: float, step: float) -> Array:
 def storage(
     pieces: Iterable[Pieces], levels: Array, *, ctx: Context = QUIET
 ) -> tuple[Array, Array, Array]:
-    """Area and volume of water below each level, in one pass over triangles of ground.
+    """Area and volume of the water below each level, summed up over triangles of ground.
 
     In a triangle with heights a <= b <= c and area S the water below a level h covers
     S (h - a)^2 / (b - a) / (c - a) up to b, and S less the same from above up to c; the volume is
@@ -250,7 +250,7 @@ def storage(
 def table(
     levels: Array, area: Array, volume: Array, everything: Array, opens: float, ground: Any
 ) -> Table:
-    """The curve in metres, and its levels in the unit of the heights too."""
+    """Table of the storage curve in metres; levels also in the unit of the heights."""
     square = ground.metre**2
     apart = np.where(everything - area > ROUNDING * everything, everything - area, 0.0)
     frame = pd.DataFrame(
@@ -271,7 +271,7 @@ def table(
 
 
 def height_system(crs: CRS | None) -> str:
-    """What the levels refer to, and their unit."""
+    """Name of the height system that the levels refer to, with its unit."""
     if crs is None:
         return "not stated"
     system, *vertical = [part.name for part in crs.sub_crs_list] or [crs.name]

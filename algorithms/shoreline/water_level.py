@@ -1,4 +1,4 @@
-"""The level of water bodies: not the lowest point, and not one for each tile.
+"""Levels of water bodies, each from all of its points.
 
 How exact it is: docs/explanation/shoreline.md.
 """
@@ -49,12 +49,12 @@ class ShorelineWaterLevel:
         level_error: float | None = sink("Its standard error", unit="m")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """Classes must be there to be used."""
+        """The points have a classification if classes are used."""
         if self.water_classes and "classification" not in self.points.names:
             yield "water_classes", f"{self.points.name} has no classification"
 
     def halo(self) -> float:
-        """A body may be of any size."""
+        """Infinite, as a body may be of any size."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> ShorelineWaterLevel.Outputs:
@@ -82,7 +82,7 @@ class ShorelineWaterLevel:
 
 
 def on_polygons(cells: CellGrid, shapes: Any) -> Iterator[Body]:
-    """The cells on each polygon and at its edge, the largest polygon first.
+    """Bodies from the cells on each polygon and at its edge, the largest polygon first.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def on_polygons(cells: CellGrid, shapes: Any) -> Iterator[Body]:
 
 
 def row_of(cells: CellGrid, number: int, water: Water) -> dict[str, Any]:
-    """What the table says of a body."""
+    """Table row of a body."""
     level, metre = water.level, cells.metre
     x, y = place_of(cells, water)
     return {

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 class Bands(NamedTuple):
-    """What is known of each cell; arrays of shape (rows, cols).
+    """Raster of gridded values, and of what supports them; arrays of shape (rows, cols).
 
     Attributes
     ----------
@@ -57,11 +57,11 @@ def grid(
     uncertainty: bool = False,
     ctx: Context = QUIET,
 ) -> Bands:
-    """Values at the centres of cells from points anywhere.
+    """Gridded values at the cell centres of a lattice, from values at scattered points.
 
     Parameters
     ----------
-    xy : array of shape (n, 2); for interpolation, points at one place are averaged
+    xy : array of shape (n, 2); for interpolation, points at one position are averaged
     values : array of shape (n,), finite
     lattice : the cells
     method, max_gap, power, ... : see :class:`SurfaceGrid`; lengths in the unit of xy
@@ -109,7 +109,7 @@ def _on_triangles(
     uncertainty: bool,
     ctx: Context,
 ) -> Bands:
-    """The methods that look at triangles; nothing where there are none, if there may be gaps."""
+    """Values by a method on triangles; no data if no triangle exists and a maximum gap is given."""
     try:
         tin = Tin(xy, lattice, gap, ctx=ctx.part(0.0, 0.7))
     except DataError as err:
@@ -141,7 +141,7 @@ def _from_nearest(
     uncertainty: bool,
     ctx: Context,
 ) -> Bands:
-    """The methods that look at distances."""
+    """Values from the nearest points: inverse distance weighting or nearest neighbour."""
     if not len(xy):
         return _nothing(lattice, uncertainty)
     there = near.buckets(xy, lattice.rows * lattice.cols, ctx=ctx.part(0.0, 0.2))
@@ -156,7 +156,7 @@ def _from_nearest(
 
 
 def _supported(bands: Bands, xy: Array, lattice: Lattice, ctx: Context) -> Bands:
-    """With the number of points (three, if nothing else is said), and the distance to one."""
+    """Bands with the number of points used (3 on triangles) and the distance to the nearest."""
     used, nearest = bands.used, bands.nearest
     if used is None:
         used = np.where(np.isfinite(bands.surface), 3, 0)
@@ -172,6 +172,6 @@ def _supported(bands: Bands, xy: Array, lattice: Lattice, ctx: Context) -> Bands
 
 
 def _nothing(lattice: Lattice, uncertainty: bool) -> Bands:
-    """No data anywhere."""
+    """Bands without data in any cell."""
     empty, zero = np.full(lattice.shape, np.nan), np.zeros(lattice.shape)
     return Bands(empty, zero, error=empty.copy() if uncertainty else None)

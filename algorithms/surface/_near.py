@@ -1,4 +1,4 @@
-"""Surfaces from the nearest points: inverse distance weighting, and the nearest alone."""
+"""Surfaces from the nearest points: inverse distance weighting and nearest neighbour."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 class Weighting(NamedTuple):
-    """How much the points around a place count.
+    """Which points around a position count in a mean, and with which weights.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ def buckets(xy: Array, cells: int, *, ctx: Context = QUIET) -> Buckets:
 
 @njit(cache=True, nogil=True)
 def _count(xy, west, south, size, rows, cols):
-    """Where the points of each square would begin."""
+    """Start of the points of each square in the sorted points."""
     starts = np.zeros(rows * cols + 1, np.int64)
     for i in range(len(xy)):
         starts[int((xy[i, 1] - south) / size) * cols + int((xy[i, 0] - west) / size) + 1] += 1
@@ -102,7 +102,7 @@ def _count(xy, west, south, size, rows, cols):
 
 @njit(cache=True, nogil=True)
 def _fill(xy, west, south, size, cols, starts):
-    """Indices of the points, square by square."""
+    """Indices of the points, sorted by square."""
     order, free = np.empty(len(xy), np.int32), starts[:-1].copy()
     for i in range(len(xy)):
         square = int((xy[i, 1] - south) / size) * cols + int((xy[i, 0] - west) / size)
@@ -113,7 +113,7 @@ def _fill(xy, west, south, size, cols, starts):
 
 @njit(cache=True, nogil=True)
 def _gather(xy, order, first, last, out):
-    """Fill in the points first..last of the order."""
+    """Copy the coordinates of points first..last of the order to the sorted array."""
     for i in range(first, last):
         out[i, 0], out[i, 1] = xy[order[i], 0], xy[order[i], 1]
 
@@ -127,13 +127,13 @@ def weighted(
     *,
     ctx: Context = QUIET,
 ) -> tuple[Array, NDArray[np.int32], Array]:
-    """Means of the nearest points, weighted by the inverse of their distance.
+    """Means of the nearest points of each cell centre, weighted by the inverse of their distance.
 
     Of points equally far from a centre those count that come first by x, then y.
 
     Parameters
     ----------
-    there : the points, each place once, in the order of x, then y
+    there : the points, each position once, in the order of x, then y
     values : array of shape (n,), in the order of the points given
     lattice : the cells
     weighting : which count and how much
@@ -161,7 +161,7 @@ def weighted(
 
 
 def left_out(there: Buckets, values: Array, weighting: Weighting, *, ctx: Context = QUIET) -> Array:
-    """Squared error at each point of the mean of the points nearest to it.
+    """Squared leave-one-out error of each point: its value against the mean of its neighbours.
 
     Returns
     -------
@@ -182,7 +182,7 @@ def left_out(there: Buckets, values: Array, weighting: Weighting, *, ctx: Contex
 def _weigh_cells(
     there, values, first, last, xs, ys, cell, weighting, max_gap, surface, used, nearest
 ):
-    """Fill in the rows first..last."""
+    """Fill in the cells of the rows first..last."""
     k = weighting.neighbours
     most, far, near = np.empty(k), np.empty(4 * k + 64), np.empty(4 * k + 64, np.int32)
     for row in range(first, last):
@@ -199,7 +199,7 @@ def _weigh_cells(
 
 @njit(cache=True, nogil=True)
 def _leave_out(there, values, first, last, weighting, squares):
-    """Fill in the points first..last of the buckets."""
+    """Fill in the squared errors of the points first..last of the buckets."""
     k = weighting.neighbours
     most, far, near = np.empty(k), np.empty(4 * k + 64), np.empty(4 * k + 64, np.int32)
     for i in range(first, last):
@@ -211,7 +211,7 @@ def _leave_out(there, values, first, last, weighting, squares):
 
 @njit(cache=True, nogil=True)
 def _mean(values, near, far, found, weighting):
-    """Weighted mean of points at squared distances, the nearest first."""
+    """Weighted mean of points from their squared distances, the nearest first."""
     least = far[0] + weighting.smoothing**2
     if least == 0.0:
         return values[near[0]]
@@ -226,7 +226,7 @@ def _mean(values, near, far, found, weighting):
 
 @njit(cache=True, nogil=True)
 def _search(there, x, y, own, reach, bound, most, far, near):
-    """Find the len(most) points nearest to a place, but for point `own`, within `reach`.
+    """Find the len(most) points nearest to a position, except point `own`, within `reach`.
 
     Parameters
     ----------
@@ -283,9 +283,9 @@ def _search(there, x, y, own, reach, bound, most, far, near):
 
 @njit(cache=True, nogil=True)
 def _lower(square, most):
-    """Sort a number into the least so far, the largest first.
+    """Insert a number into an array of the least numbers so far, the largest first.
 
-    All places are worked out without a branch, which the processor does in parallel.
+    All elements are computed without a branch, so that the processor can do it in parallel.
     """
     last = len(most) - 1
     for j in range(last):
@@ -296,7 +296,7 @@ def _lower(square, most):
 
 @njit(cache=True, nogil=True)
 def _first(found, most, reach, far, near):
-    """Keep the nearest, in order; of equally near ones those that are first by number."""
+    """Keep the nearest points, sorted by distance, then by index; the number kept."""
     kept = 0
     for k in range(found):
         square, i = far[k], near[k]
@@ -313,7 +313,7 @@ def _first(found, most, reach, far, near):
 
 @njit(cache=True, nogil=True)
 def _enough(there, x, y, wanted):
-    """A distance within which there are as many points as wanted; inf if there are not."""
+    """Distance within which there are at least `wanted` points; inf if there are fewer in all."""
     _, _, starts, west, south, size, rows, cols = there
     col = min(max(math.floor((x - west) / size), 0), cols - 1)
     row = min(max(math.floor((y - south) / size), 0), rows - 1)

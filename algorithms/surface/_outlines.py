@@ -1,4 +1,4 @@
-"""Lines and polygons that shape a surface: breaklines, exclusions, and where it ends."""
+"""Lines and polygons that shape a surface: breaklines, exclusions and boundaries."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Shapes = NDArray[Any]  # of shapely geometries
 
 
 def lines(layer: Vector, name: str) -> Shapes:
-    """The lines of a layer, and the outlines of its polygons.
+    """Lines of a layer, and the boundaries of its polygons as lines.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def lines(layer: Vector, name: str) -> Shapes:
 
 
 def require_heights(shapes: Shapes, layer: Vector, name: str) -> None:
-    """Make sure that every vertex has one, where a shape has heights at all.
+    """Raise an error if a vertex of shapes with heights has none.
 
     Raises
     ------
@@ -52,19 +52,19 @@ def require_heights(shapes: Shapes, layer: Vector, name: str) -> None:
 
 
 def outlines(shapes: Shapes) -> Shapes:
-    """Polygons as the lines around them and around their holes."""
+    """Shapes with each polygon replaced by its rings: the outer one and those of its holes."""
     areas = np.array([shape.geom_type == "Polygon" for shape in shapes], bool)
     rings: Shapes = shapely.get_parts(shapely.boundary(shapes[areas]))
     return np.concatenate([shapes[~areas], rings])
 
 
 def with_heights(shapes: Shapes) -> NDArray[np.bool_]:
-    """Which shapes have heights (Z)."""
+    """True for shapes that have heights (Z)."""
     return np.asarray(shapely.has_z(shapes))
 
 
 def holds(shapes: Shapes, xy: Array, *, ctx: Context = QUIET) -> NDArray[np.bool_]:
-    """Which places of shape (n, 2) lie in the polygons or on their edge."""
+    """True for positions of shape (n, 2) that lie in the polygons or on their boundary."""
     area = shapely.union_all(shapes)
     shapely.prepare(area)
     inside = np.empty(len(xy), bool)
@@ -76,7 +76,7 @@ def holds(shapes: Shapes, xy: Array, *, ctx: Context = QUIET) -> NDArray[np.bool
 
 
 def cells_in(shapes: Shapes, lattice: Lattice, *, ctx: Context = QUIET) -> NDArray[np.bool_]:
-    """Which cells, of shape (rows, cols), have their centre in the polygons or on their edge."""
+    """True for cells, shape (rows, cols), with the centre in the polygons or on their boundary."""
     area = shapely.union_all(shapes)
     shapely.prepare(area)
     inside = np.zeros(lattice.shape, bool)
@@ -92,11 +92,11 @@ def cells_in(shapes: Shapes, lattice: Lattice, *, ctx: Context = QUIET) -> NDArr
 
 
 def steps_at_crossings(shapes: Shapes) -> tuple[Array, Array]:
-    """Where lines with heights meet others, and how much their heights differ there.
+    """Positions where lines with heights meet, and the difference of their heights there.
 
     Returns
     -------
-    places of shape (n, 2), and differences of shape (n,)
+    positions of shape (n, 2), and differences of shape (n,)
     """
     one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
     pair = one < other
@@ -113,7 +113,7 @@ def steps_at_crossings(shapes: Shapes) -> tuple[Array, Array]:
 def with_breaklines(
     xy: Array, values: Array, shapes: Shapes, spacing: float
 ) -> tuple[Array, Array]:
-    """Points with lines among them, so close to each other that triangles do not cross a line.
+    """Points with vertices along breaklines added, dense enough that no triangle crosses a line.
 
     The lines are cut into pieces no longer than the spacing. Points within half of it from the
     middle of a piece are left out: so no point is in the circle around a piece, and each piece is
@@ -128,7 +128,7 @@ def with_breaklines(
 
     Returns
     -------
-    places of shape (m, 2) and their heights of shape (m,)
+    positions of shape (m, 2) and their heights of shape (m,)
     """
     from scipy.spatial import cKDTree  # of which most grids have no need
 
@@ -141,7 +141,7 @@ def with_breaklines(
 
 
 def _pieces(shapes: Shapes, spacing: float) -> tuple[Array, Array]:
-    """Ends of shape (m, 3) of pieces of lines, and their middles of shape (k, 2)."""
+    """Ends of shape (m, 3) and middles of shape (k, 2) of the pieces into which lines are cut."""
     vertices, line = shapely.get_coordinates(shapes, include_z=True, return_index=True)
     first = np.flatnonzero(line[1:] == line[:-1])
     begin, way = vertices[first], vertices[first + 1] - vertices[first]
@@ -156,7 +156,7 @@ def _pieces(shapes: Shapes, spacing: float) -> tuple[Array, Array]:
 
 
 def levels(shapes: Shapes) -> list[tuple[Shapes, float]]:
-    """The polygons with heights that are all the same, and these."""
+    """Polygons whose vertices all have the same height, each with that height."""
     found = []
     for shape in shapes[with_heights(shapes)]:
         heights = shapely.get_coordinates(shape, include_z=True)[:, 2]

@@ -1,4 +1,4 @@
-"""The points that a surface is made of."""
+"""The points from which a surface is made."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from toolbox.errors import DataError
 def samples(
     cloud: PointCloud, attribute: Attribute, keep: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Places of shape (n, 2) and values of shape (n,) of the points of a mask.
+    """Positions of shape (n, 2) and values of shape (n,) of the points of a mask.
 
     Raises
     ------
@@ -29,7 +29,7 @@ def samples(
 
 
 def why_none(cloud: PointCloud, classes: ClassList | None) -> str:
-    """Why no point was chosen."""
+    """Reason why no point was chosen."""
     if len(cloud) and classes and not np.isin(cloud["classification"], classes).any():
         return f"points: none is of class {classes}; classify them first"
     return "points: there are none to grid"

@@ -1,4 +1,4 @@
-"""Statistics of the points in each cell."""
+"""Statistics of the points in each cell of a raster."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def per_cell(
     percentile: float = 95.0,
     ctx: Context = QUIET,
 ) -> tuple[Array, NDArray[np.int32]]:
-    """A statistic of the points in each cell.
+    """Raster of a statistic of the points in each cell, and the number of these points.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def per_cell(
 
 @njit(cache=True, nogil=True)
 def _count(cells, starts):
-    """Where the points of each cell begin; -1 is no cell."""
+    """Fill in the start of the points of each cell; cell number -1 means outside of the raster."""
     for i in range(len(cells)):
         if cells[i] >= 0:
             starts[cells[i] + 1] += 1
@@ -83,7 +83,7 @@ def _count(cells, starts):
 
 @njit(cache=True, nogil=True)
 def _gather(cells, values, starts):
-    """The values, cell by cell."""
+    """Values sorted by cell."""
     found, free = np.empty(starts[-1]), starts[:-1].copy()
     for i in range(len(cells)):
         if cells[i] >= 0:
@@ -94,7 +94,7 @@ def _gather(cells, values, starts):
 
 @njit(cache=True, nogil=True)
 def _summarise(values, starts, first, last, kind, share, surface):
-    """Fill in the cells first..last; sorts their values, so that sums have one order."""
+    """Fill in the cells first..last; sorts the values of each, so that sums have a fixed order."""
     for cell in range(first, last):
         here = values[starts[cell] : starts[cell + 1]]
         n = len(here)
@@ -117,7 +117,7 @@ def _sort(values):
 
 @njit(cache=True, nogil=True)
 def _quantile(values, share):
-    """Of sorted values; between two of them in proportion."""
+    """Quantile of sorted values, interpolated linearly between two of them."""
     place = share * (len(values) - 1)
     i = int(place)
     if i + 1 >= len(values):
@@ -127,7 +127,7 @@ def _quantile(values, share):
 
 @njit(cache=True, nogil=True)
 def _moment(values, kind):
-    """Mean or standard deviation of sorted values; seen from the lowest, to keep the digits."""
+    """Mean or standard deviation of sorted values, computed from the lowest for precision."""
     low, total, squares = values[0], 0.0, 0.0
     for value in values:
         total += value - low

@@ -23,11 +23,11 @@ Array = NDArray[np.float64]
 
 
 class Tin:
-    """A triangulation and the triangle of each cell centre.
+    """A Delaunay triangulation, and the triangle of each cell centre.
 
     Parameters
     ----------
-    xy : array of shape (n, 2), each place once, in the order of x, then y
+    xy : array of shape (n, 2), each position once, in the order of x, then y
     lattice : the cells
     limit : triangles whose circle, in which there is no point, has a larger radius are gaps
     ctx : progress and cancellation
@@ -55,7 +55,7 @@ class Tin:
         )
 
     def linear(self, values: Array, *, ctx: Context = QUIET) -> Array:
-        """The plane of each triangle.
+        """Linear interpolation: the height of the plane of the triangle around each cell centre.
 
         Parameters
         ----------
@@ -77,7 +77,7 @@ class Tin:
         return surface
 
     def natural(self, values: Array, *, ctx: Context = QUIET) -> tuple[Array, NDArray[np.int32]]:
-        """The mean of natural neighbours, weighted by what a cell centre would take from them.
+        """Natural neighbour interpolation: means of the neighbours, weighted by Voronoi area.
 
         Returns
         -------
@@ -97,7 +97,7 @@ class Tin:
         return surface, used
 
     def cubic(self, values: Array, *, ctx: Context = QUIET) -> Array:
-        """A smooth surface through the points; as :meth:`linear`."""
+        """Cubic interpolation: a smooth surface through the points; see :meth:`linear`."""
         surface = np.full(self.lattice.shape, np.nan)
         mesh, (x, y) = self.mesh, self.lattice.centres()
         gradients = self.gradients(values, ctx=ctx.part(0, 0.7))
@@ -111,7 +111,7 @@ class Tin:
         return surface
 
     def gradients(self, values: Array, *, ctx: Context = QUIET) -> Array:
-        """Slopes at the vertices that bend the edges least, all together (Nielson 1983).
+        """Gradients at the vertices that minimise the bending of all edges together (Nielson 1983).
 
         Each depends on those at the other ends of its edges, by half as much at most. STEPS steps
         of Chebyshev's iteration, all vertices at once, leave nothing to speak of, and make the
@@ -150,7 +150,7 @@ class Tin:
         return now
 
     def left_out(self, values: Array, *, ctx: Context = QUIET) -> Array:
-        """Squared error of the plane that is there without a vertex, at its place.
+        """Squared leave-one-out error: value of each vertex against the plane there without it.
 
         Returns
         -------

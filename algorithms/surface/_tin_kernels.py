@@ -1,7 +1,7 @@
 """Compiled loops of :mod:`algorithms.surface._tin`: surfaces over a Delaunay triangulation.
 
 Points are numbered in the order of x, then y. Sums run in the order of these numbers, differences
-are taken from the place itself, and a cell centre on an edge looks at the two ends of that edge
+are taken from the position itself, and a cell centre on an edge looks at the two ends of that edge
 alone. So a value depends on nothing but the points that it is made of: not on other points, not
 on the triangle from which a cell is looked at, not on where a tile begins.
 
@@ -33,7 +33,7 @@ CLOSE = 1e-6  # cells: what rounding may move; candidates this close are put to 
 
 @njit(cache=True, nogil=True)
 def _turned(triangles, t):
-    """Vertices of a triangle, counter-clockwise from the first by number."""
+    """Vertices of a triangle, counter-clockwise, beginning with the lowest index."""
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
     if b < a and b < c:
         return b, c, a
@@ -44,7 +44,7 @@ def _turned(triangles, t):
 
 @njit(cache=True, nogil=True)
 def _squared_radius(ax, ay, bx, by, cx, cy):
-    """Of the circle through three places."""
+    """Squared radius of the circle through three points."""
     ab = (bx - ax) ** 2 + (by - ay) ** 2
     bc = (cx - bx) ** 2 + (cy - by) ** 2
     ca = (ax - cx) ** 2 + (ay - cy) ** 2
@@ -54,7 +54,7 @@ def _squared_radius(ax, ay, bx, by, cx, cy):
 
 @njit(cache=True, nogil=True)
 def _is_gap(xy, triangles, t, limit):
-    """Whether the empty circle of a triangle is larger than the limit."""
+    """Whether the circumcircle of a triangle has a radius larger than the limit."""
     if np.isinf(limit):
         return False
     a, b, c = _turned(triangles, t)
@@ -64,7 +64,7 @@ def _is_gap(xy, triangles, t, limit):
 
 @njit(cache=True, nogil=True)
 def _crossing(ax, ay, bx, by, y, low, high):
-    """Widen low..high by what an edge has at height y."""
+    """Interval low..high, widened by the x at which an edge crosses the line of constant y."""
     if min(ay, by) <= y <= max(ay, by):
         x = ax if ay == by else ax + (y - ay) / (by - ay) * (bx - ax)
         other = bx if ay == by else x
@@ -74,7 +74,7 @@ def _crossing(ax, ay, bx, by, y, low, high):
 
 @njit(cache=True, nogil=True)
 def draw(xy, triangles, first, last, limit, xs, ys, cell, facet):
-    """Enter triangles first..last, if they are no gaps, into the cells whose centre they hold.
+    """Enter triangles first..last, if they are no gaps, into the cells whose centre they contain.
 
     Of two triangles with a centre on their common edge either may be entered.
     """
@@ -112,7 +112,7 @@ def draw(xy, triangles, first, last, limit, xs, ys, cell, facet):
 
 @njit(cache=True, nogil=True)
 def _weights(xy, a, b, c, x, y):
-    """Barycentric weights; one is 0 exactly where the place is on the opposite edge."""
+    """Barycentric weights; one is exactly 0 where the position is on the opposite edge."""
     ax, ay, bx, by, cx, cy = xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1]
     area = orient(ax, ay, bx, by, cx, cy)
     u = orient(bx, by, cx, cy, x, y) / area
@@ -123,7 +123,7 @@ def _weights(xy, a, b, c, x, y):
 
 @njit(cache=True, nogil=True)
 def _edge(a, b, c, u, v, w):
-    """The ends, in rising order, of the edge that a place is on; twice the vertex; or -1, -1."""
+    """End vertices, sorted, of the edge below a position; twice a vertex at it; else -1, -1."""
     if u == 0.0:
         i, j = (c if v == 0.0 else b), (b if w == 0.0 else c)
     elif v == 0.0:
@@ -137,7 +137,7 @@ def _edge(a, b, c, u, v, w):
 
 @njit(cache=True, nogil=True)
 def _share(xy, i, j, x, y):
-    """How far along the edge from i to j a place is, 0..1."""
+    """Fraction of the edge from i to j at which a position lies, 0..1."""
     dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
     return (x - xy[i, 0]) / dx if abs(dx) >= abs(dy) else (y - xy[i, 1]) / dy
 
@@ -155,7 +155,7 @@ def _on_facet(xy, values, triangles, t, x, y):
 
 @njit(cache=True, nogil=True)
 def linear(xy, values, triangles, facet, first, last, xs, ys, surface):
-    """Fill in the columns first..last where there is a triangle."""
+    """Fill in the columns first..last of the surface by linear interpolation, inside triangles."""
     for row in range(len(ys)):
         for col in range(first, last):
             t = facet[row, col]
@@ -168,7 +168,7 @@ def linear(xy, values, triangles, facet, first, last, xs, ys, surface):
 
 @njit(cache=True, nogil=True)
 def _cavity(xy, triangles, neighbours, t, x, y, waiting, rim):
-    """Find the triangles whose circle holds a place that lies in triangle t, and their rim.
+    """Find the triangles whose circumcircle contains a position in triangle t, and their rim.
 
     Edges are numbered 4 t + k, edge k being opposite vertex k. The rim is found in order,
     counter-clockwise, since those triangles form a tree.
@@ -203,7 +203,7 @@ def _cavity(xy, triangles, neighbours, t, x, y, waiting, rim):
 
 @njit(cache=True, nogil=True)
 def _centre(ax, ay, bx, by):
-    """Of the circle through the origin, a and b; infinitely far if they are on a line."""
+    """Centre of the circle through the origin, a and b; infinite if these are collinear."""
     aa, bb, twice = ax * ax + ay * ay, bx * bx + by * by, 2.0 * (ax * by - ay * bx)
     if twice == 0.0:
         return np.inf, np.inf
@@ -212,10 +212,10 @@ def _centre(ax, ay, bx, by):
 
 @njit(cache=True, nogil=True)
 def _stolen(xy, triangles, neighbours, x, y, rim, i, here, there):
-    """What a place takes from the Voronoi cell of the vertex between rim edges i and i + 1.
+    """Twice the area that a position takes from the Voronoi cell between rim edges i and i + 1.
 
-    It is a polygon: from the centre `here` of the circle through the place and rim edge i, along
-    the centres of the old circles around the vertex, to that of rim edge i + 1, `there`.
+    The area is a polygon: from the centre `here` of the circle through the position and rim edge i,
+    along the centres of the old circles around the vertex, to that of rim edge i + 1, `there`.
     """
     t, k = rim[i] >> 2, rim[i] & 3
     vertex = triangles[t, (k + 2) % 3]
@@ -236,7 +236,7 @@ def _stolen(xy, triangles, neighbours, x, y, rim, i, here, there):
 
 @njit(cache=True, nogil=True)
 def _rim_centre(xy, triangles, x, y, edge):
-    """Of the circle through a place and both ends of a rim edge, seen from the place."""
+    """Centre, relative to a position, of the circle through it and both ends of a rim edge."""
     t, k = edge >> 2, edge & 3
     a, b = triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
     return _centre(xy[a, 0] - x, xy[a, 1] - y, xy[b, 0] - x, xy[b, 1] - y)
@@ -244,7 +244,7 @@ def _rim_centre(xy, triangles, x, y, edge):
 
 @njit(cache=True, nogil=True)
 def natural(xy, values, triangles, neighbours, limit, facet, first, last, xs, ys, surface, used):
-    """Fill in the columns first..last: the mean of the neighbours by what the centre takes of them.
+    """Fill in the columns first..last by natural neighbour interpolation (Sibson weights).
 
     A cell stays empty if a corner of the Voronoi cell of its centre is beyond the limit.
     """
@@ -285,7 +285,7 @@ def natural(xy, values, triangles, neighbours, limit, facet, first, last, xs, ys
 
 @njit(cache=True, nogil=True)
 def _at_hull(triangles, neighbours, t, i, j):
-    """Whether there is nothing beyond the edge of triangle t between vertices i and j."""
+    """Whether the edge of triangle t between vertices i and j is on the convex hull."""
     for k in range(3):
         if triangles[t, k] not in (i, j):
             return neighbours[t, k] < 0
@@ -294,7 +294,7 @@ def _at_hull(triangles, neighbours, t, i, j):
 
 @njit(cache=True, nogil=True)
 def _begin_with_first(triangles, rim, count):
-    """Turn the rim so that its first edge begins at the first vertex by number."""
+    """Rotate the rim so that its first edge begins at the vertex with the lowest index."""
     start, lowest = 0, -1
     for e in range(count):
         vertex = triangles[rim[e] >> 2, ((rim[e] & 3) + 1) % 3]
@@ -309,7 +309,7 @@ def _begin_with_first(triangles, rim, count):
 
 @njit(cache=True, nogil=True)
 def edges(xy, triangles, neighbours, limit, starts):
-    """The vertices at the other ends of the edges of each vertex, in rising order.
+    """Neighbours of each vertex along edges, sorted by index.
 
     Those of vertex i are ends[starts[i] : starts[i + 1]]; edges of gaps are left out.
     """
@@ -341,7 +341,7 @@ def edges(xy, triangles, neighbours, limit, starts):
 
 @njit(cache=True, nogil=True)
 def planes(xy, values, starts, ends, first, last, ways, inverse, plane):
-    """Prepare the gradients of vertices first..last.
+    """Prepare the gradient estimation at vertices first..last.
 
     `ways` takes the direction of each edge, weighted by its length to the power of -3/2;
     `inverse` xx, xy, yy of the inverse of the sum of their squares at each vertex; `plane` the
@@ -367,7 +367,7 @@ def planes(xy, values, starts, ends, first, last, ways, inverse, plane):
 
 @njit(cache=True, nogil=True)
 def relax(starts, ends, ways, inverse, plane, first, last, weight, old, new):
-    """One step for the gradients of vertices first..last: those that bend their edges least.
+    """One relaxation step for the gradients of vertices first..last, towards edges that bend least.
 
     Edges are the cubic curves that the values and gradients of both ends make. `old` holds the
     gradients of the step before, `new` those of two steps before, and takes those of this step.
@@ -386,7 +386,7 @@ def relax(starts, ends, ways, inverse, plane, first, last, weight, old, new):
 
 @njit(cache=True, nogil=True)
 def _tilt(xy, triangles, neighbours, limit, t, i, a, b, c):
-    """Where the derivative across the edge bc is linear: the direction to the apex beyond it.
+    """Direction along which the derivative across the edge bc is linear: to the apex beyond it.
 
     i is the vertex a as it stands in triangle t. The coefficient `g` of Alfeld's construction;
     the edge's middle, -1/2, where there is no triangle beyond.
@@ -405,7 +405,7 @@ def _tilt(xy, triangles, neighbours, limit, t, i, a, b, c):
 
 @njit(cache=True, nogil=True)
 def _along(xy, values, gradients, i, j):
-    """The two inner control values of the cubic curve on the edge from i to j."""
+    """The two inner control values of the cubic curve along the edge from i to j."""
     dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
     return (
         values[i] + (gradients[i, 0] * dx + gradients[i, 1] * dy) / 3.0,
@@ -415,7 +415,7 @@ def _along(xy, values, gradients, i, j):
 
 @njit(cache=True, nogil=True)
 def _on_curve(xy, values, gradients, i, j, x, y):
-    """The cubic curve on the edge from i to j, or the value at the vertex where both are one."""
+    """Value of the cubic curve on the edge from i to j; the value at the vertex if i equals j."""
     if i == j:
         return values[i]
     s = _share(xy, i, j, x, y)
@@ -426,7 +426,7 @@ def _on_curve(xy, values, gradients, i, j, x, y):
 
 @njit(cache=True, nogil=True)
 def _on_piece(xy, values, gradients, triangles, neighbours, limit, t, x, y):
-    """The cubic surface in triangle t, in the Bernstein form of its three parts.
+    """Value of the cubic surface in triangle t, in the Bernstein form of its three subtriangles.
 
     Names say how often a vertex counts: c210 belongs to twice the first and once the second,
     and the fourth number in c2001 is the middle of the triangle, in which the parts meet.
@@ -466,14 +466,14 @@ def _on_piece(xy, values, gradients, triangles, neighbours, limit, t, x, y):
 
 @njit(cache=True, nogil=True)
 def _across(g, p, pq, qp, q, inner_p, inner_q):
-    """Control value beside the middle of an edge p..q that makes the seam smooth."""
+    """Control value beside the middle of an edge p..q that makes the surface smooth across it."""
     bend = g * (-p + 3.0 * pq - 3.0 * qp + q)
     return (bend - p + 2.0 * pq - qp + inner_p + inner_q) / 2.0
 
 
 @njit(cache=True, nogil=True)
 def cubic(xy, values, gradients, triangles, neighbours, limit, facet, first, last, xs, ys, surface):
-    """Fill in the columns first..last where there is a triangle."""
+    """Fill in the columns first..last of the surface by cubic interpolation, inside triangles."""
     for row in range(len(ys)):
         for col in range(first, last):
             t = facet[row, col]
@@ -488,7 +488,7 @@ def cubic(xy, values, gradients, triangles, neighbours, limit, facet, first, las
 
 @njit(cache=True, nogil=True)
 def triangle_of_each(triangles, n):
-    """A triangle at each vertex, -1 where there is none; shape (n,)."""
+    """Index of a triangle at each vertex, -1 where there is none; shape (n,)."""
     found = np.full(n, -1, np.int32)
     for t in range(len(triangles)):
         for k in range(3):
@@ -498,7 +498,7 @@ def triangle_of_each(triangles, n):
 
 @njit(cache=True, nogil=True)
 def _ring(xy, triangles, neighbours, limit, t, vertex, ring):
-    """The neighbours of a vertex, counter-clockwise; how many, or 0 at the hull and at gaps."""
+    """Neighbours of a vertex, counter-clockwise, and their number: 0 at the hull and at gaps."""
     begin, count = t, 0
     while t >= 0 and not _is_gap(xy, triangles, t, limit):
         k = 0 if triangles[t, 0] == vertex else 1 if triangles[t, 1] == vertex else 2
@@ -514,7 +514,7 @@ def _ring(xy, triangles, neighbours, limit, t, vertex, ring):
 
 @njit(cache=True, nogil=True)
 def _holds(xy, a, b, c, x, y):
-    """Whether a place is in the counter-clockwise triangle abc or on its edges."""
+    """Whether a position is in the counter-clockwise triangle abc or on its edges."""
     return (
         orient(xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1]) > 0.0
         and orient(xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], x, y) >= 0.0
@@ -525,10 +525,10 @@ def _holds(xy, a, b, c, x, y):
 
 @njit(cache=True, nogil=True)
 def _without(xy, ring, count, x, y):
-    """The Delaunay triangle of the ring of a vertex that holds the place of the vertex.
+    """Delaunay triangle around the position of a vertex after the vertex is removed.
 
-    Begins with any that does. While a vertex of the ring lies within its circle, one of the
-    three triangles with that vertex holds the place, and its circle is better there.
+    Begins with any that does. While a vertex of the ring lies within its circle, one of the three
+    triangles with that vertex holds the position, and that triangle is taken next.
     """
     a, b, c = ring[0], ring[1], ring[2]
     for k in range(1, count - 1):
@@ -554,7 +554,7 @@ def _without(xy, ring, count, x, y):
 
 @njit(cache=True, nogil=True)
 def left_out(xy, values, triangles, neighbours, limit, of_each, first, last, squares):
-    """Squared differences of vertices first..last from the facet that is there without them.
+    """Squared differences of vertices first..last from the triangle that is there without them.
 
     NaN at the hull and at gaps.
     """

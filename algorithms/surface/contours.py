@@ -51,12 +51,12 @@ class SurfaceContours:
         levels: int = sink("Number of heights that have lines", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """The interval must mean the same as the heights."""
+        """The heights have the unit in which the interval is given."""
         if text := heights_problem(self.surface):
             yield "surface", f"{self.surface.name or 'the raster'} {text}"
 
     def halo(self) -> float:
-        """A line may run through the whole raster."""
+        """Infinite, as a line may run through the whole raster."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> SurfaceContours.Outputs:
@@ -91,7 +91,7 @@ class SurfaceContours:
 
 
 def steps_between(heights: Array, interval: float, base: float) -> range:
-    """Whole numbers k for which base + k * interval lies between the lowest and highest value.
+    """Integers k for which base + k * interval lies between the lowest and the highest value.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def contours(
     Returns
     -------
     for each level a list of arrays of shape (n, 2)
-        Coordinates of the vertices, no two of them at one place in a row; the higher ground on
+        Coordinates of the vertices, no two of them at one position in a row; the higher ground on
         the right. A closed line ends with its first vertex.
     """
     from contourpy import LineType, contour_generator
@@ -168,7 +168,7 @@ def separated(points: Array, offsets: NDArray[Any], lattice: Lattice) -> list[Ar
 
 
 def is_touch(line: Array) -> bool:
-    """Whether a line, in cells, ends where it begins and encloses nothing; a single point does."""
+    """Whether a line in cell coordinates is closed and encloses no area; a single point is."""
     if (line[0] != line[-1]).any():
         return False
     x, y = (line - line[0]).T

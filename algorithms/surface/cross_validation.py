@@ -1,4 +1,4 @@
-"""Cross-validation: how well gridded surfaces foretell points that were left out.
+"""Cross-validation: errors of gridded surfaces at points that were left out.
 
 What the figures mean, and what they are on real surveys: docs/explanation/gridding-gallery.md.
 
@@ -71,7 +71,7 @@ class SurfaceCrossValidation:
 
     Single points are left out where there are others around them, which says little about gaps.
     With `block` all points of a square go at once: then the errors are those of surfaces that
-    span gaps of that size. Points at one place are left out together.
+    span gaps of that size. Points at one position are left out together.
 
     Errors are surface minus point. A method may know no value at a point: beyond the hull, farther
     than `max_gap`, or where one of the four cells around it is empty. These are counted as missing,
@@ -128,18 +128,18 @@ class SurfaceCrossValidation:
         count: int = sink("Points left out", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Methods and rounds that cannot be."""
+        """The methods and rounds are valid."""
         if len(set(self._methods)) < len(self._methods):
             yield "methods", f"names a method twice: {', '.join(self._methods)}"
         if self.rounds is not None and self.rounds > self.folds:
             yield "rounds", f"must be at most the number of folds, {self.folds}, got {self.rounds}"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """What the choice of points needs."""
+        """The layer has what the selection of points needs."""
         yield from choice_problems(self.points, self.classes, self.returns)
 
     def halo(self) -> float:
-        """Folds are parts of the whole."""
+        """Infinite, as folds are drawn from the whole."""
         return math.inf
 
     @property
@@ -169,7 +169,7 @@ class SurfaceCrossValidation:
         )
 
     def _span(self, part: int) -> tuple[float, float]:
-        """Of progress."""
+        """Progress interval of one round."""
         share = 0.94 / (self.rounds or self.folds)
         return 0.05 + part * share, 0.05 + (part + 1) * share
 
@@ -181,7 +181,7 @@ class SurfaceCrossValidation:
         error: Mapping[str, Array],
         ctx: Context,
     ) -> None:
-        """Fill in the errors at the points of one fold; arrays of shape (n,), by method."""
+        """Fill in the errors of each method at the points of one fold; arrays of shape (n,)."""
         lattice = around(xy, self.cell)
         for number, method in enumerate(self._methods):
             of_cells = method in STATISTICS
@@ -204,7 +204,7 @@ class SurfaceCrossValidation:
             error[method][out] = found - values[out]
 
     def _residuals(self, index: NDArray[np.intp], error: Mapping[str, Array]) -> PointCloud:
-        """The points left out, with their errors."""
+        """Layer of the points that were left out, with their errors."""
         unit = vertical_unit(self.points.crs) if self.attribute == "z" else ""
         text = "surface minus point" + (f", {unit}" if unit else "")
         columns = {f"error_{method}": found.astype(np.float32) for method, found in error.items()}
@@ -214,17 +214,17 @@ class SurfaceCrossValidation:
 
 
 def around(xy: Array, cell: float) -> Lattice:
-    """Cells whose centres lie around all points of shape (n, 2)."""
+    """Lattice whose cell centres surround all points of shape (n, 2)."""
     (west, south), (east, north) = xy.min(axis=0) - cell, xy.max(axis=0) + cell
     return Lattice.cover((west, south, east, north), cell)
 
 
 def folds_of(xy: Array, folds: int, block: float | None, seed: int) -> NDArray[np.int64]:
-    """Part points by chance into folds of as many places, or blocks, as can be.
+    """Random folds of points of about equal size, by position or by block.
 
     Parameters
     ----------
-    xy : array of shape (n, 2); points at one place get the same fold
+    xy : array of shape (n, 2); points at one position get the same fold
     block : side of squares that get one fold; whole multiples of it are edges
 
     Returns
@@ -234,7 +234,7 @@ def folds_of(xy: Array, folds: int, block: float | None, seed: int) -> NDArray[n
     Raises
     ------
     DataError
-        There are fewer places or blocks than folds.
+        There are fewer positions or blocks than folds.
     """
     units = xy if block is None else np.floor(xy / block)
     order = np.lexsort([units[:, 1], units[:, 0]])
@@ -250,7 +250,7 @@ def folds_of(xy: Array, folds: int, block: float | None, seed: int) -> NDArray[n
 
 
 def table_rows(error: Mapping[str, Array], metre: float) -> Iterator[Row]:
-    """One row per method; lengths in metres.
+    """Table rows: one per method; lengths in metres.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ class SurfaceDifference:
         filled_share: float = sink("Share of the cells of the first raster with a value", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """Rasters that cannot be subtracted."""
+        """The rasters can be subtracted."""
         one, other = self.surface, self.base
         for name, raster in (("surface", one), ("base", other)):
             if len(raster.values) != 1:
@@ -54,7 +54,7 @@ class SurfaceDifference:
             yield "base", f"{_named(other)} {text} of {_named(one)}"
 
     def halo(self) -> float:
-        """Each cell by itself."""
+        """Zero, as each cell is computed by itself."""
         return 0.0
 
     def run(self, ctx: Context = QUIET) -> SurfaceDifference.Outputs:

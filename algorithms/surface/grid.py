@@ -56,7 +56,7 @@ class SurfaceGrid:
     `linear` is the facets of the Delaunay triangulation, `natural` the mean of the natural
     neighbours, `cubic` a smooth surface over the triangles; all three pass through the points and
     leave cells outside the convex hull empty. `idw` weights the closest `neighbours` by their
-    distance, `nearest` takes the closest. Points at one place are averaged. The others are
+    distance, `nearest` takes the closest. Points at one position are averaged. The others are
     statistics of the points within a cell; cells without points stay empty.
 
     Cells are whole multiples of the cell size, so that rasters of neighbouring surveys fit, or
@@ -120,7 +120,7 @@ class SurfaceGrid:
         filled_share: float = sink("Share of cells with a value", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """Settings that the method would not look at."""
+        """Every setting that is given is used by the method."""
         if self.method in STATISTICS:
             if self.max_gap is not None:
                 yield "max_gap", f"is for interpolation; {self.method} has no cells without points"
@@ -133,7 +133,7 @@ class SurfaceGrid:
                 yield "smoothing", f"is for method idw, not for {self.method}"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """What the choice of points needs, and what does not go together."""
+        """The layer has what the selection of points needs, and the settings fit each other."""
         yield from choice_problems(self.points, self.classes, self.returns)
         if self.template and self.method in STATISTICS and self.points.origin is not None:
             size = self.template.cell / self.template.metre
@@ -149,7 +149,7 @@ class SurfaceGrid:
                 )
 
     def halo(self) -> float:
-        """Circles, radii and cells have an end; without them the next point may be anywhere."""
+        """Reach of triangles, search radii or cells; infinite where nothing limits it."""
         if self.method in STATISTICS:
             half = math.sqrt(0.5) if self.support else 0.5  # the nearest is in the cell
             return half * self.cell * (1 + 10 * ROUNDING)
@@ -210,7 +210,7 @@ class SurfaceGrid:
         return self._packed(bands, lattice)
 
     def _samples(self, ctx: Context) -> tuple[Array, Array]:
-        """Places of shape (n, 2) and values of shape (n,) of the chosen points."""
+        """Positions of shape (n, 2) and values of shape (n,) of the chosen points."""
         ctx.progress(0.0)
         keep = chosen(self.points, self.classes, self.returns, self.where)
         ctx.progress(0.5)
@@ -219,7 +219,7 @@ class SurfaceGrid:
         return xy, values
 
     def _lattice(self, xy: Array) -> Lattice:
-        """Cells of the template, the extent or the points."""
+        """Lattice of the template, of the extent or around the points."""
         if self.template:
             return Lattice.of(self.template)
         if self.extent:
@@ -228,7 +228,7 @@ class SurfaceGrid:
         return Lattice.cover(bounds, self.cell)
 
     def _excluded(self) -> shapes.Shapes:
-        """The polygons of the exclusions, if there are any."""
+        """Polygons of the exclusions, or None."""
         if not self.exclusions:
             return np.array([])
         found = polygons(self.exclusions, "exclusions")
@@ -238,7 +238,7 @@ class SurfaceGrid:
     def _shaped(
         self, xy: Array, values: Array, lattice: Lattice, excluded: shapes.Shapes
     ) -> tuple[Array, Array]:
-        """Points that matter to the cells, without those excluded and with those on breaklines."""
+        """Points near the cells, without those in exclusions and with those along breaklines."""
         reach, (west, south, east, north) = self.halo(), lattice.bounds
         near_enough = (xy >= (west - reach, south - reach)) & (xy <= (east + reach, north + reach))
         keep = near_enough.all(axis=1)
@@ -255,7 +255,7 @@ class SurfaceGrid:
         return xy, values
 
     def _warn_of_steps(self, found: list[shapes.Shapes]) -> None:
-        """Lines that meet at other heights make a spike, of which the user should know."""
+        """Warn where breaklines cross at different heights, which makes a spike in the surface."""
         if not found:
             return
         xy, steps = shapes.steps_at_crossings(np.concatenate(found))
@@ -270,7 +270,7 @@ class SurfaceGrid:
             )
 
     def _packed(self, bands: Bands, lattice: Lattice) -> SurfaceGrid.Outputs:
-        """The raster, in the smallest type that holds the attribute; see the class."""
+        """Raster of the bands, in the smallest type that holds the attribute; see the class."""
         points, name = self.points, str(self.attribute)
         is_height, is_count = name == "z", self.method == "count"
         fits = is_height or is_count or np.can_cast(points[name].dtype, np.float32)

@@ -1,4 +1,4 @@
-"""Hillshade: how much light of a low sun each cell of a surface takes.
+"""Hillshade: illumination of each cell of a surface by a low sun.
 
 References
 ----------
@@ -66,12 +66,12 @@ class SurfaceHillshade:
         filled_share: float = sink("Share of cells with a value", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """A slope needs heights in the unit of the plane."""
+        """The heights are in the unit of the plane."""
         if text := heights_problem(self.surface):
             yield "surface", f"{self.surface.name or 'the raster'} {text}"
 
     def halo(self) -> float:
-        """The next cell, and how far that is no setting says."""
+        """Infinite, as the reach is one cell, whose size is no parameter."""
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> SurfaceHillshade.Outputs:
@@ -117,7 +117,7 @@ def hillshade(
     edges: bool = False,
     ctx: Context = QUIET,
 ) -> Array:
-    """Light on each cell.
+    """Illumination of each cell, from its slope and aspect.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def hillshade(
 
 
 def slopes(heights: Array, cell: float) -> tuple[Array, Array]:
-    """Rise towards the east and towards the north per unit of length: equation 16 of Horn (1981).
+    """Slopes to the east and to the north, as rise per unit of length: equation 16 of Horn (1981).
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def slopes(heights: Array, cell: float) -> tuple[Array, Array]:
 
 
 def from_one_side(east: Array, north: Array, azimuth: float, altitude: float) -> Array:
-    """Light on slopes: the cosine of its angle with the upright, and 0 where turned away."""
+    """Illumination by one light: the cosine of its angle with the normal, 0 where turned away."""
     towards, height = math.radians(azimuth), math.radians(altitude)
     falls = -(east * math.sin(towards) + north * math.cos(towards))
     light = math.sin(height) + math.cos(height) * falls
@@ -175,7 +175,7 @@ def from_one_side(east: Array, north: Array, azimuth: float, altitude: float) ->
 
 
 def from_all_sides(east: Array, north: Array, azimuth: float, altitude: float) -> Array:
-    """The mean of four lights, each by the square of the sine between it and the aspect.
+    """Mean illumination by four lights, weighted by the squared sine of their angles to the aspect.
 
     These add up to 2. Where the ground is flat all lights are alike. gdaldem takes the square of
     the cosine, so that its four lights are strongest along the slope.
@@ -192,7 +192,7 @@ def from_all_sides(east: Array, north: Array, azimuth: float, altitude: float) -
 
 
 def continued(heights: Array) -> Array:
-    """One more row and column on all sides, as far from the outermost as the next one inside."""
+    """The raster with one row and column more on each side, extrapolated linearly."""
     if min(heights.shape) < 2:
         return np.pad(heights, 1, constant_values=np.nan)
     wide = np.pad(heights, 1)

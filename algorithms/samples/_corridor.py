@@ -53,7 +53,7 @@ OUTLIERS = 0.0005
 
 @dataclass(frozen=True)
 class Support:
-    """A tower or pole: foot, direction of the arms, and where its wires hang."""
+    """A tower or pole: its foot, the direction of its arms, and where its wires are attached."""
 
     tower_id: int
     object_id: int
@@ -79,14 +79,14 @@ class Catenary:
 
     @property
     def b(self) -> float:
-        """Horizontal distance of the lowest point from the start."""
+        """Horizontal distance of the lowest point of the catenary from the start."""
         rise = self.end[2] - self.start[2]
         half = 2 * self.c * np.sinh(self.span / (2 * self.c))
         return float(self.span / 2 - self.c * np.arcsinh(rise / half))
 
     @property
     def a(self) -> float:
-        """Height of the lowest point, which may lie beyond an end."""
+        """Height of the lowest point of the catenary, which may lie beyond an end."""
         return float(self.start[2] - self.c * (np.cosh(self.b / self.c) - 1))
 
     @property
@@ -113,7 +113,7 @@ class Catenary:
 
 @dataclass(frozen=True)
 class System:
-    """What distinguishes the transmission line from the distribution line."""
+    """Properties of a line: its wires and supports, and the cleared belt."""
 
     name: str
     offset: float  # of the line from the axis, to the left, m
@@ -162,7 +162,7 @@ DISTRIBUTION = System(
 
 @dataclass(frozen=True)
 class Design:
-    """What is chosen for a corridor before anything is put up."""
+    """Settings of a corridor: its lines, the relief, and how the wires are recorded."""
 
     systems: tuple[System, ...] = (TRANSMISSION, DISTRIBUTION)
     bend: float = BEND
@@ -173,7 +173,7 @@ class Design:
 
 
 def random_design(rng: np.random.Generator) -> Design:
-    """Lines of any size: two to twelve wires in bundles, on towers of 26 to 60 m or on poles."""
+    """Random lines: two to twelve wires in bundles, on towers of 26 to 60 m or on poles."""
     both = [_transmission(rng), _distribution(rng)]
     kept = both if rng.random() < 0.6 else [both[int(rng.integers(2))]]
     return Design(
@@ -243,7 +243,7 @@ class Axis:
         return x + hx * self.leg, y + hy * self.leg
 
     def locate(self, x: Any, y: Any) -> tuple[Floats, Floats]:
-        """Chainage and offset of points."""
+        """Chainage and offset of positions."""
         (ax, ay), (bx, by) = self.headings
         dx, dy = x - self.bend[0], y - self.bend[1]
         second = dx * (ax + bx) + dy * (ay + by) > 0
@@ -251,7 +251,7 @@ class Axis:
         return self.leg + dx * hx + dy * hy, dy * hx - dx * hy
 
     def place(self, chainage: float, offset: float) -> tuple[float, float]:
-        """Position of a chainage and offset; at the bend on the bisector."""
+        """Position of a chainage and offset; at the bend on the bisector of the legs."""
         (ax, ay), (bx, by) = self.headings
         x, y = self.bend
         if abs(chainage - self.leg) < 1e-6:
@@ -274,7 +274,7 @@ class Axis:
 
 @dataclass
 class Network:
-    """Bars, strings and wires as they are put up."""
+    """The bars, strings and wires of a corridor while they are built."""
 
     builder: SceneBuilder
     axis: Axis
@@ -354,7 +354,7 @@ def _built(
 def _land(
     design: Design, size: float, width: float, rng: np.random.Generator
 ) -> tuple[SceneBuilder, Axis]:
-    """Hills, a road across, woods on both sides of the cleared belt."""
+    """Scene of hills, a road across and woods on both sides of the cleared belt, and its axis."""
     leg, half = size / 2, design.bend / 2
     rise, run = float(np.sin(half)), float(np.cos(half))
     axis = Axis((0.5 * width * rise, 0.5 * width), leg, ((run, rise), (run, -rise)))
@@ -384,7 +384,7 @@ def _land(
 
 
 def _flights(axis: Axis, width: float, ground: float) -> list[FlightLine]:
-    """Two strips along each leg, there and back."""
+    """Two flight lines along each leg, in opposite directions."""
     lines = []
     for first, heading in enumerate(axis.headings):
         hx, hy = heading
@@ -404,7 +404,7 @@ def _flights(axis: Axis, width: float, ground: float) -> list[FlightLine]:
 
 
 def _string_up(network: Network, system: System, size: float) -> None:
-    """Supports along the axis, one of them at the bend, and the wires between them."""
+    """Build the supports along the axis, one of them at the bend, and the wires between them."""
     margin = min(12.0, 0.1 * size)
     leg = size / 2 - margin
     count = max(1, round(leg / system.spacing))
@@ -445,7 +445,7 @@ def _hang(
     wire: tuple[float, float, float, int],
     wire_id: int,
 ) -> None:
-    """One wire of one span, with its strings of insulators."""
+    """Build one wire of one span, with its strings of insulators."""
     offset, height, c, cls = wire
     one, two = supports
     tips = [
@@ -496,7 +496,7 @@ def _hang(
 
 
 def _recorded(network: Network, span: Catenary) -> list[Floats]:
-    """The stretches of a wire of which points are recorded."""
+    """Points of the stretches of a wire that are recorded."""
     points = span.points(2.0)
     hidden = network.design.hidden
     if not hidden:
@@ -511,7 +511,7 @@ def _recorded(network: Network, span: Catenary) -> list[Floats]:
 
 
 def _loop(network: Network, system: System, support: Support, count: int) -> None:
-    """Jumpers below the arms, from the end of one string to the end of the next."""
+    """Build jumpers below the arms, from the end of one string to the end of the next."""
     before, after = network.spans[-2 * count : -count], network.spans[-count:]
     for (_, _, _, cls), one, two in zip(system.wires, before, after, strict=True):
         if cls == GUARD:
@@ -528,7 +528,7 @@ def _line(points: Floats) -> shapely.LineString:
 
 
 def _lattice(network: Network, support: Support, system: System) -> None:
-    """Four legs with crossed braces, and arms that taper to their tips."""
+    """Build a lattice tower: four legs with crossed braces, and tapered arms."""
     levels = np.array([0.0, 5.0, 10.0, 15.0, 20.0, 22.0, 26.0, 29.0, 32.0, 35.0, 37.0])
     half = np.interp(levels, (0, 20, 37), (3.2, 1.0, 0.6)) * system.height / 40
     levels *= system.height / 40
@@ -563,7 +563,7 @@ def _lattice(network: Network, support: Support, system: System) -> None:
 
 
 def _pole(network: Network, support: Support, system: System) -> None:
-    """A wooden pole with one cross arm."""
+    """Build a wooden pole with one cross arm."""
     (ax, ay), z = support.arm, support.ground
     x, y = support.x, support.y
     pole = np.array([(x, y, z), (x, y, z + system.height)])
@@ -575,7 +575,7 @@ def _pole(network: Network, support: Support, system: System) -> None:
 
 
 def _post(network: Network, support: Support, system: System) -> None:
-    """The tower as a vertical line."""
+    """Feature of a tower: a vertical line."""
     foot = np.array([support.x, support.y, support.ground])
     network.features.append(
         (
@@ -596,7 +596,7 @@ def _post(network: Network, support: Support, system: System) -> None:
 
 
 def _vegetation(network: Network, size: float, width: float, ctx: Context) -> None:
-    """Woods beside the line, shrubs below it, and a few trees that nobody cut."""
+    """Grow woods beside the line, shrubs below it, and a few trees close to the wires."""
     builder, axis, systems = network.builder, network.axis, network.design.systems
     rng = builder.rng
     for k, gap in enumerate((0.8, 1.5, 2.5)):
@@ -616,7 +616,7 @@ def _vegetation(network: Network, size: float, width: float, ctx: Context) -> No
 
 
 def _intruder(network: Network, system: System, chainage: float, gap: float) -> None:
-    """A round tree whose top ends `gap` metres below the lowest wire above it."""
+    """Grow a round tree whose top is `gap` metres below the lowest wire above it."""
     builder = network.builder
     x, y = network.axis.place(chainage, system.offset + system.wires[0][0])
     if not network.spans or not builder.claim(x, y, 0.0, a=1.5, b=1.5):
@@ -634,7 +634,7 @@ def _intruder(network: Network, system: System, chainage: float, gap: float) -> 
 
 
 def _tree_features(network: Network, crowns: Records) -> Features:
-    """Trees as vertical lines, with the distance from crown to wire where it is short."""
+    """Features of trees: vertical lines, with the distance from crown to wire where it is short."""
     ground = network.builder.terrain.at(crowns["x"], crowns["y"])
     clearances = _clearances(network.spans, crowns)
     features: Features = []

@@ -54,7 +54,7 @@ OPENING = np.dtype([(name, "f8") for name in ("x1", "x2", "z1", "z2")] + [("bay"
 
 @dataclass
 class House:
-    """Faces as they are built: those that every ray may meet, and those of single bays."""
+    """Faces of a house front: those that all rays are tested with, and those of single bays."""
 
     size: float
     rng: np.random.Generator
@@ -78,7 +78,7 @@ class House:
         chance: float = 1.0,
         peak: float = 0.0,
     ) -> None:
-        """A rectangle from corner o along the vectors e and f; `peak` cuts it to a gable."""
+        """Add a rectangle from corner o along the vectors e and f; with `peak` it is a gable."""
         a, b = float(np.linalg.norm(e)), float(np.linalg.norm(f))
         plane = len(self.faces) + 1
         e, f = np.divide(e, a), np.divide(f, b)
@@ -87,7 +87,7 @@ class House:
         self.bays.append(bay)
 
     def box(self, kind: str, low: Any, high: Any, **options: Any) -> None:
-        """The five faces of a box that can be seen from the street: not its back."""
+        """Add the five faces of a box that are visible from the street, without its back."""
         (x1, y1, z1), (x2, y2, z2) = low, high
         w, d, h = (x2 - x1, 0, 0), (0, y2 - y1, 0), (0, 0, z2 - z1)
         self.face(kind, (x1, y1, z1), w, h, **options)
@@ -100,7 +100,7 @@ class House:
 def facade(
     *, size: float, density: float, seed: int, noise: float = NOISE, ctx: Context = QUIET
 ) -> SceneData:
-    """A front of `size` metres, `density` points per square metre of wall in sight; see `scene`."""
+    """A front of `size` metres, `density` points per square metre of visible wall; see `scene`."""
     rng = np.random.default_rng(seed)
     house = _house(size, rng)
     faces = np.array(house.faces, FACE)
@@ -142,7 +142,7 @@ def facade(
 
 
 def _house(size: float, rng: np.random.Generator) -> House:
-    """Ground, walls, roof, a van that casts a shadow, and a door and windows in each bay."""
+    """Faces of ground, walls and roof, of a van that casts a shadow, and of doors and windows."""
     house = House(size, rng)
     slope = np.hypot(1, PITCH)
     ground = (-15.0, -25.0, _ground(-15.0, -25.0))
@@ -258,7 +258,7 @@ def _opening(house: House, bay: int, frame: tuple[float, float, float, float], k
 
 
 def _ground(x: float, y: float) -> float:
-    """Height of the ground in the frame of the house."""
+    """Height of the ground in the coordinates of the house."""
     return FALL[0] * x + FALL[1] * y
 
 
@@ -266,7 +266,7 @@ def _ground(x: float, y: float) -> float:
 
 
 def _stations(size: float) -> Floats:
-    """Scanner positions, shape (n, 3); the last one stands past the corner, to see the side."""
+    """Scanner positions, shape (n, 3); the last is past the corner, where the side is visible."""
     count = max(1, int(np.ceil(size / 25.0)))
     x = np.append((np.arange(count) + 0.4) * size / count, size + 6.0)
     y = np.full(count + 1, -STAND)
@@ -286,7 +286,7 @@ def _angular_step(size: float, density: float, stations: Floats) -> float:
 
 
 def _sweep(step: float, rng: np.random.Generator) -> Any:
-    """Unit vectors of a scan, column by column, in blocks; and their times."""
+    """Unit vectors and times of the rays of a scan, column by column, in blocks."""
     azimuths = np.arange(-SECTOR, SECTOR, step)
     elevations = np.arange(RISE[0], RISE[1], step)
     width = max(1, RAYS_PER_BLOCK // len(elevations))
@@ -333,14 +333,14 @@ def _columns(
 
 
 def _placed(xyz: Floats) -> Floats:
-    """From the frame of the house to projected coordinates."""
+    """Projected coordinates, from coordinates of the house."""
     c, s = np.cos(TURN), np.sin(TURN)
     x, y = xyz[:, 0], xyz[:, 1]
     return np.column_stack([EAST + x * c - y * s, NORTH + x * s + y * c, BASE + xyz[:, 2]])
 
 
 def _ground_raster(size: float) -> tuple[NDArray[np.float32], float, float, float]:
-    """The ground over the whole scene."""
+    """Raster of the ground over the whole scene."""
     corners = np.array([(x, y, 0) for x in (-15.0, size + 15) for y in (-25.0, 15.0)])
     box = _placed(corners) - (EAST, NORTH, BASE)
     terrain = blank_terrain(*box[:, :2].min(axis=0), *box[:, :2].max(axis=0))
@@ -376,7 +376,7 @@ def _face_features(house: House, faces: Records) -> Features:
 
 
 def _outline(face: np.void) -> Floats:
-    """Corners of a face in the frame of the house."""
+    """Corners of a face in the coordinates of the house."""
     o, e, f, a, b = (face[name] for name in ("o", "e", "f", "a", "b"))
     if not face["peak"]:
         return np.array([o, o + a * e, o + a * e + b * f, o + b * f])
@@ -433,7 +433,7 @@ def _first_face(station, directions, luck, faces, everywhere, start, items, open
 
 @njit(cache=True, nogil=True)
 def _open(x, z, openings, first, bays):
-    """True where the front wall has a hole."""
+    """True where the front wall has an opening."""
     bay = int(np.floor(x / BAY))
     if bay < 0 or bay >= bays:
         return False
@@ -446,7 +446,7 @@ def _open(x, z, openings, first, bays):
 
 @njit(cache=True, nogil=True)
 def _meet(face, station, d):
-    """Distance along a ray to a face, inf where it misses."""
+    """Distance along a ray to a face; inf where the ray misses it."""
     e, f = face.e, face.f
     nx, ny, nz = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
     facing = nx * d[0] + ny * d[1] + nz * d[2]

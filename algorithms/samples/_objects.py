@@ -1,4 +1,4 @@
-"""Houses, walls, cars and trees, and the scene in which they find room."""
+"""Houses, walls, cars and trees, and the scene in which they are placed."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ROOF_SHADES = (12000, 16000, 21000, 30000)
 
 @dataclass
 class SceneBuilder:
-    """A synthetic scene while it is built: what stands in it, and where there is room left."""
+    """A synthetic scene while it is built: its objects, and the cells that are taken."""
 
     terrain: Terrain
     cover: NDArray[np.uint8]
@@ -46,7 +46,7 @@ class SceneBuilder:
     objects: int = 0
 
     def world(self) -> World:
-        """What a pulse can meet of all that stands so far."""
+        """World of all objects built so far, to trace pulses in."""
         blocks, crowns = np.array(self.blocks, BLOCK), np.array(self.crowns, CROWN)
         return World(self.terrain, self.cover, self.level, blocks, crowns)
 
@@ -59,7 +59,7 @@ class SceneBuilder:
     def claim(
         self, x: float, y: float, turn: float, *, a: float, b: float, gap: float = 0.0
     ) -> bool:
-        """Take a rectangle with a gap around it, if it is free and inside the town."""
+        """Mark a rectangle with a gap around it as taken, if it is free and inside the scene."""
         return bool(_claim(self.taken, x, y, np.cos(turn), np.sin(turn), a + gap, b + gap))
 
     def block(
@@ -100,7 +100,7 @@ class Wing:
 def building(
     builder: SceneBuilder, x: float, y: float, turn: float, *, wings: list[Wing], storeys: int
 ) -> bool:
-    """Put a building where there is room for it; True if it stands."""
+    """Add a building if there is room for it; True if it was added."""
     shape = shapely.unary_union([_outline(x, y, turn, w) for w in wings])
     reach = [_extent(w) for w in wings]
     a, b = (max(e[k] for e in reach) for k in (0, 1))
@@ -148,7 +148,7 @@ def building(
 
 
 def roof_name(wings: list[Wing]) -> str:
-    """flat, gable or hip."""
+    """Name of the roof shape: flat, gable or hip."""
     if wings[0].slope == 0:
         return "flat"
     return "hip" if wings[0].hip else "gable"
@@ -161,7 +161,7 @@ def _outline(x: float, y: float, turn: float, wing: Wing) -> shapely.Polygon:
 
 
 def _extent(wing: Wing) -> tuple[float, float]:
-    """Half sides of the building-aligned box around the building's centre."""
+    """Half sides of the bounding box of a wing around the building's centre, along its axes."""
     a, b = (wing.b, wing.a) if wing.quarter_turn else (wing.a, wing.b)
     return abs(wing.x) + a, abs(wing.y) + b
 
@@ -184,7 +184,7 @@ def barrier(
     shade: float,
     kind: str,
 ) -> None:
-    """A hedge or wall in pieces of 2 m that follow the ground."""
+    """Add a hedge or wall in pieces of 2 m that follow the ground."""
     if not builder.claim(x, y, turn, a=a, b=b, gap=0.3):
         return
     owner, ux, uy = builder.new_object(), np.cos(turn), np.sin(turn)
@@ -208,7 +208,7 @@ def barrier(
 
 
 def car(builder: SceneBuilder, x: float, y: float, turn: float) -> None:
-    """A body and a cabin."""
+    """Add a car: a body and a cabin."""
     if not builder.claim(x, y, turn, a=2.2, b=0.9, gap=0.2):
         return
     ground, owner = float(builder.terrain.at(x, y)), builder.new_object()
@@ -231,7 +231,7 @@ def car(builder: SceneBuilder, x: float, y: float, turn: float) -> None:
 
 
 def tree(builder: SceneBuilder, x: float, y: float) -> None:
-    """A tree of any shape, if its trunk and half of its crown find room."""
+    """Add a tree of random shape, if there is room for its trunk and half of its crown."""
     rng = builder.rng
     shape = int(rng.choice((ROUND, CONE, COLUMN), p=(0.55, 0.25, 0.2)))
     height = float(rng.uniform(5, 20))
@@ -244,7 +244,7 @@ def tree(builder: SceneBuilder, x: float, y: float) -> None:
 
 
 def shrub(builder: SceneBuilder, x: float, y: float) -> None:
-    """A bush down to the ground."""
+    """Add a shrub down to the ground, if there is room for it."""
     height = float(builder.rng.uniform(0.8, 2.4))
     if builder.claim(x, y, 0.0, a=0.6 * height, b=0.6 * height):
         crown(builder, x, y, trunk=-0.1, height=height, radius=0.6 * height, shape=ROUND)
@@ -260,14 +260,14 @@ def crown(
     radius: float,
     shape: int,
 ) -> None:
-    """Add a crown that begins `trunk` and ends `height` metres above the ground."""
+    """Add a crown between `trunk` and `height` metres above the ground."""
     ground, owner = float(builder.terrain.at(x, y)), builder.new_object()
     builder.crowns.append((x, y, ground + trunk, ground + height, radius, shape, owner))
 
 
 @njit(cache=True, nogil=True)
 def _claim(taken, x, y, ux, uy, a, b):
-    """Mark the 1 m cells of a turned rectangle unless one is marked or outside."""
+    """Mark the 1 m cells of a rotated rectangle unless one is marked or outside; True if done."""
     rows, cols = taken.shape
     reach = np.hypot(a, b)
     rx, ry = abs(a * ux) + abs(b * uy), abs(a * uy) + abs(b * ux)

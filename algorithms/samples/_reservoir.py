@@ -69,7 +69,7 @@ def reservoir(*, size: float, density: float, seed: int, ctx: Context = QUIET) -
 
 
 def _valley(size: float, rng: np.random.Generator) -> tuple[Terrain, NDArray[np.float32]]:
-    """The ground including the bed, and the water level of each cell."""
+    """Terrain including the bed, and the water level of each cell."""
     terrain = blank_terrain(0, 0, size, size)
     x, y = terrain.centres()
     depth, dam = min(14.0, 0.07 * size), DAM * size
@@ -91,14 +91,14 @@ def _valley(size: float, rng: np.random.Generator) -> tuple[Terrain, NDArray[np.
 
 
 def _hill(away: Floats, radius: float, height: float) -> Floats:
-    """A hill above the water, whose shore lies at a radius."""
+    """Height of a hill above the water, whose shore lies at a radius."""
     return LEVEL + min(height, 0.3 * radius) * (1 - (away / radius) ** 2)
 
 
 def _pond(
     z: Floats, level: Floats, terrain: Terrain, *, y: float, radius: float, height: float
 ) -> Floats:
-    """Dig a pond into the eastern shore, behind a rim; writes its level into `level`."""
+    """Terrain with a pond dug into the eastern shore, behind a rim; its level enters `level`."""
     row = z[min(int((terrain.north - y) / terrain.cell), len(z) - 1)]
     wet = np.flatnonzero(row < LEVEL)
     shore = terrain.west + (wet.max() + 1) * terrain.cell if len(wet) else 0.0
@@ -116,7 +116,7 @@ def _pond(
 def _cover(
     terrain: Terrain, level: NDArray[np.float32], size: float, rng: np.random.Generator
 ) -> NDArray[np.uint8]:
-    """Woods on the slopes, mud and reeds along the shore, a road on the dam."""
+    """Ground cover: woods on the slopes, mud and reeds along the shore, a road on the dam."""
     x, y = terrain.centres()
     above = np.where(np.isfinite(level), terrain.values - level, np.inf)
     cover = np.where(terrain.values > LEVEL + 4, FOREST, GRASS)
@@ -129,7 +129,7 @@ def _cover(
 
 
 def _claimed(terrain: Terrain, level: NDArray[np.float32], size: float) -> NDArray[np.bool_]:
-    """Where no tree grows: on the dam, in the water and on its shore."""
+    """True where no tree grows: on the dam, in the water and on its shore."""
     x = np.arange(int(np.ceil(size))) + 0.5
     index = terrain.index(x[None, :], x[:, None])
     near_dam = np.abs(x[:, None] - DAM * size) < 0.08 * size
@@ -137,7 +137,7 @@ def _claimed(terrain: Terrain, level: NDArray[np.float32], size: float) -> NDArr
 
 
 def _water(builder: SceneBuilder, zone: NDArray[np.bool_], level: float, body: int) -> Features:
-    """True outlines of one body; the reservoir carries its storage curve."""
+    """Features of one water body: its true outlines, and the storage curve of the reservoir."""
     shapes = sorted(below_level(builder.terrain, zone, level).geoms, key=lambda part: -part.area)
     features: Features = []
     for rank, shape in enumerate(shapes):
@@ -159,7 +159,7 @@ def _water(builder: SceneBuilder, zone: NDArray[np.bool_], level: float, body: i
 def _storage(
     terrain: Terrain, zone: NDArray[np.bool_], level: float
 ) -> list[tuple[float, float, float]]:
-    """Level, area and volume in ten steps up to the level, counted in terrain cells."""
+    """Storage curve: level, area and volume in ten steps up to the level, from terrain cells."""
     bodies, _ = ndimage.label(zone & (terrain.values < level))
     largest = bodies == 1 + np.argmax(np.bincount(bodies.ravel())[1:])
     bed = terrain.values[largest].astype(float)

@@ -1,4 +1,4 @@
-"""What all synthetic surveys share: terrain, objects, flight lines, and the tracing of pulses.
+"""Simulation of airborne surveys: terrain, objects, flight lines, and the tracing of pulses.
 
 A pulse is a straight ray that only ever goes down, so the height z is its parameter:
 x = x0 + sx * z and y = y0 + sy * z. The first thing that a pulse meets is the highest one.
@@ -57,7 +57,7 @@ ROD = np.dtype(
 
 @dataclass(frozen=True)
 class SceneData:
-    """A survey and the truth behind it.
+    """A survey and its ground truth.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class SceneData:
 
 @dataclass(frozen=True)
 class Terrain:
-    """Ground elevation at cell centres, in scene coordinates; bilinear in between."""
+    """Elevations at cell centres, in scene coordinates; bilinear in between."""
 
     values: NDArray[np.float32]  # row 0 in the north
     west: float
@@ -90,7 +90,7 @@ class Terrain:
         return x[None, :], y[:, None]
 
     def at(self, x: Any, y: Any) -> Floats:
-        """Elevation at points; the outermost half cell continues level."""
+        """Elevation at positions; constant in the outermost half cell."""
         x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
         z = kernels.bilinear(self.values, self.west, self.north, self.cell, x.ravel(), y.ravel())
         return np.asarray(z).reshape(x.shape)
@@ -103,7 +103,7 @@ class Terrain:
         return row, col
 
     def window(self, x: float, y: float, radius: float) -> tuple[tuple[slice, slice], Terrain]:
-        """The part around a point: its rows and columns, and a terrain that shares its values."""
+        """Rows and columns around a position, and the terrain there, which shares its values."""
         (low, high), (left, right) = self.index(
             np.array([x - radius, x + radius]), np.array([y + radius, y - radius])
         )
@@ -112,13 +112,13 @@ class Terrain:
         return part, Terrain(self.values[part], float(west), float(north), self.cell)
 
     def placed(self) -> tuple[NDArray[np.float32], float, float, float]:
-        """The raster at its projected coordinates."""
+        """Raster values with west, north and cell in projected coordinates."""
         return self.values, EAST + self.west, NORTH + self.north, self.cell
 
 
 @dataclass(frozen=True)
 class FlightLine:
-    """A straight strip: the scanner looks to both sides of its track, `half` metres each."""
+    """A straight flight line, scanned `half` metres to both sides."""
 
     start: tuple[float, float]
     heading: tuple[float, float]
@@ -134,7 +134,7 @@ class FlightLine:
 
 @dataclass(frozen=True)
 class Pulses:
-    """A block of rays in the order in which they were sent."""
+    """A block of pulses as rays, in the order in which they were sent."""
 
     x0: Floats
     y0: Floats
@@ -150,7 +150,7 @@ class Pulses:
 
 @dataclass(frozen=True)
 class World:
-    """All that a pulse can meet."""
+    """The terrain, water and objects that pulses may hit."""
 
     terrain: Terrain
     cover: NDArray[np.uint8]  # ground cover per terrain cell
@@ -178,7 +178,7 @@ class Echoes:
 
 
 def blank_terrain(west: float, south: float, east: float, north: float) -> Terrain:
-    """A level terrain on whole multiples of a cell that keeps the raster under 2000 cells wide."""
+    """Level terrain on whole multiples of a cell that keeps the raster under 2000 cells wide."""
     extent = max(east - west, north - south)
     cell = next(c for c in (0.5, 1.0, 2.0, 2.5, 5.0) if extent <= 2002 * c)
     left, low = np.floor(west / cell), np.floor(south / cell)
@@ -189,7 +189,7 @@ def blank_terrain(west: float, south: float, east: float, north: float) -> Terra
 def rolling(
     rng: np.random.Generator, x: Floats, y: Floats, waves: Sequence[tuple[float, float]]
 ) -> Floats:
-    """Sum of plane waves (height in metres, length in metres) of random direction and phase."""
+    """Elevations: a sum of plane waves (height, length in metres) of random direction and phase."""
     z = np.zeros(np.broadcast_shapes(x.shape, y.shape))
     for height, length in waves:
         angle, phase = rng.uniform(0, 2 * np.pi, 2)
@@ -199,13 +199,13 @@ def rolling(
 
 
 def smoothstep(t: Floats) -> Floats:
-    """0 below 0, 1 above 1, smooth in between."""
+    """Smooth step: 0 below 0, 1 above 1, a cubic in between."""
     t = np.clip(t, 0, 1)
     return t * t * (3 - 2 * t)
 
 
 def graded(z: Floats, level: Any, away: Floats, batter: float) -> Floats:
-    """Earthwork: level where `away` is 0, then side slopes of `batter` until they meet z."""
+    """Elevations of an earthwork: `level` where `away` is 0, then slopes of `batter` to meet z."""
     rise = np.maximum(away, 0) * batter
     return np.clip(z, level - rise, level + rise)
 
@@ -214,7 +214,7 @@ def graded(z: Floats, level: Any, away: Floats, batter: float) -> Floats:
 
 
 def parallel_lines(size: float, ground: float, widest: float = 400.0) -> list[FlightLine]:
-    """Strips to the north and back over a square, each a third of its width over its neighbours."""
+    """Parallel flight lines over a square, in turn to the north and back, with overlap."""
     count = max(2, int(np.ceil(size / widest)))
     step = size / count
     lines = []
@@ -229,7 +229,7 @@ def parallel_lines(size: float, ground: float, widest: float = 400.0) -> list[Fl
 def fire(
     line: FlightLine, spacing: float, start: float, rng: np.random.Generator
 ) -> Iterator[Pulses]:
-    """Scan lines of a rotating mirror, in blocks of whole scan lines; `start` is GPS time."""
+    """Pulses of a rotating mirror, in blocks of whole scan lines; `start` is GPS time."""
     rows = int(np.ceil(line.length / spacing))
     cols = max(2, int(np.ceil(2 * line.half / spacing)))
     hx, hy = line.heading
@@ -258,7 +258,7 @@ def fire(
 
 
 class Index(NamedTuple):
-    """Which objects a pulse may meet, by the cell in which it reaches the ground."""
+    """The objects that a pulse may hit, by the cell in which it reaches the ground."""
 
     start: NDArray[np.int64]
     items: NDArray[np.int64]
@@ -270,7 +270,7 @@ class Index(NamedTuple):
 
 
 def _index(terrain: Terrain, boxes: Floats, cell: float = 4.0) -> Index:
-    """Index boxes (n, 4) of xmin, ymin, xmax, ymax over the terrain."""
+    """Index of boxes (n, 4) of xmin, ymin, xmax, ymax by the cells of a terrain."""
     rows, cols = (int(np.ceil(n * terrain.cell / cell)) for n in terrain.values.shape)
     south = terrain.north - terrain.values.shape[0] * terrain.cell
     low = np.floor((boxes[:, :2] - (terrain.west, south)) / cell)
@@ -282,7 +282,7 @@ def _index(terrain: Terrain, boxes: Floats, cell: float = 4.0) -> Index:
 
 
 def index_objects(terrain: Terrain, world: World, lines: Sequence[FlightLine]) -> list[Index]:
-    """Indexes of the blocks, crowns and rods of a world.
+    """Indices of the blocks, crowns and rods of a world, by cell.
 
     A pulse passes an object of height h and reaches the ground up to h tan(angle) aside of it,
     square to the track; 8 m more allow for ground that falls away.
@@ -308,7 +308,7 @@ def _square(objects: Records, half: Floats) -> Floats:
 
 
 def trace(world: World, blocks: Index, pulses: Pulses) -> Echoes:
-    """The first solid thing that each pulse meets: a block, water or the ground."""
+    """First solid hit of each pulse: a block, water or the ground."""
     terrain = world.terrain
     z, source, item, facet = kernels.first_hits(
         pulses.x0,
@@ -353,7 +353,10 @@ def crown_echoes(
 def rod_echoes(
     world: World, rods: Index, pulses: Pulses, ground: Floats, rng: np.random.Generator
 ) -> tuple[Echoes, NDArray[np.int64]]:
-    """Returns from wires and lattice bars. They are thin: most of the light goes on."""
+    """Returns from wires and lattice bars.
+
+    They are thin, so that most of the light goes on.
+    """
     pulse, z, item = kernels.strikes(
         pulses.x0, pulses.y0, pulses.sx, pulses.sy, ground, world.rods, rods
     )
@@ -369,7 +372,7 @@ def _echoes(pulse: NDArray[np.int64], z: Floats, source: int, item: NDArray[np.i
 
 
 def merge(parts: Sequence[Echoes], ended: Sequence[NDArray[np.int64]], solid: Echoes) -> Echoes:
-    """Returns of all kinds in the order of each pulse, without those behind its end.
+    """Returns of all kinds, sorted by pulse and height, without those behind the end of a pulse.
 
     `solid` stops every pulse; `ended` are pulses that stop at the lowest of their thin returns.
     """
@@ -403,7 +406,7 @@ def survey(
     water_noise: float = 0.0,
     ctx: Context = QUIET,
 ) -> tuple[Floats, dict[str, NDArray[Any]]]:
-    """Fly the lines over the world; return points and attributes as a LAS file has them.
+    """Points and LAS attributes of a survey of a world along flight lines.
 
     Parameters
     ----------
@@ -453,7 +456,11 @@ def survey(
 def _lost_in_water(
     world: World, solid: Echoes, pulses: Pulses, rng: np.random.Generator
 ) -> NDArray[np.bool_]:
-    """Water is a mirror for near infrared: it answers below the aircraft, hardly aside."""
+    """True for pulses on water that give no return.
+
+    Water reflects near infrared like a mirror: there are returns below the aircraft, and few to
+    its sides.
+    """
     near, far = WATER_CHANCE
     chance = far + (near - far) * np.exp(-((pulses.angle / 3.0) ** 2))
     x, y = pulses.x0 + pulses.sx * solid.z, pulses.y0 + pulses.sy * solid.z
@@ -521,12 +528,12 @@ def _points(
 
 
 def _position(pulses: Pulses, p: NDArray[np.int64], z: Floats) -> tuple[Floats, Floats]:
-    """Where pulses p are at heights z."""
+    """Horizontal position of pulses p at heights z."""
     return pulses.x0[p] + pulses.sx[p] * z, pulses.y0[p] + pulses.sy[p] * z
 
 
 def _return_numbers(pulse: NDArray[np.int64]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return number and number of returns, for returns sorted by pulse and downwards."""
+    """Return number and number of returns, for returns sorted by pulse and from top to bottom."""
     _, first, count = np.unique(pulse, return_index=True, return_counts=True)
     number = np.arange(len(pulse)) - np.repeat(first, count) + 1
     return number.astype("u1"), np.repeat(count, count).astype("u1")
@@ -535,7 +542,7 @@ def _return_numbers(pulse: NDArray[np.int64]) -> tuple[NDArray[np.uint8], NDArra
 def _plants(
     world: World, echoes: Echoes, cover: NDArray[np.uint8], rng: np.random.Generator
 ) -> Floats:
-    """Height of the grass or reeds that a pulse met above the ground or the water."""
+    """Height of the grass or reeds that a pulse hit, above the ground or the water."""
     n = len(cover)
     grown = (echoes.source == ON_GROUND) & (rng.random(n) < COVER_PLANTS[cover])
     grown |= (echoes.source == ON_WATER) & (cover == REED) & (rng.random(n) < 0.85)
@@ -561,7 +568,7 @@ def _classes(
 
 
 def _truth(world: World, echoes: Echoes, name: str) -> NDArray[Any]:
-    """An identifier of the object that each return came from, 0 where there is none."""
+    """Identifier of the object that each return came from, 0 where there is none."""
     tables = {ON_BLOCK: world.blocks, ON_CROWN: world.crowns, ON_ROD: world.rods}
     dtype = "u2" if name in ("wire_id", "span_id", "tower_id") else "u4"
     values = np.zeros(len(echoes.pulse), dtype)
@@ -577,7 +584,7 @@ def _truth(world: World, echoes: Echoes, name: str) -> NDArray[Any]:
 
 
 def _shades(world: World, echoes: Echoes, cover: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Mean intensity by material, for a pulse with a single return."""
+    """Mean intensity of the material of each return, as for a pulse with a single return."""
     shade = COVER_SHADE[cover]
     shade[echoes.source == ON_WATER] = 2500
     shade[echoes.source == ON_CROWN] = 21000
@@ -591,7 +598,7 @@ def _shades(world: World, echoes: Echoes, cover: NDArray[np.uint8]) -> NDArray[n
 
 
 def crown_widths(shape: int, t: Floats) -> Floats:
-    """Radius of a crown of unit radius at shares t of its height, shape (k,)."""
+    """Radius of a crown of unit radius at fractions t of its height, shape (k,)."""
     return np.array([kernels.crown_width(shape, share) for share in t])
 
 
@@ -606,7 +613,7 @@ _CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
 def crown_features(terrain: Terrain, crowns: Records) -> Features:
-    """Crowns as polygons of 24 corners at ground level."""
+    """Features of crowns: polygons of 24 corners at ground level."""
     x, y = crowns["x"], crowns["y"]
     ground = terrain.at(x, y)
     angle = np.linspace(0, 2 * np.pi, 25)
@@ -630,12 +637,12 @@ def crown_features(terrain: Terrain, crowns: Records) -> Features:
 
 
 def lift(shape: shapely.Geometry, z: float) -> shapely.Geometry:
-    """The shape at height z, to the millimetre."""
+    """The shape in three dimensions at height z, rounded to millimetres."""
     return shapely.force_3d(shapely.transform(shape, lambda xy: np.round(xy, 3)), round(z, 3))
 
 
 def below_level(terrain: Terrain, where: NDArray[np.bool_], level: float) -> shapely.MultiPolygon:
-    """Area under a level, as polygons with holes, in projected coordinates.
+    """Area below a level, as polygons with holes, in projected coordinates.
 
     Parameters
     ----------

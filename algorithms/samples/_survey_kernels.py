@@ -30,7 +30,7 @@ def bilinear(values, west, north, cell, x, y):
 
 @njit(cache=True, nogil=True)
 def bucket(low, high, rows, cols):
-    """Objects per cell, as starts and items, from the column and row ranges of each object."""
+    """Objects in each cell, as starts and items, from the column and row ranges of each object."""
     start = np.zeros(rows * cols + 1, np.int64)
     for i in range(len(low)):
         for row in range(low[i, 1], high[i, 1] + 1):
@@ -49,7 +49,7 @@ def bucket(low, high, rows, cols):
 
 @njit(cache=True, nogil=True)
 def near(index, x, y):
-    """Numbers of the objects in the cell of a point, the border cells reaching to infinity."""
+    """Indices of the objects in the cell of a position; the border cells extend to infinity."""
     col = min(max(int((x - index.west) / index.cell), 0), index.cols - 1)
     row = min(max(int((y - index.south) / index.cell), 0), index.rows - 1)
     here = row * index.cols + col
@@ -58,7 +58,7 @@ def near(index, x, y):
 
 @njit(cache=True, nogil=True)
 def first_hits(x0, y0, sx, sy, values, level, west, north, cell, blocks, index):
-    """First hit of each ray with the terrain, the water and the blocks."""
+    """First hit of each ray with the terrain, the water or the blocks."""
     n = len(x0)
     z = np.empty(n)
     source, facet = np.zeros(n, np.uint8), np.zeros(n, np.uint8)
@@ -85,7 +85,7 @@ def first_hits(x0, y0, sx, sy, values, level, west, north, cell, blocks, index):
 
 @njit(cache=True, nogil=True)
 def enter(block, x0, y0, sx, sy):
-    """Height and facet where a ray enters a block, -inf where it misses.
+    """Height and facet where a ray enters a block; -inf where it misses.
 
     A block is convex: the ray is inside where a + b z <= 0 holds for all its half-spaces.
     """
@@ -122,7 +122,7 @@ def enter(block, x0, y0, sx, sy):
 
 @njit(cache=True, nogil=True)
 def crown_width(shape, t):
-    """Radius of a crown of unit radius at share t of its height."""
+    """Radius of a crown of unit radius at fraction t of its height."""
     if shape == 0:
         return np.sqrt(max(0.0, 1 - (2 * t - 1) ** 2))
     if shape == 1:
@@ -132,7 +132,7 @@ def crown_width(shape, t):
 
 @njit(cache=True, nogil=True)
 def chords(x0, y0, sx, sy, ground, crowns, index):
-    """Entry and exit height of each ray in the highest crown that it meets; item -1 for none."""
+    """Entry and exit height of each ray in the highest crown that it hits; item -1 for none."""
     n, steps = len(x0), 24
     top, bottom = np.full(n, -np.inf), np.full(n, np.inf)
     item = np.full(n, -1, np.int64)
@@ -155,7 +155,7 @@ def chords(x0, y0, sx, sy, ground, crowns, index):
 
 @njit(cache=True, nogil=True)
 def strikes(x0, y0, sx, sy, ground, rods, index):
-    """All meetings of rays and rods: pulse, height of the rod's nearest point, rod."""
+    """All approaches of rays to rods: pulse, height of the nearest point of the rod, rod."""
     pulse, rod, height = [], [], []
     for i in range(len(x0)):
         for number in near(index, x0[i] + sx[i] * ground[i], y0[i] + sy[i] * ground[i]):
@@ -169,7 +169,7 @@ def strikes(x0, y0, sx, sy, ground, rods, index):
 
 @njit(cache=True, nogil=True)
 def approach(rod, x0, y0, sx, sy):
-    """Height of the point of a rod nearest to a ray, and their distance."""
+    """Height of the point of a rod nearest to a ray, and the distance between them."""
     ex, ey, ez = rod.x2 - rod.x1, rod.y2 - rod.y1, rod.z2 - rod.z1
     dx, dy, dz = rod.x1 - x0, rod.y1 - y0, rod.z1
     ee = ex * ex + ey * ey + ez * ez

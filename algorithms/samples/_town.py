@@ -75,7 +75,7 @@ def town(*, size: float, density: float, seed: int, ctx: Context = QUIET) -> Sce
 
 
 def landscape(size: float, rng: np.random.Generator) -> SceneBuilder:
-    """The ground with its earthworks, the streets, and the bridge where road and cut cross."""
+    """Scene with the ground, earthworks, streets, and the bridge where road and cut cross."""
     terrain = blank_terrain(0, 0, size, size)
     x, y = terrain.centres()
     count = max(1, int(size // QUARTER))
@@ -111,19 +111,19 @@ def landscape(size: float, rng: np.random.Generator) -> SceneBuilder:
 
 
 def terrain_row(z: Floats, terrain: Terrain, y: float) -> Floats:
-    """Elevations along the parallel y."""
+    """Elevations along the line of constant y."""
     return np.asarray(z[min(int((terrain.north - y) / terrain.cell), len(z) - 1)])
 
 
 def _street(x: Floats, y: Floats, pitch: float, count: int) -> NDArray[np.bool_]:
-    """Streets between the quarters."""
+    """True for cells of streets between the quarters."""
     lines = np.arange(1, count) * pitch
     near_x, near_y = ((np.abs(v[..., None] - lines) < 2.75).any(axis=-1) for v in (x, y))
     return np.asarray(near_x | near_y)
 
 
 def _bridge(builder: SceneBuilder, x: float, y: float, road: float) -> None:
-    """A deck over the cut, with a parapet on both sides."""
+    """Build a bridge deck over the cut, with a parapet on both sides."""
     owner, half, width = builder.new_object(), 11.5, 4.5
     builder.block(
         x, y, 0, a=half, b=width, top=road, base=road - 0.9, cls=BRIDGE, owner=owner, shade=11000
@@ -171,7 +171,7 @@ def pond(builder: SceneBuilder, x: float, y: float, radius: float) -> None:
 
 
 def build(builder: SceneBuilder, ctx: Context) -> None:
-    """Fill each quarter between the streets."""
+    """Build the quarters between the streets."""
     rng = builder.rng
     count = max(1, int(builder.size // QUARTER))
     pitch = builder.size / count
@@ -188,7 +188,7 @@ def build(builder: SceneBuilder, ctx: Context) -> None:
 
 
 def _houses(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float) -> None:
-    """Detached houses of all roof shapes, with hedges, walls and cars."""
+    """Build detached houses of all roof shapes, with hedges, walls and cars."""
     rng = builder.rng
     side = max(2, int((pitch - 12) // 25))
     step = (pitch - 12) / side
@@ -203,12 +203,12 @@ def _houses(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float
 
 
 def _hamlet(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float) -> None:
-    """The houses of a town of a single quarter, north of its road."""
+    """Build the houses of a town of a single quarter, north of its road."""
     _houses(builder, x, y + 0.08 * pitch, 0.9 * pitch, 0.3 * turn)
 
 
 def _hall(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float) -> None:
-    """A hall of more than 60 m with a roof of 5 degrees, and its car park."""
+    """Build a hall of more than 60 m with a roof of 5 degrees, and its car park."""
     wings = [Wing(0, 0, 32.0, 13.5, slope=float(np.tan(np.radians(5))))]
     if not building(builder, x, y + 4, 0.4 * turn, wings=wings, storeys=3):
         building(builder, x, y, 0.0, wings=wings, storeys=3)
@@ -217,7 +217,7 @@ def _hall(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float) 
 
 
 def _court(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float) -> None:
-    """Four wings around a courtyard."""
+    """Build four wings around a courtyard."""
     half, width = 20.0, 5.0
     slope = 0.7
     long = [Wing(0, s * (half - width), half, width, slope=slope, hip=slope) for s in (-1, 1)]
@@ -227,7 +227,7 @@ def _court(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float)
 
 
 def _slabs(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float) -> None:
-    """Tall flat-roofed blocks, whose far sides the laser cannot see."""
+    """Build tall flat-roofed blocks, whose far sides the laser does not reach."""
     for v in (-22.0, 22.0):
         slab = [Wing(0, 0, 24.0, 6.0)]
         storeys = int(builder.rng.integers(6, 11))
@@ -237,7 +237,7 @@ def _slabs(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float)
 
 
 def _park(builder: SceneBuilder, x: float, y: float, pitch: float, turn: float) -> None:
-    """A pond between trees."""
+    """Plant trees around a pond."""
     if builder.claim(x, y, 0.0, a=17, b=17):
         pond(builder, x, y, 12.0)
     _trees(builder, x, y, 0.42 * pitch, int(pitch * pitch / 130))
@@ -278,7 +278,7 @@ def _l_shaped(rng: np.random.Generator) -> list[Wing]:
 
 
 def _garden(builder: SceneBuilder, x: float, y: float, turn: float) -> None:
-    """A hedge or a wall along one side of the lot, and perhaps a car beside it."""
+    """Build a hedge or a wall along one side of the lot, and perhaps a car beside it."""
     rng = builder.rng
     u, v = turned(x, y, 0.0, 11.2, turn)
     if rng.random() < 0.5:
@@ -305,7 +305,7 @@ def _garden(builder: SceneBuilder, x: float, y: float, turn: float) -> None:
 
 
 def plant(builder: SceneBuilder, ctx: Context) -> None:
-    """Scatter trees and shrubs over what is left."""
+    """Plant trees and shrubs where there is room left."""
     spots = builder.rng.uniform(0, builder.size, (int(builder.size**2 / 220), 4))
     for number, (x1, y1, x2, y2) in enumerate(spots):
         if number % 1000 == 0:

@@ -1,4 +1,4 @@
-"""Synthetic surveys with known truth: for demonstrations, tests and benchmarks."""
+"""Synthetic surveys with ground truth: for demonstrations, tests and benchmarks."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class SamplesScene:
         )
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """The survey is made in metres."""
+        """The coordinate reference system is in metres, and the points are not too many."""
         if problem := length_problem(self.crs):
             yield "crs", problem
         elif metres_per_unit(self.crs) != 1.0:
@@ -83,7 +83,7 @@ class SamplesScene:
             yield "size", f"with this density makes {wanted:.2g} points; at most {MOST_POINTS:.2g}"
 
     def run(self, ctx: Context = QUIET) -> SamplesScene.Outputs:
-        """Make the survey and put it into layers."""
+        """Make the survey and its layers."""
         made = scene(
             self.kind,
             size=self.size,
@@ -118,7 +118,7 @@ def scene(
     noise: float = 0.004,
     ctx: Context = QUIET,
 ) -> SceneData:
-    """A survey as a LAS file would hold it, and the truth behind it.
+    """A synthetic survey as a LAS file would hold it, and its ground truth.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Pictures of layers, as PNG."""
+"""Plots: layers drawn as PNG images."""

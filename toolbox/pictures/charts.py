@@ -1,4 +1,4 @@
-"""Charts on a matplotlib figure: histograms and curves of tables, profiles along lines."""
+"""Charts on a matplotlib figure: histograms and curves from tables, profiles along lines."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Bars:
-    """A histogram; the first and the last count are those of all that lies beyond the edges.
+    """A histogram; the first and the last bin count all values beyond the edges.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Bars:
 
     @classmethod
     def of(cls, title: str, table: Table, show: Histogram) -> Bars | None:
-        """The histogram in a table; None if it has too few rows."""
+        """The histogram of a table; None if it has too few rows."""
         frame = table.frame
         if len(frame) < _FEWEST_BINS:
             return None
@@ -54,7 +54,7 @@ class Bars:
         return cls(title, edges, [*frame[show.count]], _unit(table, show.unit_in))
 
     def draw_on(self, figure: Figure, place: Place) -> None:
-        """Draw the bars; what lies beyond is as wide as the bin beside it, and lighter."""
+        """Draw the bars; the open bins are grey, and as wide as their neighbours."""
         axes = figure.add_axes(fractions(figure, place.map))
         edges = np.array(self.edges)
         steps = np.diff(edges)
@@ -71,7 +71,7 @@ class Bars:
 
 @dataclass(frozen=True)
 class Sections:
-    """Values over the way along lines.
+    """Profiles: values over the distance along lines.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class Sections:
 
     @classmethod
     def of(cls, title: str, layer: Vector, show: Profile) -> Sections | None:
-        """The profiles of points on lines; None if no point has a value."""
+        """The profiles of a layer of points on lines; None if no point has a value."""
         frame = layer.frame
         if not frame[show.across].notna().any():
             return None
@@ -102,7 +102,7 @@ class Sections:
         return cls(f"{title} along the line", lines, labels)
 
     def draw_on(self, figure: Figure, place: Place) -> None:
-        """Draw the values upwards, each line from its beginning."""
+        """Draw the values of each line over the distance from its beginning."""
         axes = figure.add_axes(fractions(figure, place.map))
         for along, values in self.lines:
             axes.plot(along, values, lw=0.8, color=_ALONG)
@@ -121,7 +121,7 @@ def _plain(axes: Axes, title: str) -> None:
 
 @dataclass(frozen=True)
 class Line:
-    """The numbers of an axis, and what stands beside it."""
+    """The values of an axis, and its label."""
 
     values: Array
     label: str
@@ -129,7 +129,7 @@ class Line:
 
     @classmethod
     def of(cls, table: Table, axis: Axis, *, scaled: bool) -> Line:
-        """A column of a table.
+        """An axis from a column of a table.
 
         Parameters
         ----------
@@ -147,7 +147,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Curves:
-    """One or two lines over a column of a table.
+    """One or two curves over a column of a table.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ class Curves:
 
     @classmethod
     def of(cls, title: str, table: Table, show: Curve) -> Curves | None:
-        """The lines in a table; None if it has too few rows."""
+        """The curves of a table; None if it has too few rows."""
         frame = table.frame
         if len(frame) < _FEWEST_ROWS:
             return None
@@ -186,11 +186,11 @@ class Curves:
 
     @property
     def height(self) -> float:
-        """In inches."""
+        """Height of the chart in inches."""
         return (0.8 if self.upright else 0.7) * WIDTH
 
     def draw_on(self, figure: Figure, place: Place) -> None:
-        """Draw the lines, the second one along an axis at the other side."""
+        """Draw the curves, the second one with an axis on the opposite side."""
         left, bottom, width, height = place.map
         two, over = len(self.lines) == 2, self.over.values
         if self.upright:
@@ -233,5 +233,5 @@ class Curves:
 
 
 def _unit(table: Table, column: str) -> str:
-    """What the first row says."""
+    """The unit of a table, from the first row of a column; "" without a column."""
     return str(table.frame[column].iloc[0]) if column else ""

@@ -1,4 +1,4 @@
-"""Pictures of layers: one PNG with a map and its key for each.
+"""Plots of layers: one PNG with a map and its key, or a chart, for each layer.
 
 Points are gathered into pixels before they are drawn, so a picture of a hundred million points
 is as small as one of a thousand. The same layers give the same bytes.
@@ -68,7 +68,7 @@ def draw(layers: Mapping[str, Any | Shown], path: str | Path, *, record: str = "
 
 
 def png(layers: Mapping[str, Any | Shown], *, record: str = "") -> bytes:
-    """Draw layers as :func:`draw` does; the content of the file.
+    """The bytes of the PNG that :func:`draw` writes.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def png(layers: Mapping[str, Any | Shown], *, record: str = "") -> bytes:
 
 
 def drawable(found: Mapping[str, Any], fields: Mapping[str, Field]) -> dict[str, Shown]:
-    """The layers among the results of a run that hold anything to see, by title.
+    """The layers among the results of a run that a plot can show, by title.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def drawable(found: Mapping[str, Any], fields: Mapping[str, Field]) -> dict[str,
 
 
 def has_something_to_see(layer: Layer, shows: Sequence[Show] = ()) -> bool:
-    """Whether a plot can show a layer: one that has cells, points or features, or a chart."""
+    """Whether a plot can show a layer: it has cells, points or features, or makes a chart."""
     match layer:
         case Raster():
             return True
@@ -131,7 +131,7 @@ def has_something_to_see(layer: Layer, shows: Sequence[Show] = ()) -> bool:
 
 
 def _usable(title: str, layer: Layer, shows: Sequence[Show]) -> tuple[Show, ...]:
-    """The words that a layer can be shown by; a warning tells what it lacks for the others."""
+    """The ways to show a layer for which it has the columns; a warning names what others lack."""
     usable: list[Show] = []
     for show in shows if layer.size() else ():
         known = (*layer.axes, *layer.names)
@@ -148,7 +148,7 @@ def _usable(title: str, layer: Layer, shows: Sequence[Show]) -> tuple[Show, ...]
 
 
 def _add(panels: list[Drawn], title: str, layer: Any, shows: Sequence[Show]) -> None:
-    """Add the maps and charts of a layer."""
+    """Append the maps and charts of a layer."""
     match layer:
         case Raster():
             panels += _of_bands(title, layer)
@@ -177,7 +177,7 @@ def _chart(title: str, table: Table, show: Show) -> Bars | Curves | None:
 
 
 def _of_bands(title: str, raster: Raster) -> Iterator[Panel]:
-    """A map of each band with a name of its own; only of the first, where bands are colours."""
+    """A map of each named band; only of the first one where bands have no names."""
     names = raster.descriptions if all(raster.descriptions) else raster.descriptions[:1]
     for number, name in enumerate(names[:_MOST_BANDS], start=1):
         text = title if number == 1 else f"{title}: {name}"
@@ -189,7 +189,7 @@ def _of_image(title: str, crs: CRS | None, image: Image) -> Panel:
 
 
 def _add_vector(panels: list[Drawn], title: str, features: Coloured) -> None:
-    """Over the last map where it belongs there; nowhere if no feature has a geometry."""
+    """Add a vector layer to the last map if they overlap, or as a map; skip it without geometry."""
     layer = features[0]
     west, south, east, north = (float(value) for value in layer.frame.total_bounds)
     bounds = (west, south, east, north)

@@ -1,4 +1,4 @@
-"""Colours of vector layers whose features are shown by their words or numbers."""
+"""Colours of vector layers by the values of an attribute."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Coloured = tuple[Vector, Classes | Values | None]
 
 
 def feature_key(features: Coloured) -> Key | None:
-    """What the colours of the features mean; None if all have the same."""
+    """The key of the colours of features; None if all have the same colour."""
     layer, show = features
     match show:
         case Values():
@@ -37,7 +37,7 @@ def feature_key(features: Coloured) -> Key | None:
 
 
 def feature_colours(features: Coloured, key: Key) -> NDArray[Any]:
-    """One colour per feature, as shape (n, 4)."""
+    """Colour of each feature as RGBA, array of shape (n, 4)."""
     from matplotlib.colors import to_rgba
 
     layer, show = features

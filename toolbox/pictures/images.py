@@ -1,4 +1,4 @@
-"""Rasters and clouds as images: arrays of colours, each with its key."""
+"""Images from rasters and point clouds: arrays of colours, each with its key."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ LENGTHS |= {"millimetre": "mm", "centimetre": "cm"}
 
 @dataclass(frozen=True)
 class Ramp:
-    """The key of a continuous image."""
+    """The key of an image with continuous colours."""
 
     colours: str | Sequence[Colour]  # a matplotlib name, or our own from low to high
     low: float
@@ -73,7 +73,7 @@ class Ramp:
 
     @classmethod
     def over(cls, values: Array, colours: str | Sequence[Colour], label: str) -> Ramp:
-        """Colours over the values but for the outermost 0.5 %, which would fade all others."""
+        """Colours over the range without the outermost 0.5 %, which would fade all others."""
         known = values[np.isfinite(values)]
         if len(known) == 0:
             return cls(colours, 0.0, 1.0, label)
@@ -86,13 +86,13 @@ class Ramp:
 
     @classmethod
     def about_zero(cls, values: Array, label: str) -> Ramp:
-        """Blue below zero and red above, as far as 99 % of the values reach."""
+        """Colours from blue (below zero) to red (above), over the range of 99 % of the values."""
         known = np.abs(values[np.isfinite(values)])
         high = float(np.percentile(known, 99)) if len(known) else 0.0
         return cls("RdBu_r", -(high or 1.0), high or 1.0, label, "both")
 
     def colour_map(self) -> Any:
-        """As matplotlib knows it."""
+        """The colour map of matplotlib."""
         import matplotlib
         from matplotlib.colors import LinearSegmentedColormap
 
@@ -107,7 +107,7 @@ Key: TypeAlias = Ramp | Looks
 
 @dataclass(frozen=True)
 class Image:
-    """What a map shows: RGBA of shape (rows, cols, 4), 0..1, and how to read it."""
+    """Image of a map: RGBA of shape (rows, cols, 4) from 0 to 1, with bounds and key."""
 
     rgba: Array
     bounds: Bounds
@@ -116,7 +116,7 @@ class Image:
 
 
 def raster_image(raster: Raster, number: int = 1) -> Image:
-    """One band of a raster: as shades, classes, differences, relief or in plain colours."""
+    """Image of a band of a raster: classes, relief, differences or continuous colours."""
     step = max(1, math.ceil(max(raster.shape) / _PIXELS))
     band = raster.band(number)[::step, ::step]
     text, unit = raster.descriptions[number - 1], raster.units[number - 1]
@@ -135,7 +135,7 @@ def _is_code(name: str) -> bool:
 
 
 def _is_height(name: str, unit: str, bands: int) -> bool:
-    """Whether light and shade say something: not on spreads, distances or what is no length."""
+    """Whether a band holds heights, which shading suits: no spreads, distances, or other units."""
     if any(word in name for word in _NO_HEIGHTS):
         return False
     attribute, bracket, _ = name.partition(" (")  # as surface.grid names them: "z (linear)"
@@ -144,7 +144,7 @@ def _is_height(name: str, unit: str, bands: int) -> bool:
 
 
 def _is_change(name: str, band: Array) -> bool:
-    """Whether values on both sides of zero matter: not heights of objects above terrain."""
+    """Whether a band holds changes, whose sign matters: not heights of objects above terrain."""
     if "differ" in name or "change" in name:
         return True
     known = band[np.isfinite(band)]
@@ -163,7 +163,7 @@ def _ramp(name: str, band: Array, label: str) -> Ramp:
 
 
 def cloud_image(cloud: PointCloud, show: Show | None = None) -> Image:
-    """A cloud as it is to be shown, one colour per pixel, the highest point on top.
+    """Image of a point cloud: one colour per pixel, that of its highest point.
 
     Unless `show` says otherwise, in the colours of its classes, else of its elevation, or of its
     intensity where it is flat.
@@ -192,7 +192,7 @@ def cloud_image(cloud: PointCloud, show: Show | None = None) -> Image:
 
 
 def _from_front(cloud: PointCloud, planes: str, attribute: str, looks: Looks) -> Image:
-    """Classes from the front of the largest plane if that is upright, else from above."""
+    """Image of classes from the front of the largest plane if it is upright, or from above."""
     turned = oblique(cloud, planes) if planes in cloud else None
     if turned is None:
         return _classed(cloud, attribute, looks)
@@ -207,14 +207,14 @@ def _classed(cloud: PointCloud, attribute: str, looks: Looks) -> Image:
 
 
 def _looks_of_planes(cloud: PointCloud, show: Planes) -> Looks:
-    """Name and colour of the numbers of planes."""
+    """Name and colour of each plane, by number."""
     numbers = _codes(cloud[show.attribute].astype(np.float64))
     own = {number: (f"Plane {number}", OTHER[(number - 1) % len(OTHER)]) for number in numbers}
     return own | ({0: ("None", "#c9c9c9")} if 0 in own else {})
 
 
 def ramp_of(show: Values, values: Array, crs: CRS | None) -> Ramp:
-    """The key of numbers."""
+    """The key of the values of an attribute."""
     text = show.label or show.attribute.replace("_", " ")
     label = _label(text, vertical_unit(crs) if show.length else "")
     label += f", {show.note}" if show.note else ""
@@ -236,7 +236,7 @@ def _label(text: str, unit: str) -> str:
 
 
 def _pixels(cloud: PointCloud) -> Lattice:
-    """Pixels of about the spacing of the points, so that ground shows and detail stays."""
+    """Lattice of pixels about as wide as the points are apart."""
     west, south, _, east, north, _ = cloud.bounds
     longest = max(east - west, north - south)
     spacing = math.sqrt(max((east - west) * (north - south), 1e-6 * longest**2) / len(cloud))
@@ -244,7 +244,7 @@ def _pixels(cloud: PointCloud) -> Lattice:
 
 
 def _highest(cloud: PointCloud, lattice: Lattice) -> NDArray[np.int64]:
-    """Index of the highest point of each pixel, of the nearest one in small gaps, or -1."""
+    """Index of the highest point of each pixel, in small gaps of the nearest pixel; -1 for none."""
     from scipy import ndimage
 
     row, col = lattice.indices(cloud.xyz[:, 0], cloud.xyz[:, 1])
@@ -256,7 +256,7 @@ def _highest(cloud: PointCloud, lattice: Lattice) -> NDArray[np.int64]:
 
 
 def _from_above(cloud: PointCloud, *values: NDArray[Any]) -> tuple[Any, ...]:
-    """The pixels, and what the highest points in them say; NaN where there are none."""
+    """The lattice of pixels, and the values of the highest point in each; NaN without points."""
     lattice = _pixels(cloud)
     top = _highest(cloud, lattice)
     shown = (np.where(top >= 0, each[top].astype(np.float64), np.nan) for each in values)
@@ -295,7 +295,7 @@ def _class_colours(values: Array, classes: Looks) -> Array:
 
 
 def _lit(rgba: Array, height: Array, cell: float, strength: float = 0.6) -> Array:
-    """Colours in the light of a sun in the north-west, 45 degrees high."""
+    """Colours shaded by a sun in the north-west, 45 degrees high."""
     shade = _shade(height, cell)[..., None]
     darker = rgba[..., :3] * (1 + strength * np.minimum(shade, 0) / math.sqrt(0.5))
     lighter = darker + (1 - darker) * strength * np.maximum(shade, 0)
@@ -303,7 +303,7 @@ def _lit(rgba: Array, height: Array, cell: float, strength: float = 0.6) -> Arra
 
 
 def _shade(height: Array, cell: float) -> Array:
-    """How much more light than flat ground each pixel has: -0.71 to 0.29, and 0 if not known.
+    """Light on each pixel minus that on flat ground: -0.71 to 0.29, 0 where not known.
 
     Gentle terrain is exaggerated until a typical slope shows.
     """

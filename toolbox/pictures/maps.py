@@ -1,4 +1,4 @@
-"""Maps on a matplotlib figure: where each goes, its image, vectors, key, ticks and scale bar."""
+"""Maps on a matplotlib figure: layout, image, vector layers, key, ticks and scale bar."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _LEFT, _GAP, _HEAD, _FOOT = 0.42, 0.5, 0.36, 0.32  # inches around a map, for it
 
 @dataclass(frozen=True)
 class Panel:
-    """One map: what is below, and the vector layers over it."""
+    """One map: its image, and the vector layers over it."""
 
     title: str
     crs: CRS | None
@@ -41,23 +41,23 @@ class Panel:
     vectors: tuple[Coloured, ...]
 
     def under(self, title: str, vector: Coloured) -> Panel:
-        """The map with one more layer over it."""
+        """The map with one more vector layer on top."""
         return replace(self, title=f"{self.title} + {title}", vectors=(*self.vectors, vector))
 
     @property
     def height(self) -> float:
-        """Of the map in inches, by the shape of its extent."""
+        """Height of the map in inches, by the shape of its bounds."""
         west, south, east, north = self.bounds
         return WIDTH * (north - south) / (east - west)
 
     @property
     def key(self) -> Key | None:
-        """Of the image; without one that of the first vector layer, if it has one."""
+        """Key of the image, or else of the first vector layer; None if that has none."""
         return self.image.key if self.image else feature_key(self.vectors[0])
 
     @property
     def key_height(self) -> float:
-        """Of the key in inches."""
+        """Height of the key in inches."""
         if (key := self.key) is None:
             return 0.1
         if isinstance(key, Ramp):
@@ -88,7 +88,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a map and its key go, in inches."""
+    """Boxes of a map and of its key on the figure, in inches."""
 
     map: Box
     key: Box
@@ -113,7 +113,7 @@ def in_proportion(bounds: Bounds, margin: float = 0.0) -> Bounds:
 
 
 class Drawn(Protocol):
-    """What goes on a figure, with its heights in inches; all are of one width."""
+    """A map or chart, which has a height in inches and can be drawn."""
 
     @property
     def height(self) -> float: ...
@@ -125,7 +125,7 @@ class Drawn(Protocol):
 
 
 def arrange(figure: Figure, panels: Sequence[Drawn]) -> list[Place]:
-    """Give the figure its size, and each map its place: rows of up to three of one width."""
+    """Set the size of the figure, and return the boxes of all panels, in rows of up to three."""
     columns = len(panels) if len(panels) <= 3 else 2 + (len(panels) > 4)
     rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
     heights = [max(panel.height for panel in row) for row in rows]
@@ -143,7 +143,7 @@ def arrange(figure: Figure, panels: Sequence[Drawn]) -> list[Place]:
 
 
 def fractions(figure: Figure, box: Box) -> Box:
-    """A place in inches as shares of the figure."""
+    """A box in inches as fractions of the figure."""
     width, height = (float(inches) for inches in figure.get_size_inches())
     return box[0] / width, box[1] / height, box[2] / width, box[3] / height
 
@@ -197,7 +197,7 @@ def _show_classes(figure: Figure, classes: Looks, place: Box) -> None:
 
 
 def _key_columns(classes: Looks) -> int:
-    """As many as fit beside each other by the longest name."""
+    """Number of columns of a key, by its longest name."""
     longest = max((len(name) for name, _ in classes.values()), default=1)
     return max(1, min(4, len(classes), int(WIDTH / (0.32 + 0.055 * longest))))
 
@@ -217,7 +217,7 @@ def _show_ticks(axes: Axes) -> None:
 
 
 def _show_scale(axes: Axes, panel: Panel) -> None:
-    """A bar of 1, 2 or 5 times a power of ten, about a fifth of the map wide."""
+    """Draw a scale bar of 1, 2 or 5 times a power of ten, about a fifth of the map wide."""
     from matplotlib.patches import Rectangle
 
     width = panel.bounds[2] - panel.bounds[0]
@@ -242,7 +242,7 @@ def _show_scale(axes: Axes, panel: Panel) -> None:
 
 
 def _round_ticks(low: float, high: float) -> list[float]:
-    """Two to five round numbers, away from the corners, where their texts would meet."""
+    """Two to five round numbers between limits, away from the corners, where texts would meet."""
     step = _round_length((high - low) / 2.5)
     first, last = math.ceil(low / step), math.floor(high / step)
     margin = 0.07 * (high - low)
@@ -259,7 +259,7 @@ def _round_length(length: float) -> float:
 
 
 def _show_vector(axes: Axes, vector: Vector, *, over: bool) -> None:
-    """Polygons filled where nothing is below them, lines with a light edge where something is."""
+    """Draw a vector layer in one colour: filled, or with light edges over an image."""
     import shapely
     from matplotlib.collections import LineCollection
 
@@ -279,7 +279,7 @@ def _show_vector(axes: Axes, vector: Vector, *, over: bool) -> None:
 
 
 def _show_coloured(axes: Axes, vector: Vector, colours: NDArray[Any]) -> None:
-    """Each feature in its colour; narrow polygons show by their outlines."""
+    """Draw each feature in its colour; narrow polygons show by their outlines."""
     import shapely
     from matplotlib.collections import LineCollection, PathCollection
 
@@ -300,7 +300,7 @@ def _show_coloured(axes: Axes, vector: Vector, colours: NDArray[Any]) -> None:
 
 
 def _path(rings: Sequence[Any]) -> Any:
-    """The exterior and the holes of a polygon as one path."""
+    """Path of matplotlib for a polygon with holes."""
     from matplotlib.path import Path
 
     return Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))

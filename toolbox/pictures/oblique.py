@@ -1,4 +1,4 @@
-"""Clouds with walls as they are seen from the street: from above, walls are lines."""
+"""Oblique views of clouds with walls, as seen from the street; from above walls are mere lines."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 
 def oblique(cloud: PointCloud, planes: str) -> PointCloud | None:
-    """The same points in the coordinates of a view: right, up, and towards the eye.
+    """The cloud in the coordinates of an oblique view: right, up, and towards the viewer.
 
     The eye is before the upright plane with the most points, on the side with more points, a
     little aside and above, so that ground, side walls and roofs are seen too.
@@ -46,7 +46,7 @@ def oblique(cloud: PointCloud, planes: str) -> PointCloud | None:
 
 
 def _wall(xyz: Floats, ids: NDArray[np.int64]) -> tuple[Floats, Floats] | None:
-    """Normal and centre of the upright plane with the most points."""
+    """Normal and centre of the upright plane with the most points; None if none is upright."""
     numbers, counts = np.unique(ids[ids > 0], return_counts=True)
     for number in numbers[np.argsort(-counts, kind="stable")[:_MOST]]:
         own = xyz[ids == number]

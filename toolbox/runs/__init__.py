@@ -1,1 +1,1 @@
-"""A run: what it reads and writes, what it keeps, and how each product says where it comes from."""
+"""Runs: sources, targets, cached results, the report and the provenance records of products."""

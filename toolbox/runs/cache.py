@@ -1,4 +1,4 @@
-"""Results of steps, kept so that the next run need not compute them again: ``--resume``.
+"""Results of steps, kept on disk so that later runs need not compute them again: ``--resume``.
 
 A result goes by a key: the SHA-256 of the code, the tool, its settings and the layers that it is
 given. A layer that was read from a file goes by what it holds, so that a file of another name, or
@@ -45,7 +45,7 @@ BLOCK = 2**22  # bytes
 
 
 def folder() -> Path:
-    """Where results are kept."""
+    """Folder in which results are kept."""
     if named := os.environ.get(FOLDER_VARIABLE):
         return Path(named)
     from platformdirs import user_cache_path
@@ -54,7 +54,7 @@ def folder() -> Path:
 
 
 def limit() -> float:
-    """How many bytes may be kept.
+    """Largest total size of the kept results, in bytes.
 
     Raises
     ------
@@ -71,18 +71,18 @@ def limit() -> float:
 
 @dataclass
 class Cache:
-    """The results of earlier runs, and what is known of the layers of this one."""
+    """Results of earlier runs on disk, and the keys of the layers of this run."""
 
     place: Path = field(default_factory=folder)
     limit: float = field(default_factory=limit)
     keys: WeakKeyDictionary[Any, str] = field(default_factory=WeakKeyDictionary)
 
     def runner(self, inner: Runner = run_tool) -> Runner:
-        """For `ModelRun.runner`: each tool that `inner` runs is looked up here first."""
+        """Runner for `ModelRun.runner` that asks the cache before `inner` runs a tool."""
         return lambda name, job, ctx: inner(name, _Cached(job, name, self), ctx)
 
     def __post_init__(self) -> None:
-        """Refuse a folder that others may put pickles into."""
+        """Raise an error for a folder in which others may write, since it holds pickles."""
         if not (self.place.exists() and hasattr(os, "getuid")):
             return
         there = self.place.stat()
@@ -91,7 +91,7 @@ class Cache:
             raise ParameterError("resume", {FOLDER_VARIABLE: f"{self.place} {text}"})
 
     def run(self, name: str, job: Any, ctx: Context) -> Any:
-        """The result of a tool, from here if it is known."""
+        """The result of a tool, from the cache or by running it."""
         key = self._key(job)
         kept = self._load(key)
         if kept:
@@ -132,7 +132,7 @@ class Cache:
             yield None if layer is None else self.keys[layer]
 
     def _load(self, key: str) -> dict[str, Any] | None:
-        """What is kept under this key; None if there is nothing, or it is damaged."""
+        """The result kept under a key; None if there is none or it is damaged."""
         path = self.place / (key + SUFFIX)
         try:
             with path.open("rb") as file:
@@ -149,7 +149,7 @@ class Cache:
         return found
 
     def _store(self, key: str, kept: Mapping[str, Any]) -> None:
-        """Keep a result; it is there whole or not at all."""
+        """Keep a result under a key; after a failure nothing is there."""
         path = self.place / (key + SUFFIX)
         try:
             self.place.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -163,7 +163,7 @@ class Cache:
             log.warning("a result is not kept in the cache: %s", err)
 
     def _prune(self) -> None:
-        """Remove what was not used for longest, until the rest fits, and what a crash has left."""
+        """Remove remains of crashes, and the results longest unused until the limit is kept."""
         for left in self.place.glob(".unfinished-*"):
             if time.time() - left.stat().st_mtime > DAY:
                 shutil.rmtree(left, ignore_errors=True)
@@ -177,7 +177,7 @@ class Cache:
 
 
 def _is_whole(file: BinaryIO) -> bool:
-    """Whether the file ends in the checksum of the rest."""
+    """Whether a file ends with the checksum of its other bytes."""
     size = os.fstat(file.fileno()).st_size - DIGEST
     made = hashlib.sha256()
     while file.tell() < size and (block := file.read(min(BLOCK, size - file.tell()))):
@@ -186,7 +186,7 @@ def _is_whole(file: BinaryIO) -> bool:
 
 
 def _outputs(spec: Spec, result: Any) -> Iterator[tuple[str, Any]]:
-    """The layers of a result, by name and number."""
+    """The layers of a result, each with a name made of output and index."""
     for name, output in spec.outputs.items():
         if output.kind.is_layer:
             for place, layer in enumerate(output.items(getattr(result, name))):
@@ -195,7 +195,7 @@ def _outputs(spec: Spec, result: Any) -> Iterator[tuple[str, Any]]:
 
 
 class _Cached:
-    """A tool with its values that asks the cache before it runs."""
+    """A job (a tool with its values) that asks the cache before it runs."""
 
     def __init__(self, job: Any, name: str, cache: Cache) -> None:
         self._job, self._name, self._cache = job, name, cache
@@ -208,7 +208,7 @@ class _Cached:
 
 
 class _Hashing:
-    """A file to write to that is hashed on the way; without a file, it is hashed only."""
+    """A writable file that hashes what is written; without an inner file it only hashes."""
 
     def __init__(self, file: Any = None) -> None:
         self.file, self.hash = file, hashlib.sha256()
@@ -220,7 +220,7 @@ class _Hashing:
 
 
 def content_of(layer: Layer) -> str:
-    """A hash of all that a layer holds, the same in every process."""
+    """Hash of the content of a layer, the same in every process."""
     made = _Hashing()
     made.hash.update("".join(map(file_hash, layer.paths)).encode())
     pickle.dump(layer, made, protocol=5)
@@ -229,7 +229,7 @@ def content_of(layer: Layer) -> str:
 
 @functools.cache
 def code_of(package: str) -> str:
-    """A hash of the Python files of a package and of ours: another version, another result."""
+    """Hash of the Python files of the toolbox and of a package, which changes with each version."""
     made = hashlib.sha256()
     for name in dict.fromkeys(["toolbox", package]):
         found = find_spec(name) if name != "__main__" else None

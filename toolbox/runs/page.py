@@ -1,4 +1,4 @@
-"""The page of a run: what came out of a tool or model, as a report for people."""
+"""The report of a run: results, plots and tables of a tool or model as an HTML page."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from toolbox.runs.provenance import Record
 
 
 def page(spec: Spec, found: Mapping[str, Any], record: Record | None) -> Report:
-    """Put together a report.
+    """The report of a run.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def _section(title: str, blocks: list[Block]) -> Section:
 
 
 def _values(spec: Spec, found: Mapping[str, Any]) -> Table:
-    """One row for each number or text."""
+    """Table with a row for each number or text among the results."""
     fields = spec.results
     return Table.from_rows(
         {"result": fields[name].help, "value": str(_short(value)), "unit": fields[name].unit}
@@ -62,7 +62,7 @@ def _short(value: Any) -> Any:
 
 
 def _layers(spec: Spec, found: Mapping[str, Any]) -> dict[str, Layer]:
-    """The layers by name, but for those of a repeated step."""
+    """The single layers among the results by name, without tuples of repeated steps."""
     return {
         name: value
         for name, value in found.items()
@@ -71,7 +71,7 @@ def _layers(spec: Spec, found: Mapping[str, Any]) -> dict[str, Layer]:
 
 
 def _sizes(spec: Spec, layers: Mapping[str, Layer]) -> Table:
-    """One row for each layer that the page does not list."""
+    """Table with the size of each layer."""
     return Table.from_rows(
         {"layer": name, "holds": spec.results[name].help, "size": layer.size_text()}
         for name, layer in layers.items()
@@ -80,5 +80,5 @@ def _sizes(spec: Spec, layers: Mapping[str, Layer]) -> Table:
 
 
 def _flowing(text: str) -> str:
-    """Paragraphs without the line breaks of the source code."""
+    """Text in which paragraphs have no line breaks."""
     return "\n\n".join(" ".join(part.split()) for part in text.split("\n\n"))

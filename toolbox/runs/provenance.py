@@ -1,4 +1,4 @@
-"""How a product was made: the record that every output carries.
+"""Provenance records: how a product was made, as JSON text that every output carries.
 
 A record names the tool with all its parameters (seeds among them), the inputs with size and hash,
 the CRS, and how many points, features and cells went in and came out of each step. It says enough
@@ -68,13 +68,13 @@ class Input:
 
     @property
     def in_memory(self) -> bool:
-        """Whether there is no file to find again."""
+        """Whether the layer was given in memory, without a file."""
         return self.bytes is None
 
 
 @dataclasses.dataclass(frozen=True)
 class Count:
-    """How many points, features, rows or cells with a value a step read or gave.
+    """Number of points, features, rows or cells with a value of a layer that a step read or gave.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Count:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Record:
-    """How one file was made.
+    """Provenance record of one file.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ class Record:
         file: str = "",
         layers: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> Self:
-        """The record of one output of the run that this is the record of.
+        """The record of one output, from the record of its run.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class Record:
         return {MEMBER: self.version, **_plain(values)}
 
     def to_json(self) -> str:
-        """One line of ASCII; the oldest ancestors are left out where it would be too long."""
+        """The record as one line of ASCII; of too long ones the oldest ancestors are left out."""
         kept, omitted = dict(self.ancestors), self.omitted
         sizes = {key: len(_dumps({key: entry})) for key, entry in kept.items()}
         total = len(_dumps(self.entry())) + sum(sizes.values()) + 100  # with what stands around
@@ -202,12 +202,12 @@ class Record:
             raise DataError(f"the record is damaged or of a later version: {error!r}") from error
 
     def text(self) -> str:
-        """The record in words, for people."""
+        """The record as text to read."""
         return "\n".join(_words(self))
 
 
 def read(path: str | Path, reading: Reading | None = None) -> Record | None:
-    """The record of a file, or None if it carries none.
+    """The record that a file carries; None if it has none.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def record_of(
     model: Path | None = None,
     ctx: Context = QUIET,
 ) -> Record:
-    """The record of a run that is about to begin.
+    """The record of a run that is about to begin, without outputs and counts.
 
     What each output is comes with :meth:`Record.of`, and the counts come from the run.
 
@@ -276,7 +276,7 @@ def qgis_of(spec: Spec) -> str:
 def describe_inputs(
     spec: Spec, sources: Sources, reading: Reading, ctx: Context = QUIET
 ) -> tuple[dict[str, tuple[Input, ...]], dict[str, Entry], int]:
-    """What the sources of a run are, and how those that are files were made.
+    """Description of the sources of a run with their hashes, and the records of their files.
 
     Parameters
     ----------
@@ -312,7 +312,7 @@ def describe_inputs(
 
 
 def leading_to(spec: Spec, output: str) -> Iterator[tuple[str, str]]:
-    """The layers that lead to an output, as pairs of step and name, itself included.
+    """The layers that an output depends on, as pairs of step and name, itself included.
 
     A run may make more layers than were asked for, and does so differently on tiles: they are
     no part of how this one was made.
@@ -331,14 +331,14 @@ def leading_to(spec: Spec, output: str) -> Iterator[tuple[str, str]]:
 
 
 def _is_among(count: Count, leads: frozenset[tuple[str, str]]) -> bool:
-    """Whether a count is of one of the layers; of a model inside a model, all of its are."""
+    """Whether a count belongs to one of the layers; for a model inside a model, to any of them."""
     step, inside, _ = count.step.partition("/")
     step = step.partition(" ")[0]
     return (step, count.name) in leads or bool(inside and any(step == name for name, _ in leads))
 
 
 def counting(counts: list[Count], inner: Runner = run_tool) -> Runner:
-    """For `ModelRun.runner`: what `inner` does, while adding to a list how large the layers are."""
+    """Runner for `ModelRun.runner` that runs `inner`, and appends the sizes of layers to a list."""
 
     def run(step: str, job: Any, ctx: Context) -> Any:
         counts.extend(counted(step, job.spec.sources, job))
@@ -352,7 +352,7 @@ def counting(counts: list[Count], inner: Runner = run_tool) -> Runner:
 def counted(
     step: str, fields: Mapping[str, Field], values: Any, inside: Inside | None = None
 ) -> Iterator[Count]:
-    """How large the layers of a step are.
+    """Sizes of the layers of a step.
 
     Parameters
     ----------
@@ -376,7 +376,7 @@ def _parameter(field: Field, value: Any) -> Any:
 
 
 def _numbers_as_floats(value: Any, schema: Mapping[str, Any]) -> Any:
-    """A cell of 2 is the same as one of 2.0, and so must be the record."""
+    """JSON value with floats where the schema says number: 2 is the same as 2.0."""
     if isinstance(value, list):
         return [_numbers_as_floats(item, schema.get("items", schema)) for item in value]
     is_number = schema.get("type") == "number" and isinstance(value, int | float)
@@ -384,7 +384,7 @@ def _numbers_as_floats(value: Any, schema: Mapping[str, Any]) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """A value as JSON gives it back."""
+    """A value with the types that JSON has."""
     if isinstance(value, Mapping):
         return {str(name): _plain(item) for name, item in value.items()}
     if isinstance(value, list | tuple):
@@ -397,7 +397,7 @@ def _dumps(value: Any) -> str:
 
 
 def _inputs(source: Source, reading: Reading, ctx: Context) -> Iterator[Input]:
-    """The files of a layer, one by one unless there are very many."""
+    """Descriptions of the files of a layer: one each, or a single one if there are very many."""
     if source.layer is not None:
         yield Input(IN_MEMORY, _content(source.layer), None)
         return
@@ -412,7 +412,7 @@ def _inputs(source: Source, reading: Reading, ctx: Context) -> Iterator[Input]:
 def _described(
     paths: Sequence[Path], options: Mapping[str, Any], reading: Reading, ctx: Context
 ) -> Input:
-    """One file with its parts, or many files as one entry."""
+    """Description of one file with its side-cars, or of many files together."""
     parts = [part for path in paths for part in _parts(path)]
     hashes: dict[Path, str] = {}
     for place, part in enumerate(parts):
@@ -424,7 +424,7 @@ def _described(
 
 
 def describe_files(paths: Sequence[Path], ctx: Context = QUIET) -> Input:
-    """One file, or many as one, as an input that needs no options.
+    """Description of one file, or of many together, without options.
 
     Raises
     ------
@@ -435,20 +435,20 @@ def describe_files(paths: Sequence[Path], ctx: Context = QUIET) -> Input:
 
 
 def _parts(path: Path) -> list[Path]:
-    """The files that are read under one name."""
+    """The files that belong to a path: several for a Shapefile."""
     if path.suffix.lower() != ".shp":
         return [path]
     return [path, *(part for end in _SHAPEFILE if (part := path.with_suffix(end)).is_file())]
 
 
 def _pattern(paths: Iterable[Path]) -> str:
-    """*.laz where all names end so, else *."""
+    """Pattern for the names of files: *.laz where all have this suffix, else *."""
     suffixes = {path.suffix for path in paths}
     return f"*{suffixes.pop()}" if len(suffixes) == 1 else "*"
 
 
 def joint_hash(hashes: Mapping[Path, str]) -> str:
-    """The hash of one file, or one for several; see :class:`Input`."""
+    """The hash of one file, or the common hash of several; see :class:`Input`."""
     if len(hashes) == 1:
         return next(iter(hashes.values()))
     lines = sorted((path.name, digest) for path, digest in hashes.items())
@@ -457,7 +457,7 @@ def joint_hash(hashes: Mapping[Path, str]) -> str:
 
 
 def _content(layer: Layer) -> str:
-    """The SHA-256 of what a layer holds, in memory and in files."""
+    """SHA-256 of the content of a layer, in memory and in files."""
     made = hashlib.sha256(crs_text(layer.crs).encode())
     of_files = ((path.name, text_array(file_hash(path))) for path in layer.paths)
     for name, values in itertools.chain(layer.contents(), of_files):
@@ -468,7 +468,7 @@ def _content(layer: Layer) -> str:
 
 
 def _ancestors(files: Iterable[Path], reading: Reading) -> tuple[dict[str, Entry], int]:
-    """The records of files, then those that these carry; and how many these have left out."""
+    """Records of files and of their ancestors by hash, and the number of ancestors left out."""
     near: dict[str, Entry] = {}
     far: dict[str, Entry] = {}
     omitted = 0
@@ -531,7 +531,7 @@ def _named(item: Input) -> str:
 
 
 def _file_names(record: Record) -> dict[str, str]:
-    """Names of files by hash, as the record and its ancestors know them."""
+    """Names of files by hash, from the inputs of a record and of its ancestors."""
     found = {item.sha256: item.file for items in record.inputs.values() for item in items}
     for entry in record.ancestors.values():
         for items in dict(entry.get("inputs", {})).values():
@@ -540,5 +540,5 @@ def _file_names(record: Record) -> dict[str, str]:
 
 
 def _short(text: str) -> str:
-    """WKT fills a page, of which the name is enough."""
+    """A text shortened to a hundred characters, since a WKT would fill a page."""
     return text if len(text) <= 100 else f"{text[:97]}..."

@@ -1,4 +1,4 @@
-"""The layers that a run reads: taken apart once, checked before anything is opened, then opened."""
+"""Sources: the layers that a run reads, parsed once, checked, and then opened."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from toolbox.errors import DataError, ToolboxError
 
 @dataclass(frozen=True)
 class Source:
-    """A layer that a run reads, in memory or in files: the twin of a target.
+    """A layer that a run reads, in memory or in files.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Source:
 
     @classmethod
     def of(cls, kind: Kind, value: Any) -> Source:
-        """Take apart a layer, a path, a mapping of a path and options, or a list of these."""
+        """Parse a layer, a path, a mapping of a path and options, or a list of these."""
         if kind.accepts(value):
             return cls(layer=value)
         items = value if isinstance(value, list | tuple) else [value]
@@ -60,7 +60,7 @@ class Source:
 
     @cached_property
     def points(self) -> PointFiles:
-        """The files of points that its paths stand for.
+        """The point files that the paths stand for.
 
         Raises
         ------
@@ -71,7 +71,7 @@ class Source:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The files that are read; of a layer in memory none.
+        """The files that are read; none for a layer in memory.
 
         Raises
         ------
@@ -81,7 +81,7 @@ class Source:
         return self.points.paths if self.several else tuple(map(Path, self.paths))
 
     def absolute(self) -> Source:
-        """The same for a process that may be in another folder."""
+        """The same source with absolute paths, for a process with another working folder."""
         return replace(self, paths=tuple(Path(path).absolute() for path in self.paths))
 
     def open(
@@ -91,7 +91,7 @@ class Source:
         reading: Reading | None = None,
         ctx: Context = QUIET,
     ) -> Any:
-        """The layer.
+        """Open the layer.
 
         Parameters
         ----------
@@ -126,7 +126,7 @@ Sources = Mapping[str, tuple[Source, ...]]
 
 
 def _problem(kind: Kind, paths: Sequence[Any], value: Any) -> str | None:
-    """What is wrong with the paths of a source."""
+    """The problem with the paths of a source; None if there is none."""
     if not all(isinstance(path, str | Path) and str(path) for path in paths):
         return f"must be a path or a {kind.word}, got {value!r}"
     if len(paths) != 1 and not (kind.several and paths):
@@ -136,7 +136,7 @@ def _problem(kind: Kind, paths: Sequence[Any], value: Any) -> str | None:
 
 
 def of_run(given: Mapping[str, Any], spec: Spec) -> dict[str, tuple[Source, ...]]:
-    """The sources of a run by parameter, of the values that were given; those left out are not."""
+    """Sources of a run by parameter, from the given values; parameters left out are not there."""
     fields = {name: spec.sources[name] for name in given if name in spec.sources}
     return {
         name: tuple(Source.of(field.kind, item) for item in field.given(given[name]))
@@ -146,7 +146,7 @@ def of_run(given: Mapping[str, Any], spec: Spec) -> dict[str, tuple[Source, ...]
 
 
 def problems(sources: Sources, spec: Spec) -> dict[str, str]:
-    """What is wrong with sources, by parameter, before anything is opened."""
+    """Problems of sources by parameter, found before anything is opened."""
     found: dict[str, str] = {}
     for name, items in sources.items():
         if not items:
@@ -158,7 +158,7 @@ def problems(sources: Sources, spec: Spec) -> dict[str, str]:
 
 
 def paths(sources: Sources) -> Iterator[Path]:
-    """The files that a run reads; what is wrong with others is reported elsewhere."""
+    """The files that a run reads; sources whose files cannot be found are skipped."""
     for source in (source for items in sources.values() for source in items):
         try:
             yield from source.files
@@ -169,7 +169,7 @@ def paths(sources: Sources) -> Iterator[Path]:
 def opened(
     spec: Spec, sources: Sources, crs: CRS | None, reading: Reading | None, ctx: Context
 ) -> dict[str, Any]:
-    """All layers that a run reads, or one error that names those that cannot be opened.
+    """All layers of a run by parameter; one error names all that cannot be opened.
 
     Parameters
     ----------

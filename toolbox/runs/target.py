@@ -1,4 +1,4 @@
-"""Where the results of a run are written, and how: checked before the run, all or nothing after."""
+"""Targets: where and how the results of a run are written, all of them or none."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _KINDS: Mapping[str, Kind] = {
 
 @dataclass(frozen=True)
 class Target:
-    """Where and how an output is to be written.
+    """Path and options with which an output is written.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Target:
 
     @classmethod
     def of(cls, name: str, value: Any, spec: Spec) -> Target:
-        """Take a path, or a mapping of a path and options, apart."""
+        """Parse a path, or a mapping of a path and options."""
         how = dict(value) if isinstance(value, Mapping) else {"path": value}
         path = how.pop("path", None)
         given = Path(path) if isinstance(path, str | Path) and str(path) else None
@@ -65,7 +65,7 @@ class Target:
 
     @property
     def layer(self) -> str | None:
-        """The layer of a GeoPackage that it is; None for a file that holds nothing else."""
+        """Name of the layer in a GeoPackage; None for other files."""
         resolved = self.resolved
         if (
             resolved is None
@@ -77,16 +77,16 @@ class Target:
 
     @property
     def how(self) -> dict[str, Any]:
-        """The options as the layer takes them."""
+        """The options, parsed for the layer's `save`."""
         return parsed_options(self.options, self.known)
 
     @property
     def is_las(self) -> bool:
-        """Whether LAS or LAZ is written; always in a folder."""
+        """Whether LAS or LAZ is written, as always in a folder."""
         return self.folder or (self.resolved is not None and self.resolved.suffix.lower() in LAS)
 
     def inside(self, name: str) -> Target:
-        """The file in this folder for a file of a survey: LAS stays LAS, all else becomes LAZ."""
+        """Target in this folder for one file of a survey: LAS stays LAS, all else becomes LAZ."""
         assert self.path is not None
         assert self.resolved is not None
         suffix = ".las" if name.lower().endswith(".las") else ".laz"
@@ -95,14 +95,14 @@ class Target:
         return replace(self, path=self.path / made, resolved=self.resolved / made, folder=False)
 
     def numbered(self, number: int) -> Target:
-        """The target of one of several layers: dtm_1.tif, dtm_2.tif for dtm.tif."""
+        """Target of one of several layers: dtm_1.tif, dtm_2.tif for dtm.tif."""
         path, resolved = (
             p and p.with_stem(f"{p.stem}_{number}") for p in (self.path, self.resolved)
         )
         return replace(self, path=path, resolved=resolved)
 
     def problem(self) -> str | None:
-        """What is wrong with the target, apart from files at its path."""
+        """The problem of the target, not counting existing files; None if there is none."""
         if not self.suffixes:
             return "is a value, which is printed; it cannot be written to a file"
         if self.resolved is None:
@@ -117,7 +117,7 @@ class Target:
 
 
 def _resolved(path: Path) -> Path | None:
-    """The file behind links; None for links in a circle and names that no file can have."""
+    """A path with links followed; None for circular links and impossible names."""
     try:
         return path.resolve()
     except (OSError, RuntimeError, ValueError):
@@ -125,12 +125,12 @@ def _resolved(path: Path) -> Path | None:
 
 
 def kind_of(name: str, spec: Spec) -> Kind:
-    """What an output is, or what every run can write beside."""
+    """The kind of an output, or of what every run can write: picture, page, counts."""
     return _KINDS[name] if name in SHOWN else spec.results[name].kind
 
 
 def of_run(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Target]:
-    """The targets of a run by output name.
+    """Targets of a run by output name.
 
     Several outputs may go to one GeoPackage, as layers that have the names of the outputs where
     no others are given.
@@ -148,7 +148,7 @@ def of_run(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Target]:
 def problems(
     targets: Mapping[str, Target], reads: Iterable[Path], *, overwrite: bool
 ) -> dict[str, str]:
-    """What is wrong with targets, by output name; `reads` are the files that the run reads."""
+    """Problems of targets by output name; `reads` are the files that the run reads."""
     found = {name: text for name, target in targets.items() if (text := target.problem())}
     good = {name: target for name, target in targets.items() if name not in found}
     found |= dict(_twins(good))
@@ -164,7 +164,7 @@ def problems(
 
 
 def _twins(targets: Mapping[str, Target]) -> Iterator[tuple[str, str]]:
-    """Outputs that name a layer of a GeoPackage that another has already, and what is wrong."""
+    """Problems of outputs that name the same layer of a GeoPackage as an earlier one."""
     first: dict[tuple[Path | None, str], str] = {}
     for name, target in targets.items():
         if target.layer:
@@ -182,7 +182,7 @@ def write(
     overwrite: bool,
     ctx: Context,
 ) -> dict[str, Any]:
-    """Write what was asked for, all or nothing.
+    """Write the outputs that have a target: all of them or, after an error, none.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def write(
 
 @dataclass(frozen=True)
 class _Piece:
-    """One layer and the file it goes to; for the picture, all layers by name."""
+    """One layer and its target; for the picture, all layers by name."""
 
     output: str
     layer: Any
@@ -262,7 +262,7 @@ def _pieces(
 def _save_all(
     id: str, group: list[_Piece], record: Record | None, path: Path, ctx: Context
 ) -> None:
-    """Write one file, which holds several layers if it is a GeoPackage."""
+    """Save one file, with several layers if it is a GeoPackage."""
     first, *others = group
     layers = {piece.output: piece.target.how for piece in others}
     how = first.target.how

@@ -17,7 +17,7 @@ help: ## print the targets
 demo: .venv/installed ## make a small survey, classify it, grid it, and say how good the result is
 	@mkdir -p $(OUT)
 	$(BIN)/python -m toolbox run samples.scene --kind town --points $(OUT)/town.laz --terrain $(OUT)/truth.tif --overwrite
-	$(BIN)/python -m toolbox run ground.classify --points $(OUT)/town.laz --ignore 7,18 --classified $(OUT)/ground.laz --overwrite
+	$(BIN)/python -m toolbox run ground.classify --points $(OUT)/town.laz --classified $(OUT)/ground.laz --overwrite
 	$(BIN)/python -m toolbox run compare.classes --points $(OUT)/ground.laz --reference $(OUT)/town.laz --positive 2 --overwrite --errors $(OUT)/errors.laz --picture $(OUT)/errors.png
 	$(BIN)/python -m toolbox run surface.grid --points $(OUT)/ground.laz --classes 2 --cell 0.5 --surface $(OUT)/terrain.tif --picture $(OUT)/terrain.png --overwrite
 	@echo "Look at $(OUT)/terrain.png and $(OUT)/errors.png"

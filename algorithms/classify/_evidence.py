@@ -292,7 +292,7 @@ def features_of(features: PointFeatures, names: tuple[str, ...]) -> Floats:
     return values
 
 
-def nobody_has_all(names: tuple[str, ...], values: Floats) -> str:
+def no_point_has_all(names: tuple[str, ...], values: Floats) -> str:
     """The problem that no point has all features, as a text; empty if one has."""
     known = np.isfinite(values)
     if known.all(axis=1).any():

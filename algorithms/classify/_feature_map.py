@@ -23,8 +23,8 @@ from toolbox.data import Lattice, PointCloud, Raster, Table
 from toolbox.errors import DataError
 
 UNKNOWN = 1  # class of points that lack a feature
-BLOCK = 200_000  # points between two looks at whether the user cancelled
-NOBODY = -1  # neuron of a point without features
+BLOCK = 200_000  # points between two checks for cancellation
+NO_NEURON = -1  # neuron of a point without features
 PIXEL = 0.1  # of pictures, in steps of the lattice
 GAP = 1.0  # between pictures
 LENGTHS = ("radius", "context")  # columns in metres
@@ -46,7 +46,7 @@ class FeatureMap:
     values : array of shape (k, f), of the neurons, in the unit of the features
     place : array of shape (k, 2), on the lattice
     parent : array of shape (k,), the neuron of the first stage that a neuron of the second is part
-        of; NOBODY for those of the first
+        of; NO_NEURON for those of the first
     classes : array of shape (k,)
     points : array of shape (k,), how many points trained the neuron
     astray : array of shape (k,), the share of those that are known to be of another class
@@ -75,7 +75,7 @@ class FeatureMap:
     @property
     def first_stage(self) -> Ints:
         """Indices of the neurons of the first stage, which are on the lattice."""
-        return np.flatnonzero(self.parent == NOBODY)
+        return np.flatnonzero(self.parent == NO_NEURON)
 
     @property
     def leaves(self) -> NDArray[np.bool_]:
@@ -90,9 +90,9 @@ class FeatureMap:
     def neurons(self, values: Floats, ctx: Context = QUIET) -> tuple[Ints, Floats]:
         """The neuron of each point with features of shape (n, f), and how far from it the point is.
 
-        NOBODY and NaN where a feature is NaN.
+        NO_NEURON and NaN where a feature is NaN.
         """
-        best, away = np.full(len(values), NOBODY), np.full(len(values), np.nan)
+        best, away = np.full(len(values), NO_NEURON), np.full(len(values), np.nan)
 
         def find(first: int, last: int) -> None:
             best[first:last], away[first:last] = self._neurons(values[first:last])
@@ -101,11 +101,11 @@ class FeatureMap:
         return best, away
 
     def _neurons(self, values: Floats) -> tuple[Ints, Floats]:
-        best, away = np.full(len(values), NOBODY), np.full(len(values), np.nan)
+        best, away = np.full(len(values), NO_NEURON), np.full(len(values), np.nan)
         known = np.isfinite(values).all(axis=1)
         found = self.stage_one(values[known])
         best[known], away[known] = found.best, found.distance
-        for parent in np.unique(self.parent[self.parent != NOBODY]):
+        for parent in np.unique(self.parent[self.parent != NO_NEURON]):
             members, parts = np.flatnonzero(best == parent), np.flatnonzero(self.parent == parent)
             within = self.comparable(self.values)[parts]
             found = som.winners(self.comparable(values[members]), within)
@@ -153,7 +153,7 @@ class FeatureMap:
         numbers = numbers.apply(pd.to_numeric, errors="coerce").astype(float)
         if text := next(_map_problems(numbers, frame["parent"].notna(), names), ""):
             raise DataError(f"map: {table.name} {text}")
-        parent = numbers["parent"].fillna(NOBODY).to_numpy().astype(np.int64)
+        parent = numbers["parent"].fillna(NO_NEURON).to_numpy().astype(np.int64)
 
         def once(part: str) -> Floats:
             return np.array([numbers[name + part].iloc[0] for name in names])
@@ -243,7 +243,7 @@ def trained(
         template,
         values=_in_units(weights, template),
         place=place,
-        parent=np.full(len(place), NOBODY),
+        parent=np.full(len(place), NO_NEURON),
         classes=np.zeros(len(place), np.uint8),
         points=np.zeros(len(place), np.int64),
         astray=np.zeros(len(place)),
@@ -330,9 +330,9 @@ def with_classes(
         cloud["classification"] if "classification" in cloud else np.zeros(len(part))
     )
     classes = classes.astype(np.uint8)
-    neuron, confidence = np.full(len(part), NOBODY, np.int16), np.zeros(len(part), np.float32)
+    neuron, confidence = np.full(len(part), NO_NEURON, np.int16), np.zeros(len(part), np.float32)
     distance = np.full(len(part), np.nan, np.float32)
-    found = best != NOBODY
+    found = best != NO_NEURON
     classes[part] = np.where(found, made.classes[best], UNKNOWN)
     neuron[part] = best
     confidence[part] = np.where(found, 1.0 - made.astray[best], 0.0)

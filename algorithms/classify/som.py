@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify import _evidence, _som
-from algorithms.classify._evidence import features_of, missing_feature, nobody_has_all
+from algorithms.classify._evidence import features_of, missing_feature, no_point_has_all
 from algorithms.classify._feature_map import (
-    NOBODY,
+    NO_NEURON,
     FeatureMap,
     named,
     split,
@@ -177,7 +177,7 @@ class ClassifySom:
         )
         names = self.features or usual_features(features.cloud)
         values = features_of(features, names)
-        if problem := nobody_has_all(names, values):
+        if problem := no_point_has_all(names, values):
             raise DataError(problem)
         known = self._known(features)
         able = np.flatnonzero(np.isfinite(values).all(axis=1))
@@ -193,7 +193,7 @@ class ClassifySom:
             astray=share_astray(made, best, known),
             quantisation_error=_som.quantisation_error(first),
             topographic_error=_som.topographic_error(first, made.place),
-            unclassified=int(np.count_nonzero(best == NOBODY)),
+            unclassified=int(np.count_nonzero(best == NO_NEURON)),
         )
 
     def _known(self, features: _evidence.PointFeatures) -> Bytes:
@@ -298,7 +298,7 @@ def growing(rows: int, columns: int) -> Iterator[tuple[int, int]]:
 
 def share_astray(made: FeatureMap, best: Ints, known: Bytes) -> float:
     """Share of the points of known class whose neuron has another class."""
-    told = (known > 0) & (best != NOBODY)
+    told = (known > 0) & (best != NO_NEURON)
     if not told.any():
         return 0.0
     return float(np.mean(made.classes[best[told]] != known[told]))

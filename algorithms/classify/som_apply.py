@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify import _evidence
-from algorithms.classify._evidence import features_of, missing_feature, nobody_has_all
-from algorithms.classify._feature_map import NOBODY, FeatureMap, with_classes
+from algorithms.classify._evidence import features_of, missing_feature, no_point_has_all
+from algorithms.classify._feature_map import NO_NEURON, FeatureMap, with_classes
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
@@ -63,10 +63,10 @@ class ClassifySomApply:
         cloud, made = self.points, FeatureMap.of(self.map)
         part = taking_part(cloud, self.ignore)
         if not part.any():
-            nobody = np.zeros(0, np.int64)
+            none = np.zeros(0, np.int64)
             raise NothingToDo(
                 "points: there are none to classify",
-                instead=self._outputs(part, made, nobody, np.zeros(0)),
+                instead=self._outputs(part, made, none, np.zeros(0)),
             )
         if {"x", "y"} & set(made.names):
             log.warning("the map was trained with x or y, so it holds for that area only")
@@ -78,7 +78,7 @@ class ClassifySomApply:
         )
         values = features_of(features, made.names)
         outputs = self._outputs(part, made, *made.neurons(values, ctx.part(0.9, 1.0)))
-        if problem := nobody_has_all(made.names, values):
+        if problem := no_point_has_all(made.names, values):
             raise NothingToDo(problem, instead=outputs)
         return outputs
 
@@ -91,7 +91,7 @@ class ClassifySomApply:
     ) -> ClassifySomApply.Outputs:
         cloud = self.points
         lacking = np.zeros(len(cloud), bool)
-        lacking[part] = best == NOBODY
+        lacking[part] = best == NO_NEURON
         return self.Outputs(
             classified=with_classes(cloud, part, made, best, away),
             unclassified=int(np.count_nonzero(lacking & cloud.core)),

@@ -67,7 +67,7 @@ class ClassifyVegetationByReturns:
     pairs: How = param("How returns of one pulse are found", default="gps_time")
     building_classes: ClassList | None = param("Classes that are buildings", default=ClassList([6]))
     edge_reach: float = param(
-        "Reach of an edge: spot of the laser and error of its place",
+        "Reach of an edge: footprint of the laser and error of its position",
         default=1.0,
         unit="m",
         ge=0,
@@ -165,12 +165,12 @@ class ClassifyVegetationByReturns:
         """
         members, first, last = pulses(cloud, self.pairs)
         if not len(members):
-            nobody = np.zeros(len(self.points), bool)
+            none = np.zeros(len(self.points), bool)
             raise NothingToDo(
                 "points: no pulse has both its first and its last return",
                 instead=self.Outputs(
-                    classified=self._packed(nobody, nobody, np.full(len(self.points), np.nan)),
-                    vegetation_share=Share.of_points(nobody, self.points.core),
+                    classified=self._packed(none, none, np.full(len(self.points), np.nan)),
+                    vegetation_share=Share.of_points(none, self.points.core),
                     candidates=0,
                     removed=0,
                 ),

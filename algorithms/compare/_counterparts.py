@@ -16,7 +16,7 @@ SAME_IN_DEGREES, SAME = 1e-9, 1e-6
 DEGREES = 360.0  # larger numbers are no degrees; smaller ones have digits enough for 1e-9
 # Borders between two roundings lie at this share of a step, where no decimal number lies.
 BORDER = 0.685
-BLOCK = 200_000  # points between two looks at whether the user cancelled
+BLOCK = 200_000  # points between two checks for cancellation
 
 Columns = Sequence[NDArray[Any]]
 # Of some points: what they must share with their counterpart, and what only sorts them.

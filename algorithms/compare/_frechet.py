@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context
 
-BLOCK = 2_000_000  # cells of the diagram between two looks at whether the user cancelled
+BLOCK = 2_000_000  # cells of the diagram between two checks for cancellation
 GROWTH = 1.1  # from one leash that is too short to the next one
 
 Array = NDArray[np.float64]

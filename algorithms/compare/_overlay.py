@@ -12,7 +12,7 @@ from algorithms.compare._shapes import Shapes
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 
-BLOCK = 1000  # polygons between two looks at whether the user cancelled
+BLOCK = 1000  # polygons between two checks for cancellation
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

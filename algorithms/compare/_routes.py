@@ -14,7 +14,7 @@ from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 from toolbox.errors import DataError
 
-BLOCK = 20_000  # places between two looks at whether the user cancelled
+BLOCK = 20_000  # positions between two checks for cancellation
 MOST_NODES = 20_000_000  # more are taken for a mistake in the step
 AT_END = 1e-9  # share of a segment: a foot this close to its end is at the vertex
 

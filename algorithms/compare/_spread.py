@@ -22,7 +22,7 @@ from toolbox.data import Lattice, Raster
 
 Array = NDArray[np.float64]
 LEAST = 0.2  # of the checkpoints in each quarter
-CROWDED = -1.959963984540054  # standard deviations below the mean distance of random places
+CROWDED = -1.959963984540054  # standard deviations below the mean distance of random positions
 MOST = 10_000  # more are laser points, which lie along their tracks
 NAMES = ("south-west", "north-west", "south-east", "north-east")
 

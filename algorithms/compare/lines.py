@@ -67,7 +67,12 @@ class CompareLines:
     lines: Vector = source("Lines to judge, or polygons for their outlines")
     reference: Vector = source("Reference lines, or polygons for their outlines")
     buffer: float = param("Distance at which a line counts as found", default=1.0, unit="m", gt=0)
-    spacing: float = param("Longest way between two places", default=1.0, unit="m", gt=0)
+    spacing: float = param(
+        "Longest distance along a line between two positions that are compared",
+        default=1.0,
+        unit="m",
+        gt=0,
+    )
     compare_heights: bool = param("Compare heights (Z) as well", default=False)
     polynomial: int | None = param(
         "Degree of the polynomials that are compared", default=None, unit="1", ge=1, le=9
@@ -77,7 +82,7 @@ class CompareLines:
     class Outputs:
         table: Table = sink("One row per measure: measure, value, unit, meaning")
         offsets: Vector = sink(
-            "Places along the lines with chainage, distance and offset",
+            "Positions along the lines with chainage, distance and offset",
             show=(
                 show.Values(
                     "offset",

@@ -22,7 +22,7 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector
 from toolbox.declare import outputs, param, sink, source, tool
 
-STEP = 1.0  # metres between the places that are compared
+STEP = 1.0  # metres between the positions that are compared
 OVERRUN, OVERRUN_SHARE = 5.0, 0.1  # metres, and of a wire, by which it may go on
 
 Floats = NDArray[np.float64]
@@ -61,7 +61,7 @@ class CompareSpans:
         in_full: int = sink("Spans found in full", unit="1")
         in_part: int = sink("Spans found in part", unit="1")
         missed: int = sink("Spans missed", unit="1")
-        invented: int = sink("Wires that there are not", unit="1")
+        invented: int = sink("Found wires that are not in the reference", unit="1")
         doubled: int = sink("Wires found a second time", unit="1")
         height_rms: float | None = sink("Height of wires found over the true ones, RMS", unit="m")
 

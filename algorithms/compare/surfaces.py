@@ -33,13 +33,13 @@ from toolbox.declare import ClassList, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
 REFERENCES = ("reference", "checkpoints", "points")
-ROWS = 512  # resampled between two looks at whether the user cancelled
-BLOCK = 200_000  # places whose land cover is looked up in between
+ROWS = 512  # resampled between two checks for cancellation
+BLOCK = 200_000  # positions whose land cover is looked up in between
 MOST_COVERS = 256
 FEWEST = 30  # checkpoints, by the standard
 CONFIDENCE = 1.959963984540054  # standard deviations of a normal distribution that hold 95 %
 MOST_BINS = 80
-UNKNOWN = "not known"  # land cover of a place that no class or polygon covers
+UNKNOWN = "not known"  # land cover of a position that no class or polygon covers
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]

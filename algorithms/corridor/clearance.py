@@ -114,7 +114,7 @@ class CorridorClearance:
     points: PointCloud | Survey = source("Classified points, with the ground")
     wires: Vector = source("Catenaries of the conductors")
     towers: Vector | None = source(
-        "Feet of towers; points without a class around them are theirs", default=None
+        "Feet of towers; points without a class around them belong to the towers", default=None
     )
     rule_table: Table | None = source("Rules of your own, in place of rules", default=None)
     conductor_table: Table | None = source("Conductors of your own", default=None)
@@ -138,21 +138,21 @@ class CorridorClearance:
     ground_classes: ClassList = parameters.ground_classes()
     ignore: ClassList | None = parameters.ignore()
     wire_radius: float = param(
-        "Points without a class that are nearer to a wire are of it",
+        "Points without a class that are nearer to a wire than this belong to it",
         default=0.5,
         unit="m",
         ge=0.0,
         le=5.0,
     )
     attachment: float = param(
-        "Points without a class that are nearer to the end of a wire are of its support",
+        "Points without a class nearer to the end of a wire than this belong to its support",
         default=5.0,
         unit="m",
         ge=0.0,
         le=20.0,
     )
     object_gap: float = param(
-        "Points that are farther apart are of different objects",
+        "Points farther apart than this belong to different objects",
         default=2.0,
         unit="m",
         ge=0.1,
@@ -208,7 +208,7 @@ class CorridorClearance:
         le=250.0,
     )
     ruling_span: float | None = param(
-        "Level span that tells the tension; each span its own by default",
+        "Length of the ruling span, which sets the tension; by default each span its own",
         default=None,
         unit="m",
         ge=10.0,
@@ -225,13 +225,13 @@ class CorridorClearance:
             show=show.Classes("severity", dict(enumerate(LOOKS.values(), start=1))),
         )
         objects: Vector = sink(
-            "These put together to objects, where they are closest",
+            "These points grouped into objects, each shown where it is closest",
             show=show.Classes("severity", LOOKS),
         )
         spans: Table = sink("Least clearance of each span by kind of object and state of the wires")
         report: Report = sink("Map, profile of each span, and objects in order of urgency")
         object_count: int = sink("Objects too close to a wire", unit="1")
-        critical_count: int = sink("Critical ones of these", unit="1")
+        critical_count: int = sink("Objects of severity critical", unit="1")
         least_clearance: float | None = sink(
             "Least distance in space of a point that breaks a rule", unit="m"
         )

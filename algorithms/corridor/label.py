@@ -24,7 +24,7 @@ class CorridorLabel:
     """
 
     points: PointCloud = source("All points")
-    line: PointCloud = source("Those with a wire_id or tower_id, with their point_number")
+    line: PointCloud = source("Points with a wire_id or tower_id, and with their point_number")
     ignore: ClassList | None = parameters.ignore()
 
     @outputs

@@ -42,13 +42,13 @@ class FeaturesLocal:
 
     Lengths are in the unit of the data; variances are in m2, densities per m3 and m2. A feature is
     not a number (NaN) where fewer than three points, or points at one position, have no shape, and
-    those of the plane where points lie on a line. Ignored classes and withheld points are nobody's
-    neighbours and get NaN.
+    those of the plane where points lie on a line. Ignored classes and withheld points are not
+    taken as neighbours, and get NaN.
     """
 
     points: PointCloud = source("Points to describe")
     neighbours: int | None = param(
-        "Nearest others of a point that are looked at; none for all within the radius",
+        "Number of nearest points that are neighbours; none for all within the radius",
         default=20,
         unit="1",
         ge=2,

@@ -20,7 +20,7 @@ from numba import njit
 from algorithms.shared.kernels.compiling import helper
 
 REACH = 2  # nodes: the longest spring
-TILE = 64  # nodes: side of the squares that fall asleep one by one
+TILE = 64  # nodes: side of the squares that are skipped once they are at rest
 STRIP = 4  # rows that are worked on at a time: divides TILE, and REACH or more
 BAND = 256  # columns: at least twice the reach of all steps that are made at once
 

@@ -48,7 +48,7 @@ COARSEST, FEW_NODES = 8.0, 16  # the cloth begins with particles 8 metres apart,
 START_REACH = 50.0  # metres: half the width of the pits that the coarsest cloth starts above
 SLOPE_STEP = 0.3  # metres, h_cp in section 3.4 of the paper
 BYTES_PER_PARTICLE = 70
-AT_ONCE = 10  # steps between two looks at which tiles still move; even
+AT_ONCE = 10  # steps between two checks of which tiles still move; even
 
 # How rigidness "auto" reads the terrain: the rise of a first cloth over 2 LAG, averaged by BLOCK.
 STIFF = 3.0
@@ -424,6 +424,6 @@ def let_fall(
             was_awake, awake = awake, maximum_filter(moving, 3)
             for row, col in np.argwhere(was_awake & ~awake) * kernels.TILE:
                 tile = np.s_[row : row + kernels.TILE, col : col + kernels.TILE]
-                before[own][tile] = height[own][tile]  # both arrays agree on what sleeps
+                before[own][tile] = height[own][tile]  # both arrays agree on what is at rest
     newest = before if iterations % 2 else height
     return newest[own].copy(), False

@@ -52,7 +52,7 @@ PATCH = 5 / 3  # widest patch that is taken for a building, in building sizes
 RING = 10.0  # metres between the vertices around the data
 SLOPE_STEP = 0.5  # metres of tolerance per rise of the facet
 SIDE = 32  # cells
-BLOCK = 200_000  # points that are worked on between two looks at the context
+BLOCK = 200_000  # points that are between two checks for cancellation
 HALO = 2.25  # metres of data that a tile needs around it, in building sizes
 
 Floats = NDArray[np.float64]
@@ -344,7 +344,7 @@ def densified(
     growth.grow(np.arange(len(points)), fine, ctx.part(done, 0.85))
     done = 0.85
     while True:
-        part = ctx.part(done, (1 + done) / 2)  # how many times, nobody knows
+        part = ctx.part(done, (1 + done) / 2)  # the number of rounds is not known
         raised = growth.raised(PATCH * max_building_size, part.part(0, 0.5))
         log.debug("%d vertices are on raised patches", np.count_nonzero(raised))
         if not raised.any():
@@ -483,7 +483,7 @@ class Growth:
         """Let points enter in rounds until no further one may."""
         again, done, now = False, 0.0, limits
         while True:
-            half = ctx.part(done, (1 + done) / 2)  # how many rounds there will be, nobody knows
+            half = ctx.part(done, (1 + done) / 2)  # the number of rounds is not known
             if self.thresholds == "median":
                 waiting = self.all_waiting(waiting)
                 now = self.lowered(limits, waiting, half.part(0, 0.3))

@@ -43,7 +43,7 @@ from toolbox.errors import DataError
 
 COARSEST = 1 / 3  # of the widest building, so that its window reaches ground on both sides
 VEGETATION_CELL = 5.0  # metres: smaller cells serve the vegetation strategy
-DROP = 0.2  # a point that is lower than the surface by more than this times the cell has no say
+DROP = 0.2  # a point that is lower than the surface by more than this times the cell is left out
 OUTLIER_CELL = 1.0  # metres
 ROUNDING = 1e-9  # so that feet give the levels of metres
 BYTES_PER_CELL = 26

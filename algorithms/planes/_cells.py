@@ -23,7 +23,7 @@ from toolbox.context import QUIET, Context
 
 MOST = 32  # points of a cell that is not split
 UP = 3  # levels above a cell in which a normal is looked for
-BLOCK, LEAVES = 500_000, 5_000  # points and cells between two looks at whether to stop
+BLOCK, LEAVES = 500_000, 5_000  # points and cells between two checks for cancellation
 THIN = 12.0  # least side of a cell over the noise, so that its normal is worth something
 THICK = 0.1  # least variance over the middle one, above which points are no plane
 SAME = 1.5  # variance about a plane in a large piece over that in a small one, at most

@@ -35,7 +35,7 @@ from toolbox.context import QUIET, Context
 
 Orientation = Literal["any", "vertical", "horizontal", "sloped"]
 
-BATCH = 256  # draws between two looks at whether they are enough
+BATCH = 256  # draws between two checks whether they are enough
 SOME = 200  # cells from which the chance of a draw is found
 ROUNDS = 10  # of fitting a plane to its cells
 LEAST = 0.5  # share of the fewest points of a plane that lie in flat cells that face its way

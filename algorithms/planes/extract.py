@@ -92,7 +92,7 @@ class PlanesExtract:
         lt=45,
     )
     regularise: bool = param(
-        "Make planes parallel, square to each other and one, where they almost are", default=False
+        "Make planes parallel, perpendicular or coplanar where they almost are", default=False
     )
     regular_angle: float = param(
         "Angle by which such planes are off at most", default=2.0, unit="deg", gt=0, le=20

@@ -79,7 +79,7 @@ class PlanesFit:
             "Distance of the plane from the zero of the coordinates, along the normal", unit="m"
         )
         height: float = sink("Height of the plane in the middle of its points", unit="m")
-        tilt: float = sink("Angle between the plane and the level", unit="deg")
+        tilt: float = sink("Angle between the plane and the horizontal", unit="deg")
         azimuth: float = sink(
             "Where the plane falls to, from north clockwise; NaN if it is level", unit="deg"
         )

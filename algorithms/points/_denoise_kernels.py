@@ -9,7 +9,7 @@ from algorithms.shared.kernels import neighbours as tree
 from algorithms.shared.kernels.compiling import helper
 from algorithms.shared.kernels.sorting import median
 
-LOW, HIGH, ISOLATED = 7, 18, 1  # verdicts, noise as the ASPRS classes; 0 is none
+LOW, HIGH, ISOLATED = 7, 18, 1  # verdicts: ASPRS classes of noise, 1 to be decided; 0 is no noise
 MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
 
 
@@ -74,7 +74,7 @@ def judge(first_leaf, last_leaf, xyz, box, depth, mean, farthest, lowest, k, rea
             widest = max(widest, farthest[own])
         low = _lowest_around(box, depth, leaf, widest, lowest, held)
         for own in range(start, stop):
-            # Nobody is noise below this; most points are done with by the lowest around them.
+            # No point is noise below this; for most the lowest value around them decides.
             least = mean[own] / (1.0 + threshold * share)
             if farthest[own] < reach and least <= low:
                 continue

@@ -9,7 +9,7 @@ from algorithms.points import _thin_kernels as kernels
 from algorithms.shared.lowest import blocks
 from toolbox.context import QUIET, Context
 
-ROUNDING = 1e-6  # cells: what is so near to the next cell is in it; more than rounding moves
+ROUNDING = 1e-6  # cells: positions this near to the next cell are in it; more than rounding errors
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]

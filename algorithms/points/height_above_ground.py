@@ -30,7 +30,7 @@ from toolbox.data.crs import vertical_unit
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
 
-BLOCK = 200_000  # points between two looks at whether the user cancelled
+BLOCK = 200_000  # points between two checks for cancellation
 
 Method = Literal["tin", "nearest"]
 Floats = NDArray[np.float64]
@@ -55,7 +55,7 @@ class PointsHeightAboveGround:
         "Ground points used for each point, for nearest", default=1, unit="1", ge=1, le=1000
     )
     max_distance: float | None = param(
-        "Farthest ground point in plan that may tell the height; any by default",
+        "Farthest ground point in plan that is used; any by default",
         default=None,
         unit="m",
         gt=0,

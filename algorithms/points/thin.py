@@ -55,7 +55,7 @@ class PointsThin:
     cell: float = param("Size of the cells", default=0.01, unit="m", gt=0)
     dimensions: Literal[3, 2] = param("Cells are cubes (3) or columns (2)", default=3, unit="1")
     agree: tuple[Attribute, ...] | None = param(
-        "Attributes that duplicates must have in common, beside the place",
+        "Attributes that duplicates must have in common, besides the position",
         default=None,
         of="points",
     )

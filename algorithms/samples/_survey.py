@@ -25,7 +25,7 @@ EAST, NORTH = 500_000.0, 4_400_000.0  # the scene's south-west corner
 NOISE = 0.02  # standard deviation of an airborne point, along the beam and across it, m
 STEEPEST = np.tan(np.radians(20.0))  # half opening angle of the scanner
 WATER_CHANCE = (0.75, 0.04)  # share of pulses that water returns at nadir, and aside
-BLOCK_OF_PULSES = 400_000  # bounds the memory, and the time between two looks at cancel
+BLOCK_OF_PULSES = 400_000  # bounds the memory, and the time between two checks for cancellation
 
 UNCLASSIFIED, GROUND, LOW, MEDIUM, HIGH, BUILDING = 1, 2, 3, 4, 5, 6
 LOW_NOISE, WATER, GUARD, WIRE, TOWER, CONNECTOR, BRIDGE, HIGH_NOISE = 7, 9, 13, 14, 15, 16, 17, 18

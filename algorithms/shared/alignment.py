@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, Raster
 
-ROWS = 512  # subtracted between two looks at whether the user cancelled
+ROWS = 512  # subtracted between two checks for cancellation
 ALIGNED = 1e-4  # cells: corners that are this close to whole cells apart lie on one lattice
 
 Array = NDArray[np.float64]

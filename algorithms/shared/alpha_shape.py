@@ -26,7 +26,7 @@ from algorithms.shared.kernels import alpha_shape as kernels
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 
-BLOCK = 500_000  # triangles between two looks at whether the user cancelled
+BLOCK = 500_000  # triangles between two checks for cancellation
 ROUNDING = 1e-9  # share of a radius; circles that differ by less are taken for equal
 
 Rule = Literal["auto", "all_points"]

@@ -30,7 +30,7 @@ from toolbox.errors import DataError
 
 SMALLEST, GREATEST = 1e-50, 1e50  # the fourth powers of coordinates neither over- nor underflow
 MAX_POINTS = 2**30  # triangles, two for each, are numbered with 32 bits
-RUN = 100_000  # points that are worked on between two looks at the context
+RUN = 100_000  # points that are between two checks for cancellation
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 NORMAL = 1.4826  # times the MAD is the standard deviation, if errors are normal
-FAR = 3.0  # NMAD from the median: errors that call for a look
+FAR = 3.0  # NMAD from the median: errors that should be checked
 
 MEANING: Mapping[str, str] = {
     "count": "cells or points compared",

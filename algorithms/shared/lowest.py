@@ -17,7 +17,7 @@ OUTLIER_ROUNDS = 3
 FEW_CELLS, MAX_CELLS_PER_POINT = 10_000_000, 1_000  # more, and stray points stretch the box
 MAX_CELLS = 200_000_000  # a square of 7 km at 0.5 m, more than a tile ever needs
 LARGEST = 1e12  # coordinate, in any unit; numbers of that size are already 0.0001 apart
-BLOCK = 2_000_000  # nodes or points that are worked on between two looks at the context
+BLOCK = 2_000_000  # nodes or points that are between two checks for cancellation
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

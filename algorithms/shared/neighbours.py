@@ -23,7 +23,7 @@ from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks, require_finite
 from toolbox.context import QUIET, Context
 
-LEAF = 16  # points at most; from 8 to 32 it makes no difference worth having
+LEAF = 16  # points at most; from 8 to 32 the time hardly differs
 
 Floats = NDArray[np.float64]
 

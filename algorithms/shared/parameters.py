@@ -70,7 +70,13 @@ def plane_radius() -> Any:
 
 def context() -> Any:
     """Declare how far features are averaged: ``float``."""
-    return param("Points this near share what they look like", default=3.0, unit="m", ge=0, le=20)
+    return param(
+        "Radius within which planarity, roughness and returns are averaged",
+        default=3.0,
+        unit="m",
+        ge=0,
+        le=20,
+    )
 
 
 def seed() -> Any:

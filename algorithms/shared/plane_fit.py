@@ -30,8 +30,8 @@ from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 
 SAMPLE = 100_000  # points that a search looks at
-BATCH = 32  # trials between two looks at how many are still needed
-BLOCK = 500_000  # points between two looks at whether the user cancelled
+BATCH = 32  # trials between two updates of the number that is needed
+BLOCK = 500_000  # points between two checks for cancellation
 ROUNDS = 100  # of fitting, if the points near the plane go on changing
 FLAT = 1e-9  # width of points on one line, as a share of their length
 ULPS = 2.0**-50  # share of a coordinate by which rounding moves it, amply

@@ -24,7 +24,7 @@ from toolbox.context import QUIET, Context
 from toolbox.data import Vector
 from toolbox.errors import DataError
 
-BLOCK = 500_000  # points between two looks at whether the user cancelled
+BLOCK = 500_000  # points between two checks for cancellation
 CELLS_PER_EDGE, FEWEST, MOST = 4, 1 << 12, 1 << 22  # of the grid
 ULPS = 2.0**-46  # share of a coordinate that rounding may move it by, amply
 

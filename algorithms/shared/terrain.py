@@ -45,18 +45,23 @@ from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
 from toolbox.errors import DataError
 
-CELL = 1.0  # metres, of the raster of lowest points; all kernels count on it
+CELL = 1.0  # metres, of the raster of lowest points; all kernels assume it
 LEVELS = 4  # resolutions at which a cell looks around: to 8 m at 1 m, ..., to 64 m at 8 m
 LOOK = 8  # cells, at each of them
 STEP_REACH, STEP_SLOPE = 3, 0.8  # metres; what is steeper is a step
 STEP, STEP_SHARE = 0.3, 0.2  # metres, and of the whole fall: how much of it must be in one step
 FALL = 0.2  # metres below which the terrain must be, beyond what the slope explains
-FIRST_SLOPE, FIRST_SHARE = 0.5, 5 / 8  # for the first look, which knows nothing of the terrain
+FIRST_SLOPE, FIRST_SHARE = 0.5, 5 / 8  # for the first look, before the terrain is known
 SLOPE, SLOPE_GAIN = 0.2, 1.0  # what counts as a fall, on level ground and per slope of the terrain
 RELIEF = 50  # metres: half the window in which the slope of the terrain is averaged
 FLAT, STEEP = 0.02, 0.06  # mean slope of the terrain between which the verdict changes ...
 SHARE_FLAT, SHARE_STEEP = 0.45, 0.7  # ... from this share of sectors to that
-SAME_STEP, SAME_SLOPE, SAME_REACH, SAME_ROUNDS = 0.2, 0.2, 4, 3  # cells on one plane vote alike
+SAME_STEP, SAME_SLOPE, SAME_REACH, SAME_ROUNDS = (
+    0.2,
+    0.2,
+    4,
+    3,
+)  # cells on one plane are judged alike
 COARSE = ((4, 3.0), (3, 3.0), (2, 3.0))  # level and window of a surface, in cells of that level
 FINE = (*COARSE, (1, 3.0), (0, 3.0), (0, 1.5))
 ENOUGH = 2.0  # points in a window
@@ -393,7 +398,7 @@ def planes_through(z: Cells, weight: Cells, levels: Levels, stiff: float, ctx: C
         weights, residuals = np.empty((rows, cols)), np.empty((rows, cols))
         kernels.gathered(z, surface, weight, level, weights, residuals)
         heights = np.empty((rows, cols))
-        enough = ENOUGH if k else 1e-9  # the coarsest must do everywhere
+        enough = ENOUGH if k else 1e-9  # the coarsest is used everywhere
         side_by_side(
             kernels.planes,
             blocks(rows, 10 * cols),

@@ -7,7 +7,7 @@ from numba import njit
 
 from algorithms.shared.kernels.compiling import helper
 
-BLOCK = 200_000  # steps between two looks at whether the user cancelled
+BLOCK = 200_000  # steps between two checks for cancellation
 PUSHES = 8 * BLOCK  # that they may make
 
 

@@ -46,14 +46,14 @@ LEVEL_SPREAD = 0.06  # m between the heights of a surface that is level
 CORE = 0.3  # of the distance to the middle of a body, from where its level is taken
 SECTOR = 4  # cells of the edge of a hole of which the lowest point counts
 FEWEST_SECTORS = 6
-START = 4  # a place to begin with may be this much smaller than a body
+START = 4  # starting cells may be this many times fewer than those of a body
 WIDE = 0.2  # of its cells are not at the edge of a hole that nothing else speaks for
 RIVER = 4  # smallest river, in smallest bodies
 TILTED = 0.6  # share of the variance of these points that a plane explains, on a slope
 LARGE = 500.0  # m2 of such a surface that need not be dark
 VERY_DARK = 0.75  # and of one that returns its pulses
 TAKEN = 2
-PEAKS = 12  # levels that are looked for in one calm place
+PEAKS = 12  # levels that are looked for in one calm area
 
 
 @dataclass(frozen=True)
@@ -238,7 +238,7 @@ class Pour:
     Attributes
     ----------
     least : cells of a body
-    first : cells to begin with
+    first : fewest cells to begin with
     state : array of shape (rows, cols), TAKEN where a body has been found
     """
 

@@ -60,7 +60,7 @@ class ShorelineExtract:
     """
 
     points: PointCloud | Survey = source("Points of the survey, classified or not")
-    seed_point: Position | None = param("A place on the water", default=None)
+    seed_point: Position | None = param("A position on the water", default=None)
     bodies: Literal["largest", "all"] = param("Bodies to give", default="largest")
     min_area: float = param("Smallest body", default=100.0, unit="m2", gt=0)
     min_island: float = param("Smallest island", default=20.0, unit="m2", ge=0)

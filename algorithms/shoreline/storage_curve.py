@@ -69,7 +69,7 @@ class ShorelineStorageCurve:
         "Last level; that of the highest ground by default", default=None, unit="m"
     )
     fill: Literal["connected", "all"] = param("What counts as water", default="connected")
-    seed_point: Position | None = param("A place on the water", default=None)
+    seed_point: Position | None = param("A position on the water", default=None)
     classes: ClassList | None = parameters.classes()
     max_gap: float | None = param(
         "Leave empty what lies farther than this from any point",

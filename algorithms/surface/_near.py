@@ -13,7 +13,7 @@ from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
 
-BLOCK = 20_000  # cells or points between two looks at whether the user cancelled
+BLOCK = 20_000  # cells or points between two checks for cancellation
 PER_BUCKET = 3  # points: fewer and there is more to look up, more and there is more to measure
 ROUNDING = 1e-9  # share by which a search reaches farther than it has to
 

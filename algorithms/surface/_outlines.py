@@ -13,7 +13,7 @@ from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, Vector
 from toolbox.errors import DataError
 
-BLOCK = 200_000  # points or cells between two looks at whether the user cancelled
+BLOCK = 200_000  # points or cells between two checks for cancellation
 
 Array = NDArray[np.float64]
 Shapes = NDArray[Any]  # of shapely geometries

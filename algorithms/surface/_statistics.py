@@ -14,7 +14,7 @@ from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
 
 Statistic = Literal["min", "max", "mean", "median", "count", "std", "percentile"]
-BLOCK = 500_000  # points or cells between two looks at whether the user cancelled
+BLOCK = 500_000  # points or cells between two checks for cancellation
 MEAN, DEVIATION, COUNT, QUANTILE = range(4)
 
 Array = NDArray[np.float64]

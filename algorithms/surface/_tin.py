@@ -14,7 +14,7 @@ from algorithms.surface import _tin_kernels as kernels
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
 
-BLOCK = 100_000  # triangles or vertices between two looks at whether the user cancelled
+BLOCK = 100_000  # triangles or vertices between two checks for cancellation
 COLUMNS = 16  # of cells that one thread takes: their points, sorted by x, are near in memory
 STEPS = 18  # of the gradients; each divides their error by 3.7
 COUPLING = 0.5  # of a gradient to those of its neighbours, at most, whatever the points

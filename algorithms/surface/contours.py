@@ -48,7 +48,7 @@ class SurfaceContours:
     @outputs
     class Outputs:
         contours: Vector = sink("Lines with Z and the attributes elevation and is_index")
-        levels: int = sink("Number of heights that have lines", unit="1")
+        levels: int = sink("Number of levels that have lines", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The heights have the unit in which the interval is given."""

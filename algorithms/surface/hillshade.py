@@ -22,7 +22,7 @@ from toolbox.data import Lattice, Raster
 from toolbox.declare import outputs, param, sink, source, tool
 
 Array = NDArray[np.float64]
-ROWS = 512  # shaded between two looks at whether the user cancelled
+ROWS = 512  # shaded between two checks for cancellation
 DIRECTIONS = (-90.0, -45.0, 0.0, 45.0)  # of Mark's four lights, from the middle one
 DARK, BRIGHT = 1, 255  # of whole numbers, of which 0 is nodata
 

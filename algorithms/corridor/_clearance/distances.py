@@ -18,8 +18,8 @@ from algorithms.shared.kernels.sorting import distinct
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 
-MEASURED_BLOCK = 100_000  # points between two looks at whether the user cancelled
-LATTICE_STEP = 5.0  # metres between the places of a wire that are looked up in a lattice
+MEASURED_BLOCK = 100_000  # points between two checks for cancellation
+LATTICE_STEP = 5.0  # metres between the positions on a wire that are entered in a lattice
 LATTICE_CELL, MOST_LATTICE_CELLS = 10.0, 4_000_000  # of the lattice: metres; number
 UNCLASSIFIED, TREE = KINDS.index("unclassified"), KINDS.index("tree")
 TAKES_NO_PART = np.int8(-1)

@@ -18,7 +18,7 @@ from algorithms.shared.lowest import lattice_around, lowest_points
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Survey
 
-SURVEY_BLOCK = 1_000_000  # points that are looked at at a time
+SURVEY_BLOCK = 1_000_000  # points that are processed at a time
 SHOWN_CELL = 1.0  # metres; the lowest point of the ground in each is shown
 
 Ints = NDArray[np.int64]

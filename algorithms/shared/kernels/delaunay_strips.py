@@ -19,9 +19,7 @@ from algorithms.shared.kernels.delaunay import is_ghost, orient
 
 STRIP = 200_000  # points: wide enough that seams are few of all
 ROUNDING = 1e-14  # of a circle, in relation to how thin its triangle is
-STOUT = (
-    1e-6  # twice the area of a triangle by its longest edge squared, for which rounding is naught
-)
+STOUT = 1e-6  # twice the area of a triangle by its longest edge squared: rounding does not matter
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]

@@ -183,7 +183,7 @@ def mean_distances(first_leaf, last_leaf, xyz, box, depth, k, reach, mean, farth
     """
     n = len(xyz)
     far, held, held_away = np.empty(k), np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
-    nobody = held[:0], far[:0]
+    unseen = held[:0], far[:0]
     for leaf in range(first_leaf, last_leaf):
         start = first(leaf, depth, n)
         for own in range(start, first(leaf + 1, depth, n)):
@@ -197,7 +197,7 @@ def mean_distances(first_leaf, last_leaf, xyz, box, depth, k, reach, mean, farth
                 mean[own] = farthest[own] = 0.0
                 continue
             far[:] = bound * bound
-            search(xyz, box, depth, leaf, own, far, held, held_away, *nobody)
+            search(xyz, box, depth, leaf, own, far, held, held_away, *unseen)
             total = 0.0
             for j in range(k):
                 total += np.sqrt(far[j])

@@ -160,7 +160,7 @@ MADE: Mapping[str, Callable[[PointFeatures], Floats]] = {
 
 
 def has_several_returns(cloud: PointCloud) -> bool:
-    """Whether the points tell which return of their pulse they are, and some pulses had several."""
+    """Whether points have return numbers, and some pulses had several returns."""
     known = {"return_number", "number_of_returns"} <= set(cloud.names)
     return known and bool((cloud["number_of_returns"] > 1).any())
 

@@ -19,7 +19,7 @@ Ints = NDArray[np.int64]
 
 
 def pulses(cloud: PointCloud, how: How) -> tuple[Ints, Ints, Ints]:
-    """Returns of pulses of which the first and the last return are there, with these two.
+    """Returns of the pulses whose first and last return are present, with these two.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def pulses(cloud: PointCloud, how: How) -> tuple[Ints, Ints, Ints]:
     Raises
     ------
     DataError
-        The times do not tell pulses apart.
+        The times do not distinguish pulses.
     """
     number, count = (cloud[name].astype(np.int64) for name in RETURNS)
     some = np.flatnonzero((count >= 2) & (number >= 1) & (number <= count))

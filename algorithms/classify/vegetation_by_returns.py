@@ -116,7 +116,7 @@ class ClassifyVegetationByReturns:
             yield "low", f"must be <= high ({self.high:g}), got {self.low:g}"
 
     def check_data(self) -> Iterator[tuple[str, str]]:
-        """The points have returns, and what tells which of these are of one pulse."""
+        """The points have return numbers, GPS times to pair them by time, and classes."""
         cloud, name = self.points, self.points.name or "the cloud"
         if lacking := [wanted for wanted in NEEDED if wanted not in cloud]:
             yield "points", f"{name} has no {' and '.join(lacking)}"

@@ -216,7 +216,7 @@ class CompareClasses:
 def ties(
     cloud: PointCloud, shared: Sequence[str], attribute: str, positive: ClassList
 ) -> tuple[Columns, Columns]:
-    """Columns that tell points at one position apart, and columns on their class."""
+    """Columns that distinguish points at one position, and columns on their class."""
     given = cloud[attribute]
     columns = [column for name in shared if (column := cloud[name]).ndim == 1]
     return columns, [np.isin(given, positive), given]

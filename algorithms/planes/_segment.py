@@ -269,8 +269,8 @@ def _all_fitted(
 def _fitted(xyz: Floats, part: Ints, patch: Patch, least: float) -> Patch:
     """A patch refitted to some points, with their spread about it.
 
-    Points far from the plane for its own spread count less and less (biweight): the
-    tolerance is the same for all planes, so that those with little noise have points of others.
+    Points count less the farther they are from the plane in relation to its spread (biweight). The
+    tolerance is the same for all planes, so that those with little noise hold points of others.
     """
     some = xyz[part[:: 1 + len(part) // FEW]]
     plane, middle, sums = patch.plane, some.mean(axis=0), np.empty(10)

@@ -2,7 +2,7 @@
 
 A building or a tree drops to the ground on all sides, and does so in a step. A hill, a terrace or
 an embankment drops on one side, on two, or gradually. So each cell of a raster of lowest points
-asks around in eight directions; what is raised all round is taken out, and a robust surface is laid
+looks in eight directions; what is raised all round is taken out, and a robust surface is laid
 through what remains. Points near that surface are ground.
 
 The ideas and their sources, and what they gained: docs/explanation/ground-classification.md.

@@ -384,10 +384,11 @@ def placed(
 
 
 def cut(outline: Polygon, xy: Array, z: Array, ctx: Context) -> Cut:
-    """Intersection of triangles with an outline.
+    """Intersection of triangles with an outline, as triangles.
 
-    A part may have any shape. Whatever is linear on it is the sum over the triangles from its
-    first vertex to its edges, those that turn clockwise taken away.
+    Each intersection may have any shape, with holes. It is given as the triangles from the first
+    vertex of each ring to its edges; an integral over it is the sum over these triangles, those
+    that turn clockwise subtracted.
 
     Parameters
     ----------

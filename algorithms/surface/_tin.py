@@ -114,8 +114,8 @@ class Tin:
         """Gradients at the vertices that minimise the bending of all edges together (Nielson 1983).
 
         Each depends on those at the other ends of its edges, by half as much at most. STEPS steps
-        of Chebyshev's iteration, all vertices at once, leave nothing to speak of, and make the
-        reach finite: a gradient looks no farther than STEPS + 1 edges.
+        of Chebyshev's iteration, all vertices at once, leave a negligible error and a finite reach:
+        a gradient depends on vertices no farther than STEPS + 1 edges.
 
         Returns
         -------

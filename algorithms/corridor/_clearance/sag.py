@@ -124,7 +124,7 @@ class State:
 
     Attributes
     ----------
-    name : for people
+    name : shown in tables and reports
     temperature : of the conductors, degrees C; None as in the survey
     wind : m/s square to the span, above zero where it swings the wires to their left
     """

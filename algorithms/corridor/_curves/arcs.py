@@ -84,7 +84,7 @@ def arcs_of(
 
 
 def is_certain(corridor: Corridor, alignment: Alignment, piece: Piece) -> bool:
-    """Whether a track is sure and smooth enough to tell where supports are."""
+    """Whether a track is certain and smooth enough to locate supports."""
     xyz = corridor.wires.xyz[piece.points]
     return piece.sure and scatter(alignment.along(xyz)[0], xyz[:, 2]) < SMOOTH_TRACK
 
@@ -258,8 +258,9 @@ def misfits(bins: Binned, low: Ints, high: Ints, bend: float) -> Floats:
 def agreed(bins: Binned, edges: Ints, bend: float, usual: Floats, price: Floats) -> Ints:
     """The edges of bins at which a cut improves the fit of enough tracks: about three of four.
 
-    A single track may follow another wire, or be pushed off by a crane, and would pay for all. So
-    no track pays more than a limit, which goes by the price of a cut where there is no arm.
+    A single track may follow another wire, or be displaced by a crane, and its gain would outweigh
+    all others. So the gain counted for each track is limited, in proportion to the price of a cut
+    where there is no arm.
     """
     tracks = np.maximum(tracks_at(bins), 1)
     most = MOST_PAID * usual / tracks * (tracks + 1) / tracks

@@ -152,8 +152,11 @@ def _matching(pattern: str, remarks: list[str]) -> list[Path]:
 
 
 def _of_points(paths: Iterable[Path], where: str, remarks: list[str]) -> list[Path]:
-    """The LAS and LAZ files among paths; if there are none, the files of other point formats."""
-    files = sorted(path for path in paths if path.is_file())
+    """The LAS and LAZ files among paths; if there are none, the files of other point formats.
+
+    A link to a file that is gone counts as one: its points would be missing without a word.
+    """
+    files = sorted(path for path in paths if path.is_file() or not path.exists())
     readable = [path for path in files if path.name.lower().endswith(READABLE)]
     chosen = [path for path in readable if path.name.lower().endswith(LAS)] or readable
     if left := [path.name for path in readable if path not in chosen]:

@@ -26,10 +26,12 @@ class Reading:
     Attributes
     ----------
     hashes : SHA-256 of each file, as hexadecimal digits
+    sizes : bytes in each file that is hashed
     records : how each file was made, as JSON text, or ""; see `toolbox.data.record`
     """
 
     hashes: dict[Path, str] = field(default_factory=dict)
+    sizes: dict[Path, int] = field(default_factory=dict)
     records: dict[Path, str] = field(default_factory=dict)
 
     def hash_of(self, path: Path, ctx: Context = QUIET) -> str:
@@ -41,7 +43,7 @@ class Reading:
             It cannot be read.
         """
         if path not in self.hashes:
-            self.hashes[path] = file_hash(path, ctx)
+            self.hashes[path], self.sizes[path] = _hashed(path, ctx)
         return self.hashes[path]
 
 
@@ -66,6 +68,7 @@ def opened(
         hashed = _HashedFile(file.fileno(), closefd=False)
         yield io.BufferedReader(hashed)
         reading.hashes[path] = hashed.digest(file, ctx)
+        reading.sizes[path] = hashed.size
 
 
 def file_hash(path: Path, ctx: Context = QUIET) -> str:
@@ -76,16 +79,22 @@ def file_hash(path: Path, ctx: Context = QUIET) -> str:
     DataError
         It cannot be read.
     """
-    made = hashlib.sha256()
+    return _hashed(path, ctx)[0]
+
+
+def _hashed(path: Path, ctx: Context) -> tuple[str, int]:
+    """The hash of a file, and how many bytes it is of."""
+    made, done = hashlib.sha256(), 0
     try:
         size = path.stat().st_size
         with path.open("rb") as stream:
             while block := stream.read(_BLOCK):
                 made.update(block)
-                ctx.progress(min(stream.tell() / max(size, 1), 1.0))
+                done += len(block)
+                ctx.progress(min(done / max(size, 1), 1.0))
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror or error}") from error
-    return made.hexdigest()
+    return made.hexdigest(), done
 
 
 class _HashedFile(io.FileIO):
@@ -116,6 +125,11 @@ class _HashedFile(io.FileIO):
         new = data[self._done - start :]
         self._hash.update(new)
         self._done += len(new)
+
+    @property
+    def size(self) -> int:
+        """Bytes from the start that are hashed."""
+        return self._done
 
     def digest(self, file: io.FileIO, ctx: Context) -> str:
         """The hash of the whole file.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,6 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import crs_conflicts, metres_per_unit
-from toolbox.data.las.header import LasMetadata
 from toolbox.data.las.points import Box
 from toolbox.data.las.read import chunk_sizes, read_metadata
 from toolbox.data.layer import Inside, Layer
@@ -104,7 +103,7 @@ class SurveyFile:
         if columns or separator:
             raise DataError(f"{path}: columns and separator are for text files")
         remarks: list[str] = []
-        metadata = _header(path, remarks.append)
+        metadata = read_metadata(path, remarks.append)
         header = metadata.header
         file = cls(
             path=path,
@@ -419,18 +418,11 @@ class Survey(Layer):
         return np.searchsorted(ends, number, side="right")
 
 
-def _header(path: Path, warn: Callable[[str], None]) -> LasMetadata:
-    try:
-        return read_metadata(path, warn)
-    except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror or error}") from error
-
-
 def _empty(file: SurveyFile) -> PointCloud:
     """The point cloud of a file without its points."""
     name = file.path.name
     if file.version:
-        return PointCloud.of_metadata(_header(file.path, lambda text: None), name).with_crs(
+        return PointCloud.of_metadata(read_metadata(file.path, lambda text: None), name).with_crs(
             file.crs
         )
     columns = {name: np.empty((0, *shape), kind) for name, kind, shape in file.attributes}

@@ -419,7 +419,7 @@ def _described(
         share = ctx.part(place / len(parts), (place + 1) / len(parts))
         hashes[part] = reading.hash_of(part, share)
     name = paths[0].name if len(paths) == 1 else _pattern(paths)
-    size = sum(part.stat().st_size for part in parts)
+    size = sum(reading.sizes[part] for part in parts)
     return Input(name, joint_hash(hashes), size, len(parts), options)
 
 

@@ -55,7 +55,9 @@ class Source:
                 raise ValueError("the files of one layer must be opened with the same options")
             options = parsed_options(hows[0] if hows else {}, kind.open_options)
             return replace(made, options=options, problem=_problem(kind, paths, value))
-        except (ValueError, OSError) as err:
+        except OSError as err:
+            return replace(made, problem=f"{err.filename} cannot be read: {err.strerror}")
+        except ValueError as err:
             return replace(made, problem=str(err))
 
     @cached_property

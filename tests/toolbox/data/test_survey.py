@@ -89,6 +89,13 @@ def names(places: Any) -> list[str]:
     return [path.name for path in PointFiles.of(places).paths]
 
 
+def test_links_to_files_that_are_gone_are_not_passed_over(folder: Path) -> None:
+    (folder / "e.laz").symlink_to(folder / "gone.laz")
+    for given in (folder, str(folder / "*.laz")):
+        with pytest.raises(DataError, match=r"there is no file .*e\.laz"):
+            names(given)
+
+
 def test_places(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert names(folder) == ["a.las", "b.laz", "c.laz"]
     assert names(str(folder / "*.laz")) == ["b.laz", "c.laz"]

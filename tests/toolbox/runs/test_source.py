@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from toolbox.declare.kinds import find
 from toolbox.errors import Cancelled, DataError
 from toolbox.runs import provenance
 from toolbox.runs.source import Source, of_run, opened, paths, problems
+from toolbox.tiles.tiling import Tiling
 
 POINTS, EITHER, RASTER = find(PointCloud), find(PointCloud | Survey), find(Raster)
 
@@ -85,6 +87,7 @@ def test_a_value_is_taken_apart(
             "no option 'layer'; there are columns",
         ),
         ([{"path": "a.laz", "bounds": "0,0,1,1"}, "b.laz"], "with the same options"),
+        ("a" * 5000, "a cannot be read: File name too long"),
     ],
 )
 @pytest.mark.usefixtures("folder")
@@ -177,7 +180,7 @@ def sha256(path: Path) -> str:
 
 def test_the_record_is_of_what_was_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A file that is replaced after the points were read does not lend its hash to them."""
-    before = sha256(folder / "a.laz")
+    before, size = sha256(folder / "a.laz"), (folder / "a.laz").stat().st_size
     plain = las_read.parse_metadata
 
     def replacing(stream: Any, *rest: Any) -> Any:
@@ -190,8 +193,27 @@ def test_the_record_is_of_what_was_read(folder: Path, monkeypatch: pytest.Monkey
     toolbox.run("points.filter", {"points": "a.laz", "kept": "c.laz"})
     record = provenance.read("c.laz")
     assert record is not None
-    assert record.inputs["points"][0].sha256 == before != sha256(folder / "a.laz")
+    (source,) = record.inputs["points"]
+    assert source.sha256 == before != sha256(folder / "a.laz")
+    assert source.bytes == size != (folder / "a.laz").stat().st_size
     assert len(PointCloud.open("c.laz")) == 25
+
+
+@pytest.mark.parametrize("tiling", [None, Tiling(size=5.0, workers=1)])
+def test_files_that_vanish_do_not_surprise(
+    folder: Path, tiling: Tiling | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was read to the end is known; what is still needed is named."""
+    plain = las_read.parse_metadata
+
+    def vanishing(stream: Any, *rest: Any) -> Any:
+        (folder / "a.laz").unlink(missing_ok=True)
+        return plain(stream, *rest)
+
+    monkeypatch.setattr(las_read, "parse_metadata", vanishing)
+    with pytest.raises(DataError, match=r"a\.laz") if tiling else nullcontext():
+        toolbox.run("points.filter", {"points": "a.laz", "kept": "c.laz"}, tiling=tiling)
+    assert (folder / "c.laz").exists() == (tiling is None)
 
 
 def test_how_an_input_was_made_is_known_from_its_points(folder: Path) -> None:

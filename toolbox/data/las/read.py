@@ -110,8 +110,8 @@ def chunk_sizes(path: Path) -> list[int] | None:
     DataError
         The file is damaged; says which rule it breaks.
     """
-    size = path.stat().st_size
     with _named(path), path.open("rb") as stream:
+        size = path.stat().st_size
         metadata = parse_metadata(stream, size, lambda text: None)
         if metadata.header.point_count == 0 or not metadata.header.are_points_compressed:
             return None
@@ -127,11 +127,13 @@ def _with_crs(metadata: LasMetadata, path: Path) -> LasMetadata:
 
 @contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Put the path before the message of a DataError, and turn a MemoryError into one."""
+    """Put the path before the message of a DataError, and turn other errors into one."""
     try:
         yield
     except MemoryError as error:
         raise DataError(f"{path} claims more points than fit in memory") from error
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror or error}") from error
     except DataError as error:
         raise DataError(f"{path} {error}") from error
 

@@ -188,6 +188,8 @@ class Curve:
     shaded: str = ""
 
     def __post_init__(self) -> None:
+        if not all(isinstance(axis, Axis) for axis in (self.over, *self.lines)):
+            raise TypeError("the columns of a curve are given as Axis(column, label)")
         if not 1 <= len(self.lines) <= 2:
             raise TypeError(f"a curve has one line or two, not {len(self.lines)}")
 

@@ -148,8 +148,13 @@ def tool(id: str) -> Callable[[T], T]:
     9.0
     """
 
+    if not isinstance(id, str):
+        raise TypeError('the id of a tool is missing: @tool("group.name")')
+
     def wrap(cls: T) -> T:
         any_cls: Any = cls
+        for text in _missing(any_cls):
+            raise TypeError(f"{id}: {text}")
         any_cls.__post_init__ = _check
         any_cls.run = _in_data_units(any_cls.run)
         made: Any = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
@@ -179,9 +184,14 @@ def _field(declared: dataclasses.Field[Any], hint: Any) -> Field:
     choices = tuple(choice for word in words for choice in typing.get_args(word))
     plain = [member for member in members if member not in (*words, type(None))]
     type_ = functools.reduce(operator.or_, plain) if plain else None
+    if "role" not in declared.metadata:
+        raise TypeError(f"{declared.name}: declare it with source(), param() or sink()")
     if len(plain) > 1 and type_ not in kinds.KINDS:
         raise TypeError(f"{declared.name}: {hint} is more than one type")
-    kind = kinds.find(type_) if plain else kinds.CHOICE
+    try:
+        kind = kinds.find(type_) if plain else kinds.CHOICE
+    except TypeError as err:
+        raise TypeError(f"{declared.name}: {err}") from None
     given: dict[str, Any] = {"unit": None, "limits": {}} | dict(declared.metadata)
     return Field(
         declared.name,
@@ -207,11 +217,27 @@ def _check_declaration(spec: Spec, made: Any) -> None:
     for field in [*spec.inputs.values(), *spec.outputs.values()]:
         for text in _field_mistakes(spec, field):
             raise TypeError(f"{spec.id}.{field.name}: {text}")
+    for field in spec.inputs.values():
+        for text in _input_mistakes(field):
+            raise TypeError(f"{spec.id}.{field.name}: {text}")
+    for field in spec.outputs.values():
+        if field.role != "sink":
+            raise TypeError(f"{spec.id}.{field.name}: an output is a sink()")
+
+
+def _missing(cls: Any) -> Iterator[str]:
+    """What a class lacks to be a tool."""
+    if not hasattr(cls, "run"):
+        yield "needs run(ctx)"
+    if not dataclasses.is_dataclass(getattr(cls, "Outputs", None)):
+        yield "needs a class Outputs, with @outputs above it"
 
 
 def _mistakes(spec: Spec, made: Any) -> Iterator[str]:
     """What is wrong with a declaration as a whole."""
     name = "".join(word.capitalize() for word in re.split(r"[._]", spec.id))
+    if not all(map(NAME.fullmatch, spec.id.split("."))):
+        yield "an id is lower_case words with a dot between"
     if made.__name__ != name:
         yield f"the class is called {made.__name__}, must be {name}"
     if not TITLE.fullmatch(spec.title):
@@ -248,8 +274,21 @@ def _field_mistakes(spec: Spec, field: Field) -> Iterator[str]:
     yield from filter(None, (_show_mistake(field, show) for show in field.show))
 
 
+def _input_mistakes(field: Field) -> Iterator[str]:
+    """What is wrong with one input of a declaration."""
+    role = "source" if field.kind.is_layer else "param"
+    if field.role != role:
+        yield f"a {field.kind.word} is a {role}()"
+    if field.role == "source" and field.optional and field.required:
+        yield "what may be left out has the default None"
+    if not field.required and (problem := field.problem(field.default)):
+        yield f"its default {problem}"
+
+
 def _show_mistake(field: Field, show: Show) -> str | None:
     """Why an output of its type cannot be shown so."""
+    if not isinstance(show, typing.get_args(Show)):
+        return f"show is one of the words of toolbox.declare.show, got {show!r}"
     if field.kind not in [kinds.find(layer) for layer in show.layers]:
         words = " or ".join(layer.__name__ for layer in show.layers)
         return f"{type(show).__name__} shows a {words}, not a {field.kind.word}"

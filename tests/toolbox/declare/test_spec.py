@@ -312,6 +312,19 @@ def test_a_sound_declaration_is_accepted() -> None:
         ({}, {"__doc__": ""}, "needs a first line as title"),
         ({}, {"__doc__": f"Do.\n\nSo{101 * ' '}."}, "a line of more than 100"),
         ({}, {"__name__": "Wrong"}, "is called Wrong, must be ToyWrong"),
+        ({}, {"run": None}, r"needs run\(ctx\)"),
+        ({}, {"Outputs": type("Outputs", (), {})}, "needs a class Outputs, with @outputs"),
+        ({"a": float}, {"a": 1.0}, r"a: declare it with source\(\), param\(\)"),
+        ({"a": float}, {"a": source("X")}, r"wrong\.a: a number is a param\(\)"),
+        ({"a": Raster}, {"a": param("X", default=None)}, r"a Raster is a source\(\)"),
+        ({"a": Raster | None}, {"a": source("X")}, "left out has the default None"),
+        ({"a": bool}, {"a": param("X", default="no")}, "its default must be a boolean, got 'no'"),
+        ({"a": bool}, {"a": param("X", default=None)}, "its default must be a boolean, got None"),
+        (
+            {"a": float},
+            {"a": param("X", default=5.0, unit="m", le=3)},
+            "its default must be <= 3 m, got 5.0",
+        ),
     ],
 )
 def test_mistakes_of_authors_are_found_on_import(
@@ -319,6 +332,13 @@ def test_mistakes_of_authors_are_found_on_import(
 ) -> None:
     with pytest.raises(TypeError, match=text):
         declare(annotations, **members)
+
+
+def test_an_id_is_words_and_a_dot() -> None:
+    with pytest.raises(TypeError, match="the id of a tool is missing"):
+        tool(cast(Any, ToyMeasure))
+    with pytest.raises(TypeError, match="lower_case words with a dot"):
+        tool("Toy.Wrong")(type("ToyWrong", (ToyMeasure,), {"__doc__": ToyMeasure.__doc__}))
 
 
 def declare_sink(kind: Any, way: Any) -> Any:
@@ -341,6 +361,7 @@ def test_outputs_say_how_they_are_shown() -> None:
         (float, show.Values("error"), "not a number"),
         (Vector, show.Classes(""), "'' is no name of a column or attribute"),
         (Vector, show.Profile("line", cast(Any, 3), "c"), "3 is no name"),
+        (Table, "a curve", "show is one of the words of toolbox.declare.show, got 'a curve'"),
     ],
 )
 def test_mistakes_in_how_outputs_are_shown_are_found_on_import(

@@ -41,6 +41,11 @@ class Classes:
         """Names that the layer must have."""
         return (self.attribute,)
 
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Those of them that hold numbers."""
+        return ()
+
 
 @dataclass(frozen=True)
 class Planes:
@@ -61,6 +66,11 @@ class Planes:
     def columns(self) -> tuple[str, ...]:
         """Names that the layer must have."""
         return (self.attribute,)
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Those of them that hold numbers."""
+        return self.columns
 
 
 @dataclass(frozen=True)
@@ -90,6 +100,11 @@ class Values:
         """Names that the layer must have."""
         return (self.attribute,)
 
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Those of them that hold numbers."""
+        return self.columns
+
 
 @dataclass(frozen=True)
 class Profile:
@@ -116,6 +131,11 @@ class Profile:
         """Names that the layer must have."""
         return self.line, self.along, self.across
 
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Those of them that hold numbers."""
+        return self.along, self.across
+
 
 @dataclass(frozen=True)
 class Histogram:
@@ -139,6 +159,11 @@ class Histogram:
     def columns(self) -> tuple[str, ...]:
         """Names that the table must have."""
         return tuple(filter(None, (self.low, self.high, self.count, self.unit_in)))
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Those of them that hold numbers."""
+        return self.low, self.high, self.count
 
 
 @dataclass(frozen=True)
@@ -199,6 +224,11 @@ class Curve:
         axes = (self.over, *self.lines)
         names = (name for axis in axes for name in (axis.column, axis.unit_in))
         return tuple(filter(None, (*names, self.dashed, self.shaded)))
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Those of them that hold numbers."""
+        return tuple(axis.column for axis in (self.over, *self.lines))
 
 
 Show: TypeAlias = Classes | Planes | Values | Profile | Histogram | Curve

@@ -137,14 +137,32 @@ def _usable(title: str, layer: Layer, shows: Sequence[Show]) -> tuple[Show, ...]
         known = (*layer.axes, *layer.names)
         named = {n: [k for k in known if fnmatch.fnmatchcase(k, n)] for n in show.columns}
         missing = [name for name, found in named.items() if not found]
-        if missing and not show.optional:
-            word = type(show).__name__.lower()
-            hint = nearest(missing[0], known)
-            log.warning("%s is not shown as %s: it has no %r%s", title, word, missing[0], hint)
-        if not missing:
+        texts = [
+            found[0] for n in show.numbers if (found := named[n]) and _is_text(layer, found[0])
+        ]
+        if not missing and not texts:
             first = named[show.columns[0]][0]
             usable.append(replace(show, attribute=first) if isinstance(show, Values) else show)
+        elif texts or not show.optional:
+            word = type(show).__name__.lower()
+            why = f"{texts[0]!r} holds no numbers" if texts else _lacks(missing[0], known)
+            log.warning("%s is not shown as %s: %s", title, word, why)
     return tuple(usable)
+
+
+def _lacks(name: str, known: Sequence[str]) -> str:
+    return f"it has no {name!r}{nearest(name, known)}"
+
+
+def _is_text(layer: Layer, name: str) -> bool:
+    """Whether a column holds anything but numbers."""
+    if not isinstance(layer, Table | Vector):
+        return False
+    try:
+        layer.frame[name].to_numpy(float)
+    except (ValueError, TypeError):
+        return True
+    return False
 
 
 def _add(panels: list[Drawn], title: str, layer: Any, shows: Sequence[Show]) -> None:

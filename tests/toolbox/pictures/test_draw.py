@@ -435,6 +435,20 @@ def test_missing_columns_are_named_and_the_rest_is_drawn(
     assert (tmp_path / "c.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
+@pytest.mark.parametrize("way", [show.Values("a"), show.Profile("n", "n", "a")])
+def test_words_are_not_drawn_as_numbers(way: Any, caplog: pytest.LogCaptureFixture) -> None:
+    """A run does not fail for its plot; features of one colour are shown all the same."""
+    columns = {"a": ["x", "y"], "n": [1.0, None]}
+    points = geopandas.points_from_xy([0, 1], [0, 1])
+    layer = Vector(geopandas.GeoDataFrame(columns, geometry=points, crs=32635))
+    tool: Any = PlanesSweep
+    fields = {"t": replace(tool.spec.outputs["table"], show=(way,))}
+    ((_, shows),) = drawable({"t": layer}, fields).values()
+    assert shows == ()
+    assert "t is not shown as" in caplog.text
+    assert "'a' holds no numbers" in caplog.text
+
+
 def test_a_result_without_a_usable_column_or_row_is_left_out(
     caplog: pytest.LogCaptureFixture,
 ) -> None:

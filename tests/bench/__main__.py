@@ -38,5 +38,7 @@ ALL = (
 )
 BENCHES = {b.__name__: b for b in ALL}
 
+if unknown := [name for name in sys.argv[1:] if name not in BENCHES]:
+    sys.exit(f"no measurement called {', '.join(unknown)}; there are {', '.join(BENCHES)}")
 for name in sys.argv[1:] or BENCHES:
     BENCHES[name]()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any, NoReturn
 
@@ -23,7 +24,10 @@ class _Parser(argparse.ArgumentParser):
     """A parser that raises ParameterError for what it cannot read."""
 
     def error(self, message: str) -> NoReturn:
-        raise ParameterError(self.prog.removeprefix("toolbox run "), {"command line": message})
+        text = re.sub(
+            "argument (.*): ignored explicit argument", r"\1 takes no value, got", message
+        )
+        raise ParameterError(self.prog.removeprefix("toolbox run "), {"command line": text})
 
 
 def parser(described: Description) -> argparse.ArgumentParser:

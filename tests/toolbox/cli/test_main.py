@@ -237,6 +237,11 @@ def test_params_from_a_file(
     assert capsys.readouterr().err == ""
 
 
+def test_a_switch_of_a_run_takes_no_value(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "points.filter", "--overwrite=3"]) == 2
+    assert "--overwrite takes no value, got '3'" in capsys.readouterr().err
+
+
 def test_options_of_a_source_join_a_path_from_a_file(tmp_path: Path) -> None:
     text, params = tmp_path / "a.txt", tmp_path / "p.json"
     text.write_text("1 2 3 9\n4 5 6 8\n")

@@ -20,7 +20,8 @@ from toolbox.models.model import ModelRun
 from toolbox.runs import source as sources
 from toolbox.runs import target as targets
 from toolbox.runs.cache import Cache
-from toolbox.runs.provenance import Count, counting, record_of
+from toolbox.runs.lineage import counting, record_of
+from toolbox.runs.provenance import Count
 from toolbox.runs.source import Sources
 from toolbox.runs.target import Target
 from toolbox.shown import PICTURE, SHOWN

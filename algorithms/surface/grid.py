@@ -149,7 +149,7 @@ class SurfaceGrid:
                 )
 
     def halo(self) -> float:
-        """Reach of triangles, search radii or cells; infinite where nothing limits it."""
+        """Infinite without max_gap or, for idw, radius; else the reach of triangles and cells."""
         if self.method in STATISTICS:
             half = math.sqrt(0.5) if self.support else 0.5  # the nearest is in the cell
             return half * self.cell * (1 + 10 * ROUNDING)

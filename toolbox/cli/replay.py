@@ -16,7 +16,7 @@ from toolbox.data.layer import Layer
 from toolbox.data.reading import file_hash
 from toolbox.errors import DataError
 from toolbox.execute import run
-from toolbox.runs import provenance
+from toolbox.runs import lineage, provenance
 from toolbox.runs.provenance import Input, Record
 from toolbox.runs.source import Source
 from toolbox.runs.target import Target, kind_of
@@ -59,7 +59,7 @@ def replay(path: str | Path, *, inputs: Path | None = None, ctx: Context = QUIET
     finder = _Finder(record, inputs or path.absolute().parent, deep=inputs is not None)
     values, tool = finder.values(ctx.part(0, FIND)), str(finder.model or record.tool)
     _check(path, record, tool)
-    if record.qgis and record.qgis != (here := provenance.qgis_of(catalog.load(tool))):
+    if record.qgis and record.qgis != (here := lineage.qgis_of(catalog.load(tool))):
         log.warning("%s was made with QGIS %s; this is %s", path, record.qgis, here)
     with tempfile.TemporaryDirectory(prefix="toolbox-replay-") as folder:
         made = _made_again(record, tool, values, Path(folder) / path.name, ctx.part(FIND, COMPARE))
@@ -106,7 +106,7 @@ class _Finder:
             return []
         candidates = list(self._candidates(item))
         for paths in candidates:
-            if provenance.describe_files(paths, ctx).sha256 == item.sha256:
+            if lineage.describe_files(paths, ctx).sha256 == item.sha256:
                 return paths
         where = f"in {self.folder}{' or below' if self.deep else ''}"
         if candidates:

@@ -15,31 +15,19 @@ difference.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import itertools
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from pyproj import CRS
 
-from toolbox import __version__
-from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import crs_text
-from toolbox.data.layer import Inside, Layer, text_array
-from toolbox.data.reading import Reading, file_hash
+from toolbox.data.reading import Reading
 from toolbox.data.record import MEMBER, read_record
-from toolbox.declare.fields import Field, Spec
 from toolbox.errors import DataError
-from toolbox.models.model import Model, Runner, leading_steps, run_tool
-from toolbox.runs.source import Source, Sources
 
 LONGEST = 60_000  # bytes of a record; a VLR of a LAS file holds 65 535
-MANY = 100  # files of a source; of more the record keeps one hash instead of their names
-IN_MEMORY = "in memory"  # what stands for the name of a file where there is none
-_SHAPEFILE = (".dbf", ".shx", ".prj", ".cpg")  # parts of a Shapefile that are read
 
 Entry = Mapping[str, Any]
 """A record as JSON, without its ancestors."""
@@ -153,10 +141,10 @@ class Record:
         layers : the options of other outputs in the same file, by name
         """
         crs = getattr(layer, "crs", None)
-        own = {"number": number, "file": file, "options": _plain(options), "crs": crs_text(crs)}
+        own = {"number": number, "file": file, "options": plain(options), "crs": crs_text(crs)}
         leads = [self.leads.get(name) for name in (output, *(layers or {}))]
         counts = (c for c in self.counts if any(way is None or _is_among(c, way) for way in leads))
-        own["layers"] = _plain(layers or {})
+        own["layers"] = plain(layers or {})
         return dataclasses.replace(self, output=output, counts=tuple(counts), **own)
 
     def entry(self) -> dict[str, Any]:
@@ -164,7 +152,7 @@ class Record:
         values = dataclasses.asdict(self)
         for name in ("version", "ancestors", "omitted", "leads", *(() if self.qgis else ("qgis",))):
             values.pop(name)
-        return {MEMBER: self.version, **_plain(values)}
+        return {MEMBER: self.version, **plain(values)}
 
     def to_json(self) -> str:
         """The record as one line of ASCII; of too long ones the oldest ancestors are left out."""
@@ -226,110 +214,6 @@ def read(path: str | Path, reading: Reading | None = None) -> Record | None:
         raise error.named(str(path)) from error
 
 
-def record_of(
-    spec: Spec,
-    settings: Mapping[str, Any],
-    sources: Sources,
-    reading: Reading,
-    *,
-    assume_crs: CRS | None = None,
-    model: Path | None = None,
-    ctx: Context = QUIET,
-) -> Record:
-    """The record of a run that is about to begin, without outputs and counts.
-
-    What each output is comes with :meth:`Record.of`, and the counts come from the run.
-
-    Parameters
-    ----------
-    settings : values of parameters; those that are missing have their defaults
-    sources, reading : what is read, and what is known of the files already
-    model : file of the model, unless it is part of the toolbox
-    """
-    inputs, ancestors, omitted = describe_inputs(spec, sources, reading, ctx)
-    return Record(
-        version=__version__,
-        tool=spec.id,
-        title=spec.title,
-        model=describe_files([model]) if model else None,
-        qgis=qgis_of(spec),
-        parameters={
-            name: _parameter(field, settings.get(name, field.default))
-            for name, field in spec.inputs.items()
-            if field.role == "param"
-        },
-        inputs=inputs,
-        assume_crs=crs_text(assume_crs),
-        leads={output: frozenset(leading_to(spec, output)) for output in spec.results},
-        ancestors=ancestors,
-        omitted=omitted,
-    )
-
-
-def qgis_of(spec: Spec) -> str:
-    """The version of the QGIS whose algorithms a tool or model runs, or ""."""
-    if not isinstance(spec, Model):
-        return getattr(spec.make, "qgis_version", "")
-    return next(filter(None, (qgis_of(step.spec) for step in spec.steps.values())), "")
-
-
-def describe_inputs(
-    spec: Spec, sources: Sources, reading: Reading, ctx: Context = QUIET
-) -> tuple[dict[str, tuple[Input, ...]], dict[str, Entry], int]:
-    """Description of the sources of a run with their hashes, and the records of their files.
-
-    Parameters
-    ----------
-    reading : what is known of the files; the others are read for their hashes
-    ctx : progress over all bytes, which are hashed
-
-    Returns
-    -------
-    inputs : by name of the source
-    ancestors : as in :class:`Record`
-    omitted : number of ancestors that the records of the inputs leave out
-
-    Raises
-    ------
-    DataError
-        Files cannot be read: all of them, by source.
-    """
-    inputs: dict[str, tuple[Input, ...]] = {name: () for name in spec.sources if name in sources}
-    given = [(name, source) for name in inputs for source in sources[name]]
-    problems: dict[str, str] = {}
-    files: list[Path] = []
-    for place, (name, source) in enumerate(given):
-        part = ctx.part(place / len(given), (place + 1) / len(given))
-        try:
-            inputs[name] += tuple(_inputs(source, reading, part))
-            files += [part for path in source.files for part in _parts(path)]
-        except DataError as error:
-            problems[name] = str(error)
-    if problems:
-        raise DataError(spec.id, problems)
-    ctx.progress(1.0)
-    return inputs, *_ancestors(files, reading)
-
-
-def leading_to(spec: Spec, output: str) -> Iterator[tuple[str, str]]:
-    """The layers that an output depends on, as pairs of step and name, itself included.
-
-    A run may make more layers than were asked for, and does so differently on tiles: they are
-    no part of how this one was made.
-    """
-    if not isinstance(spec, Model):
-        yield from ((spec.id, name) for name in (*spec.sources, output))
-        return
-    names = spec.returns[output].names if output in spec.returns else (output,)
-    steps = [spec.steps[name] for name in leading_steps(spec.steps, names)]
-    used = {*names, *(need for step in steps for need in step.needs)}
-    for step in steps:
-        yield from ((step.name, name) for name in step.spec.sources)
-        yield from (
-            (step.name, name) for name in step.spec.outputs if f"{step.name}.{name}" in used
-        )
-
-
 def _is_among(count: Count, leads: frozenset[tuple[str, str]]) -> bool:
     """Whether a count belongs to one of the layers; for a model inside a model, to any of them."""
     step, inside, _ = count.step.partition("/")
@@ -337,152 +221,17 @@ def _is_among(count: Count, leads: frozenset[tuple[str, str]]) -> bool:
     return (step, count.name) in leads or bool(inside and any(step == name for name, _ in leads))
 
 
-def counting(counts: list[Count], inner: Runner = run_tool) -> Runner:
-    """Runner for `ModelRun.runner` that runs `inner`, and appends the sizes of layers to a list."""
-
-    def run(step: str, job: Any, ctx: Context) -> Any:
-        counts.extend(counted(step, job.spec.sources, job))
-        result = inner(step, job, ctx)
-        counts.extend(counted(step, job.spec.outputs, result))
-        return result
-
-    return run
-
-
-def counted(
-    step: str, fields: Mapping[str, Field], values: Any, inside: Inside | None = None
-) -> Iterator[Count]:
-    """Sizes of the layers of a step.
-
-    Parameters
-    ----------
-    step : id of the tool, or name of the step
-    fields : its sources or its outputs
-    values : what has them as attributes: the tool itself, or what its run gave
-    inside : count only what belongs to this tile
-    """
-    for name, field in fields.items():
-        if not field.kind.is_layer:
-            continue
-        layers: tuple[Layer | None, ...] = field.items(getattr(values, name, None))
-        sizes = [layer.size(inside) for layer in layers if layer is not None]
-        if known := [size for size in sizes if size is not None]:
-            yield Count(step, name, sum(known))
-
-
-def _parameter(field: Field, value: Any) -> Any:
-    """A value as JSON, from which the field parses the same value again."""
-    return _plain(_numbers_as_floats(field.to_json(value), field.kind.schema))
-
-
-def _numbers_as_floats(value: Any, schema: Mapping[str, Any]) -> Any:
-    """JSON value with floats where the schema says number: 2 is the same as 2.0."""
-    if isinstance(value, list):
-        return [_numbers_as_floats(item, schema.get("items", schema)) for item in value]
-    is_number = schema.get("type") == "number" and isinstance(value, int | float)
-    return float(value) if is_number else value
-
-
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """A value with the types that JSON has."""
     if isinstance(value, Mapping):
-        return {str(name): _plain(item) for name, item in value.items()}
+        return {str(name): plain(item) for name, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     return value.item() if isinstance(value, np.generic) else value
 
 
 def _dumps(value: Any) -> str:
     return json.dumps(value, separators=(",", ":"))
-
-
-def _inputs(source: Source, reading: Reading, ctx: Context) -> Iterator[Input]:
-    """Descriptions of the files of a layer: one each, or a single one if there are very many."""
-    if source.layer is not None:
-        yield Input(IN_MEMORY, _content(source.layer), None)
-        return
-    options = _plain(source.options)
-    paths = source.files
-    groups = [paths] if len(paths) > MANY else [(path,) for path in paths]
-    for place, group in enumerate(groups):
-        part = ctx.part(place / len(groups), (place + 1) / len(groups))
-        yield _described(group, options, reading, part)
-
-
-def _described(
-    paths: Sequence[Path], options: Mapping[str, Any], reading: Reading, ctx: Context
-) -> Input:
-    """Description of one file with its side-cars, or of many files together."""
-    parts = [part for path in paths for part in _parts(path)]
-    hashes: dict[Path, str] = {}
-    for place, part in enumerate(parts):
-        share = ctx.part(place / len(parts), (place + 1) / len(parts))
-        hashes[part] = reading.hash_of(part, share)
-    name = paths[0].name if len(paths) == 1 else _pattern(paths)
-    size = sum(reading.sizes[part] for part in parts)
-    return Input(name, joint_hash(hashes), size, len(parts), options)
-
-
-def describe_files(paths: Sequence[Path], ctx: Context = QUIET) -> Input:
-    """Description of one file, or of many together, without options.
-
-    Raises
-    ------
-    DataError
-        A file cannot be read.
-    """
-    return _described(paths, {}, Reading(), ctx)
-
-
-def _parts(path: Path) -> list[Path]:
-    """The files that belong to a path: several for a Shapefile."""
-    if path.suffix.lower() != ".shp":
-        return [path]
-    return [path, *(part for end in _SHAPEFILE if (part := path.with_suffix(end)).is_file())]
-
-
-def _pattern(paths: Iterable[Path]) -> str:
-    """Pattern for the names of files: *.laz where all have this suffix, else *."""
-    suffixes = {path.suffix for path in paths}
-    return f"*{suffixes.pop()}" if len(suffixes) == 1 else "*"
-
-
-def joint_hash(hashes: Mapping[Path, str]) -> str:
-    """The hash of one file, or the common hash of several; see :class:`Input`."""
-    if len(hashes) == 1:
-        return next(iter(hashes.values()))
-    lines = sorted((path.name, digest) for path, digest in hashes.items())
-    text = "".join(f"{digest}  {name}\n" for name, digest in lines)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _content(layer: Layer) -> str:
-    """SHA-256 of the content of a layer, in memory and in files."""
-    made = hashlib.sha256(crs_text(layer.crs).encode())
-    of_files = ((path.name, text_array(file_hash(path))) for path in layer.paths)
-    for name, values in itertools.chain(layer.contents(), of_files):
-        array = np.ascontiguousarray(values)
-        made.update(f"{name} {array.dtype.str} {array.shape}".encode())
-        made.update(array.data if array.size else b"")
-    return made.hexdigest()
-
-
-def _ancestors(files: Iterable[Path], reading: Reading) -> tuple[dict[str, Entry], int]:
-    """Records of files and of their ancestors by hash, and the number of ancestors left out."""
-    near: dict[str, Entry] = {}
-    far: dict[str, Entry] = {}
-    omitted = 0
-    for path in dict.fromkeys(files):
-        try:
-            record = read(path, reading)
-        except DataError as error:
-            log.warning("%s; how it was made is not passed on", error)
-            continue
-        if record is not None:
-            near[reading.hash_of(path)] = record.entry()
-            far |= {key: entry for key, entry in record.ancestors.items() if key not in far}
-            omitted = max(omitted, record.omitted)
-    return near | {key: entry for key, entry in far.items() if key not in near}, omitted
 
 
 def _words(record: Record) -> Iterator[str]:

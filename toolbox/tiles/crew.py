@@ -18,7 +18,8 @@ from toolbox.context import Context, log
 from toolbox.declare.values import Share
 from toolbox.errors import DataError, ToolboxError
 from toolbox.models.model import INPUTS, ModelRun, reads_batches
-from toolbox.runs.provenance import Count, Record, counting
+from toolbox.runs.lineage import counting
+from toolbox.runs.provenance import Count, Record
 from toolbox.tiles import products as tile_products
 from toolbox.tiles import store as tile_store
 from toolbox.tiles import work as tile_work

@@ -30,7 +30,8 @@ from toolbox.data.layer import Inside, Layer
 from toolbox.data.survey import Survey
 from toolbox.errors import NothingToDo
 from toolbox.models.model import INPUTS, Model, ModelRun
-from toolbox.runs.provenance import Count, counted
+from toolbox.runs.lineage import counted
+from toolbox.runs.provenance import Count
 from toolbox.runs.source import Sources, open_all
 from toolbox.tiles import store as tile_store
 from toolbox.tiles.plan import ALONE, as_model

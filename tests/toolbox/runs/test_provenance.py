@@ -28,8 +28,9 @@ from toolbox.data.crs import LOCAL, crs_text, parse_crs, same_crs
 from toolbox.data.reading import Reading
 from toolbox.data.record import read_record
 from toolbox.errors import Cancelled, DataError, ParameterError
-from toolbox.runs import provenance
-from toolbox.runs.provenance import Count, Input, Record, describe_inputs, read
+from toolbox.runs import lineage
+from toolbox.runs.lineage import describe_inputs
+from toolbox.runs.provenance import Count, Input, Record, read
 from toolbox.runs.source import of_run
 from toolbox.tiles.tiling import Tiling
 
@@ -294,7 +295,7 @@ def test_a_run_in_tiles_has_the_same_record(folder: Path) -> None:
 
 
 def test_very_many_files_are_one_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(provenance, "MANY", 2)
+    monkeypatch.setattr(lineage, "MANY", 2)
     (folder / "tiles").mkdir()
     for number in range(3):
         cloud(number).save(folder / "tiles" / f"{number}.laz")
@@ -325,7 +326,7 @@ def test_a_model_and_its_steps(folder: Path) -> None:
     toolbox.run(str(path), values)
     record = record_of(folder / "dtm.tif")
     assert record.tool == "my.lowest"
-    assert record.model == provenance.describe_files([path])
+    assert record.model == lineage.describe_files([path])
     low = len(PointCloud.open(folder / "b.laz"))
     assert Count("low", "points", 4000) in record.counts
     assert Count("dtm", "points", low) in record.counts
@@ -361,23 +362,23 @@ def test_layers_in_memory_are_known_by_their_content(folder: Path) -> None:
 
 
 def test_content_of_every_kind_of_layer() -> None:
-    hashes = {name: provenance._content(layer) for name, layer in LAYERS.items()}
+    hashes = {name: lineage._content(layer) for name, layer in LAYERS.items()}
     assert len(set(hashes.values())) == len(LAYERS)
-    assert hashes == {name: provenance._content(layer) for name, layer in LAYERS.items()}
+    assert hashes == {name: lineage._content(layer) for name, layer in LAYERS.items()}
     other = Vector(LAYERS["vector"].frame.assign(n=2))
-    assert provenance._content(other) != hashes["vector"]
+    assert lineage._content(other) != hashes["vector"]
 
 
 def test_a_shapefile_is_all_its_parts(tmp_path: Path) -> None:
     path = tmp_path / "a.shp"
     LAYERS["vector"].save(path)
-    before = provenance.describe_files([path])
+    before = lineage.describe_files([path])
     assert (before.file, before.files) == ("a.shp", 5)
     (tmp_path / "a.qix").write_text("an index that a GIS has added")
-    assert provenance.describe_files([path]) == before
+    assert lineage.describe_files([path]) == before
     frame = LAYERS["vector"].frame.assign(n=2)
     Vector(frame).save(path)
-    assert provenance.describe_files([path]) != before
+    assert lineage.describe_files([path]) != before
 
 
 def test_nothing_is_hashed_where_nothing_is_written(

@@ -260,7 +260,7 @@ def test_a_corrupt_file_among_good_ones(survey: Path, tiling: Tiling, tmp_path: 
 @pytest.mark.parametrize(
     ("id", "values", "message"),
     [
-        ("surface.grid", {"surface": "o.tif"}, "tile: the whole cloud is needed .*Circles"),
+        ("surface.grid", {"surface": "o.tif"}, "tile: the whole cloud is needed .*without max_gap"),
         ("points.filter", {"where": "z > 1", "kept": "a.laz"}, "also an input"),
         ("points.filter", {"where": "z > 1", "kept": "x.shp"}, "cannot write .shp"),
     ],

@@ -153,4 +153,4 @@ def test_records_of_a_real_file_stay_bit_for_bit(
     wanted = shapely.intersects_xy(area, points["x"], points["y"])
     assert 0 < wanted.sum() < len(points)
     same = points.select(wanted)
-    np.testing.assert_array_equal(out.arrays()["record"], same.arrays()["record"])
+    np.testing.assert_array_equal(out.arrays()["packed"], same.arrays()["packed"])

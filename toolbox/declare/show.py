@@ -17,50 +17,10 @@ Look: TypeAlias = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class Classes:
-    """Points or features in the colours of a few codes or words.
-
-    Attributes
-    ----------
-    attribute : that holds the codes of points, or the words of features
-    looks : name and colour of each; those that are not named get colours in turn
-    front_of : attribute with the number of the plane of each point, 0 for none: where the largest
-        plane is upright, the points are seen from its front
-    optional : nothing is said where the attribute is missing
-    """
-
-    layers: ClassVar[tuple[Any, ...]] = (PointCloud, Vector)
+class _ByAttribute:
+    """What is shown by one attribute, which holds numbers."""
 
     attribute: str
-    looks: Mapping[Any, Look] = field(default_factory=dict)
-    front_of: str = ""
-    optional: bool = False
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Names that the layer must have."""
-        return (self.attribute,)
-
-    @property
-    def numbers(self) -> tuple[str, ...]:
-        """Those of them that hold numbers."""
-        return ()
-
-
-@dataclass(frozen=True)
-class Planes:
-    """Points in a colour for each plane, walls from the front.
-
-    Attributes
-    ----------
-    attribute : number of the plane of each point, 0 for none
-    optional : nothing is said where it is missing
-    """
-
-    layers: ClassVar[tuple[Any, ...]] = (PointCloud,)
-
-    attribute: str
-    optional: bool = False
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -74,7 +34,47 @@ class Planes:
 
 
 @dataclass(frozen=True)
-class Values:
+class Classes(_ByAttribute):
+    """Points or features in the colours of a few codes or words.
+
+    Attributes
+    ----------
+    attribute : that holds the codes of points, or the words of features
+    looks : name and colour of each; those that are not named get colours in turn
+    front_of : attribute with the number of the plane of each point, 0 for none: where the largest
+        plane is upright, the points are seen from its front
+    optional : nothing is said where the attribute is missing
+    """
+
+    layers: ClassVar[tuple[Any, ...]] = (PointCloud, Vector)
+
+    looks: Mapping[Any, Look] = field(default_factory=dict)
+    front_of: str = ""
+    optional: bool = False
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Those of them that hold numbers."""
+        return ()
+
+
+@dataclass(frozen=True)
+class Planes(_ByAttribute):
+    """Points in a colour for each plane, walls from the front.
+
+    Attributes
+    ----------
+    attribute : number of the plane of each point, 0 for none
+    optional : nothing is said where it is missing
+    """
+
+    layers: ClassVar[tuple[Any, ...]] = (PointCloud,)
+
+    optional: bool = False
+
+
+@dataclass(frozen=True)
+class Values(_ByAttribute):
     """Points or features in the colours of a number.
 
     Attributes
@@ -89,21 +89,10 @@ class Values:
     layers: ClassVar[tuple[Any, ...]] = (PointCloud, Vector)
     optional: ClassVar[bool] = False
 
-    attribute: str
     label: str = ""
     note: str = ""
     length: bool = False
     centred: bool = False
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Names that the layer must have."""
-        return (self.attribute,)
-
-    @property
-    def numbers(self) -> tuple[str, ...]:
-        """Those of them that hold numbers."""
-        return self.columns
 
 
 @dataclass(frozen=True)

@@ -35,8 +35,9 @@ format: .venv/installed ## format the code
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-docs: .venv/installed ## rewrite metadata/tools and docs/tools from the declarations
+docs: .venv/installed ## rewrite metadata/tools and docs/tools from the declarations, and the page of rules
 	$(BIN)/python -m toolbox.reference
+	PYTHONPATH=. $(BIN)/python docs/make_clearance_rules.py
 
 bench: .venv/installed ## measure speed and memory; needs TOOLBOX_TEST_DATA
 	$(BIN)/python -m tests.bench

@@ -18,12 +18,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+from algorithms.corridor._clearance.coverage import coverage_of, stand_ins
 from algorithms.corridor._clearance.distances import Least, Violations, find_violations
 from algorithms.corridor._clearance.layers import object_layer, span_table, violation_cloud
 from algorithms.corridor._clearance.matters import what_matters
 from algorithms.corridor._clearance.objects import falling_trees, objects_of, with_falls
 from algorithms.corridor._clearance.report import report_of
 from algorithms.corridor._clearance.rules import (
+    KINDS,
+    NO_RULE,
     SEVERITIES,
     Rule,
     grown,
@@ -32,6 +35,7 @@ from algorithms.corridor._clearance.rules import (
     rules_of,
     single,
     unknown_set,
+    why_none,
 )
 from algorithms.corridor._clearance.sag import (
     Conductor,
@@ -88,7 +92,7 @@ BOUNDED_COLUMNS = {
     "swing": (-90.0, 90.0),
 }
 VARIANCE_COLUMNS = tuple(name for name, (i, j) in COVARIANCES.items() if i == j)
-COLOURS = "#b2182b", "#ef8a62", "#fddc7a"
+COLOURS = "#b2182b", "#ef8a62", "#5e3c99", "#fddc7a"
 LOOKS = {word: (word, colour) for word, colour in zip(SEVERITIES, COLOURS, strict=True)}
 
 
@@ -101,8 +105,9 @@ class CorridorClearance:
     and horizontally. `rules` names a table of the toolbox: thesis, nerc_fac_003, cpuc_go95,
     en_50341, ch_lev or ekaty; a `rule_table` of your own has the same columns; `distance` is one
     distance in space instead. Values that have not been confirmed are marked; look them up before
-    you rely on them. Points without a class may be trees or buildings, and must keep the rules for
-    both. Points of the wires and towers that have no class are left out if they are near enough.
+    you rely on them. Kinds for which there is no rule are listed as "no rule" when they are near.
+    Points without a class may be trees, buildings or something else, and must keep the rules for
+    all; those of the wires and towers are left out if they are near enough.
 
     With a `conductor` and the temperature it had in the survey, clearances are also looked at when
     it is hot, `temperature`, or as hot as a `current` makes it, and in a `wind` from either side.
@@ -221,7 +226,7 @@ class CorridorClearance:
     @outputs
     class Outputs:
         violations: PointCloud = sink(
-            "Points that break a rule, with their clearances in metres",
+            "Points that break a rule, or are near and have none, with their clearances in metres",
             show=show.Classes("severity", dict(enumerate(LOOKS.values(), start=1))),
         )
         objects: Vector = sink(
@@ -230,10 +235,11 @@ class CorridorClearance:
         )
         spans: Table = sink("Least clearance of each span by kind of object and state of the wires")
         report: Report = sink("Map, profile of each span, and objects in order of urgency")
-        object_count: int = sink("Objects too close to a wire", unit="1")
+        object_count: int = sink("Objects too close to a wire, or that may fall on it", unit="1")
         critical_count: int = sink("Objects of severity critical", unit="1")
+        no_rule_count: int = sink("Objects near a wire for which there is no rule", unit="1")
         least_clearance: float | None = sink(
-            "Least distance in space of a point that breaks a rule", unit="m"
+            "Least distance in space of a point that breaks a rule or has none", unit="m"
         )
 
     def check(self) -> Iterator[tuple[str, str]]:
@@ -308,8 +314,8 @@ class CorridorClearance:
         settings: Any = {"gap": metric.object_gap, "fewest": self.min_points}
         objects, lone = objects_of(surroundings, found, rules, **settings)
         if lone:
-            log.warning("%d points break a rule, but are too few for an object", lone)
-            surroundings.left_out["break a rule, but are too few for an object"] = lone
+            log.warning("%d points are too close, but too few for an object", lone)
+            surroundings.left_out["are too close, but too few for an object"] = lone
         nearest = float(found.space.min(initial=math.inf))
         if self.falling:
             rules = [*rules, FALLING]
@@ -322,19 +328,32 @@ class CorridorClearance:
                 ctx=ctx.part(0.8, 0.9),
             )
             objects, found = with_falls(surroundings, objects, found, falls, rules)
+        coverage = coverage_of(surroundings, rules, found, least, objects)
+        for sentence in coverage.near:
+            log.warning("near a wire: %s", sentence)
         spans = span_table(surroundings, line, least, objects, metric.point_sd)
         layer = object_layer(cloud, surroundings, line, rules, objects)
         page = report_of(
-            surroundings, line, rules, objects, layer.frame, spans, conductor, ctx.part(0.9, 1.0)
+            surroundings,
+            line,
+            rules,
+            objects,
+            layer.frame,
+            spans,
+            conductor,
+            coverage,
+            ctx.part(0.9, 1.0),
         )
         ctx.progress(1.0)
+        severities = [rules[one.rule].severity for one in objects]
         return self.Outputs(
             violations=violation_cloud(cloud, surroundings, line, rules, found, objects),
             objects=layer,
             spans=spans,
             report=page,
-            object_count=len(objects),
-            critical_count=sum(rules[o.rule].severity == SEVERITIES[0] for o in objects),
+            object_count=len(objects) - severities.count(NO_RULE),
+            critical_count=severities.count(SEVERITIES[0]),
+            no_rule_count=severities.count(NO_RULE),
             least_clearance=nearest * self.points.metre if math.isfinite(nearest) else None,
         )
 
@@ -363,10 +382,13 @@ class CorridorClearance:
     def _rules(self) -> list[Rule]:
         if self.distance is not None:
             rules = single(self.distance)
+            why = {kind: f"distance is not for {kind}" for kind in KINDS}
         else:
             table = rule_set(self.rules) if self.rule_table is None else self.rule_table
             rules = rules_of(table, self.voltage)
-        return [*rules, *grown(rules, self.growth)] if self.growth else rules
+            why = why_none(table, self.voltage)
+        later = grown(rules, self.growth) if self.growth else []
+        return [*rules, *later, *stand_ins(rules, why, self.voltage)]
 
     def _conductor(self) -> Conductor | None:
         return conductor_of(self.conductor, self.conductor_table) if self.conductor else None

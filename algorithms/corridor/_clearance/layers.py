@@ -13,7 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from algorithms.corridor._clearance.distances import Least, Violations, distances
-from algorithms.corridor._clearance.rules import KINDS, OBJECTS, SEVERITIES, Rule
+from algorithms.corridor._clearance.rules import KINDS, NO_RULE, OBJECTS, SEVERITIES, Rule
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
 from toolbox.data import PointCloud, Table, Vector
 
@@ -63,7 +63,7 @@ VIOLATION_DESCRIPTIONS = {
     "distance": "in space from the wire, m",
     "vertical": "below the wire, m",
     "horizontal": "beside the wire, m",
-    "severity": "1 critical 2 warning 3 watch",
+    "severity": "1 crit 2 warn 3 no rule 4 watch",
     "rule": "its place in the report",
     "state": "0 survey, others see report",
     "wire_id": "conductor",
@@ -85,6 +85,7 @@ def object_layer(
     rows: list[dict[str, Any]] = []
     for number, one in enumerate(objects, start=1):
         rule = rules[one.rule]
+        ruled = rule.severity != NO_RULE
         rows.append(
             {
                 "object_id": number,
@@ -92,10 +93,10 @@ def object_layer(
                 "rule": rule.id,
                 "kind": one.kind,
                 "clearance": one.measure,
-                "required": rule.threshold,
+                "required": rule.threshold if ruled else math.nan,
                 "direction": rule.direction,
                 "sd": one.sd,
-                "probability": one.probability,
+                "probability": one.probability if ruled else math.nan,
                 "falls": one.falls,
                 "span_id": int(line.span[one.wire]),
                 "wire_id": int(line.wire[one.wire]),
@@ -107,7 +108,7 @@ def object_layer(
                 "height": one.height,
                 "points": len(one.points),
                 "confirmed": rule.confirmed,
-                "source": rule.source,
+                "source": rule.source if ruled else rule.note,
             }
         )
     places = shapely.points(cloud.xyz[surroundings.index[[one.nearest for one in objects]]])
@@ -123,18 +124,20 @@ def violation_cloud(
     found: Violations,
     objects: Sequence[Object],
 ) -> PointCloud:
-    """Point cloud of the points that break a rule, in their original order."""
+    """Point cloud of the points that break a rule or have none, in their original order."""
     order = np.argsort(found.point, kind="stable")
     number = np.zeros(len(surroundings.index), np.uint32)
     for k, one in enumerate(objects, start=1):
         number[one.points] = k
     severity = np.array([SEVERITIES.index(rule.severity) + 1 for rule in rules], np.uint8)
+    ruled = np.array([rule.severity != NO_RULE for rule in rules], bool)[found.rule[order]]
+    probability = np.where(ruled, found.probability[order], np.nan)
     wire = found.wire[order]
     return cloud.select(surroundings.index[found.point[order]]).with_attributes(
         {
             "clearance": found.measure[order].astype(np.float32),
             "clearance_sd": found.sd[order].astype(np.float32),
-            "probability": found.probability[order].astype(np.float32),
+            "probability": probability.astype(np.float32),
             "distance": found.space[order].astype(np.float32),
             "vertical": found.vertical[order].astype(np.float32),
             "horizontal": found.flat[order].astype(np.float32),

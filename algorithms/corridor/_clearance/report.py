@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from algorithms.corridor._clearance.coverage import Coverage
 from algorithms.corridor._clearance.drawing import Drawing
-from algorithms.corridor._clearance.rules import KINDS, SEVERITIES, Rule
+from algorithms.corridor._clearance.rules import KINDS, NO_RULE, SEVERITIES, Rule
 from algorithms.corridor._clearance.sag import Conductor, State
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
 from algorithms.corridor._curves.catenary import Catenary
@@ -33,7 +34,12 @@ KIND_COLOURS = {
     "rail": "#6b6b6b",
     "road": "#8c8c8c",
 }
-SEVERITY_COLOURS = {"critical": "#d40000", "warning": "#f08000", "watch": "#d8c000"}
+SEVERITY_COLOURS = {
+    "critical": "#d40000",
+    "warning": "#f08000",
+    NO_RULE: "#8a2be2",
+    "watch": "#d8c000",
+}
 LISTED = (
     "object_id",
     "severity",
@@ -56,6 +62,10 @@ LIST_CAPTION = (
     "Lengths in metres, places as in the data. sd is the standard deviation of the clearance; "
     "falls is by how much a tree reaches beyond the wire when it falls towards it, below 0"
 )
+KIND_CAPTION = (
+    "Least distances in space to what is near the wires in plan, m; objects that are too close or "
+    "may fall, objects that are near and have no rule, and the rules of each kind"
+)
 SPAN_CAPTION = "Least distances in space to what is near the wires in plan, m"
 WIRE_COLOUR, WIRE_DASHES = "#0040a0", ("", "6 3", "1 3", "6 3 1 3")  # of wires, by state
 
@@ -72,6 +82,7 @@ def report_of(
     listed: pd.DataFrame,
     spans: Table,
     conductor: Conductor | None,
+    coverage: Coverage,
     ctx: Context = QUIET,
 ) -> Report:
     """Report with a list of objects, a map, and tables and profiles of spans.
@@ -82,6 +93,9 @@ def report_of(
     """
     across = _Across.of(surroundings, line)
     sections = [
+        Section(
+            "Kinds and their rules", [Rows(coverage.kinds, KIND_CAPTION)] if line.spans else []
+        ),
         Section("Objects, the most urgent first", _list(listed)),
         Section("Map", _map(across, line, rules, objects, ctx.part(0.0, 0.3))),
         Section("Spans", [Rows(_span_list(spans), SPAN_CAPTION, MOST_SPANS)]),
@@ -93,18 +107,25 @@ def report_of(
         ),
     ]
     shown = [section for section in sections if section.blocks]
-    summary = _summary(surroundings, line, rules, objects)
+    summary = _summary(surroundings, line, rules, objects, coverage)
     return Report("Clearances of a power line", shown, summary=summary, name="clearance")
 
 
 def _summary(
-    surroundings: Surroundings, line: LineStates, rules: Sequence[Rule], objects: Sequence[Object]
+    surroundings: Surroundings,
+    line: LineStates,
+    rules: Sequence[Rule],
+    objects: Sequence[Object],
+    coverage: Coverage,
 ) -> str:
     if not line.spans:
         return "There are no wires, so nothing is too close to one."
     counts = {word: sum(rules[o.rule].severity == word for o in objects) for word in SEVERITIES}
+    unruled = counts.pop(NO_RULE)
     found = ", ".join(f"{count} {word}" for word, count in counts.items())
-    text = f"{len(objects)} objects in {len(line.spans)} spans: {found}."
+    text = f"{sum(counts.values())} objects too close in {len(line.spans)} spans: {found}."
+    text += f" {unruled} objects are near and have no rule." if unruled else ""
+    text += _without_rule(coverage)
     if not np.isfinite(surroundings.height).any():
         text += "\nNo point is ground: heights are not known, and falling trees not looked for."
     doubtful = [rule.id for rule in rules if not rule.confirmed]
@@ -114,6 +135,11 @@ def _summary(
             "document; look them up in the regulation before you rely on them."
         )
     return text
+
+
+def _without_rule(coverage: Coverage) -> str:
+    """Kinds that are near and have no rule, a line each."""
+    return "".join(f"\nNear a wire: {sentence}." for sentence in coverage.near)
 
 
 def _list(listed: pd.DataFrame) -> list[Rows | str]:

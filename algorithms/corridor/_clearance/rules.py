@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import pandas as pd
 
@@ -47,10 +47,14 @@ NEEDED_RULE_COLUMNS = (
 )
 UNIT_METRES = {"m": 1.0, "ft": 0.3048}
 KINDS = ("tree", "building", "other", "unclassified", "ground", "water", "rail", "road")
-OBJECTS = KINDS[:4]
+OBJECTS, SURFACES = KINDS[:4], KINDS[4:]
 DIRECTIONS = ("3-D", "vertical", "horizontal")
-SEVERITIES = ("critical", "warning", "watch")
+NO_RULE = "no rule"  # of what is near and has none
+SEVERITIES = ("critical", "warning", NO_RULE, "watch")  # the most urgent first
 LARGEST_THRESHOLD = 200.0  # metres that a rule may ask for
+NEXT_VOLTAGE = 0.001  # kV from the end of one row to the start of the next without a gap
+
+Voltages: TypeAlias = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -144,7 +148,7 @@ def rules_of(table: Table, voltage: float | None) -> list[Rule]:
     ]
     if wrong:
         raise DataError(f"{table.name}: " + "; ".join(wrong))
-    classes = [_voltages(row) for row in rows]
+    classes = [voltages_of(row) for row in rows]
     depends = any(low > 0 or high < math.inf for low, high in classes)
     if depends and voltage is None:
         raise DataError(f"{table.name}: its rules depend on the voltage of the line; give voltage")
@@ -160,6 +164,37 @@ def rules_of(table: Table, voltage: float | None) -> list[Rule]:
     return chosen
 
 
+def why_none(table: Table, voltage: float | None) -> dict[str, str]:
+    """For each kind, why no rule of a table holds for it at a voltage, if none does."""
+    at = "" if voltage is None else f" at {voltage:g} kV"
+    told = {kind: f"{table.name} has no row for {kind}" for kind in KINDS}
+    for kind, voltages in covered(table).items():
+        told[kind] += f"{at}, only for {' and '.join(map(span_of, voltages))}"
+    return told
+
+
+def span_of(voltages: Voltages) -> str:
+    """Voltages from and to in words."""
+    low, high = voltages
+    if high == math.inf:
+        return f"above {low:g} kV" if low else "all voltages"
+    return f"{low:g}-{high:g} kV" if low < high else f"{low:g} kV"
+
+
+def covered(table: Table) -> dict[str, list[Voltages]]:
+    """Voltages in kV, from and to, for which a table has rows, by kind; kinds without any miss."""
+    found: dict[str, list[Voltages]] = {}
+    for row in sorted(table.frame.to_dict("records"), key=voltages_of):
+        for kind in OBJECTS if row["kind"] == "any" else (row["kind"],):
+            known = found.setdefault(kind, [])
+            low, high = voltages_of(row)
+            if known and low <= known[-1][1] + 1.5 * NEXT_VOLTAGE:
+                known[-1] = known[-1][0], max(known[-1][1], high)
+            else:
+                known.append((low, high))
+    return found
+
+
 def _problems(row: Mapping[Any, Any]) -> list[str]:
     """Problems of one row of a rule table."""
     found = [
@@ -168,7 +203,7 @@ def _problems(row: Mapping[Any, Any]) -> list[str]:
     choices = {
         "unit": tuple(UNIT_METRES),
         "direction": DIRECTIONS,
-        "severity": SEVERITIES,
+        "severity": tuple(word for word in SEVERITIES if word != NO_RULE),
         "kind": (*KINDS, "any"),
     }
     for name, words in choices.items():
@@ -210,7 +245,8 @@ def _is_number(value: Any) -> bool:
         return False
 
 
-def _voltages(row: Mapping[Any, Any]) -> tuple[float, float]:
+def voltages_of(row: Mapping[Any, Any]) -> Voltages:
+    """Voltages from and to, in kV, for which a row of a rule table holds."""
     low: Any = row.get("voltage_min")
     high: Any = row.get("voltage_max")
     return 0.0 if _is_missing(low) else float(low), math.inf if _is_missing(high) else float(high)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import ezdxf
 import geopandas
 import numpy as np
 import pandas as pd
@@ -18,10 +20,18 @@ from scipy.optimize import brentq, root
 
 import toolbox
 from algorithms.corridor._clearance import matters
+from algorithms.corridor._clearance.coverage import approach, stand_ins
 from algorithms.corridor._clearance.distances import distances, fall_in, find_violations
 from algorithms.corridor._clearance.matters import what_matters
 from algorithms.corridor._clearance.objects import groups, tree_tops
-from algorithms.corridor._clearance.rules import KINDS, Rule, rule_set, rules_of, shipped
+from algorithms.corridor._clearance.rules import (
+    KINDS,
+    Rule,
+    rule_set,
+    rules_of,
+    shipped,
+    why_none,
+)
 from algorithms.corridor._clearance.sag import (
     CONDUCTORS_FILE,
     Conductor,
@@ -394,7 +404,7 @@ def test_too_few_points_are_no_object_but_violations_and_told() -> None:
         result = run(cloud(blob(150, 0, low - 3.0, count), 5), distance=5.0)
         assert result["object_count"] == objects
         assert result["violations"]["object_id"].tolist() == [objects] * count
-        told = "2 points break a rule, but are too few for an object" in result["report"].html()
+        told = "2 points are too close, but too few for an object" in result["report"].html()
         assert told == (objects == 0)
 
 
@@ -527,6 +537,11 @@ def test_values_of_known_rules() -> None:
     assert mvcd.confirmed
     by_id = {r.id: r for r in rules_of(rule_set("ch_lev"), 220)}
     assert by_id["lev-38-direct"].threshold == pytest.approx(4.7)
+    assert by_id["lev-102-rail"].threshold == pytest.approx(9.2)
+    assert by_id["lev-40-water"].threshold == pytest.approx(6.2)
+    go95 = {r.id: r for r in rules_of(rule_set("cpuc_go95"), 115)}
+    assert go95["go95-37-rail-20"].threshold == pytest.approx(34 * 0.3048)
+    assert go95["go95-37-roof-20"].threshold == pytest.approx(12 * 0.3048)
     assert [r.threshold for r in rules_of(rule_set("thesis"), None)] == [20.0, 30.0]
     feet = row(unit="ft", threshold=10.0, per_kv=0.01, within=5.0, voltage_max=200.0)
     (long,) = rules_of(Table(pd.DataFrame([feet])), 100.0)
@@ -541,6 +556,7 @@ def test_values_of_known_rules() -> None:
         ({"direction": "up"}, "direction must be one of"),
         ({"kind": "cow"}, "kind must be one of"),
         ({"severity": "bad"}, "severity must be one of"),
+        ({"severity": "no rule"}, "severity must be one of critical, warning, watch, got"),
         ({"threshold": -1.0}, "threshold must be"),
         ({"threshold": 0.0}, "threshold must be above 0"),
         ({"voltage_min": 9.0, "voltage_max": 1.0}, "voltage_min 9.0 is above"),
@@ -590,6 +606,154 @@ def test_wrong_settings_are_named() -> None:
     lines = Vector(layer(LEVEL).frame[["wire_id", "geometry"]], name="lines.kml")
     with pytest.raises(DataError, match="wires: no column span_id"):
         toolbox.run("corridor.clearance", {"points": points, "wires": lines})
+
+
+CODES = {"tree": 5, "building": 6, "other": 26, "ground": 2, "water": 9, "rail": 10, "road": 11}
+
+
+@pytest.mark.parametrize("kind", [kind for kind in CODES if kind != "tree"])
+def test_what_is_near_and_has_no_rule_is_listed_counted_and_told(
+    kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """NERC FAC-003 is for trees alone: a crane at 2.0 m has no rule, whatever its class is."""
+    low = float(LEVEL.height(np.array(150.0)))
+    points = cloud(blob(150, 0, low - 2.0, 4), CODES[kind])
+    result = run(points, rules="nerc_fac_003", voltage=345.0)
+    (one,) = result["objects"].frame.to_dict("records")
+    assert (one["severity"], one["rule"], one["kind"], one["points"]) == ("no rule",) * 2 + (
+        kind,
+        4,
+    )
+    assert (one["clearance"], one["distance"]) == pytest.approx((2.0, 2.0), abs=0.01)
+    assert math.isnan(one["required"])
+    assert math.isnan(one["probability"])
+    counts = [result[f"{name}_count"] for name in ("object", "critical", "no_rule")]
+    assert counts == [0, 0, 1]
+    assert result["least_clearance"] == pytest.approx(2.0, abs=0.01)
+    assert result["violations"]["severity"].tolist() == [3] * 4
+    assert np.isnan(result["violations"]["probability"]).all()
+    told = (
+        f"{kind}: 4 points, the nearest at 2.00 m; no rule: nerc_fac_003.csv has no row for {kind}"
+    )
+    assert f"near a wire: {told}" in caplog.text
+    page = result["report"]
+    assert "1 objects are near and have no rule" in page.summary
+    assert f"Near a wire: {told}" in page.summary
+    kinds = page.sections[0].blocks[0].table.frame.set_index("kind")
+    assert kinds.loc[kind, ["nearest", "too close", "near, no rule"]].to_list() == [2.0, 0, 1]
+
+
+def test_two_points_without_a_rule_are_no_object_but_told(caplog: pytest.LogCaptureFixture) -> None:
+    low = float(LEVEL.height(np.array(150.0)))
+    result = run(cloud(blob(150, 0, low - 2.0, 2), 26), rules="nerc_fac_003", voltage=345.0)
+    assert (result["no_rule_count"], len(result["violations"])) == (0, 2)
+    assert "other: 2 points, the nearest at 2.00 m" in caplog.text
+
+
+def test_unclassified_objects_are_held_to_the_strictest_rule_and_to_those_that_miss() -> None:
+    """345 kV: 1.31 m from trees; 6.10 m where it may be a building, for which there is no rule."""
+    low = float(LEVEL.height(np.array(150.0)))
+    for below, severity, told in ((1.2, "critical", "fac-003-345"), (2.0, "no rule", "no rule")):
+        found = run(cloud(blob(150, 0, low - below), 1), rules="nerc_fac_003", voltage=345.0)
+        (one,) = found["objects"].frame.to_dict("records")
+        assert (one["kind"], one["severity"], one["rule"]) == ("unclassified", severity, told)
+        kinds = found["report"].sections[0].blocks[0].table.frame.set_index("kind")
+        assert kinds.rule["unclassified"].startswith(
+            "held to the strictest of fac-003-345, falling; no rule if it is building or other"
+        )
+    full = run(cloud(blob(150, 0, low - 2.0), 1), rules="en_50341", voltage=22.0, falling=False)
+    kinds = full["report"].sections[0].blocks[0].table.frame.set_index("kind")
+    wanted = "held to the strictest of cz-mv-tree, cz-mv-roof, cz-mv-wall, cz-mv-mast"
+    assert kinds.rule["unclassified"] == wanted
+    assert kinds.rule["tree"] == "cz-mv-tree"
+
+
+def test_near_is_what_cranes_must_keep_or_what_the_rules_ask_of_others() -> None:
+    """29 CFR 1926.1408, table A: the voltages are the highest for which a distance holds."""
+    feet = ((0.4, 10), (50, 10), (50.1, 15), (200, 15), (345, 20), (380, 25), (765, 45), (1500, 45))
+    for voltage, far in feet:
+        assert approach(voltage)[0] == pytest.approx(far * 0.3048)
+    assert approach(None)[0] == 5.0
+    rules = [
+        rule(kind="tree", threshold=2.0),
+        rule(kind="tree", threshold=9.0),
+        rule(kind="building", threshold=7.0),
+        rule(kind="road", threshold=12.0),
+        rule(kind="rail", threshold=8.0),
+        rule(kind="rail", threshold=14.0, severity="warning"),
+    ]
+    made = stand_ins(rules, dict.fromkeys(KINDS, ""), 20.0)
+    assert [(r.kind, r.threshold) for r in made] == [
+        ("other", 9.0),
+        ("ground", 12.0),
+        ("water", 12.0),
+    ]
+    far = stand_ins([], dict.fromkeys(KINDS, ""), None)
+    assert [(r.kind, r.threshold) for r in far] == [(kind, 5.0) for kind in KINDS if kind in CODES]
+    low = float(LEVEL.height(np.array(150.0)))
+    for below, count in ((6.08, 1), (6.11, 0)):
+        points = cloud(blob(150, 0, low - below), 26)
+        found = run(points, rules="nerc_fac_003", voltage=345.0, min_points=1)
+        assert found["no_rule_count"] == count
+
+
+def test_a_kind_whose_rules_are_for_other_voltages_has_none_and_the_voltages_are_told() -> None:
+    rows = [
+        row(id="low", kind="building", voltage_min=1.0, voltage_max=36.0),
+        row(id="mid", kind="building", voltage_min=36.001, voltage_max=72.5),
+        row(id="high", kind="building", voltage_min=400.0),
+        row(id="all", kind="tree", voltage_max=420.0),
+    ]
+    table = Table(pd.DataFrame(rows), name="my.csv")
+    why = why_none(table, 380.0)
+    assert why["building"] == (
+        "my.csv has no row for building at 380 kV, only for 1-72.5 kV and above 400 kV"
+    )
+    assert why["road"] == "my.csv has no row for road"
+    low = float(LEVEL.height(np.array(150.0)))
+    house = cloud(blob(150, 0, low - 4.0), 6)
+    for voltage, severity in ((36.0, "critical"), (380.0, "no rule"), (400.0, "critical")):
+        frame = run(house, rule_table=table, voltage=voltage)["objects"].frame
+        assert frame.severity.to_list() == [severity]
+
+
+def test_water_rail_and_road_keep_rules_of_their_own() -> None:
+    """ČSN EN 50423-1 at 22 kV: 5.6 m above ground, 6.6 m above roads and rails, none for water."""
+    low = float(LEVEL.height(np.array(150.0)))
+    for code, rules, severities in (
+        (2, [], []),
+        (11, ["cz-mv-road"], ["critical"]),
+        (10, ["cz-mv-rail"], ["critical"]),
+        (9, [], []),
+    ):
+        points = cloud(blob(150, 0, low - 6.0), code)
+        frame = run(points, rules="en_50341", voltage=22.0)["objects"].frame
+        assert (frame.rule.to_list(), frame.severity.to_list()) == (rules, severities), code
+    pond = run(cloud(blob(150, 0, low - 5.1), 9), rules="en_50341", voltage=22.0)
+    assert pond["objects"].frame.rule.to_list() == ["no rule"]  # nearer than a field may be
+
+
+def test_objects_without_a_rule_are_drawn_and_written_for_cad(tmp_path: Path) -> None:
+    low = float(LEVEL.height(np.array(150.0)))
+    points = cloud(blob(150, 0, low - 2.0), 26)
+    found = run(points, rules="nerc_fac_003", voltage=345.0, objects=tmp_path / "objects.dxf")
+    (marked,) = ezdxf.readfile(tmp_path / "objects.dxf").modelspace()
+    assert marked.dxf.layer == "other"
+    assert "severity=no rule" in [text for _, text in marked.get_xdata("LIDAR-TOOLBOX")[1:]]
+    sections = {section.title: section.blocks for section in found["report"].sections}
+    for title in ("Map", "Profiles"):
+        assert b'fill="#8a2be2"' in sections[title][0].content
+
+
+def test_the_page_of_rules_is_that_of_the_tables() -> None:
+    """`python docs/make_clearance_rules.py` writes it."""
+    script = Path(__file__).parents[3] / "docs" / "make_clearance_rules.py"
+    spec = importlib.util.spec_from_file_location("make_clearance_rules", script)
+    assert spec
+    assert spec.loader
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    assert made.PAGE.read_text("utf-8") == made.page()
 
 
 def elastic_chain(curve: Catenary, unstretched: float, load: Any, pull: Any) -> NDArray[np.float64]:

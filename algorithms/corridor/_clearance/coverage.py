@@ -1,0 +1,135 @@
+"""Kinds of objects that no rule holds for: when they are near, and what is said of them.
+
+No rule is no permission: what comes near a wire and has no rule is listed so, with its distance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from algorithms.corridor._clearance.distances import Least, Violations
+from algorithms.corridor._clearance.rules import (
+    KINDS,
+    NO_RULE,
+    OBJECTS,
+    SURFACES,
+    UNIT_METRES,
+    Rule,
+)
+from algorithms.corridor._clearance.surroundings import Object, Surroundings
+from toolbox.data import Table
+
+# How near cranes and the like may come to a line: highest voltage, kV, and distance, feet.
+APPROACH = ((50, 10), (200, 15), (350, 20), (500, 25), (750, 35), (1000, 45))
+APPROACH_SOURCE = "29 CFR 1926.1408, table A"
+UNKNOWN_APPROACH = 5.0  # metres
+UNKNOWN_SOURCE = "DIN VDE 0105-100 for an unknown voltage, by DGUV Regel 114-014"
+LARGEST_SOURCE = "the largest distance that other objects must keep"
+LEAST_SOURCE = "the least distance that other surfaces must keep"
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What the rules cover.
+
+    Attributes
+    ----------
+    kinds : a row for each kind, with its rules, its nearest point and its objects
+    near : a sentence for each kind that is near and has no rule
+    """
+
+    kinds: Table
+    near: list[str]
+
+
+def approach(voltage: float | None) -> tuple[float, str]:
+    """Distance that anything should keep from a line of a voltage in kV, metres; its source."""
+    if voltage is None:
+        return UNKNOWN_APPROACH, UNKNOWN_SOURCE
+    feet = next((far for highest, far in APPROACH if voltage <= highest), APPROACH[-1][1])
+    return feet * UNIT_METRES["ft"], APPROACH_SOURCE
+
+
+def stand_ins(rules: Sequence[Rule], why: Mapping[str, str], voltage: float | None) -> list[Rule]:
+    """Rules in place of missing ones, so that no kind that comes near is passed over.
+
+    A kind without a rule is near within the distance of `approach`, or within that which the rules
+    ask of others of its sort, if it is larger. Of objects above the ground that is the largest of
+    all, as nothing should be there; of the ground and what lies on it the least that any of it must
+    keep, as the ground is below every wire.
+
+    Parameters
+    ----------
+    rules : that hold for the voltage
+    why : for each kind, why none of them holds for it
+    voltage : between two phases, kV; None if not known
+    """
+    made = []
+    for sort, choose, source in ((OBJECTS, max, LARGEST_SOURCE), (SURFACES, min, LEAST_SOURCE)):
+        own = {kind: [r.threshold for r in rules if r.holds_for(kind)] for kind in sort}
+        asked = choose(map(max, filter(None, own.values())), default=0.0)
+        near, told = max(approach(voltage), (asked, source))
+        made += [
+            Rule(
+                NO_RULE, told, "", kind, "3-D", near, near, NO_RULE, confirmed=True, note=why[kind]
+            )
+            for kind in sort
+            if not own[kind] and kind != "unclassified"
+        ]
+    return made
+
+
+def coverage_of(
+    surroundings: Surroundings,
+    rules: Sequence[Rule],
+    found: Violations,
+    least: Least,
+    objects: Sequence[Object],
+) -> Coverage:
+    """Which kinds have rules, how near each comes, and what is near without a rule."""
+    nearest = least.distance.min(axis=(0, 1), initial=np.inf)
+    rows = []
+    for kind, distance in zip(KINDS, nearest.tolist(), strict=True):
+        own = [rules[one.rule].severity == NO_RULE for one in objects if one.kind == kind]
+        rows.append(
+            {
+                "kind": kind,
+                "nearest": round(distance, 2) if math.isfinite(distance) else None,
+                "too close": own.count(False),
+                "near, no rule": own.count(True),
+                "rule": rules_for(kind, rules),
+            }
+        )
+    return Coverage(Table.from_rows(rows), list(_near(surroundings, rules, found)))
+
+
+def rules_for(kind: str, rules: Sequence[Rule]) -> str:
+    """What a kind is held to, and what it has no rule for, in words."""
+    held = [rule for rule in rules if rule.holds_for(kind)]
+    missing = [rule for rule in held if rule.severity == NO_RULE]
+    told = ", ".join(rule.id for rule in held if rule.severity != NO_RULE)
+    if told and kind == "unclassified":
+        told = f"held to the strictest of {told}"
+    if not missing:
+        return told
+    why = f": {missing[0].note}"
+    if kind == "unclassified":
+        why = f" if it is {' or '.join(rule.kind for rule in missing)}"
+    near = f"listed within {missing[0].threshold:.2f} m ({missing[0].source})"
+    return f"{told}{'; ' if told else ''}no rule{why}; {near}"
+
+
+def _near(surroundings: Surroundings, rules: Sequence[Rule], found: Violations) -> Iterator[str]:
+    """A sentence for each kind that comes near without a rule, also if it is no object."""
+    without = np.array([rule.severity == NO_RULE for rule in rules], bool)[found.rule]
+    for number, kind in enumerate(KINDS):
+        own = without & (surroundings.kind[found.point] == number)
+        if own.any():
+            yield (
+                f"{kind}: {own.sum()} points, the nearest at {found.space[own].min():.2f} m; "
+                f"{rules_for(kind, rules)}"
+            )

@@ -327,6 +327,7 @@ SPECIAL: dict[str, dict[str, Callable[[PointCloud], Any]]] = {  # layers that ne
     "compare.spans": {"wires": wire, "reference": wire},  # reads the columns of corridor.extract
     "corridor.candidates": {"points": with_heights},  # asks for heights above ground
     "corridor.clearance": {"wires": wire},  # reads the columns of corridor.extract
+    "corridor.surroundings": {"wires": wire},  # takes lines alone
     "corridor.label": {"line": extracted_line},  # its points are among those of the cloud
     "points.clip": {"polygons": shapes},  # asks for these or an extent
 }

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from algorithms.shared.chance import random_keys
 from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
+from algorithms.shared.heights import HEIGHT, given_heights
 from algorithms.shared.terrain import HALO as GROUND_HALO
 from algorithms.shared.terrain import find_terrain, height_above, verdict
 from toolbox.context import QUIET, Context, log
@@ -77,13 +78,16 @@ class PointFeatures:
     def terrain(self) -> tuple[Mask, Floats]:
         """Which points are ground, and metres of all points above the terrain.
 
-        The ground is that of `ground_classes`, or else found as in
-        :mod:`algorithms.ground.classify`. Heights are NaN where there is no terrain near, or no
+        The ground is that of `ground_classes`, with the heights that the points have, or else with
+        those above it; without classes it is found as in :mod:`algorithms.ground.classify`.
+        Heights are NaN where there is no terrain near, or no
         point that could be ground.
         """
         cloud, ctx = self.cloud, self.ctx.part(0.0, 0.4)
         if self.ground_classes is not None:
             ground = np.isin(cloud["classification"], self.ground_classes) & ~is_withheld(cloud)
+            if HEIGHT in cloud:
+                return ground, given_heights(cloud)
             found = find_terrain(_frozen(self.xyz[ground]), metre=cloud.metre, ctx=ctx)
             return ground, height_above(self.xyz, found)
         candidates = Candidates.of(cloud)
@@ -112,17 +116,24 @@ class PointFeatures:
         )
         count = found["neighbours"].astype(np.float64)
         shapeless = count < ENOUGH
-        if np.count_nonzero(shapeless) > FEW * len(shapeless):
-            log.warning(
-                "%d of %d points lack neighbours to lie on a plane with; raise radius",
-                np.count_nonzero(shapeless),
-                len(shapeless),
-            )
+        self._warn_of_few(shapeless[place])
         # Three points always lie on a plane, so as many less are left to tell how far off it is.
         freedom = np.where(shapeless, np.nan, count - 3)
         off_plane = np.sqrt(found["eigenvalue3"] * count / freedom) / self.cloud.metre
         normals = np.column_stack([found["nx"], found["ny"], found["nz"]])
         return off_plane[place], normals[place]
+
+    def _warn_of_few(self, shapeless: Mask) -> None:
+        """Log that many points above the ground lack neighbours, array of shape (n,)."""
+        above = ~self.terrain[0]
+        few, total = np.count_nonzero(shapeless & above), np.count_nonzero(above)
+        if few > FEW * total:
+            log.warning(
+                "%d of %d points above the ground lack neighbours to lie on a plane with; raise "
+                "radius",
+                few,
+                total,
+            )
 
     @functools.cached_property
     def around(self) -> Mapping[str, Floats]:

@@ -84,7 +84,8 @@ class ClassifyBuildings:
     roof, height of the ridge above the ground, in the unit of the data, and whether the walls were
     squared.
 
-    Other points keep their class, and become 1 if it was 6.
+    Other points keep their class, and become 1 if it was 6. Heights are HeightAboveGround if points
+    have it.
     """
 
     points: PointCloud = source("Points with classified ground")
@@ -150,6 +151,8 @@ class ClassifyBuildings:
         """Find roof points, join them to buildings, and classify the points of these."""
         cloud, metre = self.points, self.points.metre
         part = taking_part(cloud, self.ignore, among(self.keep_classes, STRUCTURES))
+        if not len(cloud):
+            return self._packed(part, part, [])
         features = self._features(part, ctx.part(0.0, 0.6))
         roof = self._roof(features)
         planes = on_planes(features, roof, ctx.part(0.6, 0.65))

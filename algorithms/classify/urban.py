@@ -45,8 +45,12 @@ class ClassifyUrban:
     lets the pulse through, are cars, walls and the like: class 1. All else is low (3), medium (4)
     or high vegetation (5) by its height above the ground, whose limits are `low` and `high`.
 
-    Wires, poles and rough objects become vegetation. The attribute confidence says from 0 to 1 how
+    Wires, poles and rough objects become vegetation. With `penetration` only that does which lets
+    pulses through for certain; what cannot be told from a crane or a mast stays class 1, and where
+    no pulse has several returns, that is all. The attribute confidence says from 0 to 1 how
     clear the evidence is between vegetation and what is built, and is 1 for ground and water.
+    Points that take no part keep the one they have, if they have one. Heights are
+    HeightAboveGround if points have it.
     """
 
     points: PointCloud = source("Points with classified ground and buildings")
@@ -56,6 +60,13 @@ class ClassifyUrban:
     planarity: float = param(
         "Least share of points on planes around what is no vegetation",
         default=0.1,
+        unit="1",
+        ge=0,
+        le=1,
+    )
+    penetration: float = param(
+        "Least share of returns around vegetation that let the pulse through",
+        default=0.0,
         unit="1",
         ge=0,
         le=1,
@@ -106,6 +117,10 @@ class ClassifyUrban:
         chosen = cloud if part.all() else cloud.select(part)
         classes = np.array(cloud["classification"], np.uint8)
         confidence = np.zeros(len(cloud), np.float32)
+        if "confidence" in cloud:
+            confidence[:] = cloud["confidence"]
+        if not len(cloud):
+            return self._packed(classes, confidence)
         bare = ClassList([int(GROUND), *among(self.keep_classes, SURFACES)])
         if not np.isin(chosen["classification"], bare).any():
             raise NothingToDo(
@@ -113,7 +128,7 @@ class ClassifyUrban:
                 instead=self._packed(classes, confidence),
             )
         if not _evidence.has_several_returns(chosen):
-            log.warning("no pulse has several returns: dense crowns may be taken for objects")
+            log.warning("no pulse has several returns: %s", self._without_returns)
         features = _evidence.PointFeatures(
             chosen,
             self.radius,
@@ -127,6 +142,12 @@ class ClassifyUrban:
         ctx.progress(1.0)
         return self._packed(classes, confidence)
 
+    @property
+    def _without_returns(self) -> str:
+        if self.penetration > 0:
+            return "vegetation cannot be told, and stays class 1"
+        return "dense crowns may be taken for objects"
+
     def _judged(self, features: _evidence.PointFeatures) -> NDArray[np.uint8]:
         """Class of each point."""
         cloud, (ground, height) = features.cloud, features.terrain
@@ -139,6 +160,7 @@ class ClassifyUrban:
         free = ~np.isin(classes, self.keep_classes or ())
         left = free & ~ground & ~built & ~wet
         plant = ~(solid(features) & (features.around["planarity"] >= self.planarity))
+        plant &= features.around["returns"] >= self.penetration
         kinds = by_height(height * cloud.metre, self.low, self.high)
         classes[left] = np.where(plant & np.isfinite(height), kinds, REST)[left]
         classes[wet & free] = WATER

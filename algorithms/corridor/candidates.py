@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from algorithms.corridor._extraction.candidates import GROUND_CELL, STANDS_FOR, candidates
-from algorithms.corridor._extraction.ground import given_heights
 from algorithms.corridor._extraction.labels import POINT_NUMBER
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
-from algorithms.shared.heights import HEIGHT
+from algorithms.shared.heights import HEIGHT, given_heights
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList, outputs, sink, source, tool

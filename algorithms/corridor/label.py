@@ -6,7 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from algorithms.corridor._extraction.labels import LABEL_NUMBERS, POINT_NUMBER, labelled
+from algorithms.corridor._extraction.labels import (
+    LABEL_NUMBERS,
+    POINT_NUMBER,
+    classes_of,
+    labelled,
+)
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context
@@ -20,11 +25,12 @@ class CorridorLabel:
     """Label the points of a power line that was found among chosen points.
 
     `points` are those that corridor.candidates chose from, `line` what corridor.extract made of
-    the chosen ones. The result is what corridor.extract gives of all points.
+    the chosen ones. The result is what corridor.extract gives of all points. Points of `line` give
+    their class, too, so the chosen ones may be classified further before: trees, for example.
     """
 
     points: PointCloud = source("All points")
-    line: PointCloud = source("Points with a wire_id or tower_id, and with their point_number")
+    line: PointCloud = source("Chosen points with wire_id, tower_id and their point_number")
     ignore: ClassList | None = parameters.ignore()
 
     @outputs
@@ -59,6 +65,10 @@ class CorridorLabel:
         complete = here.all() or (cloud.origin is not None and line.origin is None)
         if not (complete and np.array_equal(cloud.xyz[index], line.xyz[here])):
             raise DataError(f"line: {line.name} was not chosen from {cloud.name}")
+        if "classification" in line:
+            classes = np.array(classes_of(cloud))
+            classes[index] = line["classification"][here]
+            cloud = cloud.with_attributes({"classification": classes})
         names = (*LABEL_NUMBERS, "confidence")
         labels = {name: line[name][here] for name in names}
         ctx.progress(1.0)

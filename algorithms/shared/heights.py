@@ -1,11 +1,13 @@
-"""The attribute for heights above ground, and checks that a raster holds heights."""
+"""The attribute for heights above ground, and checks that points and rasters hold heights."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from toolbox.data import Raster
+from toolbox.data import PointCloud, Raster
 from toolbox.data.crs import length_problem, vertical_unit
+from toolbox.errors import DataError
 
 HEIGHT = "HeightAboveGround"  # attribute of points, named as in other programs
 # Names of units as other programs write them; ours are those of `vertical_unit`.
@@ -14,6 +16,28 @@ _SPELT = {
     **dict.fromkeys(("ft", "feet"), "foot"),
     **dict.fromkeys(("us-ft", "us ft", "ftus"), "us survey foot"),
 }
+
+
+def given_heights(cloud: PointCloud) -> NDArray[np.float64]:
+    """Heights above the ground that the points have, in metres; NaN where not known.
+
+    Raises
+    ------
+    DataError
+        Some are infinite.
+
+    Examples
+    --------
+    >>> given_heights(PointCloud(np.zeros((2, 3)), {HEIGHT: np.array([0.5, np.nan])}))
+    array([0.5, nan])
+    """
+    height = np.asarray(cloud[HEIGHT], float) / cloud.metre
+    if infinite := np.count_nonzero(np.isinf(height)):
+        raise DataError(
+            f"points: {HEIGHT} of {cloud.name} must be a number, or NaN where it is not known, "
+            f"but is infinite for {infinite}"
+        )
+    return height
 
 
 def heights_problem(raster: Raster) -> str | None:

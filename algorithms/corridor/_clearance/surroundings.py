@@ -20,11 +20,10 @@ from algorithms.corridor._clearance.distances import (
 from algorithms.corridor._clearance.rules import KINDS, OBJECTS
 from algorithms.corridor._clearance.sag import State
 from algorithms.corridor._curves.catenary import Catenary
-from algorithms.corridor._extraction.ground import given_heights
 from algorithms.corridor._extraction.labels import LINE_CLASSES
 from algorithms.corridor._extraction.layers import catenaries_of
 from algorithms.shared.ground import is_withheld
-from algorithms.shared.heights import HEIGHT
+from algorithms.shared.heights import HEIGHT, given_heights
 from algorithms.shared.lowest import require_finite
 from algorithms.shared.terrain import find_terrain, height_above
 from toolbox.context import QUIET, Context, log

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from algorithms.corridor._extraction.labels import classes_of
 from algorithms.shared.ground import may_be_ground
-from algorithms.shared.heights import HEIGHT
+from algorithms.shared.heights import HEIGHT, given_heights
 from algorithms.shared.terrain import find_terrain, height_above
 from toolbox.context import Context
 from toolbox.data import PointCloud
@@ -54,23 +54,6 @@ def heights_of(
     bare.flags.writeable = False  # kernels would be compiled for writable arrays once more
     known = ground_classes is not None
     return height_above(cloud.xyz, find_terrain(bare, known=known, metre=cloud.metre, ctx=ctx))
-
-
-def given_heights(cloud: PointCloud) -> Floats:
-    """Heights above the ground that the points have, in metres; NaN where not known.
-
-    Raises
-    ------
-    DataError
-        Some are infinite.
-    """
-    height = np.asarray(cloud[HEIGHT], float) / cloud.metre
-    if infinite := np.count_nonzero(np.isinf(height)):
-        raise DataError(
-            f"points: {HEIGHT} of {cloud.name} must be a number, or NaN where it is not known, "
-            f"but is infinite for {infinite}"
-        )
-    return height
 
 
 def accompanied(xyz: Floats, metre: float) -> NDArray[np.bool_]:

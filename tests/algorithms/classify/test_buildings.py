@@ -304,6 +304,22 @@ def test_feet_give_the_house_of_metres() -> None:
     assert in_feet["height"] == pytest.approx(in_metres["height"] * 3937 / 1200, rel=1e-3)
 
 
+def test_no_points_give_no_buildings() -> None:
+    out = ClassifyBuildings(points=village().select([])).run()
+    assert (len(out.classified), len(out.outlines)) == (0, 0)
+
+
+def test_few_neighbours_on_the_ground_do_not_matter(caplog: pytest.LogCaptureFixture) -> None:
+    """Roofs are judged by what is above the ground: it may be thinned."""
+    points = village(16.0)
+    ground = np.flatnonzero(points["classification"] == 2)
+    rest = np.flatnonzero(points["classification"] != 2)
+    thinned = points.select(np.sort(np.append(rest, ground[::12])))
+    out = ClassifyBuildings(points=thinned).run()
+    assert "lack neighbours" not in caplog.text
+    assert len(out.outlines) == len(ClassifyBuildings(points=points).run().outlines)
+
+
 def test_bad_input_is_named() -> None:
     points = village()
     with pytest.raises(ParameterError, match=r"largest: must be >= smallest \(20\), got 10"):

@@ -83,6 +83,54 @@ def test_each_class_is_found() -> None:
     assert confidence[classes == 5].mean() > 0.5
 
 
+def test_what_lets_no_pulse_through_may_be_left_unclassified(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """A mast is as rough as a tree, and the laser does not get through it."""
+    points = block()
+    mast = np.flatnonzero(np.hypot(*(points.xyz[:, :2] - (500_028, 4_600_010)).T) < 2)
+    xyz, truth = points.xyz.copy(), points["truth"].copy()
+    xyz[mast, 2] = 50 + np.random.default_rng(1).uniform(1, 15, len(mast))
+    classes = np.where(np.isin(np.arange(len(points)), mast), 1, points["classification"])
+    truth[mast] = 1
+    points = points.with_xyz(xyz).with_attributes(
+        {"truth": truth, "classification": classes.astype(np.uint8)}
+    )
+    asked = ClassifyUrban(points=points, penetration=0.25).run().classified["classification"]
+    plain = ClassifyUrban(points=points).run().classified["classification"]
+    assert (plain[mast] == 1).mean() < 0.3
+    assert (asked[mast] == 1).mean() > 0.95
+    assert (asked[truth == 5] == 5).mean() > 0.99
+    single = points.with_attributes({"number_of_returns": np.ones(len(points), np.uint8)})
+    caplog.clear()
+    none = ClassifyUrban(points=single, penetration=0.25).run()
+    assert none.vegetation_share == 0
+    assert "vegetation cannot be told, and stays class 1" in caplog.text
+
+
+def test_points_that_take_no_part_keep_their_confidence() -> None:
+    points = block()
+    wire = np.arange(len(points)) < 100
+    classes = np.where(wire, 14, points["classification"]).astype(np.uint8)
+    sure = np.full(len(points), 0.625, np.float32)
+    points = points.with_attributes({"classification": classes, "confidence": sure})
+    found = ClassifyUrban(points=points).run().classified["confidence"]
+    assert (found[wire] == 0.625).all()
+    assert (found[points["classification"] == 2] == 1).all()
+
+
+def test_heights_that_points_have_are_taken() -> None:
+    """By the points' own heights the hedge of 1 m is 3 m high; no terrain is made."""
+    points = block()
+    height = np.where(points["truth"] == 4, 3.0, points.xyz[:, 2] - 50).astype(np.float32)
+    out = ClassifyUrban(points=points.with_attributes({"HeightAboveGround": height})).run()
+    assert (out.classified["classification"][points["truth"] == 4] == 5).mean() > 0.95
+
+
+def test_no_points_give_no_points() -> None:
+    assert len(ClassifyUrban(points=block().select([])).run().classified) == 0
+
+
 def test_heights_part_the_vegetation() -> None:
     out = ClassifyUrban(points=block(), low=0.2, high=1.45).run()
     classes, truth = out.classified["classification"], out.classified["truth"]

@@ -61,6 +61,20 @@ def test_a_part_of_the_survey_gets_its_own_labels(scene: dict[str, PointCloud]) 
     assert (part["wire_id"] > 0).any()
 
 
+def test_classes_that_chosen_points_got_are_taken_over(scene: dict[str, PointCloud]) -> None:
+    """But those of points that were not chosen stay, and a wire is a wire."""
+    line = toolbox.run("corridor.extract", {"points": scene["few"], "ignore": "7"})["classified"]
+    before = toolbox.run("corridor.label", {"points": scene["whole"], "line": line})["classified"]
+    bush = np.flatnonzero(line["wire_id"] + line["tower_id"] == 0)[:30]
+    classes = np.array(line["classification"])
+    classes[bush] = 4
+    line = line.with_attributes({"classification": classes})
+    after = toolbox.run("corridor.label", {"points": scene["whole"], "line": line})["classified"]
+    changed = np.flatnonzero(after["classification"] != before["classification"])
+    assert changed.tolist() == line["point_number"][bush].tolist()
+    assert (after["classification"][changed] == 4).all()
+
+
 def test_points_of_another_cloud_are_refused(scene: dict[str, PointCloud]) -> None:
     few = toolbox.run("corridor.extract", {"points": scene["few"], "ignore": "7"})["classified"]
     moved = scene["whole"].with_xyz(scene["whole"].xyz + np.array([0, 0, 1]))

@@ -54,6 +54,59 @@ def test_roads_that_the_file_knows_have_rules_of_their_own() -> None:
         assert (found["classified"]["classification"][road] == (11 if breached else 2)).all()
 
 
+def around_a_line(seed: int, *, returns: bool = True) -> PointCloud:
+    """Two spans with a tree, a house, a crane and a stray point beside; truth."""
+    rng = np.random.default_rng(seed)
+    _, points, poles = scenes.line([0.0, 60.0, 120.0], [-1.0, 1.0], 10.0, 300.0)
+    house = np.column_stack([rng.uniform((30, 14), (42, 22), (1500, 2)), np.full(1500, 6.0)])
+    house[:, 2] += rng.normal(0, 0.02, 1500)
+    crane = scenes.bar((90, -14, 0), (90, -14, 16), 40.0, 0.4, seed)
+    tree = scenes.tree(30.0, -12.0, 9.0, 3.5, 1500, seed)
+    ground = scenes.ground(120.0, 60.0, 6.0, seed)
+    far = scenes.tree(60.0, -99.0, 9.0, 3.5, 800, seed)
+    lawn = scenes.ground(120.0, 20.0, 6.0, seed) - np.array([0, 99.0, 0])
+    cloud = scenes.cloud(
+        ground, *points, poles, tree, house, crane, far, lawn,
+        classes=[2, *[14] * len(points), 15, 5, 6, 26, 25, 2],
+    )  # fmt: skip
+    leaves = (np.isin(cloud["truth"], (5, 25))) & returns
+    count = np.where(leaves, 2, 1).astype(np.uint8)
+    number = np.where(leaves, rng.integers(1, 3, len(cloud)), 1).astype(np.uint8)
+    ones = np.ones(len(cloud), np.uint8)
+    return cloud.with_attributes(
+        {"number_of_returns": count, "return_number": number, "classification": ones}
+    )
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_trees_and_buildings_near_the_line_are_told_apart(seed: int) -> None:
+    """But not a crane, nor what is farther than a tree may fall."""
+    cloud = around_a_line(seed)
+    found = toolbox.run(MODEL, {"points": cloud, "distance": 15.0, "falling": False})
+    classes, truth = found["classified"]["classification"], cloud["truth"]
+    for true, told, least in ((5, (4, 5), 0.95), (6, (6,), 0.95), (26, (1,), 0.9), (25, (1,), 1)):
+        assert np.isin(classes[truth == true], told).mean() >= least, true
+    assert (classes[truth == 14] == 14).mean() > 0.95
+    assert {"tree", "building"} <= set(found["objects"].frame["kind"])
+    assert (found["classified"]["confidence"] <= 1).all()
+
+
+def test_classes_of_the_file_stay_and_what_cannot_be_told_is_unclassified(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    cloud = around_a_line(2, returns=False)
+    truth = cloud["truth"]
+    given = np.where(truth == 6, 5, np.where(truth == 26, 64, 1)).astype(np.uint8)
+    points = cloud.with_attributes({"classification": given})
+    found = toolbox.run(MODEL, {"points": points, "distance": 15.0, "falling": False})
+    classes = found["classified"]["classification"]
+    assert (classes[given == 5] == 5).all()
+    assert (classes[given == 64] == 64).mean() > 0.9  # its foot is ground
+    assert (classes[truth == 5] == 1).all()
+    assert "unclassified" in set(found["objects"].frame["kind"])
+    assert "vegetation cannot be told" in caplog.text
+
+
 def test_without_a_line_there_is_nothing_too_close(caplog: pytest.LogCaptureFixture) -> None:
     cloud = scenes.cloud(scenes.ground(60.0, 60.0, 3.0), scenes.tree(30, 0, 8, 2, 300))
     found = toolbox.run(MODEL, {"points": cloud})

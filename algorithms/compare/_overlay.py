@@ -13,6 +13,7 @@ from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 
 BLOCK = 1000  # polygons between two checks for cancellation
+TOUCHED = 0.1  # of the smaller of two polygons: less overlap is what errors of outlines make
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -117,6 +118,33 @@ class Overlay(NamedTuple):
                 ctx.part(0.8, 1.0),
             ),
         )
+
+
+def belonging(own: Shapes, other: Shapes, region: Any) -> Shapes:
+    """Polygons of another layer without the parts that belong to none of some polygons.
+
+    A part belongs to a polygon if their overlap is at least TOUCHED of the smaller one, or if it is
+    the part that overlaps the polygon most.
+
+    Parameters
+    ----------
+    own, other : arrays of shape (n,) and (m,)
+    region : what lies outside of it does not count; None for everywhere
+
+    Returns
+    -------
+    array of shape (m,), with empty polygons where nothing is left
+    """
+    parts, owner = shapely.get_parts(other, return_index=True)
+    inside = clipped(parts, region)
+    pairs = meet(own, inside)
+    smaller = np.minimum(shapely.area(own)[pairs.first], shapely.area(inside)[pairs.second])
+    belongs = pairs.area >= TOUCHED * smaller
+    order = np.lexsort([pairs.second, -pairs.area, pairs.first])
+    belongs[order[np.unique(pairs.first[order], return_index=True)[1]]] = True
+    chosen = np.unique(pairs.second[belongs])
+    found = np.full(len(other), shapely.Polygon(), object)
+    return np.asarray(shapely.multipolygons(parts[chosen], indices=owner[chosen], out=found))
 
 
 def clipped(shapes: Shapes, region: Any, ctx: Context = QUIET) -> Shapes:

@@ -25,9 +25,17 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from algorithms.compare._overlay import Array, Indices, Overlay, Pairs, Side
+from algorithms.compare._overlay import (
+    Array,
+    Indices,
+    Overlay,
+    Pairs,
+    Side,
+    belonging,
+)
 from algorithms.compare._shapes import (
     AREAS,
+    Shapes,
     attribute_problem,
     features,
     layer_problem,
@@ -61,6 +69,9 @@ class CompareAreas:
     sums, and is reported; the row of a polygon is about this polygon alone.
 
     With `coverage` or `extent` all polygons are cut to the area in which both layers are complete.
+    If the polygons are some of many, such as one lake of a map of all lakes, `counterparts` leaves
+    out the parts of the reference that belong to none of them, and tells how much that is. A part
+    belongs to a polygon by a tenth of the smaller of both, or by the largest overlap with it.
 
     As an object, a polygon is found if the other layer covers at least `min_overlap` of its area,
     however many polygons that takes. It is paired if the IoU with a single polygon of the other
@@ -88,6 +99,9 @@ class CompareAreas:
         unit="1",
         gt=0,
         le=1,
+    )
+    counterparts: bool = param(
+        "Compare only the parts of the reference that belong to one of the polygons", default=False
     )
     label: str | None = param("Attribute that names polygons in the table", default=None)
     repair: bool = param(
@@ -135,7 +149,10 @@ class CompareAreas:
 
         region = self._region()
         own = Side.of(mended(self.areas, "areas"), region, ctx.part(0.0, 0.15))
-        other = Side.of(mended(self.reference, "reference"), region, ctx.part(0.15, 0.3))
+        reference = mended(self.reference, "reference")
+        if self.counterparts:
+            reference = _of_polygons(own, reference, region)
+        other = Side.of(reference, region, ctx.part(0.15, 0.3))
         if region is not None and not (own.total or other.total):
             where = "coverage" if self.coverage is not None else "extent"
             raise DataError(f"{where}: no polygon of either layer lies within")
@@ -218,6 +235,21 @@ class CompareAreas:
             frames.append(geopandas.GeoDataFrame(columns, geometry=parts, crs=self.areas.crs))
         frame = pd.concat(frames, ignore_index=True)
         return Vector(frame, geometry_type="Polygon")
+
+
+def _of_polygons(own: Side, reference: Shapes, region: Any) -> Shapes:
+    """The reference without what belongs to none of the polygons, which is logged."""
+    kept = belonging(own.shapes, reference, region)
+    whole, left = shapely.area(reference), shapely.area(kept)
+    log.info(
+        "reference: compared with %d of %d polygons; %.3f of %.3f square units belong to none "
+        "of the polygons and are left out",
+        np.count_nonzero(left),
+        np.count_nonzero(whole),
+        whole.sum() - left.sum(),
+        whole.sum(),
+    )
+    return kept
 
 
 def _warn(own: Side, other: Side) -> None:

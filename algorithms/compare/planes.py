@@ -29,6 +29,7 @@ from algorithms.compare._outcomes import (
     NO_REFERENCE,
     REFERENCE_ALONE,
 )
+from algorithms.shared.plane_numbers import number_of_none, plane_numbers
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
 from toolbox.declare import Attribute, outputs, param, show, sink, source, tool
@@ -43,9 +44,11 @@ Row = dict[str, Any]
 class ComparePlanes:
     """Compare the planes of points with reference planes, such as hand-picked ones.
 
-    Both are numbers at the points, 0 for none: in two attributes of one cloud, or of two clouds
-    that hold the same points. O are the points of a plane that was found, E those of its reference.
-    A reference plane and a found one make a pair if their intersection over union is at least
+    Both are numbers at the points: in two attributes of one cloud, or of two clouds that hold the
+    same points. Points of no plane have the number `none_id`, which may differ between the two; if
+    it is not given, a negative number means none, as in Open3D and scikit-learn, or else 0. What
+    was read is told. O are the points of a plane that was found, E those of its reference. A
+    reference plane and a found one make a pair if their intersection over union is at least
     `min_overlap`; each is in at most one pair, those with the highest come first.
 
     The table has a row for all planes together, in which a point is in the intersection if it is
@@ -79,6 +82,16 @@ class ComparePlanes:
         le=1,
     )
     min_points: int = param("Fewest points of a plane that is judged", default=3, unit="1", ge=3)
+    none_id: int | None = param(
+        "Number of points of no plane; by default the negative number, or else 0",
+        default=None,
+        unit="1",
+    )
+    reference_none_id: int | None = param(
+        "The same of the reference; by default the negative number, or else 0",
+        default=None,
+        unit="1",
+    )
 
     @outputs
     class Outputs:
@@ -120,12 +133,20 @@ class ComparePlanes:
         if not known.all():
             log.warning("%d of %d points have no counterpart", np.sum(~known), len(known))
         other = self.reference if self.reference is not None else self.points
-        said = self.points[self.attribute].astype(np.int64)
-        true = other[self.reference_attribute].astype(np.int64)[match]
+        said, nothing = _numbered(self.points, self.attribute, self.none_id, "none_id")
+        true, none = _numbered(
+            other, self.reference_attribute, self.reference_none_id, "reference_none_id"
+        )
+        true = true[match]
         xyz = self.points.xyz[known]
         ctx.progress(0.6)
         made = compare(
-            xyz, said[known], true[known], overlap=self.min_overlap, fewest=self.min_points
+            xyz,
+            said[known],
+            true[known],
+            none=(nothing, none),
+            overlap=self.min_overlap,
+            fewest=self.min_points,
         )
         ctx.progress(0.9)
         difference = np.full(len(said), NO_REFERENCE, np.uint8)
@@ -155,6 +176,21 @@ class ComparePlanes:
         if self.reference is None:
             return np.arange(len(self.points))
         return counterparts(self.points.xyz, self.reference.xyz, ctx=ctx)
+
+
+def _numbered(
+    cloud: PointCloud, attribute: str, none_id: int | None, parameter: str
+) -> tuple[Ints, int]:
+    """The number of the plane of each point, and the one that means none, which is logged."""
+    numbers = plane_numbers(cloud, attribute)
+    none = number_of_none(numbers, attribute, parameter) if none_id is None else none_id
+    count, others = int(np.sum(numbers == none)), np.unique(numbers[numbers != none])
+    said = f"{attribute}: {len(others)} planes; {none} is none, at {count} of {len(numbers)} points"
+    if len(others) and (none < 0 or others[0] < 0):
+        log.warning("%s; the planes begin at number %d (%s)", said, others[0], parameter)
+    else:
+        log.info(said)
+    return numbers, none
 
 
 class Sets(NamedTuple):
@@ -219,31 +255,40 @@ class Compared(NamedTuple):
 
 
 def compare(
-    xyz: Floats, said: Ints, true: Ints, *, overlap: float = 0.5, fewest: int = 3
+    xyz: Floats,
+    said: Ints,
+    true: Ints,
+    *,
+    none: tuple[int, int] = (0, 0),
+    overlap: float = 0.5,
+    fewest: int = 3,
 ) -> Compared:
     """Compare found planes with reference planes by their points.
 
     Parameters
     ----------
     xyz : array of shape (n, 3)
-    said, true : arrays of shape (n,), numbers of planes, 0 for none
+    said, true : arrays of shape (n,), numbers of planes
+    none : number that means no plane, of the found planes and of the reference
     overlap : least intersection over union of a pair
     fewest : points of a plane that is judged
     """
-    found, said = np.unique(np.append(said, 0), return_inverse=True)
-    known, true = np.unique(np.append(true, 0), return_inverse=True)
+    found, said = np.unique(np.append(said, none[0]), return_inverse=True)
+    known, true = np.unique(np.append(true, none[1]), return_inverse=True)
+    nothing, nowhere = int(said[-1]), int(true[-1])
     said, true = said[:-1], true[:-1]
-    nothing, none = int(np.searchsorted(found, 0)), int(np.searchsorted(known, 0))
     both = np.bincount(said * len(known) + true, minlength=len(found) * len(known))
     both = both.reshape(len(found), len(known))
     o, e = both.sum(axis=1), both.sum(axis=0)
     judged_o = (o >= fewest) & (np.arange(len(found)) != nothing)
-    judged_e = (e >= fewest) & (np.arange(len(known)) != none)
+    judged_e = (e >= fewest) & (np.arange(len(known)) != nowhere)
     pair = _pairs(both, o, e, judged_o, judged_e, overlap)
     paired = np.full(len(known), -1)
     paired[pair[pair >= 0]] = np.flatnonzero(pair >= 0)
     in_pair = pair[said] == true
-    rows: list[Row] = [_row("all", None, None, Sets(*_totals(said, true, nothing, none, in_pair)))]
+    rows: list[Row] = [
+        _row("all", None, None, Sets(*_totals(said, true, nothing, nowhere, in_pair)))
+    ]
     mostly = (2 * both >= o[:, None]) & judged_o[:, None]
     for k in np.flatnonzero(judged_e):
         mate = int(paired[k])
@@ -262,7 +307,7 @@ def compare(
     for k in np.flatnonzero(judged_o & (pair < 0)):
         rows.append(_row("invented", found[k], None, Sets(int(o[k]), 0, 0)))
     wrong = np.where(said == nothing, REFERENCE_ALONE, FOUND_ALONE)
-    wrong = np.where((said == nothing) & (true == none), IN_NEITHER, wrong)
+    wrong = np.where((said == nothing) & (true == nowhere), IN_NEITHER, wrong)
     return Compared(rows, np.where(in_pair, IN_BOTH, wrong).astype(np.uint8))
 
 

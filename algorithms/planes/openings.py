@@ -19,6 +19,7 @@ from algorithms.planes._outlines import UPRIGHT, View, drawn, outline
 from algorithms.planes._segment import parts_of
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.plane_fit import Plane
+from algorithms.shared.plane_numbers import plane_numbers
 from algorithms.shared.polygons import Polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
@@ -125,7 +126,12 @@ class PlanesOpenings:
     def run(self, ctx: Context = QUIET) -> PlanesOpenings.Outputs:
         """Find the gaps of the facade, look for points behind them, and mark these."""
         cloud = self.points
-        ids = cloud[self.attribute].astype(np.int64)
+        ids = plane_numbers(cloud, self.attribute)
+        if negative := int(np.sum(ids < 0)):
+            raise DataError(
+                f"points: {self.attribute} is below 0 at {negative} points; planes must be "
+                "numbered from 1, with 0 for none, as by planes.extract"
+            )
         number = self._facade(cloud.xyz, ids, ctx.part(0.0, 0.1))
         front = facade_of(cloud.xyz, ids == number)
         made = openings(

@@ -111,7 +111,11 @@ def _add_general(group: Any) -> None:
     group.add_argument("--json", action="store_true", help="print the result as JSON")
     group.add_argument("--events", choices=["jsonl"], help="one JSON line per event, for programs")
     loudness = group.add_mutually_exclusive_group()
-    loudness.add_argument("--quiet", action="store_true", help="print errors only")
+    loudness.add_argument(
+        "--quiet",
+        action="store_true",
+        help="print errors only, and what --json or --events ask for",
+    )
     loudness.add_argument("--verbose", action="store_true", help="print details and tracebacks")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import sys
 import threading
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from toolbox.errors import ToolboxError
+from toolbox.json_text import json_text
 
 LEVELS = {"quiet": logging.ERROR, "normal": logging.INFO, "verbose": logging.DEBUG}
 
@@ -22,7 +22,8 @@ class Console:
 
     Parameters
     ----------
-    level : "quiet", "normal" or "verbose"
+    level : "quiet", "normal" or "verbose"; quiet prints errors only, and the result if it is
+        asked for as JSON
     as_json : print the result as one JSON object
     """
 
@@ -54,7 +55,9 @@ class Console:
         """Print the results of a tool: paths, layers and values."""
         if self.as_json:
             values = {name: as_json(value) for name, value in outputs.items()}
-            print(json.dumps({"id": description["id"]} | values_by_kind(values, outputs), indent=2))
+            print(json_text({"id": description["id"]} | values_by_kind(values, outputs), indent=2))
+            return
+        if self.level == "quiet":
             return
         for name, value in outputs.items():
             self._print_value(name, value, _unit(description["outputs"].get(name, {})))
@@ -95,7 +98,7 @@ class Events(Console):
 
     def _event(self, event: str, **content: Any) -> None:
         with self._lock:
-            print(json.dumps({"event": event} | content), flush=True)
+            print(json_text({"event": event} | content), flush=True)
 
     @contextmanager
     def progress(self) -> Iterator[Callable[[float], None]]:

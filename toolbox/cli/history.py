@@ -17,6 +17,7 @@ from typing import Any
 
 from toolbox import __version__
 from toolbox.context import log
+from toolbox.json_text import json_text
 from toolbox.shown import SHOWN
 
 VARIABLE = "TOOLBOX_HISTORY"
@@ -69,7 +70,7 @@ def add(
     if path is None:
         return
     try:
-        line = json.dumps(entry, default=str)
+        line = json_text(entry, default=str)
         path.parent.mkdir(parents=True, exist_ok=True)
         _begin_anew_if_full(path)
         _append(path, line.encode())

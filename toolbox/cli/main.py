@@ -24,6 +24,7 @@ from toolbox.cli import qgis as qgis_cli
 from toolbox.cli.console import Console, Events
 from toolbox.cli.stopping import stoppable
 from toolbox.errors import Cancelled, DataError, ParameterError, ToolboxError
+from toolbox.json_text import json_text
 from toolbox.shown import SHOWN
 from toolbox.tiles.tiling import Tiling
 
@@ -102,7 +103,7 @@ def _parser() -> argparse.ArgumentParser:
 def _list(args: argparse.Namespace, _: Console) -> None:
     tools = catalog.summaries()
     if args.json:
-        print(json.dumps(tools, indent=2))
+        print(json_text(tools, indent=2))
         return
     width = max(len(tool["id"]) for tool in tools)
     for tool in tools:
@@ -112,7 +113,7 @@ def _list(args: argparse.Namespace, _: Console) -> None:
 def _describe(args: argparse.Namespace, _: Console) -> None:
     described = catalog.describe(args.id)
     if args.json:
-        print(json.dumps(described, indent=2))
+        print(json_text(described, indent=2))
     else:
         arguments.parser(described).print_help()
 
@@ -126,7 +127,7 @@ def _info(args: argparse.Namespace, console: Console) -> None:
             report,
             farewell=lambda: console.error(Cancelled()),
         )
-    print(json.dumps(table.rows(), indent=2) if console.as_json else table.text())
+    print(json_text(table.rows(), indent=2) if console.as_json else table.text())
 
 
 def _history(args: argparse.Namespace, _: Console) -> None:
@@ -134,7 +135,7 @@ def _history(args: argparse.Namespace, _: Console) -> None:
         raise ParameterError("history", {"limit": f"must be >= 0, got {args.limit}"})
     entries = list(history.entries())[-args.limit :] if args.limit else []
     if args.json:
-        print(json.dumps(entries, indent=2))
+        print(json_text(entries, indent=2))
         return
     for entry in entries:
         print(history.text(entry))
@@ -146,7 +147,7 @@ def _provenance(args: argparse.Namespace, _: Console) -> None:
     record = read(args.file)
     if record is None:
         raise DataError(f"{args.file} carries no record of how it was made")
-    print(json.dumps(json.loads(record.to_json()), indent=2) if args.json else record.text())
+    print(json_text(json.loads(record.to_json()), indent=2) if args.json else record.text())
 
 
 def _replay(args: argparse.Namespace, console: Console) -> None:
@@ -158,7 +159,7 @@ def _replay(args: argparse.Namespace, console: Console) -> None:
     with console.progress() as report:
         found = stoppable(work, report, farewell=lambda: console.error(Cancelled()))
     if args.json:
-        print(json.dumps({"file": args.file, "same": not found, "differences": found}, indent=2))
+        print(json_text({"file": args.file, "same": not found, "differences": found}, indent=2))
     if found:
         listed = "".join(f"\n  {text}" for text in found)
         raise DataError(f"{args.file} is not what its record makes now:{listed}")

@@ -467,3 +467,27 @@ def test_files_and_picture(tmp_path: Path) -> None:
     assert frame["kind"].tolist() == ["agree", "commission", "omission"]
     assert frame["polygon"].isna().tolist() == [False, False, True]
     assert (tmp_path / "d.png").exists()
+
+
+# One of many ----------------------------------------------------------------------------------
+
+
+def test_one_lake_of_a_map_of_all_lakes(caplog: pytest.LogCaptureFixture) -> None:
+    """Its sheets stay, also parts of one feature, and so does a bad match; others are left out."""
+    lake, sheets = box(0, 0, 10, 10), [box(0, 0, 6, 10), box(6, 0, 10, 9)]
+    pond, far = box(9.9, 9.8, 15, 15), box(50, 50, 60, 60)  # the pond overlaps a little
+    alone = measures(compare(lake, sheets))
+    assert measures(compare(lake, [*sheets, pond, far]))["iou"] < 50
+    with caplog.at_level("INFO", "toolbox"):
+        out = compare(lake, [*sheets, pond, far], counterparts=True)
+    assert "compared with 2 of 4 polygons; 126.520 of 222.520 square units belong" in caplog.text
+    assert measures(out)["iou"] == alone["iou"] == 96
+    assert rows(out, "reference")["area_m2"].tolist() == [60, 36, 0, 0]
+    together = shapely.MultiPolygon([*sheets[:1], far])
+    assert measures(compare(lake, [together], counterparts=True))["iou"] == 60
+    corner = measures(compare(lake, [box(8, 8, 18, 18), far], counterparts=True))
+    assert corner["iou"] == pytest.approx(100 * 4 / 196)  # the best there is, not nothing
+    cut = Extent(*(EAST + 2, NORTH + 2, EAST + 8, NORTH + 8))
+    out = compare(lake, [*sheets, far], counterparts=True, extent=cut)
+    assert measures(out)["reference_area"] == 36
+    assert rows(out, "reference")["inside_%"].round(1).tolist() == [40, 33.3, 0]

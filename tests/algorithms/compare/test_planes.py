@@ -138,3 +138,27 @@ def test_the_same_attribute_is_no_reference() -> None:
         ComparePlanes(points=cloud)
     with pytest.raises(DataError, match="no attribute 'truth'"):
         ComparePlanes(points=cloud, reference_attribute=TRUTH)
+
+
+def test_other_numberings(caplog: pytest.LogCaptureFixture) -> None:
+    """Planes from 0 and -1 for none give what planes from 1 and 0 for none give."""
+    xyz = np.vstack([wall(400, shift=s) for s in (0, 3, 6)])
+    true, said = np.repeat([0, 1, 2], 400), np.repeat([1, 0, 2], [500, 200, 500])
+    usual = compared(xyz, said, true)
+    assert "truth: 2 planes; 0 is none, at 400 of 1200 points" not in caplog.text  # is no warning
+    other = compared(xyz, said - 1, true - 1)
+    text = "-1 is none, at 400 of 1200 points; the planes begin at number 0 (reference_none_id)"
+    assert text in caplog.text
+    assert other.iou == usual.iou
+    assert other.table.frame["reference"].dropna().tolist() == [0, 1]
+    np.testing.assert_array_equal(other.differences["difference"], usual.differences["difference"])
+    assert compared(xyz, said - 1, true).iou == usual.iou  # each by itself
+    assert compared(xyz, said + 5, true, none_id=5).iou == usual.iou
+    with pytest.raises(DataError, match=r"3 negative numbers \(-4, -3, -2\); say with none_id"):
+        compared(xyz, said - 4, true)
+    half = ComparePlanes(
+        points=PointCloud(xyz, {"plane_id": said + 0.5, "truth": true}, crs=UTM),
+        reference_attribute=TRUTH,
+    )
+    with pytest.raises(DataError, match="plane_id has 1200 values that are no numbers of planes"):
+        half.run()

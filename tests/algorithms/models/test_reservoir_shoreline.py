@@ -39,7 +39,9 @@ def bowl() -> PointCloud:
 
 @pytest.fixture
 def chart() -> Vector:
-    return Vector(geopandas.GeoDataFrame(geometry=[LAKE], crs=CRS), name="map.gpkg")
+    """A map of two lakes, one of them beyond the points."""
+    other = shapely.Point(502_000, 4_600_060).buffer(20)
+    return Vector(geopandas.GeoDataFrame(geometry=[LAKE, other], crs=CRS), name="map.gpkg")
 
 
 def iou(water: Vector) -> float:

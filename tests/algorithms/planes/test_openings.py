@@ -182,6 +182,9 @@ def test_no_openings_and_no_facade(caplog: pytest.LogCaptureFixture) -> None:
         found(cloud.select(cloud["kind"] == GROUND))
     with pytest.raises(DataError, match="none is on plane 99"):
         found(cloud, plane=99)
+    negative = cloud["plane_id"].astype(np.int32) - 2
+    with pytest.raises(DataError, match=r"plane_id is below 0 at \d+ points; planes must be"):
+        found(cloud.with_attributes({"plane_id": negative}))
 
 
 @pytest.mark.slow

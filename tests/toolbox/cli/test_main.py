@@ -17,8 +17,9 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
+from toolbox.cli.console import Console, Events
 from toolbox.cli.main import main
-from toolbox.data import PointCloud, Raster
+from toolbox.data import PointCloud, Raster, Table
 
 HEAVY = ("numba", "scipy", "geopandas", "rasterio", "sklearn", "numpy", "pyproj", "pandas")
 
@@ -405,3 +406,35 @@ def test_head_of_a_long_list_is_no_error() -> None:
     command = f"{sys.executable} -m toolbox list | true"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
     assert done.stderr == ""
+
+
+def test_quiet_prints_errors_and_what_is_asked_for_as_json(
+    town: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    argv = ["run", "points.info", "--points", str(town), "--quiet"]
+    assert main(argv) == 0
+    assert capsys.readouterr() == ("", "")
+    assert main([*argv, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["statistics"]["count"] == 500
+    Events("quiet").result({"id": "a.b"}, {"count": 500})
+    assert json.loads(capsys.readouterr().out)["outputs"] == {"count": 500}
+    assert main(["run", "points.info", "--points", "no.laz", "--quiet"]) == 2
+    assert "there is no file no.laz" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("made", [Console(as_json=True), Events()])
+def test_json_has_null_for_what_is_no_number(
+    made: Console, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A table of a tool may hold NaN and infinity, which JSON does not have."""
+    table = Table.from_rows([{"value": float("nan")}, {"value": float("inf")}])
+    made.result({"id": "a.b"}, {"table": table, "bias": float("nan"), "some": (1.0, np.inf)})
+
+    def refused(word: str) -> None:
+        raise AssertionError(word)
+
+    found = json.loads(capsys.readouterr().out, parse_constant=refused)
+    found = {**found["outputs"], **found.get("statistics", {})}
+    assert found["table"] == [{"value": None}, {"value": None}]
+    assert found["bias"] is None
+    assert found["some"] == [1.0, None]

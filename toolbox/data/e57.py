@@ -15,6 +15,7 @@ from toolbox.errors import DataError
 
 _COLOURS = {"red": "Red", "green": "Green", "blue": "Blue"}
 _FULL = 65535  # 16 bit, as LAS has intensities and colours
+_BITS = 8  # of a byte; a point has one or more
 _ROUNDING = 1e-6  # of the range of values, by which they may go beyond it
 
 
@@ -48,7 +49,7 @@ def read_e57(
             scans = []
             for index in range(file.scan_count):
                 ctx.progress(index / file.scan_count)
-                scans.append(_scan(file, index))
+                scans.append(_scan(file, index, _BITS * path.stat().st_size))
             crs = _crs(file, path.name)
     except (pye57.libe57.E57Exception, ValueError, RuntimeError, MemoryError) as error:
         raise DataError(f"{path} is not an E57 file that can be read: {error}") from error
@@ -61,8 +62,11 @@ def read_e57(
     return merged.pop("xyz"), merged, crs
 
 
-def _scan(file: Any, index: int) -> dict[str, NDArray[Any]]:
+def _scan(file: Any, index: int, most: int) -> dict[str, NDArray[Any]]:
+    """Read a scan of at most so many points."""
     header = file.get_header(index)
+    if header.point_count > most:
+        raise ValueError(f"scan {index + 1} promises {header.point_count} points in {most} bits")
     if not {"cartesianX", "sphericalRange"} & set(header.point_fields):
         raise ValueError(f"scan {index + 1} has neither cartesian nor spherical coordinates")
     data = file.read_scan(index, intensity=True, colors=True, ignore_missing_fields=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from toolbox.data.ply import COLOURS, split
 from toolbox.data.reading import Reading, opened
 from toolbox.errors import DataError
 
+_LINES = 10  # of a header, as pypcd4 reads it
+_LONGEST = 2**16  # bytes of one of them
+_LZF = 88  # to one: LZF packs at most 264 bytes into 3
 _PADDING = "#$%&~~"  # how pypcd4 names the field "_"
 _ERRORS = (ValueError, KeyError, TypeError, IndexError, MemoryError, OverflowError, RuntimeError)
 
@@ -44,6 +47,8 @@ def read_pcd(
 
     try:
         with opened(path, reading) as stream:
+            _check_counts(stream, path.stat().st_size)
+            stream.seek(0)
             file = PointCloud.from_fileobj(stream)
     except (*_ERRORS, struct.error) as error:
         raise DataError(f"{path} is not a PCD file that can be read: {error}") from error
@@ -56,6 +61,30 @@ def read_pcd(
         if name in fields:
             fields |= _colours(fields.pop(name))
     return split(_measured(fields, path.name), path)
+
+
+def _check_counts(stream: BinaryIO, size: int) -> None:
+    """Raise a ValueError if the header promises more than a file of this size can hold."""
+    from pypcd4.pypcd4 import Encoding, MetaData
+
+    lines: list[str] = []
+    while len(lines) < _LINES and not (lines and lines[-1].startswith("DATA")):
+        raw = stream.readline(_LONGEST)
+        if not raw.endswith(b"\n"):
+            raise ValueError("its header does not end")
+        line = raw.decode().strip()
+        lines += [line] if line and not line.startswith("#") else []
+    header = MetaData.parse_header(lines)
+    text = header.data == Encoding.ASCII
+    each = sum(n if text else n * of for n, of in zip(header.count, header.size, strict=True))
+    packed = header.data not in (Encoding.ASCII, Encoding.BINARY)
+    unpacks = struct.unpack("II", stream.read(8))[1] if packed and header.points else 0
+    most = size * _LZF if packed else size
+    if max(each * max(header.points, 1), unpacks) > most:
+        raise ValueError(
+            f"its header promises {header.points} points of {each} "
+            f"{'numbers' if text else 'bytes'}, and it has {size} bytes"
+        )
 
 
 def _colours(packed: NDArray[Any]) -> dict[str, NDArray[np.uint8]]:

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import gzip
-import io
 import re
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from toolbox.context import log
-from toolbox.data.reading import Reading, opened
+from toolbox.data.reading import Reading, opened, room, unpacked
 from toolbox.data.text import Points, standard_names
 from toolbox.errors import DataError
 
 COLOURS = ("red", "green", "blue")
 _TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
+_SIZES = {"char": 1, "short": 2, "int": 4, "float": 4, "double": 8} | {
+    f"{kind}{bits}": bits // 8 for kind in ("int", "float") for bits in (8, 16, 32, 64)
+}  # bytes of a number; those without a sign have a "u" before
+_HEADER = 2**20  # bytes, more than any header has
 _ERRORS: tuple[type[Exception], ...]
 _ERRORS = (ValueError, KeyError, TypeError, IndexError, EOFError, MemoryError, OverflowError)
 _ERRORS += (gzip.BadGzipFile, zlib.error)
@@ -51,10 +54,10 @@ def read_ply(
     import plyfile
 
     try:
-        packed = path.suffix.lower() == ".gz"
         with opened(path, reading) as stream:
-            content = io.BytesIO(gzip.decompress(stream.read())) if packed else stream
-            file = plyfile.PlyData.read(content, mmap=False)
+            _check_counts(unpacked(stream, path), room(path))
+            stream.seek(0)
+            file = plyfile.PlyData.read(unpacked(stream, path), mmap=False)
     except (plyfile.PlyParseError, *_ERRORS) as error:
         raise DataError(f"{path} is not a PLY file that can be read: {error}") from error
     others = [element.name for element in file if element.name != "vertex"]
@@ -64,6 +67,21 @@ def read_ply(
         log.warning("%s: only its vertices are read, not its %s", path.name, ", ".join(others))
     data = file["vertex"].data
     return split({name: data[name] for name in data.dtype.names or ()}, path)
+
+
+def _check_counts(content: BinaryIO, size: int) -> None:
+    """Raise a ValueError if the header promises more than a file of this size can hold."""
+    header, end, _ = content.read(_HEADER).partition(b"end_header")
+    if not end:
+        raise ValueError(f"its header does not end within {_HEADER} bytes")
+    text = header.decode("ascii", "replace")
+    is_text = re.search(r"^format\s+ascii", text, re.MULTILINE) is not None
+    for element in re.split(r"^element\s", text, flags=re.MULTILINE)[1:]:
+        name, count = [*element.split(maxsplit=2), "", ""][:2]
+        kinds = re.findall(r"^property\s+(?:list\s+)?u?(\w+)", element, re.MULTILINE)
+        least = sum(2 if is_text else _SIZES.get(kind, 1) for kind in kinds)  # a digit, a blank
+        if count.isdecimal() and int(count) * max(least, 1) > size + 1:
+            raise ValueError(f"its header promises {count} of {name!r}, and it has {size} bytes")
 
 
 def split(

@@ -1,14 +1,19 @@
-"""What is learned of files while they are read: the SHA-256 of each, and the record it carries."""
+"""Reading files: within bounds, and with what is learned on the way, such as the SHA-256 of each.
+
+A file of a few bytes may promise billions of points, or unpack to more than any disk holds. So what
+a reader is about to do is compared with the size of the file before it begins.
+"""
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 from toolbox.context import QUIET, Context
 from toolbox.errors import DataError
@@ -17,6 +22,11 @@ if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
 
 _BLOCK = 2**22  # bytes hashed between two reports of progress, some milliseconds
+LONGEST = 2**20  # bytes of a line of text; a line of a thousand numbers has some 20 kB
+_SMALL = 2**26  # bytes that a packed file may always unpack to
+_PACKED = (
+    100  # to one: further no file of points packs, as its coordinates differ; deflate makes 1032
+)
 
 
 @dataclass
@@ -69,6 +79,56 @@ def opened(
         yield io.BufferedReader(hashed)
         reading.hashes[path] = hashed.digest(file, ctx)
         reading.sizes[path] = hashed.size
+
+
+def room(path: Path) -> int:
+    """Bytes that a file may hold when it is unpacked; without .gz those that it has."""
+    size = path.stat().st_size
+    return max(_SMALL, _PACKED * size) if path.suffix.lower() == ".gz" else size
+
+
+def unpacked(file: BinaryIO, path: Path, *, lines: bool = False) -> io.BufferedReader:
+    """The content of an open file, unpacked as it is read if its name ends in .gz.
+
+    Reading raises a DataError where a packed file goes beyond its `room`, and where a line of a
+    text has more than `LONGEST` bytes.
+
+    Parameters
+    ----------
+    lines : whether the content is text
+    """
+    packed = path.suffix.lower() == ".gz"
+    content = gzip.GzipFile(fileobj=file) if packed else file
+    return io.BufferedReader(_Bounded(content, path, lines), LONGEST)
+
+
+class _Bounded(io.RawIOBase):
+    """Reads a stream up to the room of its file, and no longer lines than it may have."""
+
+    def __init__(self, content: BinaryIO | gzip.GzipFile, path: Path, lines: bool) -> None:
+        self._content, self._path, self._lines = content, path, lines
+        self._left, self._line = room(path), 0
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: WriteableBuffer) -> int:
+        data = self._content.read(min(len(memoryview(buffer)), LONGEST))
+        memoryview(buffer)[: len(data)] = data
+        self._left -= len(data)
+        if self._left < 0:
+            text = f"unpacks to more than {room(self._path):,} bytes, as no file of points does"
+            raise DataError(f"{self._path} {text}")
+        if self._lines:
+            self._measure(data)
+        return len(data)
+
+    def _measure(self, data: bytes) -> None:
+        """Add up the line that goes on from one block of bytes to the next."""
+        ends = [at for end in (b"\n", b"\r") for at in (data.find(end), data.rfind(end)) if at >= 0]
+        if self._line + min(ends, default=len(data)) > LONGEST:
+            raise DataError(f"{self._path} has a line of more than {LONGEST:,} bytes")
+        self._line = len(data) - max(ends) if ends else self._line + len(data)
 
 
 def file_hash(path: Path, ctx: Context = QUIET) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import io
 import re
 import zlib
 from collections.abc import Iterator, Sequence
@@ -18,7 +19,7 @@ from pandas.io.parsers import TextFileReader
 
 from toolbox.context import QUIET, Context
 from toolbox.data.las.header import fields
-from toolbox.data.reading import Reading, opened
+from toolbox.data.reading import Reading, opened, unpacked
 from toolbox.errors import DataError
 
 _BLOCK = 250_000  # lines between two reports of progress
@@ -167,9 +168,8 @@ def read_text(
 
 @contextmanager
 def _text(path: Path) -> Iterator[IO[str]]:
-    opener: Any = gzip.open if path.suffix.lower() == ".gz" else open
-    with opener(path, "rt", encoding="utf-8-sig") as lines:
-        yield lines
+    with path.open("rb") as file, unpacked(file, path, lines=True) as content:
+        yield io.TextIOWrapper(content, encoding="utf-8-sig")
 
 
 def _table(path: Path, columns: Sequence[str] | None, separator: str | None) -> _Table:
@@ -289,7 +289,10 @@ def _read(path: Path, table: _Table, reading: Reading | None, ctx: Context) -> p
         return pd.DataFrame({name: np.empty(0) for name in table.names})
     done, frames = 0, []
     try:
-        with opened(path, reading, ctx) as file, _blocks(file, path, table) as blocks:
+        with (
+            opened(path, reading, ctx) as file,
+            _blocks(unpacked(file, path, lines=True), table) as blocks,
+        ):
             for block in blocks:
                 ctx.progress(1 - 1 / (1 + done / 1e7))  # the number of lines is not known
                 _check_block(block)
@@ -306,10 +309,9 @@ def _read(path: Path, table: _Table, reading: Reading | None, ctx: Context) -> p
     return frame
 
 
-def _blocks(file: BinaryIO, path: Path, table: _Table) -> TextFileReader:
+def _blocks(file: BinaryIO, table: _Table) -> TextFileReader:
     return pd.read_csv(
         file,
-        compression="gzip" if path.suffix.lower() == ".gz" else None,
         sep=table.separator or r"\s+",
         header=None,
         skiprows=table.skip,

@@ -244,3 +244,54 @@ def test_compressed_ply(tmp_path: Path) -> None:
 
 def test_the_sample_of_the_cloth_simulation(data: Callable[[str], Path]) -> None:
     assert len(PointCloud.open(data("csf_sample/sample.ply.gz"))) > 10_000
+
+
+PCD = (
+    "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\n"
+    "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2\nDATA binary\n"
+)
+PLY = "ply\nformat ascii 1.0\nelement vertex 1\nproperty double x\nproperty double y\n"
+PLY += "property double z\nelement face 0\nend_header\n1 2 3\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.pcd", PCD.replace("COUNT 1 1 1", "COUNT 1 1 1000000000000")),
+        ("a.pcd", PCD.replace("COUNT 1 1 1", "COUNT 1 1 1000000000000").replace("TS 2", "TS 0")),
+        ("a.pcd", PCD.replace("WIDTH 2", "WIDTH 99999999999").replace("TS 2", "TS 99999999999")),
+        ("a.pcd", PCD.replace("binary", "binary_compressed") + "\1\0\0\0\xff\xff\xff\x7f"),
+        ("a.ply", PLY.replace("element face 0", "element foo 100000000000")),
+        ("a.ply", PLY.replace("vertex 1", "vertex 99999999999")),
+        ("a.ply.gz", PLY.replace("element face 0", "element foo 100000000000")),
+    ],
+)
+def test_a_header_that_promises_more_than_the_file_can_hold(
+    name: str, content: str, tmp_path: Path
+) -> None:
+    """It is an error before any work is done, or the test would not end."""
+    path, raw = tmp_path / name, content.encode("latin-1")
+    path.write_bytes(gzip.compress(raw) if path.suffix == ".gz" else raw)
+    with pytest.raises(DataError, match="promises"):
+        PointCloud.open(path)
+
+
+def test_a_ply_header_without_an_end(tmp_path: Path) -> None:
+    (tmp_path / "a.ply").write_text(PLY.replace("end_header", "comment " + "x" * 2**20))
+    with pytest.raises(DataError, match="header does not end"):
+        PointCloud.open(tmp_path / "a.ply")
+
+
+def test_scans_of_more_points_than_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = e57(tmp_path / "a.e57")
+    monkeypatch.setattr("toolbox.data.e57._BITS", 0)
+    with pytest.raises(DataError, match="scan 1 promises 3 points"):
+        PointCloud.open(path)
+
+
+def test_points_that_pack_as_well_as_lzf_can(tmp_path: Path) -> None:
+    columns = [np.zeros(10_000, np.float32)] * 3
+    file = PcdFile.from_points(columns, ["x", "y", "z"], [np.float32] * 3)
+    file.save(tmp_path / "a.pcd", Encoding.BINARY_COMPRESSED)
+    assert (tmp_path / "a.pcd").stat().st_size < 120_000 / 75
+    assert len(PointCloud.open(tmp_path / "a.pcd")) == 10_000

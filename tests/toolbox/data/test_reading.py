@@ -1,4 +1,4 @@
-"""What is learned of files while they are read."""
+"""What is learned of files while they are read, and within which bounds that is done."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from hypothesis import strategies as st
 from scenes.layers import cloud
 
 from toolbox.context import Context
-from toolbox.data import PointCloud
+from toolbox.data import PointCloud, reading
 from toolbox.data.las import read as las_read
 from toolbox.data.reading import Reading, file_hash, opened
 from toolbox.errors import Cancelled, DataError
 
+PLY = "ply\nformat ascii 1.0\nelement vertex 4000\n"
+PLY += "".join(f"property double {axis}\n" for axis in "xyz") + "end_header\n"
 CONTENT = bytes(range(256)) * 300  # more than the buffer of a stream
 
 
@@ -136,3 +138,32 @@ def test_a_file_that_is_cut_off_while_it_is_read_is_noticed(
     monkeypatch.setattr(las_read, "parse_metadata", cutting)
     with pytest.raises(DataError, match="its points"):
         PointCloud.open(path)
+
+
+def test_a_packed_file_is_unpacked_within_bounds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reading, "_SMALL", 5000)
+    text = b"1 2 3\n" * 4000
+    for name, content in [("a.xyz.gz", text), ("a.ply.gz", PLY.encode() + text)]:
+        path = tmp_path / name
+        path.write_bytes(gzip.compress(content))
+        most = 100 * path.stat().st_size  # deflate makes up to 1032 times as much
+        with pytest.raises(DataError, match=f"unpacks to more than {most:,} bytes"):
+            PointCloud.open(path)
+
+
+@pytest.mark.parametrize("name", ["a.xyz", "a.xyz.gz"])
+@pytest.mark.parametrize("before", [b"", b"1 2 3\n" * 5])
+def test_a_line_without_end(name: str, before: bytes, tmp_path: Path) -> None:
+    """It would be in memory whole, whoever reads it."""
+    content = before + b"1 2 3 " * (reading.LONGEST // 6 + 1)
+    (tmp_path / name).write_bytes(gzip.compress(content) if name.endswith(".gz") else content)
+    with pytest.raises(DataError, match="has a line of more than 1,048,576 bytes"):
+        PointCloud.open(tmp_path / name)
+
+
+def test_long_files_of_short_lines_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.xyz"
+    path.write_bytes(b"1 2 3\r" * 400_000)
+    assert len(PointCloud.open(path)) == 400_000

@@ -8,6 +8,7 @@ but no CRS.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 APPLICATION = "LIDAR-TOOLBOX"
 LAYER, KIND = "layer", "kind"
 _LONGEST, _MOST = 255, 16_000  # bytes of a text, and of all at one entity
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # an end of line begins another entity
 _UNITS = {
     1.0: 6,
     0.3048: 2,
@@ -45,7 +47,7 @@ def write(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> None:
     Raises
     ------
     DataError
-        An attribute is too long, or a layer has a name that no drawing can have.
+        An attribute is too long or has a line break, or no drawing can have a layer of this name.
     """
     with _without_times():
         _drawing(frame, path, layer).saveas(path)
@@ -93,7 +95,7 @@ def _layer_name(row: Mapping[Any, Any], layer: str, path: Path) -> str:
 
     values = (row.get(name) for name in (LAYER, KIND))
     name = next((str(value) for value in values if not pd.isna(value)), layer)
-    if not is_valid_layer_name(name):
+    if not is_valid_layer_name(name) or _CONTROL.search(name):
         raise DataError(f"{path}: a DXF layer cannot be called {name!r}")
     return name
 
@@ -103,6 +105,11 @@ def _texts(row: Mapping[Any, Any], path: Path) -> list[tuple[int, str]]:
     import pandas as pd
 
     texts = [f"{name}={value}" for name, value in row.items() if not pd.isna(value)]
+    if broken := next((text for text in texts if _CONTROL.search(text)), None):
+        raise DataError(
+            f"{path}: a DXF drawing holds no line breaks and control characters, as in "
+            f"{broken[:60]!r}; write a GeoPackage (.gpkg)"
+        )
     sizes = [len(text.encode()) for text in texts]
     if max(sizes, default=0) > _LONGEST or sum(sizes) > _MOST:
         raise DataError(

@@ -19,6 +19,8 @@ from toolbox.context import QUIET, Context
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from toolbox.data.report import Section
 
 Inside = Callable[[NDArray[np.float64], int], NDArray[np.bool_]]
@@ -119,3 +121,17 @@ class Layer(Protocol):
 def text_array(text: str) -> NDArray[np.uint8]:
     """A text as an array of its bytes, to be hashed."""
     return np.frombuffer(text.encode(), np.uint8)
+
+
+def refuse_zero_bytes(frame: pd.DataFrame, path: Path) -> None:
+    """Raise a DataError for a text with a zero byte, at which GDAL would cut it without a word.
+
+    Raises
+    ------
+    DataError
+        Names the column and the text.
+    """
+    for name, column in frame.items():
+        texts = [name, *column] if column.dtype.kind == "O" else [name]
+        if cut := next((text for text in texts if isinstance(text, str) and "\0" in text), None):
+            raise DataError(f"{path}: {name!r} has a zero byte in {cut[:60]!r}; take it out")

@@ -164,7 +164,8 @@ class Report(Layer):
         environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
         environment.filters["prose"] = _prose
         kinds = {"is_rows": _is(Rows), "is_figure": _is(Figure)}
-        safe = checked(record).replace("</", "<\\/") if record else ""
+        # Of "<!--<script>" a browser would make a script that goes on to the end of the page.
+        safe = checked(record).replace("<", "\\u003c") if record else ""
         return environment.from_string(page).render(report=self, record=safe, **kinds)
 
     def save(self, path: str | Path, *, record: str = "", ctx: Context = QUIET) -> None:

@@ -98,7 +98,8 @@ class Table(Layer):
     def open(cls, path: str | Path, *, layer: str | None = None, ctx: Context = QUIET) -> Table:
         """Read .csv (comma, UTF-8, a header line), .json (a list of records), .parquet or .gpkg.
 
-        An empty cell of a CSV file is a missing value; no other text is.
+        An empty cell of a CSV file is a missing value; no other text is. An apostrophe before what
+        a spreadsheet would take for a formula is taken off.
 
         Parameters
         ----------
@@ -134,6 +135,8 @@ class Table(Layer):
         ctx: Context = QUIET,
     ) -> None:
         """Write .csv, .json, .parquet or .gpkg; numbers read back exactly.
+
+        In .csv an apostrophe is put before texts that a spreadsheet would take for a formula.
 
         Parameters
         ----------

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pandas as pd
 
+from toolbox.context import log
 from toolbox.data import geopackage
+from toolbox.data.layer import refuse_zero_bytes
 from toolbox.data.table import Table, need_pyarrow
+
+_BEGINS = tuple("=+-@\t\r")  # of what a spreadsheet takes for a formula
 
 
 def read(path: Path, layer: str | None) -> pd.DataFrame:
@@ -37,7 +42,7 @@ def _read_csv(path: Path) -> pd.DataFrame:
     frame: pd.DataFrame = pd.read_csv(path, **how)  # type: ignore[call-overload]
     if not isinstance(frame.index, pd.RangeIndex):  # pandas takes the first cells for an index
         raise ValueError("its rows have more cells than its header")
-    return frame
+    return _mapped(frame, _without_apostrophe)
 
 
 def _read_json(path: Path) -> pd.DataFrame:
@@ -53,7 +58,58 @@ def _read_parquet(path: Path) -> pd.DataFrame:
 
 
 def _write_csv(table: Table, path: Path) -> None:
-    table.frame.to_csv(path, index=False, lineterminator="\n")
+    texts = [text for name, column in table.frame.items() for text in _texts(str(name), column)]
+    if formulas := [text for text in texts if _is_formula(text)]:
+        log.warning(
+            "%s: an apostrophe stands before texts that spreadsheets would take for formulas: %r%s",
+            path.name,
+            formulas[0][:60],
+            f" and {len(formulas) - 1} more" if len(formulas) > 1 else "",
+        )
+    # Of the ends of lines within a cell pandas puts only that of the file into quotation marks.
+    quoting: Literal[0, 2] = (
+        csv.QUOTE_NONNUMERIC if any("\r" in text for text in texts) else csv.QUOTE_MINIMAL
+    )
+    frame = _mapped(table.frame, _with_apostrophe)
+    frame.to_csv(path, index=False, lineterminator="\n", quoting=quoting)
+
+
+def _is_formula(text: str) -> bool:
+    """Whether a spreadsheet would take a text, without apostrophes before it, for a formula.
+
+    It might send data away or start a program. Numbers are none.
+    """
+    bare = text.lstrip("'")
+    try:
+        float(text)
+    except ValueError:
+        return bare.startswith(_BEGINS) and len(bare) > 1
+    return False
+
+
+def _with_apostrophe(text: str) -> str:
+    return f"'{text}" if _is_formula(text) else text
+
+
+def _without_apostrophe(text: str) -> str:
+    return text[1:] if text.startswith("'") and _is_formula(text[1:]) else text
+
+
+def _texts(name: str, column: pd.Series[Any]) -> Iterator[str]:
+    """The name of a column, and the texts in it."""
+    yield name
+    if column.dtype.kind == "O":
+        yield from (value for value in column if isinstance(value, str))
+
+
+def _mapped(frame: pd.DataFrame, change: Callable[[str], str]) -> pd.DataFrame:
+    """The frame with all texts, also the names of columns, changed."""
+    changed = frame.rename(columns=lambda name: change(str(name)))
+    for place, (_, column) in enumerate(frame.items()):
+        if any(change(text) != text for text in _texts("", column)):
+            made = column.map(lambda value: change(value) if isinstance(value, str) else value)
+            changed.isetitem(place, made.astype(column.dtype).array)
+    return changed
 
 
 def _write_json(table: Table, path: Path) -> None:
@@ -72,6 +128,7 @@ def _write_parquet(table: Table, path: Path) -> None:
 def _write_geopackage(frame: pd.DataFrame, path: Path, layer: str | None, *, add: bool) -> None:
     import pyogrio
 
+    refuse_zero_bytes(frame, path)
     for old in () if add else geopackage.own_files(path):
         old.unlink(missing_ok=True)
     with geopackage.same_date(), _library_errors():

@@ -382,7 +382,7 @@ def write_text(path: Path, cloud: Points, *, ctx: Context = QUIET) -> None:
     separator = "," if _suffix(path) == ".csv" else " "
     columns = dict(_named_columns(cloud))
     for name in columns:
-        if not re.fullmatch(r"[^\t\n\r,;#\"'/]+", name) or _is_number(name):
+        if not re.fullmatch(r"(?![=+@-])[^\t\n\r,;#\"'/]+", name) or _is_number(name):
             raise DataError(f"{path}: {name!r} cannot be the name of a column; rename it")
         if separator in name:
             raise DataError(f"{path}: {name!r} has a blank, which separates columns; write .csv")

@@ -22,7 +22,7 @@ from toolbox.data.crs import (
     metres_per_unit,
     same_crs,
 )
-from toolbox.data.layer import Inside, Layer, text_array
+from toolbox.data.layer import Inside, Layer, refuse_zero_bytes, text_array
 from toolbox.data.record import (
     own_side_car,
     side_car,
@@ -344,6 +344,7 @@ def _read_parquet(path: Path) -> geopandas.GeoDataFrame:
 def _write(frame: geopandas.GeoDataFrame, path: Path, layer: str, geometry_type: str) -> None:
     import pyogrio
 
+    refuse_zero_bytes(frame.drop(columns=frame.geometry.name), path)
     suffix = path.suffix.lower()
     options: dict[str, Any] = dict(geopackage.OPTIONS) if suffix == geopackage.SUFFIX else {}
     if suffix == ".shp":

@@ -80,6 +80,12 @@ def test_unit(tmp_path: Path, crs: str | None, code: int) -> None:
         ({"note": ["é" * 127]}, "attributes of at most 255 bytes each"),
         ({f"n{i}": ["x" * 200] for i in range(90)}, "16000 together"),
         ({"layer": ["a;b"]}, r"a DXF layer cannot be called 'a;b'"),
+        ({"layer": ["a\n  0\nLINE"]}, r"a DXF layer cannot be called 'a\\n"),
+        ({"note": ["a\n  0\nLINE"]}, r"no line breaks and control characters, as in 'note=a\\n"),
+        ({"note": ["a\rb"]}, "no line breaks"),
+        ({"note": ["a\x00b"]}, "no line breaks"),
+        ({"note": ["a\x85b"]}, "no line breaks"),
+        ({"note\nb": ["a"]}, "no line breaks"),
     ],
 )
 def test_what_a_drawing_cannot_hold(tmp_path: Path, columns: Any, problem: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import math
 import resource
 import struct
 from collections.abc import Callable
@@ -185,6 +186,54 @@ def test_an_absurd_chunk_size_does_no_harm(tmp_path: Path) -> None:
     (tmp_path / "a.laz").write_bytes(patched(LAZ, LASZIP + 12, "<I", 2**32 - 2))
     found = PointCloud.open(tmp_path / "a.laz")
     assert np.array_equal(found.xyz, laspy.read(io.BytesIO(LAZ)).xyz)
+
+
+@pytest.mark.parametrize(
+    ("place", "kind", "value", "problem"),
+    [
+        (0, "<d", 1e6, "cube from .* does not hold the bounds of the header"),  # centre
+        (24, "<d", 1.0, "cube from .* does not hold the bounds"),  # half of its side
+        (24, "<d", math.nan, "cube from .* does not hold the bounds"),
+        (24, "<d", math.inf, "cube from .* does not hold the bounds"),
+        (
+            48,
+            "<Q",
+            32,
+            "holds 1? ?.*points, and the header promises 1065",
+        ),  # bytes of the root page
+        (48, "<Q", 33, "damaged COPC hierarchy"),
+    ],
+)
+def test_a_damaged_cube_of_a_copc_file_is_no_result_with_fewer_points(
+    place: int, kind: str, value: float, problem: str, data: Callable[[str], Path], tmp_path: Path
+) -> None:
+    content = bytearray(data("copc/simple.copc.laz").read_bytes())
+    struct.pack_into(kind, content, content.index(b"copc\0") + 52 + place, value)
+    (tmp_path / "a.copc.laz").write_bytes(content)
+    with pytest.raises(DataError, match=problem):
+        PointCloud.open(tmp_path / "a.copc.laz", bounds=(-1e9, -1e9, 1e9, 1e9))
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "problem"),
+    [
+        (0, 31, "at a place that cannot be"),  # level
+        (4, 1, "at a place that cannot be"),  # x of the root
+        (28, 1, "and the header promises 1065"),  # number of points
+        (28, -7, "damaged COPC hierarchy"),
+        (24, 0, "damaged COPC hierarchy"),  # bytes
+        (32 + 8, 7, "at a place that cannot be"),  # y of the second node
+    ],
+)
+def test_a_damaged_node_of_a_copc_file(
+    place: int, value: int, problem: str, data: Callable[[str], Path], tmp_path: Path
+) -> None:
+    content = bytearray(data("copc/simple.copc.laz").read_bytes())
+    (root,) = struct.unpack_from("<Q", content, content.index(b"copc\0") + 52 + 40)
+    struct.pack_into("<i", content, root + place, value)
+    (tmp_path / "a.copc.laz").write_bytes(content)
+    with pytest.raises(DataError, match=problem):
+        PointCloud.open(tmp_path / "a.copc.laz", bounds=(-1e9, -1e9, 1e9, 1e9))
 
 
 def test_copc_pages_in_a_circle_are_found(data: Callable[[str], Path], tmp_path: Path) -> None:

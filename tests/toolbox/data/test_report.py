@@ -76,3 +76,12 @@ def test_what_cannot_be_done(tmp_path: Path) -> None:
         report("x").save(tmp_path / "none" / "a.html")
     with pytest.raises(DataError, match="reports are written, not read"):
         Report.open(tmp_path / "a.html")
+
+
+@pytest.mark.parametrize("text", ["</script><script>alert(1)</script>", "<!--<script>"])
+def test_no_text_of_a_record_ends_or_hides_the_page(text: str, tmp_path: Path) -> None:
+    record = json.dumps({MEMBER: "1", "settings": {"where": text}})
+    report("body").save(tmp_path / "a.html", record=record)
+    inside = (tmp_path / "a.html").read_text().partition('id="provenance">')[2]
+    assert "<" not in inside.partition("</script>\n<style>")[0]
+    assert json.loads(read_record(tmp_path / "a.html"))["settings"]["where"] == text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import datetime as dt
 import json
 import math
@@ -201,3 +202,46 @@ def test_geopackage_of_a_table_and_a_layer(tmp_path: Path) -> None:
     Table(rows).save(tmp_path / "a.gpkg")
     assert len(Table.open(tmp_path / "a.gpkg")) == 2
     assert Vector.layers(tmp_path / "a.gpkg") == ()
+
+
+FORMULAS = ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\tx", "\r=x", "'=1+1", "''@a"]
+HARMLESS = ["-5.2", "+49123", "-", "a=b", "'quoted'", "-inf", "", "=", "1e-3"]
+
+
+def read_cells(path: Path) -> list[list[str]]:
+    with path.open(newline="") as file:
+        return list(csv.reader(file))
+
+
+def test_texts_that_a_spreadsheet_takes_for_formulas(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "a.csv"
+    table = Table.from_rows({"=name": text, "n": -1.5} for text in FORMULAS)
+    table.save(path)
+    rows = read_cells(path)
+    assert [row[0] for row in rows] == [f"'{text}" for text in ("=name", *FORMULAS)]
+    assert {row[1] for row in rows[1:]} == {"-1.5"}
+    assert "apostrophe stands before" in caplog.text
+    assert "'=name' and 8 more" in caplog.text
+    assert Table.open(path).frame.equals(table.frame)
+
+
+def test_texts_that_are_no_formulas_stay_as_they_are(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    Table.from_rows({"text": text, "n": 1} for text in HARMLESS).save(tmp_path / "a.csv")
+    assert [row[0] for row in read_cells(tmp_path / "a.csv")] == ["text", *HARMLESS]
+    assert not caplog.text
+
+
+def test_every_end_of_line_within_a_cell_comes_back(tmp_path: Path) -> None:
+    table = Table.from_rows({"text": text, "n": 1} for text in ("a\rb", "a\nb", "a\r\nb", "a"))
+    table.save(tmp_path / "a.csv")
+    assert Table.open(tmp_path / "a.csv").frame.equals(table.frame)
+
+
+def test_a_zero_byte_would_cut_a_text_of_a_geopackage(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"'text' has a zero byte in 'a\\x00b'"):
+        Table.from_rows([{"text": "a\0b"}]).save(tmp_path / "a.gpkg")
+    assert not (tmp_path / "a.gpkg").exists()

@@ -179,6 +179,8 @@ def test_names_that_no_column_can_have(tmp_path: Path) -> None:
     cloud = PointCloud([[0, 0, 0]], {"echo width": [1], "7": [1]})
     with pytest.raises(DataError, match="'echo width' has a blank"):
         cloud.save(tmp_path / "a.xyz")
+    with pytest.raises(DataError, match="'=x' cannot be the name"):
+        PointCloud([[0, 0, 0]], {"=x": [1]}).save(tmp_path / "a.csv")
     with pytest.raises(DataError, match="'7' cannot be the name"):
         cloud.save(tmp_path / "a.csv")
 

@@ -11,16 +11,16 @@ import numpy as np
 import pandas as pd
 
 from toolbox.context import QUIET, Context
-from toolbox.data import Raster, Table, Vector
+from toolbox.data import Raster, Table, Vector, drivers
 from toolbox.data.crs import describe_crs
 from toolbox.data.paths import Paths, missing
 from toolbox.data.text import standard_names
 from toolbox.errors import ParameterError
 from toolbox.execute import run
 
-RASTERS = (".tif", ".tiff", ".vrt", ".img", ".asc")
-VECTORS = (".gpkg", ".geojson", ".fgb", ".shp", ".kml", ".gml", ".dxf")
 TABLES = (".parquet", ".json")
+VECTORS = drivers.VECTORS.keys() - TABLES
+RASTERS = drivers.RASTERS.keys() - VECTORS
 
 Row = dict[str, Any]
 

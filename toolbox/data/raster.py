@@ -18,6 +18,7 @@ from pyproj import CRS
 from toolbox.context import QUIET, Context
 from toolbox.data import differences
 from toolbox.data.crs import is_local, metres_per_unit
+from toolbox.data.drivers import raster_driver
 from toolbox.data.lattice import Lattice
 from toolbox.data.layer import Inside, Layer
 from toolbox.data.record import ITEM, checked
@@ -134,7 +135,7 @@ class Raster(Layer):
 
     @classmethod
     def open(cls, path: str | Path, *, band: int | None = None, ctx: Context = QUIET) -> Raster:
-        """Read a raster in any format that GDAL reads.
+        """Read a raster: GeoTIFF, ASCII grid and more, see `toolbox.data.drivers`.
 
         Cells without data are those of the file's nodata value, mask or alpha band. Integers
         stay integers where one nodata value says it all, and become floats with NaN where a mask
@@ -142,7 +143,7 @@ class Raster(Layer):
 
         Parameters
         ----------
-        path : of any format that GDAL reads
+        path : of a file in a format that does not refer to other files, as virtual rasters do
         band : its number, counted from 1; all bands unless given
         ctx : where to report progress
 
@@ -155,12 +156,11 @@ class Raster(Layer):
         import rasterio
         from rasterio.errors import RasterioError
 
+        driver = raster_driver(path := Path(path))
         try:
-            with _position_unchecked(), rasterio.open(path) as source:
-                raster = _read(source, Path(path).name)
+            with _position_unchecked(), rasterio.open(path, driver=driver) as source:
+                raster = _read(source, path.name)
         except RasterioError as error:
-            if not Path(path).exists():
-                raise DataError(f"{path}: no such file") from error
             raise DataError(f"{path} cannot be read as a raster: {error}") from error
         ctx.progress(1.0)
         return raster if band is None else raster._alone(band)
@@ -480,7 +480,9 @@ def _read(source: Any, name: str) -> Raster:
     """Make a Raster of an open rasterio dataset."""
     if source.count == 0:
         listed = ", ".join(source.subdatasets) or "none"
-        raise DataError(f"{name} has no bands of its own; name one of its parts: {listed}")
+        raise DataError(
+            f"{name} has no bands of its own; make a GeoTIFF of one of its parts: {listed}"
+        )
     if problem := _transform_problem(source.transform):
         raise DataError(f"{name} {problem}")
     if any(dtype not in _DTYPES for dtype in source.dtypes):

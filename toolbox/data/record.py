@@ -28,6 +28,7 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
+from toolbox.data.drivers import raster_driver
 from toolbox.data.las.header import LasMetadata, Vlr, parse_metadata
 from toolbox.errors import DataError
 
@@ -220,7 +221,7 @@ def _of_tiff(path: Path) -> str:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with rasterio.open(path) as source:
+            with rasterio.open(path, driver=raster_driver(path)) as source:
                 return str(source.tags().get(ITEM, ""))
     except RasterioError as error:
         raise DataError(f"{path} cannot be read as a raster: {error}") from error

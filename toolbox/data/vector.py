@@ -22,6 +22,7 @@ from toolbox.data.crs import (
     metres_per_unit,
     same_crs,
 )
+from toolbox.data.drivers import check_vector
 from toolbox.data.layer import Inside, Layer, refuse_zero_bytes, text_array
 from toolbox.data.record import (
     own_side_car,
@@ -133,7 +134,7 @@ class Vector(Layer):
 
         Parameters
         ----------
-        path : of any format that GDAL reads, or GeoParquet
+        path : of a format in `toolbox.data.drivers`, or GeoParquet
         layer : may be left out where the file has one
         ctx : where to report progress
 
@@ -324,6 +325,7 @@ def _layer_names(path: Path) -> tuple[str, ...]:
 
     if path.suffix.lower() == ".parquet":
         return (path.stem,) if _is_geoparquet(path) else ()
+    check_vector(path)
     return tuple(str(name) for name, geometry in pyogrio.list_layers(path) if geometry)
 
 

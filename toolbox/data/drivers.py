@@ -1,7 +1,7 @@
 """Which driver of GDAL may read a file: those of its suffix.
 
-GDAL goes by the content. Left to itself, it would take a virtual raster called ``a.tif`` for what it
-is, and read whatever file or address of the network that names. So rasters are opened with the
+GDAL goes by the content. Left to itself, it would take a virtual raster called ``a.tif`` for what
+it is, and read whatever file or address of the network that names. So rasters are opened with the
 driver of their suffix alone. Vector files, where pyogrio leaves no choice, must begin as those of
 their suffix do, and hold no mark of a format that refers to other places.
 """

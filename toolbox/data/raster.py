@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+import psutil
 from affine import Affine
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 from pyproj import CRS
@@ -487,6 +488,11 @@ def _read(source: Any, name: str) -> Raster:
         raise DataError(f"{name} {problem}")
     if any(dtype not in _DTYPES for dtype in source.dtypes):
         raise DataError(f"{name} holds {source.dtypes[0]} values; convert them to float32 first")
+    free = psutil.virtual_memory().available
+    size = sum(np.dtype(dtype).itemsize for dtype in source.dtypes) * source.height * source.width
+    if size > free:
+        text = f"{source.height:,} rows and {source.width:,} columns"
+        raise DataError(f"{name}: {text} need {size:.2g} bytes of memory; {free:.2g} are free")
     values, nodata = _values(source)
     return Raster(
         values,

@@ -108,7 +108,7 @@ def test_features_that_are_elsewhere_are_not_looked_for(
     path = tmp_path / f"a{suffix}"
     path.write_text(content.format(place=f"/vsicurl/{address}/b.geojson"), encoding="utf-8")
     for read in (Vector.open, Vector.layers):
-        with pytest.raises(DataError, match="does not begin as|vector layers are read from"):
+        with pytest.raises(DataError, match=r"does not begin as|vector layers are read from"):
             read(path)
     assert calls == []
 

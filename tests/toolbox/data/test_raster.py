@@ -404,7 +404,7 @@ def test_a_small_file_of_more_cells_than_memory(tmp_path: Path) -> None:
     """A GeoTIFF need not hold the blocks that nobody wrote."""
     path = tmp_path / "a.tif"
     size = {"width": 10**6, "height": 10**6, "count": 1, "dtype": "float64"}
-    how = {"transform": Affine(1, 0, 0, 0, -1, 0), "sparse_ok": True, "bigtiff": "yes"}
+    how = {"transform": Affine(1, 0, 5, 0, -1, 0), "sparse_ok": True, "bigtiff": "yes"}
     how |= {"tiled": True, "blockxsize": 8192, "blockysize": 8192}
     rasterio.open(path, "w", driver="GTiff", **size, **how).close()
     with pytest.raises(DataError, match=r"1,000,000 rows and 1,000,000 columns need 8e\+12 bytes"):

@@ -106,9 +106,13 @@ def cut_up(corridor: Corridor, alignment: Alignment, piece: Piece, number: int) 
             yield replace(piece, points=points, curve=curve, arc=(number, k))
 
 
-def binned(corridor: Corridor, alignment: Alignment, step: float) -> Binned:
-    """Mean chainage, height and offset of the points of each track in each bin, with weights."""
-    steps = math.ceil(alignment.step * alignment.steps / step)
+def binned(corridor: Corridor, alignment: Alignment, together: int = 1) -> Binned:
+    """Mean chainage, height and offset of the points of each track in each bin, with weights.
+
+    A bin is so many bins of the alignment, which are counted and not measured: a quotient of
+    lengths may come out a little above a whole number, and would have one bin too many.
+    """
+    step, steps = together * alignment.step, math.ceil(alignment.steps / together)
     bins = Binned(step, *(np.zeros((steps, len(alignment.pieces))) for _ in range(5)))
     for k, piece in enumerate(alignment.pieces):
         xyz = corridor.wires.xyz[piece.points]
@@ -209,13 +213,13 @@ def columns(u: Floats, v: Floats) -> Floats:
 
 def cuts_of(corridor: Corridor, alignment: Alignment) -> Floats:
     """Chainages of an alignment at which supports hold its wires, in order."""
-    coarse = binned(corridor, alignment, COARSE_BINS * alignment.step)
+    coarse = binned(corridor, alignment, COARSE_BINS)
     usual = CUT_PRICE + CUT_PRICE_PER_WIRE * tracks_at(coarse)
     bends = LEAST_TRIED * TRIED_RATIO ** np.arange(
         math.log(MOST_TRIED / LEAST_TRIED) / math.log(TRIED_RATIO)
     )
     bend = min(bends, key=lambda bend: solved(coarse, bend, usual)[0])
-    fine = binned(corridor, alignment, alignment.step)
+    fine = binned(corridor, alignment)
     chainages = (
         alignment.step
         / POSITIONS_PER_BIN

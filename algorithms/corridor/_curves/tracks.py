@@ -67,8 +67,9 @@ class Alignment:
         low, middle = u.min() - TRACK_BIN, float(np.median(v))
         length = np.ptp(u) + 2 * TRACK_BIN
         step = max(TRACK_BIN, length / MOST_TRACK_BINS)
+        steps = min(math.ceil(length / TRACK_BIN), MOST_TRACK_BINS)
         x, y = low * ex - middle * ey, low * ey + middle * ex
-        return cls(pieces, x, y, ex, ey, step, math.ceil(length / step), np.zeros(0))
+        return cls(pieces, x, y, ex, ey, step, steps, np.zeros(0))
 
     def places(self, u: Floats) -> Floats:
         """Positions on the axis in plan at chainages u, array of shape (n, 2)."""

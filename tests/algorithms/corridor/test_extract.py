@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +14,11 @@ import pytest
 from pyproj import CRS
 from scenes.corridors import CORNER, Floats, bar, cloud, ground, line, pole, quality, tree, wire
 
-from algorithms.corridor._curves.arcs import Binned, agreed, arcs_of, solved
+from algorithms.corridor._curves.arcs import Binned, agreed, arcs_of, binned, solved
 from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
-from algorithms.corridor._curves.tracks import alignments_among
+from algorithms.corridor._curves.tracks import Alignment, alignments_among
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import centred
 from algorithms.corridor.extract import CorridorExtract
@@ -153,6 +155,23 @@ def test_curves_that_are_no_wires_for_certain_do_not_vote_on_supports() -> None:
     assert len(alignments) == 1
     inner = alignments[0].cuts[(alignments[0].cuts > 10) & (alignments[0].cuts < 170)]
     np.testing.assert_allclose(inner, [45, 90, 135], atol=3)
+
+
+@pytest.mark.parametrize("together", [1, 3])
+def test_a_line_of_any_length_has_a_whole_number_of_bins(together: int) -> None:
+    """One in forty lengths over 1 km is a little more than a thousand of its thousandths."""
+    nothing = np.zeros((0, 3))
+    corridor = Corridor(
+        Airborne.of(nothing), np.zeros(0), np.zeros(0, bool), 0.25, lambda x, y: 0.0, bool
+    )
+    for length in np.random.default_rng(0).uniform(100, 3000, 400).tolist():
+        along = wire((0, 0, 16), (length, 0, 16), 400, per_metre=0)[0]
+        alignment = Alignment.of([Piece(np.zeros(0, np.int64), along)])
+        assert alignment.steps <= 1000
+        assert alignment.step * alignment.steps >= length + 2 - 1e-9  # a metre beyond both ends
+        assert len(binned(corridor, replace(alignment, pieces=[]), together).u) == math.ceil(
+            alignment.steps / together
+        )
 
 
 def test_close_wires_that_are_no_bundle_are_found_once() -> None:

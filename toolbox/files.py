@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import os
-import platform
 import shutil
 import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from toolbox import moves
+from toolbox.context import log
+
+if TYPE_CHECKING:
+    from filelock import FileLock
 
 OwnFiles = Callable[[Path], tuple[Path, ...]]  # all files that belong to a path, itself included
 
 PREFIX = ".unfinished-"
+LOCK = "lock"  # file in a temporary folder, locked while the process lives that made it
 FULL = 2**20  # bytes; a disk with less space than this is full
-_unfinished: set[Path] = set()  # temporary folders of this process, to remove at a hard exit
+_unfinished: dict[Path, FileLock] = {}  # temporary folders of this process, removed at a hard exit
 _moving = threading.Lock()  # held while outputs are moved to their paths
 
 
@@ -38,6 +45,8 @@ def problems(
     """
     reads = list(inputs)
     found: dict[str, str] = {}
+    for folder in dict.fromkeys(path.parent for path in targets.values()):
+        recover(folder)
     for name, path in targets.items():
         files = own_files[name](path)
         text = _wrong_format(path, suffixes[name]) or _wrong_place(files, overwrite=overwrite)
@@ -92,11 +101,10 @@ def _same(one: Path, other: Path) -> bool:
 
 @contextmanager
 def staged(targets: Mapping[Path, OwnFiles], *, overwrite: bool) -> Iterator[dict[Path, Path]]:
-    """Give a path beside each target to write to; at the end move all to their targets, or none.
+    """Give a path to write to for each target; at the end put all in their places, or none.
 
-    Each output is written under its own name in a hidden folder beside the target, because some
-    formats write several files, and is then renamed, which is atomic within a file system. What
-    was there before, also files that the new output does not have, is kept until all is moved.
+    The files are written in a hidden folder beside the target, flushed to the disk, and then
+    renamed, see `toolbox.moves`. A new file has the permissions of the one that it replaces.
 
     Parameters
     ----------
@@ -110,13 +118,16 @@ def staged(targets: Mapping[Path, OwnFiles], *, overwrite: bool) -> Iterator[dic
     """
     folders: dict[Path, Path] = {}
     try:
-        for parent in {target.parent for target in targets}:
-            _sweep(parent)
-        for target in targets:
-            folders[target] = _new_folder(target.parent)
-        yield {target: folder / target.name for target, folder in folders.items()}
+        for parent in dict.fromkeys(target.parent for target in targets):
+            recover(parent)
+            folders[parent] = _new_folder(parent)
+            for inside in (moves.NEW, moves.OLD):
+                (folders[parent] / inside).mkdir()
+        yield {target: folders[target.parent] / moves.NEW / target.name for target in targets}
+        own = [part for target, own_files in targets.items() for part in own_files(target)]
+        prepared = moves.prepared(folders, own, overwrite=overwrite)
         with _moving:
-            _move_all([(folders[t], own_files(t), overwrite) for t, own_files in targets.items()])
+            moves.make(prepared, folders, overwrite=overwrite)
     finally:
         for folder in folders.values():
             _discard(folder)
@@ -126,7 +137,7 @@ def staged(targets: Mapping[Path, OwnFiles], *, overwrite: bool) -> Iterator[dic
 def scratch() -> Iterator[Path]:
     """Make a folder for temporary files, and remove it afterwards, also at a hard exit."""
     parent = Path(tempfile.gettempdir())
-    _sweep(parent)
+    recover(parent)
     folder = _new_folder(parent)
     try:
         yield folder
@@ -134,44 +145,45 @@ def scratch() -> Iterator[Path]:
         _discard(folder)
 
 
+def recover(parent: Path) -> None:
+    """Undo the moves that killed runs have left half made in a folder, and remove what they hid.
+
+    A run that is alive holds a lock, on whichever computer and in whichever container it is. What
+    belongs to another user is left to that user.
+    """
+    from filelock import Timeout
+
+    for folder in parent.glob(f"{PREFIX}*"):
+        if hasattr(os, "getuid") and folder.lstat().st_uid != os.getuid():
+            continue
+        try:
+            with _lock_of(folder):
+                moves.undo(folder)
+                shutil.rmtree(folder, ignore_errors=True)
+        except Timeout:
+            continue
+        except (OSError, ValueError) as err:
+            log.warning("%s, which a killed run has left, stays: %s", folder, err)
+
+
 def _new_folder(parent: Path) -> Path:
-    """Make a hidden folder whose name has computer and process, to find those left by a crash."""
-    owner = f"{PREFIX}{platform.node()}-{os.getpid()}-"
-    folder = Path(tempfile.mkdtemp(prefix=owner, dir=parent))
-    _unfinished.add(folder)
+    """Make a hidden folder that is locked as long as this process lives."""
+    folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=parent))
+    lock = _lock_of(folder)
+    try:
+        lock.acquire(blocking=True)  # makes it anew if another run has removed it before
+    except OSError:  # a file system without locks, where nobody takes it for left behind
+        if not folder.is_dir():
+            raise
+    folder.chmod(0o700)
+    _unfinished[folder] = lock
     return folder
 
 
-def _sweep(parent: Path) -> None:
-    """Remove the temporary folders of processes of this computer that no longer run."""
-    import psutil
+def _lock_of(folder: Path) -> FileLock:
+    from filelock import FileLock
 
-    own = f"{PREFIX}{platform.node()}-"
-    for folder in parent.glob(f"{own}*"):
-        process = folder.name.removeprefix(own).partition("-")[0]
-        if process.isdigit() and not psutil.pid_exists(int(process)):
-            shutil.rmtree(folder, ignore_errors=True)
-
-
-def _move_all(moves: Iterable[tuple[Path, tuple[Path, ...], bool]]) -> None:
-    """Move the files of each folder to its parent; undo all moves if one fails."""
-    undo: list[tuple[Path, Path]] = []
-    try:
-        for folder, old_parts, overwrite in moves:
-            new = sorted(path for path in folder.iterdir() if path.is_file())
-            old = {*old_parts, *(folder.parent / path.name for path in new)}
-            kept = folder / "replaced"
-            kept.mkdir()
-            for path in sorted(path for path in old if path.is_file()):
-                if not overwrite:
-                    raise FileExistsError(f"{path} has appeared meanwhile")
-                undo.append((path.replace(kept / path.name), path))
-            for path in new:
-                undo.append((path.replace(folder.parent / path.name), path))
-    except OSError:
-        for now, before in reversed(undo):
-            now.replace(before)
-        raise
+    return FileLock(folder / LOCK, blocking=False, thread_local=False)
 
 
 def is_full(folder: Path) -> bool:
@@ -187,5 +199,7 @@ def discard_unfinished() -> None:
 
 
 def _discard(folder: Path) -> None:
-    shutil.rmtree(folder, ignore_errors=True)
-    _unfinished.discard(folder)
+    if lock := _unfinished.pop(folder, None):
+        lock.release()  # before it is removed, as Windows needs it
+    if not moves.unsettled(folder):
+        shutil.rmtree(folder, ignore_errors=True)

@@ -17,8 +17,6 @@ import hashlib
 import json
 import os
 import pickle
-import shutil
-import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -39,7 +37,6 @@ LIMIT = 20e9  # bytes of all entries
 FOLDER_VARIABLE, LIMIT_VARIABLE = "TOOLBOX_CACHE", "TOOLBOX_CACHE_LIMIT"
 SUFFIX = ".result"
 OTHERS_WRITE = 0o022  # of the mode of a folder
-DAY = 86_400  # seconds
 DIGEST = hashlib.sha256().digest_size
 BLOCK = 2**22  # bytes
 
@@ -163,10 +160,7 @@ class Cache:
             log.warning("a result is not kept in the cache: %s", err)
 
     def _prune(self) -> None:
-        """Remove remains of crashes, and the results longest unused until the limit is kept."""
-        for left in self.place.glob(".unfinished-*"):
-            if time.time() - left.stat().st_mtime > DAY:
-                shutil.rmtree(left, ignore_errors=True)
+        """Remove the results longest unused until the limit is kept."""
         entries = [(path.stat(), path) for path in self.place.glob("*" + SUFFIX)]
         total = sum(stat.st_size for stat, _ in entries)
         for stat, path in sorted(entries, key=lambda entry: entry[0].st_mtime_ns):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -173,11 +173,26 @@ def _twins(targets: Mapping[str, Target]) -> Iterator[tuple[str, str]]:
                 yield name, f"layer {target.layer} of {target.path} is also that of {twin}"
 
 
+@dataclass(frozen=True)
+class More:
+    """Files that are written together with the outputs of a run, all of them or none.
+
+    Attributes
+    ----------
+    own_files : what belongs to each, by its path
+    write : writes them, given the path to write to for each
+    """
+
+    own_files: Mapping[Path, files.OwnFiles] = field(default_factory=dict)
+    write: Callable[[Mapping[Path, Path]], None] = lambda staged: None
+
+
 def write(
     spec: Spec,
     found: Mapping[str, Any],
     targets: Mapping[str, Target],
     *,
+    more: More = More(),
     record: Record | None = None,
     overwrite: bool,
     ctx: Context,
@@ -189,6 +204,7 @@ def write(
     spec : of the tool
     found : what the tool gave, by name
     targets : where to write it, by name, and under "picture", "page" and "counts" where to show it
+    more : what is written with it
     record : how it was made, which each file carries
 
     Returns
@@ -215,7 +231,8 @@ def write(
         groups.setdefault(piece.target.resolved, []).append(piece)
     try:
         own_files = {resolved: group[0].target.own_files for resolved, group in groups.items()}
-        with files.staged(own_files, overwrite=overwrite) as staged:
+        with files.staged({**more.own_files, **own_files}, overwrite=overwrite) as staged:
+            more.write(staged)
             for index, (resolved, group) in enumerate(groups.items()):
                 part = ctx.part(index / len(groups), (index + 1) / len(groups))
                 _save_all(spec.id, group, record, staged[resolved], part)

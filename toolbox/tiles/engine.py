@@ -37,7 +37,7 @@ from toolbox.models.model import Model, resolved
 from toolbox.runs.cache import code_of
 from toolbox.runs.provenance import Record
 from toolbox.runs.source import Sources
-from toolbox.runs.target import Target, write
+from toolbox.runs.target import More, Target, write
 from toolbox.runs.target import problems as targets_problems
 from toolbox.shown import SHOWN
 from toolbox.tiles import store as tile_store
@@ -200,18 +200,16 @@ def _finish(
     found |= {name: crew.read(plan.stored[name]) for name in at_once}
     made = record and replace(record, counts=tuple(plan.ordered(crew.counts)))
     others = {n: target for n, target in targets.items() if n in found or n in SHOWN}
-    try:
-        own_files = {product.resolved: product.target.own_files for product in products}
-        for folder in {product.resolved.parent for product in products}:
-            folder.mkdir(exist_ok=True)
-        with files.staged(own_files, overwrite=overwrite) as staged:
-            prepared = [replace(product, path=staged[product.resolved]) for product in products]
-            crew.write(prepared, made, ctx.part(0.5, 0.9))
-            found |= write(
-                spec, found, others, record=made, overwrite=overwrite, ctx=ctx.part(0.9, 1)
-            )
-    except OSError as err:
-        raise DataError(f"{crew.id}: cannot write: {err}") from err
+    for folder in {product.resolved.parent for product in products}:
+        folder.mkdir(exist_ok=True)
+
+    def write_products(staged: Mapping[Path, Path]) -> None:
+        prepared = [replace(product, path=staged[product.resolved]) for product in products]
+        crew.write(prepared, made, ctx.part(0.5, 0.9))
+
+    more = More({p.resolved: p.target.own_files for p in products}, write_products)
+    part = ctx.part(0.9, 1)
+    found |= write(spec, found, others, more=more, record=made, overwrite=overwrite, ctx=part)
     crew.report()
     return found | {p.output: targets[p.output].path for p in products}
 

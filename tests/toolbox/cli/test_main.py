@@ -324,7 +324,7 @@ def start(tmp_path: Path, town: Path, *more: str, stubborn: bool = False) -> Any
         [sys.executable, "-c", code, *argv, *more], stdin=pipe, stdout=pipe, stderr=pipe
     )
     for _ in range(400):
-        if list(tmp_path.glob(".unfinished-*/k.laz")):
+        if list(tmp_path.glob(".unfinished-*/new/k.laz")):
             return child
         time.sleep(0.05)
     raise AssertionError(child.communicate())

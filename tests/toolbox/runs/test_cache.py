@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from affine import Affine
+from filelock import FileLock
 from pyproj import CRS
 
 from algorithms.points.filter import PointsFilter
@@ -194,14 +195,15 @@ def test_what_was_not_used_for_longest_goes_first(
 
 
 def test_leftovers_of_a_crash_are_removed(go: Go, place: Path) -> None:
-    left, young = place / ".unfinished-old", place / ".unfinished-new"
-    place.mkdir(mode=0o700)
-    left.mkdir()
-    young.mkdir()
-    os.utime(left, (1, 1))
-    go()
-    assert not left.exists()
-    assert young.exists()
+    left, busy = place / ".unfinished-old", place / ".unfinished-new"
+    for folder in (left, busy):
+        folder.mkdir(mode=0o700, parents=True)
+        (folder / "lock").touch()
+    place.chmod(0o700)
+    with FileLock(busy / "lock"):
+        go()
+        assert not left.exists()
+        assert busy.exists()
 
 
 def test_a_folder_for_all_is_refused(place: Path) -> None:

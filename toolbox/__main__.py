@@ -13,6 +13,7 @@ for _name in ("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "GDAL_DRIVER_PATH"):
 
 def run() -> None:
     """Run the command line and end the process with its exit code."""
+    _open_streams()
     try:
         from toolbox.cli.main import main
 
@@ -21,6 +22,13 @@ def run() -> None:
         code = 130
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done: too late to stop anything
     sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Open what was closed as nothing, or the next file would be what libraries print to."""
+    while (stream := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(stream)
 
 
 if __name__ == "__main__":

@@ -45,12 +45,14 @@ def problems(
     """
     reads = list(inputs)
     found: dict[str, str] = {}
-    for folder in dict.fromkeys(path.parent for path in targets.values()):
-        recover(folder)
     for name, path in targets.items():
-        files = own_files[name](path)
-        text = _wrong_format(path, suffixes[name]) or _wrong_place(files, overwrite=overwrite)
-        text = text or _clash(name, files, targets, reads)
+        try:
+            recover(path.parent)
+            files = own_files[name](path)
+            text = _wrong_format(path, suffixes[name]) or _wrong_place(files, overwrite=overwrite)
+            text = text or _clash(name, files, targets, reads)
+        except (OSError, ValueError) as err:
+            text = f"{path} cannot be a file: {getattr(err, 'strerror', err)}"
         if text:
             found[name] = text
     return found
@@ -77,11 +79,8 @@ def _wrong_format(path: Path, suffixes: tuple[str, ...]) -> str | None:
 
 
 def _wrong_place(files: tuple[Path, ...], *, overwrite: bool) -> str | None:
-    path, folder = files[0], files[0].parent
-    try:
-        there = [own for own in files if own.exists()]
-    except (OSError, ValueError) as err:
-        return f"{path} cannot be a file: {getattr(err, 'strerror', err)}"
+    folder = files[0].parent
+    there = [own for own in files if own.exists()]
     if not folder.is_dir():
         return f"there is no folder {folder}"
     if not os.access(folder, os.W_OK | os.X_OK):
@@ -187,8 +186,11 @@ def _lock_of(folder: Path) -> FileLock:
 
 
 def is_full(folder: Path) -> bool:
-    """Whether the disk of a folder is full, or nearly so."""
-    return shutil.disk_usage(folder).free < FULL
+    """Whether the disk of a folder is full, or nearly so; not if the folder is gone."""
+    try:
+        return shutil.disk_usage(folder).free < FULL
+    except OSError:
+        return False
 
 
 def discard_unfinished() -> None:

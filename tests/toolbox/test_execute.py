@@ -266,6 +266,19 @@ def test_one_output_that_cannot_be_written_takes_the_others_with_it(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_folder_that_is_removed_during_the_run_is_named(text: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+
+    def remove(fraction: float) -> None:
+        if fraction > 0.5 and folder.exists():
+            folder.rmdir()
+
+    values = {"points": text, "kept": folder / "k.laz"}
+    with pytest.raises(DataError, match=f"cannot write: .*No such file or directory: '{folder}"):
+        toolbox.run("points.filter", values, ctx=Context(remove))
+
+
 def test_progress_rises_over_reading_running_and_writing(text: Path, tmp_path: Path) -> None:
     seen: list[float] = []
     values = {"points": text, "kept": tmp_path / "out.laz"}

@@ -14,6 +14,7 @@ from typing import Any
 from toolbox import files
 from toolbox.cli import arguments, history
 from toolbox.cli.arguments import is_layer
+from toolbox.cli.console import exit_code
 from toolbox.context import Context, log
 from toolbox.data import Table
 from toolbox.errors import Cancelled, DataError, ParameterError, ToolboxError, nearest
@@ -115,7 +116,7 @@ class Batch:
             raise
         except Exception as err:  # noqa: BLE001  the other rows are not to suffer
             status, message = FAILED, _message(err)
-            code = err.exit_code if isinstance(err, ToolboxError) else 1
+            code = exit_code(err)
         seconds = round(time.monotonic() - started, 2)
         history.add(self.id, self.described, values, outputs, seconds=seconds, code=code)
         numbers = {n: v for n, v in outputs.items() if isinstance(v, int | float | str)}

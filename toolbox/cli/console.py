@@ -7,14 +7,24 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from toolbox.errors import ToolboxError
+from toolbox.errors import DataError, ToolboxError
 from toolbox.json_text import json_text
 
 LEVELS = {"quiet": logging.ERROR, "normal": logging.INFO, "verbose": logging.DEBUG}
+
+
+class Unwritable(ToolboxError):
+    """What the run has to say cannot be written."""
+
+    exit_code = DataError.exit_code
+
+    @classmethod
+    def of(cls, err: OSError) -> Unwritable:
+        return cls(f"standard output cannot be written: {err.strerror or err}")
 
 
 class Console:
@@ -48,8 +58,7 @@ class Console:
             yield lambda fraction: bar.update(task, completed=fraction)
 
     def message(self, level: str, text: str) -> None:
-        prefix = "" if level == "info" else f"{level}: "
-        print(prefix + text, file=sys.stderr)
+        _warn(text if level == "info" else f"{level}: {text}")
 
     def result(self, description: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
         """Print the results of a tool: paths, layers and values."""
@@ -79,14 +88,14 @@ class Console:
 
     def error(self, err: BaseException) -> int:
         """Print an error and return its exit code."""
-        code = getattr(err, "exit_code", 1) if isinstance(err, ToolboxError) else 1
+        code = exit_code(err)
         self._report(code, _error_text(err))
-        if code == 1 and self.level == "verbose":
-            traceback.print_exception(err)
+        if not isinstance(err, ToolboxError) and self.level == "verbose":
+            _warn("".join(traceback.format_exception(err)))
         return code
 
     def _report(self, code: int, text: str) -> None:
-        print(f"error: {text}" if code != 130 else text, file=sys.stderr)
+        _warn(f"error: {text}" if code != 130 else text)
 
 
 class Events(Console):
@@ -98,7 +107,12 @@ class Events(Console):
 
     def _event(self, event: str, **content: Any) -> None:
         with self._lock:
-            print(json_text({"event": event} | content), flush=True)
+            try:
+                print(json_text({"event": event} | content), flush=True)
+            except BrokenPipeError:
+                raise
+            except OSError as err:  # which a reader of files would take for an error of its own
+                raise Unwritable.of(err) from err
 
     @contextmanager
     def progress(self) -> Iterator[Callable[[float], None]]:
@@ -132,6 +146,19 @@ class _Handler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         self._message(record.levelname.lower(), record.getMessage())
+
+
+def exit_code(err: BaseException) -> int:
+    """The exit code for an error; what the system refuses, such as a full disk, is no mistake."""
+    if isinstance(err, ToolboxError):
+        return err.exit_code
+    return DataError.exit_code if isinstance(err, OSError) else 1
+
+
+def _warn(text: str) -> None:
+    """Print to standard error, unless nothing can be written there: then nobody can be told."""
+    with suppress(OSError):
+        print(text, file=sys.stderr, flush=True)
 
 
 def as_json(value: Any) -> Any:
@@ -181,6 +208,8 @@ def _error_text(err: BaseException) -> str:
         return str(err)
     if isinstance(err, MemoryError):
         return "not enough memory for this run; use a larger cell or a part of the data"
+    if isinstance(err, OSError):
+        return f"{err.filename or 'cannot read or write'}: {err.strerror or err}"
     return (
         f"{type(err).__name__}: {err}\n"
         "This is a mistake in the toolbox. Run it again with --verbose and report what it prints."

@@ -1,8 +1,8 @@
 """The history of a user: a file with one line of JSON for each run on this computer.
 
 Unlike the provenance record of a product (`toolbox.runs.provenance`), it has full paths and times,
-and also the runs that failed. The file is in the user's state folder, or where the environment
-variable TOOLBOX_HISTORY says; if that is empty, there is no history.
+and also the runs that failed; so only the user may read it. The file is in the user's state folder,
+or where the environment variable TOOLBOX_HISTORY says; if that is empty, there is no history.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from toolbox.shown import SHOWN
 
 VARIABLE = "TOOLBOX_HISTORY"
 FULL = 10_000_000  # bytes after which a new file is begun
+OWN = 0o600  # permissions: only the user may read and write
 KEPT = 5  # full files, of which older ones are deleted
 
 Entry = dict[str, Any]
@@ -71,7 +72,9 @@ def add(
         return
     try:
         line = json_text(entry, default=str)
-        path.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if path.is_file():
+            path.chmod(OWN)  # if somebody has opened it to others
         _begin_anew_if_full(path)
         _append(path, line.encode())
     except (OSError, ValueError) as error:
@@ -151,13 +154,17 @@ def _append(path: Path, line: bytes) -> None:
 
     A line that was cut off, as by a full disk, is ended first, or it would spoil this one, too.
     """
-    with path.open("ab+", buffering=0) as file:
+    with open(path, "ab+", buffering=0, opener=_opened) as file:
         size = file.seek(0, os.SEEK_END)
         if size:
             file.seek(size - 1)
             line = line if file.read(1) == b"\n" else b"\n" + line
         if file.write(line + b"\n") != len(line) + 1:
             raise OSError("the disk is full")
+
+
+def _opened(path: str, flags: int) -> int:
+    return os.open(path, flags, OWN)
 
 
 def _begin_anew_if_full(path: Path) -> None:

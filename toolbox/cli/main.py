@@ -21,9 +21,9 @@ from toolbox import __version__, catalog
 from toolbox.cli import arguments, history
 from toolbox.cli import models as model_cli
 from toolbox.cli import qgis as qgis_cli
-from toolbox.cli.console import Console, Events
+from toolbox.cli.console import Console, Events, Unwritable, exit_code
 from toolbox.cli.stopping import stoppable
-from toolbox.errors import Cancelled, DataError, ParameterError, ToolboxError
+from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.json_text import json_text
 from toolbox.shown import SHOWN
 from toolbox.tiles.tiling import Tiling
@@ -34,14 +34,25 @@ def main(argv: list[str] | None = None) -> int:
 
     0 success, 2 wrong input, 3 unreadable or unsuitable data, 130 cancelled, 1 a mistake of ours.
     """
+    if closed := [name for name in ("stdout", "stderr") if getattr(sys, name) is None]:
+        text = f"error: {' and '.join(closed)} closed; direct it to a file, or to {os.devnull}"
+        print(text, file=sys.stderr or sys.stdout)
+        return ParameterError.exit_code
     said = sys.argv[1:] if argv is None else argv
     try:
         first = {"run": _run, "batch": _batch}.get(said[0] if said else "")
         code = first(said[1:]) if first else _other(said)
         sys.stdout.flush()
+        return code
     except BrokenPipeError:  # the reader, such as `head`, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+        code = 1
+    except (OSError, Unwritable) as err:
+        code = Console().error(
+            err
+            if isinstance(err, Unwritable)
+            else Unwritable(f"standard output cannot be written: {err}")
+        )
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the end would fail again
     return code
 
 
@@ -282,7 +293,7 @@ def _kept(
     try:
         yield outputs
     except BaseException as err:
-        code = err.exit_code if isinstance(err, ToolboxError) else 1
+        code = exit_code(err)
         raise
     finally:
         seconds = time.monotonic() - started

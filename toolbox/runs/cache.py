@@ -151,7 +151,7 @@ class Cache:
         try:
             self.place.mkdir(mode=0o700, parents=True, exist_ok=True)
             whole = files.staged({path: lambda path: (path,)}, overwrite=True)
-            with whole as places, places[path].open("wb") as file:
+            with whole as places, open(places[path], "wb", opener=_own) as file:
                 writer = _Hashing(file)
                 pickle.dump(dict(kept), writer, protocol=5)
                 file.write(writer.hash.digest())
@@ -168,6 +168,11 @@ class Cache:
                 return
             path.unlink(missing_ok=True)
             total -= stat.st_size
+
+
+def _own(path: str, flags: int) -> int:
+    """Open a file that only the user may read, whatever the folder is."""
+    return os.open(path, flags, 0o600)
 
 
 def _is_whole(file: BinaryIO) -> bool:

@@ -59,7 +59,7 @@ class Target:
         resolved = _resolved(given) if given else None
         kind = kind_of(name, spec)
         folder = kind.several and (
-            str(path).endswith(("/", os.sep)) or bool(resolved and resolved.is_dir())
+            str(path).endswith(("/", os.sep)) or bool(resolved and _is_folder(resolved))
         )
         return cls(given, resolved, how, kind.suffixes, kind.save_options, kind.own_files, folder)
 
@@ -107,10 +107,12 @@ class Target:
             return "is a value, which is printed; it cannot be written to a file"
         if self.resolved is None:
             return "must be a path" if self.path is None else f"{self.path} is no usable path"
-        if not self.folder and (other := foreign_side_car(self.resolved)):
-            return f"{other} stands where its record would be written; choose another name"
         try:
+            if not self.folder and (other := foreign_side_car(self.resolved)):
+                return f"{other} stands where its record would be written; choose another name"
             parsed_options(self.options, self.known)
+        except OSError as err:
+            return f"{self.path} cannot be a file: {err.strerror}"
         except ValueError as err:
             return str(err)
         return None
@@ -122,6 +124,14 @@ def _resolved(path: Path) -> Path | None:
         return path.resolve()
     except (OSError, RuntimeError, ValueError):
         return None
+
+
+def _is_folder(path: Path) -> bool:
+    """Whether a path is a folder; not if it has a name that no file can have."""
+    try:
+        return path.is_dir()
+    except OSError:
+        return False
 
 
 def kind_of(name: str, spec: Spec) -> Kind:

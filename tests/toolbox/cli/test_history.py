@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -47,6 +48,20 @@ def points(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def add(count: int = 1, **values: object) -> None:
     for _ in range(count):
         history.add("a.b", DESCRIBED, values, {}, seconds=0.123, code=0)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="has no such permissions")
+def test_nobody_else_may_read_it(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(history, "FULL", 1)
+    before = os.umask(0)
+    try:
+        add(2)
+        kept.chmod(0o644)  # as an earlier version has made it
+        add()
+    finally:
+        os.umask(before)
+    assert kept.parent.stat().st_mode & 0o777 == 0o700
+    assert {path.stat().st_mode & 0o777 for path in kept.parent.iterdir()} == {0o600}
 
 
 def test_a_run_on_the_command_line(kept: Path, points: Path) -> None:

@@ -296,6 +296,21 @@ def test_mistakes_of_ours_are_code_1(
     assert "Traceback" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "error", [FileNotFoundError(2, "No such file", "gone/k.laz"), OSError(28, "full")]
+)
+def test_what_the_system_refuses_is_no_mistake_of_ours(
+    error: OSError, town: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refused(*args: object, **how: object) -> None:
+        raise error
+
+    monkeypatch.setattr("toolbox.execute.run", refused)
+    assert main(["run", "points.info", "--points", str(town)]) == 3
+    said = capsys.readouterr().err
+    assert said == f"error: {error.filename or 'cannot read or write'}: {error.strerror}\n"
+
+
 SLOW = """
 import sys, time
 import toolbox.execute
@@ -400,6 +415,78 @@ def test_events_carry_errors(town: Path) -> None:
     done = run("run", "points.filter", "--points", "--events", "jsonl", stdin=subprocess.DEVNULL)
     assert done.returncode == 2
     assert "expected at least one argument" in json.loads(done.stdout)["message"]
+
+
+def shell(line: str, town: Path) -> subprocess.CompletedProcess[str]:
+    command = f'"{sys.executable}" -m toolbox {line}'
+    how: dict[str, Any] = {"capture_output": True, "text": True, "cwd": town.parent}
+    return subprocess.run(["sh", "-c", command], timeout=120, check=False, **how)
+
+
+KEEP = "run points.filter --points town.laz --kept k.laz"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a shell with streams that can be closed")
+@pytest.mark.parametrize("ending", [">&-", "2>&-", ">&- 2>&-", ">&- --events jsonl"])
+def test_a_closed_stream_is_refused_before_anything_is_done(town: Path, ending: str) -> None:
+    """The next file would get its number, and hold what a library prints."""
+    done = shell(f"{KEEP} {ending}", town)
+    assert done.returncode == 2
+    if ending != ">&- 2>&-":
+        assert "closed; direct it to a file" in done.stdout + done.stderr
+    assert not (town.parent / "k.laz").exists()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+@pytest.mark.parametrize("line", ["list", "list --json", "run points.info --points town.laz", KEEP])
+def test_a_result_that_cannot_be_printed_is_an_error(town: Path, line: str) -> None:
+    done = shell(f"{line} >/dev/full", town)
+    assert done.returncode == 3
+    assert done.stderr.splitlines()[-1].startswith("error: ")
+    assert "No space left" in done.stderr
+    assert "mistake" not in done.stderr
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+def test_events_that_cannot_be_printed_end_the_run(town: Path) -> None:
+    done = shell(f"{KEEP} --events jsonl >/dev/full", town)
+    assert done.returncode == 3
+    assert done.stderr == "error: standard output cannot be written: No space left on device\n"
+    assert not (town.parent / "k.laz").exists()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+def test_errors_that_cannot_be_printed_are_told_by_the_exit_code(town: Path) -> None:
+    assert shell("run points.info --points none.laz 2>/dev/full", town).returncode == 2
+
+
+LONG = "x" * 300
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        (f"run points.filter --points town.laz --kept {LONG}.laz", 2),
+        (f"run points.filter --points town.laz --kept {LONG}/k.laz", 2),
+        (f"run points.filter --points town.laz --kept {'x' * 248}.csv", 2),  # its record is longer
+        (f"run surface.grid --points town.laz --surface {LONG}.tif --picture {LONG}.png", 2),
+        (f"run points.filter --points {LONG}.laz --kept k.laz", 2),
+        (f"batch points.info town.csv --result {LONG}.csv", 2),
+        (f"info {LONG}.laz", 3),
+        (f"provenance {LONG}.laz", 3),
+    ],
+)
+def test_names_that_no_file_can_have(
+    town: Path,
+    line: str,
+    code: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(town.parent)
+    (town.parent / "town.csv").write_text("points\ntown.laz\n")
+    assert main(line.split()) == code
+    assert "File name too long" in capsys.readouterr().err
 
 
 def test_head_of_a_long_list_is_no_error() -> None:

@@ -206,6 +206,17 @@ def test_leftovers_of_a_crash_are_removed(go: Go, place: Path) -> None:
         assert busy.exists()
 
 
+@pytest.mark.skipif(os.name == "nt", reason="has no such permissions")
+def test_nobody_else_may_read_it(go: Go, place: Path) -> None:
+    place.mkdir(mode=0o755)
+    before = os.umask(0)
+    try:
+        go()
+    finally:
+        os.umask(before)
+    assert {path.stat().st_mode & 0o777 for path in place.glob("*.result")} == {0o600}
+
+
 def test_a_folder_for_all_is_refused(place: Path) -> None:
     """A pickle of somebody else could do anything."""
     place.mkdir()

@@ -92,7 +92,7 @@ BOUNDED_COLUMNS = {
     "swing": (-90.0, 90.0),
 }
 VARIANCE_COLUMNS = tuple(name for name, (i, j) in COVARIANCES.items() if i == j)
-COLOURS = "#b2182b", "#ef8a62", "#5e3c99", "#fddc7a"
+COLOURS = "#b2182b", "#ef8a62", "#d01c8b", "#fddc7a"
 LOOKS = {word: (word, colour) for word, colour in zip(SEVERITIES, COLOURS, strict=True)}
 
 

@@ -37,7 +37,7 @@ KIND_COLOURS = {
 SEVERITY_COLOURS = {
     "critical": "#d40000",
     "warning": "#f08000",
-    NO_RULE: "#8a2be2",
+    NO_RULE: "#d01c8b",
     "watch": "#d8c000",
 }
 LISTED = (
@@ -172,13 +172,20 @@ def _rule_table(rules: Sequence[Rule]) -> Table:
             "distance": round(rule.threshold, 3),
             "within": None if rule.direction == "3-D" else round(rule.within, 3),
             "severity": rule.severity,
-            "confirmed": "yes" if rule.confirmed else "NO",
+            "confirmed": _confirmed(rule),
             "source": rule.source,
             "date": rule.date,
             "note": rule.note,
         }
         for number, rule in enumerate(rules, start=1)
     )
+
+
+def _confirmed(rule: Rule) -> str | None:
+    """Whether the value of a rule was found in a document; of no rule there is none to find."""
+    if rule.severity == NO_RULE:
+        return None
+    return "yes" if rule.confirmed else "NO"
 
 
 def _wires_text(line: LineStates, conductor: Conductor | None) -> str:

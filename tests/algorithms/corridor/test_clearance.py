@@ -736,13 +736,17 @@ def test_water_rail_and_road_keep_rules_of_their_own() -> None:
 def test_objects_without_a_rule_are_drawn_and_written_for_cad(tmp_path: Path) -> None:
     low = float(LEVEL.height(np.array(150.0)))
     points = cloud(blob(150, 0, low - 2.0), 26)
-    found = run(points, rules="nerc_fac_003", voltage=345.0, objects=tmp_path / "objects.dxf")
-    (marked,) = ezdxf.readfile(tmp_path / "objects.dxf").modelspace()
+    file = tmp_path / "objects.dxf"
+    found = run(points, rules="nerc_fac_003", voltage=345.0, falling=False, objects=file)
+    (marked,) = ezdxf.readfile(file).modelspace()
     assert marked.dxf.layer == "other"
     assert "severity=no rule" in [text for _, text in marked.get_xdata("LIDAR-TOOLBOX")[1:]]
     sections = {section.title: section.blocks for section in found["report"].sections}
     for title in ("Map", "Profiles"):
-        assert b'fill="#8a2be2"' in sections[title][0].content
+        assert b'fill="#d01c8b"' in sections[title][0].content
+    rules = sections["Rules"][0].table.frame.set_index("kind")
+    assert rules.confirmed["tree"] == "yes"
+    assert pd.isna(rules.confirmed["other"])
 
 
 def test_the_page_of_rules_is_that_of_the_tables() -> None:

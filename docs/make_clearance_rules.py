@@ -40,8 +40,9 @@ columns mean, and how the rules are used: [clearances](../explanation/clearance.
 A distance is in space, below a wire (v) or beside it (h), in the unit of the table; *(w)* marks a
 warning, *?* a value that was not found in a document. **A dash is no rule**: what comes near is
 listed as "no rule" ([what near is](../explanation/clearance.md#without-a-rule)). Voltages that are
-not in the table of a set are refused. Unclassified points may be a tree, a building or something
-else, and are held to the strictest of these columns.
+not in the table of a set are refused. Where all distances of a kind are (v), what is beside the
+wire has no rule. Unclassified points may be a tree, a building or something else, and are held to
+the strictest of these columns.
 """
 
 

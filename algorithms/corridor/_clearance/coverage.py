@@ -30,6 +30,7 @@ UNKNOWN_APPROACH = 5.0  # metres
 UNKNOWN_SOURCE = "DIN VDE 0105-100 for an unknown voltage, by DGUV Regel 114-014"
 LARGEST_SOURCE = "the largest distance that other objects must keep"
 LEAST_SOURCE = "the least distance that other surfaces must keep"
+OWN_SOURCE = "as far as these rules reach"
 
 
 @dataclass(frozen=True)
@@ -55,12 +56,14 @@ def approach(voltage: float | None) -> tuple[float, str]:
 
 
 def stand_ins(rules: Sequence[Rule], why: Mapping[str, str], voltage: float | None) -> list[Rule]:
-    """Rules in place of missing ones, so that no kind that comes near is passed over.
+    """Rules in place of missing ones, so that nothing that comes near is passed over.
 
     A kind without a rule is near within the distance of `approach`, or within that which the rules
     ask of others of its sort, if it is larger. Of objects above the ground that is the largest of
     all, as nothing should be there; of the ground and what lies on it the least that any of it must
-    keep, as the ground is below every wire.
+    keep, as the ground is below every wire. A kind whose rules are all vertical has none for what
+    is beside the wire, such as a slope: that is near within the distance of `approach`, but no
+    farther than the rules reach downwards; likewise if they are all horizontal.
 
     Parameters
     ----------
@@ -70,17 +73,24 @@ def stand_ins(rules: Sequence[Rule], why: Mapping[str, str], voltage: float | No
     """
     made = []
     for sort, choose, source in ((OBJECTS, max, LARGEST_SOURCE), (SURFACES, min, LEAST_SOURCE)):
-        own = {kind: [r.threshold for r in rules if r.holds_for(kind)] for kind in sort}
-        asked = choose(map(max, filter(None, own.values())), default=0.0)
-        near, told = max(approach(voltage), (asked, source))
-        made += [
-            Rule(
-                NO_RULE, told, "", kind, "3-D", near, near, NO_RULE, confirmed=True, note=why[kind]
-            )
-            for kind in sort
-            if not own[kind] and kind != "unclassified"
-        ]
+        own = {kind: [rule for rule in rules if rule.holds_for(kind)] for kind in sort}
+        asked = {kind: max(r.threshold for r in held) for kind, held in own.items() if held}
+        near = max(approach(voltage), (choose(asked.values(), default=0.0), source))
+        for kind in sort:
+            directions = {rule.direction for rule in own[kind]}
+            if kind == "unclassified":  # rules for other objects hold for it
+                continue
+            if not directions:
+                made.append(_stand_in(kind, *near, why[kind]))
+            elif len(directions) == 1 and directions != {"3-D"}:
+                beside = min(approach(voltage), (asked[kind], OWN_SOURCE))
+                note = f"the rules for {kind} are {directions.pop()} alone"
+                made.append(_stand_in(kind, *beside, note))
     return made
+
+
+def _stand_in(kind: str, near: float, source: str, note: str) -> Rule:
+    return Rule(NO_RULE, source, "", kind, "3-D", near, near, NO_RULE, confirmed=True, note=note)
 
 
 def coverage_of(
@@ -119,7 +129,8 @@ def rules_for(kind: str, rules: Sequence[Rule]) -> str:
     why = f": {missing[0].note}"
     if kind == "unclassified":
         why = f" if it is {' or '.join(rule.kind for rule in missing)}"
-    near = f"listed within {missing[0].threshold:.2f} m ({missing[0].source})"
+    far = max(missing, key=lambda rule: rule.threshold)
+    near = f"listed within {far.threshold:.2f} m ({far.source})"
     return f"{told}{'; ' if told else ''}no rule{why}; {near}"
 
 

@@ -733,6 +733,36 @@ def test_water_rail_and_road_keep_rules_of_their_own() -> None:
     assert pond["objects"].frame.rule.to_list() == ["no rule"]  # nearer than a field may be
 
 
+def test_what_is_beside_a_wire_has_no_rule_where_all_rules_are_vertical() -> None:
+    """22 kV: the ground must be 5.6 m below; a slope 2 m beside the wire is near within 10 feet."""
+    low = float(LEVEL.height(np.array(150.0)))
+    for beside, below, told in (
+        (2.0, 0.5, ["no rule"]),
+        (3.1, 0.5, []),
+        (0.0, 5.7, []),
+        (0.0, 2.0, ["cz-mv-ground"]),
+    ):
+        slope = cloud(blob(150, beside, low - below), 2)
+        found = run(slope, rules="en_50341", voltage=22.0)
+        assert found["objects"].frame.rule.to_list() == told
+        kinds = found["report"].sections[0].blocks[0].table.frame.set_index("kind")
+        assert kinds.rule["ground"] == (
+            "cz-mv-ground; no rule: the rules for ground are vertical alone; "
+            "listed within 3.05 m (29 CFR 1926.1408, table A)"
+        )
+    upright, level = (
+        rule(kind=kind, direction=direction, threshold=far)
+        for kind, direction, far in (("road", "vertical", 2.5), ("building", "horizontal", 4.0))
+    )
+    made = {
+        r.kind: r.threshold for r in stand_ins([upright, level], dict.fromkeys(KINDS, ""), 20.0)
+    }
+    assert made["road"] == 2.5  # what is farther below keeps its rule
+    assert made["building"] == pytest.approx(3.048)
+    both = [replace(level, direction="vertical"), level]
+    assert "building" not in {r.kind for r in stand_ins(both, dict.fromkeys(KINDS, ""), 20.0)}
+
+
 def test_objects_without_a_rule_are_drawn_and_written_for_cad(tmp_path: Path) -> None:
     low = float(LEVEL.height(np.array(150.0)))
     points = cloud(blob(150, 0, low - 2.0), 26)

@@ -22,6 +22,7 @@ from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import Airborne, uncrowded
 from algorithms.corridor._extraction.follow import follow
 from algorithms.corridor._extraction.layers import wire_layer
+from algorithms.corridor._extraction.missed import warn_of_missed, with_gaps
 from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
 from algorithms.shared.lowest import require_finite
@@ -97,7 +98,8 @@ class CorridorCatenaries:
         if not found:
             log.warning("no wire was found among %d points", np.count_nonzero(use))
         ctx.progress(1.0)
-        layer = wire_layer(found, origin, metre, cloud.crs)
+        layer = wire_layer(with_gaps(corridor, found), origin, metre, cloud.crs)
+        warn_of_missed(layer)
         return self.Outputs(
             wires=layer,
             spans=Table(layer.frame.drop(columns="geometry")),

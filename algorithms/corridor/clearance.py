@@ -22,6 +22,13 @@ from algorithms.corridor._clearance.coverage import coverage_of, stand_ins
 from algorithms.corridor._clearance.distances import Least, Violations, find_violations
 from algorithms.corridor._clearance.layers import object_layer, span_table, violation_cloud
 from algorithms.corridor._clearance.matters import what_matters
+from algorithms.corridor._clearance.missed import (
+    columns_of,
+    section,
+    texts_of,
+    warn_of_wire_like,
+    wire_like,
+)
 from algorithms.corridor._clearance.objects import falling_trees, objects_of, with_falls
 from algorithms.corridor._clearance.report import report_of
 from algorithms.corridor._clearance.rules import (
@@ -114,6 +121,9 @@ class CorridorClearance:
     Each point counts in the state in which it breaks its rule worst.
 
     `falling` trees are those that would reach a wire if they fell towards it.
+
+    What may be missing of the line is told: spans with fewer conductors than their neighbours,
+    conductors seen along a part only, and points beside the line in the shape of a wire.
     """
 
     points: PointCloud | Survey = source("Classified points, with the ground")
@@ -331,8 +341,13 @@ class CorridorClearance:
         coverage = coverage_of(surroundings, rules, found, least, objects)
         for sentence in coverage.near:
             log.warning("near a wire: %s", sentence)
-        spans = span_table(surroundings, line, least, objects, metric.point_sd)
-        layer = object_layer(cloud, surroundings, line, rules, objects)
+        like = wire_like(surroundings, line, ctx.part(0.9, 0.92))
+        warn_of_wire_like(like)
+        spans = span_table(
+            surroundings, line, least, objects, metric.point_sd, columns_of(self.wires, like)
+        )
+        layer = object_layer(cloud, surroundings, line, rules, objects, like)
+        missing = section(texts_of(self.wires, like))
         page = report_of(
             surroundings,
             line,
@@ -342,7 +357,8 @@ class CorridorClearance:
             spans,
             conductor,
             coverage,
-            ctx.part(0.9, 1.0),
+            missing,
+            ctx.part(0.92, 1.0),
         )
         ctx.progress(1.0)
         severities = [rules[one.rule].severity for one in objects]

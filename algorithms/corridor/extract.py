@@ -31,6 +31,7 @@ from algorithms.corridor._extraction.follow import follow
 from algorithms.corridor._extraction.ground import elevation
 from algorithms.corridor._extraction.labels import LABEL_NUMBERS, labelled, none_labelled
 from algorithms.corridor._extraction.layers import tower_layer, wire_layer
+from algorithms.corridor._extraction.missed import warn_of_missed, with_gaps
 from algorithms.corridor._extraction.points import CorridorPoints
 from algorithms.corridor._extraction.spans import Wire, on_wire
 from algorithms.corridor._extraction.towers import Tower, dressed
@@ -95,10 +96,12 @@ class CorridorExtract:
         )
         if not line.wires:
             points.warn_of_no_line()
+        wires = wire_layer(line.wires, points.origin, cloud.metre, cloud.crs)
+        warn_of_missed(wires)
         return self.Outputs(
             classified=labelled(cloud, use, points.index, line.labels),
             towers=tower_layer(line.towers, line.strings, points.origin, cloud.metre, cloud.crs),
-            wires=wire_layer(line.wires, points.origin, cloud.metre, cloud.crs),
+            wires=wires,
             span_count=len({wire.span for wire in line.wires}),
             tower_count=len(line.towers),
         )
@@ -150,7 +153,7 @@ def find_line(
     if not wires:
         return line
     wires, towers, strings = dressed(corridor, wires, supports)
-    line = replace(line, wires=wires, towers=towers, strings=strings)
+    line = replace(line, wires=with_gaps(corridor, wires), towers=towers, strings=strings)
     label_points(line, corridor, points.own)
     ctx.progress(1.0)
     return line

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import geopandas
@@ -13,6 +13,8 @@ import shapely
 from numpy.typing import NDArray
 
 from algorithms.corridor._clearance.distances import Least, Violations, distances
+from algorithms.corridor._clearance.missed import SPAN_COLUMNS as MISSED_COLUMNS
+from algorithms.corridor._clearance.missed import WireLike
 from algorithms.corridor._clearance.rules import KINDS, NO_RULE, OBJECTS, SEVERITIES, Rule
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
 from toolbox.data import PointCloud, Table, Vector
@@ -25,6 +27,7 @@ SPAN_COLUMNS = (
     "from_tower",
     "to_tower",
     "wires",
+    *MISSED_COLUMNS,
     "length",
     "sag",
     "swing",
@@ -53,6 +56,7 @@ OBJECT_COLUMNS = (
     "chainage",
     "height",
     "points",
+    "may_be_wire",
     "confirmed",
     "source",
 )
@@ -80,6 +84,7 @@ def object_layer(
     line: LineStates,
     rules: Sequence[Rule],
     objects: Sequence[Object],
+    like: WireLike,
 ) -> Vector:
     """Vector layer of the objects: one point per object, where it is closest to the wire."""
     rows: list[dict[str, Any]] = []
@@ -107,6 +112,7 @@ def object_layer(
                 "chainage": one.u,
                 "height": one.height,
                 "points": len(one.points),
+                "may_be_wire": like.holds(one),
                 "confirmed": rule.confirmed,
                 "source": rule.source if ruled else rule.note,
             }
@@ -158,8 +164,14 @@ def span_table(
     least: Least,
     objects: Sequence[Object],
     point_sd: float,
+    missed: Mapping[int, Mapping[str, float]],
 ) -> Table:
-    """Table of one row per span and state; clearances in space, in metres."""
+    """Table of one row per span and state; clearances in space, in metres.
+
+    Parameters
+    ----------
+    missed : columns of each span on what may be missing of it
+    """
     rows = []
     for span in line.spans:
         own = np.flatnonzero(line.span == span)
@@ -174,6 +186,7 @@ def span_table(
                     "from_tower": int(line.start[own[0]]),
                     "to_tower": int(line.end[own[0]]),
                     "wires": len(own),
+                    **missed[span],
                     "length": max(curve.length for curve in curves),
                     "sag": max(curve.sag for curve in curves),
                     "swing": math.degrees(math.atan(max((c.swing for c in curves), key=abs))),

@@ -57,16 +57,22 @@ LISTED = (
     "chainage",
     "height",
     "points",
+    "may_be_wire",
 )
 LIST_CAPTION = (
     "Lengths in metres, places as in the data. sd is the standard deviation of the clearance; "
-    "falls is by how much a tree reaches beyond the wire when it falls towards it, below 0"
+    "falls is by how much a tree reaches beyond the wire when it falls towards it, below 0; "
+    "may_be_wire: its points have the shape of a wire that was not found"
+)
+SPAN_CAPTION = (
+    "Least distances in space to what is near the wires in plan, m. conductors and expected: "
+    "found, and as in neighbouring spans, a bundle as one; seen_share: of the conductor that was "
+    "seen least; wire_like: m of points beside it in the shape of a wire, which are none"
 )
 KIND_CAPTION = (
     "Least distances in space to what is near the wires in plan, m; objects that are too close or "
     "may fall, objects that are near and have no rule, and the rules of each kind"
 )
-SPAN_CAPTION = "Least distances in space to what is near the wires in plan, m"
 WIRE_COLOUR, WIRE_DASHES = "#0040a0", ("", "6 3", "1 3", "6 3 1 3")  # of wires, by state
 
 Floats = NDArray[np.float64]
@@ -83,6 +89,7 @@ def report_of(
     spans: Table,
     conductor: Conductor | None,
     coverage: Coverage,
+    missing: Section,
     ctx: Context = QUIET,
 ) -> Report:
     """Report with a list of objects, a map, and tables and profiles of spans.
@@ -90,9 +97,11 @@ def report_of(
     Parameters
     ----------
     listed : the columns of the layer of objects, in the same order
+    missing : on wires that may be missing
     """
     across = _Across.of(surroundings, line)
     sections = [
+        missing,
         Section(
             "Kinds and their rules", [Rows(coverage.kinds, KIND_CAPTION)] if line.spans else []
         ),

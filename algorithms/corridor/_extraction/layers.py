@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._extraction.missed import conductors_of
 from algorithms.corridor._extraction.spans import Wire
 from algorithms.corridor._extraction.towers import Tower
 from toolbox.data import Vector
@@ -50,6 +51,10 @@ WIRE_COLUMNS = (
     "points",
     "seen_from",
     "seen_to",
+    "seen_share",
+    "longest_gap",
+    "conductors",
+    "expected",
     "z_start",
     "z_end",
     "curvature",
@@ -84,7 +89,8 @@ def wire_layer(wires: Sequence[Wire], origin: Floats, metre: float, crs: CRS | N
     origin : array of shape (3,), in the unit of the data
     metre : length of one metre in that unit
     """
-    rows = [wire_row(wire, origin, metre) for wire in wires]
+    counts = conductors_of(wires)
+    rows = [wire_row(wire, origin, metre) | _counted(*counts[wire.span]) for wire in wires]
     lines = [shapely.LineString(vertices(wire.curve) * metre + origin) for wire in wires]
     return _layer(rows, lines, WIRE_COLUMNS, crs, "LineString Z")
 
@@ -122,12 +128,19 @@ def wire_row(wire: Wire, origin: Floats, metre: float) -> dict[str, Any]:
         "points": curve.count,
         "seen_from": wire.known[0],
         "seen_to": wire.known[1],
+        "seen_share": wire.seen_share,
+        "longest_gap": wire.longest_gap,
         "z_start": origin[2] + metre * curve.z_start,
         "z_end": origin[2] + metre * curve.z_end,
         "curvature": curve.curvature,
         **{name: float(covariance[entry]) for name, entry in COVARIANCES.items()},
         **{f"sd_{name}": value for name, value in sigma.items()},
     }
+
+
+def _counted(found: int, expected: int | None) -> dict[str, float]:
+    """The columns on the conductors of a span."""
+    return {"conductors": found, "expected": math.nan if expected is None else expected}
 
 
 def catenaries_of(layer: Vector, origin: Floats) -> list[Catenary]:

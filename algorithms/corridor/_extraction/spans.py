@@ -67,6 +67,7 @@ class Wire:
     supports : indices of those at u = 0 and at the end, -1 where there is none in the data
     known : from where to where along it there are points
     span, bundle, wire : numbers
+    seen_share, longest_gap : share of its length with points, and metres without; NaN if not known
     """
 
     curve: Catenary
@@ -75,6 +76,8 @@ class Wire:
     span: int = -1
     bundle: int = -1
     wire: int = -1
+    seen_share: float = math.nan
+    longest_gap: float = math.nan
 
 
 def on_wire(corridor: Corridor, wire: Wire) -> tuple[Ints, Floats, float]:

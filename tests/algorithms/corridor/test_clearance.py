@@ -94,6 +94,74 @@ def rule(**changes: Any) -> Rule:
     return replace(made, **changes)
 
 
+def beside(offset: float, down: float, seed: int = 0) -> Any:
+    """Points of a conductor that hangs beside LEVEL, four to a metre."""
+    rng = np.random.default_rng(seed)
+    u = rng.uniform(0, LEVEL.length, int(4 * LEVEL.length))
+    return LEVEL.points(u) + np.array([0, offset, -down]) + rng.normal(0, 0.03, (len(u), 3))
+
+
+def leaves(x: float, y: float, z: float, size: Any, count: int = 2000) -> Any:
+    """A box full of leaves."""
+    middle = np.array([x, y, z])
+    return middle + np.random.default_rng(5).uniform(-0.5, 0.5, (count, 3)) * size
+
+
+@pytest.mark.parametrize("kind", [1, 5, 6])
+@pytest.mark.parametrize("seed", [0, 7])
+def test_points_in_the_shape_of_a_wire_are_told(
+    kind: int, seed: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    """But a tree and a hedge along the line are not."""
+    tree, hedge = leaves(80, 0, 15, (6, 6, 8)), leaves(200, 4, 12, (90, 2, 2), 9000)
+    shape = beside(4.0, 0.0, seed)
+    xyz = np.vstack([shape, tree, hedge])
+    classes = np.repeat([kind, 5], [len(shape), len(xyz) - len(shape)])
+    height = xyz[:, 2].astype(np.float32)
+    found = run(cloud(xyz, classes, HeightAboveGround=height), distance=12.0, falling=False)
+    frame = found["objects"].frame
+    flagged = frame[frame.may_be_wire]
+    assert len(flagged)
+    assert set(flagged.clearance.round(0)) <= {4.0, 5.0}
+    assert frame[~frame.may_be_wire].points.sum() > 2000
+    (row,) = found["spans"].frame.itertuples()
+    assert row.wire_like == pytest.approx(300, abs=15)
+    assert "hang beside spans 1: look at them" in caplog.text
+    first = found["report"].sections[0]
+    assert first.title == "Wires that may be missing"
+    assert "Span 1: along" in first.blocks[0]
+
+
+def test_trees_alone_are_no_wires(caplog: pytest.LogCaptureFixture) -> None:
+    xyz = np.vstack([leaves(80, 0, 15, (6, 6, 8)), leaves(200, 4, 12, (90, 2, 2), 9000)])
+    points = cloud(xyz, 5, HeightAboveGround=xyz[:, 2].astype(np.float32))
+    found = run(points, distance=12.0, falling=False)
+    assert len(found["objects"])
+    assert not found["objects"].frame.may_be_wire.any()
+    assert found["spans"].frame.wire_like.tolist() == [0.0]
+    assert "shape of a wire" not in caplog.text
+    assert found["report"].sections[0].title != "Wires that may be missing"
+
+
+def test_what_the_layer_of_wires_lacks_is_in_table_and_report() -> None:
+    """Span 2 has fewer conductors than its neighbours, and was seen along a half."""
+    wires = layer(LEVEL, replace(LEVEL, y=40.0))
+    frame = wires.frame.assign(
+        conductors=[3, 2], expected=[3, 3], seen_share=[1.0, 0.5], longest_gap=[1.0, 150.0],
+        from_tower=1, to_tower=2,
+    )  # fmt: skip
+    sources = {"points": cloud(flat(), 2), "wires": Vector(frame, geometry_type="LineString Z")}
+    found = toolbox.run("corridor.clearance", {**sources, "falling": False})
+    table = found["spans"].frame
+    assert table[["conductors", "expected", "seen_share"]].to_numpy().tolist() == [
+        [3, 3, 1.0],
+        [2, 3, 0.5],
+    ]
+    (text,) = found["report"].sections[0].blocks
+    assert "Span 2: 2 conductors, where its neighbours have 3.\n" in text
+    assert "Span 2: conductor 2 was seen along 50 % only, with a gap of 150 m." in text
+
+
 @pytest.mark.parametrize("curve", [LEVEL, SLOPING, SLACK])
 def test_distances_are_those_of_a_dense_search(curve: Catenary) -> None:
     """Every millimetre of the wire is looked at in place of solving."""

@@ -19,6 +19,8 @@ from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
 from algorithms.corridor._curves.tracks import Alignment, alignments_among
+from algorithms.corridor._extraction.missed import BY_CHANCE, conductors_of, seen_share
+from algorithms.corridor._extraction.spans import Wire
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import centred
 from algorithms.corridor.extract import CorridorExtract
@@ -580,3 +582,122 @@ def test_points_are_in_the_order_of_cells_and_places_whatever_theirs() -> None:
     np.testing.assert_array_equal(air.xyz, wanted)
     np.testing.assert_array_equal(air.xyz, xyz[air.order])
     np.testing.assert_array_equal(np.diff(air.start), np.bincount(cell, minlength=6))
+
+
+# What may be missing -------------------------------------------------------------------------
+
+
+def four_spans(per_metre: float) -> tuple[list[Floats], Floats]:
+    """Points of three conductors in each of four spans, span by span, and what else there is."""
+    _, wires, poles = line([0, 80, 160, 240, 320], [-3, 0, 3], 13, 500, per_metre)
+    return wires, np.vstack([ground(320, 40, 6), poles])
+
+
+@pytest.mark.parametrize("per_metre", [0.7, 4.0])
+def test_of_a_line_that_is_whole_nothing_is_told(
+    per_metre: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    wires, rest = four_spans(per_metre)
+    frame = found(rest, *wires).wires.frame
+    assert len(frame) == 12
+    assert (frame.conductors == 3).all()
+    assert (frame.expected == 3).all()
+    assert frame.seen_share.min() > 0.9
+    assert not caplog.text
+
+
+@pytest.mark.parametrize("per_metre", [0.7, 4.0])
+def test_a_conductor_that_a_span_lacks_is_told(
+    per_metre: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    wires, rest = four_spans(per_metre)
+    frame = found(rest, *wires[:4], *wires[5:]).wires.frame
+    (lacking,) = frame[frame.conductors < frame.expected].span_id.unique()
+    assert frame[frame.span_id == lacking].conductors.tolist() == [2, 2]
+    assert f"span {lacking}: 2 conductors, where its neighbours have 3; look at it" in caplog.text
+    assert "data end" not in caplog.text
+
+
+def test_where_the_data_end_it_is_not_known_whether_a_conductor_is_missing(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    wires, rest = four_spans(4.0)
+    kept = [part[part[:, 0] < 290] for part in (rest, *wires[:-1])]
+    found(*kept)
+    assert "2 conductors, where its neighbours have 3 (it ends where the data end: not known" in (
+        caplog.text
+    )
+
+
+@pytest.mark.parametrize(("per_metre", "kept"), [(0.7, 0.0), (4.0, 0.0), (8.0, 0.08)])
+def test_a_conductor_seen_along_half_a_span_is_told(
+    per_metre: float, kept: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Without points on the other half, or with so few that the others do not explain it."""
+    wires, rest = four_spans(per_metre)
+    thin = (wires[4][:, 0] > 120) & (np.random.default_rng(0).random(len(wires[4])) >= kept)
+    wires[4] = wires[4][~thin]
+    frame = found(rest, *wires).wires.frame
+    (half,) = frame[frame.seen_share < 0.75].itertuples()
+    assert half.seen_share == pytest.approx(0.5, abs=0.15 if kept else 0.1)
+    assert half.longest_gap > (4 if kept else 35)
+    assert f"conductor {half.wire_id} was seen along {100 * half.seen_share:.0f} % only" in (
+        caplog.text
+    )
+
+
+def test_gaps_that_chance_explains_are_seen() -> None:
+    """Of points at random, whatever their number; three times fewer along a half do not matter."""
+    rng = np.random.default_rng(3)
+    unseen = []
+    for _ in range(400):
+        u = np.sort(rng.uniform(0, 300, rng.integers(60, 1500)))
+        unseen.append(seen_share(u, 300.0, (True, True))[0] < 1)
+        fewer = u[(u < 150) | (rng.random(len(u)) < 1 / 3)]
+        assert seen_share(fewer, 300.0, (True, True))[0] > 0.75
+    assert np.mean(unseen) < 8 * BY_CHANCE  # the spacing is not known, but estimated
+
+
+def test_what_lies_beyond_the_data_is_not_unseen() -> None:
+    u = np.arange(0.0, 60.0, 0.5)
+    assert seen_share(u, 100.0, (True, True))[0] == pytest.approx(0.6, abs=0.02)
+    assert seen_share(u, 100.0, (True, False))[0] == 1
+    for few in (u[:1], u[[3, 3]]):
+        assert seen_share(few, 100.0, (False, False)) == (0.0, 100.0)
+
+
+@pytest.mark.parametrize(
+    ("counts", "lacking"),
+    [
+        ([3, 3, 2, 3, 3], [2]),
+        ([3, 2, 2, 3], [1, 2]),
+        ([3, 2], [1]),
+        ([2, 3, 3], [0]),
+        ([6, 6, 6, 3, 3, 3], []),  # half of the line leaves at a tower
+        ([3], []),
+    ],
+)
+def test_how_many_conductors_the_neighbours_lead_one_to_expect(
+    counts: Sequence[int], lacking: Sequence[int]
+) -> None:
+    curve = wire((0, 0, 10), (50, 0, 10), 300)[0]
+    wires = [
+        Wire(curve, (span, span + 1), (0.0, 50.0), span=span, bundle=k)
+        for span, count in enumerate(counts)
+        for k in (*range(count), 0)  # the first is a bundle of two
+    ]
+    told = conductors_of(wires)
+    assert [count for count, _ in told.values()] == list(counts)
+    assert [s for s, (n, usual) in told.items() if usual is not None and n < usual] == lacking
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real data are not there")
+@pytest.mark.parametrize("tile", ["12AN2_20", "12BZ1_21"])
+def test_of_a_real_line_that_is_whole_nothing_is_told(
+    tile: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = DATA / "powerline_ahn4" / f"{tile}_as_published.laz"
+    frame = CorridorExtract(points=PointCloud.open(path, assume_crs=CRS(28992))).run().wires.frame
+    assert (frame.conductors == frame.expected).all()
+    assert frame.seen_share.min() > 0.9
+    assert not caplog.text

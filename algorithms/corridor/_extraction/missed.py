@@ -1,0 +1,151 @@
+"""What may be missing of a line: conductors that neighbouring spans have, and parts without points.
+
+A conductor that was not found cannot be measured from, so clearances come out too large. Whether
+one is missing shows in the spans before and behind; whether one was seen all along shows in the
+gaps between its points.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.corridor._curves.network import Corridor
+from algorithms.corridor._extraction.spans import Wire, on_wire
+from toolbox.context import log
+from toolbox.data import Vector
+
+NEIGHBOURS = 2  # spans to each side that tell how many conductors a span has
+BY_CHANCE = 0.01  # probability that a gap is longer than what is explained
+TYPICAL = 0.25  # share of a wire, that on which its points are closest, that tells their spacing
+TYPICAL_GAP = 0.961  # mean spacings: of points at random, TYPICAL of a wire is in smaller gaps
+LEAST_SEEN = 0.75  # share of a conductor with points, below which it is told: the rest is guessed
+
+Floats = NDArray[np.float64]
+
+
+def with_gaps(corridor: Corridor, wires: Sequence[Wire]) -> list[Wire]:
+    """The wires with what was seen of them: share of the length, and longest gap."""
+    found = []
+    for wire in wires:
+        near, _, _ = on_wire(corridor, wire)
+        u = np.sort(wire.curve.along(corridor.air.xyz[near])[0])
+        held = (wire.supports[0] >= 0, wire.supports[1] >= 0)
+        share, gap = seen_share(u, wire.curve.length, held)
+        found.append(replace(wire, seen_share=share, longest_gap=gap))
+    return found
+
+
+def seen_share(u: Floats, length: float, held: tuple[bool, bool]) -> tuple[float, float]:
+    """Share of a wire along which there are points, and the longest gap between them.
+
+    Not seen is what lies in gaps longer than the spacing of the points explains. The spacing is
+    that of the quarter of the wire on which they are closest.
+
+    Parameters
+    ----------
+    u : distances of the points along the wire, sorted, metres
+    length : of the wire, metres
+    held : whether it ends at a support, at its beginning and end; where it ends with the data, it
+        is not known how far it should be seen
+
+    Returns
+    -------
+    share, and metres
+
+    Examples
+    --------
+    >>> share, gap = seen_share(np.append(np.arange(50.0), 100.0), 100.0, (True, True))
+    >>> round(share, 2), gap
+    (0.49, 51.0)
+    """
+    if len(u) < 2 or u[0] == u[-1]:
+        return 0.0, length
+    low, high = (0.0 if held[0] else float(u[0])), (length if held[1] else float(u[-1]))
+    gaps = np.diff(np.concatenate([[low], np.clip(u, low, high), [high]]))
+    unseen = gaps[gaps > longest_by_chance(gaps)].sum()
+    return 1 - float(unseen) / (high - low), float(gaps.max())
+
+
+def longest_by_chance(gaps: Floats) -> float:
+    """Length that the longest gap between points exceeds with the probability BY_CHANCE, metres.
+
+    Points at random are a Poisson process. Of n of them on a wire, none is followed by a gap of x
+    mean spacings with a probability of 1 - n exp(-x), nearly. A place on the wire lies in a gap
+    whose length has the density x exp(-x), so that TYPICAL of the wire is in gaps up to
+    TYPICAL_GAP. Points in a row, as of scan lines, are told to be farther apart than they are.
+
+    Parameters
+    ----------
+    gaps : array of shape (n,), between neighbouring points, metres
+    """
+    order = np.sort(gaps)
+    share = np.cumsum(order) / order.sum()
+    spacing = order[np.searchsorted(share, TYPICAL)] / TYPICAL_GAP
+    return float(spacing * math.log(max(order.sum() / spacing, 1.0) / BY_CHANCE))
+
+
+# --- conductors of the neighbouring spans --------------------------------------------------
+
+
+def conductors_of(wires: Sequence[Wire]) -> dict[int, tuple[int, int | None]]:
+    """Number of conductors of each span, and how many its neighbours lead one to expect.
+
+    A bundle counts as one. Expected is what most of up to NEIGHBOURS spans of the same line to each
+    side have; its own number, if as many have that; None for a span that is alone.
+    """
+    bundles: dict[int, set[int]] = {}
+    ends: dict[int, set[tuple[int, int]]] = {}
+    for wire in wires:
+        bundles.setdefault(wire.span, set()).add(wire.bundle)
+        held = {(number, wire.bundle) for number in wire.supports if number >= 0}
+        ends.setdefault(wire.span, set()).update(held)
+    beside = {
+        one: {other for other in ends if other != one and ends[one] & ends[other]} for one in ends
+    }
+    found = {span: len(own) for span, own in bundles.items()}
+    return {span: (count, _expected(span, found, beside)) for span, count in found.items()}
+
+
+def _expected(span: int, found: dict[int, int], beside: dict[int, set[int]]) -> int | None:
+    near, edge = {span}, {span}
+    for _ in range(NEIGHBOURS):
+        edge = {other for one in edge for other in beside[one]} - near
+        near |= edge
+    counts = Counter(found[one] for one in near - {span})
+    if not counts:
+        return None
+    most = max(counts.values())
+    usual = [count for count, times in counts.items() if times == most]
+    return found[span] if found[span] in usual else max(usual)
+
+
+# --- what is told --------------------------------------------------------------------------
+
+
+def warn_of_missed(wires: Vector) -> None:
+    """Log which spans lack conductors, and which conductors were seen along a part only."""
+    for text in missed(wires):
+        log.warning("%s; look at it, try another wire_tolerance, or denser data", text)
+
+
+def missed(wires: Vector) -> Iterator[str]:
+    """What may be missing of the line, span by span, from the layer of wires."""
+    frame = wires.frame
+    for span, own in frame.groupby("span_id"):
+        found, usual = own["conductors"].max(), own["expected"].max()
+        if found < usual:
+            text = f"span {span}: {found:.0f} conductors, where its neighbours have {usual:.0f}"
+            if (own[["from_tower", "to_tower"]] == 0).any(axis=None):
+                text += " (it ends where the data end: not known whether there are more)"
+            yield text
+    for one in frame[frame["seen_share"] < LEAST_SEEN].itertuples():
+        yield (
+            f"span {one.span_id}: conductor {one.wire_id} was seen along "
+            f"{100 * one.seen_share:.0f} % only, with a gap of {one.longest_gap:.0f} m"
+        )

@@ -19,6 +19,8 @@ from algorithms.shared.chance import random_keys
 from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
 from algorithms.shared.heights import HEIGHT, given_heights
+from algorithms.shared.returns import NAMES as RETURNS
+from algorithms.shared.returns import has_numbers, let_through
 from algorithms.shared.terrain import HALO as GROUND_HALO
 from algorithms.shared.terrain import find_terrain, height_above, verdict
 from toolbox.context import QUIET, Context, log
@@ -136,6 +138,16 @@ class PointFeatures:
             )
 
     @functools.cached_property
+    def let_through(self) -> Mask:
+        """True for returns after which the pulse went on, array of shape (n,)."""
+        return let_through(self.cloud)
+
+    @functools.cached_property
+    def has_several_returns(self) -> bool:
+        """Whether any pulse is known to have gone on after a return."""
+        return bool(self.let_through.any())
+
+    @functools.cached_property
     def around(self) -> Mapping[str, Floats]:
         """Planarity, roughness and returns, as means over the points around each point.
 
@@ -145,7 +157,7 @@ class PointFeatures:
         values = {
             "planarity": np.where(off_plane <= self.flat, 1.0, 0.0),
             "roughness": np.where(np.isnan(off_plane), self.radius / metre, off_plane),
-            "returns": penetrating(self.cloud).astype(np.float64),
+            "returns": self.let_through.astype(np.float64),
         }
         means = means_around(
             self.xyz / (VOXEL * metre),
@@ -170,25 +182,11 @@ MADE: Mapping[str, Callable[[PointFeatures], Floats]] = {
 """Features that are not attributes of the points."""
 
 
-def has_several_returns(cloud: PointCloud) -> bool:
-    """Whether points have return numbers, and some pulses had several returns."""
-    known = {"return_number", "number_of_returns"} <= set(cloud.names)
-    return known and bool((cloud["number_of_returns"] > 1).any())
-
-
-def penetrating(cloud: PointCloud) -> Mask:
-    """True for returns after which the pulse went on, array of shape (n,)."""
-    if not {"return_number", "number_of_returns"} <= set(cloud.names):
-        return np.zeros(len(cloud), bool)
-    number, count = cloud["return_number"], cloud["number_of_returns"]
-    return np.asarray((number > 0) & (number < count))
-
-
 def evidence(features: PointFeatures) -> NDArray[np.uint8]:
     """Class of each point by its features: GROUND, VEGETATION or BUILDING, array of shape (n,)."""
     (ground, height), around = features.terrain, features.around
     on_planes = around["planarity"] / ON_PLANES
-    if has_several_returns(features.cloud):
+    if features.has_several_returns:
         plant = around["returns"] / LET_THROUGH > on_planes
     else:
         plant = on_planes < 1
@@ -289,8 +287,8 @@ def missing_feature(names: tuple[str, ...], cloud: PointCloud) -> str:
         if name not in MADE and name not in cloud:
             near = nearest(name, [*MADE, *cloud.names])
             return f"{name!r} is no attribute of {cloud.name or 'the points'}{near}"
-        if name == "returns" and not {"return_number", "number_of_returns"} <= set(cloud.names):
-            return "returns needs the attributes return_number and number_of_returns"
+        if name == "returns" and not has_numbers(cloud):
+            return f"returns needs the attributes {' and '.join(RETURNS)}"
     return ""
 
 

@@ -175,9 +175,7 @@ class ClassifyBuildings:
                 f"points: none is of class {self.ground_classes}; classify ground first",
                 instead=self._packed(np.zeros(len(part), bool), part, []),
             )
-        if not _evidence.has_several_returns(cloud):
-            log.warning("no pulse has several returns: dense crowns may be taken for roofs")
-        return _evidence.PointFeatures(
+        features = _evidence.PointFeatures(
             cloud,
             self.radius,
             self.context,
@@ -185,11 +183,14 @@ class ClassifyBuildings:
             flat=self.flat / cloud.metre,
             ground_classes=self.ground_classes,
         )
+        if not features.has_several_returns:
+            log.warning("no pulse has several returns: dense crowns may be taken for roofs")
+        return features
 
     def _roof(self, features: _evidence.PointFeatures) -> Mask:
         """True for points that look like a roof."""
         ground, height = features.terrain
-        least = self.planarity * (1 if _evidence.has_several_returns(features.cloud) else 2)
+        least = self.planarity * (1 if features.has_several_returns else 2)
         flat = features.around["planarity"] >= least
         return ~ground & (height >= self.min_height / features.cloud.metre) & flat & solid(features)
 

@@ -175,7 +175,7 @@ class ClassifySom:
             self.context,
             ctx.part(0.0, 0.4),
         )
-        names = self.features or usual_features(features.cloud)
+        names = self.features or usual_features(features)
         values = features_of(features, names)
         if problem := no_point_has_all(names, values):
             raise DataError(problem)
@@ -265,10 +265,10 @@ class ClassifySom:
         return np.array([PLAIN if name in ("x", "y") else IMPORTANT for name in names])
 
 
-def usual_features(cloud: PointCloud) -> tuple[str, ...]:
+def usual_features(features: _evidence.PointFeatures) -> tuple[str, ...]:
     """The features of DEFAULT for which the points have data."""
-    left_out = set()
-    if not _evidence.has_several_returns(cloud):
+    left_out, cloud = set(), features.cloud
+    if not features.has_several_returns:
         left_out.add("returns")
     if "intensity" not in cloud or np.ptp(cloud["intensity"]) == 0:
         left_out.add("intensity")

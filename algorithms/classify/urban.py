@@ -127,8 +127,6 @@ class ClassifyUrban:
                 f"points: none is of class {bare}; classify ground first",
                 instead=self._packed(classes, confidence),
             )
-        if not _evidence.has_several_returns(chosen):
-            log.warning("no pulse has several returns: %s", self._without_returns)
         features = _evidence.PointFeatures(
             chosen,
             self.radius,
@@ -137,6 +135,8 @@ class ClassifyUrban:
             flat=self.flat / cloud.metre,
             ground_classes=bare,
         )
+        if not features.has_several_returns:
+            log.warning("no pulse has several returns: %s", self._without_returns)
         classes[part] = self._judged(features)
         confidence[part] = np.where(np.isin(classes[part], (*bare, WATER)), 1.0, clear(features))
         ctx.progress(1.0)

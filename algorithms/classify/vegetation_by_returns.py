@@ -26,6 +26,7 @@ from algorithms.classify._pulses import How, pulses
 from algorithms.shared import parameters
 from algorithms.shared.ground import GROUND, taking_part
 from algorithms.shared.heights import HEIGHT
+from algorithms.shared.returns import NAMES as RETURNS
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud
 from toolbox.declare import ClassList, Share, outputs, param, sink, source, tool
@@ -33,7 +34,6 @@ from toolbox.errors import NothingToDo
 
 REACH = 20  # cells that a weak edge may go on
 PULSE = 50.0  # metres between the returns of a pulse, in plan
-NEEDED = ("return_number", "number_of_returns")
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -57,7 +57,8 @@ class ClassifyVegetationByReturns:
     if that was vegetation.
 
     Returns belong to one pulse if their GPS time, flight line and channel agree; in files without
-    times, if they follow each other: `pairs` order.
+    times, if they follow each other, or all first returns come before all last ones in the same
+    order: `pairs` order. If neither is so they are paired by their places, with a warning.
     """
 
     points: PointCloud = source("Points with classified buildings")
@@ -118,7 +119,7 @@ class ClassifyVegetationByReturns:
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The points have return numbers, GPS times to pair them by time, and classes."""
         cloud, name = self.points, self.points.name or "the cloud"
-        if lacking := [wanted for wanted in NEEDED if wanted not in cloud]:
+        if lacking := [wanted for wanted in RETURNS if wanted not in cloud]:
             yield "points", f"{name} has no {' and '.join(lacking)}"
         if self.pairs == "gps_time" and "gps_time" not in cloud:
             yield "pairs", f"{name} has no gps_time; use order if the points are as scanned"
@@ -137,7 +138,8 @@ class ClassifyVegetationByReturns:
         cloud = self.points
         part = taking_part(cloud, self.ignore, self.keep_classes)
         chosen = cloud if part.all() else cloud.select(part)
-        candidate, above = self._candidates(chosen)
+        candidate, above = self._candidates(part)
+        candidate, above = candidate[part], above[part]
         ctx.progress(0.3)
         removed = candidate & self._on_edges(chosen, candidate)
         ctx.progress(0.7)
@@ -155,22 +157,27 @@ class ClassifyVegetationByReturns:
             removed=int(np.count_nonzero(removed & core)),
         )
 
-    def _candidates(self, cloud: PointCloud) -> tuple[Mask, Floats]:
+    def _candidates(self, part: Mask) -> tuple[Mask, Floats]:
         """True for returns far enough above the last one of their pulse, and their height above it.
+
+        Pulses are looked for among all points, and those with a return that takes no part are left.
 
         Raises
         ------
         NothingToDo
             There are no pulses with a first and a last return.
         """
+        cloud = self.points
         members, first, last = pulses(cloud, self.pairs)
+        own = part[members] & part[first] & part[last]
+        members, first, last = members[own], first[own], last[own]
         if not len(members):
-            none = np.zeros(len(self.points), bool)
+            none = np.zeros(len(cloud), bool)
             raise NothingToDo(
                 "points: no pulse has both its first and its last return",
                 instead=self.Outputs(
-                    classified=self._packed(none, none, np.full(len(self.points), np.nan)),
-                    vegetation_share=Share.of_points(none, self.points.core),
+                    classified=self._packed(none, none, np.full(len(cloud), np.nan)),
+                    vegetation_share=Share.of_points(none, cloud.core),
                     candidates=0,
                     removed=0,
                 ),

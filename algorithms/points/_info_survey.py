@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 from toolbox.data import Survey, SurveyFile
+from toolbox.data.area_of_use import misplaced
 from toolbox.data.crs import describe_crs, length_problem, vertical_unit
 
 SEAM = 10.0  # mean point spacings; files closer to each other have no gap between them
@@ -119,6 +120,8 @@ def warnings(survey: Survey) -> Iterator[str]:
         yield "there are no points"
     if problem := length_problem(survey.crs):
         yield f"{survey.name} {problem}"
+    if found := misplaced(survey.crs, survey.bounds):
+        yield f"{survey.name} {found.text}"
     for file in survey.files:
         if file.count == 0:
             yield f"{file.path.name} holds no points"

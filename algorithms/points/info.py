@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from algorithms.points import _info_survey
+from algorithms.shared.returns import ReturnNumbers, has_numbers
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Survey, Table
+from toolbox.data.area_of_use import misplaced
 from toolbox.data.asprs import CLASSES
 from toolbox.data.crs import describe_crs, length_problem, vertical_unit
 from toolbox.declare import outputs, sink, source, tool
@@ -158,10 +160,14 @@ def warnings(cloud: PointCloud) -> Iterator[str]:
         return
     if problem := length_problem(cloud.crs):
         yield f"{cloud.name} {problem}"
-    if "return_number" in cloud:
-        number, count = cloud["return_number"], cloud["number_of_returns"]
-        if invalid := int(((number < 1) | (number > count)).sum()):
+    if found := misplaced(cloud.crs, cloud.bounds):
+        yield f"{cloud.name} {found.text}"
+    if has_numbers(cloud):
+        returns = ReturnNumbers.of(cloud)
+        if invalid := int((~returns.known).sum()):
             yield f"{invalid} points have a return number below 1 or above their number of returns"
+        if returns.in_lists:
+            yield "no pulse has a single return: are these lists of first and of last returns?"
     if "intensity" in cloud and not np.any(cloud["intensity"]):
         yield "all intensities are 0"
     if "classification" in cloud and (never := int((cloud["classification"] == 0).sum())):

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared.parameters import STRUCTURES, SURFACES
+from algorithms.shared.returns import let_through
 from toolbox.data import PointCloud
 from toolbox.declare import Share
 from toolbox.errors import NothingToDo
@@ -74,8 +75,9 @@ def is_withheld(cloud: PointCloud) -> Mask:
 def may_be_ground(cloud: PointCloud, returns: Returns) -> Mask:
     """True for points that may be ground: last and only returns, or all.
 
-    A pulse goes on to the ground after all its other returns. Points without return numbers, or
-    with zeros in them, may all be last returns.
+    A pulse goes on to the ground after all its other returns. Points without return numbers, with
+    zeros in them, or with numbers above the number of returns may all be last returns, and so may
+    both returns of a pulse that has one place in lists of first and of last returns.
 
     Returns
     -------
@@ -87,11 +89,9 @@ def may_be_ground(cloud: PointCloud, returns: Returns) -> Mask:
     >>> may_be_ground(PointCloud(np.zeros((2, 3)), returns), "last")
     array([False,  True])
     """
-    if returns == "all" or not {"return_number", "number_of_returns"} <= set(cloud.names):
+    if returns == "all":
         return np.ones(len(cloud), bool)
-    number, count = cloud["return_number"], cloud["number_of_returns"]
-    last: Mask = (number == 0) | (number >= count)
-    return last
+    return ~let_through(cloud)
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared.returns import ReturnNumbers, has_numbers
 from toolbox.context import log
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList, Expression
@@ -31,7 +32,7 @@ def choice_problems(
     """
     if classes and "classification" not in cloud:
         yield "classes", f"{cloud.name} has no classification"
-    if returns != "all" and not {"return_number", "number_of_returns"} <= {*cloud.names}:
+    if returns != "all" and not has_numbers(cloud):
         yield "returns", f"{cloud.name} has no return numbers"
 
 
@@ -55,20 +56,18 @@ def chosen(
     if classes:
         keep &= np.isin(cloud["classification"], classes)
     if returns != "all":
-        keep &= return_mask(cloud["return_number"], cloud["number_of_returns"], returns)
+        keep &= return_mask(ReturnNumbers.of(cloud), returns)
     if where:
         keep &= where.mask({name: cloud[name] for name in where.names}, len(cloud))
     return keep
 
 
-def return_mask(
-    number: NDArray[Any], count: NDArray[Any], returns: ReturnKind
-) -> NDArray[np.bool_]:
+def return_mask(found: ReturnNumbers, returns: ReturnKind) -> NDArray[np.bool_]:
     """True for the returns of one kind.
 
     Parameters
     ----------
-    number, count : arrays of shape (n,), the return number and the number of returns of the pulse
+    found : the returns of n points
     returns : see :class:`PointsFilter`
 
     Returns
@@ -82,15 +81,22 @@ def return_mask(
 
     Examples
     --------
-    >>> return_mask(np.array([1, 1, 2]), np.array([1, 2, 2]), "last")
+    >>> return_mask(ReturnNumbers(np.array([1, 1, 2]), np.array([1, 2, 2])), "last")
     array([ True, False,  True])
     """
-    valid = (number >= 1) & (number <= count)
+    number, count = found.number, found.count
+    valid = found.known
     if len(valid) and not valid.any():
         text = "points: no point has a valid return number, so returns cannot be chosen"
         raise NothingToDo(text)
     if not valid.all():
         log.warning("%d points have an invalid return number and are left out", (~valid).sum())
+    if found.in_lists and returns in ("only", "first_of_many", "last_of_many"):
+        log.warning(
+            "no pulse has a single return, as in lists of first and of last returns, where a pulse "
+            "with one return is in both; %s does not tell them apart",
+            returns,
+        )
     first, last, single = number == 1, number == count, count == 1
     masks = {
         "all": valid,

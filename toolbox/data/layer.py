@@ -61,6 +61,11 @@ class Layer(Protocol):
             """Length of one metre in the unit of the coordinates; 1.0 without a CRS."""
 
     @property
+    def bounds(self) -> tuple[float, ...]:
+        """(xmin, ymin, xmax, ymax), of points also with heights; NaN where nothing has a place."""
+        return (np.nan,) * 4
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the attributes or columns."""
         return ()

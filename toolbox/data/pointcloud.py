@@ -370,8 +370,11 @@ class PointCloud(Layer):
         """xmin, ymin, zmin, xmax, ymax, zmax of the points; NaN without points."""
         if len(self) == 0:
             return (np.nan,) * 6
-        low, high = self.xyz.min(axis=0).tolist(), self.xyz.max(axis=0).tolist()
-        return (*low, *high)
+        if self._xyz is None and self._metadata is not None and self._packed is not None:
+            low, high = las_points.box_of(self._metadata.header, self._packed)
+        else:
+            low, high = self.xyz.min(axis=0), self.xyz.max(axis=0)
+        return (*low.tolist(), *high.tolist())
 
     @property
     def metre(self) -> float:

@@ -95,6 +95,12 @@ class Vector(Layer):
         return 1 / metres_per_unit(self.crs)
 
     @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(xmin, ymin, xmax, ymax) of the features; NaN without any."""
+        xmin, ymin, xmax, ymax = self._frame.total_bounds.tolist()
+        return xmin, ymin, xmax, ymax
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the attributes."""
         return tuple(map(str, self._frame.columns.drop(self._frame.geometry.name)))

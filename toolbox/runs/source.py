@@ -11,6 +11,7 @@ from typing import Any
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
+from toolbox.data.area_of_use import misplaced
 from toolbox.data.crs import describe_crs, same_crs
 from toolbox.data.layer import Layer
 from toolbox.data.paths import PointFiles, missing
@@ -107,7 +108,9 @@ class Source:
             It cannot be read.
         """
         made = self._read(kind, crs, reading, ctx) if self.layer is None else self.layer
-        return made if crs is None else _with_crs(made, crs)
+        made = made if crs is None else _with_crs(made, crs)
+        check_place(made, crs)
+        return made
 
     def _read(self, kind: Kind, crs: CRS | None, reading: Reading | None, ctx: Context) -> Any:
         assert kind.open is not None
@@ -200,6 +203,25 @@ def open_all(
     """The layer of a parameter, or a tuple where it takes several."""
     made = tuple(source.open(field.kind, crs, reading, ctx) for source in sources)
     return made if field.many else made[0]
+
+
+def check_place(layer: Layer, assumed: CRS | None) -> None:
+    """Warn of coordinates that cannot be in the CRS of their layer, or lie far from its place.
+
+    In a CRS that is only assumed, coordinates in another unit are an error: whoever means plain
+    coordinates can say so. A file may state a CRS for coordinates that were moved to an origin.
+
+    Raises
+    ------
+    DataError
+        The coordinates are in another unit than the CRS that is assumed.
+    """
+    found = misplaced(layer.crs, layer.bounds) if layer.is_spatial else None
+    if found is None:
+        return
+    if found.in_other_unit and same_crs(layer.crs, assumed):
+        raise DataError(f"{layer.name} {found.text} (--assume-crs)".strip())
+    log.warning("%s %s", layer.name or "the layer", found.text)
 
 
 def _with_crs(layer: Layer, crs: CRS) -> Layer:

@@ -17,7 +17,7 @@ from toolbox.declare.fields import Spec
 from toolbox.errors import DataError, ParameterError
 from toolbox.models.model import INPUTS, Model, Reference, Step, leading_steps, references
 from toolbox.runs.provenance import Count
-from toolbox.runs.source import Source, Sources
+from toolbox.runs.source import Source, Sources, check_place
 
 ALONE = "tool"  # the step of a model that stands for a tool
 
@@ -216,6 +216,7 @@ def surveys_of(
             continue
         try:
             found[name] = _survey(sources[name], field.many, assume_crs, ctx)
+            check_place(found[name], assume_crs)
         except DataError as err:
             problems[name] = str(err)
     for name, survey in found.items():

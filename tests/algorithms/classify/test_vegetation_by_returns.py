@@ -119,6 +119,84 @@ def test_pairs_by_time_and_by_order_are_the_same() -> None:
     np.testing.assert_array_equal(points["return_number"][last], points["number_of_returns"][last])
 
 
+def lists(points: PointCloud) -> PointCloud:
+    """All first returns, then all last ones; each pulse claims two, and has no time."""
+    count, number = points["number_of_returns"], points["return_number"]
+    first, last = np.flatnonzero(number == 1), np.flatnonzero(number == count)
+    both = np.concatenate([first, last])
+    number = np.repeat([1, 2], len(first)).astype(np.uint8)
+    columns = {"return_number": number, "number_of_returns": np.full(len(both), 2, np.uint8)}
+    columns |= {"classification": points["classification"][both], "truth": points["truth"][both]}
+    return PointCloud(points.xyz[both], columns, crs=UTM, name="lists.laz")
+
+
+def slanted(points: PointCloud, slope: float = 0.3) -> PointCloud:
+    """Seen from the side, so that the returns of a pulse are not above each other."""
+    xyz = points.xyz.copy()
+    xyz[:, 0] += slope * (xyz[:, 2] - 50)
+    return points.with_xyz(xyz)
+
+
+def test_lists_of_first_and_last_returns(caplog: pytest.LogCaptureFixture) -> None:
+    points = slanted(garden())
+    wanted = ClassifyVegetationByReturns(points=points, building_classes=None).run()
+    first = points["return_number"][wanted.classified["classification"] == 5] == 1
+    apart = lists(points)
+    how: dict[str, Any] = {"pairs": "order", "building_classes": None}
+    out = ClassifyVegetationByReturns(points=apart, **how).run()
+    assert out.candidates == first.sum() > 300
+    assert not caplog.text
+    members, one, other = pulses(apart, "order")
+    assert len(members) == len(apart)
+    np.testing.assert_array_equal(other - one, len(apart) // 2)
+    noise = np.zeros(len(apart), np.uint8)
+    noise[::7] = 7  # takes no part, and shifts nothing
+    some = apart.with_attributes({"classification": noise})
+    kept = (noise[: len(apart) // 2] == 0) & (noise[len(apart) // 2 :] == 0)
+    z = apart.xyz[:, 2]
+    far = z[: len(apart) // 2] - z[len(apart) // 2 :] > 4
+    assert ClassifyVegetationByReturns(points=some, **how).run().candidates == (far & kept).sum()
+
+
+def test_lists_in_no_order_are_paired_by_place(caplog: pytest.LogCaptureFixture) -> None:
+    apart = lists(slanted(garden(), 0.1))
+    n, rng = len(apart) // 2, np.random.default_rng(0)
+    z = apart.xyz[:, 2]
+    far = z[:n] - z[n:] > 4
+    for chosen in (rng.permutation(2 * n), np.flatnonzero(rng.random(2 * n) < 0.97)):
+        there = np.isin(np.arange(2 * n), chosen)
+        wanted = int((far & there[:n] & there[n:]).sum())
+        caplog.clear()
+        part = apart.select(chosen)
+        out = ClassifyVegetationByReturns(points=part, pairs="order", building_classes=None).run()
+        assert out.candidates == pytest.approx(wanted, rel=0.1)
+        assert "are paired by their places, where slanted pulses may be mixed up" in caplog.text
+        _, one, other = pulses(part, "order")
+        pairs = {*zip(one.tolist(), other.tolist(), strict=True)}
+        assert len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
+
+
+def test_orders_that_are_none_of_a_scan(caplog: pytest.LogCaptureFixture) -> None:
+    points = garden()
+    mixed = points.select(np.random.default_rng(0).permutation(len(points)))
+    with pytest.raises(DataError, match=r"order does not tell .* use pairs gps_time"):
+        pulses(mixed, "order")
+    thinned = points.select(np.random.default_rng(0).random(len(points)) < 0.3)
+    pulses(thinned, "gps_time")
+    assert "are of pulses whose first and last return are there" in caplog.text
+    caplog.clear()
+    wrong = np.full(len(points), 5, np.uint8)
+    single = {"return_number": wrong, "number_of_returns": np.ones(len(points), np.uint8)}
+    assert not len(pulses(points.with_attributes(single), "gps_time").members)
+    assert "cannot be, such as return 5 of 1; they belong to no pulse" in caplog.text
+
+
+def test_a_real_list_of_returns(data: Callable[[str], Path]) -> None:
+    points = PointCloud.open(data("isprs_sites/CSite2_orig-utm.laz"))
+    out = ClassifyVegetationByReturns(points=points, pairs="order", building_classes=None).run()
+    assert out.candidates == 30_169
+
+
 def test_pulses_of_one_time_in_two_channels_are_two() -> None:
     cloud = PointCloud(
         np.zeros((4, 3)),

@@ -488,8 +488,8 @@ def test_only_last_returns_can_be_ground() -> None:
     first = np.zeros(len(xyz), bool)
     first[::5] = True
     columns = {
-        "return_number": np.where(first, 1, 2).astype(np.uint8),
-        "number_of_returns": np.full(len(xyz), 2, np.uint8),
+        "return_number": np.ones(len(xyz), np.uint8),
+        "number_of_returns": np.where(first, 2, 1).astype(np.uint8),
     }
     for zero, expected in [(1, ~first), (0, np.ones(len(xyz), bool))]:
         numbers = {name: zero * column for name, column in columns.items()}

@@ -10,6 +10,7 @@ import pytest
 from pyproj import CRS
 
 from algorithms.points.filter import PointsFilter
+from algorithms.shared.returns import ReturnNumbers
 from algorithms.shared.selection import return_mask
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList, Expression, Range
@@ -98,10 +99,19 @@ def test_a_band_above_an_error_is_told(caplog: pytest.LogCaptureFixture) -> None
 
 
 def test_invalid_return_numbers_are_left_out_and_said(caplog: pytest.LogCaptureFixture) -> None:
-    number, count = np.array([0, 1, 3]), np.array([0, 1, 2])
+    found = ReturnNumbers(np.array([0, 1, 3]), np.array([0, 1, 2]))
     with caplog.at_level("WARNING", "toolbox"):
-        assert list(return_mask(number, count, "last")) == [False, True, False]
+        assert list(return_mask(found, "last")) == [False, True, False]
     assert "2 points have an invalid return number" in caplog.text
+    assert "no pulse has a single return" not in caplog.text
+
+
+def test_single_returns_of_lists_of_first_and_last_ones(caplog: pytest.LogCaptureFixture) -> None:
+    found = ReturnNumbers(np.array([1, 1, 2, 2]), np.array([2, 2, 2, 2]))
+    assert list(return_mask(found, "last")) == [False, False, True, True]
+    assert not caplog.text
+    assert not return_mask(found, "only").any()
+    assert "no pulse has a single return" in caplog.text
 
 
 def test_missing_attributes_are_named() -> None:

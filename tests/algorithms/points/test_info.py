@@ -21,11 +21,26 @@ def grid(side: int = 100, **columns: Any) -> PointCloud:
     return PointCloud(np.column_stack([x, y, x / 100]), columns, crs=crs, name="grid.laz")
 
 
+PLACE = "outside the area of use"  # where all these points are, as they begin at 0
+
+
 def report(cloud: PointCloud | Survey) -> tuple[dict[str, Any], list[str]]:
-    """Properties by name, and the warnings."""
+    """Properties by name, and the warnings, but for that of their place."""
     rows = PointsInfo(points=cloud).run().table.rows()
     found = {row["property"]: row["value"] for row in rows if row["property"] != "warning"}
-    return found, [row["value"] for row in rows if row["property"] == "warning"]
+    warnings = [row["value"] for row in rows if row["property"] == "warning"]
+    return found, [text for text in warnings if PLACE not in text]
+
+
+def test_points_outside_the_area_of_use_of_their_crs(tmp_path: Path) -> None:
+    for points in (grid(), tiles(tmp_path, [(0, 0), (1, 0)])):
+        assert PLACE in " ".join(map(str, PointsInfo(points=points).run().table.frame["value"]))
+
+
+def test_lists_of_first_and_last_returns_are_told() -> None:
+    twos = np.full(10_000, 2, np.uint8)
+    _, warnings = report(grid(return_number=1 + np.arange(10_000) % 2, number_of_returns=twos))
+    assert "no pulse has a single return: are these lists of first and of last returns?" in warnings
 
 
 def test_figures() -> None:

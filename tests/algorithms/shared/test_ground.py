@@ -82,8 +82,8 @@ def test_points_that_take_part() -> None:
     points = cloud(
         withheld=[1, 0, 0, 0],
         classification=[2, 7, 5, 2],
-        return_number=[1, 1, 1, 2],
-        number_of_returns=[2, 2, 2, 2],
+        return_number=[1, 1, 1, 1],
+        number_of_returns=[2, 2, 2, 1],
     )
     candidates = Candidates.of(points, "last", ClassList([7]))
     assert candidates.part.tolist() == [False, False, True, True]

@@ -248,3 +248,31 @@ def test_files_that_are_left_out_are_named_once(caplog: pytest.LogCaptureFixture
     assert found.remarks == (".: only its LAS and LAZ files are read, not a.txt",)
     toolbox.run("points.filter", {"points": ".", "kept": "c.laz"})
     assert caplog.text.count("only its LAS") == 1
+
+
+def test_degrees_in_a_crs_of_metres_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """An error where the CRS is only assumed, a warning where a file states it."""
+    path, degrees = tmp_path / "a.txt", [[29.01, 41.0, 80], [29.02, 41.01, 90]]
+    path.write_text("x y z\n29.01 41.0 80\n29.02 41.01 90\n")
+    said = r"a.txt has x from 29\.01 to 29\.02 and y from 41 to 41\.01, which look like degrees"
+    for values in ({"points": path}, {"points": cloud(degrees, crs=None, name="a.txt")}):
+        with pytest.raises(DataError, match=said):
+            toolbox.run("points.filter", values, assume_crs="EPSG:32635")
+    how, values = Tiling(size=100, workers=1), {"points": path, "kept": tmp_path / "b.laz"}
+    with pytest.raises(DataError, match=said):
+        toolbox.run("points.filter", values, assume_crs="EPSG:32635", tiling=how)
+    assert "look like degrees" not in caplog.text
+    toolbox.run("points.filter", {"points": cloud(degrees)})
+    assert "a.laz has x from 29.01 to 29.02" in caplog.text
+    caplog.clear()
+    toolbox.run("points.filter", {"points": cloud(degrees, crs=None)}, assume_crs="local")
+    toolbox.run("points.filter", {"points": cloud([])})
+    assert "degrees" not in caplog.text
+
+
+def test_rasters_and_features_far_from_their_crs_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    far = raster([[1.0]], west=6.6e6, north=9e5)
+    toolbox.run("surface.hillshade", {"surface": far})
+    assert "far outside the area of use of EPSG:32635" in caplog.text

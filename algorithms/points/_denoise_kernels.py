@@ -48,22 +48,26 @@ def _lowest_around(box, depth, leaf, reach, lowest, held):
 
 
 @helper
-def _side(xyz, own, near, values, found):
-    """Low or high noise: by the median height of the neighbours of a point."""
+def _side(xyz, own, near, values, found, plants):
+    """Low or high noise, or none where a plant may be: by the median height of the neighbours."""
     for j in range(found):
         values[j] = xyz[near[j], 2]
-    return HIGH if xyz[own, 2] > median(values[:found]) else LOW
+    above = xyz[own, 2] - median(values[:found])
+    if 0.0 < above <= plants:
+        return 0
+    return HIGH if above > 0.0 else LOW
 
 
 @njit(cache=True, nogil=True)
 def judge(first_leaf, last_leaf, xyz, box, depth, mean, farthest, lowest, k, reach, rule, verdict):
     """Fill in the verdicts on the points of the leaves first_leaf..last_leaf.
 
-    `rule` holds the threshold, the least deviation as a share of what is usual, and the least
-    number of neighbours; `k` is the number of neighbours near by and around, see the tool.
+    `rule` holds the threshold, the least deviation as a share of what is usual, the least number of
+    neighbours, and the height of plants; `k` is the number of neighbours near by and around, see
+    the tool.
     """
     n = len(xyz)
-    threshold, share, fewest = rule
+    threshold, share, fewest, plants = rule
     few, few_far = np.empty(k[0], np.int64), np.empty(k[0])
     near, far, values = np.empty(k[1], np.int64), np.empty(k[1]), np.empty(k[1])
     held, held_away = np.empty(tree.DEEPEST, np.int64), np.empty(tree.DEEPEST)
@@ -96,7 +100,7 @@ def judge(first_leaf, last_leaf, xyz, box, depth, mean, farthest, lowest, k, rea
             usual = max(middle, near_by)
             deviation = max(MAD * median(values[:found]), share * usual)
             if mean[own] - usual > threshold * deviation:
-                verdict[own] = _side(xyz, own, near, values, found)
+                verdict[own] = _side(xyz, own, near, values, found, plants)
 
 
 @njit(cache=True, nogil=True)
@@ -109,4 +113,4 @@ def sides(first, last, xyz, box, depth, noise, k, verdict):
         own = noise[i]
         leaf = (((own + 1) << depth) - 1) // n  # the last that begins at or before the point
         found = tree.nearest(xyz, box, depth, leaf, own, np.inf, near, far, held, held_away)
-        verdict[own] = _side(xyz, own, near, values, found)
+        verdict[own] = _side(xyz, own, near, values, found, 0.0)

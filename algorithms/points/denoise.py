@@ -33,7 +33,12 @@ from toolbox.declare import ClassList, outputs, param, sink, source, tool
 from toolbox.errors import DataError, NothingToDo
 
 LOW, HIGH = kernels.LOW, kernels.HIGH
-LEAST_DEVIATION = 0.2  # of what is usual: even a perfect lattice may have gaps of twice its step
+LEAST_DEVIATION = 0.25  # of what is usual: with the threshold of 10, 3.5 times that is no noise
+MOST = 0.01  # share of points that can be noise: ten times what surveyors have labelled so
+FEW = 10  # points of which no share is taken
+SPARE = 2.0  # times the distance in which half of the points have their neighbours: for four times
+# as many
+MOSTLY = 98  # percent of the points that have their neighbours within a suitable reach
 NEARER, WIDER = 4, 4  # what is usual: for a fourth of the neighbours, and for four times as many
 MOST_CELLS = 1 << 31  # along an axis
 STRIDE = 2 * MOST_CELLS  # from the number of a cell to that of the next in its row
@@ -57,6 +62,8 @@ class PointsDenoise:
 
     Before that, whatever is cut off from the ground below or above it by `height_gap` of empty
     air is noise, such as returns from clouds, mist and birds. Raise it where lines cross valleys.
+    What stands no more than `plant_height` above its surroundings may be a plant, a fence or a car,
+    and stays, with local.
 
     Noise becomes class 7, or 18 where it lies above its surroundings. Ignored classes and withheld
     points take no part and stay.
@@ -67,7 +74,7 @@ class PointsDenoise:
     neighbours: int = param("Neighbours of a point", default=20, unit="1", ge=1, le=1000)
     threshold: float = param(
         "Standard deviations that the mean distance may lie above the usual",
-        default=5.0,
+        default=10.0,
         unit="1",
         ge=0,
     )
@@ -89,6 +96,12 @@ class PointsDenoise:
         default=100.0,
         unit="m",
         gt=0,
+    )
+    plant_height: float = param(
+        "Height above their surroundings up to which points stay; 0 for scans from the ground",
+        default=2.0,
+        unit="m",
+        ge=0,
     )
     ignore: ClassList | None = parameters.ignore()
 
@@ -117,15 +130,17 @@ class PointsDenoise:
         cloud = self.points
         part = taking_part(cloud, self.ignore)
         verdict = np.zeros(len(cloud), np.uint8)
+        xyz = cloud.xyz if part.all() else cloud.xyz[part]
         verdict[part] = noise(
-            cloud.xyz if part.all() else cloud.xyz[part],
+            xyz,
             neighbours=self.neighbours,
             threshold=self.threshold,
             scope=self.scope,
             reach=self.reach,
             min_neighbours=self.min_neighbours,
             height_gap=self.height_gap,
-            ctx=ctx,
+            plant_height=self.plant_height,
+            ctx=ctx.part(0.0, 0.9),
         )
         outputs, count = self._outputs(verdict), np.count_nonzero(part)
         if self.scope == "local" and 0 < count <= self.min_neighbours:
@@ -134,9 +149,21 @@ class PointsDenoise:
                 "each, so that all would be noise",
                 instead=outputs,
             )
-        if np.count_nonzero(verdict) > count / 2:
-            log.warning("more than half of the points are noise; is reach too small?")
+        found = np.count_nonzero(verdict)
+        if found > max(FEW, MOST * count):
+            share = f"{found} of {count} points ({100 * found / count:.3g} %) are called noise"
+            advice = self._advice(xyz, ctx.part(0.9, 1.0))
+            log.warning("%s, and no survey has more than %g %%; %s", share, 100 * MOST, advice)
+        ctx.progress(1.0)
         return outputs
+
+    def _advice(self, xyz: Floats, ctx: Context) -> str:
+        """What to do where more points are noise than can be."""
+        wide = suitable_reach(xyz, self.neighbours, ctx)
+        if self.scope == "local" and wide > self.reach:
+            metres = math.ceil(wide / self.points.metre)
+            return f"they are too sparse for reach: set it to {metres} m, and tiles far larger"
+        return "look at them with action label, and raise threshold"
 
     def _outputs(self, verdict: Verdicts) -> PointsDenoise.Outputs:
         cloud, found = self.points, verdict > 0
@@ -158,11 +185,12 @@ def noise(
     xyz: Floats,
     *,
     neighbours: int = 20,
-    threshold: float = 5.0,
+    threshold: float = 10.0,
     scope: Scope = "local",
     reach: float = 20.0,
     min_neighbours: int = 6,
     height_gap: float | None = 100.0,
+    plant_height: float = 2.0,
     ctx: Context = QUIET,
 ) -> Verdicts:
     """Class of noise of each point, from its distances to its neighbours.
@@ -171,7 +199,7 @@ def noise(
     ----------
     xyz : array of shape (n, 3)
     neighbours, threshold, scope, min_neighbours : see :class:`PointsDenoise`
-    reach, height_gap : as there, in the unit of the points
+    reach, height_gap, plant_height : as there, in the unit of the points
     ctx : progress and cancellation
 
     Returns
@@ -195,7 +223,7 @@ def noise(
     tree = PointTree.of(xyz[rest] if len(rest) < len(xyz) else xyz, ctx=ctx.part(0.2, 0.4))
     k = min(neighbours, len(rest) - 1)
     if scope == "local":
-        rule = (threshold, LEAST_DEVIATION, min_neighbours)
+        rule = (threshold, LEAST_DEVIATION, min_neighbours, plant_height)
         found = _beside_neighbours(tree, neighbours, reach, rule, ctx.part(0.4, 0.95))
     elif k > 0:
         found = _beside_all(tree, k, threshold, scope, ctx.part(0.4, 0.95))
@@ -209,7 +237,7 @@ def noise(
 
 
 def _beside_neighbours(
-    tree: PointTree, k: int, reach: float, rule: tuple[float, float, int], ctx: Context
+    tree: PointTree, k: int, reach: float, rule: tuple[float, float, int, float], ctx: Context
 ) -> Verdicts:
     """Verdicts, in the order of the tree: mean distances compared with those of the neighbours."""
     mean, farthest = tree.mean_distances(k, max_distance=reach, ctx=ctx.part(0.0, 0.8))
@@ -257,6 +285,19 @@ def _beside_all(tree: PointTree, k: int, threshold: float, scope: Scope, ctx: Co
         ctx=ctx.part(0.8, 1.0),
     )
     return verdict
+
+
+def suitable_reach(xyz: Floats, neighbours: int, ctx: Context = QUIET) -> float:
+    """A reach in which nearly all points have their neighbours, and half of them far more.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    neighbours : see :class:`PointsDenoise`
+    """
+    k = min(neighbours, len(xyz) - 1)
+    _, farthest = PointTree.of(xyz).mean_distances(k, ctx=ctx)
+    return float(max(SPARE * np.median(farthest), np.percentile(farthest, MOSTLY)))
 
 
 # Columns -----------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -95,7 +96,7 @@ def test_density_of_a_single_station_falls_off() -> None:
     radius, phi = distance.ravel(), np.radians(angle.ravel())
     jitter = np.random.default_rng(0).normal(0, 0.002, len(phi))
     floor = np.column_stack([radius * np.cos(phi), radius * np.sin(phi), jitter])
-    found = noise(np.vstack([floor, [[1.0, 1.0, 0.5], [20, 20, 4.0]]]))
+    found = noise(np.vstack([floor, [[1.0, 1.0, 0.5], [20, 20, 4.0]]]), plant_height=0.0)
     assert (found[-2:] == HIGH).all()
     assert found[:-2].mean() < 1e-3
 
@@ -243,9 +244,57 @@ def test_bad_input(caplog: pytest.LogCaptureFixture) -> None:
         PointsDenoise(points=cloud(terrain(5)), neighbours=4)
     with pytest.raises(ValueError, match="finite numbers, got z = nan at point 1"):
         noise(np.array([[0, 0, 0], [0, 0, np.nan]]))
-    with caplog.at_level("WARNING", "toolbox"):
-        PointsDenoise(points=cloud(terrain() * 100)).run()
-    assert "more than half of the points are noise; is reach too small?" in caplog.text
+
+
+@pytest.mark.parametrize("crs", [CRS(32635), CRS(2263)])
+def test_more_noise_than_can_be_is_told_with_what_to_do(
+    crs: CRS, caplog: pytest.LogCaptureFixture
+) -> None:
+    sparse = PointCloud(terrain() * [100, 100, 1] * (1 if crs == CRS(32635) else 3.28), crs=crs)
+    PointsDenoise(points=sparse).run()
+    assert "7200 of 7200 points (100 %) are called noise, and no survey has more than 1 %" in (
+        caplog.text
+    )
+    (reach,) = map(int, re.findall(r"too sparse for reach: set it to (\d+) m", caplog.text))
+    caplog.clear()
+    out = PointsDenoise(points=sparse, reach=float(reach)).run()
+    assert len(out.clean) >= 0.999 * len(sparse)
+    assert not caplog.text
+    noisy = np.vstack([terrain(), np.random.default_rng(0).uniform(0, [60, 60, 90], (80, 3))])
+    PointsDenoise(points=cloud(noisy), scope="global").run()
+    assert "look at them with action label, and raise threshold" in caplog.text
+    caplog.clear()
+    PointsDenoise(points=cloud(np.vstack([terrain(), PLANTED]))).run()
+    assert not caplog.text
+
+
+def test_plants_over_a_meadow_stay_and_what_lies_below_it_does_not() -> None:
+    """Stems that single pulses hit, over ground of 100 points per square metre."""
+    rng = np.random.default_rng(0)
+    ground = rng.uniform(0, [20, 20, 0.05], (40_000, 3))
+    plants = rng.uniform([1, 1, 0.4], [19, 19, 1.6], (150, 3))
+    planted = np.array([[5, 5, 8.0], [15, 8, 9], [10, 15, -1.5], [4, 12, -3]])
+    found = noise(np.vstack([ground, plants, planted]))
+    assert not found[:-4].any()
+    assert list(found[-4:]) == [HIGH, HIGH, LOW, LOW]
+    bare = noise(np.vstack([ground, plants, planted]), plant_height=0.0)
+    assert (bare[40_000:-4] == HIGH).mean() > 0.5
+
+
+CLEAN = [  # of AHN, IGN, ISPRS and others; their few gross errors are among what may be found
+    "ahn3_delft_bgt/ahn3_cropped_2.laz",
+    "ahn_amsterdam/ahn3_2386_9702.laz",
+    "ign_urban_50m/77055_627755.laz",
+    "ign_urban_50m/77060_627760.laz",
+    "isprs_samples_labelled_laz/samp31_first_last_intensity.laz",
+    "isprs_samples_labelled_laz/samp42_first_last_intensity.laz",
+    "lidr_topography/MixedConifer.laz",
+]
+
+
+@pytest.mark.parametrize("name", CLEAN)
+def test_hardly_any_real_point_is_noise(name: str, data: Callable[[str], Path]) -> None:
+    assert (noise(PointCloud.open(data(name)).xyz) > 0).mean() <= 0.0005
 
 
 @pytest.mark.parametrize("count", range(1, 9))
@@ -301,20 +350,20 @@ def test_real_gross_outliers(data: Callable[[str], Path]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("sample", "low", "high"),
-    [("31", 292.25, None), ("23", 270, 400), ("54", 242, 500), ("61", None, 500)],
+    ("sample", "low", "high", "pairs"),
+    [("31", 292.25, None, 0), ("23", 270, 400, 0), ("54", 242, 500, 2), ("61", None, 500, 0)],
 )
 def test_real_low_and_high_points(
-    sample: str, low: float | None, high: float | None, data: Callable[[str], Path]
+    sample: str, low: float | None, high: float | None, pairs: int, data: Callable[[str], Path]
 ) -> None:
     path = data(f"isprs_samples_labelled_laz/samp{sample}_first_last_intensity.laz")
     points = PointCloud.open(path)
     found, z = noise(points.xyz), points.xyz[:, 2]
     if low:
-        assert (found[z < low] == LOW).all()
+        assert (found[z < low] == LOW).sum() == (z < low).sum() - pairs  # near each other
     if high:
         assert (found[z > high] == HIGH).all()
-    assert (found > 0).mean() < 0.004
+    assert (found > 0).mean() < 0.0005
 
 
 @pytest.mark.slow

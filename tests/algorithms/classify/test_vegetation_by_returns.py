@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from algorithms.classify._canny import canny
-from algorithms.classify._pulses import pulses
+from algorithms.classify._pulses import near_each_other, pulses
 from algorithms.classify.vegetation_by_returns import ClassifyVegetationByReturns
 from toolbox.data import PointCloud
 from toolbox.errors import DataError, NothingToDo, ParameterError
@@ -174,6 +174,13 @@ def test_lists_in_no_order_are_paired_by_place(caplog: pytest.LogCaptureFixture)
         _, one, other = pulses(part, "order")
         pairs = {*zip(one.tolist(), other.tolist(), strict=True)}
         assert len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
+
+
+def test_returns_farther_aside_than_a_scanner_looks_are_no_pulse() -> None:
+    first = np.array([[0, 0, 10.0], [50, 0, 10], [100, 0, 0]])
+    last = np.array([[3, 0, 5.0], [56, 0, 5], [100.2, 0, 0.1]])  # 31, 50 and 63 degrees
+    one, other = near_each_other(first, last)
+    assert sorted(zip(one.tolist(), other.tolist(), strict=True)) == [(0, 0), (2, 2)]
 
 
 def test_orders_that_are_none_of_a_scan(caplog: pytest.LogCaptureFixture) -> None:

@@ -21,6 +21,7 @@ OwnFiles = Callable[[Path], tuple[Path, ...]]  # all files that belong to a path
 
 PREFIX = ".unfinished-"
 LOCK = "lock"  # file in a temporary folder, locked while the process lives that made it
+OTHERS_WRITE = 0o022  # of the mode of a folder
 FULL = 2**20  # bytes; a disk with less space than this is full
 _unfinished: dict[Path, FileLock] = {}  # temporary folders of this process, removed at a hard exit
 _moving = threading.Lock()  # held while outputs are moved to their paths
@@ -183,6 +184,14 @@ def _lock_of(folder: Path) -> FileLock:
     from filelock import FileLock
 
     return FileLock(folder / LOCK, blocking=False, thread_local=False)
+
+
+def is_private(folder: Path) -> bool:
+    """Whether a folder belongs to this user, and nobody else may write in it."""
+    if not hasattr(os, "getuid"):
+        return True
+    link, there = folder.lstat(), folder.stat()
+    return link.st_uid == there.st_uid == os.getuid() and not there.st_mode & OTHERS_WRITE
 
 
 def is_full(folder: Path) -> bool:

@@ -189,3 +189,17 @@ def test_all_is_put_back_when_one_move_fails(
         write()
     assert [p.name for p in tmp_path.iterdir()] == ["1.laz"]
     assert one.read_text() == "old"
+
+
+def test_a_private_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, link = tmp_path / "a", tmp_path / "b"
+    folder.mkdir(mode=0o700)
+    link.symlink_to(folder)
+    assert files.is_private(folder)
+    assert files.is_private(link)
+    for mode in (0o720, 0o702):
+        folder.chmod(mode)
+        assert not files.is_private(folder)
+    folder.chmod(0o755)
+    monkeypatch.setattr(files.os, "getuid", lambda: folder.stat().st_uid + 1)
+    assert not files.is_private(folder)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 from pyproj import CRS
@@ -71,6 +72,17 @@ def parse_crs(text: str) -> CRS:
     if crs.is_vertical and not crs.is_compound:
         raise ValueError(f"{text!r} is a height system alone ({crs.name}); {_FORMS}")
     return crs
+
+
+def crs_to_json(crs: CRS | None) -> str | None:
+    """A text of which :func:`crs_from_json` makes the same CRS."""
+    return None if crs is None else str(crs.srs)
+
+
+@lru_cache
+def crs_from_json(text: str | None) -> CRS | None:
+    """The CRS of a text that :func:`crs_to_json` has made."""
+    return None if text is None else CRS(text)
 
 
 def length_problem(crs: CRS | None) -> str | None:

@@ -96,9 +96,26 @@ class Layer(Protocol):
         """What belongs to a tile; None if nothing does, or nothing has a position."""
         return None
 
-    def apart(self) -> tuple[Mapping[str, NDArray[Any]], Any]:
-        """The arrays of what there is many of, and all the rest as one small object."""
-        return {}, self
+    def apart(self) -> tuple[Mapping[str, NDArray[Any]], dict[str, Any]]:
+        """The arrays of what there is many of, and all the rest as values that JSON knows.
+
+        Raises
+        ------
+        DataError
+            No piece of a layer of this class belongs to a tile.
+        """
+        raise DataError(f"a {type(self).__name__} is not taken apart")
+
+    @classmethod
+    def of_parts(cls, arrays: Mapping[str, NDArray[Any]], rest: Mapping[str, Any]) -> Self:
+        """The layer that :meth:`apart` has taken apart; its arrays may be read from disk.
+
+        Raises
+        ------
+        DataError
+            No piece of a layer of this class belongs to a tile.
+        """
+        raise DataError(f"a {cls.__name__} is not put together")
 
     def size_text(self) -> str:
         """The size in words, for a page that does not list what is in the layer; else ""."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -12,12 +14,18 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import differences
-from toolbox.data.crs import crs_conflicts, describe_crs, metres_per_unit
+from toolbox.data.crs import (
+    crs_conflicts,
+    crs_from_json,
+    crs_to_json,
+    describe_crs,
+    metres_per_unit,
+)
 from toolbox.data.las import points as las_points
 from toolbox.data.las.header import LasMetadata
 from toolbox.data.las.joint import in_layout, joint_metadata, with_layout
 from toolbox.data.las.read import read_las
-from toolbox.data.las.write import las_sink, write_las
+from toolbox.data.las.write import las_sink, metadata_bytes, metadata_of, write_las
 from toolbox.data.layer import Inside, Layer
 from toolbox.data.paths import LAS, TEXT, Paths, PointFiles, suffix_of
 from toolbox.data.reading import Reading
@@ -511,11 +519,35 @@ class PointCloud(Layer):
         yield "xyz", self.xyz
         yield from ((name, self[name]) for name in self.names)
 
-    def apart(self) -> tuple[dict[str, NDArray[Any]], tuple[PointCloud, NDArray[np.float64]]]:
-        """The arrays of the points; the cloud without points, and the box around them."""
+    def apart(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """The arrays of the points; header, layout, and the box around them."""
         origin = {} if self._origin is None else {"origin": self._origin}
-        box = np.reshape(self.bounds, (2, 3))
-        return self.arrays() | origin, (self.select([]).with_origin(None), box)
+        rest: dict[str, Any] = {
+            "name": self.name,
+            "crs": crs_to_json(self.crs),
+            "columns": list(self._columns),
+            "descriptions": self._descriptions,
+            "moved": self._moved,
+            "box": np.reshape(self.bounds, (2, 3)).tolist(),
+        }
+        if self._metadata is not None:
+            rest["las"] = base64.b64encode(metadata_bytes(self._metadata)).decode()
+            rest["las_crs"] = crs_to_json(self._metadata.crs)
+        return self.arrays() | origin, rest
+
+    @classmethod
+    def of_parts(cls, arrays: Mapping[str, NDArray[Any]], rest: Mapping[str, Any]) -> PointCloud:
+        """The points that :meth:`apart` has taken apart."""
+        crs, empty = crs_from_json(rest["crs"]), np.empty((0, 3))
+        cloud = cls(empty, crs=crs, name=rest["name"], descriptions=rest["descriptions"])
+        if "las" in rest:
+            metadata = metadata_of(base64.b64decode(rest["las"]))
+            cloud._metadata = replace(metadata, crs=crs_from_json(rest["las_crs"]))
+        cloud._moved = rest["moved"]
+        cloud._columns = dict.fromkeys(rest["columns"], np.empty(0))
+        origin = arrays.get("origin")
+        points = {name: values for name, values in arrays.items() if name != "origin"}
+        return cloud.with_arrays(points).with_origin(origin)
 
     def size_text(self) -> str:
         """The number of points in words."""

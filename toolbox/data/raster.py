@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,7 +18,7 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context
 from toolbox.data import differences
-from toolbox.data.crs import is_local, metres_per_unit
+from toolbox.data.crs import crs_from_json, crs_to_json, is_local, metres_per_unit
 from toolbox.data.drivers import raster_driver
 from toolbox.data.lattice import Lattice
 from toolbox.data.layer import Inside, Layer
@@ -27,6 +27,7 @@ from toolbox.errors import DataError
 
 STRIP = 256  # rows that are written at a time; one row of tiles of the file
 _COMPRESSED = {"compress": "deflate", "bigtiff": "if_safer"}
+_SAID = ("nodata", "descriptions", "units", "name")  # of a raster, besides its place
 _NODATA = -9999.0  # of float rasters, unless the file or the caller has its own
 _SIDE_CARS = (".aux.xml", ".ovr", ".msk", ".msk.ovr")  # what GDAL reads with a GeoTIFF
 _DTYPES = frozenset(
@@ -315,9 +316,17 @@ class Raster(Layer):
         yield "nodata", np.array([np.nan if self.nodata is None else self.nodata])
         yield "values", self.values
 
-    def apart(self) -> tuple[dict[str, NDArray[Any]], Raster]:
-        """The values, and a raster of one cell that says all the rest."""
-        return {"values": self.values}, self.window(slice(0, 1), slice(0, 1))
+    def apart(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """The values, and all that is said of them."""
+        rest = {"transform": self.transform[:6], "crs": crs_to_json(self.crs)}
+        rest |= {name: getattr(self, name) for name in _SAID}
+        return {"values": self.values}, rest
+
+    @classmethod
+    def of_parts(cls, arrays: Mapping[str, NDArray[Any]], rest: Mapping[str, Any]) -> Raster:
+        """The raster that :meth:`apart` has taken apart."""
+        crs, said = crs_from_json(rest["crs"]), {name: rest[name] for name in _SAID}
+        return cls(arrays["values"], Affine(*rest["transform"]), crs=crs, **said)
 
     def size_text(self) -> str:
         """Rows and columns in words."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -15,6 +15,8 @@ from pyproj import CRS
 from toolbox.context import QUIET, Context, log
 from toolbox.data import differences, dxf, geopackage, mesh
 from toolbox.data.crs import (
+    crs_from_json,
+    crs_to_json,
     describe_crs,
     horizontal_crs,
     is_local,
@@ -255,6 +257,42 @@ class Vector(Layer):
         """The features that belong to a tile."""
         return self._of(self.frame[self._belong(inside)])
 
+    def apart(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """The geometries as WKB one after the other, and the attributes."""
+        frame, geometry = self._frame, self._frame.geometry
+        wkb = [geometry.array.isna().tolist(), geometry.to_wkb()]
+        blocks = [b"" if missing else block for missing, block in zip(*wkb, strict=True)]
+        arrays: dict[str, NDArray[Any]] = {
+            "wkb": np.frombuffer(b"".join(blocks), np.uint8),
+            "ends": np.cumsum([len(block) for block in blocks], dtype=np.int64),
+        }
+        attributes = frame.drop(columns=geometry.name)
+        rest: dict[str, Any] = {
+            "columns": [_column_to_json(name, column) for name, column in attributes.items()],
+            "geometry": [str(geometry.name), frame.columns.get_loc(geometry.name)],
+            "crs": crs_to_json(self.crs),
+            "name": self.name,
+            "geometry_type": self.geometry_type,
+        }
+        return arrays, rest
+
+    @classmethod
+    def of_parts(cls, arrays: Mapping[str, NDArray[Any]], rest: Mapping[str, Any]) -> Vector:
+        """The features that :meth:`apart` has taken apart."""
+        import geopandas
+        import pandas as pd
+
+        blocks = np.split(np.asarray(arrays["wkb"]), arrays["ends"])[:-1]
+        shapes = geopandas.GeoSeries.from_wkb(
+            [block.tobytes() or None for block in blocks], crs=crs_from_json(rest["crs"])
+        )
+        columns = {name: _column_from_json(*column) for name, *column in rest["columns"]}
+        frame = pd.DataFrame(columns, index=shapes.index)
+        name, place = rest["geometry"]
+        frame.insert(place, name, shapes)
+        made = geopandas.GeoDataFrame(frame, geometry=name)
+        return cls(made, name=rest["name"], geometry_type=rest["geometry_type"])
+
     def contents(self) -> Iterator[tuple[str, NDArray[Any]]]:
         """Geometries and attributes as a text."""
         yield "table", text_array(self.frame.to_wkb(hex=True).to_csv(index=False))
@@ -313,6 +351,25 @@ def _read(path: Path, layer: str | None) -> Vector:
         frame = pyogrio.read_dataframe(path, layer=name)
         info = pyogrio.read_info(path, layer=name)
     return Vector(frame, name=path.name, geometry_type=info["geometry_type"])
+
+
+def _column_to_json(name: Any, column: Any) -> tuple[str, str, list[Any]]:
+    """Name, type and values of a column; times as whole numbers of their unit."""
+    if column.dtype.kind in "mM":
+        values = column.astype("int64")
+    else:
+        missing = column.isna() & (column.dtype.kind not in "fO")
+        values = column.astype(object).where(~missing, None)
+    return str(name), str(column.dtype), values.tolist()
+
+
+def _column_from_json(kind: Any, values: list[Any]) -> Any:
+    """The column of which :func:`_column_to_json` has given type and values."""
+    import pandas as pd
+
+    if kind.startswith(("datetime", "timedelta")):
+        return pd.Series(values, dtype="int64").astype(kind)
+    return pd.Series(pd.array(values, dtype=kind))
 
 
 def _choose(path: Path, layer: str | None) -> str:

@@ -36,7 +36,6 @@ from toolbox.models.model import Runner, run_tool
 LIMIT = 20e9  # bytes of all entries
 FOLDER_VARIABLE, LIMIT_VARIABLE = "TOOLBOX_CACHE", "TOOLBOX_CACHE_LIMIT"
 SUFFIX = ".result"
-OTHERS_WRITE = 0o022  # of the mode of a folder
 DIGEST = hashlib.sha256().digest_size
 BLOCK = 2**22  # bytes
 
@@ -80,10 +79,7 @@ class Cache:
 
     def __post_init__(self) -> None:
         """Raise an error for a folder in which others may write, since it holds pickles."""
-        if not (self.place.exists() and hasattr(os, "getuid")):
-            return
-        there = self.place.stat()
-        if there.st_uid != os.getuid() or there.st_mode & OTHERS_WRITE:
+        if self.place.exists() and not files.is_private(self.place):
             text = "must be a folder in which only you may write"
             raise ParameterError("resume", {FOLDER_VARIABLE: f"{self.place} {text}"})
 

@@ -27,6 +27,7 @@ from toolbox.tiles.plan import TilePlan
 from toolbox.tiles.products import Product, StoredSurvey
 from toolbox.tiles.store import SIDE, FileBlock
 from toolbox.tiles.work import Tile, TileJob
+from toolbox.tiles.workers import DIED, Workers
 
 BLOCK = 2_000_000  # points that are read and sorted at a time
 SLACK, NEAR = 1 + 1e-9, 1e-6  # of the halo, and metres: what lies on its edge is not lost
@@ -59,8 +60,8 @@ class Crew:
     unreadable : the reason, for each file whose points could not be read or stored
     """
 
-    def __init__(self, client: Any, id: str, work: Path, job: TileJob, plan: TilePlan) -> None:
-        self.client, self.id, self.work, self.job, self.plan = client, id, work, job, plan
+    def __init__(self, workers: Workers, id: str, work: Path, job: TileJob, plan: TilePlan) -> None:
+        self.workers, self.id, self.work, self.job, self.plan = workers, id, work, job, plan
         self.found: dict[str, Any] = {}
         self.counts: list[Count] = []
         self.done: set[int] = set()
@@ -76,16 +77,21 @@ class Crew:
         return tile_products.read(self.folder(self.plan.keep[name]), name)
 
     def all(
-        self, task: Callable[..., Any], calls: list[tuple[Any, ...]], ctx: Context
+        self, task: Callable[..., Any], job: Any, calls: list[tuple[Any, ...]], ctx: Context
     ) -> list[Any]:
-        """Run a task for each tuple of arguments: its results, or `_Failed` after a second try."""
-        futures = [self.client.submit(task, *call, pure=False, retries=1) for call in calls]
+        """Run a task for each tuple of arguments: its results, or `_Failed` after a second try.
+
+        Parameters
+        ----------
+        job : shared with the workers, which give it to each task
+        """
+        futures = [self.workers.submit(task, job, *call) for call in calls]
         try:
             while left := sum(not future.done() for future in futures):
                 ctx.progress(1 - left / len(futures))
                 time.sleep(0.05)
         except BaseException:
-            self.client.cancel(futures, force=True)
+            self.workers.cancel(futures)
             raise
         ctx.progress(1.0)
         return [_Failed(_reason(f.exception())) if f.exception() else f.result() for f in futures]
@@ -106,8 +112,7 @@ class Crew:
                     blocks += tile_store.blocks(source, survey, number, BLOCK)
                 except DataError as err:
                     self.unreadable[file.path] = str(err)
-        self._begin(0)
-        tables = self.all(tile_work.split, [(self.folder(0), block) for block in blocks], ctx)
+        tables = self.all(tile_work.split, self._shared(0), [(block,) for block in blocks], ctx)
         reach = math.ceil(self.job.halo * SIDE / self.job.grid.size)
         near: dict[Tile, list[FileBlock]] = {}
         core: set[Tile] = set()
@@ -147,20 +152,20 @@ class Crew:
         """Run the local steps of a pass on all tiles, then its other steps on whole results."""
         one = self.plan.passes[number]
         if one.local:
-            self._begin(number)
             self._run_tiles(number, tiles, ctx.part(0, 0.7))
             self.done.add(number)
         if one.rest and not self.failures:
             self.found |= self._run_rest(number, ctx.part(0.7, 1))
 
-    def _begin(self, number: int) -> None:
-        """Write the job file of a pass for the workers."""
+    def _shared(self, number: int) -> Any:
+        """The job of a pass, handed to the workers."""
         one, model, keep = self.plan.passes[number], self.plan.model, self.plan.keep
         needs = {need for name in one.local for need in model.steps[name].needs}
         earlier = {n for n in needs & keep.keys() if keep[n] < number}
         clouds = {n for n in earlier if model.between[n].kind.several}
         job = replace(
             self.job,
+            folder=self.folder(number),
             steps=one.local,
             given={n: value for n, value in self.found.items() if n in needs}
             | {n: self.read(n) for n in earlier - clouds},
@@ -168,16 +173,15 @@ class Crew:
             keep=one.keep,
             halo=reach_of(one.halo, self.job.surveys[self.job.first].metre),
         )
-        tile_store.save_object(self.folder(number) / "job", job)
+        return self.workers.share(job)
 
     def _run_tiles(self, number: int, tiles: Mapping[Tile, list[FileBlock]], ctx: Context) -> None:
-        folder = self.folder(number)
-        calls = [(folder, tile, tuple(tiles[tile])) for tile in sorted(tiles)]
-        results = self.all(tile_work.run_tile, calls, ctx)
+        calls = [(tile, tuple(tiles[tile])) for tile in sorted(tiles)]
+        results = self.all(tile_work.run_tile, self._shared(number), calls, ctx)
         said: dict[str, list[Tile]] = {}
         numbers: dict[str, list[Any]] = {}
         counts: dict[tuple[str, str], int] = {}
-        for (_, tile, _), result in zip(calls, results, strict=True):
+        for (tile, _), result in zip(calls, results, strict=True):
             if isinstance(result, _Failed):
                 self.failed[tile] = result.why
                 continue
@@ -199,7 +203,7 @@ class Crew:
     def _run_rest(self, number: int, ctx: Context) -> dict[str, Any]:
         """Run the steps of a pass that need the whole survey or whole results."""
         one = self.plan.passes[number]
-        _, model, layers = tile_work.opened(self.folder(0))
+        model = self.plan.model
         rest = model.subset(one.rest)
         steps = rest.steps.values()
         needs = {need for step in steps for need in step.needs}
@@ -216,7 +220,7 @@ class Crew:
             else self.read(name)
             for name in needs & self.plan.keep.keys()
         }
-        values = dict.fromkeys(model.sources) | dict(self.plan.settings) | layers | clouds
+        values = dict.fromkeys(model.sources) | dict(self.plan.settings) | self.job.layers | clouds
         runner = counting(self.counts)
         run = ModelRun(rest, values, keep=one.gives, given=given, runner=runner)
         result = run.run(ctx.part(0.1, 1))
@@ -231,7 +235,8 @@ class Crew:
             (folder, p.output, p.result, p.path, p.target.how, p.file, record)
             for folder, p in zip(folders, products, strict=True)
         ]
-        done = self.all(tile_products.write, calls, ctx)
+        job = self.workers.share(replace(self.job))  # without what is opened for it here
+        done = self.all(tile_products.write, job, calls, ctx)
         pairs = zip(products, done, strict=True)
         if wrong := {p.output: d.why for p, d in pairs if isinstance(d, _Failed)}:
             raise DataError(self.id, wrong)
@@ -298,6 +303,6 @@ def _sum(values: list[Any]) -> Any:
 def _reason(error: BaseException) -> str:
     if isinstance(error, ToolboxError):
         return str(error)
-    if type(error).__name__ == "KilledWorker":
-        return "its worker died, perhaps for want of memory; take smaller tiles or more memory"
+    if type(error).__name__ == "KilledWorker":  # of Dask
+        return DIED
     return f"{type(error).__name__}: {error}"

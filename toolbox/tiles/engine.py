@@ -1,4 +1,4 @@
-"""Run a tool or model on a survey of any size: tile by tile, on the workers of a Dask cluster.
+"""Run a tool or model on a survey of any size: tile by tile, on several processes.
 
 1. Each file is read once, and its points are stored sorted by position (`toolbox.tiles.store`).
 2. The local steps run on each tile and its neighbourhood, whose width is the `halo()` of the tool,
@@ -41,13 +41,13 @@ from toolbox.runs.target import More, Target, write
 from toolbox.runs.target import problems as targets_problems
 from toolbox.shown import SHOWN
 from toolbox.tiles import store as tile_store
-from toolbox.tiles.cluster import client_of, memory_of
 from toolbox.tiles.crew import Crew, reach_of
 from toolbox.tiles.plan import TilePlan, as_model, surveys_of
 from toolbox.tiles.products import Product
 from toolbox.tiles.store import TileGrid
 from toolbox.tiles.tiling import Tiling
 from toolbox.tiles.work import TileJob
+from toolbox.tiles.workers import memory_of, workers_of
 
 BYTES_PER_POINT = 400  # that the hungriest tools need for a tile with its neighbours
 SMALLEST = 0.1  # metres: smaller tiles are taken for a mistake in the size
@@ -103,6 +103,7 @@ def run(
     log.info("tiles of %g m, each with %g m of its neighbourhood", size, plan.halo)
     others = {n: items for n, items in sources.items() if n not in surveys}
     job = TileJob(
+        Path(),
         str(Path(id).absolute()) if id.endswith(MODEL) else id,
         settings,
         {n: tuple(source.absolute() for source in items) for n, items in others.items()},
@@ -120,9 +121,9 @@ def run(
     _check_products(spec.id, products, surveys, overwrite=overwrite)
     with (
         _working_folder(job, plan, record, targets, resume=resume) as work,
-        client_of(tiling) as client,
+        workers_of(tiling) as workers,
     ):
-        crew = Crew(client, spec.id, work, job, plan)
+        crew = Crew(workers, spec.id, work, job, plan)
         rim = RIM if plan.gives_rasters else 0.0
         tiles = crew.split(rim * metre, ctx.part(0, STORED))
         for number in range(len(plan.passes)):
@@ -252,7 +253,9 @@ def _working_folder(
         return
     work = first.parent / f".tiles-{_key(job, plan.model, record)}"
     goes_on = resume and work.exists()
-    work.mkdir(exist_ok=True)
+    work.mkdir(mode=0o700, exist_ok=True)
+    if not files.is_private(work):
+        raise DataError(f"{job.id}: {work} must be a folder in which only you may write; remove it")
     lock = FileLock(work / "lock", blocking=False)
     try:
         lock.acquire()

@@ -20,7 +20,7 @@ from toolbox.data.survey import SurveyFile
 from toolbox.runs.provenance import Record
 from toolbox.runs.target import Target
 from toolbox.tiles import store as tile_store
-from toolbox.tiles.work import opened
+from toolbox.tiles.work import TileJob
 
 WINDOW = 1_000_000  # points that are written at a time
 
@@ -56,7 +56,7 @@ class Product:
 def pieces_of(folder: Path, name: str) -> list[Path]:
     """The stored pieces of a result, tile by tile from south to north and west to east."""
     done = [path for path in (folder / "tiles").iterdir() if not path.name.startswith(".")]
-    folders = [path for path in done if (path / name / "layer").exists()]
+    folders = [path for path in done if (path / name / tile_store.LAYER).exists()]
     tiles = {tuple(map(int, path.name.split("_"))): path / name for path in folders}
     return [tiles[tile] for tile in sorted(tiles)]
 
@@ -70,6 +70,7 @@ def read(folder: Path, name: str) -> Any:
 
 
 def write(
+    job: TileJob,
     folder: Path,
     output: str,
     name: str,
@@ -84,6 +85,7 @@ def write(
 
     Parameters
     ----------
+    job : of the run
     folder : of the pass that made the pieces
     output, name : the output of the tool, and the step.output that it comes from
     path : the file to write
@@ -97,7 +99,6 @@ def write(
         text = _text(record, output, joint.first, options)
         joint.first.save_strips(path, joint.lattice, joint.strips(), record=text, **options)
     else:
-        job, _, _ = opened(folder)
         survey = job.surveys[job.first]
         points = Points(stored) if stored else None
         template = points.template if points else survey.template
@@ -140,9 +141,8 @@ class StoredSurvey(Survey):
     @classmethod
     def of(cls, folder: Path, name: str) -> StoredSurvey | None:
         """The survey of a result of tiles; None if no tile gave any of it."""
-        stored = [(p, *tile_store.load_object(p / "layer")) for p in pieces_of(folder, name)]
-        files = tuple(_stored_file(*piece) for piece in stored)
-        return cls(files, stored[0][1].name) if files else None
+        files = tuple(_stored_file(piece) for piece in pieces_of(folder, name))
+        return cls(files, tile_store.load_layer(files[0].path, empty=True).name) if files else None
 
     @functools.cached_property
     def points(self) -> Points:
@@ -171,11 +171,13 @@ class StoredSurvey(Survey):
         return whole if bounds is None else whole.within(bounds)
 
 
-def _stored_file(folder: Path, shell: PointCloud, box: NDArray[np.float64]) -> SurveyFile:
-    count = len(next(iter(tile_store.load_arrays(folder).values())))
-    bounds: Any = tuple(box.ravel().tolist())
+def _stored_file(folder: Path) -> SurveyFile:
+    stored: PointCloud = tile_store.load_layer(folder)
+    shell = stored.select([])
+    bounds: Any = tuple(tile_store.box_of(folder).ravel().tolist())
     attributes = tuple((n, shell[n].dtype.str, shell[n].shape[1:]) for n in shell.names)
-    return SurveyFile(path=folder, count=count, bounds=bounds, crs=shell.crs, attributes=attributes)
+    count, crs = len(stored), shell.crs
+    return SurveyFile(path=folder, count=count, bounds=bounds, crs=crs, attributes=attributes)
 
 
 class Points:
@@ -187,10 +189,10 @@ class Points:
     """
 
     def __init__(self, pieces: list[Path]) -> None:
-        stored = [tile_store.load_object(piece / "layer") for piece in pieces]
-        self._shells = [shell for shell, _ in stored]
+        self._shells = [tile_store.load_layer(piece, empty=True) for piece in pieces]
         self._pieces = pieces
-        boxes = [(low, high) for _, (low, high) in stored if np.isfinite(low).all()]
+        found = map(tile_store.box_of, pieces)
+        boxes = [(low, high) for low, high in found if np.isfinite(low).all()]
         self.template = PointCloud.template(self._shells, lambda: boxes)
         origins = [self._origin(number) for number in range(len(pieces))]
         self._sizes = np.array([len(origin) for origin in origins])
@@ -245,18 +247,14 @@ class Mosaic:
 
     Attributes
     ----------
-    first : one cell of a piece, which has all of the raster but its values
+    first : a piece, which has all of the raster but its values
     lattice : of all pieces
     """
 
     def __init__(self, pieces: list[Path]) -> None:
-        self._shells: list[Raster] = [tile_store.load_object(p / "layer") for p in pieces]
-        self._values = [tile_store.load_arrays(p)["values"] for p in pieces]
-        lattices = [
-            dataclasses.replace(Lattice.of(shell), rows=values.shape[1], cols=values.shape[2])
-            for shell, values in zip(self._shells, self._values, strict=True)
-        ]
-        self.first = self._shells[0]
+        self._pieces: list[Raster] = [tile_store.load_layer(piece) for piece in pieces]
+        lattices = [Lattice.of(piece) for piece in self._pieces]
+        self.first = self._pieces[0]
         self.lattice = Lattice.union(lattices)
         self._corners = [self.lattice.position_of(lattice) for lattice in lattices]
 
@@ -272,7 +270,8 @@ class Mosaic:
         for top in range(0, self.lattice.rows, STRIP):
             rows = min(STRIP, self.lattice.rows - top)
             strip = np.full((bands, rows, self.lattice.cols), nothing, dtype)
-            for (row, col), values in zip(self._corners, self._values, strict=True):
+            for (row, col), piece in zip(self._corners, self._pieces, strict=True):
+                values = piece.values
                 first, last = max(row, top), min(row + values.shape[1], top + rows)
                 if first < last:
                     inside = strip[:, first - top : last - top, col : col + values.shape[2]]
@@ -284,17 +283,17 @@ class Features:
     """Joins the stored pieces of a vector layer."""
 
     def __init__(self, pieces: list[Path]) -> None:
-        self._layers: list[Vector] = [tile_store.load_object(p / "layer") for p in pieces]
+        self._layers: list[Vector] = [tile_store.load_layer(piece) for piece in pieces]
 
     def whole(self) -> Vector:
         """All features in memory."""
         return Vector.concat(self._layers)
 
 
-_JOINTS: Mapping[type, type[Mosaic | Features]] = {Raster: Mosaic, Vector: Features}
+_JOINTS: Mapping[str, type[Points | Mosaic | Features]]
+_JOINTS = {"PointCloud": Points, "Raster": Mosaic, "Vector": Features}
 
 
 def _joined(pieces: list[Path]) -> Points | Mosaic | Features:
-    """Join stored pieces, by the type of what is stored beside their arrays."""
-    rest = tile_store.load_object(pieces[0] / "layer")
-    return _JOINTS.get(type(rest), Points)(pieces)
+    """Join stored pieces, by the type of the first."""
+    return _JOINTS[tile_store.load_json(pieces[0] / tile_store.LAYER)["type"]](pieces)

@@ -3,31 +3,36 @@
 A bucket is a square of the plane; a tile consists of SIDE x SIDE buckets. Each block of points is
 read once and stored sorted by bucket, with the index of each point in the survey, its origin.
 A stored folder appears under its name only when it is complete, so that a later run can continue
-one that was killed.
+one that was killed. It holds arrays and JSON: whatever somebody has put there, reading it runs no
+code.
 """
 
 from __future__ import annotations
 
+import json
 import os
-import pickle
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote, unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
 from toolbox import files
 from toolbox.context import QUIET, Context
-from toolbox.data import PointCloud
+from toolbox.data import PointCloud, Raster, Vector
 from toolbox.data.layer import Inside, Layer
 from toolbox.data.survey import Survey
 from toolbox.errors import DataError
 
 SIDE = 8  # buckets along the side of a tile
+LAYER = "layer.json"  # all of a stored layer but its arrays
+_TYPES: Mapping[str, type[PointCloud | Raster | Vector]]
+_TYPES = {made.__name__: made for made in (PointCloud, Raster, Vector)}
 
 Box = tuple[float, float, float, float]
 Indices = NDArray[np.int64]
@@ -164,22 +169,38 @@ def in_order(cloud: PointCloud, origin: Indices) -> PointCloud:
 
 
 def save_layer(folder: Path, layer: Layer) -> None:
-    """Store a layer in a new folder: points and cells as arrays, all else as a pickle."""
+    """Store a layer in a new folder: points, cells and geometries as arrays, all else as JSON."""
     folder.mkdir()
     arrays, rest = layer.apart()
     save_arrays(folder, arrays)
-    save_object(folder / "layer", rest)
+    save_json(folder / LAYER, {"type": type(layer).__name__} | rest)
+
+
+def load_layer(folder: Path, *, empty: bool = False) -> Any:
+    """Open a stored layer; only the values that are used are read from disk.
+
+    Parameters
+    ----------
+    empty : give points without any of them
+    """
+    rest, arrays = load_json(folder / LAYER), load_arrays(folder)
+    if empty:
+        arrays = {name: values[:0] for name, values in arrays.items() if name != "origin"}
+    return _TYPES[rest["type"]].of_parts(arrays, rest)
+
+
+def box_of(folder: Path) -> NDArray[np.float64]:
+    """Lowest and highest coordinates of stored points, of shape (2, 3); NaN without points."""
+    return np.array(load_json(folder / LAYER)["box"], np.float64)
 
 
 def joined(folders: Iterable[Path], bounds: Box) -> PointCloud | None:
     """Read the stored points within bounds, in the order of the survey; None if there are none."""
     clouds: list[PointCloud] = []
     for folder in folders:
-        shell, box = load_object(folder / "layer")
+        box = box_of(folder)
         if (box[0, :2] <= bounds[2:]).all() and (box[1, :2] >= bounds[:2]).all():
-            arrays = load_arrays(folder)
-            origin = arrays.pop("origin", None)
-            clouds.append(shell.with_arrays(arrays).with_origin(origin).within(bounds))
+            clouds.append(load_layer(folder).within(bounds))
     if not any(map(len, clouds)):
         return None
     origins = [cloud.origin for cloud in clouds if cloud.origin is not None]
@@ -223,19 +244,23 @@ def sweep(folder: Path) -> None:
 def save_arrays(folder: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write each array to a file of its own."""
     for name, values in arrays.items():
-        np.save(folder / f"{name}.npy", values)
+        np.save(folder / f"{quote(name, safe=' ')}.npy", values, allow_pickle=False)
 
 
 def load_arrays(folder: Path) -> dict[str, NDArray[Any]]:
     """Open the arrays of a folder; only the values that are used are read from disk."""
-    return {path.stem: np.load(path, mmap_mode="r") for path in sorted(folder.glob("*.npy"))}
+    paths = sorted(folder.glob("*.npy"))
+    return {unquote(path.stem): np.load(path, mmap_mode="r") for path in paths}
 
 
-def save_object(path: Path, value: Any) -> None:
-    with path.open("wb") as stream:
-        pickle.dump(value, stream)
+def save_json(path: Path, value: Any) -> None:
+    path.write_text(json.dumps(value, default=_of_numpy), encoding="utf-8")
 
 
-def load_object(path: Path) -> Any:
-    with path.open("rb") as stream:
-        return pickle.load(stream)
+def load_json(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def _of_numpy(value: Any) -> Any:
+    """The Python value of a number of numpy."""
+    return value.item()

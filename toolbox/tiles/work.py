@@ -1,7 +1,7 @@
 """The tasks of a worker: store a block of points, and run the local steps on one tile.
 
-A worker reads all that it must know from the job file in the folder of the pass. A task whose
-result is stored already is not done again.
+A worker is given the job of a pass once, with all that it must know. A task whose result is stored
+already is not done again.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import math
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -28,6 +28,7 @@ from toolbox.context import Context, log
 from toolbox.data import PointCloud
 from toolbox.data.layer import Inside, Layer
 from toolbox.data.survey import Survey
+from toolbox.declare.values import Share
 from toolbox.errors import NothingToDo
 from toolbox.models.model import INPUTS, Model, ModelRun
 from toolbox.runs.lineage import counted
@@ -46,9 +47,10 @@ class TileJob:
 
     Attributes
     ----------
+    folder : of the pass
     id : of the tool or model
     settings : values of its parameters
-    layers : the other sources
+    sources : the layers that are not cut into tiles
     assume_crs : CRS of the sources that state none
     surveys : point clouds by source; the tiles are those of the first one
     steps : the steps to run on each tile
@@ -59,9 +61,10 @@ class TileJob:
     halo : distance beyond a tile within which its steps need points, in coordinate units
     """
 
+    folder: Path
     id: str
     settings: Mapping[str, Any]
-    layers: Sources
+    sources: Sources
     assume_crs: CRS | None
     surveys: Mapping[str, Survey]
     steps: tuple[str, ...]
@@ -76,6 +79,22 @@ class TileJob:
     def first(self) -> str:
         """The source whose survey is cut into tiles."""
         return next(iter(self.surveys))
+
+    @property
+    def points(self) -> Path:
+        """The folder of the stored points, which all passes share."""
+        return self.folder.parent / "points"
+
+    @cached_property
+    def model(self) -> Model:
+        """The model, or the tool as one."""
+        return as_model(catalog.load(self.id))
+
+    @cached_property
+    def layers(self) -> dict[str, Any]:
+        """The layers that are not cut into tiles, opened."""
+        inputs, items = self.model.inputs, self.sources.items()
+        return {name: open_all(inputs[name], given, self.assume_crs) for name, given in items}
 
 
 @dataclass(frozen=True)
@@ -95,44 +114,46 @@ class Result:
     said: tuple[str, ...]
     memory: int
 
+    def to_json(self) -> dict[str, Any]:
+        """What :meth:`from_json` makes a result of."""
+        values = {
+            name: [value.count, value.total] if isinstance(value, Share) else value
+            for name, value in self.values.items()
+        }
+        return asdict(self) | {"values": values}
 
-@lru_cache(maxsize=2)
-def opened(folder: Path) -> tuple[TileJob, Model, dict[str, Any]]:
-    """Read the job of a pass, its model, and the layers that are not point clouds."""
-    job: TileJob = tile_store.load_object(folder / "job")
-    model = as_model(catalog.load(job.id))
-    layers = {n: open_all(model.inputs[n], s, job.assume_crs) for n, s in job.layers.items()}
-    return job, model, layers
+    @classmethod
+    def from_json(cls, given: Mapping[str, Any]) -> Result:
+        """The result that was stored."""
+        values = {
+            name: Share(*value) if isinstance(value, list) else value
+            for name, value in given["values"].items()
+        }
+        counts = tuple(Count(**count) for count in given["counts"])
+        return cls(values, counts, tuple(given["said"]), given["memory"])
 
 
-def points_of(folder: Path) -> Path:
-    """The folder of the stored points, which all passes share."""
-    return folder.parent / "points"
-
-
-def split(folder: Path, block: FileBlock) -> NDArray[np.int64]:
+def split(job: TileJob, block: FileBlock) -> NDArray[np.int64]:
     """Store a block of points sorted by bucket; see :func:`toolbox.tiles.store.split`."""
-    job, _, _ = opened(folder)
-    return tile_store.split(job.surveys[block.source], block, job.grid, points_of(folder))
+    return tile_store.split(job.surveys[block.source], block, job.grid, job.points)
 
 
-def run_tile(folder: Path, tile: Tile, blocks: tuple[FileBlock, ...]) -> Result:
+def run_tile(job: TileJob, tile: Tile, blocks: tuple[FileBlock, ...]) -> Result:
     """Run the local steps on one tile and its neighbourhood, and store the results in the tile."""
-    path = folder / "tiles" / name_of(tile)
+    path = job.folder / "tiles" / name_of(tile)
     if path.exists():
-        found: Result = tile_store.load_object(path / "result")
-        return found
-    job, model, layers = opened(folder)
+        return Result.from_json(tile_store.load_json(path / "result.json"))
+    model = job.model
     needs = {need for name in job.steps for need in model.steps[name].needs}
     clouds = {
-        name: _gathered(job, name, tile, blocks, points_of(folder))
+        name: _gathered(job, name, tile, blocks)
         for name in job.surveys
         if f"{INPUTS}.{name}" in needs
     }
     pieces = {name: _earlier(job, tile, made_in, name) for name, made_in in job.before.items()}
     first = clouds.get(job.first, next(iter(pieces.values()), None))
     with _said() as said, tile_store.whole(path) as draft:
-        values = dict.fromkeys(model.sources) | dict(job.settings) | layers | clouds
+        values = dict.fromkeys(model.sources) | dict(job.settings) | job.layers | clouds
         counts: list[Count] = []
         given = {**job.given, **pieces}
         results = _results(job, model, values, given, tile, counts) if first else {}
@@ -141,7 +162,7 @@ def run_tile(folder: Path, tile: Tile, blocks: tuple[FileBlock, ...]) -> Result:
             if result is not None and model.between[name].kind.is_layer:
                 _store(draft / name, result, job.grid.inside(tile), las=name in job.las)
         made = Result(numbers, tuple(counts), tuple(said), _peak())
-        tile_store.save_object(draft / "result", made)
+        tile_store.save_json(draft / "result.json", made.to_json())
     return made
 
 
@@ -149,13 +170,11 @@ def name_of(tile: Tile) -> str:
     return f"{tile[0]}_{tile[1]}"
 
 
-def _gathered(
-    job: TileJob, source: str, tile: Tile, blocks: tuple[FileBlock, ...], points: Path
-) -> PointCloud:
+def _gathered(job: TileJob, source: str, tile: Tile, blocks: tuple[FileBlock, ...]) -> PointCloud:
     """The points of a tile and its neighbourhood; those outside the tile have an origin < 0."""
     own = [block for block in blocks if block.source == source]
     bounds = job.grid.bounds(tile, job.halo)
-    cloud = tile_store.gather(job.surveys[source], own, bounds, job.grid, points)
+    cloud = tile_store.gather(job.surveys[source], own, bounds, job.grid, job.points)
     core = job.grid.holds(tile, cloud.xyz[:, :2])
     origin = cloud.origin
     assert origin is not None

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from distributed import LocalCluster
 from numpy.typing import NDArray
 from pyproj import CRS
 
 import toolbox
 from toolbox import PointCloud, catalog
+from toolbox.tiles import engine
 from toolbox.tiles.tiling import Tiling
+from toolbox.tiles.workers import processes
 
 GIB = 2**30
 ALONE = {"return_number": 1, "number_of_returns": 1, "classification": 1, "withheld": 0}
@@ -52,14 +54,9 @@ RUNS: list[tuple[str, dict[str, Any]]] = [
 @pytest.fixture(scope="module")
 def tiling() -> Iterator[Tiling]:
     """Tiles of 100 m on two workers that all tests share."""
-    with LocalCluster(  # type: ignore[no-untyped-call]
-        n_workers=2,
-        threads_per_worker=1,
-        memory_limit=4 * GIB,
-        dashboard_address=None,
-        scheduler_kwargs={"dashboard_address": ":0"},
-    ) as cluster:
-        yield Tiling(100.0, 2, 4 * GIB, scheduler=cluster.scheduler_address)
+    with processes(2, 4 * GIB) as workers, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine, "workers_of", lambda tiling: nullcontext(workers))
+        yield Tiling(100.0, 2, 4 * GIB)
 
 
 @pytest.fixture(scope="module")

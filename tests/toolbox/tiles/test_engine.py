@@ -11,6 +11,7 @@ import sys
 import time
 import uuid
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,8 +27,9 @@ from toolbox import PointCloud, Raster, Survey, Vector
 from toolbox.context import Context
 from toolbox.data import Lattice
 from toolbox.errors import Cancelled, DataError, ParameterError
-from toolbox.tiles.cluster import cluster
+from toolbox.tiles import engine
 from toolbox.tiles.tiling import Tiling
+from toolbox.tiles.workers import processes
 
 GIB = 2**30
 MODEL = """
@@ -60,8 +62,9 @@ outputs:
 @pytest.fixture(scope="module")
 def tiling() -> Iterator[Tiling]:
     """Tiles of 37 m on two workers that all tests share."""
-    with cluster(2, 4 * GIB) as address:
-        yield Tiling(37.0, 2, 4 * GIB, scheduler=address)
+    with processes(2, 4 * GIB) as workers, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine, "workers_of", lambda tiling: nullcontext(workers))
+        yield Tiling(37.0, 2, 4 * GIB)
 
 
 def ground(rng: np.random.Generator, west: float, south: float, crs: CRS | None) -> PointCloud:
@@ -436,15 +439,25 @@ def test_options_that_mean_nothing(given: dict[str, Any], problem: str) -> None:
         Tiling.parse(given)
 
 
-@pytest.mark.slow
-def test_a_scheduler_that_is_not_there(survey: Path, tiling: Tiling, tmp_path: Path) -> None:
-    values = {"points": survey, "where": "z < 20", "kept": tmp_path / "k.laz"}
-    for address in ("tcp://127.0.0.1:9", "nonsense"):
-        with pytest.raises(ParameterError, match="scheduler: cannot reach a Dask scheduler"):
-            toolbox.run("points.filter", values, tiling=replace(tiling, scheduler=address))
-
-
 def test_options() -> None:
     assert Tiling.parse({}) is None
     made = Tiling.parse({"tile": "auto", "workers": "3", "memory": "1.5GB"})
     assert made == Tiling(None, 3, 1_500_000_000)
+
+
+def test_what_a_run_leaves_is_arrays_and_json(survey: Path, tiling: Tiling, tmp_path: Path) -> None:
+    """Others may know where it is: nothing there may be code, and it must be ours."""
+    values = {"points": survey, "method": "max", "surface": tmp_path / "o.tif"}
+    ctx = Context(lambda fraction: None, lambda: any(tmp_path.glob(".tiles-*/0/tiles/*/*/*")))
+    with pytest.raises(Cancelled):
+        toolbox.run("surface.grid", values, tiling=tiling, ctx=ctx)
+    (work,) = tmp_path.glob(".tiles-*")
+    assert work.stat().st_mode & 0o077 == 0
+    assert {path.suffix for path in work.rglob("*.*") if path.is_file()} == {".npy", ".json"}
+    work.chmod(0o770)
+    for resume in (True, False):
+        with pytest.raises(DataError, match="must be a folder in which only you may write"):
+            toolbox.run("surface.grid", values, tiling=tiling, resume=resume)
+    work.chmod(0o700)
+    toolbox.run("surface.grid", values, tiling=tiling, resume=True)
+    assert not work.exists()

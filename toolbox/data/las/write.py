@@ -7,9 +7,11 @@ ASPRS (2019). LAS specification 1.4, R15.
 
 from __future__ import annotations
 
+import io
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -18,11 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context
-from toolbox.data.las.header import SIZES, LasMetadata, library_errors
+from toolbox.data.las.header import SIZES, LasMetadata, library_errors, parse_metadata
 from toolbox.data.las.points import MIXED_WAVEFORMS, waveform_channels
 from toolbox.errors import DataError
 
 _BLOCK = 1_000_000  # points between two reports of progress
+_BOXES = 6 * 8  # bytes of the bounds that a header states, which a file without points has not
 
 Array = NDArray[Any]
 
@@ -56,29 +59,59 @@ def las_sink(
     DataError
         As for :func:`write_las`.
     """
+    with (
+        path.open("wb") as stream,
+        library_errors(f"{path} cannot be written"),
+        _sink(stream, metadata, str(path), compress=compress) as write,
+    ):
+        yield write
+
+
+@contextmanager
+def _sink(
+    stream: BinaryIO, metadata: LasMetadata, path: str, *, compress: bool
+) -> Iterator[Callable[[Array], None]]:
+    """As `las_sink`, for a stream at its start; `path` is for messages."""
     header = metadata.header.copy()
     header.vlrs.clear()
     header.vlrs.extend(laspy.VLR("", 0, "", vlr.data) for vlr in metadata.vlrs)  # see _restore
     channels: set[int] = set()
-    with path.open("wb") as stream, library_errors(f"{path} cannot be written"):
-        writer = laspy.LasWriter(stream, header, compress, closefd=False, encoding_errors="ignore")
+    writer = laspy.LasWriter(stream, header, compress, closefd=False, encoding_errors="ignore")
 
-        def write(packed: Array) -> None:
-            if header.version.minor < 4 and writer.header.point_count + len(packed) >= 2**32:
-                raise DataError(f"{path}: LAS {header.version} holds fewer than 2^32 points")
-            channels.update(waveform_channels(metadata, packed))
-            if compress and len(channels) > 1:
-                raise DataError(f"{path}: {MIXED_WAVEFORMS}; write .las")
-            block = np.ascontiguousarray(packed)
-            writer.write_points(laspy.PackedPointRecord(block, header.point_format))
+    def write(packed: Array) -> None:
+        if header.version.minor < 4 and writer.header.point_count + len(packed) >= 2**32:
+            raise DataError(f"{path}: LAS {header.version} holds fewer than 2^32 points")
+        channels.update(waveform_channels(metadata, packed))
+        if compress and len(channels) > 1:
+            raise DataError(f"{path}: {MIXED_WAVEFORMS}; write .las")
+        block = np.ascontiguousarray(packed)
+        writer.write_points(laspy.PackedPointRecord(block, header.point_format))
 
-        yield write
-        writer.point_writer.done()
-        writer.done = True
-        _write_evlrs(stream, metadata, writer.header)
-        _tidy_box(metadata.header, writer.header)
-        writer.close()
-        _restore(stream, metadata, writer.header)
+    yield write
+    writer.point_writer.done()
+    writer.done = True
+    _write_evlrs(stream, metadata, writer.header)
+    _tidy_box(metadata.header, writer.header)
+    writer.close()
+    _restore(stream, metadata, writer.header)
+
+
+def metadata_bytes(metadata: LasMetadata) -> bytes:
+    """The metadata as a LAS file without points, which :func:`metadata_of` reads."""
+    stream = io.BytesIO()
+    with _sink(stream, metadata, "the header", compress=False):
+        pass
+    boxes = struct.pack("<6d", *metadata.header.mins, *metadata.header.maxs)
+    return boxes + stream.getvalue()
+
+
+@lru_cache(maxsize=64)  # the pieces of a survey share a few headers
+def metadata_of(content: bytes) -> LasMetadata:
+    """The metadata that :func:`metadata_bytes` has written, but for the CRS."""
+    boxes, content = np.frombuffer(content[:_BOXES]), content[_BOXES:]
+    metadata = parse_metadata(io.BytesIO(content), len(content), lambda text: None)
+    metadata.header.mins, metadata.header.maxs = boxes[:3].copy(), boxes[3:].copy()
+    return metadata
 
 
 def _write_evlrs(stream: BinaryIO, metadata: LasMetadata, header: laspy.LasHeader) -> None:

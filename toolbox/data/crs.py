@@ -75,13 +75,21 @@ def parse_crs(text: str) -> CRS:
 
 
 def crs_to_json(crs: CRS | None) -> str | None:
-    """A text of which :func:`crs_from_json` makes the same CRS."""
+    """A text of which :func:`crs_from_json` makes the same CRS; None for None.
+
+    >>> crs_to_json(CRS(2154))
+    'EPSG:2154'
+    """
     return None if crs is None else str(crs.srs)
 
 
 @lru_cache
 def crs_from_json(text: str | None) -> CRS | None:
-    """The CRS of a text that :func:`crs_to_json` has made."""
+    """The CRS of a text that :func:`crs_to_json` has made.
+
+    >>> crs_from_json("EPSG:2154") == CRS(2154)
+    True
+    """
     return None if text is None else CRS(text)
 
 

@@ -86,7 +86,7 @@ def may_be_ground(cloud: PointCloud, returns: Returns) -> Mask:
     Examples
     --------
     >>> returns = {"return_number": [1, 2], "number_of_returns": [2, 2]}
-    >>> may_be_ground(PointCloud(np.zeros((2, 3)), returns), "last")
+    >>> may_be_ground(PointCloud([[0, 0, 9.0], [0, 0, 1.0]], returns), "last")
     array([False,  True])
     """
     if returns == "all":

@@ -111,6 +111,8 @@ def run(
             ctx=ctx.part(HASH if writes else 0, 1),
         )
     layers = sources.opened(spec, reads, crs, reading, ctx.part(0, READ - HASH))
+    given_layers = (layer for n, value in layers.items() for layer in spec.sources[n].items(value))
+    targets.check_crs(spec.id, writes, given_layers)
     record = describe(reading, ctx=ctx.part(READ - HASH, READ)) if reading else None
     job = spec.build(settings | layers)
     asked = writes.keys() & spec.between.keys()

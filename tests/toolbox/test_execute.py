@@ -10,6 +10,7 @@ import pytest
 from pyproj import CRS
 
 import toolbox
+from algorithms.shoreline.alpha_shape import ShorelineAlphaShape
 from toolbox import PointCloud, Raster
 from toolbox.context import QUIET, Context
 from toolbox.declare.spec import REGISTRY, outputs, sink, source, tool
@@ -264,6 +265,19 @@ def test_one_output_that_cannot_be_written_takes_the_others_with_it(
     with pytest.raises(DataError, match="No space left"):
         toolbox.run("ground.csf", values)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("suffix", [".geojson", ".kml"])
+def test_formats_that_need_a_crs_are_refused_before_the_run(
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not after it, when all outputs would be lost with this one."""
+    xyz = np.random.default_rng(1).uniform(0, 9, (50, 3))
+    PointCloud(xyz).save(tmp_path / "a.laz")
+    values = {"points": tmp_path / "a.laz", "alpha": 2.0, "shapes": tmp_path / f"a{suffix}"}
+    monkeypatch.setattr(ShorelineAlphaShape, "run", None)
+    with pytest.raises(DataError, match="needs a CRS of the Earth, and the data have local coord"):
+        toolbox.run("shoreline.alpha_shape", values, assume_crs="local")
 
 
 def test_a_folder_that_is_removed_during_the_run_is_named(text: Path, tmp_path: Path) -> None:

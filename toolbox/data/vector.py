@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
-from toolbox.data import differences, dxf, geopackage, mesh
+from toolbox.data import differences, dxf, feature_table, geopackage, mesh, shapefile
 from toolbox.data.crs import (
     crs_from_json,
     crs_to_json,
@@ -47,7 +47,6 @@ _DRIVERS = {
     ".shp": "ESRI Shapefile",
     ".kml": "LIBKML",
 }
-_SHAPEFILE = (".shx", ".dbf", ".prj", ".cpg", ".qpj", ".qix", ".sbn", ".sbx", ".idm", ".ind")
 _WGS84 = CRS.from_epsg(4326)
 _MOST_FEATURES = 50  # whose attributes a page lists
 
@@ -70,7 +69,8 @@ class Vector(Layer):
     (1, ('name',), 1.0)
     """
 
-    SUFFIXES: ClassVar[tuple[str, ...]] = (*_DRIVERS, ".dxf", ".parquet", ".ply")
+    SUFFIXES: ClassVar[tuple[str, ...]] = (*_DRIVERS, ".dxf", ".parquet", ".ply", ".csv")
+    NEEDING_CRS: ClassVar[tuple[str, ...]] = (".geojson", ".kml")  # one of the Earth
     is_spatial: ClassVar[bool] = True
     name: str
 
@@ -114,9 +114,8 @@ class Vector(Layer):
     def own_files(cls, path: str | Path) -> tuple[Path, ...]:
         """The file at a path, and all files that belong to it, such as .shx and .dbf."""
         path = Path(path)
-        if path.suffix.lower() == ".shp":
-            endings = (path.with_suffix(ending) for ending in _SHAPEFILE)
-            return path, *endings, *own_side_car(path)
+        if path.suffix.lower() == shapefile.SUFFIX:
+            return *shapefile.own_files(path), *own_side_car(path)
         if path.suffix.lower() == geopackage.SUFFIX:
             return geopackage.own_files(path)
         return path, *own_side_car(path)
@@ -138,11 +137,11 @@ class Vector(Layer):
 
     @classmethod
     def open(cls, path: str | Path, *, layer: str | None = None, ctx: Context = QUIET) -> Vector:
-        """Read one layer of a GeoPackage, GeoJSON, FlatGeobuf, Shapefile, KML, GML, GeoParquet...
+        """Read one layer of a GeoPackage, GeoJSON, FlatGeobuf, Shapefile, KML, GeoParquet, CSV...
 
         Parameters
         ----------
-        path : of a format in `toolbox.data.drivers`, or GeoParquet
+        path : of a format in `toolbox.data.drivers`, GeoParquet, or CSV with columns x and y, or wkt
         layer : may be left out where the file has one
         ctx : where to report progress
 
@@ -158,6 +157,8 @@ class Vector(Layer):
         with _errors_named(f"{path} cannot be read as a vector layer"):
             if path.suffix.lower() == ".parquet":
                 vector = cls(_read_parquet(path), name=path.name)
+            elif path.suffix.lower() == feature_table.SUFFIX:
+                vector = cls(feature_table.read(path), name=path.name)
             else:
                 vector = _read(path, layer)
         ctx.progress(1.0)
@@ -179,11 +180,12 @@ class Vector(Layer):
         RFC 7946 knows WGS 84 alone; an empty one keeps no columns. FlatGeobuf sorts its features in
         space. KML is always in WGS 84, so that a layer is transformed to it, heights in metres;
         points and lines are drawn at theirs, outlines on the ground. DXF has a unit, but no
-        CRS. PLY is a mesh of polygons with heights, without a CRS.
+        CRS. PLY is a mesh of polygons with heights, CSV a table with x, y and z of points or the
+        WKT of others, both without a CRS. What a Shapefile cannot hold: `toolbox.data.shapefile`.
 
         Parameters
         ----------
-        path : ends in .gpkg, .geojson, .fgb, .parquet, .shp, .kml, .dxf or .ply
+        path : ends in .gpkg, .geojson, .fgb, .parquet, .shp, .kml, .dxf, .ply or .csv
         layer : name of the layer in the file; the stem of the file name unless given
         add : keep the other layers of a GeoPackage
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
@@ -192,8 +194,8 @@ class Vector(Layer):
         Raises
         ------
         DataError
-            The suffix is another, the format cannot hold the layer (its CRS, the length of a
-            name, a mixture of geometry types, a value), or the file cannot be written.
+            The suffix is another, the format cannot hold the layer (its CRS, a mixture of
+            geometry types, a value), or the file cannot be written.
         """
         path = Path(path)
         suffix = path.suffix.lower()
@@ -202,8 +204,6 @@ class Vector(Layer):
         frame = self.frame
         if self.crs is not None and is_local(self.crs):
             frame = frame.set_crs(None, allow_override=True)
-        if suffix == ".shp":
-            _check_names(frame, path)
         if suffix == ".kml":
             frame = _for_kml(frame, path)
         with _errors_named(f"{path} cannot be written"):
@@ -216,7 +216,11 @@ class Vector(Layer):
                 dxf.write(frame, path, layer or path.stem)
             elif suffix == ".ply":
                 mesh.write(frame, path)
+            elif suffix == feature_table.SUFFIX:
+                feature_table.write(frame, path)
             else:
+                if suffix == shapefile.SUFFIX:
+                    frame = shapefile.with_fields(frame, path)
                 _write(frame, path, layer or path.stem, self.geometry_type)
                 _check_crs(frame.crs, path, layer or path.stem)
             if side_car(path):
@@ -350,6 +354,8 @@ def _read(path: Path, layer: str | None) -> Vector:
         name = _choose(path, layer)
         frame = pyogrio.read_dataframe(path, layer=name)
         info = pyogrio.read_info(path, layer=name)
+    if path.suffix.lower() == shapefile.SUFFIX:
+        frame = frame.rename(columns=shapefile.attribute_names(path))
     return Vector(frame, name=path.name, geometry_type=info["geometry_type"])
 
 
@@ -388,6 +394,8 @@ def _layer_names(path: Path) -> tuple[str, ...]:
 
     if path.suffix.lower() == ".parquet":
         return (path.stem,) if _is_geoparquet(path) else ()
+    if path.suffix.lower() == feature_table.SUFFIX:
+        return (path.stem,)
     check_vector(path)
     return tuple(str(name) for name, geometry in pyogrio.list_layers(path) if geometry)
 
@@ -441,16 +449,6 @@ def _check_crs(crs: CRS | None, path: Path, layer: str) -> None:
         raise DataError(
             f"{path} cannot hold the CRS of the layer ({describe_crs(crs)}) and would claim "
             f"{describe_crs(found)}; write a GeoPackage (.gpkg)"
-        )
-
-
-def _check_names(frame: geopandas.GeoDataFrame, path: Path) -> None:
-    """Raise a DataError if an attribute name is longer than the ten characters of a Shapefile."""
-    long = [name for name in frame.columns.drop(frame.geometry.name) if len(name.encode()) > 10]
-    if long:
-        raise DataError(
-            f"{path}: a Shapefile holds field names of at most 10 characters, not "
-            f"{', '.join(long)}; rename them or write a GeoPackage (.gpkg)"
         )
 
 

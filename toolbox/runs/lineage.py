@@ -17,6 +17,7 @@ from pyproj import CRS
 
 from toolbox import __version__
 from toolbox.context import QUIET, Context, log
+from toolbox.data import shapefile
 from toolbox.data.crs import crs_text
 from toolbox.data.layer import Inside, Layer, text_array
 from toolbox.data.reading import Reading, file_hash
@@ -28,7 +29,6 @@ from toolbox.runs.source import Source, Sources
 
 MANY = 100  # files of a source; of more the record keeps one hash instead of their names
 IN_MEMORY = "in memory"  # what stands for the name of a file where there is none
-_SHAPEFILE = (".dbf", ".shx", ".prj", ".cpg")  # parts of a Shapefile that are read
 
 
 def record_of(
@@ -221,9 +221,7 @@ def describe_files(paths: Sequence[Path], ctx: Context = QUIET) -> Input:
 
 def _parts(path: Path) -> list[Path]:
     """The files that belong to a path: several for a Shapefile."""
-    if path.suffix.lower() != ".shp":
-        return [path]
-    return [path, *(part for end in _SHAPEFILE if (part := path.with_suffix(end)).is_file())]
+    return shapefile.parts(path) if path.suffix.lower() == shapefile.SUFFIX else [path]
 
 
 def _pattern(paths: Iterable[Path]) -> str:

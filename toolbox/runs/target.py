@@ -12,7 +12,9 @@ from typing import Any
 
 from toolbox import files
 from toolbox.context import Context, log
-from toolbox.data import Report, Table, geopackage
+from toolbox.data import Report, Table, Vector, geopackage
+from toolbox.data.crs import describe_crs, is_local
+from toolbox.data.layer import Layer
 from toolbox.data.paths import LAS
 from toolbox.data.record import foreign_side_car
 from toolbox.declare.fields import Spec
@@ -171,6 +173,26 @@ def problems(
         reads,
         overwrite=overwrite,
     )
+
+
+def check_crs(id: str, targets: Mapping[str, Target], layers: Iterable[Layer]) -> None:
+    """Raise an error for formats that need a CRS of the Earth if no layer that is read has one.
+
+    Raises
+    ------
+    DataError
+        Names the outputs, before the tool runs.
+    """
+    found = [layer.crs for layer in layers if layer.is_spatial]
+    if not found or any(crs is not None and not is_local(crs) for crs in found):
+        return
+    text = f"needs a CRS of the Earth, and the data have {describe_crs(found[0])}"
+    if problems := {
+        name: f"{target.resolved.suffix} {text}; write a GeoPackage (.gpkg)"
+        for name, target in targets.items()
+        if target.resolved and target.resolved.suffix.lower() in Vector.NEEDING_CRS
+    }:
+        raise DataError(id, problems)
 
 
 def _twins(targets: Mapping[str, Target]) -> Iterator[tuple[str, str]]:

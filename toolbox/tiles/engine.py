@@ -37,7 +37,7 @@ from toolbox.models.model import Model, resolved
 from toolbox.runs.cache import code_of
 from toolbox.runs.provenance import Record
 from toolbox.runs.source import Sources
-from toolbox.runs.target import More, Target, write
+from toolbox.runs.target import More, Target, check_crs, write
 from toolbox.runs.target import problems as targets_problems
 from toolbox.shown import SHOWN
 from toolbox.tiles import store as tile_store
@@ -96,6 +96,7 @@ def run(
     settings = {n: v for n, v in (defaults | dict(settings)).items() if n not in spec.sources}
     plan = TilePlan.of(as_model(spec), settings, targets)
     surveys = surveys_of(spec, sources, assume_crs, ctx)
+    check_crs(spec.id, targets, surveys.values())
     survey = next(iter(surveys.values()))  # the one whose tiles are run
     metre, size = survey.metre, tiling.size or suitable_size(survey, plan.halo, tiling)
     if size < (least := max(plan.halo / 20, SMALLEST)):

@@ -19,7 +19,9 @@ from toolbox.errors import DataError
 
 X, Y = 700000.0, 6600000.0
 FLAT = [suffix for suffix in Vector.SUFFIXES if suffix != ".ply"]  # a mesh holds polygons alone
-KEEPING = [suffix for suffix in FLAT if suffix not in (".kml", ".dxf")]  # other CRS, and none
+KEEPING = [
+    suffix for suffix in FLAT if suffix not in (".kml", ".dxf", ".csv")
+]  # other CRS, and none
 
 
 def points(crs: CRS | str | None = "EPSG:2154+5720") -> geopandas.GeoDataFrame:
@@ -175,10 +177,13 @@ LINE = geopandas.GeoSeries([shapely.Point(0, 0), shapely.LineString([(0, 0), (1,
     ("frame", "suffix", "problem"),
     [
         (points(), ".dwg", "vector layers are written as .gpkg, .geojson"),
-        (points().rename(columns={"n": "number_of_returns"}), ".shp", "not number_of_returns; re"),
         (points().assign(text="a\0b"), ".gpkg", r"'text' has a zero byte in 'a\\x00b'"),
         (points().assign(text="a\0b"), ".geojson", "has a zero byte"),
         (points().rename(columns={"text": "a\0b"}), ".shp", "has a zero byte"),
+        (points().assign(n=[1, 10**18]), ".shp", "numbers of more than 18 characters, as n has"),
+        (points().assign(n=[1, -(10**17)]), ".shp", "numbers of more than 18 characters, as n has"),
+        (points().assign(share=[1.0, np.inf]), ".shp", "cannot hold infinity, as share has"),
+        (points().set_geometry(LINE).rename(columns={"n": "WKT"}), ".csv", "is wkt; rename"),
         (points().assign(text="x" * 300), ".shp", "cannot hold the layer: .*truncated to 254"),
         (points().set_geometry(LINE), ".shp", "cannot be written: .*non-point"),
         (points(None), ".geojson", r"cannot hold the CRS of the layer \(no CRS\) .*EPSG:4979"),
@@ -230,9 +235,18 @@ def test_another_crs_is_said_not_made() -> None:
 def test_what_is_no_vector_layer(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"none\.gpkg: no such file"):
         Vector.open(tmp_path / "none.gpkg")
-    (tmp_path / "a.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(DataError, match=r"layers are read from \.gpkg, .*, not \.csv; convert it"):
-        Vector.open(tmp_path / "a.csv")
+    for text, problem in (
+        ("a,b\n1,2\n", "features need columns x and y, or wkt, and it has a, b"),
+        ("x,y\n1,2\n3,\n", "row 2 has no position"),
+        ("x,y\n1,2\n3,north\n", "coordinates must be numbers"),
+        ("n,wkt\n1,POINT (1\n", "cannot be read as a vector layer"),
+    ):
+        (tmp_path / "a.csv").write_text(text)
+        with pytest.raises(DataError, match=problem):
+            Vector.open(tmp_path / "a.csv")
+    (tmp_path / "a.txt").write_text("x,y\n1,2\n")
+    with pytest.raises(DataError, match=r"layers are read from \.gpkg, .*, not \.txt; convert it"):
+        Vector.open(tmp_path / "a.txt")
     for name in ("a.gpkg", "a.geojson", "a.shp", "a.parquet"):
         (tmp_path / name).write_text("no layer")
         with pytest.raises(DataError, match=f"{name} cannot be read as a vector layer"):

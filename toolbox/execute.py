@@ -20,7 +20,7 @@ from toolbox.models.model import ModelRun
 from toolbox.runs import source as sources
 from toolbox.runs import target as targets
 from toolbox.runs.cache import Cache
-from toolbox.runs.lineage import counting, record_of
+from toolbox.runs.lineage import counting, read_files, record_of
 from toolbox.runs.provenance import Count
 from toolbox.runs.source import Sources
 from toolbox.runs.target import Target
@@ -91,7 +91,7 @@ def run(
             log.warning("%s: is not used by any step that runs", name)
     spec = spec.under(settings)
     crs = _crs(assume_crs, id)
-    reading = Reading() if writes else None
+    reading = Reading.of(read_files(sources.paths(reads))) if writes else None
     model = Path(id) if id.endswith(catalog.MODEL) else None
     describe = partial(record_of, spec, settings, reads, assume_crs=crs, model=model)
     if tiling:
@@ -104,6 +104,7 @@ def run(
             reads,
             writes,
             tiling,
+            reading=reading,
             record=describe(reading, ctx=ctx.part(0, HASH)) if reading else None,
             overwrite=overwrite,
             resume=resume,
@@ -114,6 +115,8 @@ def run(
     given_layers = (layer for n, value in layers.items() for layer in spec.sources[n].items(value))
     targets.check_crs(spec.id, writes, given_layers)
     record = describe(reading, ctx=ctx.part(READ - HASH, READ)) if reading else None
+    if reading:
+        reading.check_unchanged()
     job = spec.build(settings | layers)
     asked = writes.keys() & spec.between.keys()
     counts: list[Count] = []

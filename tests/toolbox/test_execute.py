@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from affine import Affine
 from pyproj import CRS
 
 import toolbox
 from algorithms.shoreline.alpha_shape import ShorelineAlphaShape
-from toolbox import PointCloud, Raster
+from toolbox import PointCloud, Raster, execute
 from toolbox.context import QUIET, Context
 from toolbox.declare.spec import REGISTRY, outputs, sink, source, tool
 from toolbox.errors import Cancelled, DataError, ParameterError
@@ -278,6 +280,30 @@ def test_formats_that_need_a_crs_are_refused_before_the_run(
     monkeypatch.setattr(ShorelineAlphaShape, "run", None)
     with pytest.raises(DataError, match="needs a CRS of the Earth, and the data have local coord"):
         toolbox.run("shoreline.alpha_shape", values, assume_crs="local")
+
+
+def test_an_input_that_changes_before_it_is_hashed_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The record would have the hash of another file than the one that was read."""
+    low, high = (
+        Raster(np.full((2, 2), z, np.float32), Affine(1, 0, 0, 0, -1, 2), crs=CRS(32635))
+        for z in (1, 2)
+    )
+    for name, raster in (("a.tif", low), ("b.tif", high)):
+        raster.save(tmp_path / name)
+        os.utime(tmp_path / name, (1000, 1000))
+    real = execute.record_of
+
+    def changing(*arguments: Any, **how: Any) -> Any:
+        high.save(tmp_path / "a.tif")
+        return real(*arguments, **how)
+
+    monkeypatch.setattr(execute, "record_of", changing)
+    values = {"surface": tmp_path / "b.tif", "base": tmp_path / "a.tif"}
+    with pytest.raises(DataError, match=r"a\.tif changed while the run was reading"):
+        toolbox.run("surface.difference", {**values, "difference": tmp_path / "c.tif"})
+    assert not (tmp_path / "c.tif").exists()
 
 
 def test_a_folder_that_is_removed_during_the_run_is_named(text: Path, tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import gzip
 import hashlib
 import io
-from collections.abc import Iterator
+import os
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +22,7 @@ from toolbox.errors import DataError
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
 
+CHANGED = "changed while the run was reading: the result would be a mixture; run it again"
 _BLOCK = 2**22  # bytes hashed between two reports of progress, some milliseconds
 LONGEST = 2**20  # bytes of a line of text; a line of a thousand numbers has some 20 kB
 _SMALL = 2**26  # bytes that a packed file may always unpack to
@@ -38,11 +40,18 @@ class Reading:
     hashes : SHA-256 of each file, as hexadecimal digits
     sizes : bytes in each file that is hashed
     records : how each file was made, as JSON text, or ""; see `toolbox.data.record`
+    states : what the system said of each file before it was read
     """
 
     hashes: dict[Path, str] = field(default_factory=dict)
     sizes: dict[Path, int] = field(default_factory=dict)
     records: dict[Path, str] = field(default_factory=dict)
+    states: dict[Path, os.stat_result] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, paths: Iterable[Path]) -> Reading:
+        """What is known before anything is read; files that are not there are left out."""
+        return cls(states={path: path.stat() for path in paths if path.is_file()})
 
     def hash_of(self, path: Path, ctx: Context = QUIET) -> str:
         """The hash of a file, which is read for it only if it was not read before.
@@ -56,6 +65,41 @@ class Reading:
             self.hashes[path], self.sizes[path] = _hashed(path, ctx)
         return self.hashes[path]
 
+    def check_unchanged(self, paths: Iterable[Path] | None = None) -> None:
+        """Raise an error if files are not any more what they were before they were read.
+
+        Other contents may have the same size and even the same time; so a file of which the system
+        says anything else than before is hashed again. One that is gone was needed no longer.
+
+        Parameters
+        ----------
+        paths : the files to look at; all unless given
+
+        Raises
+        ------
+        DataError
+            Names the files.
+        """
+        known = self.states if paths is None else {*paths} & self.states.keys()
+        if changed := [str(path) for path in sorted(known) if self._has_changed(path)]:
+            raise DataError(f"{', '.join(changed)} {CHANGED}")
+
+    def _has_changed(self, path: Path) -> bool:
+        before = self.states[path]
+        try:
+            now = path.stat()
+        except FileNotFoundError:
+            return False
+        if state(now) != state(before):
+            return True
+        same = (now.st_ino, now.st_ctime_ns) == (before.st_ino, before.st_ctime_ns)
+        return not same and path in self.hashes and file_hash(path) != self.hashes[path]
+
+
+def state(found: os.stat_result) -> tuple[int, int]:
+    """Size and time of a file, in microseconds, as all computers that share a disk tell them."""
+    return found.st_size, found.st_mtime_ns // 1000
+
 
 @contextmanager
 def opened(
@@ -63,22 +107,30 @@ def opened(
 ) -> Iterator[io.BufferedReader]:
     """Open a file to read it; the hash of its bytes is noted, where it is wanted.
 
-    The reader may go to and fro, and skip bytes, which are read at the end. The hash is of the
-    bytes as they were read, also if the file is changed meanwhile.
+    The reader may go to and fro, and skip bytes, which are read at the end.
 
     Parameters
     ----------
     reading : where the hash is noted; None if nobody asks for it
     ctx : asked whether to stop while skipped bytes are read
+
+    Raises
+    ------
+    DataError
+        The file was changed meanwhile.
     """
     with path.open("rb", buffering=0) as file:  # stays open if the reader closes what it is given
+        before = state(os.fstat(file.fileno()))
         if reading is None or path in reading.hashes:
             yield io.BufferedReader(io.FileIO(file.fileno(), closefd=False))
-            return
-        hashed = _HashedFile(file.fileno(), closefd=False)
-        yield io.BufferedReader(hashed)
-        reading.hashes[path] = hashed.digest(file, ctx)
-        reading.sizes[path] = hashed.size
+        else:
+            hashed = _HashedFile(file.fileno(), closefd=False)
+            yield io.BufferedReader(hashed)
+            found = hashed.digest(file, ctx), hashed.size
+        if state(os.fstat(file.fileno())) != before:
+            raise DataError(f"{path} {CHANGED}")
+        if reading is not None and path not in reading.hashes:
+            reading.hashes[path], reading.sizes[path] = found
 
 
 def room(path: Path) -> int:

@@ -20,7 +20,7 @@ from toolbox.data.las.read import chunk_sizes, read_metadata
 from toolbox.data.layer import Inside, Layer
 from toolbox.data.paths import LAS, Paths, PointFiles, suffix_of
 from toolbox.data.pointcloud import PointCloud
-from toolbox.data.reading import Reading
+from toolbox.data.reading import CHANGED, Reading, state
 from toolbox.errors import DataError
 
 _BATCH = 1_000_000  # points that are read at a time to find their bounds
@@ -46,6 +46,7 @@ class SurveyFile:
     remarks : what is odd in the header but does no harm
     columns, separator : how a text file is read
     only : xmin, ymin, xmax, ymax of the area that is read, if not all
+    state : of the file before its header was read, see `toolbox.data.reading.state`
 
     Examples
     --------
@@ -71,6 +72,7 @@ class SurveyFile:
     columns: tuple[str, ...] | None = None
     separator: str | None = None
     only: tuple[float, ...] | None = None
+    state: tuple[int, int] | None = None
 
     @classmethod
     def open(
@@ -90,6 +92,7 @@ class SurveyFile:
             The file cannot be read, or the options do not suit it.
         """
         how: dict[str, Any] = {"columns": columns and tuple(columns), "separator": separator}
+        before = _state(path)
         if suffix_of(path) not in LAS:
             cloud = PointCloud.open(path, assume_crs=assume_crs, ctx=ctx, **how)
             return cls(
@@ -98,6 +101,7 @@ class SurveyFile:
                 bounds=cloud.bounds,
                 crs=cloud.crs,
                 attributes=_attributes(cloud),
+                state=before,
                 **how,
             )
         if columns or separator:
@@ -115,6 +119,7 @@ class SurveyFile:
             scales=tuple(header.scales.tolist()),
             attributes=_attributes(PointCloud.of_metadata(metadata, path.name)),
             remarks=tuple(remarks),
+            state=before,
         )
         return file._with_bounds(ctx)
 
@@ -203,6 +208,8 @@ class SurveyFile:
 
     def _opened(self, **how: Any) -> PointCloud:
         cloud = PointCloud.open(self.path, columns=self.columns, separator=self.separator, **how)
+        if self.state is not None and _state(self.path) != self.state:
+            raise DataError(f"{self.path} {CHANGED}")
         return cloud.with_crs(self.crs)
 
     def touches(self, bounds: Sequence[float]) -> bool:
@@ -416,6 +423,13 @@ class Survey(Layer):
         """Index of the file that holds each point, given its index in the survey."""
         ends = np.cumsum([file.count for file in self.files])
         return np.searchsorted(ends, number, side="right")
+
+
+def _state(path: Path) -> tuple[int, int]:
+    try:
+        return state(path.stat())
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror or error}") from error
 
 
 def _empty(file: SurveyFile) -> PointCloud:

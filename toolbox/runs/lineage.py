@@ -107,7 +107,7 @@ def describe_inputs(
         part = ctx.part(place / len(given), (place + 1) / len(given))
         try:
             inputs[name] += tuple(_inputs(source, reading, part))
-            files += [part for path in source.files for part in _parts(path)]
+            files += read_files(source.files)
         except DataError as error:
             problems[name] = str(error)
     if problems:
@@ -198,7 +198,7 @@ def _described(
     paths: Sequence[Path], options: Mapping[str, Any], reading: Reading, ctx: Context
 ) -> Input:
     """Description of one file with its side-cars, or of many files together."""
-    parts = [part for path in paths for part in _parts(path)]
+    parts = list(read_files(paths))
     hashes: dict[Path, str] = {}
     for place, part in enumerate(parts):
         share = ctx.part(place / len(parts), (place + 1) / len(parts))
@@ -219,9 +219,10 @@ def describe_files(paths: Sequence[Path], ctx: Context = QUIET) -> Input:
     return _described(paths, {}, Reading(), ctx)
 
 
-def _parts(path: Path) -> list[Path]:
-    """The files that belong to a path: several for a Shapefile."""
-    return shapefile.parts(path) if path.suffix.lower() == shapefile.SUFFIX else [path]
+def read_files(paths: Iterable[Path]) -> Iterator[Path]:
+    """The files that are read for some paths: several for a Shapefile."""
+    for path in paths:
+        yield from shapefile.parts(path) if path.suffix.lower() == shapefile.SUFFIX else [path]
 
 
 def _pattern(paths: Iterable[Path]) -> str:

@@ -14,6 +14,7 @@ continues a run that was stopped. They take as much space as all points and all 
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import math
 import shutil
@@ -31,10 +32,12 @@ from toolbox import files
 from toolbox.catalog import MODEL
 from toolbox.context import Context, log
 from toolbox.data import Survey
+from toolbox.data.reading import Reading
 from toolbox.declare.fields import Spec
 from toolbox.errors import DataError, ParameterError
 from toolbox.models.model import Model, resolved
 from toolbox.runs.cache import code_of
+from toolbox.runs.lineage import read_files
 from toolbox.runs.provenance import Record
 from toolbox.runs.source import Sources
 from toolbox.runs.target import More, Target, check_crs, write
@@ -63,6 +66,7 @@ def run(
     targets: Mapping[str, Target],
     tiling: Tiling,
     *,
+    reading: Reading | None,
     record: Record | None,
     overwrite: bool,
     resume: bool,
@@ -77,6 +81,7 @@ def run(
     settings : values of its parameters
     sources : the layers to read; point clouds are in files
     targets : the outputs to write
+    reading : what is known of the files, with their hashes
     record : the provenance record, which each product carries
     overwrite : whether products may replace files
     resume : whether to continue an earlier run that was stopped
@@ -96,6 +101,8 @@ def run(
     settings = {n: v for n, v in (defaults | dict(settings)).items() if n not in spec.sources}
     plan = TilePlan.of(as_model(spec), settings, targets)
     surveys = surveys_of(spec, sources, assume_crs, ctx)
+    if reading:
+        reading.check_unchanged()  # since they were hashed; from now on the survey does so
     check_crs(spec.id, targets, surveys.values())
     survey = next(iter(surveys.values()))  # the one whose tiles are run
     metre, size = survey.metre, tiling.size or suitable_size(survey, plan.halo, tiling)
@@ -132,6 +139,9 @@ def run(
             crew.run_pass(number, tiles, ctx.part(*edges))
             if crew.failures:
                 break
+        if reading:
+            of_others = (source.files for items in others.values() for source in items)
+            reading.check_unchanged(read_files(itertools.chain(*of_others)))
         return _finish(spec, crew, products, targets, record, overwrite, ctx.part(DONE, 1))
 
 

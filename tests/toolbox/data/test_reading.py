@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import io
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -44,27 +45,83 @@ def test_the_hash_is_the_same_in_whatever_order_a_file_is_read(
     assert reading.hashes == {path: sha256(CONTENT)}
 
 
-def test_a_file_that_changes_while_it_is_read_has_no_hash_of_either(tmp_path: Path) -> None:
-    path, reading = tmp_path / "a", Reading()
-    path.write_bytes(CONTENT)
-    with opened(path, reading) as stream:
-        seen = stream.read(50_000)
-        with path.open("rb+") as file:
-            file.write(bytes(len(CONTENT)))
-        stream.seek(0)
-        stream.read(10)  # what was read first counts
-    assert seen == CONTENT[:50_000]
-    assert reading.hashes[path] not in (sha256(CONTENT), file_hash(path))
+def old(path: Path, content: bytes = CONTENT) -> Path:
+    """A file that was written long ago, so that the time tells when it is written again."""
+    path.write_bytes(content)
+    os.utime(path, (1000, 1000))
+    return path
 
 
-def test_what_is_read_ahead_is_what_is_hashed(tmp_path: Path) -> None:
-    path, reading = tmp_path / "a", Reading()
-    path.write_bytes(CONTENT)
-    with opened(path, reading) as stream:
-        stream.seek(60_000)
-        ahead = stream.read()
-        path.write_bytes(CONTENT[:60_000] + bytes(len(ahead)))
-    assert reading.hashes[path] == sha256(CONTENT)
+@pytest.mark.parametrize("reading", [Reading(), None])
+def test_a_file_that_changes_while_it_is_read_is_an_error(
+    tmp_path: Path, reading: Reading | None
+) -> None:
+    path = old(tmp_path / "a")
+
+    def read() -> None:
+        with opened(path, reading) as stream:
+            stream.read(50_000)
+            path.write_bytes(bytes(len(CONTENT)))
+
+    with pytest.raises(DataError, match="a changed while the run was reading"):
+        read()
+    assert not (reading and reading.hashes)
+
+
+def change(path: Path) -> None:
+    path.write_bytes(bytes(len(CONTENT)))
+
+
+def change_keeping_the_time(path: Path) -> None:
+    change(path)
+    os.utime(path, (1000, 1000))
+
+
+def add(path: Path) -> None:
+    path.write_bytes(CONTENT + b"more")
+    os.utime(path, (1000, 1000))
+
+
+def replace(path: Path) -> None:
+    change_keeping_the_time(path.with_name("b"))
+    path.with_name("b").replace(path)
+
+
+@pytest.mark.parametrize("how", [change, change_keeping_the_time, add, replace])
+def test_a_file_that_has_changed_since_is_named(
+    how: Callable[[Path], None], tmp_path: Path
+) -> None:
+    path, other = old(tmp_path / "a"), old(tmp_path / "c")
+    reading = Reading.of([path, other, tmp_path / "none"])
+    reading.hash_of(path)
+    reading.check_unchanged()
+    how(path)
+    with pytest.raises(DataError, match=f"^{path} changed while the run was reading"):
+        reading.check_unchanged()
+    reading.check_unchanged([other, tmp_path / "none"])
+
+
+def link(path: Path) -> None:
+    path.with_name("b").hardlink_to(path)
+
+
+def allow(path: Path) -> None:
+    path.chmod(0o600)
+
+
+def copy(path: Path) -> None:
+    old(path.with_name("b")).replace(path)
+
+
+@pytest.mark.parametrize("how", [link, allow, copy, Path.unlink])
+def test_a_file_of_the_same_content_is_the_same(
+    how: Callable[[Path], None], tmp_path: Path
+) -> None:
+    path = old(tmp_path / "a")
+    reading = Reading.of([path])
+    reading.hash_of(path)
+    how(path)
+    reading.check_unchanged()
 
 
 def test_a_file_that_cannot_be_read_has_no_hash(tmp_path: Path) -> None:

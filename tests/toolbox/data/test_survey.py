@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import pickle
 import struct
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -237,7 +239,7 @@ def test_chunks_are_read_on_their_own(tmp_path: Path) -> None:
 
 def test_only_the_needed_chunks_are_unpacked(tmp_path: Path) -> None:
     path = tile(tmp_path / "a.laz", count=120_001)
-    whole, file = PointCloud.open(path), Survey.open(path).files[0]
+    whole, file = PointCloud.open(path), replace(Survey.open(path).files[0], state=None)
     content = bytearray(path.read_bytes())
     (start,) = struct.unpack_from("<I", content, 96)
     content[start + 8 : start + 2000] = bytes(1992)  # the first chunk
@@ -485,3 +487,18 @@ def test_real_feet_beside_metres(data: Callable[[str], Path]) -> None:
     feet, metres = data("feet/autzen_trim.laz"), data("ign_urban_50m/77050_627755.laz")
     with pytest.raises(DataError, match=r"77050_627755\.laz is in EPSG:2154.*reproject"):
         Survey.open([feet, metres])
+
+
+@pytest.mark.parametrize("name", ["a.laz", "a.csv"])
+def test_a_file_that_changed_since_its_header_was_read(name: str, tmp_path: Path) -> None:
+    """The points would be those of another file than bounds, attributes and the record."""
+    path = tmp_path / name
+    points = PointCloud([[0, 0, 1.0], [1, 0, 2.0]])
+    points.save(path)
+    os.utime(path, (1000, 1000))
+    survey = Survey.open(tmp_path)
+    assert len(survey.read()) == 2
+    points.save(path)
+    for read in (survey.read, lambda: list(survey.batches(1))):
+        with pytest.raises(DataError, match=f"{name} changed while the run was reading"):
+            read()

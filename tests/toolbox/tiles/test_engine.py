@@ -111,6 +111,27 @@ def files(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
+@pytest.mark.parametrize("before", ["surveys_of", "Crew"])  # headers are read; points are
+def test_an_input_that_changes_during_the_run_is_an_error(
+    before: str, survey: Path, tiling: Tiling, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not a mixture, with the hash of the old file in its record."""
+    folder = tmp_path / "survey"
+    shutil.copytree(survey, folder)
+    real = getattr(engine, before)
+
+    def changing(*arguments: Any) -> Any:
+        shutil.copy(folder / "a.laz", folder / "c.laz")
+        return real(*arguments)
+
+    monkeypatch.setattr(engine, before, changing)
+    values = {"points": folder, "where": "z > 1", "kept": tmp_path / "k.laz"}
+    with pytest.raises(DataError, match=r"c\.laz changed while the run was reading"):
+        toolbox.run("points.filter", values, tiling=tiling)
+    assert not (tmp_path / "k.laz").exists()
+    assert not list(tmp_path.glob(".tiles-*/points/points_2_*"))  # nothing that --resume could take
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [37.0, 130.0, 400.0])
 def test_a_model_in_tiles_gives_the_files_of_the_whole(
@@ -382,6 +403,29 @@ def test_resume_begins_anew_if_another_layer_has_changed(
     toolbox.run("surface.grid", values, tiling=tiling, resume=True)
     whole = toolbox.run("surface.grid", values | {"surface": None})["surface"]
     np.testing.assert_array_equal(Raster.open(out).values, whole.values)
+
+
+def test_another_layer_that_changes_between_tiles_is_an_error(
+    survey: Path, tiling: Tiling, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each worker reads it anew."""
+    other = tmp_path / "template.tif"
+    grid = {"points": survey, "method": "max", "cell": 2}
+    toolbox.run("surface.grid", grid | {"surface": other})
+    os.utime(other, (1000, 1000))
+    real = engine.Crew.run_pass
+
+    def changing(*arguments: Any) -> None:
+        real(*arguments)
+        shutil.copy(other, tmp_path / "copy.tif")
+        (tmp_path / "copy.tif").replace(other)
+
+    monkeypatch.setattr(engine.Crew, "run_pass", changing)
+    with pytest.raises(DataError, match=r"template\.tif changed while the run was reading"):
+        toolbox.run(
+            "surface.grid", grid | {"template": other, "surface": tmp_path / "o.tif"}, tiling=tiling
+        )
+    assert not (tmp_path / "o.tif").exists()
 
 
 def test_points_in_memory_and_without_metres(survey: Path, tiling: Tiling, tmp_path: Path) -> None:

@@ -13,8 +13,9 @@ from pyproj import CRS
 
 import toolbox
 from algorithms.shoreline.alpha_shape import ShorelineAlphaShape
-from toolbox import PointCloud, Raster, execute
+from toolbox import PointCloud, Raster, Vector, execute
 from toolbox.context import QUIET, Context
+from toolbox.data.crs import crs_text, parse_crs
 from toolbox.declare.spec import REGISTRY, outputs, sink, source, tool
 from toolbox.errors import Cancelled, DataError, ParameterError
 
@@ -169,6 +170,32 @@ def test_assumed_crs_does_not_replace_a_known_one(caplog: pytest.LogCaptureFixtu
         result = toolbox.run("points.filter", {"points": cloud()}, assume_crs="EPSG:2154")
     assert result["kept"].crs == CRS(32635)
     assert "four.laz states its CRS" in caplog.text
+
+
+@pytest.mark.parametrize("word", ["local", "local:mm"])
+@pytest.mark.parametrize("suffix", [".laz", ".las", ".ply"])
+def test_a_local_crs_is_stated_once_for_a_chain(suffix: str, word: str, tmp_path: Path) -> None:
+    xyz = np.random.default_rng(1).uniform(0, 9000, (300, 3)).round()
+    PointCloud(xyz, {"classification": np.full(300, 2, np.uint8)}).save(tmp_path / "a.laz")
+    chosen, grid, shapes = (tmp_path / name for name in (f"b{suffix}", "c.tif", "d.gpkg"))
+    values = {"points": tmp_path / "a.laz", "where": "z > 1", "kept": chosen}
+    toolbox.run("points.filter", values, assume_crs=word)
+    again = tmp_path / "e.laz"
+    toolbox.run("points.filter", {"points": chosen, "where": "z > 2", "kept": again})
+    toolbox.run("surface.grid", {"points": chosen, "cell": 1, "surface": grid})
+    toolbox.run(
+        "surface.difference", {"surface": grid, "base": grid, "difference": tmp_path / "f.tif"}
+    )
+    toolbox.run("shoreline.alpha_shape", {"points": again, "alpha": 2000, "shapes": shapes})
+    layers = (PointCloud.open(again), Raster.open(tmp_path / "f.tif"), Vector.open(shapes))
+    assert [crs_text(layer.crs) for layer in layers] == [word] * 3
+
+
+def test_several_files_must_agree_in_their_local_crs(tmp_path: Path) -> None:
+    for name, word in (("a", "local"), ("b", "local:mm")):
+        cloud(parse_crs(word)).save(tmp_path / f"{name}.laz")
+    with pytest.raises(DataError, match="cannot be compared with local coordinates in metres"):
+        toolbox.run("points.filter", {"points": tmp_path})
 
 
 def test_a_picture_of_nothing_does_not_spoil_a_run(tmp_path: Path) -> None:

@@ -29,7 +29,12 @@ def _local(unit: str, metres: float) -> CRS:
 
 
 LOCAL = _local("metre", 1.0)
-"""The engineering CRS of coordinates in metres, without a relation to the Earth. Never written."""
+"""The engineering CRS of coordinates in metres, without a relation to the Earth.
+
+No file but GeoParquet states it as its CRS, since other programs would not know what to do with it.
+It is said where they leave it alone: a VLR of LAS, a comment of PLY, a metadata item of GeoTIFF, the
+description of a layer in a GeoPackage.
+"""
 LOCALS = {
     "local": LOCAL,
     "local:mm": _local("millimetre", 0.001),
@@ -210,7 +215,7 @@ def same_crs(a: CRS | None, b: CRS | None) -> bool:
 
 
 def is_local(crs: CRS) -> bool:
-    """Whether a CRS is one of LOCALS, which is never written to a file.
+    """Whether a CRS is one of LOCALS, which have no relation to the Earth.
 
     Examples
     --------
@@ -218,6 +223,17 @@ def is_local(crs: CRS) -> bool:
     (True, False)
     """
     return any(same_crs(crs, local) for local in LOCALS.values())
+
+
+def local_crs(text: str) -> CRS | None:
+    """The CRS of LOCALS that a file names with its key or its own name; None for other texts.
+
+    Examples
+    --------
+    >>> local_crs("local:mm").name, local_crs("a lake")
+    ('Local coordinates in millimetres', None)
+    """
+    return next((crs for word, crs in LOCALS.items() if text in (word, crs.name)), None)
 
 
 def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool) -> str | None:

@@ -29,6 +29,17 @@ def tables(path: Path) -> list[str]:
             raise ValueError(str(error)) from error
 
 
+def description(path: Path, layer: str) -> str:
+    """What a GeoPackage says of one of its layers."""
+    query = "SELECT description FROM gpkg_contents WHERE table_name = ?"
+    with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
+        try:
+            row = database.execute(query, (layer,)).fetchone()
+        except sqlite3.Error as error:
+            raise ValueError(str(error)) from error
+    return str(row[0] or "") if row else ""
+
+
 @contextmanager
 def same_date() -> Iterator[None]:
     """Make GDAL write the same date into every file."""

@@ -11,13 +11,16 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+from pyproj import CRS
 
 from toolbox.context import log
+from toolbox.data.crs import crs_text, is_local, local_crs
 from toolbox.data.reading import Reading, opened, room, unpacked
 from toolbox.data.text import Points, standard_names
 from toolbox.errors import DataError
 
 COLOURS = ("red", "green", "blue")
+_LOCAL = "crs "  # begins the comment that names a local CRS
 _TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 _SIZES = {"char": 1, "short": 2, "int": 4, "float": 4, "double": 8} | {
     f"{kind}{bits}": bits // 8 for kind in ("int", "float") for bits in (8, 16, 32, 64)
@@ -30,7 +33,7 @@ _ERRORS += (gzip.BadGzipFile, zlib.error)
 
 def read_ply(
     path: Path, reading: Reading | None = None
-) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
+) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]], CRS | None]:
     """Read coordinates and attributes of the vertices of a .ply or .ply.gz file.
 
     Faces and other elements are left out, and the log says so.
@@ -45,6 +48,7 @@ def read_ply(
     -------
     xyz : of shape (n, 3)
     attributes : the other properties of the vertices
+    crs : local, if a comment of ours says so
 
     Raises
     ------
@@ -66,7 +70,9 @@ def read_ply(
     if others:
         log.warning("%s: only its vertices are read, not its %s", path.name, ", ".join(others))
     data = file["vertex"].data
-    return split({name: data[name] for name in data.dtype.names or ()}, path)
+    said = [text.removeprefix(_LOCAL) for text in file.comments if text.startswith(_LOCAL)]
+    crs = local_crs(said[0]) if said else None
+    return *split({name: data[name] for name in data.dtype.names or ()}, path), crs
 
 
 def _check_counts(content: BinaryIO, size: int) -> None:
@@ -138,7 +144,9 @@ def write_ply(path: Path, cloud: Points) -> None:
     for name, values in columns.items():
         vertices[name] = values
     element = plyfile.PlyElement.describe(vertices, "vertex")
-    plyfile.PlyData([element], byte_order="<").write(str(path))
+    local = cloud.crs is not None and is_local(cloud.crs)
+    comments = [_LOCAL + crs_text(cloud.crs)] if local else []
+    plyfile.PlyData([element], byte_order="<", comments=comments).write(str(path))
 
 
 def _typed(path: Path, name: str, values: NDArray[Any]) -> NDArray[Any]:

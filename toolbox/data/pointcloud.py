@@ -19,6 +19,7 @@ from toolbox.data.crs import (
     crs_from_json,
     crs_to_json,
     describe_crs,
+    is_local,
     metres_per_unit,
 )
 from toolbox.data.las import points as las_points
@@ -175,7 +176,7 @@ class PointCloud(Layer):
         elif suffix == ".ply":
             from toolbox.data.ply import read_ply
 
-            xyz, attributes = read_ply(path, reading)
+            xyz, attributes, crs = read_ply(path, reading)
         elif suffix == ".pcd":
             from toolbox.data.pcd import read_pcd
 
@@ -596,7 +597,8 @@ class PointCloud(Layer):
         suffix = suffix_of(path)
         if not path.name.lower().endswith(self.SUFFIXES):
             raise DataError(f"{path}: points are written as {', '.join(self.SUFFIXES)}")
-        if suffix not in LAS and self.crs is not None:
+        holds_local = suffix == ".ply" and self.crs is not None and is_local(self.crs)
+        if suffix not in LAS and self.crs is not None and not holds_local:
             log.info("%s: the format holds no CRS (%s)", path.name, describe_crs(self.crs))
         try:
             if suffix in LAS:

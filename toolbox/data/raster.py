@@ -18,7 +18,14 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context
 from toolbox.data import differences
-from toolbox.data.crs import crs_from_json, crs_to_json, is_local, metres_per_unit
+from toolbox.data.crs import (
+    crs_from_json,
+    crs_text,
+    crs_to_json,
+    is_local,
+    local_crs,
+    metres_per_unit,
+)
 from toolbox.data.drivers import raster_driver
 from toolbox.data.lattice import Lattice
 from toolbox.data.layer import Inside, Layer
@@ -28,6 +35,7 @@ from toolbox.errors import DataError
 STRIP = 256  # rows that are written at a time; one row of tiles of the file
 _COMPRESSED = {"compress": "deflate", "bigtiff": "if_safer"}
 _SAID = ("nodata", "descriptions", "units", "name")  # of a raster, besides its place
+_LOCAL = "LOCAL_CRS"  # metadata item of a raster without CRS, with a word such as "local:mm"
 _NODATA = -9999.0  # of float rasters, unless the file or the caller has its own
 _SIDE_CARS = (".aux.xml", ".ovr", ".msk", ".msk.ovr")  # what GDAL reads with a GeoTIFF
 _DTYPES = frozenset(
@@ -268,6 +276,8 @@ class Raster(Layer):
                     stored, _ = replace(self, values=values)._stored(path, wanted)
                     sink.write(stored, window=Window(0, top, lattice.cols, values.shape[1]))
                 sink.units = self.units
+                if self.crs is not None and is_local(self.crs):
+                    sink.update_tags(**{_LOCAL: crs_text(self.crs)})
                 if record:
                     sink.update_tags(**{ITEM: checked(record)})
                 for band, text in enumerate(self.descriptions, start=1):
@@ -506,12 +516,19 @@ def _read(source: Any, name: str) -> Raster:
     return Raster(
         values,
         source.transform,
-        crs=CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019")) if source.crs else None,
+        crs=_crs(source),
         nodata=nodata,
         descriptions=tuple(text or "" for text in source.descriptions),
         units=tuple(text or "" for text in source.units),
         name=name,
     )
+
+
+def _crs(source: Any) -> CRS | None:
+    """The CRS that a dataset states; else the local one that we have noted in it."""
+    if source.crs:
+        return CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019"))
+    return local_crs(source.tags().get(_LOCAL, ""))
 
 
 def _values(source: Any) -> tuple[NDArray[Any], float | None]:

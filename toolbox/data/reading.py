@@ -40,7 +40,7 @@ class Reading:
     hashes : SHA-256 of each file, as hexadecimal digits
     sizes : bytes in each file that is hashed
     records : how each file was made, as JSON text, or ""; see `toolbox.data.record`
-    states : what the system said of each file before it was read
+    states : what the system said, before they were read, of files that are read more than once
     """
 
     hashes: dict[Path, str] = field(default_factory=dict)
@@ -131,6 +131,7 @@ def opened(
             raise DataError(f"{path} {CHANGED}")
         if reading is not None and path not in reading.hashes:
             reading.hashes[path], reading.sizes[path] = found
+            reading.states.pop(path, None)  # all of it is read: what becomes of it is no matter
 
 
 def room(path: Path) -> int:

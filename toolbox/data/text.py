@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from pandas.io.parsers import TextFileReader
+from pyproj import CRS
 
 from toolbox.context import QUIET, Context
 from toolbox.data.las.header import fields
@@ -59,8 +60,10 @@ _ERRORS = (ValueError, OverflowError, EOFError, zlib.error, gzip.BadGzipFile)
 
 
 class Points(Protocol):
-    """What :func:`write_text` needs of a point cloud."""
+    """What writers of points need of a point cloud."""
 
+    @property
+    def crs(self) -> CRS | None: ...
     @property
     def names(self) -> tuple[str, ...]: ...
     @property

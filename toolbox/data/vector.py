@@ -20,6 +20,7 @@ from toolbox.data.crs import (
     describe_crs,
     horizontal_crs,
     is_local,
+    local_crs,
     metres_per_height,
     metres_per_unit,
     same_crs,
@@ -201,33 +202,38 @@ class Vector(Layer):
         suffix = path.suffix.lower()
         if suffix not in self.SUFFIXES:
             raise DataError(f"{path}: vector layers are written as {', '.join(self.SUFFIXES)}")
-        frame = self.frame
-        if self.crs is not None and is_local(self.crs):
-            frame = frame.set_crs(None, allow_override=True)
+        local = self.crs if self.crs is not None and is_local(self.crs) else None
+        if local is not None and suffix not in (geopackage.SUFFIX, ".parquet"):
+            log.info("%s: the format holds no CRS (%s)", path.name, describe_crs(local))
+        frame = self.frame if local is None else self.with_crs(None).frame
         if suffix == ".kml":
             frame = _for_kml(frame, path)
         with _errors_named(f"{path} cannot be written"):
             for old in () if add else self.own_files(path):  # or GDAL would add a layer to them
                 old.unlink(missing_ok=True)
-            if suffix == ".parquet":
-                need_pyarrow()
-                frame.to_parquet(path)
-            elif suffix == ".dxf":
-                dxf.write(frame, path, layer or path.stem)
-            elif suffix == ".ply":
-                mesh.write(frame, path)
-            elif suffix == feature_table.SUFFIX:
-                feature_table.write(frame, path)
+            if suffix in _DRIVERS:
+                said = local.name if local else ""
+                _write(frame, path, layer or path.stem, self.geometry_type, said)
             else:
-                if suffix == shapefile.SUFFIX:
-                    frame = shapefile.with_fields(frame, path)
-                _write(frame, path, layer or path.stem, self.geometry_type)
-                _check_crs(frame.crs, path, layer or path.stem)
+                self._write_otherwise(path, layer or path.stem)
             if side_car(path):
                 write_beside(path, record)
             elif record:
                 write_into_geopackage(path, record, geopackage.WRITTEN)
         ctx.progress(1.0)
+
+    def _write_otherwise(self, path: Path, layer: str) -> None:
+        """Write a file without GDAL."""
+        suffix = path.suffix.lower()
+        if suffix == ".parquet":
+            need_pyarrow()
+            self.frame.to_parquet(path)
+        elif suffix == ".dxf":
+            dxf.write(self.frame, path, layer)
+        elif suffix == ".ply":
+            mesh.write(self.frame, path)
+        else:
+            feature_table.write(self.frame, path)
 
     def with_crs(self, crs: CRS | None) -> Vector:
         """The same features, stated to be in another CRS; nothing is transformed."""
@@ -356,6 +362,8 @@ def _read(path: Path, layer: str | None) -> Vector:
         info = pyogrio.read_info(path, layer=name)
     if path.suffix.lower() == shapefile.SUFFIX:
         frame = frame.rename(columns=shapefile.attribute_names(path))
+    if path.suffix.lower() == geopackage.SUFFIX and frame.crs is None:
+        frame = frame.set_crs(local_crs(geopackage.description(path, name)))
     return Vector(frame, name=path.name, geometry_type=info["geometry_type"])
 
 
@@ -414,12 +422,18 @@ def _read_parquet(path: Path) -> geopandas.GeoDataFrame:
     return geopandas.read_parquet(path)
 
 
-def _write(frame: geopandas.GeoDataFrame, path: Path, layer: str, geometry_type: str) -> None:
+def _write(
+    frame: geopandas.GeoDataFrame, path: Path, layer: str, geometry_type: str, description: str
+) -> None:
     import pyogrio
 
     refuse_zero_bytes(frame.drop(columns=frame.geometry.name), path)
     suffix = path.suffix.lower()
-    options: dict[str, Any] = dict(geopackage.OPTIONS) if suffix == geopackage.SUFFIX else {}
+    if suffix == shapefile.SUFFIX:
+        frame = shapefile.with_fields(frame, path)
+    options: dict[str, Any] = {}
+    if suffix == geopackage.SUFFIX:
+        options = {**geopackage.OPTIONS, "layer_options": {"DESCRIPTION": description}}
     if suffix == ".shp":
         options = {"encoding": "UTF-8", "layer_options": {"DBF_DATE_LAST_UPDATE": geopackage.DAY}}
     if frame.empty:
@@ -431,6 +445,7 @@ def _write(frame: geopandas.GeoDataFrame, path: Path, layer: str, geometry_type:
     if heard:  # GDAL only warns where a format cuts a value; we do not leave such a file
         path.unlink()
         raise DataError(f"{path} cannot hold the layer: {heard[0].message}")
+    _check_crs(frame.crs, path, layer)
 
 
 def _check_crs(crs: CRS | None, path: Path, layer: str) -> None:

@@ -17,9 +17,9 @@ from laspy.vlrs.vlrlist import VLRList
 
 from toolbox.context import Context
 from toolbox.data import PointCloud
-from toolbox.data.crs import LOCAL, parse_crs, same_crs
+from toolbox.data.crs import LOCALS, parse_crs, same_crs
 from toolbox.data.las import read as las
-from toolbox.data.las.crs import read_crs
+from toolbox.data.las.crs import crs_vlrs, read_crs
 from toolbox.data.las.header import parse_metadata
 from toolbox.errors import Cancelled, DataError
 
@@ -371,14 +371,29 @@ def test_a_crs_without_codes_goes_to_wkt(tmp_path: Path) -> None:
     assert str(header.header.version) == "1.4"
 
 
-@pytest.mark.parametrize("crs", [None, LOCAL])
+@pytest.mark.parametrize("crs", [None, *LOCALS.values()])
 @pytest.mark.parametrize("number", [3, 6])
-def test_no_crs_leaves_no_record(tmp_path: Path, crs: Any, number: int) -> None:
+def test_no_crs_leaves_no_record_and_a_local_one_a_record_of_ours(
+    tmp_path: Path, crs: Any, number: int
+) -> None:
     first, _ = saved(opened(tmp_path, number, 4))
     assert first.crs is not None
     result, header = saved(first.with_crs(crs))
-    assert result.crs is None
+    assert same_crs(result.crs, crs)
     assert not [v for v in header.vlrs if v.user_id == "LASF_Projection"]
+    assert len([v for v in header.vlrs if v.user_id == "lidar-toolbox"]) == (crs is not None)
+    back, header = saved(result.with_crs(first.crs))
+    assert same_crs(back.crs, first.crs)
+    assert not [v for v in header.vlrs if v.user_id == "lidar-toolbox"]
+
+
+def test_a_crs_of_the_earth_counts_more_than_a_local_one(tmp_path: Path) -> None:
+    """Another program has given one to our file, and has left our record in it."""
+    first, _ = saved(opened(tmp_path, 3, 4))
+    local, _ = saved(first.with_crs(LOCALS["local:mm"]))
+    (ours,), _ = crs_vlrs(local.crs, 3, wkt=False)
+    (theirs,), wkt = crs_vlrs(first.crs, 3, wkt=False)
+    assert same_crs(read_crs([ours, theirs], wkt=wkt, name="a.las"), first.crs)
 
 
 def test_an_unchanged_crs_keeps_its_record(tmp_path: Path) -> None:

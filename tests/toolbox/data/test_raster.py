@@ -14,7 +14,7 @@ from pyproj import CRS
 
 import toolbox
 from toolbox.data import Lattice, Raster
-from toolbox.data.crs import LOCAL, describe_crs, length_problem, parse_crs, same_crs
+from toolbox.data.crs import LOCALS, describe_crs, length_problem, parse_crs, same_crs
 from toolbox.errors import DataError
 
 NORTH_UP = Affine(0.5, 0, 1000, 0, -0.5, 2000)
@@ -177,12 +177,31 @@ def test_crs_of_a_survey_in_feet_round_trip(tmp_path: Path, data: Callable[[str]
     assert found.metre == pytest.approx(1 / 0.3048)
 
 
-@pytest.mark.parametrize("crs", [None, LOCAL])
-def test_local_coordinates_are_written_without_crs(tmp_path: Path, crs: CRS | None) -> None:
-    Raster(np.zeros((2, 2)), NORTH_UP, crs=crs).save(tmp_path / "a.tif")
+def test_without_crs(tmp_path: Path) -> None:
+    Raster(np.zeros((2, 2)), NORTH_UP).save(tmp_path / "a.tif")
     found = Raster.open(tmp_path / "a.tif")
     assert found.crs is None
     assert "--assume-crs" in str(length_problem(found.crs))
+
+
+@pytest.mark.parametrize("cog", [False, True])
+@pytest.mark.parametrize("crs", LOCALS.values())
+def test_a_local_crs_is_kept_where_other_programs_do_not_look(
+    tmp_path: Path, crs: CRS, cog: bool
+) -> None:
+    Raster(np.zeros((2, 2)), NORTH_UP, crs=crs).save(tmp_path / "a.tif", cog=cog)
+    with rasterio.open(tmp_path / "a.tif") as source:
+        assert source.crs is None
+    assert same_crs(Raster.open(tmp_path / "a.tif").crs, crs)
+
+
+def test_a_crs_of_the_earth_counts_more_than_a_local_one(tmp_path: Path) -> None:
+    """Another program has given one to our file, and has left our metadata in it."""
+    Raster(np.zeros((2, 2)), NORTH_UP, crs=LOCALS["local:mm"]).save(tmp_path / "a.tif")
+    with rasterio.open(tmp_path / "a.tif", "r+") as sink:
+        sink.crs = rasterio.CRS.from_epsg(32635)
+        assert sink.tags()["LOCAL_CRS"] == "local:mm"
+    assert Raster.open(tmp_path / "a.tif").crs == CRS(32635)
 
 
 def test_raster_at_the_origin_keeps_its_place(tmp_path: Path) -> None:

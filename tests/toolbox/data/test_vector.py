@@ -13,7 +13,7 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from toolbox.data.crs import LOCAL, describe_crs, parse_crs, same_crs
+from toolbox.data.crs import LOCAL, LOCALS, describe_crs, parse_crs, same_crs
 from toolbox.data.vector import Vector
 from toolbox.errors import DataError
 
@@ -126,13 +126,27 @@ def test_kml_has_heights_in_metres(tmp_path: Path, crs: str, metres: float) -> N
     assert [place.z for place in found] == pytest.approx([3.25 * metres, 4 * metres])
 
 
-@pytest.mark.parametrize("crs", [None, LOCAL])
-@pytest.mark.parametrize("suffix", [".gpkg", ".fgb", ".shp", ".parquet"])
-def test_local_coordinates_are_written_without_crs(
-    tmp_path: Path, suffix: str, crs: CRS | None
+@pytest.mark.parametrize("crs", [None, *LOCALS.values()])
+@pytest.mark.parametrize("suffix", [".gpkg", ".fgb", ".shp", ".parquet", ".csv"])
+def test_a_local_crs_is_kept_where_the_format_can_hold_it(
+    tmp_path: Path, suffix: str, crs: CRS | None, caplog: pytest.LogCaptureFixture
 ) -> None:
+    caplog.set_level(logging.INFO)
     Vector(points(crs)).save(tmp_path / f"a{suffix}")
-    assert Vector.open(tmp_path / f"a{suffix}").crs is None
+    holds = suffix in (".gpkg", ".parquet")
+    assert same_crs(Vector.open(tmp_path / f"a{suffix}").crs, crs if holds else None)
+    told = f"a{suffix}: the format holds no CRS ({describe_crs(crs)})" in caplog.messages
+    assert told == (not holds and crs is not None)
+
+
+def test_layers_of_a_geopackage_have_each_their_local_crs(tmp_path: Path) -> None:
+    path = tmp_path / "a.gpkg"
+    Vector(points(LOCALS["local:mm"])).save(path, layer="wall")
+    Vector(points(CRS(2154))).save(path, layer="ground", add=True)
+    Vector(points(None)).save(path, layer="sketch", add=True)
+    found = [Vector.open(path, layer=name).crs for name in ("wall", "ground", "sketch")]
+    assert [describe_crs(crs)[:10] for crs in found] == ["local coor", "EPSG:2154 ", "no CRS"]
+    assert not pyogrio.read_info(path, layer="wall")["crs"]
 
 
 @pytest.mark.parametrize("geometry_type", ["Point", "Polygon Z"])

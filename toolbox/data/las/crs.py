@@ -1,4 +1,4 @@
-"""The CRS in the VLRs of LAS files: OGC WKT, and GeoTIFF keys."""
+"""The CRS in the VLRs of LAS files: OGC WKT, GeoTIFF keys, and one of ours for a local CRS."""
 
 from __future__ import annotations
 
@@ -9,22 +9,31 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from toolbox.context import log
-from toolbox.data.crs import describe_crs, horizontal_crs, is_local, same_crs, vertical_unit
+from toolbox.data.crs import (
+    crs_text,
+    describe_crs,
+    horizontal_crs,
+    is_local,
+    local_crs,
+    same_crs,
+    vertical_unit,
+)
 from toolbox.data.las.header import Vlr
 
 WKT_BIT = 16  # of the global encoding
 _USER = "LASF_Projection"
 _WKT, _KEYS, _DOUBLES, _TEXT = 2112, 34735, 34736, 34737
+_LOCAL = ("lidar-toolbox", 2)  # holds a word such as "local:mm"
 
 
 def is_crs_vlr(vlr: Vlr) -> bool:
     """Whether a VLR or EVLR states a CRS (2111 is the unused math transform)."""
     user, number = vlr.key
-    return user == _USER and number in (2111, _WKT, _KEYS, _DOUBLES, _TEXT)
+    return vlr.key == _LOCAL or (user == _USER and number in (2111, _WKT, _KEYS, _DOUBLES, _TEXT))
 
 
 def read_crs(vlrs: Iterable[Vlr], *, wkt: bool, name: str) -> CRS | None:
-    """The CRS that VLRs state, or None.
+    """The CRS that VLRs state, or None; the statement of a local CRS counts if there is no other.
 
     Parameters
     ----------
@@ -46,7 +55,8 @@ def read_crs(vlrs: Iterable[Vlr], *, wkt: bool, name: str) -> CRS | None:
         else:
             if crs is not None:
                 return crs
-    return None
+    local = next((data for *key, data in keyed if tuple(key) == _LOCAL), b"")
+    return local_crs(local.decode("ascii", "replace"))
 
 
 def crs_vlrs(crs: CRS | None, point_format: int, *, wkt: bool) -> tuple[tuple[Vlr, ...], bool]:
@@ -57,12 +67,13 @@ def crs_vlrs(crs: CRS | None, point_format: int, *, wkt: bool) -> tuple[tuple[Vl
 
     Parameters
     ----------
-    crs : None or LOCAL give no VLR
+    crs : None gives no VLR
     point_format : of the file
     wkt : the WKT bit that is returned if there is no VLR
     """
     if crs is None or is_local(crs):
-        return (), wkt or point_format >= 6
+        said = () if crs is None else (Vlr.make(*_LOCAL, "local CRS", crs_text(crs).encode()),)
+        return said, wkt or point_format >= 6
     keys = _geotiff(crs) if point_format < 6 else None
     if keys is not None:
         return (Vlr.make(_USER, _KEYS, "GeoTIFF keys", keys),), False

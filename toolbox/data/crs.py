@@ -18,28 +18,28 @@ from pyproj.exceptions import CRSError
 from toolbox.errors import DataError
 
 
-def _local(unit: str, metres: float) -> CRS:
+def _local(unit: str, units: str, metres: float) -> CRS:
     """An engineering CRS for coordinates in a unit, without a relation to the Earth."""
     axes = ("easting (X)", "east"), ("northing (Y)", "north"), ("up (Z)", "up")
     listed = ",".join(f'AXIS["{n}",{way},ORDER[{k}]]' for k, (n, way) in enumerate(axes, start=1))
     return CRS.from_wkt(
-        f'ENGCRS["Local coordinates in {unit}s",EDATUM["Local"],CS[Cartesian,3],{listed},'
+        f'ENGCRS["Local coordinates in {units}",EDATUM["Local"],CS[Cartesian,3],{listed},'
         f'LENGTHUNIT["{unit}",{metres!r}]]'
     )
 
 
-LOCAL = _local("metre", 1.0)
+LOCAL = _local("metre", "metres", 1.0)
 """The engineering CRS of coordinates in metres, without a relation to the Earth.
 
-No file but GeoParquet states it as its CRS, since other programs would not know what to do with it.
-It is said where they leave it alone: a VLR of LAS, a comment of PLY, a metadata item of GeoTIFF, the
-description of a layer in a GeoPackage.
+No file but GeoParquet states it as its CRS, since other programs would not know what to do with
+it. It is said where they leave it alone: a VLR of LAS, a comment of PLY, a metadata item of GeoTIFF,
+the description of a layer in a GeoPackage.
 """
 LOCALS = {
     "local": LOCAL,
-    "local:mm": _local("millimetre", 0.001),
-    "local:cm": _local("centimetre", 0.01),
-    "local:ft": _local("foot", 0.3048),
+    "local:mm": _local("millimetre", "millimetres", 0.001),
+    "local:cm": _local("centimetre", "centimetres", 0.01),
+    "local:ft": _local("foot", "feet", 0.3048),
 }
 """The engineering CRS for each text that a user may give, also in other units."""
 

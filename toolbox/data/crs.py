@@ -32,8 +32,8 @@ LOCAL = _local("metre", "metres", 1.0)
 """The engineering CRS of coordinates in metres, without a relation to the Earth.
 
 No file but GeoParquet states it as its CRS, since other programs would not know what to do with
-it. It is said where they leave it alone: a VLR of LAS, a comment of PLY, a metadata item of GeoTIFF,
-the description of a layer in a GeoPackage.
+it. It is said where they leave it alone: a VLR of LAS, a comment of PLY, a metadata item of a
+GeoTIFF, the description of a layer in a GeoPackage.
 """
 LOCALS = {
     "local": LOCAL,

@@ -142,7 +142,7 @@ class Vector(Layer):
 
         Parameters
         ----------
-        path : of a format in `toolbox.data.drivers`, GeoParquet, or CSV with columns x and y, or wkt
+        path : of a format in `toolbox.data.drivers`, GeoParquet, or CSV with x and y, or wkt
         layer : may be left out where the file has one
         ctx : where to report progress
 

@@ -67,8 +67,10 @@ def test_kinds_are_layers(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("crs", "code"),
-    [("EPSG:2154", 6), ("EPSG:2227", 21), ("EPSG:2256", 2), ("EPSG:4326", 0), (None, 0)]
-    + [("local", 6), ("local:mm", 4), ("local:cm", 5), ("local:ft", 2)],
+    [
+        *[("EPSG:2154", 6), ("EPSG:2227", 21), ("EPSG:2256", 2), ("EPSG:4326", 0), (None, 0)],
+        *[("local", 6), ("local:mm", 4), ("local:cm", 5), ("local:ft", 2)],
+    ],
 )
 def test_unit(tmp_path: Path, crs: str | None, code: int) -> None:
     drawing = drawn(tmp_path / "a.dxf", [shapely.Point(0, 0)], crs)

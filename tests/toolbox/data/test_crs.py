@@ -282,7 +282,7 @@ def test_local_coordinates_have_a_unit(word: str, metres: float, unit: str) -> N
     assert vertical_unit(crs) == unit
     assert length_problem(crs) is None
     assert is_local(crs)
-    assert describe_crs(crs) == f"local coordinates in {unit}s"
+    assert describe_crs(crs) == "local coordinates in " + ("feet" if unit == "foot" else f"{unit}s")
     assert crs_text(crs) == word.lower()
     others = [other for name, other in LOCALS.items() if name != word.lower()]
     assert not any(same_crs(crs, other) for other in others)

@@ -58,7 +58,7 @@ from algorithms.corridor._clearance.surroundings import (
     surroundings_of,
 )
 from algorithms.corridor._curves.catenary_kernels import MOST_CURVATURE
-from algorithms.corridor._extraction.layers import COVARIANCES, WIRE_COLUMNS
+from algorithms.corridor._extraction.layers import COVARIANCES, missing_columns
 from algorithms.shared import parameters
 from algorithms.shared.heights import HEIGHT
 from toolbox.context import QUIET, Context, log
@@ -152,20 +152,8 @@ class CorridorClearance:
     building_classes: ClassList = param("Classes that are buildings", default=ClassList([6]))
     ground_classes: ClassList = parameters.ground_classes()
     ignore: ClassList | None = parameters.ignore()
-    wire_radius: float = param(
-        "Points without a class that are nearer to a wire than this belong to it",
-        default=0.5,
-        unit="m",
-        ge=0.0,
-        le=5.0,
-    )
-    attachment: float = param(
-        "Points without a class nearer to the end of a wire than this belong to its support",
-        default=5.0,
-        unit="m",
-        ge=0.0,
-        le=20.0,
-    )
+    wire_radius: float = parameters.wire_radius()
+    attachment: float = parameters.attachment()
     object_gap: float = param(
         "Points farther apart than this belong to different objects",
         default=2.0,
@@ -271,9 +259,8 @@ class CorridorClearance:
         """The points have classes; the catenaries, towers, rules and conductor are valid."""
         if "classification" not in self.points.names:
             yield "points", f"{self.points.name} has no classification; classify the points first"
-        if missing := [name for name in WIRE_COLUMNS if name not in self.wires.names]:
-            shown = ", ".join(missing[:5]) + (", ..." if len(missing) > 5 else "")
-            yield "wires", f"no column {shown}; take the wires of corridor.extract"
+        if problem := missing_columns(self.wires):
+            yield "wires", problem
         else:
             yield from _bad_wires(self.wires)
         if self.towers is not None:

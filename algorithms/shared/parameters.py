@@ -100,3 +100,25 @@ def wire_tolerance() -> Any:
         ge=0.05,
         le=2,
     )
+
+
+def wire_radius() -> Any:
+    """Declare how near to a wire points without a class are of it: ``float``."""
+    return param(
+        "Points without a class that are nearer to a wire than this belong to it",
+        default=0.5,
+        unit="m",
+        ge=0.0,
+        le=5.0,
+    )
+
+
+def attachment() -> Any:
+    """Declare how near to the end of a wire points are of the support: ``float``."""
+    return param(
+        "Points without a class nearer to the end of a wire than this belong to its support",
+        default=5.0,
+        unit="m",
+        ge=0.0,
+        le=20.0,
+    )

@@ -143,6 +143,15 @@ def _counted(found: int, expected: int | None) -> dict[str, float]:
     return {"conductors": found, "expected": math.nan if expected is None else expected}
 
 
+def missing_columns(layer: Vector) -> str:
+    """The problem with a layer that lacks columns of wires; empty if it has all."""
+    missing = [name for name in WIRE_COLUMNS if name not in layer.names]
+    if not missing:
+        return ""
+    shown = ", ".join(missing[:5]) + (", ..." if len(missing) > 5 else "")
+    return f"no column {shown}; take the wires of corridor.extract"
+
+
 def catenaries_of(layer: Vector, origin: Floats) -> list[Catenary]:
     """The catenaries in a layer made by :func:`wire_layer`, in metres from an origin.
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import geopandas
 import numpy as np
 import pytest
-import shapely
 from pyproj import CRS
 
 import toolbox
+from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._extraction.layers import wire_layer
+from algorithms.corridor._extraction.spans import Wire
 from toolbox.data import PointCloud, Vector
 from toolbox.errors import DataError
 
@@ -22,17 +23,16 @@ def points(metre: float = 1.0, crs: int = 32635) -> PointCloud:
     return PointCloud(xyz * metre, crs=CRS(crs), name="a.laz")
 
 
-def wires(*shapes: shapely.Geometry, metre: float = 1.0, crs: int = 32635) -> Vector:
-    scaled = [shapely.transform(s, lambda xyz: xyz * metre, include_z=s.has_z) for s in shapes]
-    return Vector(geopandas.GeoDataFrame(geometry=scaled, crs=crs), name="w.gpkg")
-
-
-WIRE = shapely.LineString([(0, 0, 20), (100, 0, 25)])
+def wires(*lengths: float, metre: float = 1.0, crs: int = 32635) -> Vector:
+    """Wires along x from 0, 20 m high."""
+    made = [Catenary(0.0, 0.0, 1.0, 0.0, length, 20.0, 20.0, 1 / 900) for length in lengths]
+    found = [Wire(curve, (-1, -1), (0.0, curve.length), 1, 1, 1) for curve in made]
+    return wire_layer(found, np.zeros(3), metre, CRS(crs))
 
 
 @pytest.mark.parametrize(("metre", "crs"), [(1.0, 32635), (METRE, 2263)])
 def test_near_is_told_in_plan_and_to_the_centimetre(metre: float, crs: int) -> None:
-    sources = {"points": points(metre, crs), "wires": wires(WIRE, metre=metre, crs=crs)}
+    sources = {"points": points(metre, crs), "wires": wires(100.0, metre=metre, crs=crs)}
     found = toolbox.run("corridor.surroundings", sources | {"reach": 12.01})
     y = found["near"].xyz[:, 1] / metre
     assert np.round(y).tolist() == list(range(-12, 13))
@@ -40,10 +40,23 @@ def test_near_is_told_in_plan_and_to_the_centimetre(metre: float, crs: int) -> N
 
 
 def test_beyond_the_end_of_a_wire_the_end_counts() -> None:
-    short = shapely.LineString([(0, 0, 20), (45, 0, 20)])
-    sources = {"points": points(), "wires": wires(short), "reach": 13.002}
+    sources = {"points": points(), "wires": wires(45.0), "reach": 13.002}
     y = toolbox.run("corridor.surroundings", sources)["near"].xyz[:, 1]
     assert np.abs(y).max() == 12.0  # 5 m behind the end
+
+
+@pytest.mark.parametrize(("metre", "crs"), [(1.0, 32635), (METRE, 2263)])
+def test_what_is_of_the_line_and_has_no_class_is_left_out(metre: float, crs: int) -> None:
+    """On the wire, and at its end; a tree there that has its class, and the wire itself, stay."""
+    low = 20 - 50**2 / 2 / 900  # of the wire, nearly
+    xyz = np.array([(50, 0.3, low), (50, 0.8, low), (2, 3, 18), (2, 6, 18)], float).repeat(
+        3, axis=0
+    )
+    classes = np.tile(np.array([1, 5, 14], np.uint8), 4)
+    cloud = PointCloud(xyz * metre, {"classification": classes}, crs=CRS(crs), name="a.laz")
+    sources = {"points": cloud, "wires": wires(100.0, metre=metre, crs=crs)}
+    near = toolbox.run("corridor.surroundings", sources)["near"]
+    assert near["classification"].tolist() == [5, 14, 1, 5, 14, 5, 14, 1, 5, 14]
 
 
 def test_no_wire_has_no_surroundings() -> None:
@@ -51,8 +64,7 @@ def test_no_wire_has_no_surroundings() -> None:
     assert len(found["near"]) == 0
 
 
-def test_polygons_are_refused() -> None:
-    with pytest.raises(DataError, match=r"wires: must be lines, w\.gpkg holds a Polygon"):
-        toolbox.run(
-            "corridor.surroundings", {"points": points(), "wires": wires(shapely.box(0, 0, 1, 1))}
-        )
+def test_other_layers_are_refused() -> None:
+    frame = wires(100.0).frame[["wire_id", "geometry"]]
+    with pytest.raises(DataError, match=r"wires: no column span_id, .*; take the wires of corr"):
+        toolbox.run("corridor.surroundings", {"points": points(), "wires": Vector(frame)})

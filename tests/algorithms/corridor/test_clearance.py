@@ -132,6 +132,14 @@ def test_points_in_the_shape_of_a_wire_are_told(
     assert "Span 1: along" in first.blocks[0]
 
 
+@pytest.mark.parametrize(("away", "told"), [(0.5, True), (0.8, False)])
+def test_what_is_as_near_to_a_wire_as_a_subconductor_may_be_one(away: float, told: bool) -> None:
+    places = LEVEL.points(np.linspace(100, 101, 5)) + np.array([0, away, 0])
+    points = cloud(places, 5, HeightAboveGround=places[:, 2].astype(np.float32))
+    found = run(points, distance=5.0, falling=False)
+    assert found["objects"].frame.may_be_wire.tolist() == [told]
+
+
 def test_trees_alone_are_no_wires(caplog: pytest.LogCaptureFixture) -> None:
     xyz = np.vstack([leaves(80, 0, 15, (6, 6, 8)), leaves(200, 4, 12, (90, 2, 2), 9000)])
     points = cloud(xyz, 5, HeightAboveGround=xyz[:, 2].astype(np.float32))

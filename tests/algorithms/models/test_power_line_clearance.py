@@ -19,7 +19,9 @@ from toolbox.errors import ParameterError
 from toolbox.tiles.tiling import Tiling
 
 MODEL = "models.power_line_clearance"
-TILES = Path(os.environ.get("TOOLBOX_TEST_DATA", "/nowhere")) / "powerline_ahn4"
+DATA = Path(os.environ.get("TOOLBOX_TEST_DATA", "/nowhere"))
+TILES = DATA / "powerline_ahn4"
+HILLS = DATA / "line_quebec_hills" / "west.laz"
 TREES, CRANES = 5, 26  # classes of what was pasted under the line
 
 
@@ -138,6 +140,22 @@ def test_all_that_was_pasted_near_the_line_is_found_and_nothing_else(tile: str) 
     distance, own = cKDTree(cloud.xyz[pasted]).query(bad.xyz)
     assert near == {int(k) for k in np.unique(number[own[bad["object_id"] > 0]])}
     assert distance[bad["object_id"] > 0].max() < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not HILLS.is_file(), reason="the line in the hills is not there")
+def test_trees_on_real_hills_are_no_buildings_and_missed_wires_are_told() -> None:
+    """Sparse crowns without return numbers have planes by chance; 6 % were buildings."""
+    cloud = PointCloud.open(HILLS)
+    blank = cloud.with_attributes({"classification": np.ones(len(cloud), np.uint8)})
+    found = toolbox.run(MODEL, {"points": blank, "distance": 5.0, "falling": False})
+    classes = np.asarray(found["classified"]["classification"])
+    near = cKDTree(cloud.xyz[classes == 14, :2]).query(cloud.xyz[:, :2])[0] < 60
+    trees = near & (cloud["classification"] == 5)
+    assert (classes[trees] == 6).mean() < 0.01
+    spans = found["spans"].frame
+    assert spans.wire_like.sum() > 400
+    assert (spans.wire_like > 0).sum() == 2
 
 
 @pytest.fixture(scope="module")

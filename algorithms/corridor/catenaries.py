@@ -20,7 +20,7 @@ import numpy as np
 
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import Airborne, uncrowded
-from algorithms.corridor._extraction.follow import follow
+from algorithms.corridor._extraction.follow import follow, tolerances
 from algorithms.corridor._extraction.layers import wire_layer
 from algorithms.corridor._extraction.missed import warn_of_missed, with_gaps
 from algorithms.shared import parameters
@@ -51,7 +51,7 @@ class CorridorCatenaries:
     wire_classes: ClassList = param("Classes that are wire", default=ClassList([13, 14]))
     tower_classes: ClassList = param("Classes that are tower", default=ClassList([15, 16]))
     wire_gap: float = parameters.wire_gap()
-    wire_tolerance: float = parameters.wire_tolerance()
+    wire_tolerance: float | None = parameters.wire_tolerance()
 
     @outputs
     class Outputs:
@@ -86,15 +86,16 @@ class CorridorCatenaries:
         _, voxel = uncrowded(air.select(may), UNCROWDED_DENSITY)
         lowest = float(air.xyz[:, 2].min(initial=0.0))
         height = air.xyz[:, 2] - lowest + GROUND_BELOW
+        widths = tolerances(self.wire_tolerance, metre)
         corridor = Corridor(
             air,
             height,
             may,
-            self.wire_tolerance / metre,
+            widths[0],
             lambda x, y: lowest - GROUND_BELOW,
             lambda x, y: False,
         )
-        found, _ = follow(corridor, voxel, self.wire_gap / metre, ctx)
+        found, _ = follow(corridor, voxel, self.wire_gap / metre, widths, ctx)
         if not found:
             log.warning("no wire was found among %d points", np.count_nonzero(use))
         ctx.progress(1.0)

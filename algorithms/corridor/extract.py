@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import uncrowded
-from algorithms.corridor._extraction.follow import follow
+from algorithms.corridor._extraction.follow import TOLERANCES, follow, tolerances
 from algorithms.corridor._extraction.ground import elevation
 from algorithms.corridor._extraction.labels import LABEL_NUMBERS, labelled, none_labelled
 from algorithms.corridor._extraction.layers import tower_layer, wire_layer
@@ -66,7 +66,7 @@ class CorridorExtract:
         "Lowest conductor above the ground", default=4.0, unit="m", ge=1.0, le=50.0
     )
     wire_gap: float = parameters.wire_gap()
-    wire_tolerance: float = parameters.wire_tolerance()
+    wire_tolerance: float | None = parameters.wire_tolerance()
     ignore: ClassList | None = parameters.ignore()
 
     @outputs
@@ -91,7 +91,7 @@ class CorridorExtract:
             points,
             min_height=self.min_height / cloud.metre,
             max_gap=self.wire_gap / cloud.metre,
-            tolerance=self.wire_tolerance / cloud.metre,
+            tolerances=tolerances(self.wire_tolerance, cloud.metre),
             ctx=ctx.part(0.4, 1.0),
         )
         if not line.wires:
@@ -129,15 +129,15 @@ def find_line(
     *,
     min_height: float = 4.0,
     max_gap: float = 60.0,
-    tolerance: float = 0.25,
+    tolerances: Sequence[float] = TOLERANCES,
     ctx: Context = QUIET,
 ) -> PowerLine:
     """The power lines among points.
 
     Parameters
     ----------
-    min_height, max_gap, tolerance : `min_height`, `wire_gap` and `wire_tolerance` of
-        :class:`CorridorExtract`, metres
+    min_height, max_gap : `min_height` and `wire_gap` of :class:`CorridorExtract`, metres
+    tolerances : at each of which wires are followed, metres
     ctx : progress and cancellation
     """
     ctx.progress(0.0)
@@ -148,8 +148,8 @@ def find_line(
     may[may] = alone
     ctx.progress(0.1)
     ground = elevation(points.xyz, points.height)
-    corridor = Corridor(air, height, may, tolerance, ground, points.seen)
-    wires, supports = follow(corridor, voxel[alone], max_gap, ctx.part(0.1, 0.9))
+    corridor = Corridor(air, height, may, tolerances[0], ground, points.seen)
+    wires, supports = follow(corridor, voxel[alone], max_gap, tolerances, ctx.part(0.1, 0.9))
     if not wires:
         return line
     wires, towers, strings = dressed(corridor, wires, supports)

@@ -28,7 +28,7 @@ from scipy.spatial import cKDTree
 
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import uncrowded
-from algorithms.corridor._extraction.follow import follow
+from algorithms.corridor._extraction.follow import follow, tolerances
 from algorithms.corridor._extraction.labels import LABEL_NUMBERS, labelled, none_labelled
 from algorithms.corridor._extraction.layers import wire_layer
 from algorithms.corridor._extraction.points import CorridorPoints
@@ -83,7 +83,7 @@ class CorridorExtractVoxels:
     )
     seed: int = parameters.seed()
     wire_gap: float = parameters.wire_gap()
-    wire_tolerance: float = parameters.wire_tolerance()
+    wire_tolerance: float | None = parameters.wire_tolerance()
     ignore: ClassList | None = parameters.ignore()
 
     @outputs
@@ -116,11 +116,10 @@ class CorridorExtractVoxels:
         wire_id, span_id, tower_id = (labels[name] for name in LABEL_NUMBERS)
         tower_id[points.own] = tower
         wire_id[points.own[high]] = 1
-        corridor = Corridor(
-            air, height, high, self.wire_tolerance / metre, lambda x, y: 0.0, lambda x, y: False
-        )
+        widths = tolerances(self.wire_tolerance, metre)
+        corridor = Corridor(air, height, high, widths[0], lambda x, y: 0.0, lambda x, y: False)
         _, voxel = uncrowded(corridor.wires, 1.0)
-        wires, _ = follow(corridor, voxel, self.wire_gap / metre, ctx.part(0.9, 1.0))
+        wires, _ = follow(corridor, voxel, self.wire_gap / metre, widths, ctx.part(0.9, 1.0))
         for wire in wires:
             near, _, _ = on_wire(corridor, wire)
             mine = points.own[near[high[near]]]

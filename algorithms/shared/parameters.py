@@ -94,8 +94,8 @@ def wire_gap() -> Any:
 def wire_tolerance() -> Any:
     """Declare how near to a wire its points are: ``float``."""
     return param(
-        "Farthest that a point may lie from the wire that is followed",
-        default=0.25,
+        "Farthest that a point may lie from the wire followed; without it, found for each line",
+        default=None,
         unit="m",
         ge=0.05,
         le=2,

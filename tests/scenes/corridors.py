@@ -98,3 +98,48 @@ def cloud(*parts: Floats, classes: Sequence[int] | None = None) -> PointCloud:
 def quality(said: Floats, true: Floats) -> float:
     """Share of points that are both among those that are either; masks of shape (n,)."""
     return float((said & true).sum() / (said | true).sum())
+
+
+def in_hills(
+    bundle: Sequence[tuple[float, float]],
+    noise: float,
+    per_metre: float,
+    slope: float,
+    beside: Sequence[Floats] = (),
+) -> PointCloud:
+    """Three phases of bundles on three long spans up a slope, which wander by 3 cm along them.
+
+    Parameters
+    ----------
+    bundle : where the subconductors are, aside and up, metres
+    noise : of heights; two fifths of it aside
+    per_metre : points of each subconductor
+    beside : what else is there
+    """
+    rng, towers = np.random.default_rng(5), (0, 430, 850, 1270)
+
+    def rise(x: Floats | float) -> Floats:
+        return np.asarray(slope * np.asarray(x) + 15 * np.sin(np.asarray(x) / 150))
+
+    x, y = rng.uniform(-20, 1290, 240_000), rng.uniform(-40, 80, 240_000)
+    parts = [np.column_stack([x, y, rise(x) + rng.normal(0, 0.08, len(x))])]
+    for (a, b), phase in itertools.product(itertools.pairwise(towers), (-13.4, 0.0, 13.4)):
+        knots = np.arange(a, b + 26, 25.0)
+        stray = rng.normal(0, 0.03, len(knots))
+        for aside, up in bundle:
+            ends = [(t, phase + aside, float(rise(t)) + 35 + up) for t in (a, b)]
+            points = wire(*ends, 1500, per_metre, noise=0.0)[1]
+            points += rng.normal(0, 1, points.shape) * [0, 0.4 * noise, noise]
+            points[:, 2] += np.interp(points[:, 0], knots, stray)
+            parts.append(points)
+    wires = len(parts) - 1
+    for t in towers:
+        foot = float(rise(t))
+        legs = [
+            bar((t + i, j, foot), (t + 0.3 * i, 0.3 * j, foot + 36), 4, 0.1)
+            for i in (-3, 3)
+            for j in (-3, 3)
+        ]
+        parts.append(np.vstack([*legs, bar((t, -15, foot + 37), (t, 15, foot + 37), 10, 0.2)]))
+    classes = [2, *[14] * wires, *[15] * len(towers), *[0] * len(beside)]
+    return cloud(*parts, *beside, classes=classes)

@@ -15,6 +15,7 @@ CACM 4(6), 284.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -29,18 +30,21 @@ from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.tracks import Alignment
 from algorithms.shared.kernels.sorting import distinct
 
-SPIKE = 0.2  # metres off its neighbours, of what is no part of a wire
-SMOOTH_TRACK = 0.12  # metres: scatter of a wire
+SPIKE = 0.8  # of the tolerance, off its neighbours, of what is no part of a wire
+SMOOTH_TRACK = 0.48  # of the tolerance: scatter of a wire
 COARSE_BINS = 3  # bins put together to find the common curvature
 LEAST_TRIED, MOST_TRIED, TRIED_RATIO = 1 / 3000, 1 / 100, 1.3  # 1 / metre: curvatures; their ratio
 CURVATURE_SPREAD = 0.3  # of the curvature of a line, by which wires and spans differ
 SHORTEST_SPAN = 20.0  # metres between two supports
 LEAST_SCATTER = 0.03  # metres, of a point
-HEIGHT_BLUR, OFFSET_BLUR = 0.03, 0.15  # metres: least scatter of the mean of many points
+OFFSET_BLUR = 0.15  # metres: least scatter of the mean of many points
+WANDER_LENGTH = 25.0  # metres over which wires wander from their arcs
+LEAST_WANDER = 0.006  # metres: of clean surveys
+WANDER_MARGIN = 1.1  # times what was learned before, below which it is learned
 CUT_PRICE, CUT_PRICE_PER_WIRE = 10.0, 6.0  # squares of sigmas
 CERTAIN_ARM = 15.0  # squares of sigmas: a certain arm
 MOST_PAID = 1.4  # of its share of the price, by a wire among many
-OFF_WIRES = 0.15  # metres off all wires, of a point of an arm
+OFF_WIRES = 0.6  # of the tolerance, off all wires, of a point of an arm
 ARM_HALF_WIDTH = 0.3  # metres along the line
 LEAST_USUAL = 0.25  # points: the number that is usual there is not below
 ARM_ASIDE, ARM_ABOVE, ARM_BELOW = 1.0, 1.2, 0.3  # metres around the wires that arms may reach
@@ -50,6 +54,8 @@ RING_INNER, RING_MIDDLE, RING_OUTER = 0.5, 1.5, 6.0  # metres from an arm: the u
 POSITIONS_PER_BIN = 4  # positions in a bin at which an arm may be
 LONGEST_STUB = 12.0  # metres: a piece that goes on so far beyond the outermost support is none
 MEETING_SD = 0.1  # metres by which arcs may miss each other at a support
+LEAST_KINK = 0.03  # of the bend between two level spans, of a support that shows no arm
+LEAST_ARM_SHARE = 0.75  # of the price of a cut, above which no arm is seen
 MOST_SHIFT = 5.0  # metres by which a cut may be moved to where they meet
 
 Floats = NDArray[np.float64]
@@ -86,7 +92,10 @@ def arcs_of(
 def is_certain(corridor: Corridor, alignment: Alignment, piece: Piece) -> bool:
     """Whether a track is certain and smooth enough to locate supports."""
     xyz = corridor.wires.xyz[piece.points]
-    return piece.sure and scatter(alignment.along(xyz)[0], xyz[:, 2]) < SMOOTH_TRACK
+    return (
+        piece.sure
+        and scatter(alignment.along(xyz)[0], xyz[:, 2]) < SMOOTH_TRACK * corridor.tolerance
+    )
 
 
 def cut_up(corridor: Corridor, alignment: Alignment, piece: Piece, number: int) -> Iterator[Piece]:
@@ -106,10 +115,10 @@ def cut_up(corridor: Corridor, alignment: Alignment, piece: Piece, number: int) 
             yield replace(piece, points=points, curve=curve, arc=(number, k))
 
 
-def binned(corridor: Corridor, alignment: Alignment, together: int = 1) -> Binned:
+def binned(corridor: Corridor, alignment: Alignment, together: int, wander: float) -> Binned:
     """Mean chainage, height and offset of the points of each track in each bin, with weights.
 
-    A bin is so many bins of the alignment, which are counted and not measured: a quotient of
+    A bin is `together` bins of the alignment, which are counted and not measured: a quotient of
     lengths may come out a little above a whole number, and would have one bin too many.
     """
     step, steps = together * alignment.step, math.ceil(alignment.steps / together)
@@ -122,7 +131,7 @@ def binned(corridor: Corridor, alignment: Alignment, together: int = 1) -> Binne
         for table, values in ((bins.u, u), (bins.z, xyz[:, 2]), (bins.v, v)):
             table[:, k] = np.bincount(cell, values, steps) / count
         for table, values, blur in (
-            (bins.tall, xyz[:, 2], HEIGHT_BLUR),
+            (bins.tall, xyz[:, 2], wander * math.sqrt(WANDER_LENGTH / step)),
             (bins.flat, v, OFFSET_BLUR),
         ):
             variance = scatter(u, values) ** 2
@@ -130,7 +139,11 @@ def binned(corridor: Corridor, alignment: Alignment, together: int = 1) -> Binne
         seen = np.flatnonzero(count > 0.5)
         if len(seen) > 4:  # not what sticks out of the wire, such as an arm
             off = np.abs(astray(bins.u[seen, k], bins.z[seen, k]))
-            peak = (off > SPIKE) & (off >= np.append(off[1:], 0)) & (off >= np.append(0, off[:-1]))
+            peak = (
+                (off > SPIKE * corridor.tolerance)
+                & (off >= np.append(off[1:], 0))
+                & (off >= np.append(0, off[:-1]))
+            )
             bins.tall[seen[1:-1][peak], k] = bins.flat[seen[1:-1][peak], k] = 0.0
     return bins
 
@@ -185,7 +198,7 @@ def hardware(corridor: Corridor, alignment: Alignment, bins: Binned, chainages: 
     )
     for along, aside, up in tracks:
         off = np.hypot(v - np.interp(u, along, aside), z - np.interp(u, along, up))
-        stray &= (off > OFF_WIRES) | (u < along[0] - 1) | (u > along[-1] + 1)
+        stray &= (off > OFF_WIRES * corridor.tolerance) | (u < along[0] - 1) | (u > along[-1] + 1)
     around, among = (columns(u[rows], v[rows]) for rows in (stray, stray & (z > low - ARM_BELOW)))
 
     def count(u: Floats, a: float, b: float) -> Floats:
@@ -212,33 +225,69 @@ def columns(u: Floats, v: Floats) -> Floats:
 
 
 def cuts_of(corridor: Corridor, alignment: Alignment) -> Floats:
-    """Chainages of an alignment at which supports hold its wires, in order."""
-    coarse = binned(corridor, alignment, COARSE_BINS)
-    usual = CUT_PRICE + CUT_PRICE_PER_WIRE * tracks_at(coarse)
-    bends = LEAST_TRIED * TRIED_RATIO ** np.arange(
-        math.log(MOST_TRIED / LEAST_TRIED) / math.log(TRIED_RATIO)
-    )
-    bend = min(bends, key=lambda bend: solved(coarse, bend, usual)[0])
-    fine = binned(corridor, alignment)
+    """Chainages of an alignment at which supports hold its wires, in order.
+
+    How far the wires wander from their arcs is learned from the arcs. The more they do, the more a
+    cut must mend, so that there are fewer arcs, from which they may wander more.
+    """
     chainages = (
         alignment.step
         / POSITIONS_PER_BIN
         * np.arange(POSITIONS_PER_BIN * alignment.steps + 1, dtype=np.float64)
     )
-    shown = hardware(corridor, alignment, fine, chainages)
-    wires = maximum_filter1d(tracks_at(fine), 2 * round(SHORTEST_SPAN / alignment.step) + 1)
-    usual = CUT_PRICE + CUT_PRICE_PER_WIRE * wires
-    price = np.maximum(
-        usual - maximum_filter1d(shown, POSITIONS_PER_BIN + 1)[::POSITIONS_PER_BIN], 0.0
-    )
-    edges = solved(fine, bend, price)[1]
-    edges = agreed(fine, edges, bend, usual, price)
+    wander = LEAST_WANDER
+    shown = hardware(corridor, alignment, binned(corridor, alignment, 1, wander), chainages)
+    arms = maximum_filter1d(shown, POSITIONS_PER_BIN + 1)[::POSITIONS_PER_BIN]
+    while True:
+        bend = usual_bend(binned(corridor, alignment, COARSE_BINS, wander))
+        fine = binned(corridor, alignment, 1, wander)
+        edges = edges_of(fine, bend, arms)
+        learned = wander_of(fine, edges, bend)
+        if learned <= WANDER_MARGIN * wander:
+            break
+        wander = learned
     return np.array(
         [
             settled(fine, edges[k - 1], edges[k], edges[k + 1], bend, chainages, shown)
             for k in range(1, len(edges) - 1)
         ]
     )
+
+
+def usual_bend(bins: Binned) -> float:
+    """The curvature that the arcs of a line have in common, 1 / metre."""
+    usual = CUT_PRICE + CUT_PRICE_PER_WIRE * tracks_at(bins)
+    bends = LEAST_TRIED * TRIED_RATIO ** np.arange(
+        math.log(MOST_TRIED / LEAST_TRIED) / math.log(TRIED_RATIO)
+    )
+    return float(min(bends, key=lambda bend: solved(bins, bend, usual)[0]))
+
+
+def edges_of(bins: Binned, bend: float, arms: Floats) -> Ints:
+    """The edges of bins at which a line is cut into arcs of about one curvature, with both ends."""
+    wires = maximum_filter1d(tracks_at(bins), 2 * round(SHORTEST_SPAN / bins.step) + 1)
+    usual = CUT_PRICE + CUT_PRICE_PER_WIRE * wires
+    price = np.maximum(usual - arms, 0.0)
+    edges = agreed(bins, solved(bins, bend, price)[1], bend, usual, price)
+    return bending(bins, edges, bend, price > LEAST_ARM_SHARE * usual)
+
+
+def wander_of(bins: Binned, edges: Ints, bend: float) -> float:
+    """How far wires wander from their arcs: the scatter of means over WANDER_LENGTH, metres."""
+    together = max(1, round(WANDER_LENGTH / bins.step))
+    means = [np.zeros(1)]
+    for low, high in itertools.pairwise(edges):
+        for k in np.flatnonzero((bins.tall[low:high] > 0).any(axis=0)).tolist():
+            rows = low + np.flatnonzero(bins.tall[low:high, k] > 0)
+            x, z, weight = bins.u[rows, k] - bins.u[rows[0], k], bins.z[rows, k], bins.tall[rows, k]
+            fitted = arc(x, z, weight, bend, CURVATURE_SPREAD * bend)
+            if fitted is not None:
+                off = z - hanging(x, bend) @ fitted[0]
+                block = (rows - low) // together
+                full = np.bincount(block) > together // 2
+                total, of = np.bincount(block, weight * off)[full], np.bincount(block, weight)[full]
+                means.append(total / of)
+    return float(np.median(np.abs(np.concatenate(means)))) / 0.6745
 
 
 def misfits(bins: Binned, low: Ints, high: Ints, bend: float) -> Floats:
@@ -254,6 +303,7 @@ def misfits(bins: Binned, low: Ints, high: Ints, bend: float) -> Floats:
         high,
         bend * bins.step**2,
         CURVATURE_SPREAD * bend * bins.step**2,
+        1 / (bend * bins.step),
         found,
     )
     return found
@@ -280,6 +330,49 @@ def agreed(bins: Binned, edges: Ints, bend: float, usual: Floats, price: Floats)
     return edges
 
 
+def bending(bins: Binned, edges: Ints, bend: float, bare: NDArray[np.bool_]) -> Ints:
+    """The edges of bins at which the wires bend as they do at supports, up or down, or not `bare`.
+
+    In a long span with many points it is significant how wires wander, and a cut would mend it; but
+    there they do not bend.
+    """
+    while len(edges) > 2:
+        kinks = [
+            kink(bins, *three, bend) for three in zip(edges, edges[1:], edges[2:], strict=False)
+        ]
+        bends = np.where(bare[edges[1:-1]], np.abs(kinks), math.inf)
+        worst = int(np.argmin(bends))
+        if bends[worst] >= LEAST_KINK:
+            break
+        edges = np.delete(edges, worst + 1)
+    return edges
+
+
+def kink(bins: Binned, low: int, at: int, high: int, bend: float) -> float:
+    """By how much wires bend down at a cut, as a share of what level spans would; inf if unknown.
+
+    Between level supports a wire of curvature k leaves a span of length L with a slope of k L / 2.
+    """
+    total, weights = 0.0, 0.0
+    for k in np.flatnonzero((bins.tall[low:high] > 0).any(axis=0)).tolist():
+        before, after = (
+            arc(
+                bins.u[s, k] - at * bins.step,
+                bins.z[s, k],
+                bins.tall[s, k],
+                bend,
+                CURVATURE_SPREAD * bend,
+            )
+            for s in (slice(low, at), slice(at, high))
+        )
+        if before is not None and after is not None:
+            weight = 1 / (before[1][1, 1] + after[1][1, 1])
+            total += weight * (before[0][1] - after[0][1])
+            weights += weight
+    level = 0.5 * bend * (high - low) * bins.step
+    return total / weights / level if weights else math.inf
+
+
 def tracks_at(bins: Binned) -> Floats:
     """Number of tracks that cross each edge between two bins."""
     seen = bins.tall > 0
@@ -303,6 +396,7 @@ def solved(bins: Binned, bend: float, price: Floats) -> tuple[float, Ints]:
         price,
         bend * bins.step**2,
         CURVATURE_SPREAD * bend * bins.step**2,
+        1 / (bend * bins.step),
         max(2, round(SHORTEST_SPAN / bins.step)),
         total,
         before,
@@ -324,7 +418,7 @@ def settled(
         return middle
     chainages, cost = chainages[near], -np.minimum(shown[near], CERTAIN_ARM)
     x = chainages - middle
-    base = np.column_stack([np.ones(len(x)), x, 0.5 * x * x])
+    base = hanging(x, bend)
     before, after = slice(low, at), slice(at, high)
     for weight, values, usual in ((bins.tall, bins.z, bend), (bins.flat, bins.v, 0.0)):
         for k in np.flatnonzero((bins.tall[low:high] > 0).any(axis=0)).tolist():
@@ -345,6 +439,16 @@ def settled(
     return float(chainages[int(np.argmin(cost))])
 
 
+def hanging(x: Floats, bend: float) -> Floats:
+    """Functions of which every catenary of a curvature is a sum, array of shape (n, 3)."""
+    if not bend:
+        return np.column_stack([np.ones(len(x)), x, 0.5 * x * x])
+    half = 0.5 * bend * x
+    return np.column_stack(
+        [np.ones(len(x)), np.sinh(bend * x) / bend, 2 * (np.sinh(half) / bend) ** 2]
+    )
+
+
 def arc(
     x: Floats, values: Floats, weight: Floats, usual: float, spread: float
 ) -> tuple[Floats, Floats] | None:
@@ -353,7 +457,7 @@ def arc(
     if np.count_nonzero(used) < 3:
         return None
     x, values, weight = x[used], values[used], weight[used]
-    base = np.column_stack([np.ones(len(x)), x, 0.5 * x * x])
+    base = hanging(x, usual)
     normal = (base * weight[:, None]).T @ base
     normal[2, 2] += 1 / spread**2
     right = base.T @ (weight * values)

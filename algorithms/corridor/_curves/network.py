@@ -11,23 +11,25 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._curves import trace_kernels as kernels
 from algorithms.corridor._curves.catenary import Catenary, fit
-from algorithms.corridor._curves.trace import STEEPEST_WIRE, TUBE_RADIUS, Airborne
+from algorithms.corridor._curves.trace import STEEPEST_WIRE, Airborne
 
 CLEAR_SHARE, SURE_SHARE = 0.65, 0.7  # of a curve along which it stands out from its surroundings
 SURE_LENGTH = 30.0  # metres from which a curve is a wire by itself
-FINE_LENGTH, FINE_RMS, FINE_POINTS = 18.0, 0.075, 20  # metres, metres, points of a sure short one
+FINE_LENGTH, FINE_POINTS = 18.0, 20  # metres, points of a sure short one
+FINE_RMS = 0.3  # of the tolerance: scatter of a curve that is clean
 LARGEST_C = 5000.0  # metres: most tension over weight
 CERTAIN_SIGMAS = 3.0  # standard deviations
 HANGER_ZONE = (0.3, 5.0, 5.0)  # metres below a curve: half width, depth, and step along it
 HANGER_SHARE = 0.4  # of the steps with hangers, from which a curve carries something
 LEAST_CURVE_POINTS = 7
-ROUGHEST_CURVE = 0.2  # metres: scatter of anything that may be wire
+ROUGHEST_CURVE = 0.8  # of the tolerance: scatter of anything that may be wire
 CLUTTER_RADIUS, CLUTTER_STEP = 1.5, 4.0  # metres around a wire, and along it
 ALONE_SHARE = 0.2  # of it along which there is no clutter
 LARGEST_SWING = 1.5  # tangent of the angle by which wind may lift a wire
 SMALLEST_C = 30.0  # metres: least c of a wire
 JOIN_GAP, JOIN_ASIDE, JOIN_HEIGHT = 14.0, 3.0, 1.5  # metres between wires that meet at a support
 PARALLEL_ANGLE = math.radians(6.0)  # between wires of one line
+SAME_CURVE = 0.25  # metres from a curve, within which what runs beside it is itself
 LINE_WIDTH = 15.0  # metres aside, and up, to the other wires of a line
 LONGEST_MISSING = 60.0  # metres of a wire that may be missing
 BUNDLE_WIDTH = 0.6  # metres within which conductors form a bundle
@@ -71,6 +73,7 @@ class Corridor:
     seen : whether there are points around a position in plan
     wires : the points that may be wire
     free : which points above the ground lie on no wire that was found
+    refused : which of the points that may be wire lie on or at what surely is none
     """
 
     air: Airborne
@@ -81,10 +84,24 @@ class Corridor:
     seen: Callable[[float, float], bool]
     wires: Airborne = field(init=False)
     free: NDArray[np.bool_] = field(init=False)
+    refused: NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
         self.wires = self.air.select(self.may)
         self.free = np.ones(len(self.air.xyz), bool)
+        self.refused = np.zeros(len(self.wires.xyz), bool)
+
+    def refuse(self, pieces: Iterable[Piece]) -> None:
+        """Mark the points on and around pieces that are certain, but no wires."""
+        for piece in pieces:
+            if piece.sure:
+                self.refused[self.wires.around(piece.curve, CLUTTER_RADIUS)[0]] = True
+
+    def without_refused(self) -> Corridor:
+        """The same without the points of what surely is no wire among those that may be one."""
+        may = self.may.copy()
+        may[may] = ~self.refused
+        return replace(self, may=may)
 
     def take(self, curves: Iterable[Catenary]) -> None:
         """Mark the points around wires as used."""
@@ -104,7 +121,9 @@ def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list
         catenary = fit(corridor.wires.xyz[points], spread=2 * corridor.tolerance)
         if catenary is not None:
             fine = (
-                curve[kernels.CURVE_RMS] < FINE_RMS and len(points) >= FINE_POINTS and clear >= 0.9
+                curve[kernels.CURVE_RMS] < FINE_RMS * corridor.tolerance
+                and len(points) >= FINE_POINTS
+                and clear >= 0.9
             )
             sure = clear >= SURE_SHARE and length >= (FINE_LENGTH if fine else SURE_LENGTH)
             found.append(Piece(points, catenary, sure))
@@ -113,9 +132,13 @@ def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list
 
 def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
     """Wires from the arcs that look like wires, with the pieces of one wire joined."""
-    straight = [arc.curve for arc in arcs if is_straight(arc.curve)]
+    straight = [arc for arc in arcs if is_straight(arc.curve)]
     bent = [arc for arc in arcs if not is_straight(arc.curve)]
-    bent = [arc for arc in bent if arc.curve.c > SMALLEST_C and arc.curve.rms < ROUGHEST_CURVE]
+    bent = [
+        arc
+        for arc in bent
+        if arc.curve.c > SMALLEST_C and arc.curve.rms < ROUGHEST_CURVE * corridor.tolerance
+    ]
     bent = [arc for arc in bent if abs(arc.curve.swing) < LARGEST_SWING]
     found = connected([a for a in bent if a.sure], [a for a in bent if not a.sure])
     found = joined(corridor, found)
@@ -124,9 +147,15 @@ def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
     found = [
         arc
         for arc in found
-        if arc.curve.rms < FINE_RMS or alone(corridor, arc.curve) >= ALONE_SHARE
+        if arc.curve.rms < FINE_RMS * corridor.tolerance
+        or alone(corridor, arc.curve) >= ALONE_SHARE
     ]
-    return [arc for arc in found if not carries(corridor, arc.curve, straight)]
+    carriers = [
+        arc for arc in found if carries(corridor, arc.curve, [other.curve for other in straight])
+    ]
+    clean = [arc for arc in straight if arc.curve.rms < ROUGHEST_CURVE * corridor.tolerance]
+    corridor.refuse([*clean, *carriers])
+    return [arc for arc in found if all(arc is not other for other in carriers)]
 
 
 def lies_on(corridor: Corridor, one: Piece, other: Piece) -> bool:
@@ -149,7 +178,7 @@ def clearness(corridor: Corridor, curve: Floats, count: int) -> float:
     tubed, shelled = np.zeros(bins, np.int64), np.zeros(bins, np.int64)
     air = corridor.air
     kernels.profile(
-        curve, length / bins, TUBE_RADIUS, air.xyz, air.start, *air.plan_grid, tubed, shelled
+        curve, length / bins, corridor.tolerance, air.xyz, air.start, *air.plan_grid, tubed, shelled
     )
     return float(np.mean((tubed > 0) & (2 * tubed >= shelled)))
 
@@ -246,7 +275,7 @@ def runs_beside(one: Piece, other: Piece) -> bool:
         0 <= u <= length
         and abs(v) < LINE_WIDTH
         and abs(z) < LINE_WIDTH
-        and (math.hypot(v, z) > TUBE_RADIUS)
+        and (math.hypot(v, z) > SAME_CURVE)
     )
 
 

@@ -29,7 +29,6 @@ UNCROWDED_WIRES = 6.0  # as many wires side by side leave a voxel uncrowded
 LEAST_EIGHTHS, MOST_EIGHTHS = 7.0, 14.0  # of voxels, that one wire fills in 5 m
 EIGHTHS_PER_DENSITY = 1.5  # per point / m2, between these
 SEED_REACH = 6.0  # metres to both sides of a seed, of the straight piece
-TUBE_RADIUS = 0.25  # metres around it
 STEEPEST_WIRE = 0.7  # rise over run
 LEAST_SEED_BINS = 3.5  # metres of 12 with points on them, where a wire may begin
 MOST_POINTS_OF_WIRE = 200_000  # points of one wire
@@ -180,7 +179,7 @@ def uncrowded(points: Airborne, density: float) -> tuple[Mask, Ints]:
     return (crowd <= most)[voxel], voxel
 
 
-def seeds(points: Airborne, voxel: Ints, ctx: Context) -> tuple[Ints, Floats]:
+def seeds(points: Airborne, voxel: Ints, tolerance: float, ctx: Context) -> tuple[Ints, Floats]:
     """Points at which wires may begin and the directions there, the best aligned first.
 
     One point of each voxel is looked at.
@@ -191,7 +190,7 @@ def seeds(points: Airborne, voxel: Ints, ctx: Context) -> tuple[Ints, Floats]:
         *(kernels.straightness, blocks(len(first), 2000), first, points.xyz, points.start),
         *points.plan_grid,
         SEED_REACH,
-        TUBE_RADIUS,
+        tolerance,
         STEEPEST_WIRE,
         score,
         heading,
@@ -211,7 +210,7 @@ def trace_all(
     ----------
     points : those that may be wire
     """
-    begin, headings = seeds(points, voxel, ctx.part(0, 0.5))
+    begin, headings = seeds(points, voxel, tolerance, ctx.part(0, 0.5))
     used = np.zeros(len(points.xyz), bool)
     found, curve = np.empty(MOST_POINTS_OF_WIRE, np.int64), np.empty(kernels.CURVE_SIZE)
     curves = []

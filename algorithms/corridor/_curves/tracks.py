@@ -22,12 +22,12 @@ from algorithms.corridor._curves.network import (
 )
 
 TRACK_BIN, MOST_TRACK_BINS = 1.0, 1000  # metres of an alignment looked at as one, and their number
-HEIGHT_JUMP = 0.5  # metres by which heights jump where a curve changes over to another wire
+HEIGHT_JUMP = 2.0  # tolerances by which heights jump where a curve changes over to another wire
 TRACK_HOLE = 2.0  # metres without points, where it may
 CHAIN_GAP = 25.0  # metres along, between tracks of one wire
-CHAIN_ASIDE = 0.4  # metres aside
+CHAIN_ASIDE = 1.6  # tolerances aside
 CHAIN_RISE = 0.06  # metres up per metre along
-CHAIN_OVERLAP = 0.175  # metres aside and up, between tracks of one wire that overlap
+CHAIN_OVERLAP = 0.7  # tolerances aside and up, between tracks of one wire that overlap
 TRACK_END, TRACK_END_POINTS = 15.0, 12  # metres and points before and after
 
 Floats = NDArray[np.float64]
@@ -132,9 +132,9 @@ def tracks_of(corridor: Corridor, piece: Piece) -> Iterator[Piece]:
     u, _, z = piece.curve.residuals(corridor.wires.xyz[points])
     order = np.argsort(u, kind="stable")
     points, u, z = points[order], u[order], z[order]
-    edges = [0]
+    edges, jump = [0], HEIGHT_JUMP * corridor.tolerance
     for k in (
-        np.flatnonzero((np.abs(np.diff(z)) > HEIGHT_JUMP / 2) | (np.diff(u) > TRACK_HOLE)) + 1
+        np.flatnonzero((np.abs(np.diff(z)) > jump / 2) | (np.diff(u) > TRACK_HOLE)) + 1
     ).tolist():
         before = np.arange(max(k - TRACK_END_POINTS, edges[-1]), k)
         after = np.arange(k, min(k + TRACK_END_POINTS, len(u)))
@@ -143,7 +143,7 @@ def tracks_of(corridor: Corridor, piece: Piece) -> Iterator[Piece]:
             continue
         middle = 0.5 * (u[k - 1] + u[k])
         ends = [at_zero(u[i] - middle, z[i]) for i in (before, after)]
-        if abs(ends[1] - ends[0]) > HEIGHT_JUMP:
+        if abs(ends[1] - ends[0]) > jump:
             edges.append(k)
     if len(edges) == 1:
         yield replace(piece, points=np.sort(points))
@@ -171,6 +171,7 @@ def chained(corridor: Corridor, alignment: Alignment) -> list[Piece]:
             middle = 0.5 * (begin + min(end, own[:, 0].max()))
             aside, up = np.abs(beside(other, middle) - beside(own, middle))
             near = CHAIN_ASIDE if begin > end - TRACK_END else CHAIN_OVERLAP
+            near *= corridor.tolerance
             if aside < near and up < near + CHAIN_RISE * gap and aside + up < least:
                 best, least = k, aside + up
         if best < 0:

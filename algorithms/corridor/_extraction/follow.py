@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from algorithms.corridor._curves.arcs import arcs_of
 from algorithms.corridor._curves.lanes import followed_together
@@ -13,22 +17,62 @@ from algorithms.corridor._curves.network import Corridor, curves_of, wires_among
 from algorithms.corridor._curves.trace import trace_all
 from algorithms.corridor._curves.tracks import alignments_among
 from algorithms.corridor._extraction.continued import completed
-from algorithms.corridor._extraction.spans import Wire, spans_of, with_supports
+from algorithms.corridor._extraction.spans import Wire, on_wire, spans_of, with_supports
 from algorithms.corridor._extraction.supports import Support, supports_of
+from algorithms.shared.kernels.sorting import distinct
 from toolbox.context import Context
+
+TOLERANCES = (0.25, 0.625)  # metres: of clean single wires, and of bundles and noisy ones
+MUCH_MORE = 1.1  # times the length of wires, for which a larger tolerance is taken
+NUMBERS = ("span", "bundle", "wire")
+
+
+def tolerances(given: float | None, metre: float) -> tuple[float, ...]:
+    """At which tolerances wires are followed: the one given, or several.
+
+    Parameters
+    ----------
+    given : in the unit of the data
+    metre : length of one metre in that unit
+    """
+    return TOLERANCES if given is None else (given / metre,)
 
 
 def follow(
-    corridor: Corridor, voxel: NDArray[np.int64], max_gap: float, ctx: Context
-) -> tuple[list[Wire], Sequence[Support]]:
+    corridor: Corridor,
+    voxel: NDArray[np.int64],
+    max_gap: float,
+    tolerances: Sequence[float],
+    ctx: Context,
+) -> tuple[list[Wire], list[Support]]:
     """The conductors of all spans, and the supports between them.
+
+    How far points lie off their wires depends on the scanner, and on whether the conductors are
+    bundles. So wires are followed at each of several tolerances, and each line is taken at the
+    least at which most of it is found.
 
     Parameters
     ----------
     corridor : points, and those of them that may be wire
     voxel : of each of these; one of a voxel may be the beginning of a wire
     max_gap : longest piece of a wire that may be missing, metres
+    tolerances : how far a point may lie from the wire that is followed, ascending, metres
     """
+    lines: list[Line] = []
+    for k, tolerance in enumerate(tolerances):
+        part = ctx.part(k / len(tolerances), (k + 1) / len(tolerances))
+        corridor = replace(corridor, tolerance=tolerance)
+        wires, supports = followed(corridor, voxel, max_gap, part)
+        voxel = voxel[~corridor.refused]
+        corridor = corridor.without_refused()
+        lines = better(corridor, lines, lines_of(wires, supports))
+    return together(lines)
+
+
+def followed(
+    corridor: Corridor, voxel: NDArray[np.int64], max_gap: float, ctx: Context
+) -> tuple[list[Wire], Sequence[Support]]:
+    """The conductors of all spans, and their supports, at the tolerance of the corridor."""
     curves = trace_all(
         corridor.wires,
         voxel,
@@ -46,5 +90,65 @@ def follow(
     if not pieces:
         return [], []
     supports = supports_of(corridor, pieces, alignments)
-    wires = completed(corridor, spans_of(corridor, pieces, supports), supports)
-    return with_supports(wires, supports)
+    return completed(corridor, spans_of(corridor, pieces, supports), supports), supports
+
+
+@dataclass(frozen=True)
+class Line:
+    """Wires that hang together by spans and supports."""
+
+    wires: Sequence[Wire]
+    supports: Sequence[Support]
+
+    @property
+    def length(self) -> float:
+        """Metres of conductor along which points are known."""
+        return sum(wire.known[1] - wire.known[0] for wire in self.wires)
+
+    def points(self, corridor: Corridor) -> NDArray[np.int64]:
+        """Indices of the points on its wires."""
+        return distinct(np.concatenate([on_wire(corridor, wire)[0] for wire in self.wires]))
+
+
+def lines_of(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Line]:
+    """The lines among wires, in the order of their first wires."""
+    nodes = [[("span", w.span), *(("support", n) for n in w.supports if n >= 0)] for w in wires]
+    names = {node: k for k, node in enumerate(dict.fromkeys(itertools.chain(*nodes)))}
+    pairs = np.array([(names[own[0]], names[node]) for own in nodes for node in own]).reshape(-1, 2)
+    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(names), len(names)))
+    _, label = connected_components(graph, directed=False)
+    of_line: dict[int, list[Wire]] = {}
+    for wire, own in zip(wires, nodes, strict=True):
+        of_line.setdefault(int(label[names[own[0]]]), []).append(wire)
+    return [Line(*with_supports(own, supports)) for own in of_line.values()]
+
+
+def better(corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]) -> list[Line]:
+    """Of lines at a smaller and a larger tolerance, the larger where it finds much more."""
+    found = list(narrow)
+    taken = [line.points(corridor) for line in narrow]
+    for line in wide:
+        points = line.points(corridor)
+        same = [
+            k
+            for k, own in enumerate(taken)
+            if 2 * len(np.intersect1d(own, points)) > min(len(own), len(points))
+        ]
+        if line.length > MUCH_MORE * sum(narrow[k].length for k in same):
+            found = [one for one in found if not any(one is narrow[k] for k in same)]
+            found.append(line)
+    return found
+
+
+def together(lines: Sequence[Line]) -> tuple[list[Wire], list[Support]]:
+    """The wires and supports of several lines, numbered anew."""
+    wires: list[Wire] = []
+    supports: list[Support] = []
+    for line in lines:
+        first = {name: max((getattr(w, name) for w in wires), default=0) for name in NUMBERS}
+        for wire in line.wires:
+            numbers = {name: getattr(wire, name) + first[name] for name in NUMBERS}
+            low, high = (n + len(supports) if n >= 0 else -1 for n in wire.supports)
+            wires.append(replace(wire, supports=(low, high), **numbers))
+        supports += line.supports
+    return wires, supports

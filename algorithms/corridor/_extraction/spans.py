@@ -40,9 +40,9 @@ from algorithms.shared.kernels.sorting import distinct
 FOUND_POINTS = 6  # fewest of a wire that is found beside another
 FOUND_EIGHTHS = 4  # eighths of the span with any of them
 FOUND_SHARE = 0.15  # of the points of the wire known best, that one beside it has
-OWN_RADIUS = 0.5  # metres around a wire that are its own
-GROUP_RADIUS = 0.3  # metres, of points of one wire in the cross-section of a span
-ROUGH_WIRE, ROUGHEST_WIRE = 0.12, 0.2  # metres: scatter of one wire
+OWN_RADIUS = 2.0  # tolerances around a wire that are its own
+GROUP_RADIUS = 1.2  # tolerances, of points of one wire in the cross-section of a span
+ROUGH_WIRE, ROUGHEST_WIRE = 0.48, 0.8  # of the tolerance: scatter of one wire
 SECTION_BIN, SECTION_BLUR = 0.05, 0.07  # metres, of the cross-section of a bundle
 SUBCONDUCTOR_GAP = 0.2  # metres between two subconductors of a bundle, at least
 SECTION_POINTS = 40  # of a bundle whose subconductors can be told apart
@@ -50,7 +50,7 @@ SECTION_VALLEY = 0.6  # of the lower of two peaks: density between them
 SECTION_PEAK = 0.25  # of the highest peak: a lower one that counts
 SHORT_SHARE = 0.5  # share of a span, below which a wire is not known by what was followed of it
 SAG_TOLERANCE = 0.3  # share of the sag by which wires of a span may differ
-ON_WIRE_RMS, ON_WIRE_LEAST, ON_WIRE_MOST = 2.6, 0.12, 0.45  # of the scatter of a wire; metres
+ON_WIRE_RMS, ON_WIRE_LEAST, ON_WIRE_MOST = 2.6, 0.48, 1.8  # of the scatter; of the tolerance
 CONTINUED_GAP = 3.0  # metres between a wire and its continuation at a support
 
 Floats = NDArray[np.float64]
@@ -66,6 +66,7 @@ class Wire:
     curve : from one end to the other, at the support where there is one
     supports : indices of those at u = 0 and at the end, -1 where there is none in the data
     known : from where to where along it there are points
+    tolerance : how far points may lie from it, as it was followed, metres
     span, bundle, wire : numbers
     seen_share, longest_gap : share of its length with points, and metres without; NaN if not known
     """
@@ -73,6 +74,7 @@ class Wire:
     curve: Catenary
     supports: tuple[int, int]
     known: tuple[float, float]
+    tolerance: float
     span: int = -1
     bundle: int = -1
     wire: int = -1
@@ -82,7 +84,8 @@ class Wire:
 
 def on_wire(corridor: Corridor, wire: Wire) -> tuple[Ints, Floats, float]:
     """Indices of the points on a wire, their distances, and the largest distance allowed."""
-    radius = min(max(ON_WIRE_RMS * wire.curve.rms, ON_WIRE_LEAST), ON_WIRE_MOST)
+    least, most = ON_WIRE_LEAST * wire.tolerance, ON_WIRE_MOST * wire.tolerance
+    radius = min(max(ON_WIRE_RMS * wire.curve.rms, least), most)
     return *corridor.air.around(wire.curve, radius), radius
 
 
@@ -106,7 +109,7 @@ def spans_of(
             (s, bundle + k) for k, wire in enumerate(wires) for s in subconductors(corridor, wire)
         ]
         conductors = once(conductors)
-        if not are_wires([subconductor for subconductor, _ in conductors]):
+        if not are_wires([one for one, _ in conductors], corridor.tolerance):
             continue
         for subconductor, number in conductors:
             found.append(replace(to_supports(subconductor, supports), span=span, bundle=number))
@@ -131,7 +134,7 @@ def without_doubles(corridor: Corridor, spans: Sequence[Sequence[Wire]]) -> list
     return [kept[k] for k in range(len(spans))]
 
 
-def are_wires(wires: Sequence[Wire]) -> bool:
+def are_wires(wires: Sequence[Wire], tolerance: float) -> bool:
     """Whether the curves of a span surely sag and are thin, as wires are.
 
     Curves without a support in the data must be thinner, and long.
@@ -145,8 +148,11 @@ def are_wires(wires: Sequence[Wire]) -> bool:
         return False
     rough = [wire.curve.rms for wire in wires]
     if any(number >= 0 for wire in wires for number in wire.supports):
-        return float(np.median(rough)) < ROUGHEST_WIRE
-    return min(rough) < ROUGH_WIRE and max(wire.curve.length for wire in wires) > SURE_LENGTH
+        return float(np.median(rough)) < ROUGHEST_WIRE * tolerance
+    return (
+        min(rough) < ROUGH_WIRE * tolerance
+        and max(wire.curve.length for wire in wires) > SURE_LENGTH
+    )
 
 
 def with_supports(
@@ -256,16 +262,20 @@ def wires_of(
         mine = distinct(np.concatenate([pieces[i].points for i in np.flatnonzero(label == number)]))
         curve = fit(corridor.wires.xyz[mine], spread=2.0)
         if curve is not None:
-            wire = Wire(curve, ordered(curve, key, supports), (0.0, curve.length))
+            wire = Wire(
+                curve, ordered(curve, key, supports), (0.0, curve.length), corridor.tolerance
+            )
             found.append(to_supports(wire, supports))
     longest = max((wire.known[1] - wire.known[0] for wire in found), default=0.0)
     short = [wire for wire in found if wire.known[1] - wire.known[0] < SHORT_SHARE * longest]
-    found = alike([wire for wire in found if all(wire is not other for other in short)])
+    found = alike(
+        [wire for wire in found if all(wire is not other for other in short)], corridor.tolerance
+    )
     found += recovered(corridor, found)
-    return alike([*found, *short])
+    return alike([*found, *short], corridor.tolerance)
 
 
-def alike(wires: list[Wire]) -> list[Wire]:
+def alike(wires: list[Wire], tolerance: float) -> list[Wire]:
     """Wires of one span, without duplicates and short pieces unlike the best wire in shape."""
     order = sorted(wires, key=lambda w: -w.curve.count * (w.known[1] - w.known[0]))
     found: list[Wire] = []
@@ -274,12 +284,17 @@ def alike(wires: list[Wire]) -> list[Wire]:
         short = wire.known[1] - wire.known[0] < 0.5 * best.length
         off = abs(curve.curvature / best.curvature - 1) * best.sag
         odd = off > SAG_TOLERANCE * best.sag + 3 * curve.sigma("sag")
-        if short and (odd or curve.rms > min(max(ROUGH_WIRE, 1.5 * best.rms), ROUGHEST_WIRE)):
+        if short and (odd or curve.rms > roughest(best, tolerance)):
             continue
         if short and any(apart_wires(curve, other.curve) < BUNDLE_WIDTH / 2 for other in found):
             continue
         found.append(wire)
     return found
+
+
+def roughest(best: Catenary, tolerance: float) -> float:
+    """Scatter that a wire beside the best known one may have, metres."""
+    return min(max(ROUGH_WIRE * tolerance, 1.5 * best.rms), ROUGHEST_WIRE * tolerance)
 
 
 def apart_wires(one: Catenary, other: Catenary) -> float:
@@ -315,9 +330,10 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
     if curve.length < 15:
         return []
     air = corridor.wires
+    own_radius, radius = OWN_RADIUS * corridor.tolerance, GROUP_RADIUS * corridor.tolerance
     taken = np.zeros(len(air.xyz), bool)
     for wire in wires:
-        taken[air.around(wire.curve, OWN_RADIUS, -2.0, wire.curve.length + 2)[0]] = True
+        taken[air.around(wire.curve, own_radius, -2.0, wire.curve.length + 2)[0]] = True
     middles = curve.points(np.arange(0.0, curve.length + LINE_WIDTH, LINE_WIDTH))
     box = distinct(np.concatenate([air.within(middle[:2], LINE_WIDTH) for middle in middles]))
     u, v, z = curve.residuals(air.xyz[box])
@@ -328,29 +344,27 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
     found: list[Wire] = []
     free = np.ones(len(box), bool)
     for _ in range(20):
-        group = densest_group(v, z, free)
+        group = densest_group(v, z, free, radius)
         if group is None:
             break
         away = np.hypot(v - group[0], z - group[1])
         made = fit(
-            air.xyz[box[free & (away < 2 * GROUP_RADIUS)]],
-            spread=2 * GROUP_RADIUS,
+            air.xyz[box[free & (away < 2 * radius)]],
+            spread=2 * radius,
             curvature=curve.curvature,
         )
-        free &= away > OWN_RADIUS
+        free &= away > own_radius
         if made is None:
             continue
         _, dv, dz = made.residuals(air.xyz[box])
         off = np.hypot(dv, dz)
-        inner = off < GROUP_RADIUS
+        inner = off < radius
         # Above and below: at the sides there may be other wires.
-        ring = 2 * np.count_nonzero(
-            (off > GROUP_RADIUS) & (off < 3 * GROUP_RADIUS) & (np.abs(dz) > np.abs(dv))
-        )
+        ring = 2 * np.count_nonzero((off > radius) & (off < 3 * radius) & (np.abs(dz) > np.abs(dv)))
         eighths = len(np.unique((8 * u[inner] / curve.length).astype(np.int64)))
         spare = SAG_TOLERANCE * curve.sag + 3 * made.sigma("sag")
         same_shape = abs(made.curvature * curve.c - 1) * curve.sag < spare
-        same_shape &= made.rms < min(max(ROUGH_WIRE, 1.5 * curve.rms), ROUGHEST_WIRE)
+        same_shape &= made.rms < roughest(curve, corridor.tolerance)
         enough = max(FOUND_POINTS, FOUND_SHARE * curve.count)
         if (
             inner.sum() >= enough
@@ -360,16 +374,18 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
         ):
             same = made.ex * curve.ex + made.ey * curve.ey > 0
             ends = best.supports if same else best.supports[::-1]
-            found.append(Wire(made, ends, (0.0, made.length)))
-            free &= off > OWN_RADIUS
+            found.append(Wire(made, ends, (0.0, made.length), corridor.tolerance))
+            free &= off > own_radius
     return found
 
 
-def densest_group(v: Floats, z: Floats, free: NDArray[np.bool_]) -> tuple[float, float] | None:
+def densest_group(
+    v: Floats, z: Floats, free: NDArray[np.bool_], radius: float
+) -> tuple[float, float] | None:
     """Offset and height of the densest group of free points; None if it is too small."""
     if np.count_nonzero(free) < FOUND_POINTS:
         return None
-    cells = np.floor(np.column_stack([v[free], z[free]]) / GROUP_RADIUS).astype(np.int64)
+    cells = np.floor(np.column_stack([v[free], z[free]]) / radius).astype(np.int64)
     low = cells.min(axis=0)
     table = np.zeros(cells.max(axis=0) - low + 2, np.int64)  # none beyond LINE_WIDTH: it is small
     np.add.at(table, tuple((cells - low).T), 1)
@@ -378,7 +394,7 @@ def densest_group(v: Floats, z: Floats, free: NDArray[np.bool_]) -> tuple[float,
     at = np.array(np.unravel_index(totals.argmax(), totals.shape))
     if totals[tuple(at)] < FOUND_POINTS:
         return None
-    right, upper = (at + low + 1) * GROUP_RADIUS
+    right, upper = (at + low + 1) * radius
     return float(right), float(upper)
 
 
@@ -400,7 +416,7 @@ def subconductors(corridor: Corridor, wire: Wire) -> list[Wire]:
             return [wire]
         same = curve.ex * wire.curve.ex + curve.ey * wire.curve.ey > 0
         ends = wire.supports if same else wire.supports[::-1]
-        found.append(Wire(curve, ends, (0.0, curve.length)))
+        found.append(Wire(curve, ends, (0.0, curve.length), corridor.tolerance))
     return found
 
 

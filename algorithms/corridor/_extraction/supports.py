@@ -15,6 +15,8 @@ from algorithms.corridor._curves.network import Corridor, Piece, heading
 from algorithms.corridor._curves.tracks import Alignment
 
 SUPPORT_ALONG, SUPPORT_ACROSS = 10.0, 12.0  # metres between what belongs to one support
+ALIKE_GAPS = 1.5  # times the usual distance across between wires, that of wires of one support
+COLUMN_GAP = 1.0  # metres across between wires that do not hang above each other
 PASSING_LENGTH = 8.0  # metres: a wire that goes on for longer on both sides passes a support
 ENOUGH_BODY = 0.4  # share of its height at which a support shows points
 MUCH_BODY = (0.5, 0.75)  # the same of a pole and of a tower where nothing else tells of it
@@ -35,6 +37,7 @@ class Hint:
     slope: float  # upwards that way
     piece: int
     held: bool  # another arc of its alignment begins there
+    cut: tuple[int, int]  # its alignment, and which cut of that
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,12 @@ def hints_of(pieces: Sequence[Piece], alignments: Sequence[Alignment]) -> Iterat
                 at, _ = piece.curve.along(alignment.places(np.array([stop])))
             rise = float(np.diff(piece.curve.height(at + np.array([-0.5, 0.5])))[0])
             yield Hint(
-                piece.curve.points(at)[0], heading(piece, end), rise if end else -rise, number, held
+                piece.curve.points(at)[0],
+                heading(piece, end),
+                rise if end else -rise,
+                number,
+                held,
+                (piece.arc[0], arc + after),
             )
 
 
@@ -110,7 +118,11 @@ def supports_of(
 
 
 def clusters(hints: Sequence[Hint]) -> Iterator[list[Hint]]:
-    """Groups of hints near each other; the limit along the wires is smaller than that across."""
+    """Groups of hints near each other; the limit along the wires is smaller than that across.
+
+    Where the wires of a line are held at one chainage, the limit across grows with the distances
+    between them: no tower of three phases is three poles.
+    """
     if not hints:
         return
     place = np.array([hint.place for hint in hints])
@@ -118,12 +130,24 @@ def clusters(hints: Sequence[Hint]) -> Iterator[list[Hint]]:
     step = place[None, :, :2] - place[:, None, :2]
     along = np.abs((step * way[:, None]).sum(axis=2))
     across = np.abs(step[..., 0] * way[:, None, 1] - step[..., 1] * way[:, None, 0])
-    near = (along < SUPPORT_ALONG) & (across < SUPPORT_ACROSS)
+    reach = np.full(len(hints), SUPPORT_ACROSS)
+    for cut in {hint.cut for hint in hints}:
+        mine = np.array([hint.cut == cut for hint in hints])
+        reach[mine] = max(SUPPORT_ACROSS, ALIKE_GAPS * usual_gap(place[mine], way[mine]))
+    near = (along < SUPPORT_ALONG) & (across < reach[:, None])
     alike = np.abs(way @ way.T) > 0.7
     link = near & near.T & alike
     _, label = connected_components(coo_array(link), directed=False)
     for number in range(label.max() + 1):
         yield [hints[i] for i in np.flatnonzero(label == number).tolist()]
+
+
+def usual_gap(place: Floats, way: Floats) -> float:
+    """Median distance across between neighbouring wires, those of a bundle or column as one."""
+    side = np.sort(place[:, 1] * way[0, 0] - place[:, 0] * way[0, 1])
+    gaps = np.diff(side)
+    gaps = gaps[gaps > COLUMN_GAP]
+    return float(np.median(gaps)) if len(gaps) else 0.0
 
 
 def support_of(

@@ -151,9 +151,11 @@ def centred(corridor: Corridor, support: Support) -> Support:
         arms = level & (np.abs(a - forth) < depth)
         if np.count_nonzero(arms) >= KNOWN_BY_POINTS:
             forth = float(np.median(a[arms]))
-    neck = (z > waist - 0.15 * height) & (z < waist) & (np.hypot(a - forth, s) < half)
-    if np.count_nonzero(neck) >= KNOWN_BY_POINTS:
-        aside = float(np.quantile(s[neck], (0.1, 0.9)).mean())  # of a hollow body
+    neck = (z > waist - 0.15 * height) & (z < waist)
+    for reach in (2 * half, half):
+        body = neck & (np.hypot(a - forth, s - aside) < reach)
+        if np.count_nonzero(body) >= KNOWN_BY_POINTS:
+            aside = float(np.quantile(s[body], (0.1, 0.9)).mean())  # of a hollow body
     (ex, ey), (left, right) = support.across, support.reach
     return replace(
         support,

@@ -12,9 +12,30 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pyproj import CRS
-from scenes.corridors import CORNER, Floats, bar, cloud, ground, line, pole, quality, tree, wire
+from scenes.corridors import (
+    CORNER,
+    Floats,
+    bar,
+    cloud,
+    ground,
+    in_hills,
+    line,
+    pole,
+    quality,
+    tree,
+    wire,
+)
 
-from algorithms.corridor._curves.arcs import Binned, agreed, arcs_of, binned, solved
+from algorithms.corridor._curves.arcs import (
+    Binned,
+    agreed,
+    arcs_of,
+    bending,
+    binned,
+    misfits,
+    solved,
+    wander_of,
+)
 from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
@@ -171,7 +192,7 @@ def test_a_line_of_any_length_has_a_whole_number_of_bins(together: int) -> None:
         alignment = Alignment.of([Piece(np.zeros(0, np.int64), along)])
         assert alignment.steps <= 1000
         assert alignment.step * alignment.steps >= length + 2 - 1e-9  # a metre beyond both ends
-        assert len(binned(corridor, replace(alignment, pieces=[]), together).u) == math.ceil(
+        assert len(binned(corridor, replace(alignment, pieces=[]), together, 0.0).u) == math.ceil(
             alignment.steps / together
         )
 
@@ -332,6 +353,32 @@ def arcs_of_tracks(heights: Floats) -> Binned:
     return Binned(1.0, sure, sure, u, heights, np.zeros(heights.shape))
 
 
+def test_a_catenary_is_no_parabola_where_spans_are_long_and_steep() -> None:
+    """On 600 m with a slope of 0.3 they differ by 25 cm."""
+    curve, _ = wire((0, 0, 0), (600, 0, 180), 1400, per_metre=0)
+    heights = curve.height(np.arange(600) + 0.5)[:, None]
+    off = misfits(arcs_of_tracks(heights), np.array([0]), np.array([600]), 1 / 1400)
+    assert off[0, 0] < 1.0  # squares of sigmas of 5 cm
+
+
+def test_how_far_wires_wander_is_learned() -> None:
+    rng = np.random.default_rng(3)
+    for wander in (0.0, 0.05):
+        stray = np.repeat(rng.normal(0, wander, (40, 3)), 25, axis=0)
+        heights = 1500 * np.cosh((np.arange(1000)[:, None] - 499.5) / 1500) + stray
+        noise = rng.normal(0, 0.05, heights.shape)
+        learned = wander_of(arcs_of_tracks(heights + noise), np.array([0, 1000]), 1 / 1500)
+        assert learned == pytest.approx(np.hypot(wander, 0.05 / 5), rel=0.25)
+
+
+def test_no_support_is_where_wires_do_not_bend_unless_an_arm_is_seen() -> None:
+    u = np.arange(900) + 0.5
+    heights = np.column_stack([0.5 * (u % 300 - 150) ** 2 / 1500] * 3)
+    bins, edges = arcs_of_tracks(heights), np.array([0, 150, 300, 600, 900])
+    for bare, kept in ((True, [0, 300, 600, 900]), (False, edges.tolist())):
+        assert bending(bins, edges, 1 / 1500, np.full(901, bare)).tolist() == kept
+
+
 def test_a_single_track_that_changes_over_to_another_wire_makes_no_support() -> None:
     u = np.arange(100) + 0.5
     own = 10 + 0.5 * (u % 50 - 25) ** 2 / 400
@@ -478,6 +525,46 @@ def test_what_is_no_power_line(what: str, parts: list[Floats]) -> None:
     assert not np.isin(result.classified["classification"], (14, 15)).any()
 
 
+PAIR = (-0.22, 0.0), (0.22, 0.0)
+SQUARE = (-0.22, -0.22), (0.22, -0.22), (-0.22, 0.22), (0.22, 0.22)
+
+
+@pytest.mark.parametrize(
+    ("bundle", "noise", "per_metre", "slope"),
+    [
+        (PAIR, 0.18, 1.7, 0.2),
+        (PAIR, 0.1, 1.7, 0.5),
+        (SQUARE, 0.03, 1.7, 0.2),
+        (((0.0, 0.0),), 0.2, 3.0, 0.3),
+    ],
+    ids=["noisy pair", "steep pair", "four", "noisy single"],
+)
+def test_bundles_and_noisy_wires_in_hills_are_found_whole(
+    bundle: Sequence[tuple[float, float]], noise: float, per_metre: float, slope: float
+) -> None:
+    """Phases 13 m apart on three long spans: one tower each, and no other."""
+    points = in_hills(bundle, noise, per_metre, slope)
+    result = CorridorExtract(points=points).run()
+    said, true = result.classified["classification"], points["truth"]
+    assert result.span_count == 3
+    assert len(result.wires.frame) == 9 * len(bundle)
+    assert quality(said == 14, true == 14) > 0.96
+    feet = np.sort(result.towers.frame.geometry.x - CORNER[0])
+    for place in (430, 850):
+        assert np.abs(feet - place).min() < 2
+    assert len(feet) <= 4  # those at the ends of the data among them
+
+
+def test_each_line_is_followed_at_a_tolerance_of_its_own() -> None:
+    """Wires a metre above each other beside bundles that scatter as much."""
+    low = [wire((200, 60, z), (280, 60, z), 500, 4, noise=0.02)[1] for z in (64.0, 65.0, 66.0)]
+    poles = [bar((x, 60, 54), (x, 60, 66.5), 8, 0.05) for x in (200, 280)]
+    points = in_hills(PAIR, 0.18, 1.7, 0.2, beside=(*low, *poles))
+    frame = CorridorExtract(points=points).run().wires.frame
+    assert np.count_nonzero(frame.span < 90) == 3
+    assert np.count_nonzero(frame.span > 400) == 18
+
+
 def test_no_line_is_an_empty_result_that_says_so(caplog: pytest.LogCaptureFixture) -> None:
     result = found(GROUND)
     assert (result.span_count, result.tower_count) == (0, 0)
@@ -571,6 +658,19 @@ def test_a_real_transmission_line(tile: str, corner: tuple[float, float]) -> Non
     assert (said & true).sum() / true.sum() > 0.97
     assert quality(said, true) > 0.95
     assert (result.span_count, result.tower_count) == (2, 1)
+
+
+def test_a_real_line_in_hills() -> None:
+    path = DATA / "line_quebec_hills/west.laz"
+    if not path.is_file():
+        pytest.skip("needs TOOLBOX_TEST_DATA")
+    points = PointCloud.open(path)
+    result = CorridorExtract(points=points).run()
+    said, true = result.classified["classification"] == 14, points["reference"] == 1
+    assert (said & true).sum() > 0.94 * true.sum()
+    assert (said & true).sum() > 0.96 * said.sum()
+    assert result.tower_count == 4
+    assert result.span_count == 6
 
 
 def test_points_are_in_the_order_of_cells_and_places_whatever_theirs() -> None:
@@ -682,7 +782,7 @@ def test_how_many_conductors_the_neighbours_lead_one_to_expect(
 ) -> None:
     curve = wire((0, 0, 10), (50, 0, 10), 300)[0]
     wires = [
-        Wire(curve, (span, span + 1), (0.0, 50.0), span=span, bundle=k)
+        Wire(curve, (span, span + 1), (0.0, 50.0), 0.25, span=span, bundle=k)
         for span, count in enumerate(counts)
         for k in (*range(count), 0)  # the first is a bundle of two
     ]

@@ -555,6 +555,13 @@ def test_bundles_and_noisy_wires_in_hills_are_found_whole(
     assert len(feet) <= 4  # those at the ends of the data among them
 
 
+def test_wires_that_wander_from_their_arcs_have_no_more_supports() -> None:
+    points = in_hills(((0.0, 0.0),), 0.03, 1.7, 0.2)
+    result = CorridorExtract(points=points).run()
+    assert result.span_count == 3
+    assert result.tower_count <= 4
+
+
 def test_each_line_is_followed_at_a_tolerance_of_its_own() -> None:
     """Wires a metre above each other beside bundles that scatter as much."""
     low = [wire((200, 60, z), (280, 60, z), 500, 4, noise=0.02)[1] for z in (64.0, 65.0, 66.0)]

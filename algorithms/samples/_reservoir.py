@@ -16,6 +16,7 @@ from algorithms.samples._survey import (
     FOREST,
     GRASS,
     MUD,
+    NOISE,
     REED,
     Features,
     Floats,
@@ -33,11 +34,13 @@ from toolbox.context import QUIET, Context
 LEVEL = 500.0
 POND_LEVELS = (500.12, 499.93)  # nearly that of the reservoir: the pond is still its own
 DAM = 0.25  # of the size, from the south
-WATER_NOISE = 0.01  # share of water points that lie below the water
+SUNKEN = 0.01  # share of water points that lie below the water
 OUTLIERS = 0.0003
 
 
-def reservoir(*, size: float, density: float, seed: int, ctx: Context = QUIET) -> SceneData:
+def reservoir(
+    *, size: float, density: float, seed: int, water_noise: float = NOISE, ctx: Context = QUIET
+) -> SceneData:
     """A square of `size` metres; see `scene`."""
     rng = np.random.default_rng(seed)
     terrain, level = _valley(size, rng)
@@ -62,7 +65,8 @@ def reservoir(*, size: float, density: float, seed: int, ctx: Context = QUIET) -
         inside=lambda x, y: (x >= 0) & (y >= 0) & (x < size) & (y < size),
         truth=(),
         outliers=OUTLIERS,
-        water_noise=WATER_NOISE,
+        sunken=SUNKEN,
+        water_noise=water_noise,
         ctx=ctx.part(0.1, 1.0),
     )
     return SceneData(xyz, attributes, terrain.placed(), features)

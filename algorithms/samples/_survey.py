@@ -403,7 +403,8 @@ def survey(
     inside: Any,
     truth: Sequence[str],
     outliers: float,
-    water_noise: float = 0.0,
+    sunken: float = 0.0,
+    water_noise: float = NOISE,
     ctx: Context = QUIET,
 ) -> tuple[Floats, dict[str, NDArray[Any]]]:
     """Points and LAS attributes of a survey of a world along flight lines.
@@ -414,7 +415,8 @@ def survey(
     inside : function (x, y) -> mask of points that belong to the scene
     truth : names among plane_id, wire_id, span_id, tower_id to hand out beside object_id
     outliers : share of single returns to replace by low noise, and as many by high noise
-    water_noise : share of water points to replace by low noise below the water
+    sunken : share of water points to replace by low noise below the water
+    water_noise : standard deviation of points on water along the beam, with its waves, metres
     """
     blocks, crowns, rods = index_objects(world.terrain, world, lines)
     parts = []
@@ -441,6 +443,7 @@ def survey(
                 inside=inside,
                 truth=truth,
                 outliers=outliers,
+                sunken=sunken,
                 water_noise=water_noise,
             )
             parts.append(points)
@@ -478,6 +481,7 @@ def _points(
     inside: Any,
     truth: Sequence[str],
     outliers: float,
+    sunken: float,
     water_noise: float,
 ) -> tuple[Floats, dict[str, NDArray[Any]]]:
     """Points of a block of pulses: positions with noise, classes, identifiers, return numbers."""
@@ -499,7 +503,7 @@ def _points(
 
     single, dice = (count == 1) & (echoes.source <= ON_BLOCK), rng.random(len(z))
     low, high = single & (dice < outliers), single & (dice > 1 - outliers)
-    sunk = (cls == WATER) & (rng.random(len(z)) < water_noise)
+    sunk = (cls == WATER) & (rng.random(len(z)) < sunken)
     z[low] -= rng.uniform(2, 12, low.sum())
     z[high] += rng.uniform(25, 120, high.sum())
     z[sunk] -= rng.uniform(0.3, 4, sunk.sum())
@@ -510,6 +514,7 @@ def _points(
     keep = inside(x, y) | ~(low | high | sunk)
 
     along, aside = rng.normal(0, NOISE, (2, len(z)))
+    along[cls == WATER] *= water_noise / NOISE
     turn = rng.uniform(0, 2 * np.pi, len(z))
     x, y, z = EAST + x + aside * np.cos(turn), NORTH + y + aside * np.sin(turn), z + along
     columns = {

@@ -11,7 +11,7 @@ from pyproj import CRS
 from algorithms.samples._corridor import corridor, power_lines
 from algorithms.samples._facade import facade
 from algorithms.samples._reservoir import reservoir
-from algorithms.samples._survey import SceneData
+from algorithms.samples._survey import NOISE, SceneData
 from algorithms.samples._town import town
 from algorithms.shared import parameters
 from toolbox.context import QUIET, Context
@@ -59,6 +59,13 @@ class SamplesScene:
         ge=0,
         le=0.1,
     )
+    water_noise: float = param(
+        "Standard deviation of points on the water of a reservoir, with its waves",
+        default=NOISE,
+        unit="m",
+        ge=0,
+        le=0.3,
+    )
     seed: int = parameters.seed()
     crs: CRS = param("Projected CRS in metres to place the survey in", default=CRS(32635))
 
@@ -90,6 +97,7 @@ class SamplesScene:
             density=self.density,
             seed=self.seed,
             noise=self.noise,
+            water_noise=self.water_noise,
             ctx=ctx,
         )
         heights, west, north, cell = made.terrain
@@ -116,6 +124,7 @@ def scene(
     density: float,
     seed: int,
     noise: float = 0.004,
+    water_noise: float = NOISE,
     ctx: Context = QUIET,
 ) -> SceneData:
     """A synthetic survey as a LAS file would hold it, and its ground truth.
@@ -127,6 +136,7 @@ def scene(
     density : points per square metre of the scene, for a facade of wall in sight
     seed : the same seed gives the same scene
     noise : standard deviation of the ranges of the scanner of a facade, metres
+    water_noise : standard deviation of points on the water of a reservoir, metres
 
     Returns
     -------
@@ -141,5 +151,6 @@ def scene(
     """
     if kind not in KINDS:
         raise ParameterError("scene", {"kind": f"must be one of {', '.join(KINDS)}, got {kind!r}"})
-    more = {"noise": noise} if kind == "facade" else {}
+    noises = {"facade": {"noise": noise}, "reservoir": {"water_noise": water_noise}}
+    more = noises.get(kind, {})
     return KINDS[kind](size=size, density=density, seed=seed, ctx=ctx, **more)

@@ -37,6 +37,7 @@ REACH = 2  # cells on each side whose heights are compared
 CALM = 0.12  # spread of their heights on water
 KNOWN = 5  # cells of 25 with points, to compare their heights
 FILLED = 13  # cells of 25 with points, around a single empty one that is no hole
+CREST = 3.0  # standard deviations of points on the water above its level
 STEP = 0.10  # above the level where a first look at a body ends
 DROP = 0.25  # below the level: water does not stay above such ground
 RUN_OFF = 0.02  # share of a body that may seem to lie lower
@@ -142,6 +143,7 @@ class Body:
     lost : density of points on the water over that on its shore
     dark : separation of the intensities on water and shore, 0 to 1
     evidence : what speaks for water
+    waves : height above the level up to which a cell is on open water, rather than on a bank
     """
 
     cells: Ints
@@ -150,6 +152,7 @@ class Body:
     lost: float
     dark: float
     evidence: str
+    waves: float = math.inf
 
 
 def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
@@ -265,13 +268,13 @@ class Pour:
             self.state.ravel()[body] = TAKEN
         return [judged] if judged else []
 
-    def again(self, body: Body, level: float, crest: float, tilt: Tilt) -> Body:
+    def again(self, body: Body, level: float, sigma: float, tilt: Tilt) -> Body:
         """The body extended to all cells that its waves reach, up to a crest above its level."""
-        metre = self.cells.metre
-        top = level - self.cells.base + max(crest, STEP * metre)
+        step = STEP * self.cells.metre
+        top = level - self.cells.base + max(CREST * sigma, step)
         wider, _ = self._spread(body.cells, top, -np.inf, 0, tilt)
         self.state.ravel()[wider] = TAKEN
-        return replace(body, cells=wider, level=level, tilt=tilt)
+        return replace(body, cells=wider, level=level, tilt=tilt, waves=max(sigma, step))
 
     def _spread(
         self, starts: Ints, level: float, below: float, most_lower: int, tilt: Tilt
@@ -452,15 +455,48 @@ def _is_level(cells: CellGrid, some: Ints) -> bool:
     return bool(max(high - low, fall) <= LEVEL_SPREAD * cells.metre)
 
 
-def core_of(cells: CellGrid, body: Ints, share: float = CORE) -> Ints:
-    """Indices of the cells of a body far from its edge, where flat banks may count as water.
+def open_water(cells: CellGrid, body: Body, share: float = CORE) -> Ints:
+    """Indices of the cells that tell the level of a body: far from banks and islands.
+
+    The crests of waves reach up banks, which are no part of it. But single cells among lower ones
+    are crests themselves: they belong to it, so that no height is left out for being high.
 
     Parameters
     ----------
     cells, body : see :class:`Body`
     share : of the way from the edge to the middle that is left out, a cell at least
     """
-    (top, left), wet = window(cells.lattice, body, 1)
+    low = cells.low.ravel()[body.cells]
+    r, c = body.cells // cells.lattice.cols, body.cells % cells.lattice.cols
+    top = body.level - cells.base + body.waves + body.tilt.at(r, c)
+    calm = body.cells[(low <= top) | np.isinf(low)]
+    if not len(calm):
+        return calm
+    if math.isinf(body.waves):  # how high they are is not known yet
+        return core_of(cells, calm, share)
+    return core_of(cells, calm, share, body.cells)
+
+
+def core_of(
+    cells: CellGrid, some: Ints, share: float = CORE, among: Ints | None = None
+) -> Ints:
+    """Indices of the cells far from the edge of some, where flat banks may count as water.
+
+    Parameters
+    ----------
+    cells : see :class:`CellGrid`
+    some : cells; gaps between them of a cell or two are filled
+    share : of the way from the edge to the middle that is left out, a cell at least
+    among : cells that may be filled; all by default
+    """
+    (top, left), mask = window(cells.lattice, some, 1)
+    wet = mask | ndimage.binary_closing(mask, np.ones((3, 3), bool))
+    if among is not None:
+        r, c = among // cells.lattice.cols - top, among % cells.lattice.cols - left
+        here = (r >= 0) & (r < mask.shape[0]) & (c >= 0) & (c < mask.shape[1])
+        allowed = np.zeros_like(mask)
+        allowed[r[here], c[here]] = True
+        wet &= allowed
     depth = ndimage.distance_transform_edt(wet)
     r, c = np.nonzero((depth > 1) & (depth >= share * depth.max()))
     return np.asarray((r + top) * cells.lattice.cols + c + left)

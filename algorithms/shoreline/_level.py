@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+NORMAL = 0.6745  # median deviation of a normal distribution, in standard deviations
 
 FEW = 0.05  # share of the heights that make a mode
 FIRST_SIGMA = 0.05  # m: deviation of points on water, before it is known
-LEAST_SIGMA, MOST_SIGMA = 0.01, 0.15  # m: of a calm lake, and of a windy one
-FEWEST = 10  # points on the water that tell its level
-SQUARE = 20.0  # m
+LEAST_SIGMA, MOST_SIGMA = 0.01, 0.25  # m: of a calm lake, and of a rough one
+WIDEST = 3.0  # standard deviations from the level to the farthest point that counts
+FEWEST = 6  # points on the water that tell its level, or that of a strip
+PATCHES = 16  # of which the scatter is the error: waves may be as long as a quarter of the body
+CONFIDENCE = 0.95
 BIN, EDGE = 0.05, 0.3  # m: heights that are counted together, and that belong to an edge
-ROUNDS = 10  # of narrowing down; it settles after few
+ROUNDS = 50  # of narrowing down; it settles after five to fifteen
 
 
 def mode(heights: NDArray[np.floating[Any]], width: float) -> float:
@@ -46,18 +53,27 @@ class Level:
     ----------
     height : at `centre`
     error : standard error of the height
+    freedom : degrees of freedom of the error
     sigma : standard deviation of single points on the water
     points : number of points that it was found from
+    strips : difference between the highest and the lowest level of a strip, 0 for a single one
     gradient : rise eastwards and northwards
     centre : where the height is
     """
 
     height: float
     error: float
+    freedom: float
     sigma: float
     points: int
+    strips: float = 0.0
     gradient: tuple[float, float] = (0.0, 0.0)
     centre: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def interval(self) -> float:
+        """Half width of the 95 % interval of the height, by Student's distribution."""
+        return float(self.error * stats.t.ppf((1 + CONFIDENCE) / 2, self.freedom))
 
     def at(self, xy: Floats) -> Floats:
         """Heights of the surface at positions of shape (n, 2)."""
@@ -66,45 +82,85 @@ class Level:
         return np.asarray(self.height + (xy - np.array(self.centre)) @ np.array(self.gradient))
 
 
-def level_of(xyz: Floats, core: NDArray[np.bool_], start: float, metre: float) -> Level:
+def level_of(xyz: Floats, strip: Ints, core: NDArray[np.bool_], start: float, metre: float) -> Level:
     """Level of a water body from points on the water.
 
     Banks, boats and reeds above and errors below hardly move it: of the points within three
-    standard deviations of their own median the mean is taken.
+    standard deviations of their own median the mean is taken, as far to both sides.
 
     Parameters
     ----------
     xyz : array of shape (n, 3)
+    strip : array of shape (n,), the flight line of each point
     core : array of shape (n,), points far from the shore, which tell the level
     start : a first estimate
     metre : length of one metre in the unit of the points
-
-    Notes
-    -----
-    Errors by waves and strips are alike within a square, so the standard error is that of the means
-    of squares.
     """
-    every, xyz = xyz[:, 2], xyz[core]
-    heights, middle, sigma = xyz[:, 2], start, FIRST_SIGMA * metre
-    for _ in range(ROUNDS):
-        near = abs(heights - middle) <= 3 * sigma
-        if near.sum() < FEWEST:
-            return Level(start, FIRST_SIGMA * metre, FIRST_SIGMA * metre, int(near.sum()))
-        middle = float(np.median(heights[near]))
-        inner = float(np.median(abs(heights[near] - middle))) / 0.6745
-        sigma = min(max(inner, LEAST_SIGMA * metre), MOST_SIGMA * metre)
-    near = abs(heights - middle) <= 3 * sigma
-    square = np.floor(xyz[near, :2] / (SQUARE * metre)).astype(np.int64)
-    _, block, counts = np.unique(square, axis=0, return_inverse=True, return_counts=True)
-    means = np.bincount(block.ravel(), heights[near]) / counts
-    level, share = float(heights[near].mean()), counts / counts.sum()
-    free = 1 - (share**2).sum()
-    scatter = np.sqrt((share**2 * (means - level) ** 2).sum() / free) if len(means) > 1 else sigma
-    least = sigma / np.sqrt(near.sum())
-    below = level - every[(every < level) & (every > level - MOST_SIGMA * 3 * metre)]
+    heights = xyz[core, 2]
+    middle, sigma = _settled(heights, start, metre)
+    near = abs(heights - middle) <= WIDEST * sigma
+    if near.sum() < FEWEST:
+        return Level(start, MOST_SIGMA * metre, math.inf, MOST_SIGMA * metre, int(near.sum()))
+    level = float(heights[near].mean())
+    error, freedom, apart = _error(xyz[core][near], strip[core][near])
+    below = level - xyz[(xyz[:, 2] < level) & (xyz[:, 2] > level - MOST_SIGMA * WIDEST * metre), 2]
     if len(below) >= FEWEST:  # nearer to the shore waves may be higher; banks are never below
-        sigma = max(sigma, min(float(np.median(below)) / 0.6745, MOST_SIGMA * metre))
-    return Level(level, float(max(scatter, least)), sigma, int(near.sum()))
+        sigma = max(sigma, min(float(np.median(below)) / NORMAL, MOST_SIGMA * metre))
+    return Level(level, error, freedom, sigma, int(near.sum()), apart)
+
+
+def _settled(heights: Floats, middle: float, metre: float) -> tuple[float, float]:
+    """Median and standard deviation of the heights around a first estimate."""
+    sigma, count = FIRST_SIGMA * metre, -1
+    for _ in range(ROUNDS):
+        near = heights[abs(heights - middle) <= WIDEST * sigma]
+        if len(near) < FEWEST and sigma < MOST_SIGMA * metre:
+            sigma = min(2 * sigma, MOST_SIGMA * metre)
+            continue
+        if len(near) in (count, 0):
+            break
+        middle, count = float(np.median(near)), len(near)
+        inner = float(np.median(abs(near - middle))) / NORMAL
+        sigma = min(max(inner, LEAST_SIGMA * metre), MOST_SIGMA * metre)
+    return middle, sigma
+
+
+def _error(xyz: Floats, strip: Ints) -> tuple[float, float, float]:
+    """Standard error of the mean height, its degrees of freedom, and the difference of strips.
+
+    Errors of neighbouring points are alike, by waves, so the mean is as sure as that of the means
+    of compact patches. The points of a strip are also wrong by one shift, of which there are only
+    as many as strips: its variance is what the means of strips differ by beyond their own errors.
+    Degrees of freedom of the sum as by Satterthwaite (1946).
+    """
+    _, of, counts = np.unique(strip, return_inverse=True, return_counts=True)
+    offset = np.bincount(of, xyz[:, 2]) / counts - xyz[:, 2].mean()
+    means = [float((xyz[k, 2] - offset[of[k]]).mean()) for k in patches(xyz[:, :2])]
+    within, freedom = float(np.var(means, ddof=1)) / len(means), len(means) - 1.0
+    many = counts >= FEWEST
+    if many.sum() < 2:
+        return float(np.sqrt(within)), freedom, 0.0
+    share, offset, strips = counts[many] / counts[many].sum(), offset[many], int(many.sum())
+    offset = offset - share @ offset
+    excess = (share @ offset**2 - (strips - 1) * within) / (1 - share @ share)
+    between = max(float(excess), 0.0) * float(share @ share)
+    both = within + between
+    freedom = both**2 / (within**2 / freedom + between**2 / (strips - 1))
+    return float(np.sqrt(both)), freedom, float(np.ptp(offset))
+
+
+def patches(xy: Floats) -> list[Ints]:
+    """Indices of points in compact patches that hold equally many, PATCHES if there are enough."""
+    found = [np.arange(len(xy))]
+    while len(found) < PATCHES and len(xy) >= 2 * len(found):
+        found = [half for some in found for half in _halves(xy, some)]
+    return found
+
+
+def _halves(xy: Floats, some: Ints) -> list[Ints]:
+    """The points in two halves, cut across their longer side."""
+    axis = int(np.argmax(np.ptp(xy[some], axis=0)))
+    return np.array_split(some[np.argsort(xy[some, axis], kind="stable")], 2)
 
 
 def edge_level(xyz: Floats, start: float, metre: float) -> Level:
@@ -121,10 +177,10 @@ def edge_level(xyz: Floats, start: float, metre: float) -> Level:
     width = BIN * metre
     heights = heights[abs(heights - start) <= EDGE * metre]
     if len(heights) < FEWEST:
-        return Level(start, FIRST_SIGMA * metre, FIRST_SIGMA * metre, len(heights))
+        return Level(start, FIRST_SIGMA * metre, 1.0, FIRST_SIGMA * metre, len(heights))
     at = np.arange(heights[0], start + width, width / 10)
     many = np.searchsorted(heights, at + width) - np.searchsorted(heights, at)
     first = int(np.argmax(many >= many.max() / 2))
     error = width / np.sqrt(max(many[first], 1))
     level = float(at[first] + width / 2)
-    return Level(level, float(max(error, LEAST_SIGMA * metre)), width, int(many.max()))
+    return Level(level, float(max(error, LEAST_SIGMA * metre)), 1e9, width, int(many.max()))

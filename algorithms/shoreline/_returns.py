@@ -1,4 +1,4 @@
-"""Last returns of a survey, packed into 17 bytes each: coordinates, intensity and class water."""
+"""Last returns of a survey, packed into 19 bytes each: coordinates, intensity, strip and class water."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ class Returns:
     packed : array of shape (n, 3), whole multiples of UNIT from the origin
     intensity : array of shape (n,), zeros where there is none
     water : array of shape (n,), whether a point is of a class of water
+    strip : array of shape (n,), the flight line of each point, zeros where it is not known
     origin : array of shape (3,)
     metre : length of one metre in the unit of the data
     """
@@ -36,6 +37,7 @@ class Returns:
     packed: NDArray[np.int32]
     intensity: NDArray[np.float32]
     water: NDArray[np.bool_]
+    strip: NDArray[np.uint16]
     origin: Floats
     metre: float
 
@@ -74,15 +76,17 @@ class Returns:
             raise DataError("points: they lie more than 200 000 units apart; remove stray points")
         count = len(points) if isinstance(points, PointCloud) else points.count
         packed, intensity = np.empty((count, 3), np.int32), np.empty(count, np.float32)
-        water, size = np.zeros(count, bool), 0
+        water, strip, size = np.zeros(count, bool), np.zeros(count, np.uint16), 0
         parts = [points] if isinstance(points, PointCloud) else points.batches(BATCH, ctx=ctx)
         for cloud in parts:
             use = may_be_ground(cloud, "last") & taking_part(cloud, ignore)
             here = slice(size, size + int(use.sum()))
             packed[here] = np.round((cloud.xyz[use] - origin) / UNIT)
             intensity[here] = cloud["intensity"][use] if "intensity" in cloud else 0
+            strip[here] = cloud["point_source_id"][use] if "point_source_id" in cloud else 0
             if water_classes:
                 water[here] = np.isin(cloud["classification"][use], water_classes)
             size = here.stop
         ctx.progress(1.0)
-        return cls(packed[:size], intensity[:size], water[:size], origin, points.metre)
+        arrays = (values[:size] for values in (packed, intensity, water, strip))
+        return cls(*arrays, origin, points.metre)

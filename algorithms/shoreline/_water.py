@@ -19,9 +19,9 @@ from algorithms.shoreline._bodies import (
     Pour,
     Tilt,
     around,
-    core_of,
     find_bodies,
     grid,
+    open_water,
 )
 from algorithms.shoreline._level import Level, edge_level, level_of
 from algorithms.shoreline._returns import Returns
@@ -29,11 +29,10 @@ from toolbox.context import QUIET, Context, log
 from toolbox.declare import Position
 from toolbox.errors import DataError
 
-CREST = 3.0  # standard deviations of points on the water above its level
 FEW_RETURNS = 12  # points on a body; with fewer its level is that of its edge
 FOR_PLANE = 30  # points that a slope is found from
 MOST_SAMPLES = 500_000  # points that tell the level of one body
-ROUNDS = 2
+ROUNDS = 3
 FALL = 0.15  # m, from end to end of a body that is no lake
 LISTED = 10  # bodies that are told of one by one
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
@@ -69,7 +68,7 @@ def find_water(
     bodies = find_bodies(cells, pour, ctx.part(0.5, 0.7))
     found: list[Water] = []
     for k in range(ROUNDS):  # waves and slopes are known after a first look
-        found = with_levels(points, cells, bodies, ctx.part(0.7 + 0.15 * k, 0.85 + 0.15 * k))
+        found = with_levels(points, cells, bodies, ctx.part(0.7 + 0.1 * k, 0.8 + 0.1 * k))
         found = _filled(cells, pour, found)
         bodies = [water.body for water in found]
     return cells, sorted(found, key=_by_size)
@@ -86,7 +85,7 @@ def _filled(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> list[Water]:
     for water in sorted(found, key=lambda one: (one.fall == 0, _by_size(one))):
         if (pour.state.ravel()[water.body.cells] == TAKEN).mean() <= 0.5:
             level, tilt = water.level, _tilt(cells, water)
-            body = pour.again(water.body, level.height, CREST * level.sigma, tilt)
+            body = pour.again(water.body, level.height, level.sigma, tilt)
             filled.append(replace(water, body=body))
     return filled
 
@@ -112,31 +111,34 @@ def with_levels(
     """Bodies with their levels, from the points on them."""
     label = np.zeros(cells.low.shape, np.int32)
     for number, body in enumerate(bodies, 1):
-        label.ravel()[_sampled(cells, body.cells)] = number
-    found, of = [np.zeros((0, 3))], [np.zeros(0, np.int32)]
+        label.ravel()[_sampled(cells, body)] = number
+    found, of, strip = [np.zeros((0, 3))], [np.zeros(0, np.int32)], [np.zeros(0, np.uint16)]
     for some in points.blocks():
         xyz = points.xyz(some)
         here = label.ravel()[cells_of(xyz, cells.lattice)]
         found.append(xyz[here > 0])
         of.append(here[here > 0])
+        strip.append(points.strip[some][here > 0])
         ctx.progress(some.stop / len(points))
     xyz, which = np.concatenate(found), np.concatenate(of)
     order = np.lexsort((xyz[:, 1], xyz[:, 0], xyz[:, 2], which))
-    xyz, ends = xyz[order], np.searchsorted(which[order], np.arange(len(bodies) + 2))
-    return [_surface(cells, body, xyz[ends[k] : ends[k + 1]]) for k, body in enumerate(bodies, 1)]
+    xyz, strips = xyz[order], np.concatenate(strip)[order].astype(np.int64)
+    ends = np.searchsorted(which[order], np.arange(len(bodies) + 2))
+    of_body = [slice(*ends[k : k + 2]) for k in range(1, len(bodies) + 1)]
+    return [_surface(cells, b, xyz[k], strips[k]) for b, k in zip(bodies, of_body, strict=True)]
 
 
-def _sampled(cells: CellGrid, body: Ints) -> Ints:
+def _sampled(cells: CellGrid, body: Body) -> Ints:
     """Cells of a body whose points give its level: not at its edge, no more than needed."""
     count = cells.count.ravel()
-    if count[core_of(cells, body)].sum() < FEW_RETURNS:
-        return np.union1d(body, around(cells.lattice, body, 1))
-    inner = core_of(cells, body, 0.0)
+    if count[open_water(cells, body)].sum() < FEW_RETURNS:
+        return np.union1d(body.cells, around(cells.lattice, body.cells, 1))
+    inner = open_water(cells, body, 0.0)
     step = math.ceil(count[inner].sum() / MOST_SAMPLES)
     return np.asarray(inner[(inner // cells.lattice.cols + inner % cells.lattice.cols) % step == 0])
 
 
-def _surface(cells: CellGrid, body: Body, xyz: Floats) -> Water:
+def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints) -> Water:
     """A body with its level, or with the plane of a river."""
     lattice, metre = cells.lattice, cells.metre
     xs, ys = lattice.centres()
@@ -144,11 +146,12 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats) -> Water:
     centre = np.array([xs[c].mean(), ys[r].mean()])
     flat = xyz.copy()
     flat[:, 2] -= body.tilt.at(*lattice_place(cells, xyz[:, 0], xyz[:, 1]))
-    core = core_of(cells, body.cells)
+    core = open_water(cells, body)
     if cells.count.ravel()[core].sum() < FEW_RETURNS:
         level = edge_level(flat, body.level, metre)
     else:
-        level = level_of(flat, np.isin(cells_of(xyz, lattice), core), body.level, metre)
+        deep = np.isin(cells_of(xyz, lattice), core)
+        level = level_of(flat, strip, deep, body.level, metre)
     near = abs(flat[:, 2] - level.height) <= max(3 * level.sigma, FALL * metre)
     if near.sum() < FOR_PLANE:
         return Water(body, level)

@@ -119,6 +119,8 @@ def row_of(cells: CellGrid, number: int, water: Water) -> dict[str, Any]:
         "area": round(len(water.body.cells) * cells.area / metre**2, 1),
         "level": round(level.height, 4),
         "standard_error": round(level.error, 4),
+        "interval": round(level.interval, 4),
+        "strip_difference": round(level.strips, 4),
         "deviation": round(level.sigma, 4),
         "points": level.points,
         "slope": round(float(np.hypot(*level.gradient)), 6),

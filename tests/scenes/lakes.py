@@ -27,6 +27,7 @@ def lake(
     level: float = LEVEL,
     errors: float = 0.0,
     dark: bool = True,
+    noise: float = 0.02,
     crs: CRS | None = UTM,
 ) -> PointCloud:
     """A square of 100 m with a round lake in a bowl.
@@ -39,6 +40,7 @@ def lake(
     pond : radius of a pond at the same level, in the south-western corner
     errors : share of points that lie up to 5 m too low
     dark : whether water returns less intensity than land
+    noise : standard deviation of points on the water
     """
     rng = np.random.default_rng(seed)
     xy = rng.uniform(0, SIDE, (int(density * SIDE**2), 2))
@@ -49,7 +51,7 @@ def lake(
     if pond:
         above = np.minimum(above, bank * (np.hypot(*(xy - 10).T) - pond))
     wet = above < 0
-    z = level + np.maximum(above, 0) + rng.normal(0, 0.02, len(xy))
+    z = level + np.maximum(above, 0) + rng.normal(0, 1, len(xy)) * np.where(wet, noise, 0.02)
     z[rng.random(len(z)) < errors] -= 5 * rng.random()
     intensity = rng.lognormal(np.where(wet & dark, 5.0, 7.0), 0.2).astype(np.uint16)
     kept = ~wet | (rng.random(len(xy)) < returned)

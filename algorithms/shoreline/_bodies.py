@@ -34,7 +34,8 @@ COARSE = 4.0  # cells on which the density is counted
 PER_CELL = 4.0  # points in a cell of land
 SMALLEST_CELL, LARGEST_CELL = 0.5, 10.0
 REACH = 2  # cells on each side whose heights are compared
-CALM = 0.12  # spread of their heights on water
+WAVY = 0.3  # spread of their heights on water with waves
+CALM = 0.12  # deviation from a slope of the shore of a river
 KNOWN = 5  # cells of 25 with points, to compare their heights
 FILLED = 13  # cells of 25 with points, around a single empty one that is no hole
 CREST = 3.0  # standard deviations of points on the water above its level
@@ -44,6 +45,7 @@ RUN_OFF = 0.02  # share of a body that may seem to lie lower
 SPARSE = 0.5  # of the density of the shore: pulses were lost
 DARK = 0.5  # separation of intensities on water and on the shore, 0 for none, 1 for a full one
 LEVEL_SPREAD = 0.06  # m between the heights of a surface that is level
+MEDIAN = 1.91  # 10-90 % range of medians over the 20-80 % range of n heights, times root n
 CORE = 0.3  # of the distance to the middle of a body, from where its level is taken
 SECTOR = 4  # cells of the edge of a hole of which the lowest point counts
 FEWEST_SECTORS = 6
@@ -103,7 +105,7 @@ class CellGrid:
     @property
     def calm(self) -> Mask:
         """True for cells around which the heights are nearly equal."""
-        calm = self.spread <= CALM * self.metre
+        calm = self.spread <= WAVY * self.metre
         return np.asarray(self.inside & (self.known >= KNOWN) & calm)
 
     @property
@@ -444,15 +446,21 @@ def separation(water: Floats, land: Floats) -> float:
 
 
 def _is_level(cells: CellGrid, some: Ints) -> bool:
-    """Whether cells lie on one level surface, more exactly than fields do."""
+    """Whether cells lie on one level surface, more exactly than fields do.
+
+    The medians of waves differ, too, by what their spread and number make likely.
+    """
     core = core_of(cells, some)
     core = core[np.isfinite(cells.middle.ravel()[core])]
     if len(core) < KNOWN:
         return False
-    low, high = np.percentile(cells.middle.ravel()[core], (10, 90))
-    _, tilt = _fit(cells, core, cells.middle.ravel()[core])
+    middle, spread, known = (a.ravel()[core] for a in (cells.middle, cells.spread, cells.known))
+    low, high = np.percentile(middle, (10, 90))
+    waves = float(np.median(MEDIAN * spread / np.sqrt(known)))
+    _, tilt = _fit(cells, core, middle)
     fall = math.hypot(tilt.south, tilt.east) * math.sqrt(len(core))
-    return bool(max(high - low, fall) <= LEVEL_SPREAD * cells.metre)
+    limit = LEVEL_SPREAD * cells.metre
+    return bool(fall <= limit and high - low <= math.hypot(limit, waves))
 
 
 def open_water(cells: CellGrid, body: Body, share: float = CORE) -> Ints:

@@ -16,12 +16,13 @@ Ints = NDArray[np.int64]
 NORMAL = 0.6745  # median deviation of a normal distribution, in standard deviations
 
 FEW = 0.05  # share of the heights that make a mode
-FIRST_SIGMA = 0.05  # m: deviation of points on water, before it is known
+FIRST_SIGMA = 0.10  # m: deviation of points on water, before it is known
 LEAST_SIGMA, MOST_SIGMA = 0.01, 0.25  # m: of a calm lake, and of a rough one
 WIDEST = 3.0  # standard deviations from the level to the farthest point that counts
 FEWEST = 6  # points on the water that tell its level, or that of a strip
 PATCHES = 16  # of which the scatter is the error: waves may be as long as a quarter of the body
 CONFIDENCE = 0.95
+RESAMPLED = 100  # times that the points on a shore are drawn anew, for the error of its level
 BIN, EDGE = 0.05, 0.3  # m: heights that are counted together, and that belong to an edge
 ROUNDS = 50  # of narrowing down; it settles after five to fifteen
 
@@ -174,13 +175,19 @@ def edge_level(xyz: Floats, start: float, metre: float) -> Level:
     xyz, start, metre : see :func:`level_of`
     """
     heights = np.sort(xyz[:, 2])
-    width = BIN * metre
     heights = heights[abs(heights - start) <= EDGE * metre]
     if len(heights) < FEWEST:
-        return Level(start, FIRST_SIGMA * metre, 1.0, FIRST_SIGMA * metre, len(heights))
-    at = np.arange(heights[0], start + width, width / 10)
+        return Level(start, MOST_SIGMA * metre, math.inf, MOST_SIGMA * metre, len(heights))
+    width = BIN * metre
+    rng = np.random.default_rng(0)
+    drawn = np.sort(rng.choice(heights, (RESAMPLED, len(heights))), axis=1)
+    scatter = float(np.std([_onset(some, width) for some in drawn]))
+    error = math.hypot(scatter, width / math.sqrt(12))
+    return Level(_onset(heights, width), error, math.inf, width, len(heights))
+
+
+def _onset(heights: Floats, width: float) -> float:
+    """Where the number of heights per width, which are sorted, reaches half of its most."""
+    at = np.arange(heights[0], heights[-1] + width / 10, width / 10)
     many = np.searchsorted(heights, at + width) - np.searchsorted(heights, at)
-    first = int(np.argmax(many >= many.max() / 2))
-    error = width / np.sqrt(max(many[first], 1))
-    level = float(at[first] + width / 2)
-    return Level(level, float(max(error, LEAST_SIGMA * metre)), 1e9, width, int(many.max()))
+    return float(at[np.argmax(many >= many.max() / 2)] + width / 2)

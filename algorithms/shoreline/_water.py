@@ -23,13 +23,12 @@ from algorithms.shoreline._bodies import (
     grid,
     open_water,
 )
-from algorithms.shoreline._level import Level, edge_level, level_of
+from algorithms.shoreline._level import FEWEST, Level, edge_level, level_of
 from algorithms.shoreline._returns import Returns
 from toolbox.context import QUIET, Context, log
 from toolbox.declare import Position
 from toolbox.errors import DataError
 
-FEW_RETURNS = 12  # points on a body; with fewer its level is that of its edge
 FOR_PLANE = 30  # points that a slope is found from
 MOST_SAMPLES = 500_000  # points that tell the level of one body
 ROUNDS = 3
@@ -131,7 +130,7 @@ def with_levels(
 def _sampled(cells: CellGrid, body: Body) -> Ints:
     """Cells of a body whose points give its level: not at its edge, no more than needed."""
     count = cells.count.ravel()
-    if count[open_water(cells, body)].sum() < FEW_RETURNS:
+    if count[open_water(cells, body)].sum() < FEWEST:
         return np.union1d(body.cells, around(cells.lattice, body.cells, 1))
     inner = open_water(cells, body, 0.0)
     step = math.ceil(count[inner].sum() / MOST_SAMPLES)
@@ -147,7 +146,7 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints) -> Water:
     flat = xyz.copy()
     flat[:, 2] -= body.tilt.at(*lattice_place(cells, xyz[:, 0], xyz[:, 1]))
     core = open_water(cells, body)
-    if cells.count.ravel()[core].sum() < FEW_RETURNS:
+    if cells.count.ravel()[core].sum() < FEWEST:
         level = edge_level(flat, body.level, metre)
     else:
         deep = np.isin(cells_of(xyz, lattice), core)

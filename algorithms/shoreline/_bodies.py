@@ -34,8 +34,8 @@ COARSE = 4.0  # cells on which the density is counted
 PER_CELL = 4.0  # points in a cell of land
 SMALLEST_CELL, LARGEST_CELL = 0.5, 10.0
 REACH = 2  # cells on each side whose heights are compared
-WAVY = 0.3  # spread of their heights on water with waves
-CALM = 0.12  # deviation from a slope of the shore of a river
+CALM = 0.12  # spread of their heights on water
+WAVY = 0.3  # and on water with waves of 0.15 (standard deviation of points)
 KNOWN = 5  # cells of 25 with points, to compare their heights
 FILLED = 13  # cells of 25 with points, around a single empty one that is no hole
 CREST = 3.0  # standard deviations of points on the water above its level
@@ -102,10 +102,9 @@ class CellGrid:
         """True for cells without points, unless single ones among cells with points."""
         return np.asarray(self.inside & (self.count == 0) & (self.known < FILLED))
 
-    @property
-    def calm(self) -> Mask:
-        """True for cells around which the heights are nearly equal."""
-        calm = self.spread <= WAVY * self.metre
+    def calm(self, spread: float = CALM) -> Mask:
+        """True for cells around which the heights are nearly equal, to a spread in metres."""
+        calm = self.spread <= spread * self.metre
         return np.asarray(self.inside & (self.known >= KNOWN) & calm)
 
     @property
@@ -217,7 +216,7 @@ def find_bodies(cells: CellGrid, pour: Pour, ctx: Context = QUIET) -> list[Body]
     classed = 2 * cells.water > np.maximum(cells.count, 1)
     places = [
         *_holes(cells, pour.first),
-        *_level_places(cells, cells.calm, pour.first),
+        *_level_places(cells, cells.calm(), pour.first),
         *_level_places(cells, classed, pour.first),
     ]
     places.sort(key=lambda place: (place[2] != LEVEL, -len(place[0]), place[0][0]))
@@ -225,7 +224,10 @@ def find_bodies(cells: CellGrid, pour: Pour, ctx: Context = QUIET) -> list[Body]
     for done, place in enumerate(places):
         ctx.progress(0.9 * done / len(places))
         found += pour.on(*place)
-    for place in _slopes(cells, cells.calm & (pour.state != TAKEN), RIVER * pour.least):
+    for place in _level_places(cells, cells.calm(WAVY) & (pour.state != TAKEN), pour.first):
+        ctx.progress(0.9)
+        found += pour.on(*place, rough=True)
+    for place in _slopes(cells, cells.calm() & (pour.state != TAKEN), RIVER * pour.least):
         ctx.progress(0.9)
         found += pour.on(*place)
     ctx.progress(1.0)
@@ -254,8 +256,11 @@ class Pour:
         self.state = np.zeros(self.floor.shape, np.uint8)
         self.stack = np.empty(self.floor.size, np.int32)
 
-    def on(self, starts: Ints, level: float, tilt: Tilt) -> list[Body]:
-        """The body that holds water poured on some cells up to a level; empty if it runs off."""
+    def on(self, starts: Ints, level: float, tilt: Tilt, *, rough: bool = False) -> list[Body]:
+        """The body that holds water poured on some cells up to a level; empty if it runs off.
+
+        On rough cells few returns are not enough: those of woods are few, too.
+        """
         if (self.state.ravel()[starts] == TAKEN).mean() > 0.5:  # found from elsewhere
             return []
         metre = self.cells.metre
@@ -265,7 +270,7 @@ class Pour:
         )
         if lower > most_lower or len(body) < self.least:
             return []
-        judged = judge(self.cells, body, level, tilt)
+        judged = judge(self.cells, body, level, tilt, rough=rough)
         if judged:
             self.state.ravel()[body] = TAKEN
         return [judged] if judged else []
@@ -405,11 +410,13 @@ def window(lattice: Lattice, some: Ints, margin: int) -> tuple[tuple[int, int], 
     return (int(top), int(left)), mask
 
 
-def judge(cells: CellGrid, body: Ints, level: float, tilt: Tilt = LEVEL) -> Body | None:
+def judge(
+    cells: CellGrid, body: Ints, level: float, tilt: Tilt = LEVEL, *, rough: bool = False
+) -> Body | None:
     """The body with the evidence that it is water; None if that is too weak.
 
     An area that returns no pulses is water, unless it is narrow as shadows are. One that returns
-    them must be level, and very dark or large.
+    them must be level, and very dark or large. A rough one must be dark or level in any case.
     """
     count, bright = cells.count.ravel(), cells.bright.ravel()
     ring = np.setdiff1d(around(cells.lattice, body, 5), around(cells.lattice, body, 1))
@@ -426,7 +433,7 @@ def judge(cells: CellGrid, body: Ints, level: float, tilt: Tilt = LEVEL) -> Body
         "dark": dark >= DARK,
         "class": classed,
     }
-    wide = len(core_of(cells, body, 0.0)) >= WIDE * len(body)
+    wide = not rough and len(core_of(cells, body, 0.0)) >= WIDE * len(body)
     few = lost <= SPARSE and (wide or dark >= DARK or level_enough)
     large = len(here) >= LARGE * cells.metre**2 / cells.area
     if not (few or classed or (level_enough and (dark >= VERY_DARK or large))):

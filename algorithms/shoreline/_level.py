@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,7 @@ class Level:
     sigma : standard deviation of single points on the water
     points : number of points that it was found from
     strips : difference between the highest and the lowest level of a strip, 0 for a single one
+    basis : points on the water, or on its shore where too few came back from the water
     gradient : rise eastwards and northwards
     centre : where the height is
     """
@@ -68,6 +69,7 @@ class Level:
     sigma: float
     points: int
     strips: float = 0.0
+    basis: Literal["water", "shore"] = "water"
     gradient: tuple[float, float] = (0.0, 0.0)
     centre: tuple[float, float] = (0.0, 0.0)
 
@@ -130,9 +132,9 @@ def _error(xyz: Floats, strip: Ints) -> tuple[float, float, float]:
     """Standard error of the mean height, its degrees of freedom, and the difference of strips.
 
     Errors of neighbouring points are alike, by waves, so the mean is as sure as that of the means
-    of compact patches. The points of a strip are also wrong by one shift, of which there are only
-    as many as strips: its variance is what the means of strips differ by beyond their own errors.
-    Degrees of freedom of the sum as by Satterthwaite (1946).
+    of compact patches. If strips differ by more than chance (F test), each is also wrong by a shift
+    of its own, and there are only as many shifts as strips: their variance is that of the means of
+    strips beyond their own errors. Degrees of freedom of the sum as by Satterthwaite (1946).
     """
     _, of, counts = np.unique(strip, return_inverse=True, return_counts=True)
     offset = np.bincount(of, xyz[:, 2]) / counts - xyz[:, 2].mean()
@@ -141,13 +143,15 @@ def _error(xyz: Floats, strip: Ints) -> tuple[float, float, float]:
     many = counts >= FEWEST
     if many.sum() < 2:
         return float(np.sqrt(within)), freedom, 0.0
-    share, offset, strips = counts[many] / counts[many].sum(), offset[many], int(many.sum())
-    offset = offset - share @ offset
-    excess = (share @ offset**2 - (strips - 1) * within) / (1 - share @ share)
-    between = max(float(excess), 0.0) * float(share @ share)
+    share, offset, more = counts[many] / counts[many].sum(), offset[many], int(many.sum()) - 1
+    offset, apart = offset - share @ offset, float(np.ptp(offset))
+    if share @ offset**2 <= more * within * stats.f.ppf(CONFIDENCE, more, freedom):
+        return float(np.sqrt(within)), freedom, apart
+    excess = float(np.var(offset, ddof=1) - (within / share).mean())
+    between = max(excess, 0.0) * float(share @ share)
     both = within + between
-    freedom = both**2 / (within**2 / freedom + between**2 / (strips - 1))
-    return float(np.sqrt(both)), freedom, float(np.ptp(offset))
+    freedom = both**2 / (within**2 / freedom + between**2 / more)
+    return float(np.sqrt(both)), freedom, apart
 
 
 def patches(xy: Floats) -> list[Ints]:
@@ -177,13 +181,15 @@ def edge_level(xyz: Floats, start: float, metre: float) -> Level:
     heights = np.sort(xyz[:, 2])
     heights = heights[abs(heights - start) <= EDGE * metre]
     if len(heights) < FEWEST:
-        return Level(start, MOST_SIGMA * metre, math.inf, MOST_SIGMA * metre, len(heights))
+        rough = MOST_SIGMA * metre
+        return Level(start, rough, math.inf, rough, len(heights), basis="shore")
     width = BIN * metre
     rng = np.random.default_rng(0)
     drawn = np.sort(rng.choice(heights, (RESAMPLED, len(heights))), axis=1)
     scatter = float(np.std([_onset(some, width) for some in drawn]))
     error = math.hypot(scatter, width / math.sqrt(12))
-    return Level(_onset(heights, width), error, math.inf, width, len(heights))
+    level = _onset(heights, width)
+    return Level(level, error, math.inf, width, len(heights), basis="shore")
 
 
 def _onset(heights: Floats, width: float) -> float:

@@ -130,7 +130,7 @@ def with_levels(
 def _sampled(cells: CellGrid, body: Body) -> Ints:
     """Cells of a body whose points give its level: not at its edge, no more than needed."""
     count = cells.count.ravel()
-    if count[open_water(cells, body, 0.0)].sum() < FEWEST:
+    if count[open_water(cells, body)].sum() < FEWEST:
         return np.union1d(body.cells, around(cells.lattice, body.cells, 1))
     inner = open_water(cells, body, 0.0)
     step = math.ceil(count[inner].sum() / MOST_SAMPLES)
@@ -145,10 +145,8 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints) -> Water:
     centre = np.array([xs[c].mean(), ys[r].mean()])
     flat = xyz.copy()
     flat[:, 2] -= body.tilt.at(*lattice_place(cells, xyz[:, 0], xyz[:, 1]))
-    count = cells.count.ravel()
     core = open_water(cells, body)
-    core = core if count[core].sum() >= FEWEST else open_water(cells, body, 0.0)
-    if count[core].sum() < FEWEST:
+    if cells.count.ravel()[core].sum() < FEWEST:
         level = edge_level(flat, body.level, metre)
     else:
         deep = np.isin(cells_of(xyz, lattice), core)

@@ -123,6 +123,7 @@ def row_of(cells: CellGrid, number: int, water: Water) -> dict[str, Any]:
         "strip_difference": round(level.strips, 4),
         "deviation": round(level.sigma, 4),
         "points": level.points,
+        "basis": level.basis,
         "slope": round(float(np.hypot(*level.gradient)), 6),
         "fall": round(water.fall / metre, 3),
         "evidence": water.body.evidence,

@@ -12,7 +12,7 @@ from tests.bench.gridding import gridding
 from tests.bench.ground import cloth, filters, isprs, terrain
 from tests.bench.long_lines import long_lines
 from tests.bench.path import path
-from tests.bench.shorelines import shorelines
+from tests.bench.shorelines import shorelines, water_levels
 from tests.bench.speed import speed
 from tests.bench.structures import structures
 
@@ -30,6 +30,7 @@ ALL = (
     structures,
     gridding,
     shorelines,
+    water_levels,
     corridor,
     long_lines,
     facades,

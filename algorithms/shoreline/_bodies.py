@@ -247,6 +247,7 @@ class Pour:
     least : cells of a body
     first : fewest cells to begin with
     state : array of shape (rows, cols), TAKEN where a body has been found
+    refused : the largest area that was no water: its cells and the reason
     """
 
     def __init__(self, cells: CellGrid, least_area: float) -> None:
@@ -255,11 +256,12 @@ class Pour:
         self.first = math.ceil(self.least / START)
         self.state = np.zeros(self.floor.shape, np.uint8)
         self.stack = np.empty(self.floor.size, np.int32)
+        self.refused: tuple[Ints, str] = (np.zeros(0, np.int64), "")
 
     def on(self, starts: Ints, level: float, tilt: Tilt, *, rough: bool = False) -> list[Body]:
         """The body that holds water poured on some cells up to a level; empty if it runs off.
 
-        On rough cells few returns are not enough: those of woods are few, too.
+        Rough water is known by being dark: meadows are level, and woods return few pulses, too.
         """
         if (self.state.ravel()[starts] == TAKEN).mean() > 0.5:  # found from elsewhere
             return []
@@ -268,12 +270,20 @@ class Pour:
         body, lower = self._spread(
             starts, level + STEP * metre, level - DROP * metre, most_lower, tilt
         )
-        if lower > most_lower or len(body) < self.least:
-            return []
+        if lower > most_lower:
+            return self._refuse(body, f"water would run off to ground {DROP:g} m lower")
+        if len(body) < self.least:
+            return self._refuse(body, "too small")
         judged = judge(self.cells, body, level, tilt, rough=rough)
-        if judged:
-            self.state.ravel()[body] = TAKEN
-        return [judged] if judged else []
+        if judged is None:
+            return self._refuse(body, "neither few returns, nor level and dark or large")
+        self.state.ravel()[body] = TAKEN
+        return [judged]
+
+    def _refuse(self, body: Ints, reason: str) -> list[Body]:
+        if len(body) > len(self.refused[0]):
+            self.refused = body, reason
+        return []
 
     def again(self, body: Body, level: float, sigma: float, tilt: Tilt) -> Body:
         """The body extended to all cells that its waves reach, up to a crest above its level."""
@@ -416,7 +426,7 @@ def judge(
     """The body with the evidence that it is water; None if that is too weak.
 
     An area that returns no pulses is water, unless it is narrow as shadows are. One that returns
-    them must be level, and very dark or large. A rough one must be dark or level in any case.
+    them must be level, and very dark or large. A rough one must be dark in any case.
     """
     count, bright = cells.count.ravel(), cells.bright.ravel()
     ring = np.setdiff1d(around(cells.lattice, body, 5), around(cells.lattice, body, 1))
@@ -433,10 +443,12 @@ def judge(
         "dark": dark >= DARK,
         "class": classed,
     }
-    wide = not rough and len(core_of(cells, body, 0.0)) >= WIDE * len(body)
+    wide = len(core_of(cells, body, 0.0)) >= WIDE * len(body)
     few = lost <= SPARSE and (wide or dark >= DARK or level_enough)
     large = len(here) >= LARGE * cells.metre**2 / cells.area
     if not (few or classed or (level_enough and (dark >= VERY_DARK or large))):
+        return None
+    if rough and dark < DARK:
         return None
     evidence = ", ".join(name for name, holds in reasons.items() if holds)
     return Body(body, cells.base + level, tilt, lost, dark, evidence)
@@ -455,15 +467,16 @@ def separation(water: Floats, land: Floats) -> float:
 def _is_level(cells: CellGrid, some: Ints) -> bool:
     """Whether cells lie on one level surface, more exactly than fields do.
 
-    The medians of waves differ, too, by what their spread and number make likely.
+    The medians of waves differ, too, by what the heights around them and their number make likely.
     """
     core = core_of(cells, some)
     core = core[np.isfinite(cells.middle.ravel()[core])]
     if len(core) < KNOWN:
         return False
-    middle, spread, known = (a.ravel()[core] for a in (cells.middle, cells.spread, cells.known))
+    middle, off = cells.middle.ravel()[core], (cells.low - cells.middle).ravel()[core]
     low, high = np.percentile(middle, (10, 90))
-    waves = float(np.median(MEDIAN * spread / np.sqrt(known)))
+    spread = np.ptp(np.percentile(off[np.isfinite(off)], (20, 80))) if np.isfinite(off).any() else 0
+    waves = MEDIAN * float(spread / np.sqrt(np.median(cells.known.ravel()[core])))
     _, tilt = _fit(cells, core, middle)
     fall = math.hypot(tilt.south, tilt.east) * math.sqrt(len(core))
     limit = LEVEL_SPREAD * cells.metre
@@ -492,9 +505,7 @@ def open_water(cells: CellGrid, body: Body, share: float = CORE) -> Ints:
     return core_of(cells, calm, share, body.cells)
 
 
-def core_of(
-    cells: CellGrid, some: Ints, share: float = CORE, among: Ints | None = None
-) -> Ints:
+def core_of(cells: CellGrid, some: Ints, share: float = CORE, among: Ints | None = None) -> Ints:
     """Indices of the cells far from the edge of some, where flat banks may count as water.
 
     Parameters

@@ -16,11 +16,11 @@ Ints = NDArray[np.int64]
 NORMAL = 0.6745  # median deviation of a normal distribution, in standard deviations
 
 FEW = 0.05  # share of the heights that make a mode
-FIRST_SIGMA = 0.10  # m: deviation of points on water, before it is known
+FIRST_SIGMA = 0.10  # m: before it is known; the foot of waves of 0.15 is a start, too
 LEAST_SIGMA, MOST_SIGMA = 0.01, 0.25  # m: of a calm lake, and of a rough one
 WIDEST = 3.0  # standard deviations from the level to the farthest point that counts
 FEWEST = 6  # points on the water that tell its level, or that of a strip
-PATCHES = 16  # of which the scatter is the error: waves may be as long as a quarter of the body
+BLOCKS = 16  # of which the scatter is the error: waves may be as long as a quarter of the body
 CONFIDENCE = 0.95
 RESAMPLED = 100  # times that the points on a shore are drawn anew, for the error of its level
 BIN, EDGE = 0.05, 0.3  # m: heights that are counted together, and that belong to an edge
@@ -85,11 +85,14 @@ class Level:
         return np.asarray(self.height + (xy - np.array(self.centre)) @ np.array(self.gradient))
 
 
-def level_of(xyz: Floats, strip: Ints, core: NDArray[np.bool_], start: float, metre: float) -> Level:
+def level_of(
+    xyz: Floats, strip: Ints, core: NDArray[np.bool_], start: float, metre: float
+) -> Level:
     """Level of a water body from points on the water.
 
     Banks, boats and reeds above and errors below hardly move it: of the points within three
-    standard deviations of their own median the mean is taken, as far to both sides.
+    standard deviations of their own median the mean is taken, as far to both sides. Of points that
+    scatter more than those on water do, the level is no surer than one of them.
 
     Parameters
     ----------
@@ -106,6 +109,8 @@ def level_of(xyz: Floats, strip: Ints, core: NDArray[np.bool_], start: float, me
         return Level(start, MOST_SIGMA * metre, math.inf, MOST_SIGMA * metre, int(near.sum()))
     level = float(heights[near].mean())
     error, freedom, apart = _error(xyz[core][near], strip[core][near])
+    if sigma >= MOST_SIGMA * metre:  # rougher than water: banks or islands are among the points
+        error, freedom = sigma, math.inf
     below = level - xyz[(xyz[:, 2] < level) & (xyz[:, 2] > level - MOST_SIGMA * WIDEST * metre), 2]
     if len(below) >= FEWEST:  # nearer to the shore waves may be higher; banks are never below
         sigma = max(sigma, min(float(np.median(below)) / NORMAL, MOST_SIGMA * metre))
@@ -132,13 +137,13 @@ def _error(xyz: Floats, strip: Ints) -> tuple[float, float, float]:
     """Standard error of the mean height, its degrees of freedom, and the difference of strips.
 
     Errors of neighbouring points are alike, by waves, so the mean is as sure as that of the means
-    of compact patches. If strips differ by more than chance (F test), each is also wrong by a shift
+    of compact blocks. If strips differ by more than chance (F test), each is also wrong by a shift
     of its own, and there are only as many shifts as strips: their variance is that of the means of
     strips beyond their own errors. Degrees of freedom of the sum as by Satterthwaite (1946).
     """
     _, of, counts = np.unique(strip, return_inverse=True, return_counts=True)
     offset = np.bincount(of, xyz[:, 2]) / counts - xyz[:, 2].mean()
-    means = [float((xyz[k, 2] - offset[of[k]]).mean()) for k in patches(xyz[:, :2])]
+    means = [float((xyz[k, 2] - offset[of[k]]).mean()) for k in even_blocks(xyz[:, :2])]
     within, freedom = float(np.var(means, ddof=1)) / len(means), len(means) - 1.0
     many = counts >= FEWEST
     if many.sum() < 2:
@@ -154,10 +159,10 @@ def _error(xyz: Floats, strip: Ints) -> tuple[float, float, float]:
     return float(np.sqrt(both)), freedom, apart
 
 
-def patches(xy: Floats) -> list[Ints]:
-    """Indices of points in compact patches that hold equally many, PATCHES if there are enough."""
+def even_blocks(xy: Floats) -> list[Ints]:
+    """Indices of points in compact blocks that hold equally many, BLOCKS if there are enough."""
     found = [np.arange(len(xy))]
-    while len(found) < PATCHES and len(xy) >= 2 * len(found):
+    while len(found) < BLOCKS and len(xy) >= 2 * len(found):
         found = [half for some in found for half in _halves(xy, some)]
     return found
 
@@ -186,14 +191,14 @@ def edge_level(xyz: Floats, start: float, metre: float) -> Level:
     width = BIN * metre
     rng = np.random.default_rng(0)
     drawn = np.sort(rng.choice(heights, (RESAMPLED, len(heights))), axis=1)
-    scatter = float(np.std([_onset(some, width) for some in drawn]))
+    scatter = float(np.std([_onset(some, start, width) for some in drawn]))
     error = math.hypot(scatter, width / math.sqrt(12))
-    level = _onset(heights, width)
+    level = _onset(heights, start, width)
     return Level(level, error, math.inf, width, len(heights), basis="shore")
 
 
-def _onset(heights: Floats, width: float) -> float:
-    """Where the number of heights per width, which are sorted, reaches half of its most."""
-    at = np.arange(heights[0], heights[-1] + width / 10, width / 10)
+def _onset(heights: Floats, last: float, width: float) -> float:
+    """Where the number of sorted heights per width reaches half of its most up to a last height."""
+    at = np.arange(heights[0], max(last, heights[0]) + width, width / 10)
     many = np.searchsorted(heights, at + width) - np.searchsorted(heights, at)
     return float(at[np.argmax(many >= many.max() / 2)] + width / 2)

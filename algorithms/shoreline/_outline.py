@@ -73,6 +73,7 @@ class Outline:
                     "body": self.number,
                     "level": round(level.height, 4),
                     "level_error": round(level.error, 4),
+                    "level_interval": round(level.interval, 4),
                     "slope": round(float(np.hypot(*level.gradient)), 6),
                     "area": round(polygon.area / metre**2, 2),
                     "area_error": round(error * total / metre**2 / max(alike, 1.0), 2),

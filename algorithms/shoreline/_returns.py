@@ -1,4 +1,4 @@
-"""Last returns of a survey, packed into 19 bytes each: coordinates, intensity, strip and class water."""
+"""Last returns of a survey, packed into 19 bytes each: coordinates, intensity, class, strip."""
 
 from __future__ import annotations
 
@@ -88,5 +88,5 @@ class Returns:
                 water[here] = np.isin(cloud["classification"][use], water_classes)
             size = here.stop
         ctx.progress(1.0)
-        arrays = (values[:size] for values in (packed, intensity, water, strip))
-        return cls(*arrays, origin, points.metre)
+        metre = points.metre
+        return cls(packed[:size], intensity[:size], water[:size], strip[:size], origin, metre)

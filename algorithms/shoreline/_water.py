@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared.lowest import cells_of
 from algorithms.shoreline._bodies import (
+    LARGE,
     LEVEL,
     TAKEN,
     Body,
@@ -70,7 +71,29 @@ def find_water(
         found = with_levels(points, cells, bodies, ctx.part(0.7 + 0.1 * k, 0.8 + 0.1 * k))
         found = _filled(cells, pour, found)
         bodies = [water.body for water in found]
+    if not found:
+        _tell_nothing(cells, pour)
     return cells, sorted(found, key=_by_size)
+
+
+def _tell_nothing(cells: CellGrid, pour: Pour) -> None:
+    """Log what was looked for, and what came nearest to it."""
+    area = cells.area / cells.metre**2
+    some, reason = pour.refused
+    nearest = "no place is a hole or calm"
+    if len(some):
+        x, y = _centre(cells, some)
+        size = len(some) * area
+        nearest = (
+            f"the largest place like that, {size:.0f} m2 at {x:.1f},{y:.1f}, is none: {reason}"
+        )
+    log.warning(
+        "points: no water was found of at least %.0f m2 that loses half of its pulses, or is level "
+        "and dark, or level and larger than %.0f m2; %s",
+        pour.least * area,
+        LARGE,
+        nearest,
+    )
 
 
 def _by_size(water: Water) -> tuple[int, int]:
@@ -171,9 +194,13 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints) -> Water:
 
 def place_of(cells: CellGrid, water: Water) -> tuple[float, float]:
     """Centre of a cell of a body, one in the middle of the list of its cells."""
+    return _centre(cells, water.body.cells)
+
+
+def _centre(cells: CellGrid, some: Ints) -> tuple[float, float]:
     xs, ys = cells.lattice.centres()
-    some = water.body.cells[len(water.body.cells) // 2]
-    return float(xs[some % cells.lattice.cols]), float(ys[some // cells.lattice.cols])
+    middle = some[len(some) // 2]
+    return float(xs[middle % cells.lattice.cols]), float(ys[middle // cells.lattice.cols])
 
 
 def name_of(cells: CellGrid, water: Water) -> str:
@@ -206,12 +233,13 @@ def tell(cells: CellGrid, found: Sequence[Water]) -> None:
     )
     for one in found[:LISTED]:
         log.info(
-            "%s: level %.3f, standard error %.3f, single points %.3f; by %s: returns %.0f %% of "
-            "those of its shore, intensities separate by %.2f (1 is fully)",
+            "%s: level %.3f +- %.3f (95 %%), single points %.3f, from the %s; by %s: returns "
+            "%.0f %% of those of its shore, intensities separate by %.2f (1 is fully)",
             name_of(cells, one),
             one.level.height,
-            one.level.error,
+            one.level.interval,
             one.level.sigma,
+            one.level.basis,
             one.body.evidence,
             100 * one.body.lost,
             one.body.dark,

@@ -80,6 +80,7 @@ class ShorelineExtract:
         vertices: Vector = sink("Corners of the outlines with their standard deviation")
         level: float | None = sink("Level of the largest body given", unit="m")
         level_error: float | None = sink("Its standard error", unit="m")
+        level_interval: float | None = sink("Half width of its 95 % interval", unit="m")
         area: float = sink("Area of all bodies given", unit="m2")
         count: int = sink("Number of bodies given", unit="1")
 
@@ -145,6 +146,7 @@ class ShorelineExtract:
             vertices=_layer(corners, crs, "Point Z"),
             level=first.height if first else None,
             level_error=first.error if first else None,
+            level_interval=first.interval if first else None,
             area=sum(shape.area for shape, _ in polygons),
             count=len(outlines),
         )
@@ -152,8 +154,6 @@ class ShorelineExtract:
 
 def _warn(outlines: Sequence[Outline]) -> None:
     """Log what may not be as the user intended."""
-    if not outlines:
-        log.warning("points: no water was found")
     for outline in outlines:
         for _, row in outline.rows():
             if row["open_length"]:

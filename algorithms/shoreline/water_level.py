@@ -27,13 +27,16 @@ from toolbox.declare import ClassList, outputs, param, sink, source, tool
 class ShorelineWaterLevel:
     """Find the level of each water body from all of its points together.
 
-    The water is found as by shoreline.extract, or given as polygons, such as a map. Of the last
-    returns on it and at its edge the level is the robust mode: banks, boats and reeds above hardly
-    move it, nor do errors below, however deep.
+    The water is found as by shoreline.extract, or given as polygons, such as a map. The level is
+    the mean of the last returns far from the shore, within three standard deviations of their
+    median: banks, boats and reeds above hardly move it, nor do errors below, however deep. Where
+    too few pulses came back from the water, it is that of the foot of the bank: `basis` shore.
 
-    One row per body tells the level, its standard error and the deviation of single points, all in
-    the unit of the data; the standard error is from the means of squares of 20 m, since waves and
-    strips err alike within one. A surface that is no level is told by its slope and fall: a river.
+    One row per body tells the level, its standard error, the half width of its 95 % interval and
+    the deviation of single points, all in the unit of the data. The interval covers noise and
+    waves, and differences between strips (`strip_difference`) if the points name their strips
+    (point_source_id). It does not cover what all points have in common: errors of positioning and
+    of the height system. A surface that is no level is told by its slope and fall: a river.
     """
 
     points: PointCloud | Survey = source("Points of the survey, classified or not")
@@ -47,6 +50,7 @@ class ShorelineWaterLevel:
         levels: Table = sink("One row per body, the largest first")
         level: float | None = sink("Level of the largest body", unit="m")
         level_error: float | None = sink("Its standard error", unit="m")
+        level_interval: float | None = sink("Half width of its 95 % interval", unit="m")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The points have a classification if classes are used."""
@@ -71,13 +75,12 @@ class ShorelineWaterLevel:
             cells = grid(points, ctx.part(0.4, 0.7))
             bodies = list(on_polygons(cells, polygons(self.water, "water")))
             found = with_levels(points, cells, bodies, ctx.part(0.7, 1.0))
-        if not found:
-            log.warning("points: no water was found")
         rows = [row_of(cells, number, one) for number, one in enumerate(found, 1) if cells]
         return self.Outputs(
             levels=Table.from_rows(rows),
             level=found[0].level.height if found else None,
             level_error=found[0].level.error if found else None,
+            level_interval=found[0].level.interval if found else None,
         )
 
 

@@ -387,3 +387,15 @@ def test_a_long_front_has_a_bay_a_bush_and_the_noise_that_is_asked_for() -> None
         spread.append(np.std(own @ [wall[f"normal_{axis}"] for axis in "xyz"] - wall["offset"]))
     assert spread[0] < 0.0005  # coordinates are whole millimetres
     assert 0.006 < spread[1] < 0.01  # along the beam, which is not square to the wall
+
+
+def test_noise_of_water_is_that_of_water_only() -> None:
+    calm, rough = (
+        scene("reservoir", size=100, density=5, seed=1, water_noise=noise) for noise in (0.02, 0.1)
+    )
+    wet = of_class(calm, 9)
+    assert np.array_equal(calm.xyz[~wet], rough.xyz[~wet])
+    assert np.array_equal(calm.xyz[:, :2], rough.xyz[:, :2])
+    away = [data.xyz[wet, 2] - 500 for data in (calm, rough)]
+    spread = [float(np.median(abs(z))) / 0.6745 for z in away]
+    assert spread == pytest.approx([0.02, 0.1], rel=0.15)

@@ -6,9 +6,12 @@ import geopandas
 import numpy as np
 import pytest
 import shapely
+from pyproj import CRS
 from scenes.lakes import LEVEL, ORIGIN, RADIUS, lake, river, slope
 
-from algorithms.shoreline._level import level_of, lowest_mode, mode
+from algorithms.samples.scene import scene
+from algorithms.shoreline._level import even_blocks, level_of, lowest_mode, mode
+from algorithms.shoreline.extract import ShorelineExtract
 from algorithms.shoreline.water_level import ShorelineWaterLevel
 from toolbox.data import PointCloud, Vector
 
@@ -25,6 +28,82 @@ def test_level_and_its_error() -> None:
     assert found.level == pytest.approx(LEVEL, abs=0.005)
     assert found.level_error is not None
     assert abs(found.level - LEVEL) < 4 * found.level_error < 0.02
+    assert found.level_interval is not None
+    assert found.level_interval > 1.96 * found.level_error
+
+
+@pytest.mark.parametrize(
+    ("noise", "density"), [(0.02, 0.5), (0.01, 8.0), (0.08, 2.0), (0.12, 2.0), (0.15, 8.0)]
+)
+def test_level_of_rough_water_is_not_biased(noise: float, density: float) -> None:
+    """Scenes of other seeds than those that anything was chosen on."""
+    ratio, intervals = [], []
+    for seed in range(700, 706):
+        made = scene("reservoir", size=200, density=density, seed=seed, water_noise=noise)
+        points = PointCloud(made.xyz, made.attributes, crs=CRS(32635))
+        row = ShorelineWaterLevel(points=points).run().levels.rows()[0]
+        assert row["area"] > 3000
+        intervals.append(row["interval"])
+        ratio.append((row["level"] - 500.0) / row["standard_error"])
+    assert np.median(intervals) < 0.4 * noise
+    assert abs(np.mean(ratio)) < 3 / np.sqrt(len(ratio))
+    assert max(map(abs, ratio)) < 4.5
+
+
+def test_water_of_15_cm_that_loses_no_pulses_is_found() -> None:
+    found = ShorelineWaterLevel(points=lake(noise=0.15, returned=0.7)).run()
+    assert found.level == pytest.approx(LEVEL, abs=0.02)
+
+
+def test_both_tools_tell_the_same_level() -> None:
+    cloud = lake(noise=0.08)
+    one, other = ShorelineWaterLevel(points=cloud).run(), ShorelineExtract(points=cloud).run()
+    assert (one.level, one.level_error) == (other.level, other.level_error)
+    assert one.level_interval == other.level_interval
+
+
+def test_strips_that_differ_make_the_level_less_sure() -> None:
+    cloud = lake(returned=0.3)
+    east = cloud["x"] > ORIGIN[0] + 50
+    strips = {"point_source_id": np.where(east, 2, 1).astype(np.uint16)}
+    shifted = cloud.with_xyz(cloud.xyz + np.where(east, 0.05, 0.0)[:, None] * (0, 0, 1))
+    same, apart, unknown = (
+        ShorelineWaterLevel(points=points).run().levels.rows()[0]
+        for points in (cloud.with_attributes(strips), shifted.with_attributes(strips), shifted)
+    )
+    assert same["strip_difference"] < 0.005
+    assert apart["strip_difference"] == pytest.approx(0.05, abs=0.005)
+    assert apart["standard_error"] == pytest.approx(0.025, abs=0.005)
+    assert same["interval"] < unknown["interval"] < 0.1 * apart["interval"]
+
+
+def test_error_of_long_waves_is_that_of_blocks() -> None:
+    """Waves of 15 m on 100 m of water: neighbouring points are wrong together."""
+    rng = np.random.default_rng(1)
+    levels = []
+    for phase in rng.uniform(0, 2 * np.pi, 40):
+        xyz = np.column_stack([rng.uniform(0, 100, (4000, 2)), rng.normal(0, 0.01, 4000)])
+        xyz[:, 2] += 0.05 * np.sin(xyz[:, 0] / 15 + phase)
+        levels.append(level_of(xyz, np.zeros(4000, int), np.ones(4000, bool), 0.0, 1.0))
+    held = np.mean([abs(level.height) <= level.interval for level in levels])
+    assert held > 0.85
+    assert np.median([level.error for level in levels]) > 5 * 0.037 / np.sqrt(4000)
+
+
+def test_blocks_are_compact_and_hold_equally_many() -> None:
+    xy = np.random.default_rng(0).uniform(0, (200, 50), (1000, 2))
+    blocks = even_blocks(xy)
+    assert sorted(np.concatenate(blocks)) == list(range(1000))
+    assert {len(some) for some in blocks} == {62, 63}
+    assert max(np.ptp(xy[some], axis=0).max() for some in blocks) < 40
+    assert len(even_blocks(xy[:6])) == 4
+
+
+def test_points_that_scatter_more_than_water_tell_no_level() -> None:
+    rng = np.random.default_rng(0)
+    xyz = np.column_stack([rng.uniform(0, 50, (500, 2)), rng.uniform(-1, 1, 500)])
+    level = level_of(xyz, np.zeros(500, int), np.ones(500, bool), 0.0, 1.0)
+    assert level.error == pytest.approx(0.25)
 
 
 def test_low_outliers_hardly_move_it() -> None:
@@ -39,6 +118,9 @@ def test_low_outliers_hardly_move_it() -> None:
 def test_without_water_returns_it_is_the_foot_of_the_bank(bank: float) -> None:
     found = ShorelineWaterLevel(points=lake(returned=0.0, bank=bank)).run()
     assert found.level == pytest.approx(LEVEL, abs=0.02)
+    row = found.levels.rows()[0]
+    assert row["basis"] == "shore"
+    assert abs(row["level"] - LEVEL) < row["interval"]
 
 
 def test_several_waters_have_several_levels() -> None:
@@ -67,10 +149,13 @@ def test_a_river_is_told_by_its_fall() -> None:
     assert row["fall"] == pytest.approx(1.56, abs=0.05)
 
 
-def test_no_water() -> None:
+def test_no_water_tells_what_was_looked_for(caplog: pytest.LogCaptureFixture) -> None:
     found = ShorelineWaterLevel(points=slope()).run()
     assert found.level is None
     assert len(found.levels) == 0
+    assert "no water was found of at least 100 m2 that loses half of its pulses" in caplog.text
+    assert "the largest place like that" in caplog.text
+    assert "is none: " in caplog.text
 
 
 def test_modes() -> None:
@@ -84,6 +169,6 @@ def test_level_ignores_what_is_above_and_below() -> None:
     rng = np.random.default_rng(0)
     z = np.concatenate([rng.normal(7, 0.03, 5000), rng.uniform(2, 7, 50), rng.uniform(7, 9, 1000)])
     xyz = np.column_stack([rng.uniform(0, 100, (len(z), 2)), z])
-    level = level_of(xyz, np.ones(len(z), bool), 7.1, 1.0)
+    level = level_of(xyz, np.zeros(len(z), int), np.ones(len(z), bool), 7.1, 1.0)
     assert level.height == pytest.approx(7.0, abs=0.003)
     assert level.sigma == pytest.approx(0.03, rel=0.2)

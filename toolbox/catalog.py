@@ -19,7 +19,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from toolbox.errors import ParameterError, nearest
+from toolbox.errors import DataError, ParameterError, nearest
 
 if TYPE_CHECKING:
     from toolbox.declare.fields import Spec
@@ -95,6 +95,8 @@ def load(id: str, running: tuple[Path, ...] = ()) -> Spec:
     ------
     ParameterError
         No tool has this id, its package cannot be imported, or the model is wrong.
+    DataError
+        A library that it needs cannot be loaded, as where memory is short.
     """
     from toolbox.declare.spec import REGISTRY
 
@@ -112,9 +114,12 @@ def load(id: str, running: tuple[Path, ...] = ()) -> Spec:
     try:
         importlib.import_module(module)
     except Exception as err:
-        if not plugin:
+        if plugin:
+            raise ParameterError(f"{id} cannot be loaded: {err}") from err
+        if not isinstance(err, ImportError | OSError):
             raise
-        raise ParameterError(f"{id} cannot be loaded: {err}") from err
+        why = "is there enough memory, and is the installation whole?"
+        raise DataError(f"{id} cannot be loaded; {why} ({err})") from err
     if id not in REGISTRY:
         raise ParameterError(f"{module} does not declare a tool called {id!r}")
     return REGISTRY[id]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, Self
 
 
@@ -86,6 +87,16 @@ class NothingToDo(DataError):
         return made
 
 
+class MemoryShort(DataError, MemoryError):
+    """A run needs more memory than there is.
+
+    Examples
+    --------
+    >>> print(MemoryShort("the cells need 40 GB").named("surface.grid"))
+    surface.grid: the cells need 40 GB
+    """
+
+
 class Cancelled(ToolboxError):
     """The user asked the run to stop.
 
@@ -100,6 +111,32 @@ class Cancelled(ToolboxError):
 
     def __init__(self, where: str = "cancelled", problems: Mapping[str, str] | None = None) -> None:
         super().__init__(where, problems)
+
+
+@contextmanager
+def memory_named() -> Iterator[None]:
+    """Turn the error of a library that got no memory into one that says what may help.
+
+    Raises
+    ------
+    MemoryShort
+        Of another MemoryError inside this context.
+
+    Examples
+    --------
+    >>> with memory_named():
+    ...     raise MemoryError
+    Traceback (most recent call last):
+    toolbox.errors.MemoryShort: not enough memory; use a larger cell, tiles, or a part of the data
+    """
+    try:
+        yield
+    except ToolboxError:
+        raise
+    except MemoryError as error:
+        said = f" ({error})" if str(error) else ""
+        text = f"not enough memory{said}; use a larger cell, tiles, or a part of the data"
+        raise MemoryShort(text) from error
 
 
 def nearest(name: str, known: Iterable[Any]) -> str:

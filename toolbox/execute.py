@@ -15,7 +15,7 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import parse_crs
 from toolbox.data.reading import Reading
 from toolbox.declare.fields import Spec
-from toolbox.errors import ParameterError
+from toolbox.errors import ParameterError, memory_named
 from toolbox.models.model import ModelRun
 from toolbox.runs import source as sources
 from toolbox.runs import target as targets
@@ -31,6 +31,7 @@ from toolbox.tiles.tiling import Tiling
 HASH, READ, WRITE = 0.03, 0.15, 0.85
 
 
+@memory_named()
 def run(
     id: str,
     values: Mapping[str, Any],

@@ -90,7 +90,7 @@ class Console:
         """Print an error and return its exit code."""
         code = exit_code(err)
         self._report(code, _error_text(err))
-        if not isinstance(err, ToolboxError) and self.level == "verbose":
+        if (not isinstance(err, ToolboxError) or err.__cause__) and self.level == "verbose":
             _warn("".join(traceback.format_exception(err)))
         return code
 
@@ -206,8 +206,6 @@ def _unit(described: Mapping[str, Any]) -> str:
 def _error_text(err: BaseException) -> str:
     if isinstance(err, ToolboxError):
         return str(err)
-    if isinstance(err, MemoryError):
-        return "not enough memory for this run; use a larger cell or a part of the data"
     if isinstance(err, OSError):
         return f"{err.filename or 'cannot read or write'}: {err.strerror or err}"
     return (

@@ -15,7 +15,7 @@ from toolbox.data import Raster, Table, Vector, drivers
 from toolbox.data.crs import describe_crs
 from toolbox.data.paths import Paths, missing
 from toolbox.data.text import standard_names
-from toolbox.errors import ParameterError
+from toolbox.errors import ParameterError, memory_named
 from toolbox.execute import run
 
 TABLES = (".parquet", ".json")
@@ -25,6 +25,7 @@ RASTERS = drivers.RASTERS.keys() - VECTORS
 Row = dict[str, Any]
 
 
+@memory_named()
 def describe_file(paths: Paths, ctx: Context = QUIET) -> Table:
     """Make a table of the properties of a layer: rows of property, value and unit.
 

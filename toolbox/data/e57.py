@@ -11,6 +11,7 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from toolbox.context import QUIET, Context, log
+from toolbox.data.reading import errors_named
 from toolbox.errors import DataError
 
 _COLOURS = {"red": "Red", "green": "Green", "blue": "Blue"}
@@ -44,15 +45,12 @@ def read_e57(
         import pye57
     except ImportError as error:
         raise DataError(f"{path}: E57 files need pye57: pip install lidar-toolbox[e57]") from error
-    try:
-        with pye57.E57(str(path)) as file:
-            scans = []
-            for index in range(file.scan_count):
-                ctx.progress(index / file.scan_count)
-                scans.append(_scan(file, index, _BITS * path.stat().st_size))
-            crs = _crs(file, path.name)
-    except (pye57.libe57.E57Exception, ValueError, RuntimeError, MemoryError) as error:
-        raise DataError(f"{path} is not an E57 file that can be read: {error}") from error
+    with errors_named(f"{path} cannot be read as an E57 file"), pye57.E57(str(path)) as file:
+        scans = []
+        for index in range(file.scan_count):
+            ctx.progress(index / file.scan_count)
+            scans.append(_scan(file, index, _BITS * path.stat().st_size))
+        crs = _crs(file, path.name)
     if not scans:
         raise DataError(f"{path} has no scans")
     names = [name for name in scans[0] if all(name in scan for scan in scans)]

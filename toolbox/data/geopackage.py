@@ -23,10 +23,7 @@ def tables(path: Path) -> list[str]:
     """Names of the tables without geometry in a GeoPackage."""
     query = "SELECT table_name FROM gpkg_contents WHERE data_type = 'attributes'"
     with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
-        try:
-            return [str(name) for (name,) in database.execute(query)]
-        except sqlite3.Error as error:
-            raise ValueError(str(error)) from error
+        return [str(name) for (name,) in database.execute(query)]
 
 
 def description(path: Path, layer: str) -> str:

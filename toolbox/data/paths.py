@@ -18,6 +18,7 @@ from typing import Any
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
+from toolbox.data.reading import errors_named
 from toolbox.errors import DataError
 
 Paths = str | Path | Sequence[str | Path]
@@ -165,11 +166,9 @@ def _of_points(paths: Iterable[Path], where: str, remarks: list[str]) -> list[Pa
 
 
 def _in_vpc(path: Path) -> list[Path]:
-    try:
+    with errors_named(f"{path} is no virtual point cloud (a STAC item collection)"):
         features = json.loads(path.read_text(encoding="utf-8-sig"))["features"]
         links = [link for feature in features for link in _links(feature)]
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise DataError(f"{path} is no virtual point cloud (a STAC item collection)") from error
     if not links:
         raise DataError(f"{path} names no files of points")
     remote = [link for link in links if _scheme(link) not in ("", "file")]

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from toolbox.context import log
 from toolbox.data.ply import COLOURS, split
-from toolbox.data.reading import Reading, opened
+from toolbox.data.reading import Reading, errors_named, opened
 from toolbox.errors import DataError
 
 _LINES = 10  # of a header, as pypcd4 reads it
 _LONGEST = 2**16  # bytes of one of them
 _LZF = 88  # to one: LZF packs at most 264 bytes into 3
 _PADDING = "#$%&~~"  # how pypcd4 names the field "_"
-_ERRORS = (ValueError, KeyError, TypeError, IndexError, MemoryError, OverflowError, RuntimeError)
 
 
 def read_pcd(
@@ -45,13 +44,10 @@ def read_pcd(
     """
     from pypcd4.pypcd4 import PointCloud
 
-    try:
-        with opened(path, reading) as stream:
-            _check_counts(stream, path.stat().st_size)
-            stream.seek(0)
-            file = PointCloud.from_fileobj(stream)
-    except (*_ERRORS, struct.error) as error:
-        raise DataError(f"{path} is not a PCD file that can be read: {error}") from error
+    with errors_named(f"{path} cannot be read as a PCD file"), opened(path, reading) as stream:
+        _check_counts(stream, path.stat().st_size)
+        stream.seek(0)
+        file = PointCloud.from_fileobj(stream)
     data: NDArray[Any] = np.atleast_1d(file.pc_data)
     if len(data) != file.metadata.points:
         raise DataError(f"{path} promises {file.metadata.points} points, and {len(data)} are there")

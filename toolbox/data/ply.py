@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gzip
 import re
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -15,7 +13,7 @@ from pyproj import CRS
 
 from toolbox.context import log
 from toolbox.data.crs import crs_text, is_local, local_crs
-from toolbox.data.reading import Reading, opened, room, unpacked
+from toolbox.data.reading import Reading, errors_named, opened, room, unpacked
 from toolbox.data.text import Points, standard_names
 from toolbox.errors import DataError
 
@@ -26,9 +24,6 @@ _SIZES = {"char": 1, "short": 2, "int": 4, "float": 4, "double": 8} | {
     f"{kind}{bits}": bits // 8 for kind in ("int", "float") for bits in (8, 16, 32, 64)
 }  # bytes of a number; those without a sign have a "u" before
 _HEADER = 2**20  # bytes, more than any header has
-_ERRORS: tuple[type[Exception], ...]
-_ERRORS = (ValueError, KeyError, TypeError, IndexError, EOFError, MemoryError, OverflowError)
-_ERRORS += (gzip.BadGzipFile, zlib.error)
 
 
 def read_ply(
@@ -57,13 +52,10 @@ def read_ply(
     """
     import plyfile
 
-    try:
-        with opened(path, reading) as stream:
-            _check_counts(unpacked(stream, path), room(path))
-            stream.seek(0)
-            file = plyfile.PlyData.read(unpacked(stream, path), mmap=False)
-    except (plyfile.PlyParseError, *_ERRORS) as error:
-        raise DataError(f"{path} is not a PLY file that can be read: {error}") from error
+    with errors_named(f"{path} cannot be read as a PLY file"), opened(path, reading) as stream:
+        _check_counts(unpacked(stream, path), room(path))
+        stream.seek(0)
+        file = plyfile.PlyData.read(unpacked(stream, path), mmap=False)
     others = [element.name for element in file if element.name != "vertex"]
     if "vertex" not in file:
         raise DataError(f"{path} has no vertices, only {', '.join(others) or 'nothing'}")

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-import psutil
 from affine import Affine
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 from pyproj import CRS
@@ -29,6 +28,7 @@ from toolbox.data.crs import (
 from toolbox.data.drivers import raster_driver
 from toolbox.data.lattice import Lattice
 from toolbox.data.layer import Inside, Layer
+from toolbox.data.reading import errors_named, need_memory
 from toolbox.data.record import ITEM, checked
 from toolbox.errors import DataError
 
@@ -164,14 +164,14 @@ class Raster(Layer):
             square, or it has no such band.
         """
         import rasterio
-        from rasterio.errors import RasterioError
 
         driver = raster_driver(path := Path(path))
-        try:
-            with _position_unchecked(), rasterio.open(path, driver=driver) as source:
-                raster = _read(source, path.name)
-        except RasterioError as error:
-            raise DataError(f"{path} cannot be read as a raster: {error}") from error
+        with (
+            errors_named(f"{path} cannot be read as a raster"),
+            _position_unchecked(),
+            rasterio.open(path, driver=driver) as source,
+        ):
+            raster = _read(source, path.name)
         ctx.progress(1.0)
         return raster if band is None else raster._alone(band)
 
@@ -507,11 +507,7 @@ def _read(source: Any, name: str) -> Raster:
         raise DataError(f"{name} {problem}")
     if any(dtype not in _DTYPES for dtype in source.dtypes):
         raise DataError(f"{name} holds {source.dtypes[0]} values; convert them to float32 first")
-    free = psutil.virtual_memory().available
-    size = sum(np.dtype(dtype).itemsize for dtype in source.dtypes) * source.height * source.width
-    if size > free:
-        text = f"{source.height:,} rows and {source.width:,} columns"
-        raise DataError(f"{name}: {text} need {size:.2g} bytes of memory; {free:.2g} are free")
+    need_memory(_bytes_to_read(source), f"{name}, {source.height} rows x {source.width} columns,")
     values, nodata = _values(source)
     return Raster(
         values,
@@ -529,6 +525,18 @@ def _crs(source: Any) -> CRS | None:
     if source.crs:
         return CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019"))
     return local_crs(source.tags().get(_LOCAL, ""))
+
+
+def _bytes_to_read(source: Any) -> int:
+    """Memory that the values and the mask of a raster take, or a block of all bands if more.
+
+    Bands that are kept together are unpacked together, however small the raster is in its block.
+    """
+    each: int = np.dtype(source.dtypes[0]).itemsize
+    cells: int = source.height * source.width * source.count * (each + 1)
+    rows, cols = source.block_shapes[0]
+    together = source.count if source.profile.get("interleave") == "pixel" else 1
+    return max(cells, rows * cols * each * together)
 
 
 def _values(source: Any) -> tuple[NDArray[Any], float | None]:

@@ -16,19 +16,86 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
+import psutil
+
 from toolbox.context import QUIET, Context
-from toolbox.errors import DataError
+from toolbox.errors import DataError, MemoryShort, ToolboxError
 
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
 
 CHANGED = "changed while the run was reading: the result would be a mixture; run it again"
+_VAGUE = (LookupError, TypeError, AttributeError, NameError)  # whose texts name an object at best
+_PANIC = "PanicException"  # of a library in Rust; it is no Exception, and has no public name
 _BLOCK = 2**22  # bytes hashed between two reports of progress, some milliseconds
 LONGEST = 2**20  # bytes of a line of text; a line of a thousand numbers has some 20 kB
 _SMALL = 2**26  # bytes that a packed file may always unpack to
 _PACKED = (
     100  # to one: further no file of points packs, as its coordinates differ; deflate makes 1032
 )
+
+
+@contextmanager
+def errors_named(text: str) -> Iterator[None]:
+    """Turn whatever a library raises on a file into a DataError that begins with a text.
+
+    On a damaged file a library fails wherever it happens to fail, with an error of any type: a list
+    of types is never complete. What we say of the file ourselves stays.
+
+    Raises
+    ------
+    DataError
+        Of any other error inside this context.
+
+    Examples
+    --------
+    >>> with errors_named("a.json cannot be read as a table"):
+    ...     {}["rows"]
+    Traceback (most recent call last):
+    toolbox.errors.DataError: a.json cannot be read as a table: KeyError: 'rows'
+    """
+    try:
+        yield
+    except ToolboxError:
+        raise
+    except MemoryError as error:
+        raise DataError(f"{text}: it claims more than fits in memory") from error
+    except BaseException as error:
+        if not isinstance(error, Exception) and type(error).__name__ != _PANIC:
+            raise
+        raise DataError(f"{text}: {_said(error)}") from error
+
+
+def _said(error: BaseException) -> str:
+    """What an error says; with its type, where that says more."""
+    if isinstance(error, RecursionError):
+        return "it is nested too deeply"
+    if isinstance(error, OSError):
+        return error.strerror or str(error)
+    telling = str(error) and not isinstance(
+        error, LookupError | TypeError | AttributeError | NameError
+    )
+    return str(error) if telling else f"{type(error).__name__}: {error}"
+
+
+def need_memory(size: float, text: str) -> None:
+    """Raise a MemoryShort unless so many bytes are free; asked before they are set aside.
+
+    A system that lends more memory than it has ends the process only when it is used.
+
+    Raises
+    ------
+    MemoryShort
+        Begins with the text.
+
+    Examples
+    --------
+    >>> need_memory(1e6, "a raster of a million cells")
+    """
+    free = psutil.virtual_memory().available
+    if size > free:
+        have = f"{free / 1e9:.3g} GB are free"
+        raise MemoryShort(f"{text} needs {size / 1e9:.3g} GB of memory, and {have}")
 
 
 @dataclass

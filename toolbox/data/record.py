@@ -30,6 +30,7 @@ from pathlib import Path
 
 from toolbox.data.drivers import raster_driver
 from toolbox.data.las.header import LasMetadata, Vlr, parse_metadata
+from toolbox.data.reading import errors_named
 from toolbox.errors import DataError
 
 MEMBER = "lidar-toolbox"
@@ -105,10 +106,8 @@ def read_record(path: str | Path) -> str:
         raise DataError(f"{path}: no such file")
     readers = dict.fromkeys(_LAS, _of_las) | dict.fromkeys(_TIFF, _of_tiff)
     readers |= {".gpkg": _of_geopackage, ".png": _of_png, ".html": _of_html}
-    try:
+    with errors_named(f"{path} cannot be read"):
         text = readers.get(path.suffix.lower(), _beside)(path)
-    except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror or error}") from error
     return text if is_record(text) else ""
 
 
@@ -216,28 +215,22 @@ def _decoded(data: bytes) -> str:
 
 def _of_tiff(path: Path) -> str:
     import rasterio
-    from rasterio.errors import NotGeoreferencedWarning, RasterioError
+    from rasterio.errors import NotGeoreferencedWarning
 
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with rasterio.open(path, driver=raster_driver(path)) as source:
-                return str(source.tags().get(ITEM, ""))
-    except RasterioError as error:
-        raise DataError(f"{path} cannot be read as a raster: {error}") from error
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with rasterio.open(path, driver=raster_driver(path)) as source:
+            return str(source.tags().get(ITEM, ""))
 
 
 def _of_geopackage(path: Path) -> str:
     address = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
     query = "SELECT metadata FROM gpkg_metadata WHERE md_standard_uri = ?"
-    try:
-        with closing(sqlite3.connect(address, uri=True)) as database:
-            tables = database.execute("SELECT name FROM sqlite_master").fetchall()
-            if ("gpkg_metadata",) not in tables:
-                return ""
-            row = database.execute(query, (_STANDARD,)).fetchone()
-    except sqlite3.Error as error:
-        raise DataError(f"{path} cannot be read as a GeoPackage: {error}") from error
+    with closing(sqlite3.connect(address, uri=True)) as database:
+        tables = database.execute("SELECT name FROM sqlite_master").fetchall()
+        if ("gpkg_metadata",) not in tables:
+            return ""
+        row = database.execute(query, (_STANDARD,)).fetchone()
     return str(row[0]) if row else ""
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from toolbox.context import QUIET, Context
 from toolbox.data import differences, geopackage
 from toolbox.data.layer import Inside, Layer, text_array
+from toolbox.data.reading import errors_named
 from toolbox.data.record import own_side_car, side_car, write_beside, write_into_geopackage
 from toolbox.errors import DataError
 
@@ -89,10 +90,8 @@ class Table(Layer):
         path = Path(path)
         if path.suffix.lower() != geopackage.SUFFIX:
             return ()
-        try:
+        with errors_named(f"{path} cannot be read as a GeoPackage"):
             return tuple(geopackage.tables(path))
-        except ValueError as error:
-            raise DataError(f"{path} cannot be read as a GeoPackage: {error}") from error
 
     @classmethod
     def open(cls, path: str | Path, *, layer: str | None = None, ctx: Context = QUIET) -> Table:
@@ -118,10 +117,8 @@ class Table(Layer):
             raise DataError(f"{path}: tables are read from {', '.join(cls.SUFFIXES)}")
         if not path.exists():
             raise DataError(f"{path}: no such file")
-        try:
+        with errors_named(f"{path} cannot be read as a table"):
             table = cls(plain(table_files.read(path, layer)), name=path.name)
-        except (ValueError, OSError) as error:
-            raise DataError(f"{path} cannot be read as a table: {error}") from error
         ctx.progress(1.0)
         return table
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 import io
 import re
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -20,7 +19,7 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context
 from toolbox.data.las.header import fields
-from toolbox.data.reading import Reading, opened, unpacked
+from toolbox.data.reading import Reading, errors_named, opened, unpacked
 from toolbox.errors import DataError
 
 _BLOCK = 250_000  # lines between two reports of progress
@@ -56,7 +55,6 @@ _LETTERS = {"r", "g", "b"}
 _PTS = {4: "i", 6: "rgb", 7: "irgb"}  # what a .pts line holds after x y z
 _FIELDS = {name: kind for number in (3, 8) for name, kind in fields(number).items()}
 _FLOAT = re.compile(r"[-+]?\d+,\d+")
-_ERRORS = (ValueError, OverflowError, EOFError, zlib.error, gzip.BadGzipFile)
 
 
 class Points(Protocol):
@@ -155,13 +153,9 @@ def read_text(
     if separator is not None and len(separator) != 1:
         raise DataError(f"{path}: the separator must be one character, got {separator!r}")
     separator = None if separator == " " else separator  # blanks are found out
-    try:
+    with errors_named(f"{path} cannot be read as a text file of points"):
         table = _table(path, columns, separator)
         frame = _read(path, table, reading, ctx)
-    except DataError:
-        raise
-    except _ERRORS as error:
-        raise DataError(f"{path} is not a text file of points: {error}") from error
     if table.count not in (None, len(frame)):
         raise DataError(f"{path} promises {table.count} points, and {len(frame)} are there")
     xyz = frame[["x", "y", "z"]].to_numpy(np.float64)

@@ -27,6 +27,7 @@ from toolbox.data.crs import (
 )
 from toolbox.data.drivers import check_vector
 from toolbox.data.layer import Inside, Layer, refuse_zero_bytes, text_array
+from toolbox.data.reading import errors_named
 from toolbox.data.record import (
     own_side_car,
     side_car,
@@ -133,7 +134,7 @@ class Vector(Layer):
         path = Path(path)
         if not path.exists():
             raise DataError(f"{path}: no such file")
-        with _errors_named(f"{path} cannot be read as a vector layer"):
+        with errors_named(f"{path} cannot be read as a vector layer"):
             return _layer_names(path)
 
     @classmethod
@@ -155,7 +156,7 @@ class Vector(Layer):
         path = Path(path)
         if not path.exists():
             raise DataError(f"{path}: no such file")
-        with _errors_named(f"{path} cannot be read as a vector layer"):
+        with errors_named(f"{path} cannot be read as a vector layer"):
             if path.suffix.lower() == ".parquet":
                 vector = cls(_read_parquet(path), name=path.name)
             elif path.suffix.lower() == feature_table.SUFFIX:
@@ -208,7 +209,7 @@ class Vector(Layer):
         frame = self.frame if local is None else self.with_crs(None).frame
         if suffix == ".kml":
             frame = _for_kml(frame, path)
-        with _errors_named(f"{path} cannot be written"):
+        with errors_named(f"{path} cannot be written"):
             for old in () if add else self.own_files(path):  # or GDAL would add a layer to them
                 old.unlink(missing_ok=True)
             if suffix in _DRIVERS:
@@ -317,30 +318,6 @@ class Vector(Layer):
     def differences(self, now: Vector) -> Iterator[str]:
         """What differs in another layer, in words."""
         return differences.of_frames(self.frame, now.frame)
-
-
-@contextmanager
-def _errors_named(text: str) -> Iterator[None]:
-    """Turn errors of GDAL, GEOS and pyarrow into a DataError that begins with the text."""
-    from pyogrio import errors
-    from shapely.errors import ShapelyError
-
-    try:
-        yield
-    except DataError:
-        raise
-    except (
-        errors.DataSourceError,
-        errors.DataLayerError,
-        errors.CRSError,
-        errors.FeatureError,
-        errors.FieldError,
-        errors.GeometryError,
-        ShapelyError,
-        OSError,
-        ValueError,
-    ) as error:
-        raise DataError(f"{text}: {error}") from error
 
 
 @contextmanager

@@ -21,6 +21,7 @@ from toolbox.errors import DataError
 
 LONGEST = 10_000  # characters, since the parser of Python is recursive
 DEEPEST = 100  # levels, since the functions below are recursive, too
+TOO_DEEP = f"is nested more than {DEEPEST} levels deep"
 
 BINARY: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -122,10 +123,13 @@ def _parsed(text: str) -> ast.expr:
         raise ValueError(f"an expression has at most {LONGEST} characters, got {len(text)}")
     try:
         tree = ast.parse(text.strip(), mode="eval").body
-    except (SyntaxError, RecursionError, MemoryError, ValueError) as err:
+        is_condition = _sort(tree) is Sort.TRUTH or isinstance(tree, ast.Name)
+    except SyntaxError as err:
         hint = "write conditions such as 'intensity > 40 and user_data == 3'"
-        raise ValueError(f"cannot be read ({getattr(err, 'msg', err)}); {hint}") from None
-    if _sort(tree) is not Sort.TRUTH and not isinstance(tree, ast.Name):
+        raise ValueError(f"cannot be read ({err.msg}); {hint}") from None
+    except (RecursionError, MemoryError):  # of the parser, or when a node is shown as text
+        raise ValueError(TOO_DEEP) from None
+    if not is_condition:
         raise ValueError("must be a condition, such as 'intensity > 40'")
     return tree
 
@@ -140,7 +144,7 @@ class Sort(Enum):
 def _sort(node: ast.expr, depth: int = 0) -> Sort:  # noqa: PLR0911, PLR0912  one case per node
     """Find the type of a node, or refuse it: it is not allowed, or its operands do not fit."""
     if depth > DEEPEST:
-        raise ValueError(f"is nested more than {DEEPEST} levels deep")
+        raise ValueError(TOO_DEEP)
 
     def need(sort: Sort, *operands: ast.expr) -> None:
         for operand in operands:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from typing import Any
 
 PLAIN = {  # pattern and possible first letters of all that is no text, in the order of trial
@@ -81,6 +82,10 @@ def _yaml_loader(base: Any) -> Any:
         event = loader.peek_event()
         if getattr(event, "anchor", None):  # aliases of aliases: ten lines, a billion values
             raise ValueError(f"line {event.start_mark.line + 1}: & and * are not read")
+        if getattr(event, "tag", None):  # which calls a function on the text, whatever it holds
+            raise ValueError(
+                f"line {event.start_mark.line + 1}: tags such as {event.tag} are not read"
+            )
         return base.compose_node(loader, parent, index)
 
     made: Any = type("Loader", (base,), {"yaml_implicit_resolvers": {}, "compose_node": compose})
@@ -95,6 +100,7 @@ def _once(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
     names = [name for name, _ in pairs]
     if odd := [name for name in names if not isinstance(name, str | int | float)]:
         raise ValueError(f"{odd[0]!r} is no name")
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise ValueError(f"{twice[0]!r} is given more than once")
-    return dict(pairs)
+    if len(made := dict(pairs)) < len(names):
+        twice, _ = Counter(names).most_common(1)[0]
+        raise ValueError(f"{twice!r} is given more than once")
+    return made

@@ -311,6 +311,30 @@ def test_what_the_system_refuses_is_no_mistake_of_ours(
     assert said == f"error: {error.filename or 'cannot read or write'}: {error.strerror}\n"
 
 
+def test_want_of_memory_is_no_mistake(
+    town: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def greedy(*_: Any, **__: Any) -> None:
+        raise MemoryError("Unable to allocate 7 TiB")
+
+    monkeypatch.setattr("toolbox.runs.source.opened", greedy)
+    assert main(["run", "points.info", "--points", str(town)]) == 3
+    assert capsys.readouterr().err.startswith("error: not enough memory (Unable to allocate 7 TiB)")
+
+
+def test_a_library_that_cannot_be_loaded_is_no_mistake(
+    town: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As numba, where an address space is too small for it."""
+
+    def absent(name: str) -> None:
+        raise OSError("failed to map segment from shared object")
+
+    monkeypatch.setattr("toolbox.catalog.importlib.import_module", absent)
+    assert main(["run", "points.info", "--points", str(town)]) == 3
+    assert "points.info cannot be loaded; is there enough memory" in capsys.readouterr().err
+
+
 SLOW = """
 import sys, time
 import toolbox.execute

@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from toolbox.data import PointCloud
-from toolbox.data.las.header import library_errors
+from toolbox.data.reading import errors_named
 from toolbox.errors import DataError
 
 
@@ -108,10 +108,10 @@ def test_what_is_wrong_is_said(tmp_path: Path, what: str) -> None:
 def test_a_panic_of_the_decompressor_is_an_error(capfd: pytest.CaptureFixture[str]) -> None:
     """It is not even an Exception in Python."""
     laszip = LAZ[LASZIP : LASZIP + 34 + 2 * 6]
-    with pytest.raises(DataError, match="damaged"), library_errors("damaged"):
+    with pytest.raises(DataError, match="damaged"), errors_named("damaged"):
         lazrs.decompress_points_with_chunk_table(b"abc", laszip, np.zeros(28, "u1"), [(1, 99)])
     capfd.readouterr()  # Rust prints its own account
-    with pytest.raises(KeyboardInterrupt), library_errors("damaged"):
+    with pytest.raises(KeyboardInterrupt), errors_named("damaged"):
         raise KeyboardInterrupt
 
 

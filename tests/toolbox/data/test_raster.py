@@ -15,7 +15,7 @@ from pyproj import CRS
 import toolbox
 from toolbox.data import Lattice, Raster
 from toolbox.data.crs import LOCALS, describe_crs, length_problem, parse_crs, same_crs
-from toolbox.errors import DataError
+from toolbox.errors import DataError, MemoryShort
 
 NORTH_UP = Affine(0.5, 0, 1000, 0, -0.5, 2000)
 
@@ -349,6 +349,32 @@ def test_scale_and_offset_are_applied(tmp_path: Path) -> None:
 def test_lattices_that_are_not_ours(tmp_path: Path, transform: Affine | None, problem: str) -> None:
     path = foreign(tmp_path / "a.tif", np.ones((1, 2, 2), np.uint8), transform=transform)
     with pytest.raises(DataError, match=rf"a\.tif {problem}"):
+        Raster.open(path)
+
+
+@pytest.mark.parametrize(
+    ("size", "bands", "tile"),
+    [(10**6, 1, 8192), (16, 60_000, 4096)],
+    ids=["of 10^12 cells", "of 256 cells, which are unpacked in blocks of 10^12"],
+)
+def test_rasters_that_no_memory_holds(tmp_path: Path, size: int, bands: int, tile: int) -> None:
+    """A file of some kilobytes may claim them: what nobody wrote is not stored."""
+    options = {"sparse_ok": True, "bigtiff": "yes", "tiled": True, "interleave": "pixel"}
+    with rasterio.open(
+        path := tmp_path / "a.tif",
+        "w",
+        driver="GTiff",
+        width=size,
+        height=size,
+        count=bands,
+        dtype="uint8",
+        transform=Affine(1, 0, 5, 0, -1, 5),
+        blockxsize=tile,
+        blockysize=tile,
+        **options,
+    ):
+        pass
+    with pytest.raises(MemoryShort, match=rf"a\.tif, {size} rows x {size} columns, needs \d"):
         Raster.open(path)
 
 

@@ -17,8 +17,8 @@ from scenes.layers import cloud
 from toolbox.context import Context
 from toolbox.data import PointCloud, reading
 from toolbox.data.las import read as las_read
-from toolbox.data.reading import Reading, file_hash, opened
-from toolbox.errors import Cancelled, DataError
+from toolbox.data.reading import Reading, errors_named, file_hash, need_memory, opened
+from toolbox.errors import Cancelled, DataError, MemoryShort
 
 PLY = "ply\nformat ascii 1.0\nelement vertex 4000\n"
 PLY += "".join(f"property double {axis}\n" for axis in "xyz") + "end_header\n"
@@ -27,6 +27,36 @@ CONTENT = bytes(range(256)) * 300  # more than the buffer of a stream
 
 def sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (KeyError("columns"), "a.x is damaged: KeyError: 'columns'"),
+        (UnboundLocalError("wkt"), "a.x is damaged: UnboundLocalError: wkt"),
+        (UnicodeDecodeError("utf-8", b"\xe5", 0, 1, "no"), "a.x is damaged: 'utf-8'"),
+        (RecursionError("deep"), "a.x is damaged: it is nested too deeply"),
+        (MemoryError(), "a.x is damaged: it claims more than fits in memory"),
+        (PermissionError(13, "Permission denied"), "a.x is damaged: Permission denied"),
+        (DataError("a.x has no rows"), "a.x has no rows"),
+    ],
+)
+def test_whatever_a_library_raises_names_the_file(error: Exception, said: str) -> None:
+    with pytest.raises(DataError) as caught, errors_named("a.x is damaged"):
+        raise error
+    assert str(caught.value).startswith(said)
+
+
+def test_what_stops_a_run_is_no_error_of_a_file() -> None:
+    for stop in (Cancelled(), KeyboardInterrupt()):
+        with pytest.raises(type(stop)), errors_named("a.x is damaged"):
+            raise stop
+
+
+def test_memory_is_asked_for_before_it_is_used() -> None:
+    need_memory(1000, "a.tif")
+    with pytest.raises(MemoryShort, match=r"^a\.tif needs 1e\+09 GB of memory, and .* GB are free"):
+        need_memory(1e18, "a.tif")
 
 
 @given(

@@ -132,6 +132,7 @@ def test_virtual_point_clouds(folder: Path, form: str) -> None:
         ('{"features": [{"assets": {"data": {}}}]}', "no virtual point cloud"),
         ('{"features": []}', "names no files"),
         ("\xff\xfe", "no virtual point cloud"),
+        ('{"features": ' + "[" * 100_000, "nested too deeply"),
     ],
 )
 def test_what_is_no_virtual_point_cloud(tmp_path: Path, content: str, message: str) -> None:

@@ -141,6 +141,7 @@ def test_frame_handed_out_may_be_changed() -> None:
         ("a.json", '{"a": 1}', "a list of records is needed"),
         ("a.json", "[1, 2]", "a list of records is needed"),
         ("a.json", "[{", "cannot be read as a table"),
+        ("a.json", "[" * 100_000, "nested too deeply"),
         ("a.parquet", "no", "cannot be read as a table"),
         ("a.xlsx", "", "tables are read from .csv, .json, .parquet"),
     ],
@@ -150,6 +151,26 @@ def test_what_is_no_table(tmp_path: Path, name: str, content: str, problem: str)
     with pytest.raises(DataError, match=problem) as error:
         Table.open(tmp_path / name)
     assert name in str(error.value)
+
+
+@pytest.mark.parametrize("suffix", [".gpkg", ".parquet", ".csv", ".json"])
+def test_damage_is_an_error_or_seen_in_the_rows(tmp_path: Path, suffix: str) -> None:
+    """Whatever the library raises: a damaged file is no mistake of ours."""
+    Table.from_rows(ROWS).save(tmp_path / f"a{suffix}")
+    content = (tmp_path / f"a{suffix}").read_bytes()
+    used = np.flatnonzero(np.frombuffer(content, np.uint8))
+    rng, path, refused = np.random.default_rng(0), tmp_path / f"b{suffix}", 0
+    for _ in range(60):
+        broken = bytearray(content)
+        for at in rng.choice(used, min(20, len(used))):
+            broken[at] = rng.integers(256)
+        path.write_bytes(broken)
+        try:
+            Table.open(path)
+        except DataError as error:
+            assert path.name in str(error)  # noqa: PT017  some are read
+            refused += 1
+    assert refused
 
 
 def test_missing_file() -> None:

@@ -267,6 +267,14 @@ def test_what_is_no_vector_layer(tmp_path: Path) -> None:
             Vector.open(tmp_path / name)
 
 
+def test_a_damaged_crs_of_a_shapefile_is_an_error(tmp_path: Path) -> None:
+    Vector(points()).save(tmp_path / "a.shp")
+    text = (tmp_path / "a.prj").read_text(encoding="latin-1")
+    (tmp_path / "a.prj").write_text(text.replace('PROJCS["', 'PROJCS["{}'), encoding="latin-1")
+    with pytest.raises(DataError, match=r"a\.shp cannot be read as a vector layer"):
+        Vector.open(tmp_path / "a.shp")
+
+
 def test_styles_in_a_geopackage_are_no_layer(tmp_path: Path) -> None:
     """QGIS keeps styles in a table without geometry."""
     import pandas

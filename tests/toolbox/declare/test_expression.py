@@ -87,6 +87,10 @@ def test_names() -> None:
         "a is 1",
         "a > 1 if a else b",
         "(1, 2)",
+        "lambda:" * 1000 + "1",
+        "a > " + "lambda:" * 1000 + "1",
+        "-" * 5000 + "a > 1",
+        "a\0 > 1",
     ],
 )
 def test_refused(text: str) -> None:

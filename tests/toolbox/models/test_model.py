@@ -313,6 +313,8 @@ def test_steps_that_make_no_sense(load: Load, says: str, key: str, problem: str)
         ("[" * 100_000, "nested too deeply"),
         ("a: " + "{a: " * 100_000, "nested too deeply"),
         ("id: !!python/object:os.system x", "tag"),
+        ("id: !!int ''", "line 1: tags such as tag:yaml.org,2002:int are not read"),
+        ("id: a.b\ninputs: !x {}", "line 2: tags such as !x are not read"),
     ],
 )
 def test_text_that_is_no_document(load: Load, text: str, problem: str) -> None:

@@ -17,7 +17,8 @@ import numpy as np
 from laspy.copc import CopcInfoVlr
 from numpy.typing import NDArray
 
-from toolbox.data.las.header import Chunk, LasMetadata, demand, library_errors
+from toolbox.data.las.header import Chunk, LasMetadata, demand
+from toolbox.data.reading import errors_named
 
 # The key of a node is its level, and its x, y, z among the nodes of that level.
 _ENTRY = np.dtype([("key", "<i4", 4), ("offset", "<u8"), ("size", "<i4"), ("points", "<i4")])
@@ -37,7 +38,7 @@ def copc_chunks(
         The hierarchy does not hold all points of the header, or its cube not their bounds.
     """
     info = CopcInfoVlr()
-    with library_errors("has a damaged COPC record"):
+    with errors_named("has a damaged COPC record"):
         info.parse_record_data(metadata.copc)
     _check_cube(info, metadata)
     nodes = _nodes(stream, info, size)

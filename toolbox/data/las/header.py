@@ -12,13 +12,11 @@ from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, BinaryIO
 
-import lazrs
 import numpy as np
 from laspy import ExtraBytesParams, LasHeader, PointFormat
 from laspy.errors import LaspyException
@@ -148,26 +146,6 @@ def demand(holds: bool, text: str) -> None:
     """Raise a DataError with the text unless a condition holds."""
     if not holds:
         raise DataError(text)
-
-
-@contextmanager
-def library_errors(text: str) -> Iterator[None]:
-    """Turn what laspy and lazrs raise into a DataError; a panic in Rust is no Exception."""
-    try:
-        yield
-    except (
-        LaspyException,
-        lazrs.LazrsError,
-        ArithmeticError,
-        TypeError,
-        ValueError,
-        struct.error,
-    ) as error:
-        raise DataError(f"{text} ({error})") from error
-    except BaseException as error:
-        if type(error).__name__ != "PanicException":
-            raise
-        raise DataError(f"{text} ({error})") from error
 
 
 def parse_metadata(stream: BinaryIO, size: int, warn: Callable[[str], None]) -> LasMetadata:

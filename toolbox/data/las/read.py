@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 from toolbox.context import QUIET, Context, log
 from toolbox.data.las.copc import copc_chunks
 from toolbox.data.las.crs import read_crs
-from toolbox.data.las.header import Chunk, LasMetadata, demand, library_errors, parse_metadata
+from toolbox.data.las.header import Chunk, LasMetadata, demand, parse_metadata
 from toolbox.data.las.points import MIXED_WAVEFORMS, box_of, waveform_channels
-from toolbox.data.reading import Reading, opened
+from toolbox.data.reading import Reading, errors_named, opened
 from toolbox.data.record import record_in
 from toolbox.errors import DataError
 
@@ -74,7 +74,7 @@ def read_las(
     size = path.stat().st_size
     with _named(path), opened(path, reading, ctx) as stream:
         metadata = parse_metadata(stream, size, lambda text: log.warning("%s %s", path.name, text))
-        with library_errors("is damaged: its points cannot be read"):
+        with errors_named("is damaged: its points cannot be read"):
             packed = _read_points(stream, metadata, size, bounds, point_range, ctx)
     if reading:
         reading.records[path] = record_in(metadata)
@@ -115,7 +115,7 @@ def chunk_sizes(path: Path) -> list[int] | None:
         metadata = parse_metadata(stream, size, lambda text: None)
         if metadata.header.point_count == 0 or not metadata.header.are_points_compressed:
             return None
-        with library_errors("is damaged: its points cannot be read"):
+        with errors_named("is damaged: its points cannot be read"):
             _check_laszip(metadata)
             return [points for *_, points in _all_chunks(stream, metadata, size)]
 
@@ -130,8 +130,6 @@ def _named(path: Path) -> Iterator[None]:
     """Put the path before the message of a DataError, and turn other errors into one."""
     try:
         yield
-    except MemoryError as error:
-        raise DataError(f"{path} claims more points than fit in memory") from error
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror or error}") from error
     except DataError as error:
@@ -214,7 +212,7 @@ def _bytes(stream: BinaryIO, start: int, size: int) -> bytes:
 
 def _check_laszip(metadata: LasMetadata) -> None:
     """Raise a DataError unless lazrs knows the compression and it fits the point records."""
-    with library_errors("has a damaged LASzip record"):
+    with errors_named("has a damaged LASzip record"):
         length = lazrs.LazVlr(metadata.laszip).item_size()
     compressor, coder = struct.unpack_from("<HH", metadata.laszip)
     demand(

@@ -11,7 +11,7 @@ import io
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context
-from toolbox.data.las.header import SIZES, LasMetadata, library_errors, parse_metadata
+from toolbox.data.las.header import SIZES, LasMetadata, parse_metadata
 from toolbox.data.las.points import MIXED_WAVEFORMS, waveform_channels
+from toolbox.data.reading import errors_named
 from toolbox.errors import DataError
 
 _BLOCK = 1_000_000  # points between two reports of progress
@@ -61,7 +62,6 @@ def las_sink(
     """
     with (
         path.open("wb") as stream,
-        library_errors(f"{path} cannot be written"),
         _sink(stream, metadata, str(path), compress=compress) as write,
     ):
         yield write
@@ -76,7 +76,9 @@ def _sink(
     header.vlrs.clear()
     header.vlrs.extend(laspy.VLR("", 0, "", vlr.data) for vlr in metadata.vlrs)  # see _restore
     channels: set[int] = set()
-    writer = laspy.LasWriter(stream, header, compress, closefd=False, encoding_errors="ignore")
+    named = partial(errors_named, f"{path} cannot be written")  # not of who gives the points
+    with named():
+        writer = laspy.LasWriter(stream, header, compress, closefd=False, encoding_errors="ignore")
 
     def write(packed: Array) -> None:
         if header.version.minor < 4 and writer.header.point_count + len(packed) >= 2**32:
@@ -85,15 +87,17 @@ def _sink(
         if compress and len(channels) > 1:
             raise DataError(f"{path}: {MIXED_WAVEFORMS}; write .las")
         block = np.ascontiguousarray(packed)
-        writer.write_points(laspy.PackedPointRecord(block, header.point_format))
+        with named():
+            writer.write_points(laspy.PackedPointRecord(block, header.point_format))
 
     yield write
-    writer.point_writer.done()
-    writer.done = True
-    _write_evlrs(stream, metadata, writer.header)
-    _tidy_box(metadata.header, writer.header)
-    writer.close()
-    _restore(stream, metadata, writer.header)
+    with named():
+        writer.point_writer.done()
+        writer.done = True
+        _write_evlrs(stream, metadata, writer.header)
+        _tidy_box(metadata.header, writer.header)
+        writer.close()
+        _restore(stream, metadata, writer.header)
 
 
 def metadata_bytes(metadata: LasMetadata) -> bytes:

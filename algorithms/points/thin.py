@@ -160,7 +160,7 @@ def best_of(
     alike = best[groups]
     tied = (alike != np.arange(len(cloud))) & (key == key[alike])
     tied[tied] = (cloud.xyz[tied] == cloud.xyz[alike[tied]]).all(axis=1)
-    if tied.any():
+    if tied.any() and cloud.names:
         tied[alike[tied]] = True
         columns = [c[tied] for name in sorted(cloud.names) for c in _columns(cloud[name])]
         rank[np.flatnonzero(tied)[np.lexsort(columns)]] = np.arange(np.count_nonzero(tied))

@@ -1,7 +1,8 @@
-"""Run the measurements that are named, or all."""
+"""Run the measurements that are named, or all; options go to the one before them."""
 
 from __future__ import annotations
 
+import itertools
 import sys
 
 from tests.bench.corridor import corridor
@@ -11,6 +12,7 @@ from tests.bench.fingerprints import fingerprints
 from tests.bench.gridding import gridding
 from tests.bench.ground import cloth, filters, isprs, terrain
 from tests.bench.long_lines import long_lines
+from tests.bench.metamorphic import metamorphic
 from tests.bench.path import path
 from tests.bench.shorelines import shorelines, water_levels
 from tests.bench.speed import speed
@@ -35,11 +37,16 @@ ALL = (
     long_lines,
     facades,
     fingerprints,
+    metamorphic,
     path,
 )
 BENCHES = {b.__name__: b for b in ALL}
 
-if unknown := [name for name in sys.argv[1:] if name not in BENCHES]:
+names = list(itertools.takewhile(lambda word: not word.startswith("-"), sys.argv[1:]))
+options = sys.argv[1 + len(names) :]
+if unknown := [name for name in names if name not in BENCHES]:
     sys.exit(f"no measurement called {', '.join(unknown)}; there are {', '.join(BENCHES)}")
-for name in sys.argv[1:] or BENCHES:
-    BENCHES[name]()
+if options and names != [metamorphic.__name__]:
+    sys.exit(f"{options[0]}: only metamorphic, alone, has options")
+for name in names or BENCHES:
+    BENCHES[name](*options)

@@ -152,6 +152,13 @@ def test_duplicates_are_exact_and_the_earliest_stays() -> None:
     assert found["number"].tolist() == [1, 2, 3, 5]
 
 
+@pytest.mark.parametrize("method", ["duplicates", "lowest", "random"])
+def test_duplicates_without_any_attribute_are_one(method: str) -> None:
+    twice = PointCloud(np.ones((2, 3)), crs=CRS(32635))
+    assert twice.names == ()
+    assert len(PointsThin(points=twice, method=method).run().thinned) == 1
+
+
 def test_missing_times_and_useless_settings_are_refused() -> None:
     bare = PointCloud(np.zeros((2, 3)), crs=UTM, name="bare.xyz")
     with pytest.raises(DataError, match=r"method: first needs gps_time, which bare\.xyz does not"):

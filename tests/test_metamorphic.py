@@ -1,0 +1,107 @@
+"""A hundred runs of `python -m tests.bench metamorphic`, and whether it would notice a failure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.bench import metamorphic
+from tests.bench.metamorphic import (
+    CASES,
+    MOST_CI,
+    TRANSFORMATIONS,
+    Run,
+    failures,
+    planned,
+    problems,
+)
+from toolbox import catalog
+from toolbox.data import PointCloud
+from toolbox.errors import Cancelled, DataError
+
+RUNS, PARTS = 100, 4  # of which workers take one each
+CASE = {case.name: case for case in CASES}
+WITHOUT = {  # tools that no change of a single cloud tells anything about
+    "classify.ndvi": "reads images",
+    "classify.som_apply": "needs a map of other points",
+    "classify.vegetation_by_ndvi": "needs an image",
+    "compare.areas": "compares layers",
+    "compare.lines": "compares layers",
+    "compare.planes": "compares layers",
+    "compare.spans": "compares layers",
+    "compare.surfaces": "compares layers",
+    "corridor.clearance": "is a step of models.power_line_clearance",
+    "corridor.label": "is a step of models.power_line_clearance",
+    "planes.openings": "needs the number of a plane, which changes with the points",
+    "points.merge": "joins files",
+    "samples.scene": "reads nothing",
+    "shoreline.storage_curve": "needs a basin",
+    "surface.difference": "compares layers",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", range(PARTS))
+def test_what_means_nothing_changes_nothing(part: int) -> None:
+    found = failures(planned(RUNS, 0, ci=True)[part::PARTS])
+    assert [f"{run.name}: {text}" for run, text in found] == []
+
+
+def test_every_tool_is_run_or_there_is_a_reason_why_not() -> None:
+    ids = {case.id for case in CASES}
+    assert ids | WITHOUT.keys() == set(catalog.own_ids())
+    assert not ids & WITHOUT.keys()
+    assert len(CASE) == len(CASES)
+
+
+@pytest.fixture
+def town(monkeypatch: pytest.MonkeyPatch) -> Run:
+    """A run on random points, whose order is changed."""
+    xyz = np.random.default_rng(0).uniform(0, 30, (900, 3))
+    points = PointCloud(xyz, {"classification": np.full(900, 2, np.uint8)}, name="town")
+    monkeypatch.setattr(metamorphic, "loaded", lambda name, seed, most: points)
+    return Run(CASE["points.denoise"], "town", "shuffled", 0, MOST_CI)
+
+
+def told(run: Run, monkeypatch: pytest.MonkeyPatch, outcome: Any) -> str:
+    """What is said of a tool that gives or raises this."""
+
+    def done(case: Any, points: PointCloud) -> Any:
+        made = outcome(points)
+        if isinstance(made, BaseException):
+            raise made
+        return {"clean": made}
+
+    monkeypatch.setattr(metamorphic, "done", done)
+    metamorphic.before.cache_clear()
+    return "; ".join(problems(run))
+
+
+def test_mistakes_and_lost_points_are_told(town: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert told(town, monkeypatch, lambda points: points) == ""
+    assert "a mistake in the toolbox: KeyError" in told(town, monkeypatch, lambda _: KeyError("a"))
+    assert "does not end" in told(town, monkeypatch, lambda _: Cancelled())
+    assert told(town, monkeypatch, lambda _: DataError("no points")) == ""
+    half = told(town, monkeypatch, lambda points: points.select(np.arange(0, 900, 2)))
+    assert half == "900 points became 450"
+
+
+def test_a_result_that_goes_with_the_order_is_told(
+    town: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def first_is_noise(points: PointCloud) -> PointCloud:
+        classes = np.full(len(points), 2, np.uint8)
+        classes[0] = 7
+        return points.with_attributes({"classification": classes})
+
+    text = told(town, monkeypatch, first_is_noise)
+    assert text == "classification of 0.222% of points changed (limit 0.0%)"
+
+
+@pytest.mark.parametrize("name", TRANSFORMATIONS)
+def test_transformations_can_be_repeated(town: Run, name: str) -> None:
+    run = Run(town.case, "town", name, 0, MOST_CI)
+    np.testing.assert_array_equal(run.points().xyz, run.points().xyz)
+    assert len(run.points()) > 100

@@ -14,8 +14,8 @@ from tests.bench.metamorphic import (
     TRANSFORMATIONS,
     Run,
     failures,
+    outcome,
     planned,
-    problems,
 )
 from toolbox import catalog
 from toolbox.data import PointCloud
@@ -34,6 +34,7 @@ WITHOUT = {  # tools that no change of a single cloud tells anything about
     "compare.surfaces": "compares layers",
     "corridor.clearance": "is a step of models.power_line_clearance",
     "corridor.label": "is a step of models.power_line_clearance",
+    "corridor.surroundings": "is a step of models.power_line_clearance",
     "planes.openings": "needs the number of a plane, which changes with the points",
     "points.merge": "joins files",
     "samples.scene": "reads nothing",
@@ -65,18 +66,18 @@ def town(monkeypatch: pytest.MonkeyPatch) -> Run:
     return Run(CASE["points.denoise"], "town", "shuffled", 0, MOST_CI)
 
 
-def told(run: Run, monkeypatch: pytest.MonkeyPatch, outcome: Any) -> str:
+def told(run: Run, monkeypatch: pytest.MonkeyPatch, result: Any) -> str:
     """What is said of a tool that gives or raises this."""
 
     def done(case: Any, points: PointCloud) -> Any:
-        made = outcome(points)
+        made = result(points)
         if isinstance(made, BaseException):
             raise made
         return {"clean": made}
 
     monkeypatch.setattr(metamorphic, "done", done)
     metamorphic.before.cache_clear()
-    return "; ".join(problems(run))
+    return "; ".join(outcome(run)[1])
 
 
 def test_mistakes_and_lost_points_are_told(town: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -315,7 +315,11 @@ PROMISES: Mapping[str, Promise] = {
 }
 """Of all tools that are not among the EXCEPTIONS; other transformations promise nothing."""
 
-EXCEPTIONS: Mapping[tuple[str, str], Promise | None] = {}
+EXCEPTIONS: Mapping[tuple[str, str], Promise | None] = {
+    ("surface.contours", "turned"): Promise(
+        0.0, 0.25, "lines end at the gaps of a grid whose cells lie elsewhere", counted=2.0
+    ),
+}
 """By name of the case and transformation; None for no promise."""
 
 
@@ -387,20 +391,22 @@ def before(case_name: str, subject: str, seed: int, most: int) -> Mapping[str, A
         return str(error)
 
 
-def problems(run: Run) -> Iterator[str]:
-    """What is wrong with the outcome of a run."""
+def outcome(run: Run) -> tuple[bool, list[str]]:
+    """Whether a run gives a result, and what is wrong."""
     points = run.points()
     try:
         found = done(run.case, points)
     except Cancelled:
-        yield f"does not end within {SLOWEST:g} s"
-        return
+        return False, [f"does not end within {SLOWEST:g} s"]
     except (ParameterError, DataError) as error:
-        yield from _refused(run, error)
-        return
+        return False, list(_refused(run, error))
     except Exception as error:  # noqa: BLE001  that is what is looked for
-        yield f"a mistake in the toolbox: {type(error).__name__}: {error}"
-        return
+        return False, [f"a mistake in the toolbox: {type(error).__name__}: {error}"]
+    return True, list(_wrong(run, found, points))
+
+
+def _wrong(run: Run, found: Mapping[str, Any], points: PointCloud) -> Iterator[str]:
+    """What is wrong with a result."""
     keeps = run.case.keeps
     if keeps and len(found[keeps]) != len(points):
         yield f"{len(points)} points became {len(found[keeps])}"
@@ -437,11 +443,11 @@ def _moved(run: Run, found: Mapping[str, Any], metre: float, promise: Promise) -
                 share = float(np.mean(one[order] != two))
                 if share > promise.points:
                     yield f"{name} of {share:.3%} of points changed (limit {promise.points:.1%})"
-    shares = {n for n, out in catalog.load(run.case.id).outputs.items() if out.unit == "1"}
+    wholes = {n: WHOLES.get(out.unit, 0.0) for n, out in catalog.load(run.case.id).outputs.items()}
     here, there = dict(measures(found, metre)), dict(measures(was, old.metre))
     for name in sorted(here.keys() | there.keys()):
         one, two = there.get(name, np.nan), here.get(name, np.nan)
-        size = max(abs(one), abs(two), 1.0 if name in shares else 0.0)
+        size = max(abs(one), abs(two), wholes.get(name, 0.0))
         limit = promise.ratio * size + promise.counted * np.sqrt(size if one.is_integer() else 0)
         same = one == two or (np.isnan(one) and np.isnan(two))
         if not (same or abs(two - one) <= limit):
@@ -469,6 +475,8 @@ def measures(found: Mapping[str, Any], metre: float) -> Iterator[tuple[str, floa
             yield name, float(value)
 
 
+WHOLES = {"1": 1.0, "%": 100.0}
+"""What shares are of, by their unit."""
 PLACED = ("level", "height", "offset", "azimuth", "normal", "trials", "lowest")
 """Beginnings of the names of numbers that go with the place of the points, or with the draws."""
 
@@ -476,13 +484,18 @@ PLACED = ("level", "height", "offset", "azimuth", "normal", "trials", "lowest")
 def failures(runs: Sequence[Run], *, loud: bool = False) -> list[tuple[Run, str]]:
     """The runs that fail, with what is wrong."""
     found: list[tuple[Run, str]] = []
+    results = 0
     for number, run in enumerate(runs, start=1):
         start = time.perf_counter()
-        texts = list(problems(run))
+        has_result, texts = outcome(run)
+        results += has_result
         found += [(run, text) for text in texts]
         if loud:
             seconds = time.perf_counter() - start
-            say(f"metamorphic {number:4} {seconds:6.1f} s  {run.name}  {'; '.join(texts)[:300]}")
+            ended = "; ".join(texts)[:300] or ("result" if has_result else "error")
+            say(f"metamorphic {number:4} {seconds:6.1f} s  {run.name}  {ended}")
+    if loud:
+        say(f"metamorphic {results} results, {len(runs) - results} errors")
     return found
 
 

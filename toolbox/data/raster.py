@@ -38,6 +38,7 @@ _SAID = ("nodata", "descriptions", "units", "name")  # of a raster, besides its 
 _LOCAL = "LOCAL_CRS"  # metadata item of a raster without CRS, with a word such as "local:mm"
 _NODATA = -9999.0  # of float rasters, unless the file or the caller has its own
 _SIDE_CARS = (".aux.xml", ".ovr", ".msk", ".msk.ovr")  # what GDAL reads with a GeoTIFF
+_LARGEST_BLOCK = 2**30  # bytes; a quarter of them is 256 x 256 cells of a thousand bands
 _DTYPES = frozenset(
     f"{kind}{bits}"
     for kind, sizes in {"uint": (8, 16, 32, 64), "int": (8, 16, 32, 64), "float": (32, 64)}.items()
@@ -507,7 +508,7 @@ def _read(source: Any, name: str) -> Raster:
         raise DataError(f"{name} {problem}")
     if any(dtype not in _DTYPES for dtype in source.dtypes):
         raise DataError(f"{name} holds {source.dtypes[0]} values; convert them to float32 first")
-    need_memory(_bytes_to_read(source), f"{name}, {source.height} rows x {source.width} columns,")
+    _check_size(source, name)
     values, nodata = _values(source)
     return Raster(
         values,
@@ -527,16 +528,22 @@ def _crs(source: Any) -> CRS | None:
     return local_crs(source.tags().get(_LOCAL, ""))
 
 
-def _bytes_to_read(source: Any) -> int:
-    """Memory that the values and the mask of a raster take, or a block of all bands if more.
+def _check_size(source: Any, name: str) -> None:
+    """Raise a DataError if a raster does not fit into memory, or cannot be unpacked in time.
 
-    Bands that are kept together are unpacked together, however small the raster is in its block.
+    Bands that are kept together are unpacked together, for each of them anew where their block is
+    larger than what GDAL keeps.
     """
     each: int = np.dtype(source.dtypes[0]).itemsize
-    cells: int = source.height * source.width * source.count * (each + 1)
     rows, cols = source.block_shapes[0]
     together = source.count if source.profile.get("interleave") == "pixel" else 1
-    return max(cells, rows * cols * each * together)
+    if rows * cols * each * together > _LARGEST_BLOCK:
+        raise DataError(
+            f"{name} keeps its {source.count:,} bands together in blocks of {rows:,} x {cols:,} "
+            "cells, which are too large to unpack; store the bands apart (INTERLEAVE=BAND)"
+        )
+    size = source.height * source.width * source.count * (each + 1)  # with the mask
+    need_memory(size, f"{name}, {source.height:,} rows x {source.width:,} columns,")
 
 
 def _values(source: Any) -> tuple[NDArray[Any], float | None]:

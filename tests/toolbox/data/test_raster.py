@@ -15,7 +15,7 @@ from pyproj import CRS
 import toolbox
 from toolbox.data import Lattice, Raster
 from toolbox.data.crs import LOCALS, describe_crs, length_problem, parse_crs, same_crs
-from toolbox.errors import DataError, MemoryShort
+from toolbox.errors import DataError
 
 NORTH_UP = Affine(0.5, 0, 1000, 0, -0.5, 2000)
 
@@ -353,11 +353,15 @@ def test_lattices_that_are_not_ours(tmp_path: Path, transform: Affine | None, pr
 
 
 @pytest.mark.parametrize(
-    ("size", "bands", "tile"),
-    [(10**6, 1, 8192), (16, 60_000, 4096)],
-    ids=["of 10^12 cells", "of 256 cells, which are unpacked in blocks of 10^12"],
+    ("size", "bands", "tile", "problem"),
+    [
+        (10**6, 1, 8192, r"a\.tif, 1,000,000 rows x 1,000,000 columns, needs 2e\+03 GB"),
+        (16, 60_000, 4096, r"a\.tif keeps its 60,000 bands together in blocks of 4,096 x 4,096"),
+    ],
 )
-def test_rasters_that_no_memory_holds(tmp_path: Path, size: int, bands: int, tile: int) -> None:
+def test_rasters_that_no_memory_holds(
+    tmp_path: Path, size: int, bands: int, tile: int, problem: str
+) -> None:
     """A file of some kilobytes may claim them: what nobody wrote is not stored."""
     options = {"sparse_ok": True, "bigtiff": "yes", "tiled": True, "interleave": "pixel"}
     with rasterio.open(
@@ -374,7 +378,7 @@ def test_rasters_that_no_memory_holds(tmp_path: Path, size: int, bands: int, til
         **options,
     ):
         pass
-    with pytest.raises(MemoryShort, match=rf"a\.tif, {size} rows x {size} columns, needs \d"):
+    with pytest.raises(DataError, match=problem):
         Raster.open(path)
 
 
@@ -443,14 +447,3 @@ def test_band_on_the_way_into_a_tool(tmp_path: Path) -> None:
         toolbox.run("surface.hillshade", {"surface": tmp_path / "a.tif"})
     shade = toolbox.run("surface.hillshade", {"surface": {"path": tmp_path / "a.tif", "band": "2"}})
     assert np.nanmean(shade["hillshade"].values) < 230
-
-
-def test_a_small_file_of_more_cells_than_memory(tmp_path: Path) -> None:
-    """A GeoTIFF need not hold the blocks that nobody wrote."""
-    path = tmp_path / "a.tif"
-    size = {"width": 10**6, "height": 10**6, "count": 1, "dtype": "float64"}
-    how = {"transform": Affine(1, 0, 5, 0, -1, 0), "sparse_ok": True, "bigtiff": "yes"}
-    how |= {"tiled": True, "blockxsize": 8192, "blockysize": 8192}
-    rasterio.open(path, "w", driver="GTiff", **size, **how).close()
-    with pytest.raises(DataError, match=r"1,000,000 rows and 1,000,000 columns need 8e\+12 bytes"):
-        Raster.open(path)

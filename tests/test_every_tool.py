@@ -302,7 +302,7 @@ def edges(points: PointCloud) -> NDArray[np.float64]:
 def wire(points: PointCloud) -> Vector:
     """One wire along the block, above its ground and through its roofs."""
     curve = Catenary(500_000.3, 4_600_020.4, 1.0, 0.0, 480.0, 20.0, 64.0, 1 / 3000.0)
-    found = Wire(curve, (-1, -1), (0.0, curve.length), 1, 1, 1)
+    found = Wire(curve, (-1, -1), (0.0, curve.length), 0.25, 1, 1, 1)
     return wire_layer([found], np.zeros(3), points.metre, points.crs)
 
 

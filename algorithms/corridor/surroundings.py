@@ -34,7 +34,7 @@ class CorridorSurroundings:
 
     points: PointCloud = source("Points to choose from")
     wires: Vector = source("Catenaries of the conductors")
-    reach: float = param(
+    to_side: float = param(
         "Distance to the side of the wires; that from which a tree may fall on one by default",
         default=60.0,
         unit="m",
@@ -63,7 +63,7 @@ class CorridorSurroundings:
         cloud = self.points
         require_finite(cloud.xyz)
         lines = shapely.force_2d(geometries(self.wires))
-        strips = shapely.buffer(lines, self.reach, quad_segs=ARC)
+        strips = shapely.buffer(lines, self.to_side, quad_segs=ARC)
         near = Polygons.of(shapely.get_parts(shapely.union_all(strips))).hold(cloud.xyz, ctx=ctx)
         near[near] = ~self._of_the_line(cloud.select(near))
         if not near.any() and cloud.origin is None:  # a tile may well have none

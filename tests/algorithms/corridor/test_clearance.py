@@ -61,7 +61,7 @@ DRAKE = conductor_of("Drake")
 def layer(*curves: Catenary, crs: int = 32635, metre: float = 1.0) -> Vector:
     """Wires of spans 1, 2, ... near EAST, NORTH, in the unit of the CRS."""
     wires = [
-        Wire(replace(c, covariance=COVARIANCE), (-1, -1), (0.0, c.length), n, n, n)
+        Wire(replace(c, covariance=COVARIANCE), (-1, -1), (0.0, c.length), 0.25, n, n, n)
         for n, c in enumerate(curves, start=1)
     ]
     return wire_layer(wires, np.array([EAST, NORTH, 0.0]) * metre, metre, CRS(crs))

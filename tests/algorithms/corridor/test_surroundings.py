@@ -26,21 +26,21 @@ def points(metre: float = 1.0, crs: int = 32635) -> PointCloud:
 def wires(*lengths: float, metre: float = 1.0, crs: int = 32635) -> Vector:
     """Wires along x from 0, 20 m high."""
     made = [Catenary(0.0, 0.0, 1.0, 0.0, length, 20.0, 20.0, 1 / 900) for length in lengths]
-    found = [Wire(curve, (-1, -1), (0.0, curve.length), 1, 1, 1) for curve in made]
+    found = [Wire(curve, (-1, -1), (0.0, curve.length), 0.25, 1, 1, 1) for curve in made]
     return wire_layer(found, np.zeros(3), metre, CRS(crs))
 
 
 @pytest.mark.parametrize(("metre", "crs"), [(1.0, 32635), (METRE, 2263)])
 def test_near_is_told_in_plan_and_to_the_centimetre(metre: float, crs: int) -> None:
     sources = {"points": points(metre, crs), "wires": wires(100.0, metre=metre, crs=crs)}
-    found = toolbox.run("corridor.surroundings", sources | {"reach": 12.01})
+    found = toolbox.run("corridor.surroundings", sources | {"to_side": 12.01})
     y = found["near"].xyz[:, 1] / metre
     assert np.round(y).tolist() == list(range(-12, 13))
     assert found["removed_share"] == pytest.approx(36 / 61)
 
 
 def test_beyond_the_end_of_a_wire_the_end_counts() -> None:
-    sources = {"points": points(), "wires": wires(45.0), "reach": 13.002}
+    sources = {"points": points(), "wires": wires(45.0), "to_side": 13.002}
     y = toolbox.run("corridor.surroundings", sources)["near"].xyz[:, 1]
     assert np.abs(y).max() == 12.0  # 5 m behind the end
 

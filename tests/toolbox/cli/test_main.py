@@ -20,6 +20,7 @@ from pyproj import CRS
 from toolbox.cli.console import Console, Events
 from toolbox.cli.main import main
 from toolbox.data import PointCloud, Raster, Table
+from toolbox.data.crs import LOCAL
 
 HEAVY = ("numba", "scipy", "geopandas", "rasterio", "sklearn", "numpy", "pyproj", "pandas")
 
@@ -216,7 +217,7 @@ def test_missing_crs_says_what_to_do(
     assert main(argv) == 3
     assert "--assume-crs" in capsys.readouterr().err
     assert main([*argv, "--assume-crs", "local"]) == 0
-    assert Raster.open(tmp_path / "s.tif").crs is None
+    assert Raster.open(tmp_path / "s.tif").crs == LOCAL
     assert main([*argv, "--assume-crs", "EPSG:32635", "--overwrite"]) == 0
     assert Raster.open(tmp_path / "s.tif").crs == CRS(32635)
     assert main(["run", "points.filter", "--points", str(bare)]) == 0

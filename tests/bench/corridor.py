@@ -7,15 +7,18 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tests.bench.measuring import DATA, FEW, alternately, say
 
 DENSITIES = (5.0, 8.0, 10.0, 12.0, 16.0, 20.0, 25.0, 30.0, 40.0, 60.0)  # points per square metre
 TILES = ("12AN2_20", "12BZ1_21")
+_CLASS_OF_REFERENCE = np.array([1, 14, 15], np.uint8)  # of the attribute: other, wire, tower
 SEEDS = (range(10), range(200, 210), range(300, 310), range(400, 410))  # the last: hardly seen
 
 
 def corridor() -> None:
-    """Wires, towers and spans of two real tiles and of random synthetic corridors; speed."""
+    """Wires, towers and spans of real and of random synthetic corridors; speed."""
     from pyproj import CRS
 
     from toolbox.data import PointCloud
@@ -25,6 +28,8 @@ def corridor() -> None:
         _whole_model(path)
         cloud = PointCloud.open(path).with_crs(CRS(28992))
         _extracted(tile, cloud, cloud["classification"], None)
+    hills = PointCloud.open(DATA / "line_quebec_hills/west.laz")
+    _extracted("hills", hills, _CLASS_OF_REFERENCE[hills["reference"]], None)
     for seeds in SEEDS:
         rows = [_synthetic(seed, DENSITIES[seed % 10]) for seed in seeds]
         say(
@@ -60,8 +65,6 @@ def _whole_model(path: Path) -> None:
 
 def _synthetic(seed: int, density: float) -> dict[str, float]:
     """Figures of a random corridor, all points of which are unlabelled."""
-    import numpy as np
-
     from algorithms.samples.scene import SamplesScene
     from toolbox.data import Vector
 
@@ -74,8 +77,6 @@ def _synthetic(seed: int, density: float) -> dict[str, float]:
 
 def _extracted(name: str, points: Any, truth: Any, lines: Any) -> dict[str, float]:
     """Say what is found of one cloud; guard wires count as wires, insulators as towers."""
-    import numpy as np
-
     from algorithms.compare.spans import CompareSpans
     from algorithms.corridor.extract import CorridorExtract
 

@@ -109,6 +109,8 @@ def in_hills(
 ) -> PointCloud:
     """Three phases of bundles on three long spans up a slope, which wander by 3 cm along them.
 
+    They hang by strings of 6 m.
+
     Parameters
     ----------
     bundle : where the subconductors are, aside and up, metres
@@ -136,10 +138,10 @@ def in_hills(
     for t in towers:
         foot = float(rise(t))
         legs = [
-            bar((t + i, j, foot), (t + 0.3 * i, 0.3 * j, foot + 36), 4, 0.1)
+            bar((t + i, j, foot), (t + 0.3 * i, 0.3 * j, foot + 41), 4, 0.1)
             for i in (-3, 3)
             for j in (-3, 3)
         ]
-        parts.append(np.vstack([*legs, bar((t, -15, foot + 37), (t, 15, foot + 37), 10, 0.2)]))
+        parts.append(np.vstack([*legs, bar((t, -15, foot + 41), (t, 15, foot + 41), 10, 0.2)]))
     classes = [2, *[14] * wires, *[15] * len(towers), *[0] * len(beside)]
     return cloud(*parts, *beside, classes=classes)

@@ -553,6 +553,8 @@ def test_bundles_and_noisy_wires_in_hills_are_found_whole(
     for place in (430, 850):
         assert np.abs(feet - place).min() < 2
     assert len(feet) <= 4  # those at the ends of the data among them
+    held = (true == 15) & (abs(points.xyz[:, 0] - CORNER[0] - 640) < 300)
+    assert (said[held] == 15).mean() > 0.85  # with arms above their strings
 
 
 def test_wires_that_wander_from_their_arcs_have_no_more_supports() -> None:

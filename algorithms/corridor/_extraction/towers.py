@@ -146,14 +146,22 @@ def centred(corridor: Corridor, support: Support) -> Support:
     waist, half = support.low - scaled(ARMS_DROP, height), 0.1 * height
     _, a, s, z = around_axis(corridor, support)
     level = level_with_arms(support, s, z)
-    forth = aside = 0.0
+    forth = 0.0
     for depth in (2 * half, half):  # at first it may be farther off
         arms = level & (np.abs(a - forth) < depth)
         if np.count_nonzero(arms) >= KNOWN_BY_POINTS:
             forth = float(np.median(a[arms]))
     neck = (z > waist - 0.15 * height) & (z < waist)
+
+    def around(middle: float, reach: float) -> NDArray[np.bool_]:
+        return neck & (np.hypot(a - forth, s - middle) < reach)
+
+    # A wide body was found by one of its legs; it has more points around the middle of its wires.
+    aside = max(
+        (0.0, sum(support.reach) / 2), key=lambda at: np.count_nonzero(around(at, 2 * half))
+    )
     for reach in (2 * half, half):
-        body = neck & (np.hypot(a - forth, s - aside) < reach)
+        body = around(aside, reach)
         if np.count_nonzero(body) >= KNOWN_BY_POINTS:
             aside = float(np.quantile(s[body], (0.1, 0.9)).mean())  # of a hollow body
     (ex, ey), (left, right) = support.across, support.reach

@@ -678,8 +678,13 @@ def test_a_real_line_in_hills() -> None:
     said, true = result.classified["classification"] == 14, points["reference"] == 1
     assert (said & true).sum() > 0.94 * true.sum()
     assert (said & true).sum() > 0.96 * said.sum()
-    assert result.tower_count == 4
     assert result.span_count == 6
+    assert result.tower_count == 4
+    towers = points.xyz[points["reference"] == 2]
+    for foot in result.towers.frame.geometry:
+        body = towers[np.hypot(*(towers[:, :2] - (foot.x, foot.y)).T) < 12, :2]
+        middle = np.quantile(body, (0.02, 0.98), axis=0).mean(axis=0)
+        assert np.hypot(*(middle - (foot.x, foot.y))) < 2
 
 
 def test_points_are_in_the_order_of_cells_and_places_whatever_theirs() -> None:

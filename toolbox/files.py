@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 OwnFiles = Callable[[Path], tuple[Path, ...]]  # all files that belong to a path, itself included
 
-PREFIX = ".unfinished-"
 LOCK = "lock"  # file in a temporary folder, locked while the process lives that made it
 OTHERS_WRITE = 0o022  # of the mode of a folder
 FULL = 2**20  # bytes; a disk with less space than this is full
@@ -153,8 +152,8 @@ def recover(parent: Path) -> None:
     """
     from filelock import Timeout
 
-    for folder in parent.glob(f"{PREFIX}*"):
-        if hasattr(os, "getuid") and folder.lstat().st_uid != os.getuid():
+    for folder in parent.glob(f"{moves.PREFIX}*"):
+        if folder.is_symlink() or not _is_mine(folder):
             continue
         try:
             with _lock_of(folder):
@@ -168,7 +167,7 @@ def recover(parent: Path) -> None:
 
 def _new_folder(parent: Path) -> Path:
     """Make a hidden folder that is locked as long as this process lives."""
-    folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=parent))
+    folder = Path(tempfile.mkdtemp(prefix=moves.PREFIX, dir=parent))
     lock = _lock_of(folder)
     try:
         lock.acquire(blocking=True)  # makes it anew if another run has removed it before
@@ -184,6 +183,10 @@ def _lock_of(folder: Path) -> FileLock:
     from filelock import FileLock
 
     return FileLock(folder / LOCK, blocking=False, thread_local=False)
+
+
+def _is_mine(folder: Path) -> bool:
+    return not hasattr(os, "getuid") or folder.lstat().st_uid == os.getuid()
 
 
 def is_private(folder: Path) -> bool:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+PREFIX = ".unfinished-"  # of the name of a hidden folder
 NEW, OLD = "new", "old"  # in a hidden folder: files to put in their places, links to those there
 _JOURNAL, _MAIN = "journal", "main"  # the moves; which of the hidden folders has the journal
 
@@ -99,7 +100,7 @@ def make(moves: Sequence[Move], folders: Mapping[Path, Path], *, overwrite: bool
         return
     main = next(iter(folders.values()))
     if len(moves) > 1:
-        _note(moves, main, folders.values())
+        _note(moves, main, folders)
     try:
         for move in moves:
             move.do(overwrite=overwrite)
@@ -126,29 +127,54 @@ def undo(folder: Path) -> None:
     ------
     OSError
         A file cannot be put back.
+    ValueError
+        The journal is none that this module has written.
     """
     journal = _journal_of(folder)
     if not journal.exists():
         return
-    main = journal.parent
-    for target, old, state in reversed(json.loads(journal.read_text(encoding="utf-8"))):
-        Move(main / target, None, old and main / old, state and tuple(state)).undo()
+    entries = json.loads(journal.read_text(encoding="utf-8"))
+    try:
+        made = [_noted(journal, *entry) for entry in entries]
+    except TypeError as err:
+        raise ValueError(f"{journal} is damaged: {err}") from None
+    for move in reversed(made):
+        move.undo()
     journal.unlink(missing_ok=True)
 
 
-def _note(moves: Iterable[Move], main: Path, folders: Iterable[Path]) -> None:
+def _noted(journal: Path, hidden: str, name: str, kept: bool, state: Iterable[int] | None) -> Move:
+    """The move of an entry, if it is made beside a hidden folder that belongs to the journal.
+
+    A hidden folder may come out of an archive of a stranger: what it says must not reach files
+    where no hidden folder of the same run is.
+    """
+    folder = journal.parent / hidden
+    inside = folder.name.startswith(PREFIX) and journal.parent.name.startswith(PREFIX)
+    linked = folder.is_symlink() or (folder / OLD).is_symlink()
+    if linked or not inside or Path(name).name != name or not _same(_journal_of(folder), journal):
+        raise ValueError(f"{journal} names {folder.parent / name}, which is not its own")
+    old = folder / OLD / name if kept else None
+    return Move(folder.parent / name, None, old, tuple(state) if state else None)
+
+
+def _same(one: Path, other: Path) -> bool:
+    return one.exists() and one.samefile(other)
+
+
+def _note(moves: Iterable[Move], main: Path, folders: Mapping[Path, Path]) -> None:
     """Write the journal, with paths as seen from its folder, which may be mounted elsewhere."""
-    for folder in folders:
+    for folder in folders.values():
         _write(folder / _MAIN, os.path.relpath(main, folder))
+    beside = {parent: os.path.relpath(folder, main) for parent, folder in folders.items()}
     entries: list[Any] = [
-        [os.path.relpath(m.target, main), m.old and os.path.relpath(m.old, main), m.state]
-        for m in moves
+        [beside[m.target.parent], m.target.name, m.old is not None, m.state] for m in moves
     ]
     _write(main / f"{_JOURNAL}.draft", json.dumps(entries))
-    for folder in folders:
+    for folder in folders.values():
         _flush(folder / OLD)
     (main / f"{_JOURNAL}.draft").replace(main / _JOURNAL)
-    for folder in folders:
+    for folder in folders.values():
         _flush(folder)
 
 

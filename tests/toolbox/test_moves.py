@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from toolbox import files
+from toolbox import files, moves
 
 STEPS = ("replace", "rename", "link", "unlink", "fsync")  # of a move, before each of which we kill
 KILLED = 77
@@ -230,3 +231,41 @@ def test_permissions_stay_those_of_the_file_that_is_replaced(there: Path) -> Non
     path.chmod(0o640)
     write(there, "new")
     assert path.stat().st_mode & 0o777 == 0o640
+
+
+def test_a_journal_out_of_an_archive_reaches_no_other_folder(tmp_path: Path) -> None:
+    """Whoever unpacks a folder and writes into it has not asked for what its journal says."""
+    home, data = tmp_path / "home", tmp_path / "data"
+    hidden = data / f"{moves.PREFIX}theirs"
+    for folder in (home, hidden / "old"):
+        folder.mkdir(parents=True)
+    (hidden / "link").symlink_to(home)
+    (home / "secret").write_text("secret")
+    theirs = hidden / "old" / ".profile"
+    theirs.write_text("evil")
+    for entry in (
+        ["../../home", ".profile", True, None],
+        [".", "../../home/.profile", True, None],
+        ["../../home/.", ".profile", True, None],
+        ["link", ".profile", True, None],
+        ["../../home/.profile", "old/.profile", None],
+        [1, 2, 3, 4],
+        5,
+    ):
+        (hidden / "journal").write_text(json.dumps([entry]))
+        files.recover(data)
+        assert [path.name for path in home.iterdir()] == ["secret"], entry
+        assert theirs.exists(), entry
+    theirs.unlink()
+    (hidden / "old").rmdir()
+    (hidden / "old").symlink_to(home)
+    (hidden / "journal").write_text(json.dumps([[".", "secret", True, None]]))
+    files.recover(data)
+    assert (home / "secret").exists()
+
+
+def test_a_link_to_a_folder_is_nobodys_hidden_folder(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / f"{moves.PREFIX}link").symlink_to(tmp_path / "there")
+    files.recover(tmp_path)
+    assert not list((tmp_path / "there").iterdir())

@@ -24,6 +24,8 @@ from toolbox.context import Context
 
 TOLERANCES = (0.25, 0.625)  # metres: of clean single wires, and of bundles and noisy ones
 MUCH_MORE = 1.1  # times the length of wires, for which a larger tolerance is taken
+FEWEST_OF_LINE = 30  # points; fewer lie in arcs by chance in a wood
+LEAST_OF_LINE = 120.0  # tolerances, of wire; the same
 NUMBERS = ("span", "bundle", "wire")
 
 
@@ -65,7 +67,8 @@ def follow(
         wires, supports = followed(corridor, voxel, max_gap, part)
         voxel = voxel[~corridor.refused]
         corridor = corridor.without_refused()
-        lines = better(corridor, lines, lines_of(wires, supports))
+        here = [line for line in lines_of(wires, supports) if line.is_none_by_chance(tolerance)]
+        lines = better(corridor, lines, here)
     return together(lines)
 
 
@@ -104,6 +107,11 @@ class Line:
     def length(self) -> float:
         """Metres of conductor along which points are known."""
         return sum(wire.known[1] - wire.known[0] for wire in self.wires)
+
+    def is_none_by_chance(self, tolerance: float) -> bool:
+        """Whether there is too much of it for points that happen to lie so."""
+        points = sum(wire.curve.count for wire in self.wires)
+        return points >= FEWEST_OF_LINE and self.length >= LEAST_OF_LINE * tolerance
 
     def points(self, corridor: Corridor) -> NDArray[np.int64]:
         """Indices of the points on its wires."""

@@ -669,11 +669,18 @@ def test_a_real_transmission_line(tile: str, corner: tuple[float, float]) -> Non
     assert (result.span_count, result.tower_count) == (2, 1)
 
 
-def test_a_real_line_in_hills() -> None:
+@pytest.mark.parametrize(("degrees", "there"), [(0, 1), (45, 0), (45, 1)])
+def test_a_real_line_in_hills(degrees: int, there: int) -> None:
+    """Turned about its middle, and moved to the origin, it is the same line, and no other."""
     path = DATA / "line_quebec_hills/west.laz"
     if not path.is_file():
         pytest.skip("needs TOOLBOX_TEST_DATA")
     points = PointCloud.open(path)
+    middle = points.xyz.mean(axis=0)
+    x, y, z = (points.xyz - middle).T
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    turned = np.column_stack([c * x - s * y, s * x + c * y, z]) + there * middle
+    points = PointCloud(turned, {"reference": points["reference"]}, crs=points.crs)
     result = CorridorExtract(points=points).run()
     said, true = result.classified["classification"] == 14, points["reference"] == 1
     assert (said & true).sum() > 0.94 * true.sum()
@@ -683,8 +690,8 @@ def test_a_real_line_in_hills() -> None:
     towers = points.xyz[points["reference"] == 2]
     for foot in result.towers.frame.geometry:
         body = towers[np.hypot(*(towers[:, :2] - (foot.x, foot.y)).T) < 12, :2]
-        middle = np.quantile(body, (0.02, 0.98), axis=0).mean(axis=0)
-        assert np.hypot(*(middle - (foot.x, foot.y))) < 2
+        centre = np.quantile(body, (0.02, 0.98), axis=0).mean(axis=0)
+        assert np.hypot(*(centre - (foot.x, foot.y))) < 2
 
 
 def test_points_are_in_the_order_of_cells_and_places_whatever_theirs() -> None:

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from toolbox import moves
 from toolbox.context import log
+
+if sys.platform == "win32":
+    fcntl = None
+else:
+    import fcntl
 
 if TYPE_CHECKING:
     from filelock import FileLock
@@ -124,12 +130,30 @@ def staged(targets: Mapping[Path, OwnFiles], *, overwrite: bool) -> Iterator[dic
                 (folders[parent] / inside).mkdir()
         yield {target: folders[target.parent] / moves.NEW / target.name for target in targets}
         own = [part for target, own_files in targets.items() for part in own_files(target)]
-        prepared = moves.prepared(folders, own, overwrite=overwrite)
-        with _moving:
-            moves.make(prepared, folders, overwrite=overwrite)
+        with _alone_in(folders):
+            prepared = moves.prepared(folders, own, overwrite=overwrite)
+            with _moving:
+                moves.make(prepared, folders, overwrite=overwrite)
     finally:
         for folder in folders.values():
             _discard(folder)
+
+
+@contextmanager
+def _alone_in(folders: Iterable[Path]) -> Iterator[None]:
+    """Wait until no other run moves files in these folders, or two outputs of one name would mix.
+
+    The folders themselves are locked, in an order that is the same for all runs. Where that cannot
+    be done, as on Windows and on some network drives, nobody waits.
+    """
+    with ExitStack() as stack:
+        if fcntl is not None:
+            for folder in sorted({folder.resolve() for folder in folders}):
+                descriptor = os.open(folder, os.O_RDONLY)
+                stack.callback(os.close, descriptor)
+                with suppress(OSError):
+                    fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
 
 
 @contextmanager
@@ -153,27 +177,31 @@ def recover(parent: Path) -> None:
     from filelock import Timeout
 
     for folder in parent.glob(f"{moves.PREFIX}*"):
-        if folder.is_symlink() or not _is_mine(folder):
-            continue
         try:
+            if folder.is_symlink() or not _is_mine(folder):
+                continue
             with _lock_of(folder):
                 moves.undo(folder)
                 shutil.rmtree(folder, ignore_errors=True)
         except Timeout:
             continue
         except (OSError, ValueError) as err:
-            log.warning("%s, which a killed run has left, stays: %s", folder, err)
+            if folder.exists():  # or its run has ended meanwhile, and removed it
+                log.warning("%s, which a killed run has left, stays: %s", folder, err)
 
 
 def _new_folder(parent: Path) -> Path:
     """Make a hidden folder that is locked as long as this process lives."""
-    folder = Path(tempfile.mkdtemp(prefix=moves.PREFIX, dir=parent))
-    lock = _lock_of(folder)
-    try:
-        lock.acquire(blocking=True)  # makes it anew if another run has removed it before
-    except OSError:  # a file system without locks, where nobody takes it for left behind
-        if not folder.is_dir():
-            raise
+    while True:
+        folder = Path(tempfile.mkdtemp(prefix=moves.PREFIX, dir=parent))
+        lock = _lock_of(folder)
+        try:
+            lock.acquire(blocking=True)
+        except OSError:
+            if not folder.is_dir():
+                continue  # another run has taken it for left behind, and removed it
+            # else a file system without locks, where nobody takes it for left behind
+        break
     folder.chmod(0o700)
     _unfinished[folder] = lock
     return folder

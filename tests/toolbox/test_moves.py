@@ -269,3 +269,36 @@ def test_a_link_to_a_folder_is_nobodys_hidden_folder(tmp_path: Path) -> None:
     (tmp_path / f"{moves.PREFIX}link").symlink_to(tmp_path / "there")
     files.recover(tmp_path)
     assert not list((tmp_path / "there").iterdir())
+
+
+def test_outputs_of_two_runs_at_once_do_not_mix(tmp_path: Path) -> None:
+    """The last one wins, with all its files."""
+    target = tmp_path / "a.shp"
+
+    def run() -> None:
+        os.close(closing)
+        os.read(gate, 1)  # until the gate is closed
+        with files.staged({target: of_shapefile}, overwrite=True) as places:
+            for part in of_shapefile(places[target]):
+                part.write_text(str(os.getpid()))
+
+    for _ in range(25):
+        gate, closing = os.pipe()
+        runs = [in_another_process(run) for _ in range(2)]
+        os.close(closing)
+        os.close(gate)
+        for number in runs:
+            assert os.waitpid(number, 0)[1] == 0
+        assert len({part.read_text() for part in of_shapefile(target)}) == 1
+
+
+def in_another_process(work: Callable[[], None]) -> int:
+    """Start work in another process; gives its number."""
+    child = os.fork()
+    if child == 0:
+        try:
+            work()
+            os._exit(0)
+        finally:
+            os._exit(1)
+    return child

@@ -407,7 +407,10 @@ def _profile(
         x, y = np.array([place, (axis.along(foot)[0][0], foot[0, 2])]).T
         drawing.curve(x, y, SEVERITY_COLOURS[rules[one.rule].severity], 1.0)
     _mark(drawing, rules, spots)
-    worst = f"; closest: {spots[0][1].measure:.2f} m" if spots else ""
+    worst = ""
+    if spots:
+        urgent = spots[0][1]
+        worst = f"; the most urgent: {urgent.measure:.2f} m, {rules[urgent.rule].id}"
     caption = (
         f"Span {span}, {axis.length:.0f} m, {len(own)} wires, {len(spots)} objects{worst}. "
         f"Points up to {PROFILE_BESIDE:.0f} m to the side; numbers as in the list."

@@ -1018,7 +1018,9 @@ def test_the_page_shows_a_long_line_in_sheets_and_every_span() -> None:
         f"sheet {k} of 5, from west to east"[-31:] for k in range(1, 6)
     ]
     assert len(blocks["Profiles"]) == 12
-    assert blocks["Profiles"][0].caption.startswith("Span 11, 300 m, 1 wires, 1 objects; closest")
+    assert blocks["Profiles"][0].caption.startswith(
+        "Span 11, 300 m, 1 wires, 1 objects; the most urgent: 0."
+    )
 
 
 def scattered() -> PointCloud:

@@ -16,6 +16,7 @@ from toolbox.context import log
 BESIDE = 1.5  # metres from a deck in which ground lies at its ends
 LEVEL = 0.75  # metres that ground may be above or below a deck there
 ENDS = 3.0  # metres, length of an end
+BETWEEN = 0.75  # share of a deck that lies between its ends; of a house in a slope two thirds do
 OVER_GROUND = 3.0  # metres, height of a deck
 
 Floats = NDArray[np.float64]
@@ -27,7 +28,8 @@ def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
     """True for regions at whose two ends the ground rises to their level: bridges.
 
     At an end, points nearer to the ground than a roof lie beside the region, at its level. A low
-    roof has those as well, but below its middle; a house on a slope at one end only.
+    roof has those as well, but below its middle; a house on a slope on one side only, or on two
+    that meet at a corner.
 
     Parameters
     ----------
@@ -57,8 +59,7 @@ def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
         ends = ends[z[ends] >= np.median(z[deck]) - LEVEL]
         if np.median(height[deck]) < OVER_GROUND or not len(ends):
             continue
-        discs = shapely.union_all(shapely.buffer(shapely.points(features.xyz[ends, :2]), metre))
-        found[number] = np.count_nonzero(_length(shapely.get_parts(discs)) >= ENDS * metre) >= 2
+        found[number] = between_ends(shapes[number], features.xyz[ends, :2], metre)
     if found.any():
         log.info("%d regions meet ground at both ends: bridges", np.count_nonzero(found))
     return found
@@ -80,7 +81,18 @@ def low_beside(features: PointFeatures, roof: Mask) -> NDArray[np.int64]:
     return np.asarray(low[np.abs(z[tops[nearest]] - z[low]) <= LEVEL])
 
 
-def _length(shapes: Shapes) -> Floats:
-    """The longer side of the bounding box of each shape."""
-    box = shapely.bounds(shapes)
-    return np.asarray((box[:, 2:] - box[:, :2]).max(axis=1))
+def between_ends(deck: Any, xy: Floats, metre: float) -> bool:
+    """Whether a polygon lies between two or more ends: long rows of the points beside it.
+
+    Parameters
+    ----------
+    deck : shapely polygon
+    xy : points beside it, array of shape (n, 2)
+    metre : length of one metre in the unit of the data
+    """
+    rows = shapely.get_parts(shapely.union_all(shapely.buffer(shapely.points(xy), metre)))
+    ends = rows[2 * shapely.minimum_bounding_radius(rows) >= ENDS * metre]
+    if len(ends) < 2:
+        return False
+    between = shapely.convex_hull(shapely.union_all(ends))
+    return bool(between.intersection(deck).area >= BETWEEN * deck.area)

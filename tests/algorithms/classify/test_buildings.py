@@ -12,7 +12,10 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
+from shapely import MultiPoint
+from shapely.affinity import rotate
 
+from algorithms.classify._bridges import between_ends
 from algorithms.classify._evidence import PointFeatures, once_each
 from algorithms.classify._squared import main_direction, squared
 from algorithms.classify.buildings import ClassifyBuildings, margin, on_planes
@@ -277,6 +280,39 @@ def test_a_deck_between_two_banks_is_a_bridge(caplog: pytest.LogCaptureFixture) 
     assert "1 regions meet ground at both ends" in caplog.text
     raised = points.with_xyz(points.xyz + np.where(classes == 1, 3.0, 0.0)[:, None] * [0, 0, 1])
     assert len(ClassifyBuildings(points=raised).run().outlines) == 1
+
+
+@pytest.mark.parametrize("turn", [0.0, 45.0])
+@pytest.mark.parametrize("corner", [False, True])
+def test_a_house_in_a_slope_is_no_bridge_in_any_direction(turn: float, corner: bool) -> None:
+    """The ground at the level of its roof, behind it or around a corner, has a gap of 6 m."""
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(-25, 25, (10_000, 2)).T
+    house, uphill = (abs(x) < 12) & (abs(y) < 8), (y > 8) | (corner & (x > 12))
+    z = np.where(house | uphill, 100, 95) + rng.normal(0, 0.02, len(x))
+    hedge = (abs(x) < 3) & (y > 8) & (y < 12)
+    attributes = {
+        "classification": np.where(house, 1, 2).astype(np.uint8),
+        "HeightAboveGround": np.where(house, 5.0, 0.0),
+    }
+    xy = shapely.get_coordinates(rotate(MultiPoint(np.column_stack([x, y])), turn, (0, 0)))
+    xyz = np.column_stack([xy + np.array([500_000, 4_600_000]), z])
+    points = PointCloud(xyz, attributes, crs=UTM).select(~hedge)
+    assert len(ClassifyBuildings(points=points).run().outlines) == 1
+
+
+@pytest.mark.parametrize("turn", [0.0, 30.0, 45.0])
+def test_the_length_of_an_end_does_not_depend_on_its_direction(turn: float) -> None:
+    deck = rotate(shapely.box(-10, -1, 10, 1), turn, (0, 0))
+    across = np.linspace(-1, 1, 5)
+
+    def has_ends(width: float) -> bool:
+        rows = [np.column_stack([np.full(5, x), across * width / 2]) for x in (-10.5, 10.5)]
+        points = rotate(MultiPoint(np.concatenate(rows)), turn, (0, 0))
+        return between_ends(deck, shapely.get_coordinates(points), 1.0)
+
+    assert has_ends(1.1)
+    assert not has_ends(0.9)  # and 1 m around the points
 
 
 def test_any_order_and_part_of_the_points_gives_the_same() -> None:

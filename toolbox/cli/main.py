@@ -28,11 +28,14 @@ from toolbox.json_text import json_text
 from toolbox.shown import SHOWN
 from toolbox.tiles.tiling import Tiling
 
+CLOSED_PIPE = 141  # the exit code that shells give a program that writes to nobody: 128 + SIGPIPE
+
 
 def main(argv: list[str] | None = None) -> int:
     """Run one verb and return the exit code.
 
-    0 success, 2 wrong input, 3 unreadable or unsuitable data, 130 cancelled, 1 a mistake of ours.
+    0 success, 2 wrong input, 3 unreadable or unsuitable data, 130 cancelled, 141 the reader
+    of standard output has gone, 1 a mistake of ours.
     """
     if closed := [name for name in ("stdout", "stderr") if getattr(sys, name) is None]:
         text = f"error: {' and '.join(closed)} closed; direct it to a file, or to {os.devnull}"
@@ -45,7 +48,7 @@ def main(argv: list[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except BrokenPipeError:  # the reader, such as `head`, has seen enough
-        code = 1
+        code = CLOSED_PIPE
     except (OSError, Unwritable) as err:
         code = Console().error(
             err

@@ -15,9 +15,11 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+import logging
 import os
 import pickle
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -89,10 +91,13 @@ class Cache:
         kept = self._load(key)
         if kept:
             log.info("step %s: unchanged, taken from the cache", name)
+            for text in kept["warnings"]:
+                log.warning("%s", text)
             ctx.progress(1.0)
             found: Any = SimpleNamespace(**kept["values"])
         else:
-            found = job.run(ctx)
+            with _listening() as warnings:
+                found = job.run(ctx)
         layers = dict(_outputs(job.spec, found))
         # A tool may hand on a layer that it was given, which has its key already.
         keys = (
@@ -102,7 +107,7 @@ class Cache:
             self.keys[layer] = keys[output]
         if not kept:
             values = {output: getattr(found, output) for output in job.spec.outputs}
-            self._store(key, {"values": values, "keys": keys})
+            self._store(key, {"values": values, "keys": keys, "warnings": warnings})
         return found
 
     def _key(self, job: Any) -> str:
@@ -164,6 +169,19 @@ class Cache:
                 return
             path.unlink(missing_ok=True)
             total -= stat.st_size
+
+
+@contextmanager
+def _listening() -> Iterator[list[str]]:
+    """The warnings that are logged meanwhile, which belong to the result."""
+    texts: list[str] = []
+    ear = logging.Handler(logging.WARNING)
+    ear.emit = lambda record: texts.append(record.getMessage())  # type: ignore[method-assign]
+    log.addHandler(ear)
+    try:
+        yield texts
+    finally:
+        log.removeHandler(ear)
 
 
 def _own(path: str, flags: int) -> int:

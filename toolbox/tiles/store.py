@@ -134,7 +134,10 @@ def split(
         arrays = cloud.select(order).arrays() | {"origin": block.first + order, "table": table}
         with whole(path) as draft:
             save_arrays(draft, arrays)
-    stored: Indices = np.load(path / "table.npy")
+    with sound(path):
+        stored: Indices = np.load(path / "table.npy")
+        if stored[:, 2].sum() != block.stop - block.start:
+            raise ValueError("it has another number of points")
     return stored
 
 
@@ -151,15 +154,34 @@ def gather(
     clouds: list[PointCloud] = []
     origins: list[Any] = []
     for block in blocks:
-        arrays = load_arrays(folder / block.name)
-        for rows in _row_slices(arrays.pop("table"), low, high):
-            columns = {name: np.array(values[rows]) for name, values in arrays.items()}
-            origin = columns.pop("origin")
-            cloud = survey.template.with_arrays(columns).with_origin(origin).within(bounds)
-            clouds.append(cloud)
-            origins.append(cloud.origin)
+        with sound(folder / block.name):
+            arrays = load_arrays(folder / block.name)
+            for rows in _row_slices(arrays.pop("table"), low, high):
+                columns = {name: np.array(values[rows]) for name, values in arrays.items()}
+                origin = columns.pop("origin")
+                cloud = survey.template.with_arrays(columns).with_origin(origin).within(bounds)
+                clouds.append(cloud)
+                origins.append(cloud.origin)
     joint = survey.template.filled(clouds, sum(map(len, clouds)))
     return in_order(joint, np.concatenate([*origins, np.empty(0, np.int64)]))
+
+
+@contextmanager
+def sound(folder: Path) -> Iterator[None]:
+    """Name the folder of what an earlier run has stored, if it is not as it was.
+
+    Raises
+    ------
+    DataError
+        Something of it cannot be read, is missing, or does not fit the rest.
+    """
+    try:
+        yield
+    except DataError:
+        raise
+    except (ValueError, KeyError, TypeError, IndexError, EOFError) as err:
+        text = f"{folder} is damaged ({err}); remove it, and what it holds is made again"
+        raise DataError(text) from err
 
 
 def in_order(cloud: PointCloud, origin: Indices) -> PointCloud:
@@ -183,10 +205,11 @@ def load_layer(folder: Path, *, empty: bool = False) -> Any:
     ----------
     empty : give points without any of them
     """
-    rest, arrays = load_json(folder / LAYER), load_arrays(folder)
-    if empty:
-        arrays = {name: values[:0] for name, values in arrays.items() if name != "origin"}
-    return _TYPES[rest["type"]].of_parts(arrays, rest)
+    with sound(folder):
+        rest, arrays = load_json(folder / LAYER), load_arrays(folder)
+        if empty:
+            arrays = {name: values[:0] for name, values in arrays.items() if name != "origin"}
+        return _TYPES[rest["type"]].of_parts(arrays, rest)
 
 
 def box_of(folder: Path) -> NDArray[np.float64]:

@@ -208,6 +208,13 @@ def test_unreadable_data_is_another_code_than_wrong_input(
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bad.laz"]
 
 
+def test_a_reader_that_has_gone_is_no_mistake() -> None:
+    shell = f"{sys.executable} -m toolbox list | true; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", shell], capture_output=True, text=True, check=False)
+    assert done.returncode == 141
+    assert done.stderr == ""
+
+
 def test_missing_crs_says_what_to_do(
     tmp_path: Path, town: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

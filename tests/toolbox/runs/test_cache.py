@@ -126,6 +126,16 @@ def test_a_tool_by_itself(place: Path, caplog: pytest.LogCaptureFixture) -> None
     assert caplog.text.count("step points.filter: unchanged") == 1
 
 
+def test_warnings_of_a_step_are_told_again(place: Path, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO, "toolbox")
+    for _ in range(2):
+        caplog.clear()
+        run("points.filter", {"points": cloud(), "classes": "77"}, resume=True)
+        texts = [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
+        assert any("no point" in text for text in texts), texts
+    assert "taken from the cache" in caplog.text
+
+
 class HandsOn:
     """A filter that gives back the very points that it is given."""
 

@@ -17,7 +17,9 @@ from pyproj import CRS
 
 from toolbox.data import PointCloud, Raster, Vector
 from toolbox.data.crs import LOCAL
+from toolbox.data.survey import Survey
 from toolbox.declare.values import Share
+from toolbox.errors import DataError
 from toolbox.runs.provenance import Count
 from toolbox.tiles import store
 from toolbox.tiles.work import Result
@@ -130,3 +132,29 @@ def test_numbers_of_a_tile() -> None:
     found = Result.from_json(result.to_json())
     assert found == result
     assert repr(found.values["share"]) == "Share(1, 3)"
+
+
+@pytest.mark.parametrize("harm", ["array", "text", "missing"])
+def test_what_is_damaged_names_its_folder(harm: str, tmp_path: Path) -> None:
+    piece = tmp_path / "piece"
+    store.save_layer(piece, memory())
+    if harm == "array":
+        next(piece.glob("*.npy")).write_bytes(b"no array")
+    elif harm == "text":
+        (piece / store.LAYER).write_text("[1]", "utf-8")
+    else:
+        (piece / store.LAYER).write_text("{}", "utf-8")
+    with pytest.raises(DataError, match=r"piece is damaged .*remove it"):
+        store.load_layer(piece)
+
+
+def test_a_block_that_lacks_points_is_damaged(tmp_path: Path) -> None:
+    cloud = PointCloud([[0, 0, 1], [2, 3, 4]], crs=CRS(32635))
+    cloud.save(tmp_path / "a.laz")
+    survey = Survey.open(tmp_path)
+    (block,) = store.blocks("points", survey, 0, 10)
+    grid = store.TileGrid(1.0)
+    store.split(survey, block, grid, tmp_path)
+    np.save(tmp_path / block.name / "table.npy", np.array([[0, 0, 1]]))
+    with pytest.raises(DataError, match="another number of points"):
+        store.split(survey, block, grid, tmp_path)

@@ -14,11 +14,13 @@ from tests.bench.metamorphic import (
     TRANSFORMATIONS,
     Run,
     failures,
+    measures,
     outcome,
     planned,
 )
 from toolbox import catalog
-from toolbox.data import PointCloud
+from toolbox.data import Lattice, PointCloud, Raster
+from toolbox.data.crs import LOCALS
 from toolbox.errors import Cancelled, DataError
 
 RUNS, PARTS = 100, 4  # of which workers take one each
@@ -99,6 +101,25 @@ def test_a_result_that_goes_with_the_order_is_told(
 
     text = told(town, monkeypatch, first_is_noise)
     assert text == "classification of 0.222% of points changed (limit 0.0%)"
+
+
+def test_the_area_of_a_surface_that_fills_the_box_does_not_turn_with_it() -> None:
+    """Points in a square: turned by 45 degrees, their box is twice as large."""
+    x, y = np.random.default_rng(0).uniform(-10, 10, (2, 4000))
+    square = PointCloud(np.column_stack([x, y, 0 * x]), crs=LOCALS["local"])
+    turned = square.with_xyz(np.column_stack([x + y, x - y, 0 * x]) / np.sqrt(2))
+    one, two = (
+        dict(measures({"surface": filled_box(points)}, points))["surface, area in m2"]
+        for points in (square, turned)
+    )
+    assert one == pytest.approx(400, rel=0.05)
+    assert two == pytest.approx(one, rel=0.05)
+
+
+def filled_box(points: PointCloud) -> Raster:
+    low, high = np.reshape(points.bounds, (2, 3))[:, :2]
+    lattice = Lattice.cover((*low, *high), 0.5)
+    return Raster.from_lattice(np.zeros(lattice.shape, np.float32), lattice, crs=points.crs)
 
 
 @pytest.mark.parametrize("name", TRANSFORMATIONS)

@@ -24,14 +24,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
-from shapely import Point
+from shapely import MultiPoint, Point
 
 import toolbox
 from tests.bench.measuring import DATA, say
 from toolbox import catalog
 from toolbox.context import Context
-from toolbox.data import PointCloud, Raster, Vector
+from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.data.crs import LOCALS
 from toolbox.errors import Cancelled, DataError, ParameterError, ToolboxError
 
@@ -413,7 +414,7 @@ def _wrong(run: Run, found: Mapping[str, Any], points: PointCloud) -> Iterator[s
         return
     promise = promise_of(run.case, run.transformation)
     if promise:
-        yield from _moved(run, found, points.metre, promise)
+        yield from _moved(run, found, points, promise)
 
 
 def _refused(run: Run, error: ToolboxError) -> Iterator[str]:
@@ -424,7 +425,9 @@ def _refused(run: Run, error: ToolboxError) -> Iterator[str]:
             yield f"only now an error: {' '.join(str(error).split())}"
 
 
-def _moved(run: Run, found: Mapping[str, Any], metre: float, promise: Promise) -> Iterator[str]:
+def _moved(
+    run: Run, found: Mapping[str, Any], points: PointCloud, promise: Promise
+) -> Iterator[str]:
     """Results that differ by more than promised from those on the cloud as it is."""
     was = before(run.case.name, run.subject, run.seed, run.most)
     if isinstance(was, str):
@@ -444,7 +447,7 @@ def _moved(run: Run, found: Mapping[str, Any], metre: float, promise: Promise) -
                 if share > promise.points:
                     yield f"{name} of {share:.3%} of points changed (limit {promise.points:.1%})"
     wholes = {n: WHOLES.get(out.unit, 0.0) for n, out in catalog.load(run.case.id).outputs.items()}
-    here, there = dict(measures(found, metre)), dict(measures(was, old.metre))
+    here, there = dict(measures(found, points)), dict(measures(was, old))
     for name in sorted(here.keys() | there.keys()):
         one, two = there.get(name, np.nan), here.get(name, np.nan)
         size = max(abs(one), abs(two), wholes.get(name, 0.0))
@@ -459,8 +462,12 @@ def _labels(values: NDArray[Any], name: str) -> NDArray[Any]:
     return values if name == "classification" else values > 0
 
 
-def measures(found: Mapping[str, Any], metre: float) -> Iterator[tuple[str, float]]:
-    """Sizes of the results that do not depend on where the points are, in metres."""
+def measures(found: Mapping[str, Any], points: PointCloud) -> Iterator[tuple[str, float]]:
+    """Sizes of the results that do not depend on where the points are, in metres.
+
+    Of a raster, what lies between the points: a surface that fills their box turns with that.
+    """
+    metre = points.metre
     for name, value in found.items():
         if isinstance(value, PointCloud):
             yield f"{name}, points", float(len(value))
@@ -469,10 +476,17 @@ def measures(found: Mapping[str, Any], metre: float) -> Iterator[tuple[str, floa
             yield f"{name}, length in m", float(shapes.length.sum()) / metre
             yield f"{name}, area in m2", float(shapes.area.sum()) / metre**2
         elif isinstance(value, Raster) and value.crs is not None:  # not the map of a SOM
-            known = np.isfinite(value.band())
+            known = np.isfinite(value.band()) & between(points, value)
             yield f"{name}, area in m2", float(known.sum()) * (value.cell / metre) ** 2
         elif isinstance(value, int | float) and not name.startswith(PLACED):
             yield name, float(value)
+
+
+def between(points: PointCloud, raster: Raster) -> NDArray[np.bool_]:
+    """True for cells in the convex hull of the points, array of shape (rows, cols)."""
+    hull = shapely.convex_hull(MultiPoint(points.xyz[:, :2]))
+    x, y = Lattice.of(raster).centres()
+    return np.asarray(shapely.contains_xy(hull, *np.meshgrid(x, y)))
 
 
 WHOLES = {"1": 1.0, "%": 100.0}

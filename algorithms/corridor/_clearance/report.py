@@ -132,8 +132,8 @@ def _summary(
     counts = {word: sum(rules[o.rule].severity == word for o in objects) for word in SEVERITIES}
     unruled = counts.pop(NO_RULE)
     found = ", ".join(f"{count} {word}" for word, count in counts.items())
-    text = f"{sum(counts.values())} objects too close in {len(line.spans)} spans: {found}."
-    text += f" {unruled} objects are near and have no rule." if unruled else ""
+    text = f"Spans: {len(line.spans)}. Objects too close, or to be watched: {found}."
+    text += f" Objects that are near and have no rule: {unruled}." if unruled else ""
     text += _without_rule(coverage)
     if not np.isfinite(surroundings.height).any():
         text += "\nNo point is ground: heights are not known, and falling trees not looked for."

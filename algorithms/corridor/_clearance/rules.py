@@ -159,7 +159,7 @@ def rules_of(table: Table, voltage: float | None) -> list[Rule]:
         if not depends or low <= at <= high
     ]
     if not chosen:
-        spans = ", ".join(sorted({f"{low:g}-{high:g}" for low, high in classes}))
+        spans = ", ".join(f"{low:g}-{high:g}" for low, high in sorted(set(classes)))
         raise DataError(f"{table.name}: no rule holds for {voltage:g} kV; there are {spans} kV")
     return chosen
 

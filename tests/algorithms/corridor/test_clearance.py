@@ -713,7 +713,7 @@ def test_what_is_near_and_has_no_rule_is_listed_counted_and_told(
     )
     assert f"near a wire: {told}" in caplog.text
     page = result["report"]
-    assert "1 objects are near and have no rule" in page.summary
+    assert "Objects that are near and have no rule: 1." in page.summary
     assert f"Near a wire: {told}" in page.summary
     kinds = page.sections[0].blocks[0].table.frame.set_index("kind")
     assert kinds.loc[kind, ["nearest", "too close", "near, no rule"]].to_list() == [2.0, 0, 1]

@@ -155,6 +155,10 @@ class Body:
     evidence: str
     waves: float = math.inf
 
+    def rough(self, metre: float) -> bool:
+        """Whether waves are known to be higher than islands and banks may be."""
+        return STEP * metre < self.waves < math.inf
+
 
 def grid(points: Returns, ctx: Context = QUIET) -> CellGrid:
     """Statistics of points in cells, whose size follows from the density of the points."""
@@ -483,7 +487,9 @@ def _is_level(cells: CellGrid, some: Ints) -> bool:
     return bool(fall <= limit and high - low <= math.hypot(limit, waves))
 
 
-def open_water(cells: CellGrid, body: Body, share: float = CORE) -> Ints:
+def open_water(
+    cells: CellGrid, body: Body, share: float = CORE, *, crests: bool = True, bright: bool = False
+) -> Ints:
     """Indices of the cells that tell the level of a body: far from banks and islands.
 
     The crests of waves reach up banks, which are no part of it. But single cells among lower ones
@@ -493,16 +499,36 @@ def open_water(cells: CellGrid, body: Body, share: float = CORE) -> Ints:
     ----------
     cells, body : see :class:`Body`
     share : of the way from the edge to the middle that is left out, a cell at least
+    crests : whether single cells among lower ones belong to it
+    bright : whether cells as bright as land belong to it, where others are rough and very dark
     """
-    low = cells.low.ravel()[body.cells]
-    r, c = body.cells // cells.lattice.cols, body.cells % cells.lattice.cols
+    some = body.cells
+    if not bright and body.rough(cells.metre) and body.dark >= VERY_DARK:
+        some = some[~_as_bright_as_land(cells, body)]
+    low = cells.low.ravel()[some]
+    r, c = some // cells.lattice.cols, some % cells.lattice.cols
     top = body.level - cells.base + body.waves + body.tilt.at(r, c)
-    calm = body.cells[(low <= top) | np.isinf(low)]
+    calm = some[(low <= top) | np.isinf(low)]
     if not len(calm):
         return calm
     if math.isinf(body.waves):  # how high they are is not known yet
         return core_of(cells, calm, share)
-    return core_of(cells, calm, share, body.cells)
+    return core_of(cells, calm, share, some if crests else calm)
+
+
+def _as_bright_as_land(cells: CellGrid, body: Body) -> Mask:
+    """Which cells of a body are nearer to the brightness of its shore than to its own.
+
+    They are islands and banks among waves of their height, told apart without looking at heights.
+    The limit is the geometric mean, since intensities scatter by a share of themselves.
+    """
+    bright = cells.bright.ravel()
+    here = bright[body.cells]
+    ring = np.setdiff1d(around(cells.lattice, body.cells, 5), around(cells.lattice, body.cells, 1))
+    water, land = here[~np.isnan(here)], bright[ring][~np.isnan(bright[ring])]
+    if not len(land):
+        return np.zeros(len(here), bool)
+    return np.asarray(here > math.sqrt(float(np.median(water)) * float(np.median(land))))
 
 
 def core_of(cells: CellGrid, some: Ints, share: float = CORE, among: Ints | None = None) -> Ints:

@@ -19,11 +19,14 @@ FEW = 0.05  # share of the heights that make a mode
 FIRST_SIGMA = 0.10  # m: before it is known; the foot of waves of 0.15 is a start, too
 LEAST_SIGMA, MOST_SIGMA = 0.01, 0.25  # m: of a calm lake, and of a rough one
 WIDEST = 3.0  # standard deviations from the level to the farthest point that counts
+TRIMMED = float(1 - 2 * WIDEST * stats.norm.pdf(WIDEST))  # move of their mean for one of all points
+MEDIAN_OF_FEW = 0.8  # points that a median deviation lacks (Croux and Rousseeuw 1992)
 FEWEST = 6  # points on the water that tell its level, or that of a strip
 BLOCKS = 16  # of which the scatter is the error: waves may be as long as a quarter of the body
 CONFIDENCE = 0.95
 RESAMPLED = 100  # times that the points on a shore are drawn anew, for the error of its level
 BIN, EDGE = 0.05, 0.3  # m: heights that are counted together, and that belong to an edge
+FOOT = 0.25  # share of these heights that is below the level if they are of waves and a bank
 ROUNDS = 50  # of narrowing down; it settles after five to fifteen
 
 
@@ -102,19 +105,35 @@ def level_of(
     start : a first estimate
     metre : length of one metre in the unit of the points
     """
-    heights = xyz[core, 2]
-    middle, sigma = _settled(heights, start, metre)
-    near = abs(heights - middle) <= WIDEST * sigma
+    heights, strips = xyz[core, 2], strip[core]
+    middle = _of_strips(heights, strips, _settled(heights, start, metre)[0], metre)
+    shift, sigma = _settled(heights - middle, 0.0, metre)
+    near = abs(heights - middle - shift) <= WIDEST * sigma
     if near.sum() < FEWEST:
         return Level(start, MOST_SIGMA * metre, math.inf, MOST_SIGMA * metre, int(near.sum()))
     level = float(heights[near].mean())
-    error, freedom, apart = _error(xyz[core][near], strip[core][near])
+    error, freedom, apart = _error(xyz[core][near], strips[near])
     if sigma >= MOST_SIGMA * metre:  # rougher than water: banks or islands are among the points
         error, freedom = sigma, math.inf
     below = level - xyz[(xyz[:, 2] < level) & (xyz[:, 2] > level - MOST_SIGMA * WIDEST * metre), 2]
     if len(below) >= FEWEST:  # nearer to the shore waves may be higher; banks are never below
         sigma = max(sigma, min(float(np.median(below)) / NORMAL, MOST_SIGMA * metre))
     return Level(level, error, freedom, sigma, int(near.sum()), apart)
+
+
+def _of_strips(heights: Floats, strip: Ints, middle: float, metre: float) -> Floats:
+    """Median of the strip of each point; that of all for strips of which few points are on water.
+
+    If one median were taken of all, strips that differ by more than their noise would be left out.
+    """
+    medians = np.full(len(heights), middle)
+    for one in np.unique(strip):
+        of_it = strip == one
+        own, sigma = _settled(heights[of_it], middle, metre)
+        near = abs(heights[of_it] - own) <= WIDEST * sigma
+        if near.sum() >= FEWEST and abs(own - middle) <= MOST_SIGMA * metre:
+            medians[of_it] = own
+    return medians
 
 
 def _settled(heights: Floats, middle: float, metre: float) -> tuple[float, float]:
@@ -129,6 +148,7 @@ def _settled(heights: Floats, middle: float, metre: float) -> tuple[float, float
             break
         middle, count = float(np.median(near)), len(near)
         inner = float(np.median(abs(near - middle))) / NORMAL
+        inner *= count / (count - MEDIAN_OF_FEW)
         sigma = min(max(inner, LEAST_SIGMA * metre), MOST_SIGMA * metre)
     return middle, sigma
 
@@ -137,26 +157,27 @@ def _error(xyz: Floats, strip: Ints) -> tuple[float, float, float]:
     """Standard error of the mean height, its degrees of freedom, and the difference of strips.
 
     Errors of neighbouring points are alike, by waves, so the mean is as sure as that of the means
-    of compact blocks. If strips differ by more than chance (F test), each is also wrong by a shift
-    of its own, and there are only as many shifts as strips: their variance is that of the means of
-    strips beyond their own errors. Degrees of freedom of the sum as by Satterthwaite (1946).
+    of compact blocks, less one for each strip, whose mean is taken off. Each strip is also wrong by
+    a shift of its own, and there are only as many shifts as strips: their variance is that of the
+    means of strips beyond their own errors. It counts wherever it is more than 0: a test for it
+    would pass over the shifts that happen to be alike. Degrees of freedom of the sum as by
+    Satterthwaite (1946).
     """
     _, of, counts = np.unique(strip, return_inverse=True, return_counts=True)
     offset = np.bincount(of, xyz[:, 2]) / counts - xyz[:, 2].mean()
-    means = [float((xyz[k, 2] - offset[of[k]]).mean()) for k in even_blocks(xyz[:, :2])]
-    within, freedom = float(np.var(means, ddof=1)) / len(means), len(means) - 1.0
+    rest = xyz[:, 2] - offset[of]
+    means = np.array([rest[k].mean() for k in even_blocks(xyz[:, :2])])
+    freedom = float(max(len(means) - len(counts), 1))
+    within = float(((means - means.mean()) ** 2).sum()) / freedom / len(means) / TRIMMED**2
     many = counts >= FEWEST
     if many.sum() < 2:
         return float(np.sqrt(within)), freedom, 0.0
     share, offset, more = counts[many] / counts[many].sum(), offset[many], int(many.sum()) - 1
-    offset, apart = offset - share @ offset, float(np.ptp(offset))
-    if share @ offset**2 <= more * within * stats.f.ppf(CONFIDENCE, more, freedom):
-        return float(np.sqrt(within)), freedom, apart
     excess = float(np.var(offset, ddof=1) - (within / share).mean())
     between = max(excess, 0.0) * float(share @ share)
     both = within + between
     freedom = both**2 / (within**2 / freedom + between**2 / more)
-    return float(np.sqrt(both)), freedom, apart
+    return float(np.sqrt(both)), freedom, float(np.ptp(offset))
 
 
 def even_blocks(xy: Floats) -> list[Ints]:
@@ -177,7 +198,9 @@ def edge_level(xyz: Floats, start: float, metre: float) -> Level:
     """Level of a water body without returns, from points on its shore.
 
     The lowest points on a bank lie between the level and a spacing up the slope: their heights
-    begin at the level. That is where their number per height reaches half of its most.
+    begin at the level. That is where their number per height reaches half of its most. But if
+    waves sent returns from among them, they begin in a trough, and the level is nearer to their
+    lower quartile. Few heights do not tell which: how far these are apart is part of the error.
 
     Parameters
     ----------
@@ -192,8 +215,9 @@ def edge_level(xyz: Floats, start: float, metre: float) -> Level:
     rng = np.random.default_rng(0)
     drawn = np.sort(rng.choice(heights, (RESAMPLED, len(heights))), axis=1)
     scatter = float(np.std([_onset(some, start, width) for some in drawn]))
-    error = math.hypot(scatter, width / math.sqrt(12))
     level = _onset(heights, start, width)
+    waves = float(np.quantile(heights, FOOT)) - level
+    error = math.hypot(scatter, width / math.sqrt(12), waves)
     return Level(level, error, math.inf, width, len(heights), basis="shore")
 
 

@@ -15,6 +15,7 @@ from algorithms.shoreline._bodies import (
     LARGE,
     LEVEL,
     TAKEN,
+    VERY_DARK,
     Body,
     CellGrid,
     Pour,
@@ -155,7 +156,7 @@ def _sampled(cells: CellGrid, body: Body) -> Ints:
     count = cells.count.ravel()
     if count[open_water(cells, body)].sum() < FEWEST:
         return np.union1d(body.cells, around(cells.lattice, body.cells, 1))
-    inner = open_water(cells, body, 0.0)
+    inner = open_water(cells, body, 0.0, bright=True)
     step = math.ceil(count[inner].sum() / MOST_SAMPLES)
     return np.asarray(inner[(inner // cells.lattice.cols + inner % cells.lattice.cols) % step == 0])
 
@@ -174,6 +175,11 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints) -> Water:
     else:
         deep = np.isin(cells_of(xyz, lattice), core)
         level = level_of(flat, strip, deep, body.level, metre)
+        if _islands_hide(cells, body):
+            low = np.isin(cells_of(xyz, lattice), open_water(cells, body, crests=False))
+            troughs = level_of(flat, strip, low, body.level, metre)
+            error = math.hypot(level.error, (level.height - troughs.height) / 2)
+            level = replace(level, error=error)
     near = abs(flat[:, 2] - level.height) <= max(3 * level.sigma, FALL * metre)
     if near.sum() < FOR_PLANE:
         return Water(body, level)
@@ -190,6 +196,11 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints) -> Water:
     height = float(np.median(flat[near, 2]))
     tilted = replace(level, height=height, gradient=(east, north), centre=(centre[0], centre[1]))
     return Water(body, tilted, slope * length, length)
+
+
+def _islands_hide(cells: CellGrid, body: Body) -> bool:
+    """Whether islands of a cell or two may be among the waves, and not even brightness tells."""
+    return body.rough(cells.metre) and body.dark < VERY_DARK
 
 
 def place_of(cells: CellGrid, water: Water) -> tuple[float, float]:
@@ -244,6 +255,13 @@ def tell(cells: CellGrid, found: Sequence[Water]) -> None:
             100 * one.body.lost,
             one.body.dark,
         )
+        if _islands_hide(cells, one.body):
+            log.warning(
+                "points: the %s has waves of %.2f m and is not much darker than its shore: islands "
+                "of a cell or two cannot be told from waves, and the interval counts both",
+                name_of(cells, one),
+                one.level.sigma / metre,
+            )
 
 
 def at_place(cells: CellGrid, found: Sequence[Water], place: Position) -> int:

@@ -10,7 +10,7 @@ from pyproj import CRS
 from scenes.lakes import LEVEL, ORIGIN, RADIUS, lake, river, slope
 
 from algorithms.samples.scene import scene
-from algorithms.shoreline._level import even_blocks, level_of, lowest_mode, mode
+from algorithms.shoreline._level import edge_level, even_blocks, level_of, lowest_mode, mode
 from algorithms.shoreline.extract import ShorelineExtract
 from algorithms.shoreline.water_level import ShorelineWaterLevel
 from toolbox.data import PointCloud, Vector
@@ -88,6 +88,101 @@ def test_error_of_long_waves_is_that_of_blocks() -> None:
     held = np.mean([abs(level.height) <= level.interval for level in levels])
     assert held > 0.85
     assert np.median([level.error for level in levels]) > 5 * 0.037 / np.sqrt(4000)
+
+
+def held(lakes: list[tuple[np.ndarray, np.ndarray]]) -> float:
+    """Share of lakes at 0 m, from points and their strips, whose intervals hold it."""
+    levels = [level_of(xyz, strip, np.ones(len(xyz), bool), 0.0, 1.0) for xyz, strip in lakes]
+    return float(np.mean([abs(level.height) <= level.interval for level in levels]))
+
+
+def noisy(rng: np.random.Generator, count: int, noise: float) -> np.ndarray:
+    return np.column_stack([rng.uniform(0, 50, (count, 2)), rng.normal(0, noise, count)])
+
+
+def test_error_is_that_of_blocks_less_a_degree_of_freedom_for_each_strip() -> None:
+    """Of a mean within three standard deviations, each block moves by 0.973 of what it should."""
+    xyz = noisy(np.random.default_rng(5), 192, 0.05)
+    xyz[:, 2] = np.clip(xyz[:, 2], -0.1, 0.1)
+    one = level_of(xyz, np.zeros(192, int), np.ones(192, bool), 0.0, 1.0)
+    means = [xyz[some, 2].mean() for some in even_blocks(xyz[:, :2])]
+    assert one.freedom == 15
+    assert one.error == pytest.approx(np.std(means, ddof=1) / 4 / 0.9734, rel=1e-3)
+    halves = np.argsort(np.argsort(xyz[:, 0])) // 96
+    for k in (0, 1):
+        xyz[halves == k, 2] -= xyz[halves == k, 2].mean()
+    two = level_of(xyz, halves, np.ones(192, bool), 0.0, 1.0)
+    assert two.freedom == 14
+
+
+def test_intervals_hold() -> None:
+    rng = np.random.default_rng(5)
+    lakes = [(noisy(rng, 200, 0.05), np.zeros(200, int)) for _ in range(1000)]
+    assert held(lakes) == pytest.approx(0.95, abs=0.015)
+
+
+def test_intervals_of_few_points_hold() -> None:
+    """The median deviation of few points is too small, and more so when points beyond it go."""
+    rng = np.random.default_rng(6)
+    lakes = [(noisy(rng, 12, 0.05), np.zeros(12, int)) for _ in range(2000)]
+    assert held(lakes) > 0.915
+
+
+def test_shifts_of_strips_that_are_nearly_alike_count() -> None:
+    rng = np.random.default_rng(7)
+    lakes = []
+    for shifts in rng.normal(0, 0.03, (1000, 2)):
+        xyz, strip = noisy(rng, 300, 0.05), np.repeat((0, 1), 150)
+        xyz[:, 2] += shifts[strip]
+        lakes.append((xyz, strip))
+    assert held(lakes) > 0.83
+
+
+def test_a_strip_that_is_far_off_is_not_left_out() -> None:
+    """Twelve centimetres are six standard deviations of the points of the other strip."""
+    xyz, strip = noisy(np.random.default_rng(8), 400, 0.02), (np.arange(400) % 4 == 0).astype(int)
+    xyz[:, 2] += 0.12 * strip
+    level = level_of(xyz, strip, np.ones(400, bool), 0.0, 1.0)
+    assert level.strips == pytest.approx(0.12, abs=0.01)
+    assert level.height == pytest.approx(0.03, abs=0.005)
+    assert level.interval > 0.12
+
+
+def test_waves_at_the_shore_widen_the_interval() -> None:
+    """Eight returns from waves of 0.1 m among those of a bank: the heights begin in a trough."""
+    rng = np.random.default_rng(9)
+    ratios = []
+    for _ in range(200):
+        z = np.concatenate([rng.normal(0, 0.1, 8), rng.uniform(0, 0.4, 14)])
+        xyz = np.column_stack([rng.uniform(0, 10, (len(z), 2)), z])
+        level = edge_level(xyz, float(np.quantile(z, 0.1)), 1.0)
+        ratios.append(abs(level.height) / level.interval)
+    assert np.mean(np.array(ratios) <= 1) > 0.93
+
+
+def rough_lake_with_islands(*, dark: bool) -> ShorelineWaterLevel.Outputs:
+    made = scene("reservoir", size=100, density=0.5, seed=6091, water_noise=0.15)
+    columns = dict(made.attributes)
+    if not dark:
+        columns["intensity"] = np.zeros_like(columns["intensity"])
+    points = PointCloud(made.xyz, columns, crs=CRS(32635))
+    return ShorelineWaterLevel(points=points).run()
+
+
+def test_small_islands_are_told_from_waves_by_brightness(caplog: pytest.LogCaptureFixture) -> None:
+    """Islands of a cell or two and waves of 0.15 m: by their heights alone 0.26 m too high."""
+    row = rough_lake_with_islands(dark=True).levels.rows()[0]
+    assert abs(row["level"] - 500.0) < 0.06
+    assert abs(row["level"] - 500.0) < row["interval"]
+    assert "cannot be told from waves" not in caplog.text
+
+
+def test_islands_that_nothing_tells_from_waves_are_warned_of(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    row = rough_lake_with_islands(dark=False).levels.rows()[0]
+    assert abs(row["level"] - 500.0) < row["interval"]
+    assert "islands of a cell or two cannot be told from waves" in caplog.text
 
 
 def test_blocks_are_compact_and_hold_equally_many() -> None:

@@ -165,13 +165,14 @@ class _Process:
     def __init__(self, memory: int, threads: int) -> None:
         self._memory, self._threads = memory, threads
         self._known: bytes | None = None  # the shared value that it has
+        self._lock = threading.Lock()  # held by whoever starts or ends it
 
     def start(self) -> None:
         """Start it; `wait` waits until it is there."""
         context = multiprocessing.get_context("spawn")
         self._pipe, other = context.Pipe()
-        self._process = context.Process(target=_serve, args=(other, self._threads), daemon=True)
-        with _ignoring_interrupts():
+        with self._lock, _ignoring_interrupts():
+            self._process = context.Process(target=_serve, args=(other, self._threads), daemon=True)
             self._process.start()
         self._known = None
         other.close()
@@ -191,7 +192,8 @@ class _Process:
 
     def stop(self) -> None:
         """End it, whatever it does."""
-        self._process.kill()
+        with self._lock:
+            self._process.kill()
 
     def run(self, task: Callable[..., Any], shared: bytes, args: tuple[Any, ...]) -> Any:
         """Run task(value, *args) in it.

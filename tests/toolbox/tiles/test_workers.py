@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ import toolbox
 from toolbox.context import Context
 from toolbox.errors import DataError, ParameterError
 from toolbox.tiles.tiling import Tiling
-from toolbox.tiles.workers import Workers, processes, workers_of
+from toolbox.tiles.workers import Workers, _Process, processes, workers_of
 
 GIB = 2**30
 
@@ -194,3 +195,26 @@ def test_a_scheduler_that_is_not_there(address: str) -> None:
         workers_of(Tiling(None, 1, scheduler=address)),
     ):
         pass
+
+
+def test_a_process_may_be_stopped_while_it_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As when a run is cancelled right after a worker has died."""
+    begun, go = threading.Event(), threading.Event()
+    start = SpawnProcess.start
+
+    def slowly(self: SpawnProcess) -> None:
+        begun.set()
+        go.wait(10)
+        start(self)
+
+    monkeypatch.setattr(SpawnProcess, "start", slowly)
+    process = _Process(10**9, 1)
+    threads = [threading.Thread(target=process.start), threading.Thread(target=process.stop)]
+    threads[0].start()
+    begun.wait(10)
+    threads[1].start()
+    go.set()
+    for thread in threads:
+        thread.join(20)
+    process._process.join(20)
+    assert not process._process.is_alive()

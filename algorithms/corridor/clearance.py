@@ -16,9 +16,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypedDict
 
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.corridor._clearance.counted import ZONES, count_in_zones, too_low
 from algorithms.corridor._clearance.coverage import coverage_of, stand_ins
+from algorithms.corridor._clearance.crossings import (
+    Crossing,
+    crossing_layer,
+    crossings_of,
+    with_lines,
+)
 from algorithms.corridor._clearance.distances import Least, Violations, find_violations
 from algorithms.corridor._clearance.layers import object_layer, span_table, violation_cloud
 from algorithms.corridor._clearance.matters import what_matters
@@ -29,10 +39,17 @@ from algorithms.corridor._clearance.missed import (
     warn_of_wire_like,
     wire_like,
 )
-from algorithms.corridor._clearance.objects import falling_trees, objects_of, with_falls
+from algorithms.corridor._clearance.objects import (
+    FALLING,
+    falling_trees,
+    objects_of,
+    with_falls,
+)
 from algorithms.corridor._clearance.report import report_of
+from algorithms.corridor._clearance.rest import SURE, AtRest, Temperatures, band_of, extremes
 from algorithms.corridor._clearance.rules import (
     KINDS,
+    LINE,
     NO_RULE,
     SEVERITIES,
     Rule,
@@ -47,16 +64,19 @@ from algorithms.corridor._clearance.rules import (
 from algorithms.corridor._clearance.sag import (
     Conductor,
     State,
+    all_conductors,
     conductor_of,
     conductor_temperature,
     in_state,
 )
 from algorithms.corridor._clearance.surroundings import (
     LineStates,
+    Object,
     Surroundings,
     line_of,
     surroundings_of,
 )
+from algorithms.corridor._clearance.weather import place_of, sun_on, time_of
 from algorithms.corridor._curves.catenary_kernels import MOST_CURVATURE
 from algorithms.corridor._extraction.layers import COVARIANCES, missing_columns
 from algorithms.shared import parameters
@@ -68,18 +88,6 @@ from toolbox.errors import DataError
 
 FARTHEST_TREE = 60.0  # metres to the side from which a tree may fall on a wire
 LEAST_REACH = 10.0  # metres to the side up to which the least clearances are looked for
-FALLING = Rule(
-    "falling",
-    "height of the tree against the distance of its foot",
-    "",
-    "tree",
-    "3-D",
-    0.0,
-    0.0,
-    "watch",
-    confirmed=True,
-    note="A tree that falls towards the line reaches it",
-)
 WHOLE_COLUMNS = ("wire_id", "span_id", "from_tower", "to_tower")
 NUMBER_COLUMNS = (
     *WHOLE_COLUMNS,
@@ -103,6 +111,13 @@ COLOURS = "#b2182b", "#ef8a62", "#d01c8b", "#fddc7a"
 LOOKS = {word: (word, colour) for word, colour in zip(SEVERITIES, COLOURS, strict=True)}
 
 
+class Grouped(TypedDict):
+    """How points are grouped into objects: see `objects_of`."""
+
+    gap: float
+    fewest: int
+
+
 @tool("corridor.clearance")
 class CorridorClearance:
     """Find what is too close to the conductors of a power line.
@@ -118,9 +133,16 @@ class CorridorClearance:
 
     With a `conductor` and the temperature it had in the survey, clearances are also looked at when
     it is hot, `temperature`, or as hot as a `current` makes it, and in a `wind` from either side.
-    Each point counts in the state in which it breaks its rule worst.
+    Each point counts in the state in which it breaks its rule worst. The temperature in the survey
+    is given, or computed from `survey_current` and the weather there. Each object and span also has
+    an interval in which its clearance lies while the wires have any temperature from
+    `lowest_temperature` to `highest_temperature`; it is wide if that of the survey is not known.
 
-    `falling` trees are those that would reach a wire if they fell towards it.
+    Plants lower than `min_object_height`, and what may be plants, are no objects; their number is
+    told. Points of objects at 0 to 20 m and at 20 to 30 m from the wires are counted.
+
+    `falling` trees are those that would reach a wire if they fell towards it. Conductors of
+    different lines, which no tower joins, are measured from each other.
 
     What may be missing of the line is told: spans with fewer conductors than their neighbours,
     conductors seen along a part only, and points beside the line in the shape of a wire.
@@ -154,6 +176,14 @@ class CorridorClearance:
     ignore: ClassList | None = parameters.ignore()
     wire_radius: float = parameters.wire_radius()
     attachment: float = parameters.attachment()
+    min_object_height: float = param(
+        "Least height above the ground of plants, and of what has no class, to be objects; "
+        "0 for none",
+        default=2.0,
+        unit="m",
+        ge=0.0,
+        le=50.0,
+    )
     object_gap: float = param(
         "Points farther apart than this belong to different objects",
         default=2.0,
@@ -177,8 +207,54 @@ class CorridorClearance:
     survey_temperature_sd: float = param(
         "Standard deviation of survey_temperature", default=5.0, unit="degC", ge=0.0, le=50.0
     )
+    survey_current: float | None = param(
+        "Current in the survey, which tells survey_temperature with the weather (IEEE 738)",
+        default=None,
+        unit="A",
+        ge=0.0,
+        le=20_000.0,
+    )
+    survey_air_temperature: float | None = param(
+        "Temperature of the air in the survey", default=None, unit="degC", ge=-60.0, le=60.0
+    )
+    survey_breeze: float | None = param(
+        "Wind square to the line in the survey, for survey_current",
+        default=None,
+        unit="m/s",
+        ge=0.0,
+        le=50.0,
+    )
+    survey_sun: float | None = param(
+        "Power of the sun square to the wires in the survey, for survey_current",
+        default=None,
+        unit="W/m2",
+        ge=0.0,
+        le=1500.0,
+    )
+    survey_time: str | None = param(
+        "Date and time of the survey such as 2024-06-10T11:00+02:00, for the sun of a clear sky",
+        default=None,
+    )
+    lowest_temperature: float = param(
+        "Lowest temperature that the conductors may have, for intervals of clearances",
+        default=0.0,
+        unit="degC",
+        ge=-60.0,
+        le=60.0,
+    )
+    highest_temperature: float = param(
+        "Highest temperature that the conductors may have, for intervals of clearances",
+        default=80.0,
+        unit="degC",
+        ge=0.0,
+        le=300.0,
+    )
     temperature: float | None = param(
-        "Highest temperature of the conductors", default=None, unit="degC", ge=-60.0, le=300.0
+        "Temperature of hot conductors, a state in which the rules must be kept",
+        default=None,
+        unit="degC",
+        ge=-60.0,
+        le=300.0,
     )
     current: float | None = param(
         "Current that heats them, in place of temperature (IEEE 738)",
@@ -231,11 +307,24 @@ class CorridorClearance:
             "These points grouped into objects, each shown where it is closest",
             show=show.Classes("severity", LOOKS),
         )
+        crossings: Vector = sink("Where conductors of different lines come near each other")
         spans: Table = sink("Least clearance of each span by kind of object and state of the wires")
         report: Report = sink("Map, profile of each span, and objects in order of urgency")
         object_count: int = sink("Objects too close to a wire, or that may fall on it", unit="1")
         critical_count: int = sink("Objects of severity critical", unit="1")
         no_rule_count: int = sink("Objects near a wire for which there is no rule", unit="1")
+        crossing_count: int = sink(
+            "Pairs of spans of different lines that are too close or near without a rule", unit="1"
+        )
+        low_object_count: int = sink(
+            "Objects left out as they are lower than min_object_height", unit="1"
+        )
+        points_0_20: int = sink(
+            "Points of objects less than 20 m from a wire, as surveyed", unit="1"
+        )
+        points_20_30: int = sink(
+            "Points of objects 20 to 30 m from the nearest wire, as surveyed", unit="1"
+        )
         least_clearance: float | None = sink(
             "Least distance in space of a point that breaks a rule or has none", unit="m"
         )
@@ -249,9 +338,19 @@ class CorridorClearance:
         if self.temperature is not None and self.current is not None:
             yield "current", "tells the temperature; give one of both"
         for name in ("temperature", "current", "wind"):
-            for needed in ("conductor", "survey_temperature"):
-                if getattr(self, name) is not None and getattr(self, needed) is None:
-                    yield needed, f"is needed to know the wires at another {name}"
+            if getattr(self, name) is None:
+                continue
+            if self.conductor is None:
+                yield "conductor", f"is needed to know the wires at another {name}"
+            if self.survey_temperature is None and self.survey_current is None:
+                yield "survey_temperature", f"is needed to know the wires at another {name}"
+        if self.lowest_temperature >= self.highest_temperature:
+            yield (
+                "lowest_temperature",
+                f"must be below highest_temperature, {self.highest_temperature:g}, "
+                f"got {self.lowest_temperature:g}",
+            )
+        yield from self._bad_weather()
         if self.wind_temperature is not None and self.wind is None:
             yield "wind_temperature", "is for wind, and none is given"
 
@@ -286,53 +385,38 @@ class CorridorClearance:
         """Measure the clearances, group the violations into objects, and report."""
         metric = self._in_metres()
         rules, conductor = metric._rules(), metric._conductor()
-        line = metric._in_all_states(line_of(self.wires), conductor)
+        line, temperatures, surveyed = metric._states(conductor)
         cloud = metric._cloud(line, rules, ctx.part(0.0, 0.3))
-        if len(line.states) > 1 and line.open_spans:
-            log.warning(
-                "%d spans end without a tower; hot or in wind: held there, where in truth "
-                "they hang on",
-                len(line.open_spans),
-            )
         surroundings = metric._surroundings(cloud, line, rules, ctx.part(0.3, 0.4))
-        if not line.spans:
-            log.warning("there are no wires, so nothing is too close to one")
-            found, least = Violations.none(), Least.none(len(line.states))
-        else:
-            found, least = find_violations(
-                surroundings.xyz,
-                surroundings.kind,
-                line.curves,
-                rules,
-                reach=_measured(rules),
-                point_sd=metric.point_sd,
-                ctx=ctx.part(0.4, 0.8),
-            )
-        settings: Any = {"gap": metric.object_gap, "fewest": self.min_points}
-        objects, lone = objects_of(surroundings, found, rules, **settings)
-        if lone:
-            log.warning("%d points are too close, but too few for an object", lone)
-            surroundings.left_out["are too close, but too few for an object"] = lone
+        found, least = metric._violations(surroundings, line, rules, ctx.part(0.4, 0.6))
+        crossings, from_lines = metric._crossings(line, rules, ctx.part(0.6, 0.62))
+        least = with_lines(least, from_lines)
+        low = metric._too_low(surroundings, line, rules, found, ctx.part(0.62, 0.66))
+        zones = count_in_zones(surroundings, line, ctx.part(0.66, 0.72))
+        reach, near = _measured(rules), ctx.part(0.72, 0.8)
+        band = band_of(surroundings, line, rules, found.point, least, reach=reach, ctx=near)
         nearest = float(found.space.min(initial=math.inf))
+        objects = metric._objects(surroundings, found, rules)
         if self.falling:
             rules = [*rules, FALLING]
-            falls = falling_trees(
-                surroundings,
-                line,
-                rule=len(rules) - 1,
-                point_sd=metric.point_sd,
-                **settings,
-                ctx=ctx.part(0.8, 0.9),
-            )
+            falls = metric._falls(surroundings, line, rules, ctx.part(0.8, 0.9))
             objects, found = with_falls(surroundings, objects, found, falls, rules)
-        coverage = coverage_of(surroundings, rules, found, least, objects)
+        coverage = coverage_of(surroundings, rules, found, least, objects, crossings, zones)
         for sentence in coverage.near:
             log.warning("near a wire: %s", sentence)
         like = wire_like(surroundings, line, ctx.part(0.9, 0.92))
         warn_of_wire_like(like)
         spans = span_table(
-            surroundings, line, least, objects, metric.point_sd, columns_of(self.wires, like)
+            surroundings,
+            line,
+            least,
+            objects,
+            metric.point_sd,
+            band,
+            zones,
+            columns_of(self.wires, like),
         )
+        lines = crossing_layer(crossings, line, rules, self.wires.crs, self.wires.metre)
         layer = object_layer(cloud, surroundings, line, rules, objects, like)
         missing = section(texts_of(self.wires, like))
         page = report_of(
@@ -345,20 +429,110 @@ class CorridorClearance:
             conductor,
             coverage,
             missing,
+            AtRest(temperatures, surveyed, self.survey_current is not None, band.may_break),
+            lines.frame,
             ctx.part(0.92, 1.0),
         )
         ctx.progress(1.0)
         severities = [rules[one.rule].severity for one in objects]
+        in_zones = zones[0].sum(axis=(0, 1)).tolist()
         return self.Outputs(
             violations=violation_cloud(cloud, surroundings, line, rules, found, objects),
             objects=layer,
+            crossings=lines,
             spans=spans,
             report=page,
             object_count=len(objects) - severities.count(NO_RULE),
             critical_count=severities.count(SEVERITIES[0]),
             no_rule_count=severities.count(NO_RULE),
+            crossing_count=sum(one.rule >= 0 for one in crossings),
+            low_object_count=low,
+            points_0_20=in_zones[0],
+            points_20_30=in_zones[1],
             least_clearance=nearest * self.points.metre if math.isfinite(nearest) else None,
         )
+
+    def _states(self, conductor: Conductor | None) -> tuple[LineStates, Temperatures, float | None]:
+        """The line in all states, the temperatures it may have, and that of the survey if known."""
+        line = line_of(self.wires)
+        surveyed = self._surveyed(line, conductor)
+        line = self._in_all_states(line, conductor, surveyed)
+        if len(line.states) > 1 and line.open_spans:
+            log.warning(
+                "%d spans end without a tower; hot or in wind: held there, where in truth "
+                "they hang on",
+                len(line.open_spans),
+            )
+        temperatures = self._temperatures(line, surveyed)
+        return self._at_rest(line, conductor, temperatures), temperatures, surveyed
+
+    def _violations(
+        self, surroundings: Surroundings, line: LineStates, rules: list[Rule], ctx: Context
+    ) -> tuple[Violations, Least]:
+        """The points that break a rule, and the nearest to each wire."""
+        if not line.spans:
+            log.warning("there are no wires, so nothing is too close to one")
+            return Violations.none(), Least.none(len(line.states))
+        return find_violations(
+            surroundings.xyz,
+            surroundings.kind,
+            line.curves,
+            rules,
+            reach=_measured(rules),
+            point_sd=self.point_sd,
+            ctx=ctx,
+        )
+
+    def _crossings(
+        self, line: LineStates, rules: list[Rule], ctx: Context
+    ) -> tuple[list[Crossing], NDArray[np.float64]]:
+        """Where lines come near each other, and how near each wire comes to another line."""
+        reach = max(reach_of([rule for rule in rules if rule.kind == LINE]), LEAST_REACH)
+        return crossings_of(line, rules, reach=reach, attachment=self.attachment, ctx=ctx)
+
+    def _too_low(
+        self,
+        surroundings: Surroundings,
+        line: LineStates,
+        rules: list[Rule],
+        found: Violations,
+        ctx: Context,
+    ) -> int:
+        """Number of objects that are left out as they are too low; it is noted with the points."""
+        reach, grouped = _measured(rules), self._grouped
+        low, points = too_low(surroundings, line, rules, found, reach=reach, **grouped, ctx=ctx)
+        if points:
+            why = f"of these would break a rule or be near, in {low} objects that are left out"
+            surroundings.left_out[why] = points
+        return low
+
+    def _objects(
+        self, surroundings: Surroundings, found: Violations, rules: list[Rule]
+    ) -> list[Object]:
+        """The objects, the most urgent first; points that are too few for one are noted."""
+        objects, lone = objects_of(surroundings, found, rules, **self._grouped)
+        if lone:
+            log.warning("%d points are too close, but too few for an object", lone)
+            surroundings.left_out["are too close, but too few for an object"] = lone
+        return objects
+
+    def _falls(
+        self, surroundings: Surroundings, line: LineStates, rules: list[Rule], ctx: Context
+    ) -> Violations:
+        """The tops of trees that reach a wire if they fall; the last rule is theirs."""
+        return falling_trees(
+            surroundings,
+            line,
+            rule=len(rules) - 1,
+            point_sd=self.point_sd,
+            **self._grouped,
+            ctx=ctx,
+        )
+
+    @property
+    def _grouped(self) -> Grouped:
+        """How points are grouped into objects."""
+        return {"gap": self.object_gap, "fewest": self.min_points}
 
     def _in_metres(self) -> CorridorClearance:
         """A copy of this tool whose lengths are in metres, not in the unit of the data."""
@@ -366,6 +540,7 @@ class CorridorClearance:
             "distance",
             "wire_radius",
             "attachment",
+            "min_object_height",
             "object_gap",
             "growth",
             "ruling_span",
@@ -396,12 +571,78 @@ class CorridorClearance:
     def _conductor(self) -> Conductor | None:
         return conductor_of(self.conductor, self.conductor_table) if self.conductor else None
 
-    def _in_all_states(self, line: LineStates, conductor: Conductor | None) -> LineStates:
+    def _bad_weather(self) -> Iterator[tuple[str, str]]:
+        """Problems of what tells the temperature of the survey."""
+        told = ("survey_breeze", "survey_sun", "survey_time")
+        if self.survey_time is not None:
+            try:
+                time_of(self.survey_time)
+            except ValueError as error:
+                yield "survey_time", str(error)
+        if self.survey_current is None:
+            for name in told:
+                if getattr(self, name) is not None:
+                    yield name, "is for survey_current, and none is given"
+            return
+        if self.survey_temperature is not None:
+            yield "survey_current", "tells survey_temperature; give one of both"
+        for name in ("conductor", "survey_air_temperature", "survey_breeze"):
+            if getattr(self, name) is None:
+                yield name, "is needed for survey_current"
+        if (self.survey_sun is None) == (self.survey_time is None):
+            yield "survey_sun", "is needed for survey_current, or survey_time; give one of both"
+
+    def _surveyed(self, line: LineStates, conductor: Conductor | None) -> float | None:
+        """Temperature of the conductors in the survey, if it is known."""
+        weather = self.survey_air_temperature, self.survey_breeze
+        if conductor is None or self.survey_current is None or None in weather or not line.spans:
+            return self.survey_temperature
+        sun = self.survey_sun
+        if self.survey_time is not None:
+            longitude, latitude = place_of(self.wires)
+            time = time_of(self.survey_time)
+            sun = sun_on(line.curves[0], time, longitude, latitude, line.elevation)
+        air, breeze = weather
+        return conductor_temperature(
+            conductor,
+            current=self.survey_current,
+            air=air or 0.0,
+            wind=breeze or 0.0,
+            sun=sun or 0.0,
+            height=line.elevation,
+        )
+
+    def _temperatures(self, line: LineStates, surveyed: float | None) -> Temperatures:
+        """Range of temperatures that the conductors may have, and may have had in the survey."""
+        low, high = self.lowest_temperature, self.highest_temperature
+        given = [state.temperature for state in line.states if state.temperature is not None]
+        low, high = min([low, *given]), max([high, *given])
+        if surveyed is not None:
+            sure = SURE * self.survey_temperature_sd
+            return Temperatures((surveyed - sure, surveyed + sure), low, high)
+        air = self.survey_air_temperature
+        coldest = low if air is None else min(max(low, air), high)
+        return Temperatures((coldest, high), low, high)
+
+    def _at_rest(
+        self, line: LineStates, conductor: Conductor | None, temperatures: Temperatures
+    ) -> LineStates:
+        """The line with the highest and the lowest position of each wire."""
+        some = [conductor] if conductor else all_conductors(self.conductor_table)
+        ends = [
+            extremes(curve, some, temperatures.change, self.ruling_span) for curve in line.curves[0]
+        ]
+        return replace(line, rest=([high for high, _ in ends], [low for _, low in ends]))
+
+    def _in_all_states(
+        self, line: LineStates, conductor: Conductor | None, warm: float | None
+    ) -> LineStates:
         """The line with the wires as surveyed and in all other states."""
-        if conductor is None or self.survey_temperature is None:
+        if conductor is None or warm is None:
             return line
         surveyed = line.curves[0]
-        states, curves = [*line.states, *self._other_states(conductor)], [surveyed]
+        others = self._other_states(conductor, line.elevation)
+        states, curves = [*line.states, *others], [surveyed]
         for state in states[1:]:
             curves.append(
                 [
@@ -409,7 +650,7 @@ class CorridorClearance:
                         curve,
                         conductor,
                         state,
-                        surveyed=self.survey_temperature,
+                        surveyed=warm,
                         surveyed_sd=self.survey_temperature_sd,
                         ruling_span=self.ruling_span,
                     )
@@ -418,7 +659,7 @@ class CorridorClearance:
             )
         return replace(line, states=states, curves=curves)
 
-    def _other_states(self, conductor: Conductor) -> list[State]:
+    def _other_states(self, conductor: Conductor, elevation: float) -> list[State]:
         """The states other than the survey: hot, and in wind from either side."""
         states = []
         hottest = self.temperature
@@ -429,6 +670,7 @@ class CorridorClearance:
                 air=self.air_temperature,
                 wind=self.breeze,
                 sun=self.sun,
+                height=elevation,
             )
         if hottest is not None:
             states.append(State(f"{hottest:.0f} C", hottest))
@@ -470,13 +712,15 @@ class CorridorClearance:
             reach=self._reach(rules),
             wire_radius=self.wire_radius,
             attachment=self.attachment,
+            lowest=self.min_object_height,
             towers=self.towers,
             ctx=ctx,
         )
 
     def _reach(self, rules: list[Rule]) -> float:
         """Horizontal distance from the wires up to which points are used, metres."""
-        return max(reach_of(rules), FARTHEST_TREE if self.falling else LEAST_REACH)
+        least = FARTHEST_TREE if self.falling else max(LEAST_REACH, ZONES[-1])
+        return max(reach_of(rules), least)
 
     @property
     def _classes(self) -> dict[str, Sequence[int]]:

@@ -63,7 +63,11 @@ class CorridorExtract:
         "Classes that are ground; without them the ground is found", default=None
     )
     min_height: float = param(
-        "Lowest conductor above the ground", default=4.0, unit="m", ge=1.0, le=50.0
+        "Lowest conductor above the ground",
+        default=parameters.MIN_HEIGHT,
+        unit="m",
+        ge=1.0,
+        le=50.0,
     )
     wire_gap: float = parameters.wire_gap()
     wire_tolerance: float | None = parameters.wire_tolerance()
@@ -127,8 +131,8 @@ class PowerLine:
 def find_line(
     points: CorridorPoints,
     *,
-    min_height: float = 4.0,
-    max_gap: float = 60.0,
+    min_height: float = parameters.MIN_HEIGHT,
+    max_gap: float = parameters.WIRE_GAP,
     tolerances: Sequence[float] = TOLERANCES,
     ctx: Context = QUIET,
 ) -> PowerLine:

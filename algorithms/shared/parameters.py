@@ -20,6 +20,12 @@ SURFACES = ClassList([9, 10, 11])
 STRUCTURES = ClassList([*range(13, 18), 19])
 """Classes of what stands on the ground or spans it: wires, towers, bridges, other structures."""
 
+WIRE_GAP = 60.0
+"""Longest piece of a wire that may be missing, metres."""
+
+MIN_HEIGHT = 4.0
+"""Lowest conductor above the ground, metres."""
+
 
 def ignore() -> Any:
     """Declare the classes of noise, which no tool looks at: ``ClassList | None``."""
@@ -87,7 +93,7 @@ def seed() -> Any:
 def wire_gap() -> Any:
     """Declare how far wires are followed without points: ``float``."""
     return param(
-        "Longest piece of a wire that may be missing", default=60.0, unit="m", ge=0, le=500
+        "Longest piece of a wire that may be missing", default=WIRE_GAP, unit="m", ge=0, le=500
     )
 
 

@@ -10,10 +10,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from algorithms.corridor._clearance.counted import ZONE_COLUMNS
+from algorithms.corridor._clearance.crossings import Crossing
 from algorithms.corridor._clearance.distances import Least, Violations
+from algorithms.corridor._clearance.objects import FALLING
 from algorithms.corridor._clearance.rules import (
     KINDS,
+    LINE,
     NO_RULE,
     OBJECTS,
     SURFACES,
@@ -30,7 +35,9 @@ UNKNOWN_APPROACH = 5.0  # metres
 UNKNOWN_SOURCE = "DIN VDE 0105-100 for an unknown voltage, by DGUV Regel 114-014"
 LARGEST_SOURCE = "the largest distance that other objects must keep"
 LEAST_SOURCE = "the least distance that other surfaces must keep"
+LINE_SOURCE = "the largest distance that lines must keep"
 OWN_SOURCE = "as far as these rules reach"
+WAYS = ("too close", "may fall", "near, no rule")
 
 
 @dataclass(frozen=True)
@@ -72,7 +79,12 @@ def stand_ins(rules: Sequence[Rule], why: Mapping[str, str], voltage: float | No
     voltage : between two phases, kV; None if not known
     """
     made = []
-    for sort, choose, source in ((OBJECTS, max, LARGEST_SOURCE), (SURFACES, min, LEAST_SOURCE)):
+    sorts = (
+        (OBJECTS, max, LARGEST_SOURCE),
+        (SURFACES, min, LEAST_SOURCE),
+        ((LINE,), max, LINE_SOURCE),
+    )
+    for sort, choose, source in sorts:
         own = {kind: [rule for rule in rules if rule.holds_for(kind)] for kind in sort}
         asked = {kind: max(r.threshold for r in held) for kind, held in own.items() if held}
         near = max(approach(voltage), (choose(asked.values(), default=0.0), source))
@@ -99,27 +111,44 @@ def coverage_of(
     found: Violations,
     least: Least,
     objects: Sequence[Object],
+    crossings: Sequence[Crossing],
+    zones: NDArray[np.int64],
 ) -> Coverage:
-    """Which kinds have rules, how near each comes, and what is near without a rule."""
+    """Which kinds have rules, how near each comes, and what is near without a rule.
+
+    Parameters
+    ----------
+    zones : array of shape (states, wires, kinds, zones), numbers of points; see `count_in_zones`
+    """
     nearest = least.distance.min(axis=(0, 1), initial=np.inf)
+    broken = [(one.kind, one.rule) for one in objects]
+    broken += [(LINE, one.rule) for one in crossings if one.rule >= 0]
     rows = []
-    for kind, distance in zip(KINDS, nearest.tolist(), strict=True):
-        own = [rules[one.rule].severity == NO_RULE for one in objects if one.kind == kind]
+    for number, (kind, distance) in enumerate(zip(KINDS, nearest.tolist(), strict=True)):
+        own = [_way(rules[rule]) for other, rule in broken if other == kind]
+        counts = zones[0, :, number].sum(axis=0).tolist() if kind in OBJECTS else [None, None]
         rows.append(
             {
                 "kind": kind,
                 "nearest": round(distance, 2) if math.isfinite(distance) else None,
-                "too close": own.count(False),
-                "near, no rule": own.count(True),
+                **{way: own.count(way) for way in WAYS},
+                **dict(zip(ZONE_COLUMNS, counts, strict=True)),
                 "rule": rules_for(kind, rules),
             }
         )
-    return Coverage(Table.from_rows(rows), list(_near(surroundings, rules, found)))
+    return Coverage(Table.from_rows(rows), list(_near(surroundings, rules, found, objects)))
+
+
+def _way(rule: Rule) -> str:
+    """In which of several ways an object is listed."""
+    if rule.severity == NO_RULE:
+        return "near, no rule"
+    return "may fall" if rule.id == FALLING.id else "too close"
 
 
 def rules_for(kind: str, rules: Sequence[Rule]) -> str:
     """What a kind is held to, and what it has no rule for, in words."""
-    held = [rule for rule in rules if rule.holds_for(kind)]
+    held = [rule for rule in rules if rule.holds_for(kind) and rule.id != FALLING.id]
     missing = [rule for rule in held if rule.severity == NO_RULE]
     told = ", ".join(rule.id for rule in held if rule.severity != NO_RULE)
     if told and kind == "unclassified":
@@ -134,13 +163,19 @@ def rules_for(kind: str, rules: Sequence[Rule]) -> str:
     return f"{told}{'; ' if told else ''}no rule{why}; {near}"
 
 
-def _near(surroundings: Surroundings, rules: Sequence[Rule], found: Violations) -> Iterator[str]:
+def _near(
+    surroundings: Surroundings,
+    rules: Sequence[Rule],
+    found: Violations,
+    objects: Sequence[Object],
+) -> Iterator[str]:
     """A sentence for each kind that comes near without a rule, also if it is no object."""
     without = np.array([rule.severity == NO_RULE for rule in rules], bool)[found.rule]
     for number, kind in enumerate(KINDS):
         own = without & (surroundings.kind[found.point] == number)
         if own.any():
+            listed = sum(one.kind == kind and _way(rules[one.rule]) == WAYS[2] for one in objects)
             yield (
-                f"{kind}: {own.sum()} points, the nearest at {found.space[own].min():.2f} m; "
-                f"{rules_for(kind, rules)}"
+                f"{kind}: objects {listed}, points {own.sum()}, the nearest at "
+                f"{found.space[own].min():.2f} m; {rules_for(kind, rules)}"
             )

@@ -232,9 +232,23 @@ def own_points(
     reach = max(radius, attachment)
     if not (some >= 0).any() or reach <= 0:
         return mine
+    space, _ = nearest_wires(xyz, some, curves, reach=reach, ctx=ctx)
+    ends = cKDTree(np.concatenate([c.points(np.array([0.0, c.length])) for c in curves]))
+    close = np.flatnonzero(space <= attachment)
+    mine[close[ends.query(xyz[close])[0] <= attachment]] = True
+    return mine | (space <= radius)
+
+
+def nearest_wires(
+    xyz: Floats, kind: Kinds, curves: Sequence[Catenary], *, reach: float, ctx: Context = QUIET
+) -> tuple[Floats, Ints]:
+    """Distance in space of each point from the nearest wire, and the index of that wire.
+
+    Infinite and -1 for points that take no part, or have no wire within `reach`, metres.
+    """
     near, wires = WireLattice.of([curves], reach), rows_of(curves)
     far = np.full((len(KINDS), 2), (reach * 1.001, 0.0))
-    ends = cKDTree(np.concatenate([c.points(np.array([0.0, c.length])) for c in curves]))
+    space, wire = np.full(len(xyz), np.inf), np.full(len(xyz), -1)
 
     def work(first: int, last: int) -> None:
         own, real = np.empty((last - first, 2), np.int64), np.empty((last - first, 6))
@@ -242,7 +256,7 @@ def own_points(
             0,
             last - first,
             xyz[first:last],
-            some[first:last],
+            kind[first:last],
             near.lattice,
             near.starts,
             near.candidates,
@@ -256,14 +270,12 @@ def own_points(
             np.zeros((len(wires), len(KINDS))),
             np.empty((0, 0), np.int64),
         )
-        space = real[:, 2]
-        mine[first:last] = space <= radius
-        close = np.flatnonzero(space <= attachment)
-        away = ends.query(xyz[first:last][close])[0]
-        mine[first + close[away <= attachment]] = True
+        space[first:last], wire[first:last] = real[:, 2], own[:, 0]
 
     in_blocks(work, len(xyz), MEASURED_BLOCK, ctx)
-    return mine
+    beyond = space > reach
+    space[beyond], wire[beyond] = np.inf, -1
+    return space, wire
 
 
 def find_violations(

@@ -289,6 +289,41 @@ def check(
 
 
 @njit(cache=True, nogil=True)
+def sweep(first, last, xyz, kind, cells, starts, candidates, high, low, reach, least, beside):
+    """Find distances of points from the sheets that wires sweep between two curvatures.
+
+    A point at a height that the wire takes is as far from the sheet as it is beside it; all others
+    are nearest to its edges, and not looked at here.
+
+    Parameters
+    ----------
+    high, low : arrays of shape (m, 19), the wires at their highest and at their lowest
+    reach : farthest to the side, metres
+    least : array of shape (m, kinds), least distance of each wire
+    beside : array of shape (n,), least distance of each point
+    """
+    for i in range(first, last):
+        x, y, z, what = xyz[i, 0], xyz[i, 1], xyz[i, 2], kind[i]
+        if what < 0:
+            continue
+        for k in _wires_near(x, y, cells, starts, candidates):
+            w = high[k]
+            if z < low[k, WIRE_LOW] or z > w[WIRE_TOP]:
+                continue
+            u, q = _along_axis(w, x, y)
+            if u < 0.0 or u > w[WIRE_LENGTH]:
+                continue
+            if z > _place(w, u)[1] or z < _place(low[k], u)[1]:
+                continue
+            chord = w[WIRE_Z_START] + w[WIRE_CHORD] * u
+            v = w[WIRE_V0] + w[WIRE_V1] * u + w[WIRE_SWING] * (chord - z)
+            away = abs(v - q) / math.sqrt((1.0 + w[WIRE_V1] ** 2) * (1.0 + w[WIRE_SWING] ** 2))
+            if away <= reach:
+                least[k, what] = min(least[k, what], away)
+                beside[i] = min(beside[i], away)
+
+
+@njit(cache=True, nogil=True)
 def falls(first, last, xyz, foot, cells, starts, candidates, wires, own, real):
     """Fill in the wire nearest to the foot of each tree, its distance from there, and u.
 

@@ -12,9 +12,11 @@ import pandas as pd
 import shapely
 from numpy.typing import NDArray
 
+from algorithms.corridor._clearance.counted import ZONE_COLUMNS
 from algorithms.corridor._clearance.distances import Least, Violations, distances
 from algorithms.corridor._clearance.missed import SPAN_COLUMNS as MISSED_COLUMNS
 from algorithms.corridor._clearance.missed import WireLike
+from algorithms.corridor._clearance.rest import Band, interval_of
 from algorithms.corridor._clearance.rules import KINDS, NO_RULE, OBJECTS, SEVERITIES, Rule
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
 from toolbox.data import PointCloud, Table, Vector
@@ -33,7 +35,13 @@ SPAN_COLUMNS = (
     "swing",
     "clearance",
     "clearance_sd",
+    "clearance_low",
+    "clearance_high",
     *KINDS,
+    "ground_at",
+    "ground_low",
+    "ground_high",
+    *ZONE_COLUMNS,
     "objects",
 )
 OBJECT_COLUMNS = (
@@ -42,6 +50,8 @@ OBJECT_COLUMNS = (
     "rule",
     "kind",
     "clearance",
+    "clearance_low",
+    "clearance_high",
     "required",
     "direction",
     "sd",
@@ -75,6 +85,8 @@ VIOLATION_DESCRIPTIONS = {
     "object_id": "0 for none",
 }
 
+GROUND = KINDS.index("ground")
+
 Ints = NDArray[np.int64]
 
 
@@ -91,6 +103,7 @@ def object_layer(
     for number, one in enumerate(objects, start=1):
         rule = rules[one.rule]
         ruled = rule.severity != NO_RULE
+        low, high = interval_of(one, rule, surroundings, line)
         rows.append(
             {
                 "object_id": number,
@@ -98,6 +111,8 @@ def object_layer(
                 "rule": rule.id,
                 "kind": one.kind,
                 "clearance": one.measure,
+                "clearance_low": low,
+                "clearance_high": high,
                 "required": rule.threshold if ruled else math.nan,
                 "direction": rule.direction,
                 "sd": one.sd,
@@ -164,12 +179,15 @@ def span_table(
     least: Least,
     objects: Sequence[Object],
     point_sd: float,
+    band: Band,
+    zones: NDArray[np.int64],
     missed: Mapping[int, Mapping[str, float]],
 ) -> Table:
     """Table of one row per span and state; clearances in space, in metres.
 
     Parameters
     ----------
+    zones : numbers of points, see `count_in_zones`
     missed : columns of each span on what may be missing of it
     """
     rows = []
@@ -191,6 +209,10 @@ def span_table(
                     "sag": max(curve.sag for curve in curves),
                     "swing": math.degrees(math.atan(max((c.swing for c in curves), key=abs))),
                     **_least_of(line, least, own, number, surroundings, point_sd),
+                    **(_interval_of(band, own) if number == 0 else {}),
+                    **dict(
+                        zip(ZONE_COLUMNS, zones[number, own].sum(axis=(0, 1)).tolist(), strict=True)
+                    ),
                     "objects": sum(
                         o.state == number and line.span[o.wire] == span for o in objects
                     ),
@@ -217,8 +239,24 @@ def _least_of(
         sigma = float(curve.height_sigma(distances(point, curve)[:, 3])[0])
         row["clearance"] = float(table[wire, kind])
         row["clearance_sd"] = math.hypot(point_sd, sigma) if math.isfinite(sigma) else point_sd
-    nearest = table.min(axis=0)
-    return row | {
-        name: float(near) if math.isfinite(near) else None
-        for name, near in zip(KINDS, nearest, strict=True)
+    bare = least.point[state, own, GROUND]
+    wire = int(table[:, GROUND].argmin())
+    row["ground_at"] = None
+    if bare[wire] >= 0:
+        point = surroundings.xyz[bare[[wire]]]
+        row["ground_at"] = float(distances(point, line.curves[state][own[wire]])[0, 3])
+    return row | dict(zip(KINDS, map(_if_any, table.min(axis=0)), strict=True))
+
+
+def _interval_of(band: Band, own: Ints) -> dict[str, float | None]:
+    """Between which values the least distances of a span from objects and the ground lie."""
+    kinds = {"clearance": slice(len(OBJECTS)), "ground": slice(GROUND, GROUND + 1)}
+    return {
+        f"{name}_{end}": _if_any(values[own, some].min())
+        for name, some in kinds.items()
+        for end, values in (("low", band.low), ("high", band.high))
     }
+
+
+def _if_any(distance: float) -> float | None:
+    return float(distance) if math.isfinite(distance) else None

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.corridor._clearance.distances import TAKES_NO_PART, find_violations
+from algorithms.corridor._clearance.rest import sweep
 from algorithms.corridor._clearance.rules import OBJECTS, Rule
 from algorithms.corridor._clearance.surroundings import LineStates, kinds_of, near_wires
 from algorithms.shared.lowest import lattice_around, lowest_points
@@ -75,9 +76,10 @@ def _telling(
         return ground
     places = cloud.xyz[ground]
     xyz = (places - line.origin) / cloud.metre
-    found, least = find_violations(
-        xyz, kind, line.curves, rules, reach=measured, point_sd=0.0, ctx=ctx
-    )
+    states = [*line.curves, *line.rest]
+    found, least = find_violations(xyz, kind, states, rules, reach=measured, point_sd=0.0, ctx=ctx)
+    between = np.flatnonzero(np.isfinite(sweep(xyz, kind, line.rest, reach=measured)[1]))
     use = np.ones(len(ground), bool)
     shown = lowest_points(places, use, lattice_around(places, SHOWN_CELL * cloud.metre), QUIET)
-    return np.concatenate([found.point, least.point[least.point >= 0], shown[shown >= 0]])
+    nearest = least.point[least.point >= 0]
+    return np.concatenate([found.point, nearest, between, shown[shown >= 0]])

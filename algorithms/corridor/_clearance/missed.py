@@ -27,12 +27,13 @@ from algorithms.corridor._curves.network import (
     wires_among,
 )
 from algorithms.corridor._curves.trace import Airborne, trace_all, uncrowded
+from algorithms.corridor._extraction.follow import TOLERANCES
 from algorithms.corridor._extraction.missed import missed
+from algorithms.shared import parameters
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Section, Vector
 
-LOWEST = 4.0  # metres above the ground, as the lowest conductor of corridor.extract
-TOLERANCE, GAP = 0.25, 60.0  # metres: wire_tolerance and wire_gap of corridor.extract
+TOLERANCE = TOLERANCES[0]  # metres: a wider one takes branches for wires
 DENSITY = 100.0  # points per square metre, for which the most points around a wire are allowed
 MOSTLY = 0.5  # share of the points of an object in the shape of a wire, from which it may be one
 SPAN_COLUMNS = ("conductors", "expected", "seen_share", "wire_like")
@@ -76,11 +77,13 @@ def wire_like(surroundings: Surroundings, line: LineStates, ctx: Context = QUIET
     if not len(near):
         return WireLike(on_it, {})
     air = Airborne.of(surroundings.xyz[near])
-    may = ~(height[near][air.order] <= LOWEST)  # where it is not known, it may be
+    may = ~(height[near][air.order] <= parameters.MIN_HEIGHT)  # where it is not known, it may be
     alone, voxel = uncrowded(air.select(may), DENSITY)
     may[may] = alone
     corridor = Corridor(air, height[near][air.order], may, TOLERANCE, _nowhere, _unseen)
-    curves = trace_all(corridor.wires, voxel[alone], tolerance=TOLERANCE, max_gap=GAP, ctx=ctx)
+    curves = trace_all(
+        corridor.wires, voxel[alone], tolerance=TOLERANCE, max_gap=parameters.WIRE_GAP, ctx=ctx
+    )
     known = [Piece(np.empty(0, np.int64), curve) for curve in line.curves[0]]
     pieces = [
         replace(one, sure=one.sure or is_beside(one, known)) for one in curves_of(corridor, curves)

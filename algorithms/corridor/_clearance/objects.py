@@ -30,6 +30,18 @@ CROWN_RADIUS = 3.0  # metres: within this no tree has a higher neighbour at its 
 LOWEST_TREE = 3.0  # metres
 WIDEST_OBJECT = 15.0  # metres: a group that is wider is parted tree by tree
 TREES = (TREE, UNCLASSIFIED)  # kinds of points that may be trees
+FALLING = Rule(
+    "falling",
+    "height of the tree against the distance of its foot",
+    "",
+    "tree",
+    "3-D",
+    0.0,
+    0.0,
+    "watch",
+    confirmed=True,
+    note="A tree that falls towards the line reaches it",
+)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -10,8 +10,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from algorithms.corridor._clearance.counted import ZONE_COLUMNS
 from algorithms.corridor._clearance.coverage import Coverage
 from algorithms.corridor._clearance.drawing import Drawing
+from algorithms.corridor._clearance.objects import FALLING
+from algorithms.corridor._clearance.rest import AtRest
 from algorithms.corridor._clearance.rules import KINDS, NO_RULE, SEVERITIES, Rule
 from algorithms.corridor._clearance.sag import Conductor, State
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
@@ -33,6 +36,7 @@ KIND_COLOURS = {
     "water": "#7fb2e0",
     "rail": "#6b6b6b",
     "road": "#8c8c8c",
+    "line": "#0040a0",
 }
 SEVERITY_COLOURS = {
     "critical": "#d40000",
@@ -46,6 +50,8 @@ LISTED = (
     "kind",
     "rule",
     "clearance",
+    "clearance_low",
+    "clearance_high",
     "required",
     "sd",
     "probability",
@@ -60,18 +66,34 @@ LISTED = (
     "may_be_wire",
 )
 LIST_CAPTION = (
-    "Lengths in metres, places as in the data. sd is the standard deviation of the clearance; "
-    "falls is by how much a tree reaches beyond the wire when it falls towards it, below 0; "
+    "Lengths in metres, places as in the data. clearance_low and clearance_high: between which "
+    "values the clearance lies at other temperatures, see there; sd is the standard deviation of "
+    "the clearance; falls is by how much a tree reaches beyond the wire when it falls towards it, "
+    "below 0; "
     "may_be_wire: its points have the shape of a wire that was not found"
 )
 SPAN_CAPTION = (
-    "Least distances in space to what is near the wires in plan, m. conductors and expected: "
+    "Least distances in space to what is near the wires in plan, m. clearance: to the nearest "
+    "object, line: to a conductor of another line, ground_at: metres along the span where the "
+    "ground is nearest; _low and _high: between which values these lie at other temperatures, see "
+    "there. conductors and expected: "
     "found, and as in neighbouring spans, a bundle as one; seen_share: of the conductor that was "
     "seen least; wire_like: m of points beside it in the shape of a wire, which are none"
 )
 KIND_CAPTION = (
-    "Least distances in space to what is near the wires in plan, m; objects that are too close or "
-    "may fall, objects that are near and have no rule, and the rules of each kind"
+    "Least distances in space to what is near the wires in plan, m; numbers of objects that are "
+    "too close, that reach a wire if they fall towards it and are not too close else (rule "
+    "falling), and that are near and have no rule; numbers of points at 0 to 20 m and at 20 to 30 "
+    "m from the wires; and the rules of each kind. line: conductors of another line"
+)
+ZONE_CAPTION = (
+    "Numbers of points of objects, by their distance in space from the nearest wire as surveyed; "
+    "the ground, and plants that are too low, do not count"
+)
+CROSSING_CAPTION = (
+    "Lengths in metres. Where conductors of two lines come near each other: the two states in "
+    "which they are closest. clearance_low and clearance_high: between which values the distance "
+    "lies if each line has any temperature that it may have"
 )
 WIRE_COLOUR, WIRE_DASHES = "#0040a0", ("", "6 3", "1 3", "6 3 1 3")  # of wires, by state
 
@@ -90,6 +112,8 @@ def report_of(
     conductor: Conductor | None,
     coverage: Coverage,
     missing: Section,
+    rest: AtRest,
+    crossings: pd.DataFrame,
     ctx: Context = QUIET,
 ) -> Report:
     """Report with a list of objects, a map, and tables and profiles of spans.
@@ -98,6 +122,7 @@ def report_of(
     ----------
     listed : the columns of the layer of objects, in the same order
     missing : on wires that may be missing
+    crossings : the columns of the layer of crossings
     """
     across = _Across.of(surroundings, line)
     sections = [
@@ -107,7 +132,10 @@ def report_of(
         ),
         Section("Objects, the most urgent first", _list(listed)),
         Section("Map", _map(across, line, rules, objects, ctx.part(0.0, 0.3))),
+        Section("Crossing lines", _crossing_list(crossings)),
         Section("Spans", [Rows(_span_list(spans), SPAN_CAPTION, MOST_SPANS)]),
+        Section("Points near the wires", _zone_list(spans)),
+        Section("Temperature of the wires", [_rest_text(line, rest, conductor)]),
         Section("Profiles", _profiles(across, line, rules, objects, ctx.part(0.3, 1.0))),
         Section("Rules", [Rows(_rule_table(rules), "Distances in metres")]),
         Section("Wires", [_wires_text(line, conductor)]),
@@ -116,7 +144,8 @@ def report_of(
         ),
     ]
     shown = [section for section in sections if section.blocks]
-    summary = _summary(surroundings, line, rules, objects, coverage)
+    summary = _summary(surroundings, line, rules, objects, coverage, spans)
+    summary += _may_break(surroundings, rest) if line.spans else ""
     return Report("Clearances of a power line", shown, summary=summary, name="clearance")
 
 
@@ -126,6 +155,7 @@ def _summary(
     rules: Sequence[Rule],
     objects: Sequence[Object],
     coverage: Coverage,
+    spans: Table,
 ) -> str:
     if not line.spans:
         return "There are no wires, so nothing is too close to one."
@@ -133,8 +163,15 @@ def _summary(
     unruled = counts.pop(NO_RULE)
     found = ", ".join(f"{count} {word}" for word, count in counts.items())
     text = f"Spans: {len(line.spans)}. Objects too close, or to be watched: {found}."
+    falling = sum(rules[one.rule].id == FALLING.id for one in objects)
+    if falling:
+        text += (
+            f" Of these to be watched, trees that reach a wire if they fall towards it: {falling}."
+        )
     text += f" Objects that are near and have no rule: {unruled}." if unruled else ""
     text += _without_rule(coverage)
+    near, farther = (_as_surveyed(spans)[name].sum() for name in ZONE_COLUMNS)
+    text += f"\nPoints of objects at 0-20 m from the wires: {near}; at 20-30 m: {farther}."
     if not np.isfinite(surroundings.height).any():
         text += "\nNo point is ground: heights are not known, and falling trees not looked for."
     doubtful = [rule.id for rule in rules if not rule.confirmed]
@@ -160,9 +197,80 @@ def _list(listed: pd.DataFrame) -> list[Rows | str]:
     return [Rows(_rounded(frame), LIST_CAPTION, MOST_OBJECTS)]
 
 
+def _crossing_list(crossings: pd.DataFrame) -> list[Rows | str]:
+    if not len(crossings):
+        return []
+    return [Rows(_rounded(crossings.drop(columns="geometry")), CROSSING_CAPTION, MOST_OBJECTS)]
+
+
+def _as_surveyed(spans: Table) -> pd.DataFrame:
+    """The rows of the spans as surveyed."""
+    return spans.frame[spans.frame["state"] == "survey"]
+
+
+def _zone_list(spans: Table) -> list[Rows]:
+    """Numbers of points of each span, and of all."""
+    if not len(spans):
+        return []
+    frame = _as_surveyed(spans)[["span_id", *ZONE_COLUMNS]].astype({"span_id": str})
+    total = pd.DataFrame([{"span_id": "all", **frame[list(ZONE_COLUMNS)].sum()}])
+    return [Rows(Table(pd.concat([frame, total])), ZONE_CAPTION, MOST_SPANS)]
+
+
+def _rest_text(line: LineStates, rest: AtRest, conductor: Conductor | None) -> str:
+    """What is known of the temperature, and what the intervals of clearances mean."""
+    told = rest.temperatures
+    if rest.surveyed is None:
+        text = (
+            "The temperature of the wires in the survey is not known. It is taken to be from "
+            f"{told.surveyed[0]:g} to {told.surveyed[1]:g} C."
+        )
+    else:
+        source = "computed from current and weather (IEEE 738)" if rest.computed else "given"
+        text = f"In the survey the wires had {rest.surveyed:.1f} C, as {source}."
+    which = f"{conductor.name}" if conductor else "not known: any of the table of conductors"
+    colder, warmer = told.change
+    up, down = _moves(line)
+    held = (
+        f" Spans {', '.join(map(str, line.open_spans))} end where the data end, and are taken as "
+        "held there: their intervals are too narrow near such ends."
+    )
+    return (
+        f"{text} At other times they may have from {told.lowest:g} to {told.highest:g} C, so up to "
+        f"{warmer:.0f} degrees more or {-colder:.0f} less than in the survey. Conductor: {which}. "
+        f"A wire may hang up to {down:.2f} m lower or {up:.2f} m higher than it was surveyed.\n"
+        "clearance_low and clearance_high are the least and the greatest clearance in that range: "
+        "of an object from the wire with which it is listed, of a span from all that is near. The "
+        "wind is that of the survey, and there is no ice. They are no standard deviation: nobody "
+        "knows from the survey where in the range a wire is at another time. The clearance itself "
+        "is that of the moment of the survey, or of the state that is named."
+        f"{held if line.open_spans else ''}"
+    )
+
+
+def _moves(line: LineStates) -> tuple[float, float]:
+    """By how much the wires may hang higher and lower than in the survey, metres."""
+    if not line.spans:
+        return 0.0, 0.0
+    sags = np.array([[c.sag for c in curves] for curves in (line.curves[0], *line.rest)])
+    return float((sags[0] - sags[1]).max()), float((sags[2] - sags[0]).max())
+
+
+def _may_break(surroundings: Surroundings, rest: AtRest) -> str:
+    """How many points may break a rule at another temperature, by kind; empty if none may."""
+    kinds = np.bincount(surroundings.kind[rest.may_break], minlength=len(KINDS))
+    told = ", ".join(f"{kind} {count}" for kind, count in zip(KINDS, kinds, strict=True) if count)
+    if not told:
+        return ""
+    return (
+        "\nPoints that keep the rules as surveyed, and may break one at another temperature of the "
+        f"wires (see there): {told}. They are not listed."
+    )
+
+
 def _span_list(spans: Table) -> Table:
-    """Table of spans without its empty columns."""
-    frame = spans.frame
+    """Table of spans without its empty columns, and without what is in a table of its own."""
+    frame = spans.frame.drop(columns=list(ZONE_COLUMNS))
     return _rounded(frame.drop(columns=[name for name in frame if frame[name].isna().all()]))
 
 

@@ -46,8 +46,8 @@ NEEDED_RULE_COLUMNS = (
     "confirmed",
 )
 UNIT_METRES = {"m": 1.0, "ft": 0.3048}
-KINDS = ("tree", "building", "other", "unclassified", "ground", "water", "rail", "road")
-OBJECTS, SURFACES = KINDS[:4], KINDS[4:]
+KINDS = ("tree", "building", "other", "unclassified", "ground", "water", "rail", "road", "line")
+OBJECTS, SURFACES, LINE = KINDS[:4], KINDS[4:8], KINDS[8]
 DIRECTIONS = ("3-D", "vertical", "horizontal")
 NO_RULE = "no rule"  # of what is near and has none
 SEVERITIES = ("critical", "warning", NO_RULE, "watch")  # the most urgent first
@@ -286,6 +286,16 @@ def grown(rules: Sequence[Rule], growth: float) -> list[Rule]:
         for rule in rules
         if rule.holds_for("tree")
     ]
+
+
+def is_broken(rule: Rule, space: float, tall: float, flat: float) -> bool:
+    """Whether distances in space, vertical and horizontal, in metres, break a rule."""
+    value, other = {
+        "3-D": (space, 0.0),
+        "vertical": (tall, flat),
+        "horizontal": (flat, tall),
+    }[rule.direction]
+    return value < rule.threshold and other <= rule.within
 
 
 def reach_of(rules: Sequence[Rule]) -> float:

@@ -102,6 +102,12 @@ def conductor_of(name: str, table: Table | None = None) -> Conductor:
     )
 
 
+def all_conductors(table: Table | None = None) -> list[Conductor]:
+    """All conductors of a table, or of that of the toolbox."""
+    table = Table.open(CONDUCTORS_FILE) if table is None else table
+    return [conductor_of(str(name), table) for name in table.frame["name"]]
+
+
 def _positive(table: str, row: Mapping[Any, Any], column: str) -> float:
     value = row[column]
     good = not pd.isna(value) and not isinstance(value, str) and 0 < value < math.inf
@@ -182,6 +188,15 @@ def in_state(
     covariance[2, 2] += (by_degree * surveyed_sd) ** 2
     swing = wind_load(conductor, state.wind) / conductor.weight
     return replace(curve, curvature=curvature, swing=swing, covariance=covariance)
+
+
+def curvature_when(
+    curve: Catenary, conductor: Conductor, warmer: float, ruling_span: float | None = None
+) -> float:
+    """Curvature of a wire `warmer` degrees above its surveyed temperature, in the same wind."""
+    load = abs(curve.swing) * conductor.weight
+    wind = math.sqrt(load / (0.5 * AIR_DENSITY * DRAG * conductor.diameter))
+    return _curvature(curve, conductor, warmer, math.copysign(wind, curve.swing), ruling_span)
 
 
 def _curvature(

@@ -36,6 +36,7 @@ KIND_CLASSES = {
     "road": (11,),
 }  # kinds and classes
 BESIDE_TOWER = 1.0  # metres around the body of a tower
+PLANTS = (KINDS.index("tree"), KINDS.index("unclassified"))  # kinds that are plants, or may be
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -50,6 +51,7 @@ class LineStates:
     origin : array of shape (3,), in the unit of the data
     states : of the wires
     curves : for each state those of the m wires
+    rest : the m wires at their highest and at their lowest, of all temperatures that they may have
     wire, span, start, end : arrays of shape (m,), numbers of the conductor, span and towers
     """
 
@@ -60,11 +62,18 @@ class LineStates:
     span: Ints
     start: Ints
     end: Ints
+    rest: tuple[list[Catenary], list[Catenary]]
 
     @property
     def spans(self) -> list[int]:
         """Numbers of the spans."""
         return [int(number) for number in np.unique(self.span)]
+
+    @property
+    def elevation(self) -> float:
+        """Mean height of the ends of the wires, metres, from 0 to that of the highest mountain."""
+        ends = [height for c in self.curves[0] for height in (c.z_start, c.z_end)]
+        return float(np.clip(np.mean(ends), 0.0, 9000.0)) if ends else 0.0
 
     @property
     def open_spans(self) -> list[int]:
@@ -83,6 +92,7 @@ class Surroundings:
     xyz : array of shape (n, 3)
     kind : array of shape (n,), index into KINDS, -1 for points that take no part
     height : array of shape (n,), above the ground
+    low : array of shape (n,), index into KINDS of plants too low to be objects, -1 for all others
     left_out : how many points take no part, and why
     """
 
@@ -90,6 +100,7 @@ class Surroundings:
     xyz: Floats
     kind: NDArray[np.int8]
     height: Floats
+    low: NDArray[np.int8]
     left_out: dict[str, int]
 
 
@@ -125,8 +136,10 @@ def line_of(wires: Vector) -> LineStates:
     corner = np.floor(frame[["x0", "y0"]].min() / metre) if len(frame) else (0.0, 0.0)
     origin = np.array([*corner, 0.0]) * metre
     columns = ("wire_id", "span_id", "from_tower", "to_tower")
-    numbers = [frame[name].to_numpy(np.int64) for name in columns]
-    return LineStates(origin, [State("survey")], [catenaries_of(wires, origin)], *numbers)
+    wire, span, start, end = (frame[name].to_numpy(np.int64) for name in columns)
+    curves = catenaries_of(wires, origin)
+    states, rest = [State("survey")], (curves, curves)
+    return LineStates(origin, states, [curves], wire, span, start, end, rest)
 
 
 def surroundings_of(
@@ -138,6 +151,7 @@ def surroundings_of(
     reach: float,
     wire_radius: float,
     attachment: float,
+    lowest: float,
     towers: Vector | None = None,
     ctx: Context = QUIET,
 ) -> Surroundings:
@@ -150,13 +164,13 @@ def surroundings_of(
     reach : to the side of the wires, metres
     wire_radius, attachment : points without a class that are as near to a wire or to its end are
         of the line, metres
+    lowest : plants that are lower above the ground take no part, metres
     towers : points without a class around their bodies are of them, unless `attachment` is 0
     """
     require_finite(cloud.xyz)
     if not line.spans:
-        return Surroundings(
-            np.empty(0, np.int64), np.empty((0, 3)), np.empty(0, np.int8), np.empty(0), {}
-        )
+        none = np.empty(0, np.int8)
+        return Surroundings(np.empty(0, np.int64), np.empty((0, 3)), none, np.empty(0), none, {})
     index = near_wires(cloud, line, reach)
     kind, left_out = kinds_of(cloud, classes, ignore)
     kind = kind[index]
@@ -171,7 +185,11 @@ def surroundings_of(
         mine |= _at_towers(xyz, kind, towers, line.origin)
     kind[mine] = TAKES_NO_PART
     left_out["without a class, on a wire or at a support"] = int(mine.sum())
-    return Surroundings(index, xyz, kind, height, left_out)
+    low = np.where(np.isin(kind, PLANTS) & (height < lowest), kind, TAKES_NO_PART)
+    kind[low >= 0] = TAKES_NO_PART
+    if lowest:
+        left_out[f"of plants, or of what may be, lower than {lowest:g} m"] = int((low >= 0).sum())
+    return Surroundings(index, xyz, kind, height, low, left_out)
 
 
 def near_wires(cloud: PointCloud, line: LineStates, reach: float) -> Ints:

@@ -709,7 +709,8 @@ def test_what_is_near_and_has_no_rule_is_listed_counted_and_told(
     assert result["violations"]["severity"].tolist() == [3] * 4
     assert np.isnan(result["violations"]["probability"]).all()
     told = (
-        f"{kind}: 4 points, the nearest at 2.00 m; no rule: nerc_fac_003.csv has no row for {kind}"
+        f"{kind}: objects 1, points 4, the nearest at 2.00 m; "
+        f"no rule: nerc_fac_003.csv has no row for {kind}"
     )
     assert f"near a wire: {told}" in caplog.text
     page = result["report"]
@@ -723,7 +724,7 @@ def test_two_points_without_a_rule_are_no_object_but_told(caplog: pytest.LogCapt
     low = float(LEVEL.height(np.array(150.0)))
     result = run(cloud(blob(150, 0, low - 2.0, 2), 26), rules="nerc_fac_003", voltage=345.0)
     assert (result["no_rule_count"], len(result["violations"])) == (0, 2)
-    assert "other: 2 points, the nearest at 2.00 m" in caplog.text
+    assert "other: objects 0, points 2, the nearest at 2.00 m" in caplog.text
 
 
 def test_unclassified_objects_are_held_to_the_strictest_rule_and_to_those_that_miss() -> None:
@@ -735,7 +736,7 @@ def test_unclassified_objects_are_held_to_the_strictest_rule_and_to_those_that_m
         assert (one["kind"], one["severity"], one["rule"]) == ("unclassified", severity, told)
         kinds = found["report"].sections[0].blocks[0].table.frame.set_index("kind")
         assert kinds.rule["unclassified"].startswith(
-            "held to the strictest of fac-003-345, falling; no rule if it is building or other"
+            "held to the strictest of fac-003-345; no rule if it is building or other"
         )
     full = run(cloud(blob(150, 0, low - 2.0), 1), rules="en_50341", voltage=22.0, falling=False)
     kinds = full["report"].sections[0].blocks[0].table.frame.set_index("kind")
@@ -763,9 +764,10 @@ def test_near_is_what_cranes_must_keep_or_what_the_rules_ask_of_others() -> None
         ("other", 9.0),
         ("ground", 12.0),
         ("water", 12.0),
+        ("line", pytest.approx(3.048)),
     ]
     far = stand_ins([], dict.fromkeys(KINDS, ""), None)
-    assert [(r.kind, r.threshold) for r in far] == [(kind, 5.0) for kind in KINDS if kind in CODES]
+    assert [(r.kind, r.threshold) for r in far] == [(kind, 5.0) for kind in (*CODES, "line")]
     low = float(LEVEL.height(np.array(150.0)))
     for below, count in ((6.08, 1), (6.11, 0)):
         points = cloud(blob(150, 0, low - below), 26)
@@ -1095,7 +1097,8 @@ def test_few_points_of_the_ground_matter_but_all_that_tell_something(
     few = what_matters(points, line, rules, measured=15.0, **settings)
     assert len(few) < 0.75 * len(points)
     full, part = (
-        surroundings_of(p, line, wire_radius=0.5, attachment=5.0, **settings) for p in (points, few)
+        surroundings_of(p, line, wire_radius=0.5, attachment=5.0, lowest=0.0, **settings)
+        for p in (points, few)
     )
     assert full.left_out == part.left_out
     found = [

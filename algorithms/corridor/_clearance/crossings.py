@@ -175,10 +175,19 @@ def _of_pair(
             continue
         one, other = line.curves[a][i], line.curves[b][j]
         (space, vertical, flat), u, places = _closest(one, other)
-        if flat > reach or (_at_end(one, u[0], attachment) and _at_end(other, u[1], attachment)):
+        if flat > reach or _hang_on(one, other, u, attachment):
             continue
         rule = _broken(rules, space, abs(vertical), flat)
         yield Crossing((i, j), (a, b), places, u, space, vertical, flat, rule, low, high)
+
+
+def _hang_on(one: Catenary, other: Catenary, u: tuple[float, float], attachment: float) -> bool:
+    """Whether two wires are nearest where both end, and the one does not run beside the other."""
+    if not (_at_end(one, u[0], attachment) and _at_end(other, u[1], attachment)):
+        return False
+    along = np.linspace(0.0, one.length, math.ceil(one.length / STEP) + 1)
+    nearest = distances(one.points(along), other)[:, 3]
+    return bool((np.abs(nearest - u[1]) <= attachment).all())
 
 
 def _at_end(curve: Catenary, u: float, attachment: float) -> bool:

@@ -15,7 +15,7 @@ from algorithms.corridor._clearance.coverage import Coverage
 from algorithms.corridor._clearance.drawing import Drawing
 from algorithms.corridor._clearance.objects import FALLING
 from algorithms.corridor._clearance.rest import AtRest
-from algorithms.corridor._clearance.rules import KINDS, NO_RULE, SEVERITIES, Rule
+from algorithms.corridor._clearance.rules import KINDS, NO_RULE, OBJECTS, SEVERITIES, Rule
 from algorithms.corridor._clearance.sag import Conductor, State
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
 from algorithms.corridor._curves.catenary import Catenary
@@ -27,6 +27,7 @@ PROFILE_BESIDE = 20.0  # metres to both sides of a span that its profile shows
 SHEET, MOST_SHEETS = 800.0, 20  # length of a sheet of the map, metres; longer if there were more
 MAP_SIZE, PROFILE_SIZE = (850.0, 930.0), (880.0, 350.0)  # pixels, the former at most
 STRETCH_LENGTH = 10.0  # metres
+RIGHT_BELOW, BELOW_COLOUR = 1.0, "#7a4a10"  # metres to the side of a wire, and colour in profiles
 KIND_COLOURS = {
     "tree": "#4a9c4a",
     "building": "#b0703c",
@@ -67,9 +68,9 @@ LISTED = (
 )
 LIST_CAPTION = (
     "Lengths in metres, places as in the data. clearance_low and clearance_high: between which "
-    "values the clearance lies at other temperatures, see there; sd is the standard deviation of "
-    "the clearance; falls is by how much a tree reaches beyond the wire when it falls towards it, "
-    "below 0; "
+    "values the clearance lies at other temperatures, in the wind of the survey, see there; sd is "
+    "the standard deviation of the clearance; falls is by how much a tree reaches beyond the wire "
+    "when it falls towards it, below 0; "
     "may_be_wire: its points have the shape of a wire that was not found"
 )
 SPAN_CAPTION = (
@@ -503,6 +504,7 @@ def _profile(
     first, last = np.array([-5.0, low]), np.array([axis.length + 5.0, high])
     drawing = Drawing(first, last, PROFILE_SIZE, ("m along the span", "height, m"))
     _draw_points(drawing, np.array([along, z]), kinds, 1.0)
+    _draw_below(drawing, axis, xyz[near], kinds, [line.curves[0][k] for k in own])
     for number, places in wires:
         drawing.curve(
             axis.along(places)[0], places[:, 2], WIRE_COLOUR, 1.0, WIRE_DASHES[min(number, 3)]
@@ -521,9 +523,28 @@ def _profile(
         worst = f"; the most urgent: {urgent.measure:.2f} m, {rules[urgent.rule].id}"
     caption = (
         f"Span {span}, {axis.length:.0f} m, {len(own)} wires, {len(spots)} objects{worst}. "
-        f"Points up to {PROFILE_BESIDE:.0f} m to the side; numbers as in the list."
+        f"Points up to {PROFILE_BESIDE:.0f} m to the side, darker the ground up to "
+        f"{RIGHT_BELOW:.0f} m from below a wire; numbers as in the list."
     )
     return Figure(drawing.svg(), caption)
+
+
+def _draw_below(
+    drawing: Drawing,
+    axis: Catenary,
+    xyz: Floats,
+    kinds: NDArray[np.int8],
+    curves: Sequence[Catenary],
+) -> None:
+    """Draw the ground right below the wires: in a slope that to the side is higher or lower."""
+    ground = xyz[kinds >= len(OBJECTS)]
+    away = [np.abs(curve.residuals(ground)[1]) for curve in curves]
+    below = ground[np.min(away, axis=0) <= RIGHT_BELOW]
+    drawing.points(
+        axis.along(below)[0], below[:, 2], np.zeros(len(below), np.int64), [BELOW_COLOUR], 1.0
+    )
+    if len(below):
+        drawing.key("points", "below a wire", BELOW_COLOUR)
 
 
 def _spots(

@@ -299,6 +299,17 @@ def test_crossing_lines_are_measured_from_each_other(hill: Hill, above: float) -
         assert lines[3, name] == pytest.approx(nearest, abs=CENTIMETRE)
 
 
+@pytest.mark.parametrize(("towers", "count"), [((1, 2), 0), ((4, 5), 1)])
+def test_circuits_on_the_same_towers_are_one_line(towers: tuple[int, int], count: int) -> None:
+    hill = Hill(0.3, 0.3)
+    curves = [hill.wire((0, y, 24), (240, y, 24), 900.0) for y in (0, 4)]
+    found = toolbox.run(
+        "corridor.clearance",
+        {"points": scattered(hill, 50), "wires": wires_of(curves, [(1, 2), towers])},
+    )
+    assert found["crossing_count"] == count
+
+
 def test_wires_of_one_line_and_those_that_hang_on_do_not_cross() -> None:
     """Spans with a tower in common are one line; where both end, a tower was not found."""
     hill = Hill(0.3, 0.3)
@@ -421,7 +432,7 @@ def test_a_wire_that_may_sag_into_a_tree_has_an_interval_down_to_nothing() -> No
     assert (row.clearance_low, row.clearance_high) == pytest.approx(
         (one.clearance_low, one.clearance_high), abs=CENTIMETRE
     )
-    safe = toolbox.run("corridor.clearance", {**values, "distance": 1.0})
+    safe = toolbox.run("corridor.clearance", {**values, "distance": 0.3})
     assert safe["object_count"] == 0
     assert "may break one at another temperature of the wires (see there): tree 5" in (
         safe["report"].summary
@@ -447,7 +458,29 @@ def test_the_known_temperature_bounds_the_interval_by_the_states_themselves() ->
         assert row.ground_low == pytest.approx(spans.loc[(span, "80 C"), "ground"], abs=1e-6)
         assert row.ground_low < row.ground < row.ground_high
         assert pd.isna(spans.loc[(span, "80 C"), "ground_low"])
-        assert 0 <= row.ground_at <= curves[span - 1].length
+        wire = places(curves[span - 1])
+        points = values["points"].xyz[values["points"]["classification"] == GROUND] - ORIGIN
+        away, nearest = map(np.asarray, cKDTree(wire).query(points))
+        at = nearest[away.argmin()] * curves[span - 1].length / (len(wire) - 1)
+        assert row.ground_at == pytest.approx(at, abs=STEP)
+
+
+def test_an_unsure_temperature_of_the_survey_widens_the_range_by_two_deviations() -> None:
+    hill = Hill(0.3, 0.5)
+    wires = wires_of(line_on(hill), TOWERS)
+    values = {"points": scattered(hill, 50), "wires": wires, "falling": False, "distance": 1.0}
+    limits = {"conductor": "Drake", "lowest_temperature": 10.0, "highest_temperature": 40.0}
+    for survey, sd, told in (
+        (20.0, 0.0, "20 degrees more or 10"),
+        (20.0, 5.0, "30 degrees more or 20"),
+    ):
+        given = {"survey_temperature": survey, "survey_temperature_sd": sd}
+        found = toolbox.run("corridor.clearance", {**values, **limits, **given})
+        assert f"so up to {told} less than in the survey" in found["report"].html()
+    air = {"survey_air_temperature": 25.0}
+    page = toolbox.run("corridor.clearance", {**values, **limits, **air})["report"].html()
+    assert "from 25 to 40 C. At other times" in page
+    assert "so up to 15 degrees more or 30 less" in page
 
 
 def test_grass_is_no_object_and_what_is_left_out_is_told() -> None:
@@ -577,3 +610,15 @@ def test_the_sun_needs_a_place_on_the_earth() -> None:
     layer = Vector(wires.frame.set_crs(local, allow_override=True), name="wires.gpkg")
     with pytest.raises(DataError, match=r"wires\.gpkg: survey_time needs its place on the Earth"):
         place_of(layer)
+
+
+def test_profiles_show_the_ground_right_below_the_wires() -> None:
+    """In a side slope the ground to the side is as high as the wires."""
+    hill = Hill(0.6, 0.0)
+    values = {"wires": wires_of(line_on(hill), TOWERS), "falling": False, "distance": 1.0}
+    for aside, shown in ((0.9, True), (1.1, False)):
+        xy = np.column_stack([np.arange(0.0, 240.0, 2.0), np.full(120, aside)])
+        points = cloud(hill, (hill.stand(xy, 0.0), GROUND, 0.0))
+        page = toolbox.run("corridor.clearance", {**values, "points": points})["report"]
+        (profiles,) = [s.blocks for s in page.sections if s.title == "Profiles"]
+        assert (b"below a wire" in profiles[0].content) == shown

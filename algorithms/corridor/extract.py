@@ -26,9 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.corridor._curves.network import Corridor
-from algorithms.corridor._curves.trace import uncrowded
+from algorithms.corridor._curves.trace import Airborne, uncrowded
 from algorithms.corridor._extraction.follow import TOLERANCES, follow, tolerances
-from algorithms.corridor._extraction.ground import elevation
+from algorithms.corridor._extraction.ground import OFF_GROUND, elevation
 from algorithms.corridor._extraction.labels import LABEL_NUMBERS, labelled, none_labelled
 from algorithms.corridor._extraction.layers import tower_layer, wire_layer
 from algorithms.corridor._extraction.missed import warn_of_missed, with_gaps
@@ -152,7 +152,8 @@ def find_line(
     may[may] = alone
     ctx.progress(0.1)
     ground = elevation(points.xyz, points.height)
-    corridor = Corridor(air, height, may, tolerances[0], ground, points.seen)
+    floor = Airborne.of(points.xyz[points.height <= OFF_GROUND])
+    corridor = Corridor(air, height, may, tolerances[0], ground, points.seen, floor)
     wires, supports = follow(corridor, voxel[alone], max_gap, tolerances, ctx.part(0.1, 0.9))
     if not wires:
         return line

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._curves import trace_kernels as kernels
 from algorithms.corridor._curves.catenary import Catenary, fit
-from algorithms.corridor._curves.trace import STEEPEST_WIRE, Airborne
+from algorithms.corridor._curves.trace import PLAN_CELL, STEEPEST_WIRE, Airborne
+from algorithms.shared.kernels.sorting import distinct
 
 CLEAR_SHARE, SURE_SHARE = 0.65, 0.7  # of a curve along which it stands out from its surroundings
 SURE_LENGTH = 30.0  # metres from which a curve is a wire by itself
@@ -25,6 +26,13 @@ LEAST_CURVE_POINTS = 7
 ROUGHEST_CURVE = 0.8  # of the tolerance: scatter of anything that may be wire
 CLUTTER_RADIUS, CLUTTER_STEP = 1.5, 4.0  # metres around a wire, and along it
 ALONE_SHARE = 0.2  # of it along which there is no clutter
+ROOF_CELL = (4.0, 0.25, 6)  # metres along a curve and aside, and number of cells to each side
+ROOF_FILLED, ROOF_OPEN = 0.6, 0.2  # of these: with a surface at least, and with points below it
+ROOF_SLOPE = 2.0  # rise over run of the steepest roof
+ROOFED_SHARE = 0.4  # of a curve: more of it is the ridge or edge of a roof
+ISOLATED_STEP = 2.0
+ISOLATED_SHARE = 0.55
+ISOLATED_POINTS = 15
 LARGEST_SWING = 1.5  # tangent of the angle by which wind may lift a wire
 SMALLEST_C = 30.0  # metres: least c of a wire
 JOIN_GAP, JOIN_ASIDE, JOIN_HEIGHT = 14.0, 3.0, 1.5  # metres between wires that meet at a support
@@ -71,6 +79,7 @@ class Corridor:
     tolerance : farthest that a point may lie from the wire that is followed, metres
     ground : elevation of the terrain at a position in plan
     seen : whether there are points around a position in plan
+    floor : points of the ground, None if it is not known
     wires : the points that may be wire
     free : which points above the ground lie on no wire that was found
     refused : which of the points that may be wire lie on or at what surely is none
@@ -82,6 +91,7 @@ class Corridor:
     tolerance: float
     ground: Callable[[float, float], float]
     seen: Callable[[float, float], bool]
+    floor: Airborne | None = None
     wires: Airborne = field(init=False)
     free: NDArray[np.bool_] = field(init=False)
     refused: NDArray[np.bool_] = field(init=False)
@@ -111,7 +121,7 @@ class Corridor:
 
 def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list[Piece]:
     """Pieces with catenaries, from the traced curves that stand out from their surroundings."""
-    found = []
+    found: list[Piece] = []
     for curve, points in curves:
         length = curve[kernels.CURVE_HIGH] - curve[kernels.CURVE_LOW]
         clear = clearness(corridor, curve, len(points))
@@ -119,7 +129,7 @@ def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list
         if clear < CLEAR_SHARE or slope > STEEPEST_WIRE or len(points) < LEAST_CURVE_POINTS:
             continue
         catenary = fit(corridor.wires.xyz[points], spread=2 * corridor.tolerance)
-        if catenary is not None:
+        if catenary is not None and roofed(corridor, catenary) < ROOFED_SHARE:
             fine = (
                 curve[kernels.CURVE_RMS] < FINE_RMS * corridor.tolerance
                 and len(points) >= FINE_POINTS
@@ -127,7 +137,70 @@ def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list
             )
             sure = clear >= SURE_SHARE and length >= (FINE_LENGTH if fine else SURE_LENGTH)
             found.append(Piece(points, catenary, sure))
+    return isolated(corridor, found)
+
+
+def roofed(corridor: Corridor, curve: Catenary) -> float:
+    """Share of a curve along which it is the ridge or the edge of a roof.
+
+    There is a surface at one side of it, and nothing is seen below that. Below a wire the beam
+    goes on.
+    """
+    if corridor.floor is None:
+        return 0.0
+    length, width, columns = ROOF_CELL
+    steps = max(1, round(curve.length / length))
+    surface, low = np.zeros((2, steps, 2 * columns), bool)
+    for points in (corridor.air, corridor.floor):
+        near = beside_of(points, curve, columns * width)
+        u, v, z = curve.residuals(points.xyz[near])
+        column = np.floor(v / width).astype(np.int64) + columns
+        inside = (u >= 0) & (u < curve.length) & (column >= 0) & (column < 2 * columns)
+        step = (u / curve.length * steps).astype(np.int64)
+        slack = ROOF_SLOPE * np.abs(v) + 2 * corridor.tolerance
+        at = inside & (np.abs(z) <= slack) & (np.hypot(v, z) > corridor.tolerance)
+        surface[step[at], column[at]] = True
+        under = inside & (z < -slack)
+        low[step[under], column[under]] = True
+    shares = []
+    for side in (slice(0, columns), slice(columns, 2 * columns)):
+        filled, open_ = surface[:, side].sum(axis=1), low[:, side].sum(axis=1)
+        shares.append(np.mean((filled >= ROOF_FILLED * columns) & (open_ <= ROOF_OPEN * columns)))
+    return float(max(shares))
+
+
+def beside_of(points: Airborne, curve: Catenary, reach: float) -> Ints:
+    """Indices of the points in the cells around a curve in plan."""
+    spots = curve.points(np.arange(0.0, curve.length + PLAN_CELL, PLAN_CELL))[:, :2]
+    return distinct(np.concatenate([points.within(spot, reach + PLAN_CELL / 2) for spot in spots]))
+
+
+def isolated(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:
+    """The pieces, of which those are sure too that have nothing but each other around them."""
+    taken = np.zeros(len(corridor.air.xyz), bool)
+    for piece in pieces:
+        taken[corridor.wires.order[piece.points]] = True
+    found = []
+    for piece in pieces:
+        on_it, beside = by_step(corridor, piece.curve, taken, ISOLATED_STEP)
+        clear = np.mean((on_it > 0) & (beside == 0)) > ISOLATED_SHARE
+        sure = piece.sure or (bool(clear) and len(piece.points) >= ISOLATED_POINTS)
+        found.append(replace(piece, sure=sure))
     return found
+
+
+def by_step(
+    corridor: Corridor, curve: Catenary, taken: NDArray[np.bool_], step: float
+) -> tuple[Ints, Ints]:
+    """Number of points on a curve per step along it, and of others around it that are not taken."""
+    own, around = (corridor.air.around(curve, r)[0] for r in (corridor.tolerance, CLUTTER_RADIUS))
+    beside = np.setdiff1d(around[~taken[around]], own, assume_unique=True)
+    bins = max(1, round(curve.length / step))
+    on_it, beside = (
+        np.histogram(curve.along(corridor.air.xyz[points])[0], bins, (0.0, curve.length))[0]
+        for points in (own, beside)
+    )
+    return on_it, beside
 
 
 def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
@@ -148,7 +221,7 @@ def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
         arc
         for arc in found
         if arc.curve.rms < FINE_RMS * corridor.tolerance
-        or alone(corridor, arc.curve) >= ALONE_SHARE
+        or alone(corridor, arc.curve, ~corridor.free) >= ALONE_SHARE
     ]
     carriers = [
         arc for arc in found if carries(corridor, arc.curve, [other.curve for other in straight])
@@ -188,17 +261,12 @@ def is_straight(curve: Catenary) -> bool:
     return curve.sag + CERTAIN_SIGMAS * curve.sigma("sag") < curve.length**2 / (8 * LARGEST_C)
 
 
-def alone(corridor: Corridor, curve: Catenary) -> float:
-    """Share of a curve with more points on it than around it, those of other wires not counted.
+def alone(corridor: Corridor, curve: Catenary, taken: NDArray[np.bool_]) -> float:
+    """Share of a curve with more points on it than around it, those that are taken not counted.
 
     Twigs that happen to lie along an arc have others around them everywhere.
     """
-    own, around = (corridor.air.around(curve, r)[0] for r in (corridor.tolerance, CLUTTER_RADIUS))
-    bins = max(1, round(curve.length / CLUTTER_STEP))
-    on_it, beside = (
-        np.histogram(curve.along(corridor.air.xyz[points])[0], bins, (0.0, curve.length))[0]
-        for points in (own, around[corridor.free[around]])
-    )
+    on_it, beside = by_step(corridor, curve, taken, CLUTTER_STEP)
     return float(np.mean((on_it > beside)[on_it + beside > 0] if on_it.any() else 0.0))
 
 

@@ -17,7 +17,13 @@ from scipy.optimize import linear_sum_assignment
 
 from algorithms.corridor._curves.catenary import Catenary, fit
 from algorithms.corridor._curves.network import LARGEST_SWING, Corridor
-from algorithms.corridor._extraction.spans import Wire, apart_wires, numbered, to_supports
+from algorithms.corridor._extraction.spans import (
+    Wire,
+    apart_wires,
+    numbered,
+    to_supports,
+    usual_curvature,
+)
 from algorithms.corridor._extraction.supports import Support
 
 SAME_WIRE = 0.35  # metres between two wires at a support that are one
@@ -227,10 +233,3 @@ def as_far(wire: Wire, wires: Sequence[Wire]) -> Wire:
         high = min(float(u.max()), high + MOST_EXTENDED)
     known = (wire.known[0] - low, wire.known[1] - low)
     return replace(wire, curve=wire.curve.between(low, high), known=known)
-
-
-def usual_curvature(wires: Sequence[Wire]) -> tuple[float, float]:
-    """The mean curvature of wires, and its standard deviation."""
-    weight = np.array([1 / wire.curve.variance_of_curvature for wire in wires])
-    curvature = np.array([wire.curve.curvature for wire in wires])
-    return float(weight @ curvature / weight.sum()), 1 / math.sqrt(weight.sum())

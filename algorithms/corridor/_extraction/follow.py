@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from algorithms.corridor._curves.arcs import arcs_of
 from algorithms.corridor._curves.lanes import followed_together
-from algorithms.corridor._curves.network import Corridor, curves_of, wires_among
+from algorithms.corridor._curves.network import SURE_LENGTH, Corridor, curves_of, wires_among
 from algorithms.corridor._curves.trace import trace_all
 from algorithms.corridor._curves.tracks import alignments_among
 from algorithms.corridor._extraction.continued import completed
@@ -25,7 +25,9 @@ from toolbox.context import Context
 TOLERANCES = (0.25, 0.625)  # metres: of clean single wires, and of bundles and noisy ones
 MUCH_MORE = 1.1  # times the length of wires, for which a larger tolerance is taken
 FEWEST_OF_LINE = 30  # points; fewer lie in arcs by chance in a wood
-LEAST_OF_LINE = 120.0  # tolerances, of wire; the same
+LEAST_OF_LINE = 12.0  # metres, as long as the piece in which a wire begins
+SHORT_RMS = 0.2  # metres: scatter of a wire of which little is seen; that of an arm is more
+SAME_SUPPORT = 3.0  # metres between the supports of two lines that are one
 NUMBERS = ("span", "bundle", "wire")
 
 
@@ -67,7 +69,7 @@ def follow(
         wires, supports = followed(corridor, voxel, max_gap, part)
         voxel = voxel[~corridor.refused]
         corridor = corridor.without_refused()
-        here = [line for line in lines_of(wires, supports) if line.is_none_by_chance(tolerance)]
+        here = [line for line in lines_of(wires, supports) if line.is_none_by_chance]
         lines = better(corridor, lines, here)
     return together(lines)
 
@@ -106,12 +108,15 @@ class Line:
     @property
     def length(self) -> float:
         """Metres of conductor along which points are known."""
-        return sum(wire.known[1] - wire.known[0] for wire in self.wires)
+        return sum(wire.seen_length for wire in self.wires)
 
-    def is_none_by_chance(self, tolerance: float) -> bool:
-        """Whether there is too much of it for points that happen to lie so."""
+    @property
+    def is_none_by_chance(self) -> bool:
+        """Whether it is too much, or too long or thin, for points that happen to lie so."""
         points = sum(wire.curve.count for wire in self.wires)
-        return points >= FEWEST_OF_LINE and self.length >= LEAST_OF_LINE * tolerance
+        long = max(wire.seen_length for wire in self.wires) >= SURE_LENGTH
+        thin = min(wire.curve.rms for wire in self.wires) < SHORT_RMS
+        return points >= FEWEST_OF_LINE and (long or (thin and self.length >= LEAST_OF_LINE))
 
     def points(self, corridor: Corridor) -> NDArray[np.int64]:
         """Indices of the points on its wires."""
@@ -154,9 +159,30 @@ def together(lines: Sequence[Line]) -> tuple[list[Wire], list[Support]]:
     supports: list[Support] = []
     for line in lines:
         first = {name: max((getattr(w, name) for w in wires), default=0) for name in NUMBERS}
+        spans = {span: k for k, span in enumerate(sorted({wire.span for wire in line.wires}), 1)}
         for wire in line.wires:
-            numbers = {name: getattr(wire, name) + first[name] for name in NUMBERS}
+            numbers = {name: getattr(wire, name) + first[name] for name in ("bundle", "wire")}
+            span = spans[wire.span] + first["span"]
             low, high = (n + len(supports) if n >= 0 else -1 for n in wire.supports)
-            wires.append(replace(wire, supports=(low, high), **numbers))
+            wires.append(replace(wire, supports=(low, high), span=span, **numbers))
         supports += line.supports
-    return wires, supports
+    return shared(wires, supports)
+
+
+def shared(wires: Sequence[Wire], supports: Sequence[Support]) -> tuple[list[Wire], list[Support]]:
+    """The wires, and the supports, of which those at one place are one that several lines share."""
+    if not supports:
+        return list(wires), []
+    place = np.array([(support.x, support.y) for support in supports])
+    near = np.hypot(*(place[:, None] - place[None]).T) < SAME_SUPPORT
+    count, label = connected_components(coo_array(near), directed=False)
+    found = []
+    for number in range(count):
+        own = [supports[k] for k in np.flatnonzero(label == number).tolist()]
+        widest = max(own, key=lambda support: support.reach[1] - support.reach[0])
+        low, high = min(support.low for support in own), max(support.high for support in own)
+        found.append(replace(widest, low=low, high=high))
+    new = np.append(label, -1)  # of none
+    held = [(int(new[low]), int(new[high])) for low, high in (wire.supports for wire in wires)]
+    renamed = [replace(wire, supports=ends) for wire, ends in zip(wires, held, strict=True)]
+    return renamed, found

@@ -21,17 +21,20 @@ from scipy.sparse.csgraph import connected_components
 from algorithms.corridor._curves.arcs import LONGEST_STUB
 from algorithms.corridor._curves.catenary import Catenary, fit
 from algorithms.corridor._curves.network import (
+    ALONE_SHARE,
     BUNDLE_WIDTH,
     CERTAIN_SIGMAS,
     LARGEST_C,
     LINE_WIDTH,
     LONGEST_MISSING,
     PARALLEL_ANGLE,
-    SURE_LENGTH,
+    ROOFED_SHARE,
     Corridor,
     Piece,
+    alone,
     apart,
     heading,
+    roofed,
     runs_beside,
 )
 from algorithms.corridor._extraction.supports import Support
@@ -42,15 +45,17 @@ FOUND_EIGHTHS = 4  # eighths of the span with any of them
 FOUND_SHARE = 0.15  # of the points of the wire known best, that one beside it has
 OWN_RADIUS = 2.0  # tolerances around a wire that are its own
 GROUP_RADIUS = 1.2  # tolerances, of points of one wire in the cross-section of a span
-ROUGH_WIRE, ROUGHEST_WIRE = 0.48, 0.8  # of the tolerance: scatter of one wire
+ROUGH_WIRE, ROUGHEST_WIRE = 0.5, 0.8  # of the tolerance: scatter of one wire
 SECTION_BIN, SECTION_BLUR = 0.05, 0.07  # metres, of the cross-section of a bundle
 SUBCONDUCTOR_GAP = 0.2  # metres between two subconductors of a bundle, at least
 SECTION_POINTS = 40  # of a bundle whose subconductors can be told apart
 SECTION_VALLEY = 0.6  # of the lower of two peaks: density between them
+VALLEY_SIGMAS = 1.5  # standard deviations of what is missing there
 SECTION_PEAK = 0.25  # of the highest peak: a lower one that counts
 SHORT_SHARE = 0.5  # share of a span, below which a wire is not known by what was followed of it
 SAG_TOLERANCE = 0.3  # share of the sag by which wires of a span may differ
 ON_WIRE_RMS, ON_WIRE_LEAST, ON_WIRE_MOST = 2.6, 0.48, 1.8  # of the scatter; of the tolerance
+SQUARE = 0.7  # cosine, below which a wire runs along the arms of its support rather than across
 CONTINUED_GAP = 3.0  # metres between a wire and its continuation at a support
 
 Floats = NDArray[np.float64]
@@ -69,6 +74,7 @@ class Wire:
     tolerance : how far points may lie from it, as it was followed, metres
     span, bundle, wire : numbers
     seen_share, longest_gap : share of its length with points, and metres without; NaN if not known
+    sure : whether it is known by itself, not only beside or behind another one
     """
 
     curve: Catenary
@@ -80,6 +86,12 @@ class Wire:
     wire: int = -1
     seen_share: float = math.nan
     longest_gap: float = math.nan
+    sure: bool = True
+
+    @property
+    def seen_length(self) -> float:
+        """Metres along it from its first to its last point."""
+        return self.known[1] - self.known[0]
 
 
 def on_wire(corridor: Corridor, wire: Wire) -> tuple[Ints, Floats, float]:
@@ -97,24 +109,47 @@ def spans_of(
 ) -> list[Wire]:
     """Wires of each span: pieces cut at the supports, joined, fitted again, bundles split."""
     spans = list(bundles_of(corridor, pieces, supports))
-    found: list[Wire] = []
-    bundle = 0
     spans = [
         [wire for wire in wires if min(wire.supports) >= 0 or wire.curve.length > LONGEST_STUB]
         for wires in spans
     ]
-    span = 0
-    for wires in without_doubles(corridor, spans):
-        conductors = [
-            (s, bundle + k) for k, wire in enumerate(wires) for s in subconductors(corridor, wire)
+    parted = [conductors_of(corridor, wires) for wires in without_doubles(corridor, spans)]
+    found: list[Wire] = []
+    bundle = 0
+    for span, conductors in enumerate(upheld(parted, corridor.tolerance)):
+        found += [
+            replace(to_supports(wire, supports), span=span, bundle=bundle + k)
+            for wire, k in conductors
         ]
-        conductors = once(conductors)
-        if not are_wires([one for one, _ in conductors], corridor.tolerance):
-            continue
-        for subconductor, number in conductors:
-            found.append(replace(to_supports(subconductor, supports), span=span, bundle=number))
-        bundle, span = bundle + len(wires), span + 1
+        bundle += 1 + max(k for _, k in conductors)
     return found
+
+
+def conductors_of(corridor: Corridor, wires: Sequence[Wire]) -> list[tuple[Wire, int]]:
+    """The conductors of a span, and of which of its wires each is a subconductor."""
+    return once([(one, k) for k, wire in enumerate(wires) for one in subconductors(corridor, wire)])
+
+
+def upheld(
+    spans: Sequence[list[tuple[Wire, int]]], tolerance: float
+) -> list[list[tuple[Wire, int]]]:
+    """The spans that surely are of wires, and those that go on behind a support of one of these.
+
+    A short span may have too few points to tell that its wires sag; between others it is known.
+    """
+    wires = [[wire for wire, _ in conductors] for conductors in spans]
+    kept = {k for k, own in enumerate(wires) if are_wires(own, tolerance)}
+    may = {k for k, own in enumerate(wires) if may_be_wires(own, tolerance)} - kept
+    while fresh := {k for k in may if any(meet(wires[k], wires[j]) for j in kept)}:
+        kept |= fresh
+        may -= fresh
+    return [spans[k] for k in sorted(kept)]
+
+
+def meet(one: Sequence[Wire], other: Sequence[Wire]) -> bool:
+    """Whether two spans have a support in common."""
+    held = {number for wire in one for number in wire.supports if number >= 0}
+    return any(number in held for wire in other for number in wire.supports)
 
 
 def without_doubles(corridor: Corridor, spans: Sequence[Sequence[Wire]]) -> list[list[Wire]]:
@@ -137,22 +172,32 @@ def without_doubles(corridor: Corridor, spans: Sequence[Sequence[Wire]]) -> list
 def are_wires(wires: Sequence[Wire], tolerance: float) -> bool:
     """Whether the curves of a span surely sag and are thin, as wires are.
 
-    Curves without a support in the data must be thinner, and long.
+    Curves without a support at both ends must be thinner, and known by themselves.
     """
+    if not may_be_wires(wires, tolerance):
+        return False
+    mean, sigma = usual_curvature(wires)
+    thin = min(wire.curve.rms for wire in wires) < ROUGH_WIRE * tolerance
+    held = any(min(wire.supports) >= 0 for wire in wires)
+    alone = any(wire.sure for wire in wires)
+    return mean > CERTAIN_SIGMAS * sigma and (held or (thin and alone))
+
+
+def may_be_wires(wires: Sequence[Wire], tolerance: float) -> bool:
+    """Whether the curves of a span are thin and may sag, as far as their points tell."""
     if not wires:
         return False
-    curvature = np.array([wire.curve.curvature for wire in wires])
-    weight = 1 / np.array([wire.curve.variance_of_curvature for wire in wires])
-    mean, sigma = float((weight * curvature).sum() / weight.sum()), 1 / math.sqrt(weight.sum())
-    if mean + CERTAIN_SIGMAS * sigma < 1 / LARGEST_C or mean < CERTAIN_SIGMAS * sigma:
-        return False
+    mean, sigma = usual_curvature(wires)
     rough = [wire.curve.rms for wire in wires]
-    if any(number >= 0 for wire in wires for number in wire.supports):
-        return float(np.median(rough)) < ROUGHEST_WIRE * tolerance
-    return (
-        min(rough) < ROUGH_WIRE * tolerance
-        and max(wire.curve.length for wire in wires) > SURE_LENGTH
-    )
+    thin = float(np.median(rough)) < ROUGHEST_WIRE * tolerance
+    return thin and mean + CERTAIN_SIGMAS * sigma > 1 / LARGEST_C
+
+
+def usual_curvature(wires: Sequence[Wire]) -> tuple[float, float]:
+    """The mean curvature of wires, and its standard deviation."""
+    weight = np.array([1 / wire.curve.variance_of_curvature for wire in wires])
+    curvature = np.array([wire.curve.curvature for wire in wires])
+    return float(weight @ curvature / weight.sum()), 1 / math.sqrt(weight.sum())
 
 
 def with_supports(
@@ -263,11 +308,15 @@ def wires_of(
         curve = fit(corridor.wires.xyz[mine], spread=2.0)
         if curve is not None:
             wire = Wire(
-                curve, ordered(curve, key, supports), (0.0, curve.length), corridor.tolerance
+                curve,
+                ordered(curve, key, supports),
+                (0.0, curve.length),
+                corridor.tolerance,
+                sure=any(pieces[i].sure for i in np.flatnonzero(label == number)),
             )
             found.append(to_supports(wire, supports))
-    longest = max((wire.known[1] - wire.known[0] for wire in found), default=0.0)
-    short = [wire for wire in found if wire.known[1] - wire.known[0] < SHORT_SHARE * longest]
+    longest = max((wire.seen_length for wire in found), default=0.0)
+    short = [wire for wire in found if wire.seen_length < SHORT_SHARE * longest]
     found = alike(
         [wire for wire in found if all(wire is not other for other in short)], corridor.tolerance
     )
@@ -277,11 +326,11 @@ def wires_of(
 
 def alike(wires: list[Wire], tolerance: float) -> list[Wire]:
     """Wires of one span, without duplicates and short pieces unlike the best wire in shape."""
-    order = sorted(wires, key=lambda w: -w.curve.count * (w.known[1] - w.known[0]))
+    order = sorted(wires, key=lambda w: -w.curve.count * w.seen_length)
     found: list[Wire] = []
     for wire in order:
         curve, best = wire.curve, (found or order)[0].curve
-        short = wire.known[1] - wire.known[0] < 0.5 * best.length
+        short = wire.seen_length < 0.5 * best.length
         off = abs(curve.curvature / best.curvature - 1) * best.sag
         odd = off > SAG_TOLERANCE * best.sag + 3 * curve.sigma("sag")
         if short and (odd or curve.rms > roughest(best, tolerance)):
@@ -310,6 +359,8 @@ def to_supports(wire: Wire, supports: Sequence[Support]) -> Wire:
         if number >= 0:
             support = supports[number]
             normal = np.array([-support.across[1], support.across[0]])
+            if abs(normal @ (curve.ex, curve.ey)) < SQUARE:  # of a line that branches off
+                normal = np.array([curve.ex, curve.ey])
             step = float(np.array([support.x - curve.x, support.y - curve.y]) @ normal)
             forward = float(normal @ np.array([curve.ex, curve.ey]))
             aside = float(normal @ np.array([-curve.ey, curve.ex]))
@@ -325,7 +376,7 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
     """Wires too sparse to be traced, found parallel to the best known wire of a span."""
     if not wires:
         return []
-    best = max(wires, key=lambda w: w.curve.count * (w.known[1] - w.known[0]))
+    best = max(wires, key=lambda w: w.curve.count * w.seen_length)
     curve = best.curve
     if curve.length < 15:
         return []
@@ -374,9 +425,20 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
         ):
             same = made.ex * curve.ex + made.ey * curve.ey > 0
             ends = best.supports if same else best.supports[::-1]
-            found.append(Wire(made, ends, (0.0, made.length), corridor.tolerance))
+            found.append(Wire(made, ends, (0.0, made.length), corridor.tolerance, sure=False))
             free &= off > own_radius
-    return found
+    return [one for one in found if stands_alone(corridor, one, [*wires, *found])]
+
+
+def stands_alone(corridor: Corridor, wire: Wire, wires: Sequence[Wire]) -> bool:
+    """Whether there is little but wires around a wire, and it is no edge of a roof."""
+    taken = np.zeros(len(corridor.air.xyz), bool)
+    for other in wires:
+        taken[corridor.air.around(other.curve, 2 * corridor.tolerance)[0]] = True
+    return (
+        alone(corridor, wire.curve, taken) >= ALONE_SHARE
+        and roofed(corridor, wire.curve) < ROOFED_SHARE
+    )
 
 
 def densest_group(
@@ -416,7 +478,7 @@ def subconductors(corridor: Corridor, wire: Wire) -> list[Wire]:
             return [wire]
         same = curve.ex * wire.curve.ex + curve.ey * wire.curve.ey > 0
         ends = wire.supports if same else wire.supports[::-1]
-        found.append(Wire(curve, ends, (0.0, curve.length), corridor.tolerance))
+        found.append(Wire(curve, ends, (0.0, curve.length), corridor.tolerance, sure=wire.sure))
     return found
 
 
@@ -447,11 +509,17 @@ def peaks_of(v: Floats, z: Floats) -> Floats:
 
 
 def valley(smooth: Floats, one: NDArray[np.int64], other: NDArray[np.int64]) -> bool:
-    """Whether the density drops enough between two peaks."""
+    """Whether the density drops enough between two peaks, and by more than by chance."""
     share = np.linspace(0, 1, 11)[:, None]
     path = np.round(one + share * (other - one)).astype(np.int64)
-    lowest = smooth[path[:, 0], path[:, 1]].min()
-    return bool(lowest < SECTION_VALLEY * min(smooth[tuple(one)], smooth[tuple(other)]))
+    lowest, lower = (
+        smooth[path[:, 0], path[:, 1]].min(),
+        min(smooth[tuple(one)], smooth[tuple(other)]),
+    )
+    # A Gaussian counts the points of an area of 4 pi times its variance; Poisson's law for these.
+    area = 4 * math.pi * (SECTION_BLUR / SECTION_BIN) ** 2
+    surely = (lower - lowest) * area > VALLEY_SIGMAS * math.sqrt((lower + lowest) * area)
+    return bool(surely and lowest < SECTION_VALLEY * lower)
 
 
 # --- numbers -------------------------------------------------------------------------------

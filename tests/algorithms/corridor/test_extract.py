@@ -41,7 +41,7 @@ from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
 from algorithms.corridor._curves.tracks import Alignment, alignments_among
 from algorithms.corridor._extraction.missed import BY_CHANCE, conductors_of, seen_share
-from algorithms.corridor._extraction.spans import Wire
+from algorithms.corridor._extraction.spans import Wire, stands_alone, upheld
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import centred
 from algorithms.corridor.extract import CorridorExtract
@@ -441,6 +441,13 @@ def gable(ridge: bool) -> Floats:
     return np.vstack([roof, bar((60, 0, 9.3), (120, 0, 9.3), 6, 0.04)]) if ridge else roof
 
 
+def eaves() -> Floats:
+    """A slope of a roof that sags, as it does in heights above a ground that bulges below it."""
+    x, y = RNG.uniform(60, 120, 1440), RNG.uniform(-6, 0, 1440)
+    z = 8 - 0.5 * y - 1.2 * (1 - ((x - 90) / 30) ** 2)
+    return np.column_stack([x, y, z + RNG.normal(0, 0.04, len(x))])
+
+
 def trees(count: int) -> Floats:
     heights = RNG.uniform(8, 14, 30)
     return np.vstack([tree(7 * k, 2, h, 0.28 * h, count, k) for k, h in enumerate(heights)])
@@ -508,6 +515,7 @@ def bridge() -> Floats:
         ("chain of twigs", [twigs()]),
         ("gable", [gable(ridge=False)]),
         ("gable with a ridge cap", [gable(ridge=True)]),
+        ("gable that sags", [eaves()]),
         ("tower crane", [tower_crane(6)]),
         ("sparse tower crane", [tower_crane(2)]),
         ("railway", [railway(4)]),
@@ -572,6 +580,59 @@ def test_each_line_is_followed_at_a_tolerance_of_its_own() -> None:
     frame = CorridorExtract(points=points).run().wires.frame
     assert np.count_nonzero(frame.span < 90) == 3
     assert np.count_nonzero(frame.span > 400) == 18
+
+
+def test_a_short_wire_that_stands_alone_is_found() -> None:
+    """As those from a pole to a house, noisier than the tolerance expects."""
+    drop = wire((90, 3, 7.5), (112, -6, 6.0), 90, 2.0, noise=0.2)[1]
+    result = found(GROUND, drop)
+    assert len(result.wires.frame) == 1
+    assert result.wires.frame.points[0] > 0.8 * len(drop)
+
+
+def test_a_span_too_short_to_tell_that_it_sags_is_one_where_others_hold_it() -> None:
+    def span(supports: tuple[int, int], points: Floats) -> list[tuple[Wire, int]]:
+        curve = fit(points, spread=1.0)
+        assert curve is not None
+        return [(Wire(curve, supports, (0.0, curve.length), 0.25), 0)]
+
+    sure = span((0, 1), wire((0, 0, 9), (60, 0, 9), 400)[1])
+    few = wire((60, 0, 9), (80, 0, 9), 2000, per_metre=0.5)[1]
+    beside, away = span((1, 2), few), span((3, 4), few)
+    straight = span((1, 5), bar((60, 0, 9), (120, 0, 9), 8, 0.02))
+    assert upheld([sure, beside, away, straight], 0.25) == [sure, beside]
+
+
+@pytest.mark.parametrize("leaves", [0, 2000])
+def test_a_wire_found_beside_others_stands_alone(leaves: int) -> None:
+    """Among leaves there are points along any curve."""
+    curve, points = wire((0, 0, 9), (60, 0, 9), 400, per_metre=0.5)
+    rng = np.random.default_rng(3)
+    hedge = rng.uniform((0, -3, 5), (60, 3, 11), (leaves, 3))
+    air = Airborne.of(np.vstack([points, hedge]))
+    count = len(air.xyz)
+    corridor = Corridor(
+        air, np.full(count, 8.0), np.ones(count, bool), 0.25, lambda x, y: 0.0, lambda x, y: True
+    )
+    one = Wire(curve, (-1, -1), (0.0, 60.0), 0.25)
+    assert stands_alone(corridor, one, [one]) == (leaves == 0)
+
+
+def test_a_pole_at_which_a_line_branches_off_is_one() -> None:
+    _, wires, poles = line([0, 50, 100, 150], [-0.8, 0.8], 9, 400)
+    branch = [
+        wire((100 + v, -0.5 - 45 * k, 8.6), (100 + v, -45.5 - 45 * k, 8.6), 300)[1]
+        for k in range(2)
+        for v in (-0.4, 0.4)
+    ]
+    post = [pole(100.0, -45.0 * k, 9.2) for k in (1, 2)]
+    floor = ground(200, 220, 4)
+    result = found(floor, *wires, poles, *branch, *post)
+    assert len(result.wires.frame) == 10
+    feet = np.column_stack([result.towers.frame.geometry.x, result.towers.frame.geometry.y])
+    for place in [(50, 0), (100, 0), (100, -45)]:
+        assert np.count_nonzero(np.hypot(*(feet - CORNER[:2] - place).T) < 5) == 1
+    assert len(feet) == 6
 
 
 def test_no_line_is_an_empty_result_that_says_so(caplog: pytest.LogCaptureFixture) -> None:

@@ -125,11 +125,13 @@ class FlightLine:
     length: float
     half: float
     ground: float  # mean elevation below
+    steepest: float = STEEPEST  # tangent of half the opening angle of the scanner
+    jitter: float = 0.2  # of the angles of pulses, as a share of that between two
 
     @property
     def altitude(self) -> float:
         """Elevation of the scanner."""
-        return float(self.ground + self.half / STEEPEST)
+        return float(self.ground + self.half / self.steepest)
 
 
 @dataclass(frozen=True)
@@ -234,12 +236,12 @@ def fire(
     cols = max(2, int(np.ceil(2 * line.half / spacing)))
     hx, hy = line.heading
     period = spacing / 60.0  # the aircraft flies 60 m/s
-    angles = np.linspace(-1, 1, cols) * np.arctan(STEEPEST)
+    angles = np.linspace(-1, 1, cols) * np.arctan(line.steepest)
     step = max(1, BLOCK_OF_PULSES // cols)
     for first in range(0, rows, step):
         shape = (min(first + step, rows) - first, cols)
         row = first + np.arange(shape[0])[:, None]
-        tangent = np.tan(angles + rng.normal(0, 0.2, shape) * (angles[1] - angles[0]))
+        tangent = np.tan(angles + rng.normal(0, line.jitter, shape) * (angles[1] - angles[0]))
         # The aircraft moves on while the mirror turns, and it is never quite steady.
         along = (row + np.linspace(0, 1, cols) + rng.normal(0, 0.15, shape)) * spacing
         across = line.altitude * tangent
@@ -288,7 +290,8 @@ def index_objects(terrain: Terrain, world: World, lines: Sequence[FlightLine]) -
     square to the track; 8 m more allow for ground that falls away.
     """
     hx, hy = np.abs([line.heading for line in lines]).max(axis=0)
-    spread = np.array([hy, hx, hy, hx]) * (-1, -1, 1, 1) * 1.3 * STEEPEST
+    steepest = max(line.steepest for line in lines)
+    spread = np.array([hy, hx, hy, hx]) * (-1, -1, 1, 1) * 1.3 * steepest
     blocks, crowns, rods = world.blocks, world.crowns, world.rods
     half = np.hypot(blocks["a"], blocks["b"])
     crown_height = crowns["top"] - terrain.at(crowns["x"], crowns["y"])
@@ -405,6 +408,7 @@ def survey(
     outliers: float,
     sunken: float = 0.0,
     water_noise: float = NOISE,
+    first: int = 1,
     ctx: Context = QUIET,
 ) -> tuple[Floats, dict[str, NDArray[Any]]]:
     """Points and LAS attributes of a survey of a world along flight lines.
@@ -417,14 +421,15 @@ def survey(
     outliers : share of single returns to replace by low noise, and as many by high noise
     sunken : share of water points to replace by low noise below the water
     water_noise : standard deviation of points on water along the beam, with its waves, metres
+    first : number of the first flight line, which point_source_id and gps_time tell
     """
     blocks, crowns, rods = index_objects(world.terrain, world, lines)
     parts = []
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(lines, start=first):
         sent = 0.0
         total = line.length / spacing * 2 * line.half / spacing
         for pulses in fire(line, spacing, 3.0e8 + 600.0 * number, rng):
-            ctx.progress((number - 1 + min(sent / total, 1.0)) / len(lines))
+            ctx.progress((number - first + min(sent / total, 1.0)) / len(lines))
             sent += len(pulses)
             solid = trace(world, blocks, pulses)
             thin = [

@@ -8,7 +8,9 @@ from typing import Literal
 import geopandas
 from pyproj import CRS
 
-from algorithms.samples._corridor import corridor, power_lines
+from algorithms.samples._corridor.classic import corridor, power_lines
+from algorithms.samples._corridor.preset_scene import preset_scene
+from algorithms.samples._corridor.presets import PRESETS, Name
 from algorithms.samples._facade import facade
 from algorithms.samples._reservoir import reservoir
 from algorithms.samples._survey import NOISE, SceneData
@@ -20,6 +22,7 @@ from toolbox.data.crs import length_problem, metres_per_unit
 from toolbox.declare import outputs, param, show, sink, tool
 from toolbox.errors import ParameterError
 
+SIZE, DENSITY = 200.0, 8.0  # m, points per square metre
 MOST_POINTS = 1e8  # 20 GB while they are made
 KINDS = {
     "town": town,
@@ -39,15 +42,23 @@ class SamplesScene:
     building outlines (town), wires and towers (corridor, and power_lines, where the seed decides on
     their size), water bodies (reservoir), or planes and
     openings (facade), all in three dimensions. The same seed gives the same survey.
+
+    A corridor has presets: lines of many kinds in many lands and surveys, some of them worse than
+    one would wish, and scenes without a line (no_line_...) but with what looks like one. Their
+    features are wires as far as they were surveyed, the points where these are attached, towers
+    with their type, houses, trees and what is no line.
     """
 
     kind: Literal["town", "corridor", "power_lines", "reservoir", "facade"] = param(
         "What the survey shows", default="town"
     )
-    size: float = param("Side, or length of a corridor", default=200.0, unit="m", ge=20, le=5000)
+    preset: Name | None = param(
+        "For a corridor: which of those with a name; it has its own size and density", default=None
+    )
+    size: float = param("Side, or length of a corridor", default=SIZE, unit="m", ge=20, le=5000)
     density: float = param(
         "Points per square metre, on the wall for a facade",
-        default=8.0,
+        default=DENSITY,
         unit="1/m2",
         ge=0.1,
         le=1000,
@@ -85,6 +96,12 @@ class SamplesScene:
             yield "crs", problem
         elif metres_per_unit(self.crs) != 1.0:
             yield "crs", f"must be in metres, got {self.crs.name}"
+        if self.preset and self.kind != "corridor":
+            yield "preset", f"is for the kind 'corridor', got kind {self.kind!r}"
+        elif self.preset:
+            for name, default in (("size", SIZE), ("density", DENSITY)):
+                if (value := getattr(self, name)) != default:
+                    yield name, f"is that of the preset; leave it out, got {value:g}"
         wanted = self.density * self.size**2
         if self.kind in ("town", "reservoir") and wanted > MOST_POINTS:
             yield "size", f"with this density makes {wanted:.2g} points; at most {MOST_POINTS:.2g}"
@@ -93,6 +110,7 @@ class SamplesScene:
         """Make the survey and its layers."""
         made = scene(
             self.kind,
+            preset=self.preset,
             size=self.size,
             density=self.density,
             seed=self.seed,
@@ -120,9 +138,10 @@ class SamplesScene:
 def scene(
     kind: str,
     *,
-    size: float,
-    density: float,
     seed: int,
+    size: float = SIZE,
+    density: float = DENSITY,
+    preset: Name | None = None,
     noise: float = 0.004,
     water_noise: float = NOISE,
     ctx: Context = QUIET,
@@ -135,6 +154,7 @@ def scene(
     size : side of the square, length of the corridor or of the house front, metres
     density : points per square metre of the scene, for a facade of wall in sight
     seed : the same seed gives the same scene
+    preset : of a corridor, which then has its own size and density
     noise : standard deviation of the ranges of the scanner of a facade, metres
     water_noise : standard deviation of points on the water of a reservoir, metres
 
@@ -152,5 +172,7 @@ def scene(
     if kind not in KINDS:
         raise ParameterError("scene", {"kind": f"must be one of {', '.join(KINDS)}, got {kind!r}"})
     noises = {"facade": {"noise": noise}, "reservoir": {"water_noise": water_noise}}
+    if preset is not None:
+        return preset_scene(PRESETS[preset], seed, ctx)
     more = noises.get(kind, {})
     return KINDS[kind](size=size, density=density, seed=seed, ctx=ctx, **more)

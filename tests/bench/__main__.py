@@ -6,6 +6,7 @@ import itertools
 import sys
 
 from tests.bench.corridor import corridor
+from tests.bench.corridor_presets import corridor_presets
 from tests.bench.facades import facades
 from tests.bench.files import damaged, memory, reading, roundtrip, startup
 from tests.bench.fingerprints import fingerprints
@@ -34,19 +35,22 @@ ALL = (
     shorelines,
     water_levels,
     corridor,
+    corridor_presets,
     long_lines,
     facades,
     fingerprints,
     metamorphic,
     path,
 )
+WITH_OPTIONS = (corridor_presets, metamorphic)
 BENCHES = {b.__name__: b for b in ALL}
 
 names = list(itertools.takewhile(lambda word: not word.startswith("-"), sys.argv[1:]))
 options = sys.argv[1 + len(names) :]
 if unknown := [name for name in names if name not in BENCHES]:
     sys.exit(f"no measurement called {', '.join(unknown)}; there are {', '.join(BENCHES)}")
-if options and names != [metamorphic.__name__]:
-    sys.exit(f"{options[0]}: only metamorphic, alone, has options")
+if options and names not in ([bench.__name__] for bench in WITH_OPTIONS):
+    able = " or ".join(bench.__name__ for bench in WITH_OPTIONS)
+    sys.exit(f"{options[0]}: only {able}, alone, has options")
 for name in names or BENCHES:
     BENCHES[name](*options)

@@ -1,10 +1,4 @@
-"""A power-line corridor: lattice towers, poles, catenaries, a road, and trees that come too near.
-
-References
-----------
-A wire of constant weight under horizontal tension hangs as z = a + c (cosh((u - b) / c) - 1):
-u runs horizontally from its first end, c is tension over weight, b and a locate the lowest point.
-"""
+"""A plain corridor: lattice towers, poles, a road, and trees that come too near the wires."""
 
 from __future__ import annotations
 
@@ -13,20 +7,18 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
+from algorithms.samples._corridor.catenary import Catenary, placed
+from algorithms.samples._corridor.trees import tree_features
 from algorithms.samples._objects import SceneBuilder, Wing, building, shrub, tree
 from algorithms.samples._survey import (
     ASPHALT,
     CONNECTOR,
-    EAST,
     FOREST,
     GRASS,
     GUARD,
     MEADOW,
-    NORTH,
     ROD,
     ROUND,
     TOWER,
@@ -34,10 +26,8 @@ from algorithms.samples._survey import (
     Features,
     FlightLine,
     Floats,
-    Records,
     SceneData,
     blank_terrain,
-    crown_widths,
     graded,
     rolling,
     survey,
@@ -47,7 +37,6 @@ from toolbox.context import QUIET, Context
 WIDTH = 120.0
 BEND = np.radians(18.0)  # change of direction at the middle tower
 WIRE_RADIUS, BAR_RADIUS, POLE_RADIUS = 0.08, 0.12, 0.2  # with half a footprint of the laser, m
-NEAR = 10.0  # trees nearer to a wire than this carry their clearance
 OUTLIERS = 0.0005
 
 
@@ -62,53 +51,6 @@ class Support:
     ground: float
     arm: tuple[float, float]  # unit vector along the cross arms
     tension: bool  # wires pull at their strings instead of hanging from them
-
-
-@dataclass(frozen=True)
-class Catenary:
-    """One wire of one span, in scene coordinates."""
-
-    start: tuple[float, float, float]
-    end: tuple[float, float, float]
-    c: float
-
-    @property
-    def span(self) -> float:
-        """Horizontal length."""
-        return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
-
-    @property
-    def b(self) -> float:
-        """Horizontal distance of the lowest point of the catenary from the start."""
-        rise = self.end[2] - self.start[2]
-        half = 2 * self.c * np.sinh(self.span / (2 * self.c))
-        return float(self.span / 2 - self.c * np.arcsinh(rise / half))
-
-    @property
-    def a(self) -> float:
-        """Height of the lowest point of the catenary, which may lie beyond an end."""
-        return float(self.start[2] - self.c * (np.cosh(self.b / self.c) - 1))
-
-    @property
-    def length(self) -> float:
-        """Length of the wire."""
-        c, b = self.c, self.b
-        return float(c * (np.sinh((self.span - b) / c) + np.sinh(b / c)))
-
-    @property
-    def sag(self) -> float:
-        """Greatest vertical distance below the chord."""
-        rise = (self.end[2] - self.start[2]) / self.span
-        u = self.b + self.c * np.arcsinh(rise)
-        wire = self.a + self.c * (np.cosh((u - self.b) / self.c) - 1)
-        return float(self.start[2] + rise * u - wire)
-
-    def points(self, step: float) -> Floats:
-        """Positions along the wire at about `step` metres, array of shape (n, 3)."""
-        share = np.linspace(0, 1, max(2, int(np.ceil(self.span / step)) + 1))
-        xy = np.outer(1 - share, self.start[:2]) + np.outer(share, self.end[:2])
-        z = self.a + self.c * (np.cosh((share * self.span - self.b) / self.c) - 1)
-        return np.column_stack([xy, z])
 
 
 @dataclass(frozen=True)
@@ -347,7 +289,7 @@ def _built(
         outliers=design.outliers,
         ctx=ctx.part(0.2, 1.0),
     )
-    features = [*network.features, *_tree_features(network, world.crowns)]
+    features = [*network.features, *tree_features(builder.terrain, network.spans, world.crowns)]
     return SceneData(xyz, attributes, builder.terrain.placed(), features)
 
 
@@ -474,7 +416,7 @@ def _hang(
         network.rod(seen, WIRE_RADIUS, cls, owner, wire=wire_id, span=network.span_count)
     network.features.append(
         (
-            _line(span.points(2.0)),
+            placed(span.points(2.0)),
             {
                 "kind": "wire",
                 "object_id": owner,
@@ -521,10 +463,6 @@ def _loop(network: Network, system: System, support: Support, count: int) -> Non
         places = a + t * (b - a)
         places[:, 2] -= 0.9 * system.string * (1 - (2 * t[:, 0] - 1) ** 4)
         network.rod(places, WIRE_RADIUS, CONNECTOR, support.object_id, tower=support.tower_id)
-
-
-def _line(points: Floats) -> shapely.LineString:
-    return shapely.LineString(np.round(points + np.array([EAST, NORTH, 0.0]), 4))
 
 
 def _lattice(network: Network, support: Support, system: System) -> None:
@@ -579,7 +517,7 @@ def _post(network: Network, support: Support, system: System) -> None:
     foot = np.array([support.x, support.y, support.ground])
     network.features.append(
         (
-            _line(np.array([foot, foot + np.array([0.0, 0.0, system.height])])),
+            placed(np.array([foot, foot + np.array([0.0, 0.0, system.height])])),
             {
                 "kind": "tower",
                 "object_id": support.object_id,
@@ -631,45 +569,3 @@ def _intruder(network: Network, system: System, chainage: float, gap: float) -> 
     builder.crowns.append(
         (x, y, ground + 0.3 * height, top, 0.25 * height, ROUND, builder.new_object())
     )
-
-
-def _tree_features(network: Network, crowns: Records) -> Features:
-    """Features of trees: vertical lines, with the distance from crown to wire where it is short."""
-    ground = network.builder.terrain.at(crowns["x"], crowns["y"])
-    clearances = _clearances(network.spans, crowns)
-    features: Features = []
-    for crown, z, clearance in zip(crowns, ground, clearances, strict=True):
-        foot, top = np.array([(crown["x"], crown["y"], h) for h in (z, crown["top"])])
-        properties = {
-            "kind": "shrub" if crown["base"] < z else "tree",
-            "object_id": int(crown["object_id"]),
-            "height": round(float(crown["top"] - z), 3),
-            "crown_radius": round(float(crown["radius"]), 3),
-        }
-        if clearance < NEAR:
-            properties["clearance"] = round(float(clearance), 2)
-        features.append((_line(np.array([foot, top])), properties))
-    return features
-
-
-def _clearances(spans: Sequence[Catenary], crowns: Records) -> Floats:
-    """Distance of each crown's surface from the nearest wire; inf where it is clearly far."""
-    clearances = np.full(len(crowns), np.inf)
-    if not spans or not len(crowns):
-        return clearances
-    wires = cKDTree(np.concatenate([span.points(0.1) for span in spans]))
-    middle = (crowns["base"] + crowns["top"]) / 2
-    away = wires.query(np.column_stack([crowns["x"], crowns["y"], middle]))[0]
-    size = np.hypot((crowns["top"] - crowns["base"]) / 2, crowns["radius"])
-    for i in np.flatnonzero(away < size + NEAR):
-        clearances[i] = np.min(wires.query(_hull(crowns[i]))[0])
-    return clearances
-
-
-def _hull(crown: np.void) -> Floats:
-    """Points on the surface of a crown."""
-    t, turn = np.linspace(0, 1, 21), np.linspace(0, 2 * np.pi, 25)[:-1, None]
-    radius = crown["radius"] * crown_widths(int(crown["shape"]), t)
-    x, y = crown["x"] + radius * np.cos(turn), crown["y"] + radius * np.sin(turn)
-    z = np.broadcast_to(crown["base"] + t * (crown["top"] - crown["base"]), x.shape)
-    return np.stack([x, y, z], axis=-1).reshape(-1, 3)

@@ -1,0 +1,111 @@
+"""Scenes of presets: the land, what stands on it, the flight, and the truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+import shapely
+
+from algorithms.samples._corridor.catenary import placed
+from algorithms.samples._corridor.flights import flown, strips
+from algorithms.samples._corridor.land import MARGIN, drops, grow, relief, street
+from algorithms.samples._corridor.lines import Course, build, courses
+from algorithms.samples._corridor.presets import Preset
+from algorithms.samples._corridor.routes import Route, winding
+from algorithms.samples._corridor.site import Area, Site, Wire
+from algorithms.samples._corridor.trees import tree_features
+from algorithms.samples._survey import EAST, NORTH, Features, Floats, SceneData
+from toolbox.context import QUIET, Context
+
+SHORTEST = 5.0  # of a piece of a wire that is truth, m
+
+
+def preset_scene(preset: Preset, seed: int, ctx: Context = QUIET) -> SceneData:
+    """The scene of a preset; the seed decides on the details."""
+    rng = np.random.default_rng(seed)
+    site, routes = built(preset, rng)
+    terrain = site.builder.terrain
+    x, y = (v.ravel() for v in np.broadcast_arrays(*terrain.centres()))
+    inside = terrain.values.ravel()[site.covers(np.column_stack([x, y]))]
+    all_strips = strips(routes, preset.flight, (float(inside.min()), float(inside.max())), rng)
+    xyz, attributes = flown(site, preset.flight, all_strips, ctx)
+    swing = float(np.mean([strip.swing for strip in all_strips]))
+    return SceneData(xyz, attributes, terrain.placed(), truth(site, swing))
+
+
+def built(preset: Preset, rng: np.random.Generator) -> tuple[Site, list[Route]]:
+    """A site with all that stands, hangs and grows there, and the routes of the flight."""
+    site, routes = _with_lines(preset, rng)
+    if preset.street:
+        street(site, preset.street)
+    for structure in preset.others:
+        structure(site)
+    if preset.street:
+        drops(site, preset.street.drops)
+    grow(site, preset.plants)
+    return site, routes
+
+
+def _with_lines(preset: Preset, rng: np.random.Generator) -> tuple[Site, list[Route]]:
+    """The land with its power lines, and the routes along which it is flown."""
+    route = winding(rng, preset.length, preset.legs, preset.bends)
+    made = courses(preset.lines, route, rng)
+    half = preset.flight.half
+    all_routes = [route, *(course.route for course in made if course.line.way != "along")]
+    area = cast(Area, shapely.union_all([each.area(half) for each in all_routes]))
+    step = MARGIN - np.array(area.bounds[:2])
+    area = shapely.transform(area, lambda xy: xy + step)
+    all_routes = [each.moved(step) for each in all_routes]
+    builder = relief(preset.land, area, all_routes[0], rng)
+    site = Site(builder, all_routes[0], area, half, preset.flight.hidden)
+    build(site, [_moved(course, step) for course in made])
+    return site, all_routes
+
+
+def _moved(course: Course, step: Floats) -> Course:
+    return replace(course, route=course.route.moved(step))
+
+
+# --- truth ---------------------------------------------------------------------------------
+
+
+def truth(site: Site, swing: float = 0.0) -> Features:
+    """Wires in the survey, blown aside by an angle, where they are attached, towers, the rest."""
+    wires = [feature for wire in site.wires for feature in _wire_features(site, wire, swing)]
+    crowns = site.builder.world().crowns
+    trees = tree_features(site.builder.terrain, site.wires, crowns)
+    return [*site.features, *wires, *site.builder.features, *trees]
+
+
+def _wire_features(site: Site, wire: Wire, swing: float) -> Features:
+    """The part of a wire that is in the survey, and its ends if they are."""
+    places = wire.points(0.25, swing)
+    inside = np.flatnonzero(site.covers(places))
+    ids = {"wire_id": wire.wire_id, "span_id": wire.span_id, "line": wire.line}
+    curve = wire.curve
+    made: Features = []
+    for end, tower in zip((places[0], places[-1]), wire.towers, strict=True):
+        if site.covers(end[None])[0]:
+            point = shapely.Point(np.round(end + np.array([EAST, NORTH, 0.0]), 4))
+            made.append((point, {"kind": "attachment", "tower_id": tower, **ids}))
+    if len(inside) < 2 or curve.span * len(inside) / len(places) < SHORTEST:
+        return made
+    properties = {
+        "kind": "wire",
+        "object_id": wire.owner,
+        **ids,
+        "classification": wire.cls,
+        "from_tower": wire.towers[0],
+        "to_tower": wire.towers[1],
+        "a": curve.a,
+        "b": curve.b,
+        "c": curve.c,
+        "sag": curve.sag,
+        "span": curve.span,
+        "length": curve.length,
+        "swing": float(np.degrees(swing)),
+    }
+    drawn = places[[*inside[:-1:8], inside[-1]]]  # 2 m apart, and the last
+    return [(placed(drawn), properties), *made]

@@ -9,7 +9,7 @@ from algorithms.samples._survey import GUARD, WIRE
 
 @dataclass(frozen=True)
 class Conductor:
-    """One phase or one earth wire.
+    """One phase or one guard wire.
 
     Attributes
     ----------

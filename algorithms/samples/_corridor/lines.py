@@ -17,7 +17,7 @@ from algorithms.samples._corridor.supports import SUPPORTS, cross_arms
 from algorithms.samples._survey import CONNECTOR, GUARD, TOWER, Floats
 
 STRING_RADIUS = 0.1  # with half a footprint of the laser, m
-EARTH_TAUTER = 1.3  # sag of earth wires, which must not touch conductors, is less by this factor
+GUARD_TAUTER = 1.3  # sag of guard wires, which must not touch conductors, is less by this factor
 
 
 @dataclass(frozen=True)
@@ -222,7 +222,7 @@ def _hang_all(site: Site, course: Course, supports: Sequence[Support], c: float,
         towers = one.tower_id, two.tower_id
         number, now = site.wire_ids, {}
         for conductor in line.head:
-            tauter = EARTH_TAUTER if conductor.cls == GUARD else 1.0
+            tauter = GUARD_TAUTER if conductor.cls == GUARD else 1.0
             bundle = SINGLE if conductor.cls == GUARD else line.bundle
             for shift in bundle:
                 number += 1

@@ -201,7 +201,7 @@ def _tapered_arm(frame: Frame, aside: float, h: float, half: float) -> None:
 
 
 def _earth_peaks(frame: Frame, head: Head, height: float) -> None:
-    """Bars from the top of the body to earth wires beside it."""
+    """Bars from the top of the body to guard wires beside it."""
     for conductor in head:
         if conductor.cls == GUARD and abs(conductor.aside) > 1:
             tip = frame.at(conductor.aside, 0, height - conductor.below)

@@ -20,6 +20,7 @@ import numpy as np
 
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import Airborne, uncrowded
+from algorithms.corridor._extraction.errors import with_common_errors
 from algorithms.corridor._extraction.follow import follow, tolerances
 from algorithms.corridor._extraction.layers import wire_layer
 from algorithms.corridor._extraction.missed import warn_of_missed, with_gaps
@@ -99,6 +100,10 @@ class CorridorCatenaries:
         if not found:
             log.warning("no wire was found among %d points", np.count_nonzero(use))
         ctx.progress(1.0)
+        strip = np.zeros(len(index), np.uint16)
+        if "point_source_id" in cloud:
+            strip = cloud["point_source_id"][index[air.order]]
+        found = with_common_errors(corridor, found, strip)
         layer = wire_layer(with_gaps(corridor, found), origin, metre, cloud.crs)
         warn_of_missed(layer)
         return self.Outputs(

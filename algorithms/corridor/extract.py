@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import Airborne, uncrowded
+from algorithms.corridor._extraction.errors import with_common_errors
 from algorithms.corridor._extraction.follow import TOLERANCES, follow, tolerances
 from algorithms.corridor._extraction.ground import OFF_GROUND, elevation
 from algorithms.corridor._extraction.labels import LABEL_NUMBERS, labelled, none_labelled
@@ -158,6 +159,7 @@ def find_line(
     if not wires:
         return line
     wires, towers, strings = dressed(corridor, wires, supports)
+    wires = with_common_errors(corridor, wires, points.strip)
     line = replace(line, wires=with_gaps(corridor, wires), towers=towers, strings=strings)
     label_points(line, corridor, points.own)
     ctx.progress(1.0)

@@ -152,7 +152,7 @@ class Catenary:
                 v1=self.v1 - self.swing * change,
             )
         if self.covariance is not None:
-            step = self._slopes(np.array([low, high]))
+            step = self.slopes(np.array([low, high]))
             turn = np.vstack([step, [0.0, 0.0, 1.0]])
             moved = replace(moved, covariance=turn @ self.covariance @ turn.T)
         return moved
@@ -161,10 +161,11 @@ class Catenary:
         """Standard deviation of the height at u, array of shape (n,)."""
         if self.covariance is None:
             return np.full(np.shape(u), np.nan)
-        step = self._slopes(u)
+        step = self.slopes(u)
         return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", step, self.covariance, step)))
 
-    def _slopes(self, u: Floats) -> Floats:
+    def slopes(self, u: Floats) -> Floats:
+        """Derivatives of the height at u by z_start, z_end and curvature, array of shape (n, 3)."""
         return _jacobian(u, self.length, self.z_start, self.z_end, self.curvature)
 
     def sigma(self, name: str) -> float:

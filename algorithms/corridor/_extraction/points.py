@@ -37,6 +37,7 @@ class CorridorPoints:
     height : array of shape (n,), above the ground, metres; NaN where not known
     air : the m points off the ground, in the order of plan cells
     own : array of shape (m,), which of the n points each of these is
+    strip : array of shape (m,), by point_source_id; all 0 where it is not known
     seen : whether there are points around a position in plan
     density : points per square metre, where there are any
     """
@@ -47,6 +48,7 @@ class CorridorPoints:
     height: Floats
     air: Airborne
     own: Ints
+    strip: NDArray[np.uint16]
     seen: Callable[[float, float], bool]
     density: float
 
@@ -84,7 +86,11 @@ class CorridorPoints:
         seen, density = footprint(xyz[:, :2], stands_for)
         off = np.flatnonzero(height > OFF_GROUND)
         air = Airborne.of(xyz[off])
-        return cls(index, origin, xyz, height, air, off[air.order], seen, density)
+        own = off[air.order]
+        strip = np.zeros(len(own), np.uint16)
+        if "point_source_id" in cloud:
+            strip = cloud["point_source_id"][index[own]]
+        return cls(index, origin, xyz, height, air, own, strip, seen, density)
 
     def warn_of_no_line(self) -> None:
         """Log that no line was found, and why."""

@@ -582,12 +582,12 @@ def test_each_line_is_followed_at_a_tolerance_of_its_own() -> None:
     assert np.count_nonzero(frame.span > 400) == 18
 
 
-def test_a_short_wire_that_stands_alone_is_found() -> None:
-    """As those from a pole to a house, noisier than the tolerance expects."""
-    drop = wire((90, 3, 7.5), (112, -6, 6.0), 90, 2.0, noise=0.2)[1]
-    result = found(GROUND, drop)
-    assert len(result.wires.frame) == 1
-    assert result.wires.frame.points[0] > 0.8 * len(drop)
+def test_short_wires_that_stand_alone_are_found() -> None:
+    """As those from a pole to a house, of too few points to be sure by their number."""
+    drops = [wire((90, 3 + k, 7.5), (112, -6 + k, 6.0), 90, 1.0, noise=0.1)[1] for k in (0, 2)]
+    result = found(GROUND, *drops)
+    assert len(result.wires.frame) == 2
+    assert result.wires.frame.points.sum() > 0.8 * sum(map(len, drops))
 
 
 def test_a_span_too_short_to_tell_that_it_sags_is_one_where_others_hold_it() -> None:

@@ -1,0 +1,136 @@
+"""Standard deviations of wires, with the errors that points near each other have in common.
+
+The points of a wire do not err each for itself. The position of the aircraft is off by centimetres
+that change over tens of metres, a strip lies higher than the next, and wind lifts the wire between
+two flights. The covariance of a fit knows nothing of that. Where strips overlap, they disagree by
+as much; along a strip, the means of many points stray from the wire.
+
+What all strips have in common, such as an error of the geoid, no point cloud can tell.
+
+References
+----------
+Liang, K.-Y. and Zeger, S. L. (1986). Longitudinal data analysis using generalized linear models.
+Biometrika 73(1), 13-22: the covariance of a fit to observations that err in groups.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm, t
+
+from algorithms.corridor._curves.network import Corridor
+from algorithms.corridor._extraction.spans import Wire, on_wire
+
+STRAY_LENGTH = 25.0  # metres of a wire along which all points of a strip err alike
+COMMON_LENGTH = 200.0  # metres beyond which they do not at all; flights wander slowly
+FEWEST_POINTS = 3  # on such a piece, of which the mean is compared
+FEWEST_PIECES = 2.0  # by which the variance of the errors is known at least
+NORMAL_LEVEL = 0.975  # of both sides: two standard deviations
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Points on a wire: distances along it, heights above it, and strips."""
+
+    u: Floats
+    z: Floats
+    strip: Ints
+
+    def means(self, by_strip: bool) -> tuple[Ints, Floats, Floats]:
+        """Stretches of STRAY_LENGTH, means of heights in each, and their variances by chance.
+
+        Parameters
+        ----------
+        by_strip : a mean for each strip, not of all
+        """
+        keys = np.column_stack([self.u // STRAY_LENGTH, self.strip if by_strip else 0 * self.strip])
+        place, piece, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+        piece = piece.ravel()
+        mean = np.bincount(piece, self.z) / count
+        square = ((self.z - mean[piece]) ** 2).sum() / max(len(self.z) - len(count), 1)
+        full = count >= FEWEST_POINTS
+        return place[full, 0].astype(np.int64), mean[full], square / count[full]
+
+
+def with_common_errors(
+    corridor: Corridor, wires: Sequence[Wire], strip: NDArray[np.integer]
+) -> list[Wire]:
+    """The wires, whose covariances hold the errors that points near each other have in common.
+
+    Parameters
+    ----------
+    corridor : in whose air the points on wires are taken
+    strip : of each point in the air, a number; the same for all where it is not known
+    """
+    residuals = [residuals_of(corridor, wire, strip) for wire in wires]
+    common = between_strips(residuals) + along_strips(residuals)
+    # From a few independent pieces a variance is not well known: as wide as Student's law.
+    student = float(t.ppf(NORMAL_LEVEL, pieces_of(wires)) / norm.ppf(NORMAL_LEVEL))
+    common *= student**2
+    return [widened(wire, own, common) for wire, own in zip(wires, residuals, strict=True)]
+
+
+def pieces_of(wires: Sequence[Wire]) -> float:
+    """Number of pieces of the lines that err each for themselves; at least FEWEST_PIECES."""
+    length: dict[int, float] = {}
+    for wire in wires:
+        length[wire.span] = max(length.get(wire.span, 0.0), wire.seen_length)
+    return max(sum(length.values()) / COMMON_LENGTH, FEWEST_PIECES)
+
+
+def residuals_of(corridor: Corridor, wire: Wire, strip: NDArray[np.integer]) -> Residuals:
+    """The points on a wire."""
+    near, _, _ = on_wire(corridor, wire)
+    u, _, z = wire.curve.residuals(corridor.air.xyz[near])
+    return Residuals(u, z, strip[near].astype(np.int64))
+
+
+def between_strips(residuals: Sequence[Residuals]) -> float:
+    """Variance of the height of a strip, by how strips disagree on the same stretch of a wire."""
+    found = []
+    for own in residuals:
+        stretch, mean, by_chance = own.means(by_strip=True)
+        for one in np.unique(stretch):
+            here = stretch == one
+            if np.count_nonzero(here) > 1:
+                found.append(float(mean[here].var(ddof=1) - by_chance[here].mean()))
+    return max(float(np.mean(found)), 0.0) if found else 0.0
+
+
+def along_strips(residuals: Sequence[Residuals]) -> float:
+    """Variance of the means of stretches about the wire that was fitted to them."""
+    found = []
+    for own in residuals:
+        _, mean, by_chance = own.means(by_strip=False)
+        found += (mean**2 - by_chance).tolist()
+    return max(float(np.mean(found)), 0.0) if found else 0.0
+
+
+def widened(wire: Wire, own: Residuals, common: float) -> Wire:
+    """A wire whose covariance holds a common error of a given variance of each strip.
+
+    It is the same along COMMON_LENGTH, and another one beyond: the points of such a piece add to
+    the fit as a group.
+    """
+    covariance = wire.curve.covariance
+    if covariance is None or not common or len(own.u) < 2:
+        return wire
+    slopes = wire.curve.slopes(own.u)
+    normal = np.linalg.pinv(covariance) * max(float((own.z**2).mean()), 1e-6)
+    inverse = np.linalg.pinv(normal)
+    group = (own.u / COMMON_LENGTH).astype(np.int64)
+    total = np.zeros((3, 3))
+    for one in np.unique(group):
+        of_strip = np.bincount(np.unique(own.strip[group == one], return_inverse=True)[1])
+        strips = of_strip.sum() ** 2 / (of_strip**2).sum()
+        add = slopes[group == one].sum(axis=0)
+        total += np.outer(add, add) * common / strips
+    more = inverse @ total @ inverse
+    return replace(wire, curve=replace(wire.curve, covariance=covariance + more))

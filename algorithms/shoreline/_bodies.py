@@ -10,17 +10,22 @@ hole and every calm place up to the level found there, and what runs off was no 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from algorithms.shared.lowest import blocks, cells_of, lattice_around
+from algorithms.shared.otsu import otsu_threshold
 from algorithms.shoreline import _kernels as kernels
-from algorithms.shoreline._level import lowest_mode, mode
+from algorithms.shoreline._kernels import TAKEN
+from algorithms.shoreline._level import Level, even_blocks, lowest_mode, mode
 from algorithms.shoreline._returns import UNIT, Returns
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
@@ -41,21 +46,31 @@ FILLED = 13  # cells of 25 with points, around a single empty one that is no hol
 CREST = 3.0  # standard deviations of points on the water above its level
 STEP = 0.10  # above the level where a first look at a body ends
 DROP = 0.25  # below the level: water does not stay above such ground
+WEIR = 1.0  # m from water to lower water beside it, at a weir or rapids
 RUN_OFF = 0.02  # share of a body that may seem to lie lower
 SPARSE = 0.5  # of the density of the shore: pulses were lost
 DARK = 0.5  # separation of intensities on water and on the shore, 0 for none, 1 for a full one
 LEVEL_SPREAD = 0.06  # m between the heights of a surface that is level
-MEDIAN = 1.91  # 10-90 % range of medians over the 20-80 % range of n heights, times root n
+SIGMAS = 1.683  # standard deviations from 20 to 80 % of a normal distribution
 CORE = 0.3  # of the distance to the middle of a body, from where its level is taken
 SECTOR = 4  # cells of the edge of a hole of which the lowest point counts
 FEWEST_SECTORS = 6
+RIM, WALL = (
+    3.0,
+    1.0,
+)  # m from a shore, to where a bank reaches but no parapet; m that walls are high
 START = 4  # starting cells may be this many times fewer than those of a body
 WIDE = 0.2  # of its cells are not at the edge of a hole that nothing else speaks for
+WITHOUT_WAVES = 0.12  # of the root of the cells of a body, over which heights are averaged
+COMPACT = 0.8  # of the cells of a part at one level are in one piece
+CONTACT = (
+    0.5  # of the root of the cells of a body, over which it meets another one that it is part of
+)
 RIVER = 4  # smallest river, in smallest bodies
 TILTED = 0.6  # share of the variance of these points that a plane explains, on a slope
+LEVEL_ALONE = "level"  # evidence that is not enough, unless it is the level of other water
 LARGE = 500.0  # m2 of such a surface that need not be dark
 VERY_DARK = 0.75  # and of one that returns its pulses
-TAKEN = 2
 PEAKS = 12  # levels that are looked for in one calm area
 
 
@@ -96,6 +111,11 @@ class CellGrid:
     def area(self) -> float:
         """Area of a cell."""
         return self.lattice.cell**2
+
+    @cached_property
+    def whole(self) -> Mask:
+        """True for cells that the edge of the data does not cut."""
+        return np.asarray(ndimage.binary_erosion(self.inside, np.ones((3, 3), bool)))
 
     @property
     def hole(self) -> Mask:
@@ -154,6 +174,16 @@ class Body:
     dark: float
     evidence: str
     waves: float = math.inf
+
+    @property
+    def few(self) -> bool:
+        """Whether it returns few pulses, which banks and roads do not."""
+        return self.lost <= SPARSE
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether its level is all that speaks for it: squares and cuttings are level, too."""
+        return self.evidence == LEVEL_ALONE
 
     def rough(self, metre: float) -> bool:
         """Whether waves are known to be higher than islands and banks may be."""
@@ -234,8 +264,9 @@ def find_bodies(cells: CellGrid, pour: Pour, ctx: Context = QUIET) -> list[Body]
     for place in _slopes(cells, cells.calm() & (pour.state != TAKEN), RIVER * pour.least):
         ctx.progress(0.9)
         found += pour.on(*place)
+    found += pour.doubted()
     ctx.progress(1.0)
-    return sorted(found, key=lambda body: (-len(body.cells), body.cells[0]))
+    return sorted(joined(cells, found), key=lambda body: (-len(body.cells), body.cells[0]))
 
 
 class Pour:
@@ -251,6 +282,10 @@ class Pour:
     least : cells of a body
     first : fewest cells to begin with
     state : array of shape (rows, cols), TAKEN where a body has been found
+    lowest : array of shape (rows, cols), to where water runs off: the median of the lowest heights
+        around, amid holes that at their edge
+    middle : the same, but in bodies their level
+    later : places that are known by their level alone
     refused : the largest area that was no water: its cells and the reason
     """
 
@@ -258,14 +293,24 @@ class Pour:
         self.cells, self.floor = cells, cells.floor
         self.least = max(1, math.ceil(least_area / cells.area))
         self.first = math.ceil(self.least / START)
-        self.state = np.zeros(self.floor.shape, np.uint8)
+        self.lowest = _below(cells, self.first)
+        self.empty()
         self.stack = np.empty(self.floor.size, np.int32)
+        self.later: list[Pool] = []
         self.refused: tuple[Ints, str] = (np.zeros(0, np.int64), "")
 
-    def on(self, starts: Ints, level: float, tilt: Tilt, *, rough: bool = False) -> list[Body]:
+    def empty(self) -> None:
+        """Forget what has been found."""
+        self.state = np.zeros(self.floor.shape, np.uint8)
+        self.middle = self.lowest.copy()
+
+    def on(
+        self, starts: Ints, level: float, tilt: Tilt, *, rough: bool = False, last: bool = False
+    ) -> list[Body]:
         """The body that holds water poured on some cells up to a level; empty if it runs off.
 
         Rough water is known by being dark: meadows are level, and woods return few pulses, too.
+        What is known by its level alone has to wait until the last: it may be a square by a lake.
         """
         if (self.state.ravel()[starts] == TAKEN).mean() > 0.5:  # found from elsewhere
             return []
@@ -278,40 +323,97 @@ class Pour:
             return self._refuse(body, f"water would run off to ground {DROP:g} m lower")
         if len(body) < self.least:
             return self._refuse(body, "too small")
-        judged = judge(self.cells, body, level, tilt, rough=rough)
+        judged, why = judge(self.cells, body, level, tilt, rough=rough)
+        if judged and not judged.few and self._above_water(body, level) > most_lower:
+            judged, why = None, f"it is a bank of water {DROP:g} m lower"
         if judged is None:
-            return self._refuse(body, "neither few returns, nor level and dark or large")
-        self.state.ravel()[body] = TAKEN
+            return self._refuse(body, why)
+        if judged.doubtful and not last:
+            self.later.append((starts, level, tilt))
+            return []
+        self._take(body, level, tilt)
         return [judged]
+
+    def doubted(self) -> list[Body]:
+        """Bodies that are known by their level alone, beside all others."""
+        places = sorted(self.later, key=lambda place: (-len(place[0]), place[0][0]))
+        return [body for place in places for body in self.on(*place, last=True)]
+
+    def _above_water(self, body: Ints, level: float) -> int:
+        """Number of cells of lower water beside a body."""
+        beside = around(self.cells.lattice, body, 1)
+        beside = beside[self.state.ravel()[beside] == TAKEN]
+        return int((self.middle.ravel()[beside] < level - DROP * self.cells.metre).sum())
+
+    def _take(self, body: Ints, level: float, tilt: Tilt) -> None:
+        cols = self.cells.lattice.cols
+        self.state.ravel()[body] = TAKEN
+        self.middle.ravel()[body] = level + tilt.at(body // cols, body % cols)
 
     def _refuse(self, body: Ints, reason: str) -> list[Body]:
         if len(body) > len(self.refused[0]):
             self.refused = body, reason
         return []
 
-    def again(self, body: Body, level: float, sigma: float, tilt: Tilt) -> Body:
-        """The body extended to all cells that its waves reach, up to a crest above its level."""
-        step = STEP * self.cells.metre
-        top = level - self.cells.base + max(CREST * sigma, step)
-        wider, _ = self._spread(body.cells, top, -np.inf, 0, tilt)
-        self.state.ravel()[wider] = TAKEN
-        return replace(body, cells=wider, level=level, tilt=tilt, waves=max(sigma, step))
+    def again(self, body: Body, level: Level, tilt: Tilt) -> list[Body]:
+        """The body extended to all cells that its waves reach, up to a crest above its level.
+
+        Where these would run off, as over a low dam, it is extended by less. Where it would still
+        run off, to other water, there is none.
+        """
+        step, sigma = STEP * self.cells.metre, level.sigma
+        height, top = level.height - self.cells.base, level.highest - self.cells.base
+        below = height - DROP * self.cells.metre - CREST * sigma
+        cells, lower = body.cells, 0
+        for crest in (max(CREST * sigma, step), step):
+            most = int(max(self.least / 2, RUN_OFF * len(body.cells)))
+            cells, lower = self._spread(body.cells, top + crest, below, most, tilt)
+            if lower <= most:
+                break
+        else:
+            return []
+        if not body.few and self._above_water(cells, height) > most:
+            return []
+        self._take(cells, height, tilt)
+        waves = max(sigma, step) + top - height
+        return [replace(body, cells=cells, level=level.height, tilt=tilt, waves=waves)]
 
     def _spread(
         self, starts: Ints, level: float, below: float, most_lower: int, tilt: Tilt
     ) -> tuple[Ints, int]:
         """Cells that water at a level covers, and how many of them lie clearly below it."""
-        floor, middle = self.floor, self.cells.middle
+        floor, middle = self.floor, self.middle
         if tilt != LEVEL:
             rows, cols = floor.shape
             trend = tilt.at(np.arange(rows)[:, None], np.arange(cols)).astype(np.float32)
             floor, middle = floor - trend, middle - trend
+            middle.ravel()[starts] = np.nan  # of a hole, whose edge is no level
         size, lower = kernels.spread(
-            floor, middle, level, below, most_lower, starts, self.state, self.stack
+            floor,
+            middle,
+            level,
+            below,
+            level - WEIR * self.cells.metre,
+            most_lower,
+            starts,
+            self.state,
+            self.stack,
         )
         body = np.sort(self.stack[:size]).astype(np.int64)
         self.state.ravel()[body] = 0
         return body, lower
+
+
+def _below(cells: CellGrid, least: int) -> Floats:
+    """Median of the lowest heights around each cell; amid holes, that of those at the edge."""
+    below = cells.middle.copy()
+    for hole in _patches(cells.hole, least):
+        heights = cells.low.ravel()[around(cells.lattice, hole, 1)]
+        heights = heights[np.isfinite(heights)]
+        inner = hole[np.isnan(below.ravel()[hole])]
+        if len(heights):
+            below.ravel()[inner] = np.median(heights)
+    return below
 
 
 def _fit(cells: CellGrid, some: Ints, heights: Floats) -> tuple[float, Tilt]:
@@ -426,8 +528,8 @@ def window(lattice: Lattice, some: Ints, margin: int) -> tuple[tuple[int, int], 
 
 def judge(
     cells: CellGrid, body: Ints, level: float, tilt: Tilt = LEVEL, *, rough: bool = False
-) -> Body | None:
-    """The body with the evidence that it is water; None if that is too weak.
+) -> tuple[Body | None, str]:
+    """The body with the evidence that it is water, or none if that is too weak, and why.
 
     An area that returns no pulses is water, unless it is narrow as shadows are. One that returns
     them must be level, and very dark or large. A rough one must be dark in any case.
@@ -436,8 +538,7 @@ def judge(
     ring = np.setdiff1d(around(cells.lattice, body, 5), around(cells.lattice, body, 1))
     ring = ring[count[ring] > 0]
     here = body[count[body] > 0]
-    on_land = float(np.median(count[ring])) if len(ring) else 0.0
-    lost = float(count[body].mean()) / on_land if on_land else 1.0
+    lost = _lost(cells, body, ring)
     dark = separation(bright[here], bright[ring])
     classed = cells.water.ravel()[body].sum() > 0.5 * count[body].sum()
     level_enough = tilt == LEVEL and _is_level(cells, body)
@@ -450,12 +551,37 @@ def judge(
     wide = len(core_of(cells, body, 0.0)) >= WIDE * len(body)
     few = lost <= SPARSE and (wide or dark >= DARK or level_enough)
     large = len(here) >= LARGE * cells.metre**2 / cells.area
-    if not (few or classed or (level_enough and (dark >= VERY_DARK or large))):
-        return None
-    if rough and dark < DARK:
-        return None
+    enough = few or classed or (level_enough and (dark >= VERY_DARK or large))
+    if not enough or (rough and dark < DARK):
+        return None, (
+            f"it returns {lost:.0%} of the pulses that its shore does, its intensities separate by "
+            f"{dark:.2f} (1 is fully), and it is {'' if level_enough else 'not '}level"
+        )
+    if not (few or classed) and _raised(cells, body, level):
+        return None, f"ground {WALL:g} m lower is close behind its rim, as around a roof"
     evidence = ", ".join(name for name, holds in reasons.items() if holds)
-    return Body(body, cells.base + level, tilt, lost, dark, evidence)
+    return Body(body, cells.base + level, tilt, lost, dark, evidence), ""
+
+
+def _lost(cells: CellGrid, body: Ints, ring: Ints) -> float:
+    """Number of points in a cell of a body over that on its shore; 1 where it is not known.
+
+    Cells at the edge of the data lie only in part in them: they do not count.
+    """
+    whole = cells.whole.ravel()
+    body, ring = body[whole[body]], ring[whole[ring]]
+    if not (len(body) and len(ring)):
+        return 1.0
+    return float(cells.count.ravel()[body].mean() / np.median(cells.count.ravel()[ring]))
+
+
+def _raised(cells: CellGrid, body: Ints, level: float) -> bool:
+    """Whether the ground is lower close behind the rim of a body, as around a flat roof."""
+    width = max(2, math.ceil(RIM * cells.metre / cells.lattice.cell))
+    ring = np.setdiff1d(around(cells.lattice, body, width), around(cells.lattice, body, width - 1))
+    heights = cells.low.ravel()[ring]
+    heights = heights[np.isfinite(heights)]
+    return bool(len(heights) and np.median(heights) < level - WALL * cells.metre)
 
 
 def separation(water: Floats, land: Floats) -> float:
@@ -471,20 +597,96 @@ def separation(water: Floats, land: Floats) -> float:
 def _is_level(cells: CellGrid, some: Ints) -> bool:
     """Whether cells lie on one level surface, more exactly than fields do.
 
-    The medians of waves differ, too, by what the heights around them and their number make likely.
+    Waves may be longer than a cell and its neighbours, so the means of compact blocks are compared.
+    They still differ, by no more than the waves are high.
     """
     core = core_of(cells, some)
     core = core[np.isfinite(cells.middle.ravel()[core])]
     if len(core) < KNOWN:
         return False
     middle, off = cells.middle.ravel()[core], (cells.low - cells.middle).ravel()[core]
-    low, high = np.percentile(middle, (10, 90))
-    spread = np.ptp(np.percentile(off[np.isfinite(off)], (20, 80))) if np.isfinite(off).any() else 0
-    waves = MEDIAN * float(spread / np.sqrt(np.median(cells.known.ravel()[core])))
-    _, tilt = _fit(cells, core, middle)
-    fall = math.hypot(tilt.south, tilt.east) * math.sqrt(len(core))
-    limit = LEVEL_SPREAD * cells.metre
-    return bool(fall <= limit and high - low <= math.hypot(limit, waves))
+    off = off[np.isfinite(off)]
+    waves = float(np.ptp(np.percentile(off, (20, 80)))) / SIGMAS if len(off) else 0.0
+    return _flat(cells, core, middle, waves) or _two_levels(cells, core, middle, waves)
+
+
+def _flat(cells: CellGrid, some: Ints, heights: Floats, waves: float) -> bool:
+    """Whether heights at cells neither fall, nor sag, nor differ between blocks beyond waves."""
+    cols, limit = cells.lattice.cols, LEVEL_SPREAD * cells.metre
+    spots = np.column_stack([some // cols, some % cols])
+    (top, left), inside = window(cells.lattice, some, 1)
+    depth = ndimage.distance_transform_edt(inside)[spots[:, 0] - top, spots[:, 1] - left]
+    centred = spots - spots.mean(axis=0)
+    design = np.column_stack([np.ones(len(some)), centred, depth - depth.mean()])
+    (_, south, east, inward), *_ = np.linalg.lstsq(design, heights.astype(float), rcond=None)
+    fall = math.hypot(south, east) * math.sqrt(len(some))
+    sag = abs(inward) * float(np.ptp(depth))  # hollows in land are deepest far from their edge
+    means = [float(heights[block].mean()) for block in even_blocks(spots.astype(float))]
+    low, high = np.percentile(means, (10, 90))
+    return bool(max(fall, sag) <= limit and high - low <= math.hypot(limit, waves))
+
+
+def _two_levels(cells: CellGrid, some: Ints, heights: Floats, waves: float) -> bool:
+    """Whether heights at cells are of two flat parts side by side, as of flights on two days."""
+    upper = _upper(cells, some, heights)
+    for part in (upper, ~upper):
+        labels, _ = ndimage.label(window(cells.lattice, some[part], 0)[1])
+        of_one = np.bincount(labels.ravel())[1:].max(initial=0)
+        if part.sum() < KNOWN or of_one < COMPACT * part.sum():
+            return False
+        if not _flat(cells, some[part], heights[part], waves):
+            return False
+    apart = float(heights[upper].mean() - heights[~upper].mean())
+    return apart <= DROP * cells.metre
+
+
+def _upper(cells: CellGrid, some: Ints, heights: Floats) -> Mask:
+    """Which cells are on the upper one of two levels, by heights without waves."""
+    (top, left), inside = window(cells.lattice, some, 0)
+    spot = some // cells.lattice.cols - top, some % cells.lattice.cols - left
+    held = np.zeros(inside.shape)
+    held[spot] = heights - heights.mean()
+    reach = WITHOUT_WAVES * math.sqrt(len(some))
+    smooth = ndimage.gaussian_filter(held, reach) / np.maximum(
+        ndimage.gaussian_filter(inside.astype(float), reach), 1e-9
+    )
+    return np.asarray(smooth[spot] >= otsu_threshold(smooth[spot]))
+
+
+def touching(cells: CellGrid, bodies: Sequence[Body]) -> list[list[int]]:
+    """Numbers of the bodies that are one, for there is nothing between them.
+
+    Their levels differ where they were flown on different days; the water at a weir falls more.
+    """
+    of = np.full(cells.low.shape, -1)
+    for k, body in enumerate(bodies):
+        of.ravel()[body.cells] = k
+    sides = [(of[1:], of[:-1]), (of[:, 1:], of[:, :-1])]
+    pairs = np.concatenate([np.stack([a.ravel(), b.ravel()]) for a, b in sides], axis=1)
+    pairs = np.sort(pairs[:, (pairs >= 0).all(axis=0) & (pairs[0] != pairs[1])], axis=0)
+    met, length = np.unique(pairs, axis=1, return_counts=True)
+    near = [
+        (a, b)
+        for (a, b), sides_met in zip(met.T, length, strict=True)
+        if bodies[a].tilt == bodies[b].tilt == LEVEL
+        and bodies[a].doubtful == bodies[b].doubtful
+        and abs(bodies[a].level - bodies[b].level) <= DROP * cells.metre
+        and sides_met >= CONTACT * math.sqrt(min(len(bodies[a].cells), len(bodies[b].cells)))
+    ]
+    links = np.array(near, np.int64).reshape(-1, 2).T
+    graph = coo_array((np.ones(links.shape[1]), links), shape=(len(bodies), len(bodies)))
+    count, group = connected_components(graph, directed=False)
+    return [np.flatnonzero(group == k).tolist() for k in range(count)]
+
+
+def joined(cells: CellGrid, bodies: Sequence[Body]) -> list[Body]:
+    """Bodies, where those that touch are one."""
+    whole = []
+    for some in touching(cells, bodies):
+        largest = max((bodies[k] for k in some), key=lambda body: len(body.cells))
+        every = np.unique(np.concatenate([bodies[k].cells for k in some]))
+        whole.append(replace(largest, cells=every, waves=math.inf) if len(some) > 1 else largest)
+    return whole
 
 
 def open_water(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+TAKEN = 2  # state of cells that belong to another body
 NEIGHBOURS = ((-1, 0), (0, -1), (0, 1), (1, 0))  # of a cell: water does not creep over corners
 
 
@@ -40,18 +41,21 @@ def surroundings(low, first, last, reach, middle, spread, known):
 
 
 @njit(cache=True, nogil=True)
-def spread(heights, middle, level, below, most_lower, starts, state, stack):
+def spread(heights, middle, level, below, weir, most_lower, starts, state, stack):
     """Spread water at a level from cells; number of cells reached, and of those lying lower.
 
     A cell is reached when its height is at most the level; `heights` is infinite on land and
     minus infinite where nothing is known, so that water spreads over it. It stops early where
-    more than `most_lower` cells lie below `below`: water would run off.
+    more than `most_lower` cells lie below `below`, or below `weir` where other water is: it would
+    run off.
 
     Parameters
     ----------
-    heights, middle : arrays of shape (cells,): lowest height, and median of the surroundings
+    heights, middle : arrays of shape (cells,): lowest height, and median of the surroundings, or
+        level of other water
     starts : cells to begin with
-    state : array of shape (cells,), 0 where water may go; set to 1 where it went
+    state : array of shape (cells,), 0 where water may go, TAKEN where other water is; set to 1
+        where it went
     stack : array of shape (cells,) that is overwritten by the cells reached
     """
     rows, cols = heights.shape
@@ -72,8 +76,12 @@ def spread(heights, middle, level, below, most_lower, starts, state, stack):
                 break
         for a, b in NEIGHBOURS:
             i, j = r + a, c + b
-            if 0 <= i < rows and 0 <= j < cols and state[i, j] == 0 and heights[i, j] <= level:
+            if not (0 <= i < rows and 0 <= j < cols):
+                continue
+            if state[i, j] == 0 and heights[i, j] <= level:
                 state[i, j] = 1
                 stack[size] = i * cols + j
                 size += 1
+            elif state[i, j] == TAKEN and middle[i, j] < weir:
+                lower += 1
     return size, lower

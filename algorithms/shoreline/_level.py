@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -64,6 +64,7 @@ class Level:
     basis : points on the water, or on its shore where too few came back from the water
     gradient : rise eastwards and northwards
     centre : where the height is
+    of_strip : number and level of each strip of which enough points are on the water
     """
 
     height: float
@@ -75,6 +76,19 @@ class Level:
     basis: Literal["water", "shore"] = "water"
     gradient: tuple[float, float] = (0.0, 0.0)
     centre: tuple[float, float] = (0.0, 0.0)
+    of_strip: tuple[tuple[int, float], ...] = ()
+
+    @property
+    def highest(self) -> float:
+        """The highest level of a strip."""
+        return max([self.height, *(height for _, height in self.of_strip)])
+
+    def shift(self, strip: NDArray[np.integer[Any]]) -> Floats:
+        """How far the level of the strip of each point is above that of all, shape (n,)."""
+        shift = np.zeros(len(strip))
+        for number, height in self.of_strip:
+            shift[strip == number] = height - self.height
+        return shift
 
     @property
     def interval(self) -> float:
@@ -115,10 +129,19 @@ def level_of(
     error, freedom, apart = _error(xyz[core][near], strips[near])
     if sigma >= MOST_SIGMA * metre:  # rougher than water: banks or islands are among the points
         error, freedom = sigma, math.inf
-    below = level - xyz[(xyz[:, 2] < level) & (xyz[:, 2] > level - MOST_SIGMA * WIDEST * metre), 2]
+    own = _levels(heights, strips, near)
+    found = Level(level, error, freedom, sigma, int(near.sum()), apart, of_strip=own)
+    below = level + found.shift(strip) - xyz[:, 2]
+    below = below[(below > 0) & (below < MOST_SIGMA * WIDEST * metre)]
     if len(below) >= FEWEST:  # nearer to the shore waves may be higher; banks are never below
         sigma = max(sigma, min(float(np.median(below)) / NORMAL, MOST_SIGMA * metre))
-    return Level(level, error, freedom, sigma, int(near.sum()), apart)
+    return replace(found, sigma=sigma)
+
+
+def _levels(heights: Floats, strip: Ints, near: NDArray[np.bool_]) -> tuple[tuple[int, float], ...]:
+    """Number and mean height of each strip of which enough points are on the water."""
+    own = {int(one): heights[near & (strip == one)] for one in np.unique(strip)}
+    return tuple((one, float(z.mean())) for one, z in own.items() if len(z) >= FEWEST)
 
 
 def _of_strips(heights: Floats, strip: Ints, middle: float, metre: float) -> Floats:

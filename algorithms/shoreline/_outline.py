@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from algorithms.shared.lowest import cells_of
 from algorithms.shoreline._bodies import CellGrid, window
@@ -167,24 +168,59 @@ def draw(
     of_body = np.zeros(cells.low.size, np.int32)
     for k, one in enumerate(water, 1):
         of_body[one.body.cells] = k
-    near, index = _band(points, cells, [water[k] for k in chosen], ctx.part(0.0, 0.5))
+    near, index, strip = _band(points, cells, [water[k] for k in chosen], ctx.part(0.0, 0.5))
     length = max(SPACINGS / np.sqrt(cells.density), LEAST_SMOOTHING * cells.metre)
     length = length if smoothing == "auto" else smoothing
     found = []
     for done, k in enumerate(chosen):
         part = ctx.part(0.5 + 0.5 * done / len(chosen), 0.5 + 0.5 * (done + 1) / len(chosen))
-        made = shore(near, cells, index, water[k].body.cells, of_body, water[k].level, part)
+        level = water[k].level
+        above = np.column_stack([near[:, :2], near[:, 2] - level.shift(strip)])
+        made = shore(above, cells, index, water[k].body.cells, of_body, level, part)
         parts = _parts(made, least_area, least_island)
         smooth = _smoothed(made, parts, length)
         found.append(Outline(done + 1, water[k], smooth, parts, cells))
     ctx.progress(1.0)
-    return found
+    return _apart(found, least_area)
+
+
+def _apart(found: Sequence[Outline], least_area: float) -> list[Outline]:
+    """Outlines that do not overlap: where two shores cross, the smaller body gives way."""
+    apart: list[Outline] = []
+    for outline in found:
+        shape = shapely.union_all(shapely.force_2d(outline.polygons))
+        others = [other for one in apart for other in shapely.force_2d(one.polygons)]
+        covers = [other for other in others if shape.intersects(other)]
+        if covers and shape.intersection(shapely.union_all(covers)).area > 0:
+            left = shapely.get_parts(shape.difference(shapely.union_all(covers)))
+            rest = sorted(left, key=lambda part: -part.area)
+            kept = [part for k, part in enumerate(rest) if k == 0 or part.area >= least_area]
+            apart.append(_redrawn(outline, kept))
+        else:
+            apart.append(outline)
+    return apart
+
+
+def _redrawn(outline: Outline, shapes: Sequence[shapely.Polygon]) -> Outline:
+    """An outline with other polygons, whose corners are as sure as the nearest ones were."""
+    old = cKDTree(np.concatenate(outline.shore.rings))
+    sigma, is_open = (np.concatenate(getattr(outline.shore, name)) for name in ("sigma", "open"))
+    rings: list[Floats] = []
+    parts: list[list[int]] = []
+    for shape in shapes:
+        turned = shapely.geometry.polygon.orient(shape)
+        corners = [shapely.get_coordinates(r)[:-1] for r in (turned.exterior, *turned.interiors)]
+        parts.append(list(range(len(rings), len(rings) + len(corners))))
+        rings += corners
+    near = [old.query(ring)[1] for ring in rings]
+    shore = Shore(rings, [sigma[k] for k in near], [is_open[k] for k in near])
+    return replace(outline, shore=shore, parts=parts)
 
 
 def _band(
     points: Returns, cells: CellGrid, water: Sequence[Water], ctx: Context
-) -> tuple[Floats, NDArray[np.int64]]:
-    """Points near the edges of bodies, sorted by cell, and the cell of each."""
+) -> tuple[Floats, NDArray[np.int64], NDArray[np.uint16]]:
+    """Points near the edges of bodies, sorted by cell, and the cell and strip of each."""
     band = np.zeros(cells.low.shape, bool)
     square = np.ones((3, 3), bool)
     for one in water:
@@ -193,16 +229,18 @@ def _band(
         near &= ~ndimage.binary_erosion(wet, square, iterations=BAND, border_value=1)
         band[top : top + wet.shape[0], left : left + wet.shape[1]] |= near
     found, index = [np.zeros((0, 3))], [np.zeros(0, np.int64)]
+    strip = [np.zeros(0, np.uint16)]
     for some in points.blocks():
         xyz = points.xyz(some)
         at = cells_of(xyz, cells.lattice)
         use = band.ravel()[at]
         found.append(xyz[use])
         index.append(at[use].astype(np.int64))
+        strip.append(points.strip[some][use])
         ctx.progress(some.stop / len(points))
     xyz, cell = np.concatenate(found), np.concatenate(index)
     order = np.lexsort((xyz[:, 2], xyz[:, 1], xyz[:, 0], cell))
-    return xyz[order], cell[order]
+    return xyz[order], cell[order], np.concatenate(strip)[order]
 
 
 def _parts(made: Shore, least_area: float, least_island: float) -> list[list[int]]:

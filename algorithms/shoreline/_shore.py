@@ -55,12 +55,14 @@ class Places:
     height : array of shape (n,), above the level; negative where ground is expected below water
     kind : array of shape (n,), WATER, LAND, HOLE or OUTSIDE
     slope : array of shape (n,), of the bank near by; NaN where it is not known
+    other : array of shape (n,), whether it is on other water
     """
 
     xy: Floats
     height: Floats
     kind: NDArray[np.uint8]
     slope: Floats
+    other: Mask
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,9 @@ def places(
     foreign_water = (number > 0) & (number != of_body[body[0]])
     foreign = low & (~touched[pr - top, pc - left] | foreign_water)
     kept = foreign | low | _stands(points, ~low, metre, ctx.part(0.0, 0.5))
-    points, height, low, foreign = (v[kept] for v in (points, height, low, foreign))
+    points, height, low, foreign, foreign_water = (
+        v[kept] for v in (points, height, low, foreign, foreign_water)
+    )
     height[foreign] = step  # lower ground elsewhere, or other water: not of this body
     kind = np.where(low & ~foreign, WATER, LAND)
 
@@ -156,7 +160,8 @@ def places(
     height = np.concatenate([height, np.zeros(hole.sum()), np.full(len(outside), step)])
     slope = np.full(len(xy), np.nan)
     _expect_ground(xy, height, kind, slope, step, cells.density, ctx.part(0.5, 1.0))
-    return Places(xy, height, kind, slope)
+    other = np.concatenate([low & foreign_water, np.zeros(len(xy) - len(low), bool)])
+    return Places(xy, height, kind, slope, other)
 
 
 def sure_step(level: Level, metre: float) -> float:
@@ -310,13 +315,14 @@ def outline(where: Places, level: Level, cells: CellGrid, ctx: Context) -> Shore
 
 
 def _no_waves(where: Places, rings: list[Floats], level: Level) -> Mask:
-    """True for outer rings, and for islands higher than waves."""
+    """True for outer rings, and for islands higher than waves, or with other water in them."""
     inside = np.array([area_of(ring) < 0 for ring in rings])
     land = np.flatnonzero(where.kind == LAND)
     tree = shapely.STRtree([*map(shapely.Point, where.xy[land])])
     of, point = tree.query(shapely.polygons([*map(shapely.LinearRing, rings)]), "contains")
     top = np.full(len(rings), -np.inf)
-    np.maximum.at(top, of, where.height[land[point]])
+    reach = np.where(where.other, np.inf, where.height)
+    np.maximum.at(top, of, reach[land[point]])
     return np.asarray(~inside | (top > ISLAND * level.sigma))
 
 

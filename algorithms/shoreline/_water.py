@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared.lowest import cells_of
+from algorithms.shared.otsu import otsu_threshold
 from algorithms.shoreline._bodies import (
     LARGE,
     LEVEL,
-    TAKEN,
     VERY_DARK,
     Body,
     CellGrid,
@@ -23,9 +23,11 @@ from algorithms.shoreline._bodies import (
     around,
     find_bodies,
     grid,
+    joined,
     open_water,
 )
-from algorithms.shoreline._level import FEWEST, Level, edge_level, level_of
+from algorithms.shoreline._kernels import TAKEN
+from algorithms.shoreline._level import FEWEST, Level, edge_level, even_blocks, level_of
 from algorithms.shoreline._returns import Returns
 from toolbox.context import QUIET, Context, log
 from toolbox.declare import Position
@@ -33,8 +35,10 @@ from toolbox.errors import DataError
 
 FOR_PLANE = 30  # points that a slope is found from
 MOST_SAMPLES = 500_000  # points that tell the level of one body
-ROUNDS = 3
+ROUNDS, MOST_ROUNDS = 3, 6  # the latter where bodies meet and become one
 FALL = 0.15  # m, from end to end of a body that is no lake
+SAME = 0.02, 0.15  # m, least and most between levels that may be the same, by their intervals
+DAYS = 0.05  # m between strips that is told of
 LISTED = 10  # bodies that are told of one by one
 NEAR_PLACE = 3.0  # cells: a place so close to a body is meant to be on it
 STRAIGHT = 0.5  # share of the variance of its surface that a plane explains
@@ -61,24 +65,74 @@ class Water:
 
 
 def find_water(
-    points: Returns, least_area: float, ctx: Context = QUIET
+    points: Returns, least_area: float, *, level_alone: bool = False, ctx: Context = QUIET
 ) -> tuple[CellGrid, list[Water]]:
-    """The cells, and all water bodies of at least an area, the largest first."""
+    """The cells, and all water bodies of at least an area, the largest first.
+
+    Bodies that are known by their level alone are left out, and told of: see :func:`_sure`.
+
+    Parameters
+    ----------
+    points : last returns
+    least_area : of a body, in square units of the data
+    level_alone : whether such bodies are given, too
+    ctx : progress and cancellation
+    """
     cells = grid(points, ctx.part(0.0, 0.5))
     pour = Pour(cells, least_area)
     bodies = find_bodies(cells, pour, ctx.part(0.5, 0.7))
     found: list[Water] = []
-    for k in range(ROUNDS):  # waves and slopes are known after a first look
-        found = with_levels(points, cells, bodies, ctx.part(0.7 + 0.1 * k, 0.8 + 0.1 * k))
-        found = _filled(cells, pour, found)
-        bodies = [water.body for water in found]
+    for k in range(MOST_ROUNDS):  # waves and slopes are known after a first look
+        ctx.progress(0.7 + 0.3 * k / MOST_ROUNDS)
+        found = _filled(cells, pour, with_levels(points, cells, bodies))
+        bodies = joined(cells, [water.body for water in found])
+        if k + 1 >= ROUNDS and len(bodies) == len(found):
+            break
+    ctx.progress(1.0)
+    if not level_alone:
+        found = _sure(cells, found)
     if not found:
         _tell_nothing(cells, pour)
     return cells, sorted(found, key=_by_size)
 
 
+def _sure(cells: CellGrid, found: Sequence[Water]) -> list[Water]:
+    """Bodies that more than their level speaks for: squares, fields and cuttings are level, too.
+
+    A body at the level of one that is sure is water, too: level ground is hardly ever at the
+    very level of a lake near by.
+    """
+    sure = [water for water in found if not water.body.doubtful]
+    doubtful = sorted((water for water in found if water.body.doubtful), key=_by_size)
+    known = [water.level for water in sure if not water.fall]
+    left_out = []
+    for water in doubtful:
+        if any(_alike(water.level, one, cells.metre) for one in known):
+            evidence = f"{water.body.evidence}, that of other water"
+            sure.append(replace(water, body=replace(water.body, evidence=evidence)))
+        else:
+            left_out.append(water)
+    if left_out:
+        log.warning(
+            "points: %d places are left out which are level, but neither return fewer pulses nor "
+            "are darker than what is around: ice or bright water, or a square, a field, a cutting; "
+            "the largest is the %s at a level of %.2f; level_alone gives them",
+            len(left_out),
+            name_of(cells, left_out[0]).replace("water", "place", 1),
+            left_out[0].level.height,
+        )
+    return sure
+
+
+def _alike(one: Level, other: Level, metre: float) -> bool:
+    """Whether two levels may be the same."""
+    least, most = SAME[0] * metre, SAME[1] * metre
+    unsure = min(max(math.hypot(one.interval, other.interval), least), most)
+    return abs(one.height - other.height) <= unsure
+
+
 def _tell_nothing(cells: CellGrid, pour: Pour) -> None:
-    """Log what was looked for, and what came nearest to it."""
+    """Log what was looked for, what came nearest to it, and what to try."""
     area = cells.area / cells.metre**2
     some, reason = pour.refused
     nearest = "no place is a hole or calm"
@@ -86,13 +140,16 @@ def _tell_nothing(cells: CellGrid, pour: Pour) -> None:
         x, y = _centre(cells, some)
         size = len(some) * area
         nearest = (
-            f"the largest place like that, {size:.0f} m2 at {x:.1f},{y:.1f}, is none: {reason}"
+            f"the largest place like that, {size:.0f} m2 at {x:.1f},{y:.1f}, is none: {reason}. If "
+            "it is water, name its class (water_classes), or give its outline to "
+            "shoreline.water_level (water)"
         )
     log.warning(
         "points: no water was found of at least %.0f m2 that loses half of its pulses, or is level "
-        "and dark, or level and larger than %.0f m2; %s",
+        "and dark, or at the level of such water and larger than %.0f m2, in cells of %.1f m; %s",
         pour.least * area,
         LARGE,
+        cells.lattice.cell / cells.metre,
         nearest,
     )
 
@@ -103,13 +160,13 @@ def _by_size(water: Water) -> tuple[int, int]:
 
 def _filled(cells: CellGrid, pour: Pour, found: Sequence[Water]) -> list[Water]:
     """Bodies extended to all cells below their levels; bodies that then overlap become one."""
-    pour.state[:] = 0
+    pour.empty()
     filled = []
-    for water in sorted(found, key=lambda one: (one.fall == 0, _by_size(one))):
+    order = sorted(found, key=lambda one: (one.body.doubtful, one.fall == 0, _by_size(one)))
+    for water in order:
         if (pour.state.ravel()[water.body.cells] == TAKEN).mean() <= 0.5:
             level, tilt = water.level, _tilt(cells, water)
-            body = pour.again(water.body, level.height, level.sigma, tilt)
-            filled.append(replace(water, body=body))
+            filled += [replace(water, body=body) for body in pour.again(water.body, level, tilt)]
     return filled
 
 
@@ -180,6 +237,8 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints) -> Water:
             troughs = level_of(flat, strip, low, body.level, metre)
             error = math.hypot(level.error, (level.height - troughs.height) / 2)
             level = replace(level, error=error)
+    flat[:, 2] -= level.shift(strip)
+    xyz = np.column_stack([xyz[:, :2], xyz[:, 2] - level.shift(strip)])
     near = abs(flat[:, 2] - level.height) <= max(3 * level.sigma, FALL * metre)
     if near.sum() < FOR_PLANE:
         return Water(body, level)
@@ -190,12 +249,24 @@ def _surface(cells: CellGrid, body: Body, xyz: Floats, strip: Ints) -> Water:
     along = d @ (np.array([east, north]) / max(slope, 1e-12))
     length = float(np.subtract(*np.percentile(along, (99, 1))))
     explained = (slope * along).var() / max(xyz[near, 2].var(), 1e-12)
-    if slope * length <= FALL * metre or explained <= STRAIGHT:
+    if slope * length <= FALL * metre or explained <= STRAIGHT or stepped(xyz[near]):
         return Water(body, level)
     flat[:, 2] = xyz[:, 2] - (xyz[:, :2] - centre) @ np.array([east, north])
     height = float(np.median(flat[near, 2]))
     tilted = replace(level, height=height, gradient=(east, north), centre=(centre[0], centre[1]))
     return Water(body, tilted, slope * length, length)
+
+
+def stepped(xyz: Floats) -> bool:
+    """Whether two levels explain the heights of a surface better than a plane does."""
+    blocks = even_blocks(xyz[:, :2])
+    means = np.array([xyz[some].mean(axis=0) for some in blocks])
+    z = means[:, 2] - means[:, 2].mean()
+    design = np.column_stack([np.ones(len(z)), means[:, :2] - means[:, :2].mean(axis=0)])
+    plane = design @ np.linalg.lstsq(design, z, rcond=None)[0]
+    upper = z >= otsu_threshold(z)
+    steps = np.where(upper, z[upper].mean(), z[~upper].mean())
+    return bool(((z - steps) ** 2).sum() < ((z - plane) ** 2).sum())
 
 
 def _islands_hide(cells: CellGrid, body: Body) -> bool:
@@ -255,6 +326,14 @@ def tell(cells: CellGrid, found: Sequence[Water]) -> None:
             100 * one.body.lost,
             one.body.dark,
         )
+        if one.level.strips > DAYS * metre:
+            log.warning(
+                "points: the %s has other levels in other strips: %s; they were flown at other "
+                "times, or do not fit together. Its level is the mean of its points, and its shore "
+                "is found by the level of each strip",
+                name_of(cells, one),
+                strip_levels(one.level),
+            )
         if _islands_hide(cells, one.body):
             log.warning(
                 "points: the %s has waves of %.2f m and is not much darker than its shore: islands "
@@ -262,6 +341,11 @@ def tell(cells: CellGrid, found: Sequence[Water]) -> None:
                 name_of(cells, one),
                 one.level.sigma / metre,
             )
+
+
+def strip_levels(level: Level) -> str:
+    """The strips that tell the level of a body, and the level of each."""
+    return ", ".join(f"{number}: {height:.3f}" for number, height in level.of_strip)
 
 
 def at_place(cells: CellGrid, found: Sequence[Water], place: Position) -> int:

@@ -35,15 +35,16 @@ class ShorelineExtract:
     """Find water bodies, and draw their outlines at their levels.
 
     Nothing needs to be set. Holes in the data and calm places are filled with water up to the level
-    found there; what does not run off, and swallows pulses, is dark and level, or very level, is
-    water. The level is that of the points on the water, whatever lies above or below. The outline
-    runs between the points, where the bank reaches the level. What each body was found by is in its
-    attribute evidence.
+    found there; what does not run off, and swallows pulses, or is level and dark, is water. What
+    is only level may be ice, or a square: it is left out and told of, unless other water is at its
+    level, the `seed_point` is on it, or `level_alone` is set. The level is that of the points on
+    the water, whatever lies above or below. The outline runs between the points, where the bank
+    reaches the level. What each body was found by is in its attribute evidence.
 
     By default the largest body is given, with `seed_point` the one at that place. Ponds are bodies
     of their own even at the same level, islands are holes of the polygon. Where the data end and
     the water does not, the outline follows the edge of the data: attribute open_length, and lines
-    of kind data edge.
+    of kind data edge. Parts that were flown at different levels on different days are one body.
 
     `vertices` are the corners of the outlines with the standard deviation across the shore, from
     the spacing of points, the slope of the bank and the error of the level. It says nothing about
@@ -68,6 +69,9 @@ class ShorelineExtract:
         "Length of zigzag to take out; 0 for none", default="auto", unit="m", ge=0
     )
     sloped: bool = param("Allow rivers, whose surface is not level", default=False)
+    level_alone: bool = param(
+        "Give bodies, too, that are known by their level alone, as ice may be", default=False
+    )
     water_classes: ClassList | None = param("Classes that are water, if known", default=None)
     ignore: ClassList | None = parameters.ignore()
 
@@ -104,7 +108,12 @@ class ShorelineExtract:
         if not len(points):
             log.warning("points: there are none, and no water")
             return self._packed([])
-        cells, water = find_water(points, self.min_area, ctx.part(0.3, 0.7))
+        cells, water = find_water(
+            points,
+            self.min_area,
+            level_alone=self.level_alone or bool(self.seed_point),
+            ctx=ctx.part(0.3, 0.7),
+        )
         chosen = self._chosen(cells, water)
         outlines = draw(
             points,

@@ -17,7 +17,7 @@ from algorithms.shared.polygons import polygons
 from algorithms.shoreline._bodies import LEVEL, STEP, Body, CellGrid, grid
 from algorithms.shoreline._level import lowest_mode
 from algorithms.shoreline._returns import Returns
-from algorithms.shoreline._water import Water, find_water, place_of, tell, with_levels
+from algorithms.shoreline._water import Water, find_water, place_of, strip_levels, tell, with_levels
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Survey, Table, Vector
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
@@ -34,14 +34,19 @@ class ShorelineWaterLevel:
 
     One row per body tells the level, its standard error, the half width of its 95 % interval and
     the deviation of single points, all in the unit of the data. The interval covers noise and
-    waves, and differences between strips (`strip_difference`) if the points name their strips
-    (point_source_id). It does not cover what all points have in common: errors of positioning and
-    of the height system. A surface that is no level is told by its slope and fall: a river.
+    waves, and differences between strips (`strip_difference`, `strip_levels`) if the points name
+    their strips (point_source_id), as of flights on different days. It does not cover what all
+    points have in common: errors of positioning and of the height system. A surface that is no
+    level is told by its slope and fall: a river. What only its level speaks for, as for ice or a
+    square, is left out unless `level_alone` is set: see shoreline.extract.
     """
 
     points: PointCloud | Survey = source("Points of the survey, classified or not")
     water: Vector | None = source("Polygons of water, instead of finding it", default=None)
     min_area: float = param("Smallest body to find", default=100.0, unit="m2", gt=0)
+    level_alone: bool = param(
+        "Give bodies, too, that are known by their level alone, as ice may be", default=False
+    )
     water_classes: ClassList | None = param("Classes that are water, if known", default=None)
     ignore: ClassList | None = parameters.ignore()
 
@@ -69,7 +74,9 @@ class ShorelineWaterLevel:
         if not len(points):
             log.warning("points: there are none, and no water")
         elif self.water is None:
-            cells, found = find_water(points, self.min_area, ctx.part(0.4, 1.0))
+            cells, found = find_water(
+                points, self.min_area, level_alone=self.level_alone, ctx=ctx.part(0.4, 1.0)
+            )
             tell(cells, found)
         else:
             cells = grid(points, ctx.part(0.4, 0.7))
@@ -124,6 +131,7 @@ def row_of(cells: CellGrid, number: int, water: Water) -> dict[str, Any]:
         "standard_error": round(level.error, 4),
         "interval": round(level.interval, 4),
         "strip_difference": round(level.strips, 4),
+        "strip_levels": strip_levels(level),
         "deviation": round(level.sigma, 4),
         "points": level.points,
         "basis": level.basis,

@@ -15,7 +15,7 @@ from tests.bench.ground import cloth, filters, isprs, terrain
 from tests.bench.long_lines import long_lines
 from tests.bench.metamorphic import metamorphic
 from tests.bench.path import path
-from tests.bench.shorelines import shorelines, water_levels
+from tests.bench.shorelines import shorelines, water_levels, waters
 from tests.bench.speed import speed
 from tests.bench.structures import structures
 
@@ -34,6 +34,7 @@ ALL = (
     gridding,
     shorelines,
     water_levels,
+    waters,
     corridor,
     corridor_presets,
     long_lines,
@@ -42,7 +43,7 @@ ALL = (
     metamorphic,
     path,
 )
-WITH_OPTIONS = (corridor_presets, metamorphic)
+WITH_OPTIONS = (corridor_presets, metamorphic, waters)
 BENCHES = {b.__name__: b for b in ALL}
 
 names = list(itertools.takewhile(lambda word: not word.startswith("-"), sys.argv[1:]))

@@ -1,9 +1,10 @@
-"""Water bodies of synthetic reservoirs."""
+"""Water bodies of synthetic reservoirs, and of scenes of many kinds."""
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from tests.bench.measuring import say
 
@@ -51,6 +52,106 @@ def _reservoir(seed: int, size: float, density: float) -> Iterator[str]:
         )
     if len(used) < len(shapes):
         yield f"{len(shapes) - len(used)} bodies that are none"
+
+
+def waters(*options: str) -> None:
+    """Scenes of every kind of water and of dry land: found, invented, levels.
+
+    The option `--seeds FIRST LAST` tells which; the method was chosen on 0 to 9.
+    """
+    from tests.scenes.waters import DRY, KINDS
+
+    reader = argparse.ArgumentParser("waters")
+    reader.add_argument("--seeds", type=int, nargs=2, default=(100, 101))
+    first, last = reader.parse_args(options).seeds
+    rows: list[_Found] = []
+    for kind in KINDS:
+        for seed in range(first, last + 1):
+            rows.append(_waters(kind, seed))
+            say(f"waters  {kind:12} {seed} {rows[-1].text()}")
+    wet = [row for row in rows if row.kind not in {make.__name__ for make in DRY}]
+    level = [row for row in wet if row.kind == "ice"]
+    for name, some in (
+        ("water", [row for row in wet if row not in level]),
+        ("ice, which is left out and told", level),
+        ("dry", [row for row in rows if row not in wet]),
+    ):
+        say(f"waters  {name}: {_summed(some)}")
+
+
+class _Found(NamedTuple):
+    """What was found in a scene.
+
+    Attributes
+    ----------
+    iou : of each true body, 0 where it is lost
+    off, interval : error of each level found and half of its 95 % interval, m
+    invented : areas of bodies that are none, m2
+    overlap : largest area that two bodies share, m2
+    """
+
+    kind: str
+    iou: list[float]
+    off: list[float]
+    interval: list[float]
+    invented: list[float]
+    overlap: float
+
+    def text(self) -> str:
+        """The scene in one line."""
+        level = [f"{v:+.3f}+-{w:.3f}" for v, w in zip(self.off, self.interval, strict=True)]
+        return (
+            f"IoU {' '.join(f'{v:.3f}' for v in self.iou) or '-'}  level {' '.join(level)}"
+            f"  invented {' '.join(f'{v:.0f}' for v in self.invented) or '-'}"
+            f"  overlap {self.overlap:.2f}"
+        )
+
+
+def _summed(rows: list[_Found]) -> str:
+    import numpy as np
+
+    iou = np.array([v for row in rows for v in row.iou])
+    off = np.array([v for row in rows for v in row.off])
+    interval = np.array([v for row in rows for v in row.interval])
+    invented = [v for row in rows for v in row.invented]
+    here = iou[iou > 0.5]
+    text = f"{len(rows)} scenes, {len(here)} of {len(iou)} bodies found"
+    if len(here):
+        text += (
+            f", IoU mean {here.mean():.3f}, worst {here.min():.3f}, below 0.9 {(here < 0.9).sum()}"
+            f"; {(abs(off) <= interval).sum()} of {len(off)} intervals hold"
+        )
+    overlap = max((row.overlap for row in rows), default=0.0)
+    return f"{text}; {len(invented)} invented, of {sum(invented):.0f} m2; overlap {overlap:.2f} m2"
+
+
+def _waters(kind: str, seed: int) -> _Found:
+    import numpy as np
+    import shapely
+
+    from algorithms.shoreline.extract import ShorelineExtract
+    from tests.scenes.waters import ORIGIN, survey
+
+    made = survey(kind, seed)
+    water = ShorelineExtract(points=made.points, bodies="all", sloped=True).run().water.frame
+    shapes = shapely.force_2d(water.geometry.to_numpy()) if len(water) else np.zeros(0, object)
+    true = [pair for pair in zip(made.outlines, made.waters, strict=True) if pair[0].area >= 100]
+    iou, off, interval = [], [], []
+    for outline, known in true:
+        shared = shapely.area(shapely.intersection(shapes, outline))
+        best = int(np.argmax(shared)) if len(shapes) else -1
+        iou.append(float(shared[best] / shapes[best].union(outline).area) if best >= 0 else 0.0)
+        if iou[-1] > 0.5:
+            corners = shapely.get_coordinates(water.geometry.iloc[best], include_z=True)
+            truth = known.level + np.mean(made.land.strips)
+            truth -= known.fall * float(np.mean(corners[:, 0] - ORIGIN[0]))
+            off.append(float(corners[:, 2].mean() - truth))
+            interval.append(float(water.level_interval.iloc[best]))
+    all_water = shapely.union_all([outline.buffer(3) for outline, _ in true])
+    dry = [s.area for s in shapes if s.intersection(all_water).area < s.area / 2]
+    pairs = ((a, b) for k, a in enumerate(shapes) for b in shapes[:k])
+    overlap = max((a.intersection(b).area for a, b in pairs), default=0.0)
+    return _Found(kind, iou, off, interval, [a for a in dry if a >= 100], overlap)
 
 
 def water_levels() -> None:

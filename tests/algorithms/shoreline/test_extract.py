@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 import shapely
 from pyproj import CRS
+from scenes import waters
 from scenes.lakes import LEVEL, ORIGIN, RADIUS, SIDE, lake, river, slope
 
 from algorithms.samples.scene import scene
+from algorithms.shoreline._kernels import TAKEN, spread
 from algorithms.shoreline.extract import ShorelineExtract
 from toolbox.data import PointCloud, Survey
 from toolbox.declare import ClassList, Position
@@ -41,7 +43,8 @@ def iou(one: shapely.Geometry, other: shapely.Geometry) -> float:
 @pytest.mark.parametrize("returned", [0.0, 0.1, 1.0])
 @pytest.mark.parametrize("dark", [True, False])
 def test_a_lake_is_found_whether_it_returns_pulses_or_is_dark(returned: float, dark: bool) -> None:
-    found = extract(lake(returned=returned, dark=dark))
+    bright = returned == 1.0 and not dark
+    found = extract(lake(returned=returned, dark=dark), level_alone=bright)
     assert iou(only(found).geometry, CIRCLE) > 0.98
     assert found.level == pytest.approx(LEVEL, abs=0.005 if returned else 0.02)
     assert found.area == pytest.approx(CIRCLE.area, rel=0.01)
@@ -133,7 +136,9 @@ def test_what_would_run_off_is_no_water() -> None:
 
 def test_level_land_may_be_all_water_but_has_no_shore(caplog: Any) -> None:
     with caplog.at_level(logging.WARNING, "toolbox"):
-        row = only(extract(slope(rise=0.0)))
+        assert extract(slope(rise=0.0)).count == 0
+        assert "1 places are left out which are level" in caplog.text
+        row = only(extract(slope(rise=0.0), level_alone=True))
     assert row.open_length == pytest.approx(row.perimeter)
     assert "is the edge of the data, not a shore" in caplog.text
 
@@ -298,6 +303,104 @@ def test_lakes_in_a_forest_that_are_as_bright_as_land(data: Callable[[str], Path
     cloud = PointCloud.open(data("lidr_topography/Topography.laz"))
     water = extract(cloud, bodies="all").water.frame
     assert len(water) == 5
+    assert "level, that of other water" in list(water["evidence"])  # as bright, and no pulse lost
     at_lake = water[abs(water["level"] - 805.8) < 0.03]
     assert len(at_lake) == 2
     assert "dark" not in at_lake.iloc[0].evidence
+
+
+def scored(made: waters.Survey, **settings: Any) -> tuple[list[float], Any]:
+    """IoU of each true body with the best of those found, and the layer of these."""
+    water = extract(made.points, bodies="all", sloped=True, **settings).water.frame
+    shapes = shapely.force_2d(water.geometry.to_numpy())
+    return [max((iou(truth, s) for s in shapes), default=0.0) for truth in made.outlines], water
+
+
+@pytest.mark.parametrize("kind", ["reeds", "trees"])
+def test_waves_longer_than_cells_are_water(kind: str) -> None:
+    """All pulses come back, from waves of 18 m: levels of neighbouring cells differ."""
+    made = waters.survey(kind, 0, density=3.0, returned=1.0, noise=0.1, swell=18.0)
+    found, water = scored(made)
+    assert found[0] > 0.9
+    assert len(water) == 1
+
+
+def test_water_runs_off_to_lower_water_beside_it() -> None:
+    """A plain at 4 m around a pool at 0 m; one at 3.5 m may be below a weir."""
+    plain = np.full((7, 7), 4.0, np.float32)
+    state = np.zeros((7, 7), np.uint8)
+    state[2:5, 2:5] = TAKEN
+    for pool, lower in ((0.0, 1), (3.5, 0)):
+        middle, found = plain.copy(), state.copy()
+        middle[2:5, 2:5] = pool
+        stack = np.zeros(49, np.int32)
+        _, met = spread(plain, middle, 4.1, 3.75, 3.0, 0, np.array([0]), found, stack)
+        assert (met > 0) == lower
+
+
+def test_land_around_a_pit_lake_is_no_water() -> None:
+    for seed in range(2):
+        found, water = scored(waters.survey("plain", seed), level_alone=True)
+        assert found[0] > 0.97
+        assert len(water) == 1
+
+
+@pytest.mark.parametrize("made", [waters.cutting, waters.rice_dry, waters.bare_edge])
+def test_what_is_known_by_its_level_alone_is_left_out_and_told(
+    made: Callable[[waters.Land], None], caplog: Any
+) -> None:
+    dry = waters.survey(made.__name__, 0, density=3.0)
+    with caplog.at_level(logging.WARNING, "toolbox"):
+        assert extract(dry.points, bodies="all").count == 0
+    assert "are left out which are level" in caplog.text
+    assert "level_alone gives them" in caplog.text
+    assert set(extract(dry.points, bodies="all", level_alone=True).water.frame["evidence"]) == {
+        "level"
+    }
+
+
+def test_who_points_at_ice_gets_it() -> None:
+    made = waters.survey("ice", 0)
+    spot = made.outlines[0].centroid
+    found = extract(made.points, seed_point=Position(spot.x, spot.y))
+    assert iou(only(found).geometry, made.outlines[0]) > 0.98
+    assert extract(made.points).count == 0
+
+
+def test_a_flat_dark_roof_is_no_water() -> None:
+    assert scored(waters.survey("hall", 1))[1].empty
+
+
+def test_cells_that_the_edge_of_the_data_cuts_lose_no_pulses() -> None:
+    """A hollow of 148 m2 at the edge, whose cells hold half as many points for that alone."""
+    assert len(scored(waters.survey("dim", 3))[1]) == 1
+
+
+@pytest.mark.parametrize("kind", ["days", "days_unnamed"])
+@pytest.mark.parametrize("apart", [0.08, 0.12, 0.2])
+@pytest.mark.parametrize("mixed", [True, False])
+def test_flights_on_two_days_are_one_lake(kind: str, apart: float, mixed: bool) -> None:
+    made = waters.survey(
+        kind, 2, density=4.0, noise=0.03, strips=(0.0, apart), mixed=mixed, returned=0.6
+    )
+    found, water = scored(made)
+    assert found[0] > 0.95
+    assert len(water) == 1
+
+
+def test_bodies_do_not_overlap() -> None:
+    """Flooded fields between bunds of a cell or two: their shores run close to one another."""
+    _, water = scored(waters.survey("rice_wet", 2))
+    shapes = list(shapely.force_2d(water.geometry.to_numpy()))
+    assert len(shapes) == 9
+    shared = [a.intersection(b).area for k, a in enumerate(shapes) for b in shapes[:k]]
+    assert max(shared) == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_valley_with_gravel_pits_holds_no_lake_above_them(data: Callable[[str], Path]) -> None:
+    """Before, 65 ha at 285 m and 48 ha at 299 m covered the pits at 251 m."""
+    cloud = PointCloud.open(data("isprs_sites/FSite5_orig-utm.laz")).with_crs(CRS(32632))
+    water = extract(cloud, bodies="all", sloped=True).water.frame
+    assert water["area"].sum() < 170_000
+    assert water["area"].iloc[0] == pytest.approx(152_000, rel=0.03)

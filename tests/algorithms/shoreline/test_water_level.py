@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import shapely
 from pyproj import CRS
+from scenes import waters
 from scenes.lakes import LEVEL, ORIGIN, RADIUS, lake, river, slope
 
 from algorithms.samples.scene import scene
@@ -75,6 +76,23 @@ def test_strips_that_differ_make_the_level_less_sure() -> None:
     assert apart["strip_difference"] == pytest.approx(0.05, abs=0.005)
     assert apart["standard_error"] == pytest.approx(0.025, abs=0.005)
     assert same["interval"] < unknown["interval"] < 0.1 * apart["interval"]
+
+
+def test_the_level_of_each_day_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    made = waters.survey("days", 2, density=4.0, noise=0.03, strips=(0.0, 0.12), mixed=False)
+    (row,) = ShorelineWaterLevel(points=made.points).run().levels.rows()
+    days = dict(pair.split(": ") for pair in row["strip_levels"].split(", "))
+    assert float(days["1"]) == pytest.approx(99.0, abs=0.01)
+    assert float(days["2"]) == pytest.approx(99.12, abs=0.01)
+    assert row["fall"] == 0
+    assert f"other levels in other strips: {row['strip_levels']}" in caplog.text
+
+
+def test_ice_is_left_out_unless_it_is_asked_for() -> None:
+    points = waters.survey("ice", 0).points
+    assert ShorelineWaterLevel(points=points).run().level is None
+    found = ShorelineWaterLevel(points=points, level_alone=True).run()
+    assert found.level == pytest.approx(99.0, abs=0.005)
 
 
 def test_error_of_long_waves_is_that_of_blocks() -> None:
@@ -249,6 +267,7 @@ def test_no_water_tells_what_was_looked_for(caplog: pytest.LogCaptureFixture) ->
     assert found.level is None
     assert len(found.levels) == 0
     assert "no water was found of at least 100 m2 that loses half of its pulses" in caplog.text
+    assert "name its class (water_classes)" in caplog.text
     assert "the largest place like that" in caplog.text
     assert "is none: " in caplog.text
 

@@ -26,7 +26,7 @@ from scipy.ndimage import maximum_filter1d
 
 from algorithms.corridor._curves import arcs_kernels as kernels
 from algorithms.corridor._curves.catenary import fit
-from algorithms.corridor._curves.network import Corridor, Piece
+from algorithms.corridor._curves.network import BUNDLE_WIDTH, Corridor, Piece
 from algorithms.corridor._curves.tracks import Alignment
 from algorithms.shared.kernels.sorting import distinct
 
@@ -73,6 +73,11 @@ class Binned:
     z: Floats
     v: Floats
 
+    def of(self, tracks: Ints) -> Binned:
+        """Those of some of the tracks."""
+        tables = (self.tall, self.flat, self.u, self.z, self.v)
+        return Binned(self.step, *(table[:, tracks] for table in tables))
+
 
 def arcs_of(
     corridor: Corridor, alignments: Sequence[Alignment]
@@ -80,13 +85,72 @@ def arcs_of(
     """Arcs of wires between their supports, and the alignments with the chainages of the cuts."""
     arcs: list[Piece] = []
     cut: list[Alignment] = []
-    for number, alignment in enumerate(alignments):
-        certain = [piece for piece in alignment.pieces if is_certain(corridor, alignment, piece)]
-        cuts = cuts_of(corridor, replace(alignment, pieces=certain or alignment.pieces))
-        cut.append(replace(alignment, cuts=cuts))
-        for piece in alignment.pieces:
-            arcs += cut_up(corridor, cut[-1], piece, number)
+    for alignment in alignments:
+        for line in lines_of(corridor, alignment):
+            for piece in line.pieces:
+                arcs += cut_up(corridor, line, piece, len(cut))
+            cut.append(line)
     return arcs, cut
+
+
+def lines_of(corridor: Corridor, alignment: Alignment) -> Iterator[Alignment]:
+    """The lines of an alignment with the chainages of their cuts.
+
+    Lines that run beside each other have supports of their own: there they are cut apart.
+    """
+    certain = [piece for piece in alignment.pieces if is_certain(corridor, alignment, piece)]
+    tracks = replace(alignment, pieces=certain or alignment.pieces)
+    cuts, wander = cuts_of(corridor, tracks)
+    between = parting(corridor, tracks, wander) if len(cuts) else None
+    if between is None:
+        yield replace(alignment, cuts=cuts)
+        return
+    left = [offset_of(corridor, alignment, piece) > between for piece in alignment.pieces]
+    for side in (True, False):
+        own = [
+            piece for piece, is_left in zip(alignment.pieces, left, strict=True) if is_left == side
+        ]
+        yield from lines_of(corridor, replace(alignment, pieces=own))
+
+
+def parting(corridor: Corridor, alignment: Alignment, wander: float) -> float | None:
+    """Offset between two lines side by side; None if all wires fit arcs with common cuts better.
+
+    Two lines pay for the cuts of each, and so cost more where their supports stand side by side;
+    less where each has its own, at which the wires of the other do not bend. Most of their cuts
+    must be where the other has none. Arms do not count, for they make cuts cheap that are certain
+    anyway. A single wire is no line: it may follow another one, and bend where no other does.
+    """
+    offsets = np.array([offset_of(corridor, alignment, piece) for piece in alignment.pieces])
+    bins = binned(corridor, alignment, COARSE_BINS, wander)
+    bend = usual_bend(bins)
+    order = np.argsort(offsets, kind="stable")
+    least, found = solved(bins, bend, usual_price(bins))[0], None
+    for k in range(2, len(order) - 1):
+        low, high = offsets[order[k - 1]], offsets[order[k]]
+        if high - low > BUNDLE_WIDTH:
+            parts = [bins.of(part) for part in (order[:k], order[k:])]
+            costs, edges = zip(*(solved(p, bend, usual_price(p)) for p in parts), strict=True)
+            if sum(costs) < least and mostly_apart(edges[0] * bins.step, edges[1] * bins.step):
+                least, found = sum(costs), float(low + high) / 2
+    return found
+
+
+def mostly_apart(one: Floats, other: Floats) -> bool:
+    """Whether most cuts of two lines, given with both ends, are where the other line has none."""
+    away = np.abs(one[1:-1, None] - other[1:-1]) > MOST_SHIFT
+    alone = np.concatenate([away.all(axis=0), away.all(axis=1)])
+    return bool(2 * np.count_nonzero(alone) > len(alone))
+
+
+def usual_price(bins: Binned) -> Floats:
+    """Price of a cut at each edge between two bins, where no arm is seen."""
+    return CUT_PRICE + CUT_PRICE_PER_WIRE * tracks_at(bins)
+
+
+def offset_of(corridor: Corridor, alignment: Alignment, piece: Piece) -> float:
+    """Mean distance of a track to the left of the axis, metres."""
+    return float(alignment.along(corridor.wires.xyz[piece.points])[1].mean())
 
 
 def is_certain(corridor: Corridor, alignment: Alignment, piece: Piece) -> bool:
@@ -224,8 +288,8 @@ def columns(u: Floats, v: Floats) -> Floats:
     return np.sort(np.bincount(which.ravel(), u, len(count)) / count)
 
 
-def cuts_of(corridor: Corridor, alignment: Alignment) -> Floats:
-    """Chainages of an alignment at which supports hold its wires, in order.
+def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, float]:
+    """Chainages of an alignment at which supports hold its wires, and how far these wander.
 
     How far the wires wander from their arcs is learned from the arcs. The more they do, the more a
     cut must mend, so that there are fewer arcs, from which they may wander more.
@@ -246,17 +310,12 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> Floats:
         if learned <= WANDER_MARGIN * wander:
             break
         wander = learned
-    return np.array(
-        [
-            settled(fine, edges[k - 1], edges[k], edges[k + 1], bend, chainages, shown)
-            for k in range(1, len(edges) - 1)
-        ]
-    )
+    return all_settled(fine, edges, bend, chainages, shown)[0], wander
 
 
 def usual_bend(bins: Binned) -> float:
     """The curvature that the arcs of a line have in common, 1 / metre."""
-    usual = CUT_PRICE + CUT_PRICE_PER_WIRE * tracks_at(bins)
+    usual = usual_price(bins)
     bends = LEAST_TRIED * TRIED_RATIO ** np.arange(
         math.log(MOST_TRIED / LEAST_TRIED) / math.log(TRIED_RATIO)
     )
@@ -407,15 +466,40 @@ def solved(bins: Binned, bend: float, price: Floats) -> tuple[float, Ints]:
     return float(total[-1]), np.array(edges[::-1])
 
 
+def all_settled(
+    bins: Binned, edges: Ints, bend: float, chainages: Floats, shown: Floats
+) -> tuple[Floats, float]:
+    """Chainages of all cuts, moved to where arcs meet and arms are seen, and their total cost.
+
+    Two that come nearer to each other than supports can be are one, such as those at both ends of
+    the strings of a bundle. That stays with which arcs meet better and arms are clearer.
+    """
+    cuts = [
+        settled(bins, *three, bend, chainages, shown)
+        for three in zip(edges, edges[1:], edges[2:], strict=False)
+    ]
+    places, costs = np.array(cuts).reshape(-1, 2).T
+    between = np.diff(places)
+    if not (between < SHORTEST_SPAN).any():
+        return places, float(costs.sum())
+    first = int(np.argmin(between)) + 1
+    one_less = [np.delete(edges, spare) for spare in (first, first + 1)]
+    tried = [all_settled(bins, less, bend, chainages, shown) for less in one_less]
+    return min(tried, key=lambda found: found[1])
+
+
 def settled(
     bins: Binned, low: int, at: int, high: int, bend: float, chainages: Floats, shown: Floats
-) -> float:
-    """Chainage of a cut, moved to where the arcs on both sides meet and an arm is seen."""
+) -> tuple[float, float]:
+    """Chainage of a cut, moved to where the arcs on both sides meet and an arm is seen.
+
+    With it comes by how much they do not, less the arm, in squares of sigmas.
+    """
     middle = at * bins.step
     near = np.abs(chainages - middle) < MOST_SHIFT
     near &= (chainages > low * bins.step + 1.0) & (chainages < high * bins.step - 1.0)
     if not near.any():
-        return middle
+        return middle, 0.0
     chainages, cost = chainages[near], -np.minimum(shown[near], CERTAIN_ARM)
     x = chainages - middle
     base = hanging(x, bend)
@@ -436,7 +520,8 @@ def settled(
                 gap = base @ (two[0] - one[0])
                 variance = np.einsum("ij,jk,ik->i", base, one[1] + two[1], base) + MEETING_SD**2
                 cost += gap**2 / variance
-    return float(chainages[int(np.argmin(cost))])
+    best = int(np.argmin(cost))
+    return float(chainages[best]), float(cost[best])
 
 
 def hanging(x: Floats, bend: float) -> Floats:

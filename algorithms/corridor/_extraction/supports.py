@@ -52,6 +52,7 @@ class Support:
     low, high : height of its lowest and highest wire
     ground : height of the terrain
     body : share of its height at which points show
+    legs : offsets along `across` of its bodies: two of a frame
     """
 
     x: float
@@ -62,6 +63,7 @@ class Support:
     high: float
     ground: float
     body: float
+    legs: tuple[float, ...] = (0.0,)
 
 
 def hints_of(pieces: Sequence[Piece], alignments: Sequence[Alignment]) -> Iterator[Hint]:

@@ -6,6 +6,7 @@ The ground and what lies on it, such as the blocks of the foundation, is not tow
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._extraction.spans import Wire, on_wire, to_supports
-from algorithms.corridor._extraction.supports import TALLEST_POLE, Support
+from algorithms.corridor._extraction.supports import ENOUGH_BODY, TALLEST_POLE, Support
 
 BASE_LATTICE, BASE_POLE = 1.0, 0.8  # metres above the ground that are left to it
 LATTICE_WIDTH = 0.5  # metres: half width from which a body is a lattice
@@ -35,6 +36,7 @@ ARM_ASIDE_OF_WIRE = (0.5, 1.5)  # metres: clear of the peak and of the next arm
 SHORTEST_STRING = 0.04  # of the height: insulators by which wires pull without jumpers
 STRING_REACH = (0.15, 0.0, 9.0)  # how far from the tower: per metre of height, least, most
 KNOWN_BY_POINTS = 4  # points by which a jumper, arms, a neck or a waist are known
+ENOUGH_BEAM = 0.7  # share of the metres between two legs in which the beam of a frame shows points
 JUMPER_WIDTH = 1.3  # of the part of a jumper that is clear of its wire, by its parabola
 
 Floats = NDArray[np.float64]
@@ -152,25 +154,62 @@ def centred(corridor: Corridor, support: Support) -> Support:
         if np.count_nonzero(arms) >= KNOWN_BY_POINTS:
             forth = float(np.median(a[arms]))
     neck = (z > waist - 0.15 * height) & (z < waist)
+    near = np.abs(a - forth)
 
     def around(middle: float, reach: float) -> NDArray[np.bool_]:
         return neck & (np.hypot(a - forth, s - middle) < reach)
 
-    # A wide body was found by one of its legs; it has more points around the middle of its wires.
-    aside = max(
-        (0.0, sum(support.reach) / 2), key=lambda at: np.count_nonzero(around(at, 2 * half))
-    )
-    for reach in (2 * half, half):
+    legs = legs_of(support, s[near < half], z[near < half], waist, half)
+    # A wide body was found by one of its legs; it has others as far on the other side of its wires.
+    aside = sum(support.reach) / 2
+    beyond = around(2 * aside, half) & (np.abs(s) > half)
+    wide = abs(aside) < 2 * half and np.count_nonzero(beyond) >= KNOWN_BY_POINTS
+    aside = aside if wide else 0.0
+    for reach in (2 * half,) if wide else (2 * half, half):
         body = around(aside, reach)
         if np.count_nonzero(body) >= KNOWN_BY_POINTS:
             aside = float(np.quantile(s[body], (0.1, 0.9)).mean())  # of a hollow body
+    if len(legs) > 1:
+        aside = sum(legs) / 2
     (ex, ey), (left, right) = support.across, support.reach
     return replace(
         support,
         x=support.x + forth * ey + aside * ex,
         y=support.y - forth * ex + aside * ey,
         reach=(left - aside, right - aside),
+        legs=tuple(leg - aside for leg in legs) or (0.0,),
     )
+
+
+def legs_of(support: Support, s: Floats, z: Floats, waist: float, half: float) -> tuple[float, ...]:
+    """Offsets of the two legs of a frame, and none of other supports.
+
+    A body was found at offset 0. Of a frame there is another one as far on the other side of the
+    wires, both stand upright to the waist, and a beam joins them. Two poles have no beam.
+
+    Parameters
+    ----------
+    s, z : offset across the line, and height, of points near the axis
+    half : half width of the space that a leg has, metres
+    """
+    aside = sum(support.reach)  # of the second leg
+    if abs(aside) <= 2 * half:
+        return ()
+    found = []
+    for leg in (0.0, aside):
+        own = np.abs(s - leg) < half
+        if share_of_levels(z[own], support.ground + 1.0, waist) < ENOUGH_BODY:
+            return ()
+        found.append(float(np.median(s[own & (z < waist)])))
+    beam = s[level_with_arms(support, s, z)]
+    between = share_of_levels(beam, min(found), max(found))
+    return tuple(sorted(found)) if between >= ENOUGH_BEAM else ()
+
+
+def share_of_levels(values: Floats, low: float, high: float) -> float:
+    """Share of the metres from one value to another in which there are any."""
+    inside = values[(values >= low) & (values < high)]
+    return len(np.unique(np.floor(inside - low))) / max(1, math.ceil(high - low))
 
 
 def tower_of(corridor: Corridor, support: Support) -> Tower:
@@ -180,7 +219,8 @@ def tower_of(corridor: Corridor, support: Support) -> Tower:
     above = corridor.height[near]
     waist = support.low - scaled(ARMS_DROP, height)
     arms = level_with_arms(support, s, z) & (np.abs(a) < scaled(ARMS_DEPTH, height))
-    away = np.maximum(np.abs(a), np.abs(s))
+    aside = np.abs(s[:, None] - support.legs).min(axis=1)
+    away = np.maximum(np.abs(a), aside)
     width = waist_of(away, z, waist, height)
     pole = int(width <= LATTICE_WIDTH)
     body = (away < width + BODY_SLACK[pole] + BODY_SPLAY[pole] * np.maximum(waist - z, 0)) & (
@@ -201,11 +241,8 @@ def around_axis(corridor: Corridor, support: Support) -> tuple[Ints, Floats, Flo
     across = np.array(support.across)
     along = np.array([across[1], -across[0]])
     height = support.high - support.ground
-    reach = (
-        max(-support.reach[0], support.reach[1])
-        + scaled(ARMS_OUT, height)
-        + scaled(ARMS_DEPTH, height)
-    )
+    left, right = sides_of(support)
+    reach = max(-left, right) + scaled(ARMS_OUT, height) + scaled(ARMS_DEPTH, height)
     near = corridor.air.within(np.array([support.x, support.y]), reach)
     near = near[corridor.free[near]]
     step = corridor.air.xyz[near, :2] - (support.x, support.y)
@@ -215,9 +252,14 @@ def around_axis(corridor: Corridor, support: Support) -> tuple[Ints, Floats, Flo
 def level_with_arms(support: Support, s: Floats, z: Floats) -> NDArray[np.bool_]:
     """True for points at offsets s across the line and heights z in the range of the arms."""
     height = support.high - support.ground
-    out, (left, right) = scaled(ARMS_OUT, height), support.reach
+    out, (left, right) = scaled(ARMS_OUT, height), sides_of(support)
     low, high = support.low - scaled(ARMS_DROP, height), support.high + scaled(ARMS_PEAK, height)
     return (z > low) & (z < high) & (s > left - out) & (s < right + out)
+
+
+def sides_of(support: Support) -> tuple[float, float]:
+    """Offsets of the outermost wires or legs on both sides."""
+    return min(support.reach[0], *support.legs), max(support.reach[1], *support.legs)
 
 
 def waist_of(away: Floats, z: Floats, waist: float, height: float) -> float:

@@ -29,6 +29,7 @@ from scenes.corridors import (
 from algorithms.corridor._curves.arcs import (
     Binned,
     agreed,
+    all_settled,
     arcs_of,
     bending,
     binned,
@@ -321,6 +322,45 @@ def test_the_middle_of_a_hollow_body_is_between_its_faces_however_many_points_th
     np.testing.assert_allclose((found.x, found.y), (20.0, 20.5), atol=0.2)
 
 
+@pytest.mark.parametrize("beam", [True, False])
+def test_a_frame_stands_on_two_legs_and_two_poles_are_none(beam: bool) -> None:
+    """A support at the left one of two posts, with wires between them."""
+    posts = [bar((20, 20 + y, 0), (20, 20 + y, 14), 6) for y in (0, 10)]
+    arms = [
+        bar((20, 20 + y, 14), (20, 20 + y + reach, 14), 6)
+        for y, reach in ([(0, 10)] if beam else [(0, 2), (10, -2)])
+    ]
+    support = Support(20.0, 20.0, (0.0, 1.0), (1.0, 9.0), 12.5, 12.5, 0.0, 1.0)
+    found = moved(np.vstack([*posts, *arms]), support)
+    np.testing.assert_allclose((found.x, found.y), (20.0, 25.0 if beam else 20.0), atol=0.3)
+    np.testing.assert_allclose(found.legs, (-5.0, 5.0) if beam else (0.0,), atol=0.3)
+
+
+def test_a_v_of_two_masts_stands_where_they_meet() -> None:
+    masts = [bar((20, 20, 0), (20, 20 + y, 35), 2) for y in (-5, 5)]
+    support = Support(20.0, 24.0, (0.0, 1.0), (-12.5, 4.5), 35.0, 35.0, 0.0, 1.0)
+    found = moved(np.vstack(masts), support)
+    np.testing.assert_allclose((found.x, found.y), (20.0, 20.0), atol=0.5)
+
+
+def test_the_points_of_a_frame_are_of_its_tower() -> None:
+    _, wires, _ = line([0, 180], [-4, 0, 4], 14, 1200)
+    frames = [
+        bar(*ends, 12)
+        for x in (0, 180)
+        for ends in (
+            ((x, -5.5, 0.9), (x, -5.5, 15.5)),
+            ((x, 5.5, 0.9), (x, 5.5, 15.5)),
+            ((x, -5.5, 15.0), (x, 5.5, 15.0)),
+        )
+    ]
+    points = cloud(GROUND, *wires, *frames, classes=[2, *[14] * 3, *[15] * 6])
+    result = CorridorExtract(points=points).run()
+    feet = np.column_stack([result.towers.frame.geometry.x, result.towers.frame.geometry.y])
+    np.testing.assert_allclose(feet - CORNER[:2], [[0, 0], [180, 0]], atol=0.7)
+    assert np.mean(result.classified["classification"][points["truth"] == 15] == 15) > 0.9
+
+
 def test_the_feet_of_a_slim_lattice_tower_are_its_own() -> None:
     _, wires, arms = line([0, 180], [-4, 0, 4], 25, 1200)
     corners = [(i, j) for i in (-1, 1) for j in (-1, 1)]
@@ -377,6 +417,32 @@ def test_no_support_is_where_wires_do_not_bend_unless_an_arm_is_seen() -> None:
     bins, edges = arcs_of_tracks(heights), np.array([0, 150, 300, 600, 900])
     for bare, kept in ((True, [0, 300, 600, 900]), (False, edges.tolist())):
         assert bending(bins, edges, 1 / 1500, np.full(901, bare)).tolist() == kept
+
+
+@pytest.mark.parametrize("edges", [[0, 97, 118, 200], [0, 82, 103, 200]])
+def test_cuts_that_come_nearer_than_two_supports_can_be_are_one(edges: list[int]) -> None:
+    """Of three wires with a support at 100 m; the cut in the span makes an arc of its own."""
+    u = np.arange(200) + 0.5
+    bins = arcs_of_tracks(np.column_stack([0.5 * (u % 100 - 50) ** 2 / 400] * 3))
+    chainages = np.arange(0.0, 200.25, 0.25)
+    cuts, _ = all_settled(bins, np.array(edges), 1 / 400, chainages, np.zeros(len(chainages)))
+    np.testing.assert_allclose(cuts, [100], atol=1.0)
+
+
+@pytest.mark.parametrize("places", [(20, 80, 140), (0, 60, 120, 180)], ids=["apart", "abreast"])
+def test_lines_side_by_side_have_supports_where_each_of_them_is_held(
+    places: tuple[float, ...],
+) -> None:
+    lines = (0.0, 60.0, 120.0, 180.0), places
+    parts = [GROUND]
+    for y, xs in zip((-8.0, 8.0), lines, strict=True):
+        _, wires, poles = line(xs, [-1.5, 0, 1.5], 9, 400)
+        parts += [part + np.array([0, y, 0]) for part in (*wires, poles)]
+    frame = found(*parts).towers.frame
+    feet = np.column_stack([frame.geometry.x, frame.geometry.y]) - CORNER[:2]
+    for y, xs in zip((-8.0, 8.0), lines, strict=True):
+        own = np.sort(feet[np.abs(feet[:, 1] - y) < 2, 0])
+        np.testing.assert_allclose(own, xs, atol=1.0)
 
 
 def test_a_single_track_that_changes_over_to_another_wire_makes_no_support() -> None:

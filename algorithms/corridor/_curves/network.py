@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._curves import trace_kernels as kernels
 from algorithms.corridor._curves.catenary import Catenary, fit
+from algorithms.corridor._curves.structures import carries_deck, holds_level, in_mesh
 from algorithms.corridor._curves.trace import PLAN_CELL, STEEPEST_WIRE, Airborne
 from algorithms.shared.kernels.sorting import distinct
 
@@ -80,6 +81,7 @@ class Corridor:
     ground : elevation of the terrain at a position in plan
     seen : whether there are points around a position in plan
     floor : points of the ground, None if it is not known
+    tied : curves that are no wires of a line, but of a mesh
     wires : the points that may be wire
     free : which points above the ground lie on no wire that was found
     refused : which of the points that may be wire lie on or at what surely is none
@@ -92,6 +94,7 @@ class Corridor:
     ground: Callable[[float, float], float]
     seen: Callable[[float, float], bool]
     floor: Airborne | None = None
+    tied: list[Catenary] = field(default_factory=list)
     wires: Airborne = field(init=False)
     free: NDArray[np.bool_] = field(init=False)
     refused: NDArray[np.bool_] = field(init=False)
@@ -137,11 +140,21 @@ def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list
             )
             sure = clear >= SURE_SHARE and length >= (FINE_LENGTH if fine else SURE_LENGTH)
             found.append(Piece(points, catenary, sure))
-    return isolated(corridor, found)
+    return isolated(corridor, untied(corridor, found))
+
+
+def untied(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:
+    """The pieces that are in no mesh of wires; the points of those that are may be no wire."""
+    tied = in_mesh([piece.curve for piece in pieces], corridor.tied)
+    for piece, in_it in zip(pieces, tied, strict=True):
+        if in_it:
+            corridor.refused[piece.points] = True
+            corridor.tied.append(piece.curve)
+    return [piece for piece, in_it in zip(pieces, tied, strict=True) if not in_it]
 
 
 def roofed(corridor: Corridor, curve: Catenary) -> float:
-    """Share of a curve along which it is the ridge or the edge of a roof.
+    """Share of a curve, where anything is seen, along which it is the ridge or the edge of a roof.
 
     There is a surface at one side of it, and nothing is seen below that. Below a wire the beam
     goes on.
@@ -151,6 +164,7 @@ def roofed(corridor: Corridor, curve: Catenary) -> float:
     length, width, columns = ROOF_CELL
     steps = max(1, round(curve.length / length))
     surface, low = np.zeros((2, steps, 2 * columns), bool)
+    own = np.zeros(steps, bool)
     for points in (corridor.air, corridor.floor):
         near = beside_of(points, curve, columns * width)
         u, v, z = curve.residuals(points.xyz[near])
@@ -162,10 +176,12 @@ def roofed(corridor: Corridor, curve: Catenary) -> float:
         surface[step[at], column[at]] = True
         under = inside & (z < -slack)
         low[step[under], column[under]] = True
+        own[step[inside & (np.hypot(v, z) <= corridor.tolerance)]] = True
     shares = []
     for side in (slice(0, columns), slice(columns, 2 * columns)):
         filled, open_ = surface[:, side].sum(axis=1), low[:, side].sum(axis=1)
-        shares.append(np.mean((filled >= ROOF_FILLED * columns) & (open_ <= ROOF_OPEN * columns)))
+        roof = (filled >= ROOF_FILLED * columns) & (open_ <= ROOF_OPEN * columns)
+        shares.append(int(roof.sum()) / max(1, int((roof | own).sum())))
     return float(max(shares))
 
 
@@ -223,8 +239,13 @@ def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
         if arc.curve.rms < FINE_RMS * corridor.tolerance
         or alone(corridor, arc.curve, ~corridor.free) >= ALONE_SHARE
     ]
+    below = [other.curve for other in straight]
     carriers = [
-        arc for arc in found if carries(corridor, arc.curve, [other.curve for other in straight])
+        arc
+        for arc in found
+        if carries(corridor, arc.curve, below)
+        or holds_level(corridor.air, corridor.height, arc.curve)
+        or carries_deck(corridor.air, arc.curve)
     ]
     clean = [arc for arc in straight if arc.curve.rms < ROUGHEST_CURVE * corridor.tolerance]
     corridor.refuse([*clean, *carriers])

@@ -13,11 +13,24 @@ from scipy.sparse.csgraph import connected_components
 
 from algorithms.corridor._curves.arcs import arcs_of
 from algorithms.corridor._curves.lanes import followed_together
-from algorithms.corridor._curves.network import SURE_LENGTH, Corridor, curves_of, wires_among
+from algorithms.corridor._curves.network import (
+    SURE_LENGTH,
+    Corridor,
+    curves_of,
+    is_straight,
+    wires_among,
+)
+from algorithms.corridor._curves.structures import carriers, holds_level, in_mesh
 from algorithms.corridor._curves.trace import trace_all
 from algorithms.corridor._curves.tracks import alignments_among
 from algorithms.corridor._extraction.continued import completed
-from algorithms.corridor._extraction.spans import Wire, on_wire, spans_of, with_supports
+from algorithms.corridor._extraction.spans import (
+    Wire,
+    numbered,
+    on_wire,
+    spans_of,
+    with_supports,
+)
 from algorithms.corridor._extraction.supports import Support, supports_of
 from algorithms.shared.kernels.sorting import distinct
 from toolbox.context import Context
@@ -27,6 +40,8 @@ MUCH_MORE = 1.1  # times the length of wires, for which a larger tolerance is ta
 FEWEST_OF_LINE = 30  # points; fewer lie in arcs by chance in a wood
 LEAST_OF_LINE = 12.0  # metres, as long as the piece in which a wire begins
 SHORT_RMS = 0.2  # metres: scatter of a wire of which little is seen; that of an arm is more
+FEWEST_CARRIERS, CARRIERS_PER_WIRE = 3, 0.5  # bodies below the wires of a ropeway
+STRUCTURE_SHARE = 0.3  # of the wires of a line that are of a railway or trellis
 SAME_SUPPORT = 3.0  # metres between the supports of two lines that are one
 NUMBERS = ("span", "bundle", "wire")
 
@@ -70,6 +85,7 @@ def follow(
         voxel = voxel[~corridor.refused]
         corridor = corridor.without_refused()
         here = [line for line in lines_of(wires, supports) if line.is_none_by_chance]
+        here = [line for line in here if not line.is_structure(corridor)]
         lines = better(corridor, lines, here)
     return together(lines)
 
@@ -95,7 +111,27 @@ def followed(
     if not pieces:
         return [], []
     supports = supports_of(corridor, pieces, alignments)
-    return completed(corridor, spans_of(corridor, pieces, supports), supports), supports
+    wires = completed(corridor, sagging(spans_of(corridor, pieces, supports)), supports)
+    bent = sagging(wires)
+    if len(bent) < len(wires):
+        bent = numbered([replace(wire, span=wire.span - 1) for wire in bent], supports)
+    return bent, supports
+
+
+def sagging(wires: Sequence[Wire]) -> list[Wire]:
+    """The wires without those that are surely straight.
+
+    All wires of a span have nearly one shape, so where most are straight none is a wire.
+    """
+    spans: dict[int, list[Wire]] = {}
+    for wire in wires:
+        spans.setdefault(wire.span, []).append(wire)
+    found = []
+    for own in spans.values():
+        bent = [wire for wire in own if not is_straight(wire.curve)]
+        if 2 * len(bent) > len(own):
+            found += bent
+    return found
 
 
 @dataclass(frozen=True)
@@ -117,6 +153,19 @@ class Line:
         long = max(wire.seen_length for wire in self.wires) >= SURE_LENGTH
         thin = min(wire.curve.rms for wire in self.wires) < SHORT_RMS
         return points >= FEWEST_OF_LINE and (long or (thin and self.length >= LEAST_OF_LINE))
+
+    def is_structure(self, corridor: Corridor) -> bool:
+        """Whether chairs hang below its wires, or much of them holds a contact wire or a mesh."""
+        bodies = sum(carriers(corridor.air, corridor.height, w.curve) for w in self.wires)
+        if bodies >= max(FEWEST_CARRIERS, CARRIERS_PER_WIRE * len(self.wires)):
+            return True
+        tied = in_mesh([wire.curve for wire in self.wires], corridor.tied)
+        held = [
+            wire.seen_length
+            for wire, in_it in zip(self.wires, tied, strict=True)
+            if in_it or holds_level(corridor.air, corridor.height, wire.curve)
+        ]
+        return sum(held) > STRUCTURE_SHARE * self.length
 
     def points(self, corridor: Corridor) -> NDArray[np.int64]:
         """Indices of the points on its wires."""

@@ -570,9 +570,43 @@ def bridge() -> Floats:
     return np.vstack([*parts, np.column_stack([deck, RNG.normal(10, 0.03, len(deck))])])
 
 
+def ropeway() -> Floats:
+    """Two ropes on masts, and a chair below each of them every 18 m."""
+    parts = []
+    for a in (0, 90):
+        for y in (-2.6, 2.6):
+            curve, points = wire((a, y, 14), (a + 90, y, 14), 900, 3)
+            parts.append(points)
+            for k in range(9, 90, 18):
+                low = float(curve.height(np.array(k))) - 2.5
+                chair = RNG.uniform((a + k - 0.5, y - 0.5, low - 0.3), (a + k + 0.5, y + 0.5, low))
+                parts.append(np.array([chair + RNG.uniform(-0.4, 0.4, 3) for _ in range(14)]))
+    for x in (0, 90, 180):
+        parts += [bar((x, 0, 0), (x, 0, 14), 10, 0.1), bar((x, -2.8, 14), (x, 2.8, 14), 8)]
+    return np.vstack(parts)
+
+
+def trellis() -> Floats:
+    """A hop garden: wires over poles in both directions, tied where they cross."""
+    rows = [wire((20, y, 6.5), (76, y, 6.5), 400, 3)[1] for y in range(-21, 22, 6)]
+    columns = [bar((x, -21, 6.0), (x, 21, 6.0), 3, 0.03) for x in range(24, 76, 8)]
+    return np.vstack([*rows, *columns])
+
+
+def hung_roadway() -> Floats:
+    """The cables of a bridge, that sag by a ninth of their span, and its deck; no hangers seen."""
+    cables = [wire((30, y, 30), (150, y, 30), 150, 8)[1] for y in (-4.2, 4.2)]
+    posts = [bar((x, y, 0), (x, y, 30), 20, 0.5) for x in (30, 150) for y in (-4.2, 4.2)]
+    deck = RNG.uniform((0, -4, 15.5), (190, 4, 15.5), (20_000, 3))
+    return np.vstack([*cables, *posts, deck + RNG.normal(0, 0.03, deck.shape)])
+
+
 @pytest.mark.parametrize(
     ("what", "parts"),
     [
+        ("ropeway", [ropeway()]),
+        ("trellis", [trellis()]),
+        ("deck on cables", [hung_roadway()]),
         ("fence", [sheet(0, 2.5)]),
         ("high wall", [sheet(0, 5.5)]),
         ("handrail on a wall", [sheet(0, 4.5), bar((0, 3, 5.6), (200, 3, 5.6), 4, 0.03)]),

@@ -29,8 +29,9 @@ THICK = 0.1  # least variance over the middle one, above which points are no pla
 SAME = 1.5  # variance about a plane in a large piece over that in a small one, at most
 ROUNDING = 1e-9  # of coordinates, as a share of the largest
 LARGER = [MOST * 4**k for k in range(1, 5)]  # most points of cells that tell the noise
-CLEARLY = 1.5  # share of cells that are planes over that of smaller cells, to be taken
+CLEARLY = 1.1  # share of cells that are planes over that of smaller cells, to be taken
 ENOUGH = 0.5  # share of cells that are planes, with which no larger ones are looked at
+MOSTLY = 0.75  # share of cells that are flat: larger ones only join what lies side by side
 LOOKED_AT = 5_000  # cells that tell the noise
 NOISY, SPARSE = 0.9, 0.95  # shares of them with less noise, and with closer points
 
@@ -165,42 +166,45 @@ def _scales(xyz: Floats, keys: NDArray[np.uint64], side: float) -> tuple[float, 
     """Noise of the points about planes, and distance of neighbours; 0 where nothing is flat.
 
     In a dense scan small cells are no larger than the noise. Larger ones are looked at until half
-    are planes, and taken if clearly more of them are.
+    are planes, or most of them flat, and taken if clearly more of them are planes.
     """
-    share, noise, apart = _scale(xyz, keys, side, MOST)
+    share, flat, noise, apart = _scale(xyz, keys, side, MOST)
     for most in LARGER:
-        if share >= ENOUGH:
+        if share >= ENOUGH or flat >= MOSTLY:
             break
-        made = _scale(xyz, keys, side, most)
-        if made[0] > CLEARLY * share:
-            share, noise, apart = made
+        wider, flat, *scales = _scale(xyz, keys, side, most)
+        if wider > CLEARLY * share:
+            share, (noise, apart) = wider, scales
     return noise, apart
 
 
 def _scale(
     xyz: Floats, keys: NDArray[np.uint64], side: float, most: int
-) -> tuple[float, float, float]:
-    """Share of cells that are planes, their noise, and the distance of neighbouring points.
+) -> tuple[float, float, float, float]:
+    """Shares of cells that are planes and that are flat, their noise, distance of neighbours.
 
     The points of a plane lie as close to it in a large piece as in a small one. Where they do not,
-    the surface is bent, or is none.
+    the surface is bent, or is none, or is two: a wall and the panes in it.
     """
     starts, levels = _leaves(keys, most, kernels.LEVELS)
     some = np.linspace(0, len(levels) - 1, min(len(levels), LOOKED_AT)).astype(np.int64)
-    found = np.empty((len(some), 4))
-    kernels.at_two_scales(some, xyz, keys, starts, levels, found)
-    middle, least, middle_above, least_above = found.T
+    found = np.empty((len(some), 5))
+    piece = max(MOST, most // 16) if most > MOST else 0  # a quarter as wide, but for the first
+    kernels.at_scales(some, xyz, keys, starts, levels, piece, found)
+    middle, least, middle_above, least_above, within = found.T
     flat = (least < THICK * middle) & (least_above < THICK * middle_above)
-    plane = flat & (least_above <= SAME * least + (ROUNDING * side) ** 2)
+    rounding = (ROUNDING * side) ** 2
+    plane = flat & (least_above <= SAME * least + rounding) & (least <= SAME * within + rounding)
     count = np.diff(starts)[some]
     if not flat.any():
-        return 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0
     # Where all is bent, the flattest quarter tells most.
     noise = (
         np.quantile(least_above[plane], NOISY) if plane.any() else np.quantile(least[flat], 0.25)
     )
     apart = np.sqrt(12 * middle[flat] / count[flat])  # evenly spread over a square
-    return float(plane.mean()), math.sqrt(noise), float(np.quantile(apart, SPARSE))
+    shares = float(plane.mean()), float(flat.mean())
+    return *shares, math.sqrt(noise), float(np.quantile(apart, SPARSE))
 
 
 def _sorted(found: NDArray[np.uint64], xyz: Floats) -> tuple[Ints, NDArray[np.uint64]]:

@@ -67,13 +67,15 @@ def leaves(sorted_keys, most, deepest, starts, levels):
 
 
 @njit(cache=True, nogil=True)
-def at_two_scales(some, xyz, keys, starts, levels, found):
-    """Fill in the middle and least variance of leaves, and of the cells one level above them.
+def at_scales(some, xyz, keys, starts, levels, piece, found):
+    """Fill in the middle and least variance of leaves and of the cells above, and within leaves.
 
     Parameters
     ----------
     some : array of shape (k,), leaves
-    found : array of shape (k, 4) to fill; infinity where there are too few points
+    piece : points of a piece of a leaf; 0 to look at none
+    found : array of shape (k, 5) to fill, the last with the median of the least variances of the
+        pieces; infinity where there are too few points
     """
     for k in range(len(some)):
         leaf = some[k]
@@ -85,6 +87,15 @@ def at_two_scales(some, xyz, keys, starts, levels, found):
             if stop - start >= FEWEST:
                 middle, least, _, _, _ = _axes(xyz, start, stop)
                 found[k, 2 * step], found[k, 2 * step + 1] = middle, least
+        start, stop = starts[leaf], starts[leaf + 1]
+        count = (stop - start) // piece if piece > 0 else 0
+        if count > 1:
+            within = np.empty(count)
+            for k_piece in range(count):
+                first = start + k_piece * piece
+                _, least, _, _, _ = _axes(xyz, first, first + piece)
+                within[k_piece] = least
+            found[k, 4] = np.median(within)
 
 
 @helper

@@ -250,6 +250,22 @@ def test_limits_leave_small_planes_out() -> None:
     assert extracted(xyz, min_extent=0.5).count == 4
 
 
+def test_steps_of_a_wall_are_not_its_noise() -> None:
+    """Panes 15 cm behind the wall: every second cell of a metre holds some of both."""
+    rng = np.random.default_rng(4)
+    u, v = (np.mgrid[0:20:0.05, 0:9:0.05].reshape(2, -1)) + rng.normal(0, 0.01, (2, 72_000))
+    pane = (u % 3.5 > 0.7) & (u % 3.5 < 3.3) & (v % 3 > 0.6) & (v % 3 < 2.7)
+    away = np.where(pane, rng.normal(0.15, 0.01, u.size), rng.normal(0, 0.002, u.size))
+    assert sort_into_cells(np.column_stack([u, away, v])).noise < 0.015
+
+
+@pytest.mark.slow
+def test_noise_of_a_wall_behind_quiet_ground() -> None:
+    """Ground at a glance is flat in small cells; the wall, noise 3 cm, only in large ones."""
+    xyz = scene("facade", size=22.0, density=900.0, seed=11, noise=0.03).xyz
+    assert sort_into_cells(xyz).noise == pytest.approx(0.027, rel=0.1)
+
+
 def test_noise_is_found_and_a_tolerance_below_it_is_told(caplog: pytest.LogCaptureFixture) -> None:
     for noise in (0.002, 0.01):
         wall = patch((0, 0, 0), (8, 0, 0), (0, 0, 6), 20_000, noise=noise)
@@ -482,6 +498,14 @@ def test_real_scans(
     assert noise[0] < out.noise < noise[1]
     assert out.share > share
     assert (out.planes.frame.rms <= out.used_tolerance * out.segmented.metre).all()
+
+
+@pytest.mark.parametrize("name", ["facade_1.txt.gz", "facade_2.txt.gz"])
+def test_noise_of_real_shop_fronts(data: Callable[[str], Path], name: str) -> None:
+    """Bricks with a noise of 2 mm, panes with one of 7 mm, up to 15 cm apart."""
+    path = data(f"facade_street_openings/{name}")
+    xyz = np.loadtxt(path, skiprows=1, usecols=(0, 1, 2))
+    assert 0.003 < sort_into_cells(xyz).noise < 0.015
 
 
 def test_a_wall_of_few_points(data: Callable[[str], Path]) -> None:

@@ -1,10 +1,9 @@
-"""Outlines of planes: polygons on the plane, in space, and in an elevation drawing."""
+"""Outlines of planes: polygons on the plane, and in space."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import geopandas
@@ -18,9 +17,6 @@ from algorithms.planes._segment import parts_of
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.plane_fit import Plane
 from toolbox.context import QUIET, Context
-
-UPRIGHT = math.sin(math.radians(10.0))  # third part of the normal of an upright plane, at most
-ALIKE = math.cos(math.radians(10.0))  # of the angle between planes that face the same way
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -95,8 +91,8 @@ def outline(uv: Floats, alpha: float, *, ctx: Context = QUIET) -> Any:
 
 def drawn(
     xyz: Floats, ids: Ints, planes: Sequence[Plane], alpha: float, ctx: Context = QUIET
-) -> tuple[geopandas.GeoDataFrame, geopandas.GeoDataFrame]:
-    """Outlines of all planes in space, and of those parallel to the facade in an elevation drawing.
+) -> geopandas.GeoDataFrame:
+    """Outlines of all planes in space, with their numbers.
 
     Parameters
     ----------
@@ -115,8 +111,7 @@ def drawn(
         flat = outline(view.flat(own), alpha, ctx=step)
         rows.append({"plane_id": number} | _numbers(view, own, flat))
         shapes.append(view.raised(flat))
-    solid = geopandas.GeoDataFrame(rows, geometry=shapes, columns=None if rows else ["plane_id"])
-    return solid, elevation(solid, planes, xyz)
+    return geopandas.GeoDataFrame(rows, geometry=shapes, columns=None if rows else ["plane_id"])
 
 
 def _numbers(view: View, xyz: Floats, flat: Any) -> dict[str, Any]:
@@ -133,32 +128,3 @@ def _numbers(view: View, xyz: Floats, flat: Any) -> dict[str, Any]:
         "highest": float(xyz[:, 2].max()),
         "points": len(xyz),
     }
-
-
-def elevation(
-    solid: geopandas.GeoDataFrame, planes: Sequence[Plane], xyz: Floats
-) -> geopandas.GeoDataFrame:
-    """Outlines projected on the largest vertical plane, or on the largest if none is vertical.
-
-    Parameters
-    ----------
-    solid : outlines in space, the first of the plane with the most points
-    planes : of the outlines
-    xyz : all points, of which more lie in front of the plane than behind it
-    """
-    if not planes:
-        return geopandas.GeoDataFrame({"plane_id": []}, geometry=[])
-    upright = [k for k, plane in enumerate(planes) if abs(plane.normal[2]) <= UPRIGHT]
-    main = max(upright or range(len(planes)), key=lambda k: solid["area"][k])
-    front = planes[main]
-    if np.median(front.distances(xyz)) < 0:
-        front = replace(front, normal=-front.normal)
-    view = View.of(front, shapely.get_coordinates(solid.geometry[main], include_z=True))
-    like = [k for k, plane in enumerate(planes) if abs(plane.normal @ front.normal) >= ALIKE]
-    shown = solid.iloc[like][["plane_id", "area", "points"]].copy()
-    centres = np.array([planes[k].centre + planes[k].origin for k in like])
-    shown["depth"] = -front.distances(centres)
-    shown["kind"] = np.where(shown["depth"] > 0, "behind", "in front")
-    shown.loc[shown.index == main, ["depth", "kind"]] = 0.0, "facade"
-    flat = view.seen(solid.geometry.to_numpy()[like])
-    return geopandas.GeoDataFrame(shown.reset_index(drop=True), geometry=flat)

@@ -7,10 +7,19 @@ docs/explanation/planes.md.
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Any, Literal
 
+import geopandas
 import numpy as np
 
+from algorithms.planes._fronts import (
+    FRONT_COLUMNS,
+    Front,
+    elevation,
+    front_numbers,
+    fronts_of,
+    outlines,
+)
 from algorithms.planes._outlines import drawn
 from algorithms.planes._regular import regular
 from algorithms.planes._search import Orientation, Rules, steepness
@@ -21,7 +30,7 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
 from toolbox.declare import Share, outputs, param, show, sink, source, tool
 
-NAME = "plane_id"
+NAME, FRONT = "plane_id", "front_id"
 BELOW = 2.0  # tolerance over the noise below which planes fall to pieces
 
 
@@ -51,6 +60,11 @@ class PlanesExtract:
     made so, the larger one leading, as far as the root mean square distance of their points stays
     below half the tolerance. Those of one direction that lie within the tolerance of each other
     become one, however far apart. Points keep the plane that they were given.
+
+    A front is an upright plane, at least 2.5 m wide and high, with all planes parallel to it within
+    `front_depth`: pilasters, cornices, balconies and storeys that stand back. Its reference is the
+    largest of them, and `relief` is how far a plane stands before that, towards the side from
+    which it was seen, or behind it (below 0).
 
     Outlines leave out what a circle of the diameter `plane_gap` without points covers. The
     elevation shows them in the coordinates of the largest upright plane, to the right and upwards
@@ -97,6 +111,12 @@ class PlanesExtract:
     regular_angle: float = param(
         "Angle by which such planes are off at most", default=2.0, unit="deg", gt=0, le=20
     )
+    front_depth: float = param(
+        "How far the planes of a front stand before or behind the largest",
+        default=1.5,
+        unit="m",
+        gt=0,
+    )
     confidence: float = param(
         "Probability that the best plane is among those drawn", default=0.99, unit="1", gt=0, lt=1
     )
@@ -105,13 +125,17 @@ class PlanesExtract:
 
     @outputs
     class Outputs:
-        segmented: PointCloud = sink("The points with plane_id, 0 for none", show=show.Planes(NAME))
+        segmented: PointCloud = sink(
+            "The points with plane_id and front_id, 0 for none", show=show.Planes(NAME)
+        )
         planes: Vector = sink("Outline of each plane in space, with its numbers")
+        fronts: Vector = sink("Outline of each front in space, with its size and relief")
         elevation: Vector = sink(
             "Outlines seen square to the largest upright plane, in its plane",
             show=show.Classes("kind"),
         )
         count: int = sink("Planes", unit="1")
+        front_count: int = sink("Fronts", unit="1")
         share: float = sink("Share of points on planes", unit="1")
         noise: float = sink("Standard deviation of points about small planes", unit="m")
         used_tolerance: float = sink("Farthest point that belongs to a plane", unit="m")
@@ -145,19 +169,39 @@ class PlanesExtract:
             found = regular(xyz, found, math.radians(self.regular_angle))
         ids = np.zeros(len(cloud), np.int32)
         ids[used] = found.ids
-        planes, elevation = drawn(cloud.xyz, ids, found.planes, gap / 2, ctx.part(0.7, 1.0))
+        planes = drawn(cloud.xyz, ids, found.planes, gap / 2, ctx.part(0.7, 1.0))
+        fronts = fronts_of(cloud.xyz, ids, found.planes, depth=self.front_depth, metre=cloud.metre)
+        of_plane, relief = front_numbers(fronts, len(found.planes))
+        planes["front_id"], planes["relief"] = of_plane, relief
+        shown = elevation(planes, found.planes, cloud.xyz, ids, cloud.metre)
         ctx.progress(1.0)
         return self.Outputs(
-            segmented=cloud.with_attributes({NAME: ids}, descriptions={NAME: "0 of none"}),
+            segmented=cloud.with_attributes(
+                {NAME: ids, FRONT: np.append(0, of_plane).astype(np.int32)[ids]},
+                descriptions={NAME: "0 of none", FRONT: "0 of none"},
+            ),
             planes=Vector(planes.set_crs(cloud.crs), name="planes", geometry_type="Polygon Z"),
-            elevation=Vector(elevation, name="elevation", geometry_type="Polygon"),
+            fronts=self._fronts(fronts, list(planes.geometry)),
+            elevation=Vector(shown, name="elevation", geometry_type="Polygon"),
             count=len(found.planes),
+            front_count=len(fronts),
             share=Share.of_points(ids > 0, cloud.core),
             noise=found.noise,
             used_tolerance=tolerance,
             used_gap=gap,
             trials=found.trials,
         )
+
+    def _fronts(self, fronts: list[Front], shapes: list[Any]) -> Vector:
+        """Layer of the fronts."""
+        rows = list(outlines(fronts, shapes))
+        layer = geopandas.GeoDataFrame(
+            [row for row, _ in rows],
+            columns=FRONT_COLUMNS,
+            geometry=[shape for _, shape in rows],
+            crs=self.points.crs,
+        )
+        return Vector(layer, name="fronts", geometry_type="Polygon Z")
 
     def _rules(self) -> Rules:
         return Rules(

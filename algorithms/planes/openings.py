@@ -15,7 +15,8 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from algorithms.planes._outlines import UPRIGHT, View, drawn, outline
+from algorithms.planes._fronts import UPRIGHT
+from algorithms.planes._outlines import View, drawn, outline
 from algorithms.planes._segment import parts_of
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.plane_fit import Plane
@@ -211,7 +212,7 @@ class PlanesOpenings:
         numbers, rank = np.unique(np.append(ids, 0), return_inverse=True)
         ranks = np.asarray(rank[:-1], np.int32)
         planes = [fitted(xyz[part]) for part in parts_of(ranks, len(numbers) - 1)]
-        frame, _ = drawn(xyz, ranks, planes, self.min_width / 2, ctx)
+        frame = drawn(xyz, ranks, planes, self.min_width / 2, ctx)
         frame["plane_id"] = numbers[1:]
         return Vector(frame.set_crs(self.points.crs), name="planes", geometry_type="Polygon Z")
 

@@ -14,6 +14,7 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
+from algorithms.samples._palace import palace
 from algorithms.samples._survey import (
     BUILDING,
     EAST,
@@ -36,7 +37,7 @@ STAND, EYE = 12.0, 1.7  # of the scanner, in front of the house and above the gr
 SECTOR = np.radians(65.0)  # of a scan, to both sides
 RISE = (np.radians(-20.0), np.radians(42.0))  # lowest and highest elevation of a scan
 JUTTING, BUSH, LEAVES = 5, 6, 120  # of eight bays; leaves of a bush
-REACH = (-1.5, 1.2)  # y between which balconies, reveals and curtains lie
+REACH = (-3.5, 1.6)  # y between which trees, balconies, reveals and curtains lie
 RAYS_PER_BLOCK = 400_000
 
 FACE = np.dtype(
@@ -47,9 +48,10 @@ FACE = np.dtype(
         ("opening_id", "u2"),
         ("cls", "u1"),
         ("shade", "f4"),
+        ("pierced", "u1"),
     ]
 )
-OPENING = np.dtype([(name, "f8") for name in ("x1", "x2", "z1", "z2")] + [("bay", "i8")])
+OPENING = np.dtype([(name, "f8") for name in ("x1", "x2", "z1", "z2", "rise")] + [("bay", "i8")])
 
 
 @dataclass
@@ -77,14 +79,22 @@ class House:
         opening: int = 0,
         chance: float = 1.0,
         peak: float = 0.0,
+        pierced: bool = False,
     ) -> None:
-        """Add a rectangle from corner o along the vectors e and f; with `peak` it is a gable."""
+        """Add a rectangle from corner o along the vectors e and f; with `peak` it is a gable.
+
+        The openings are holes in one that is `pierced`.
+        """
         a, b = float(np.linalg.norm(e)), float(np.linalg.norm(f))
         plane = len(self.faces) + 1
         e, f = np.divide(e, a), np.divide(f, b)
-        self.faces.append((o, e, f, a, b, peak, chance, plane, opening, cls, shade))
+        self.faces.append((o, e, f, a, b, peak, chance, plane, opening, cls, shade, pierced))
         self.kinds.append(kind)
         self.bays.append(bay)
+
+    def placed(self, xyz: Floats) -> Floats:
+        """Projected coordinates, from coordinates of the house."""
+        return _placed(xyz)
 
     def box(self, kind: str, low: Any, high: Any, **options: Any) -> None:
         """Add the five faces of a box that are visible from the street, without its back."""
@@ -98,11 +108,21 @@ class House:
 
 
 def facade(
-    *, size: float, density: float, seed: int, noise: float = NOISE, ctx: Context = QUIET
+    *,
+    size: float,
+    density: float,
+    seed: int,
+    noise: float = NOISE,
+    relief: float = 0.0,
+    ctx: Context = QUIET,
 ) -> SceneData:
     """A front of `size` metres, `density` points per square metre of visible wall; see `scene`."""
     rng = np.random.default_rng(seed)
-    house = _house(size, rng)
+    if relief:
+        house = House(size, rng)
+        palace(house, BAY, relief, seed, _ground)
+    else:
+        house = _house(size, rng)
     faces = np.array(house.faces, FACE)
     stations = _stations(size)
     step = _angular_step(size, density, stations)
@@ -148,7 +168,7 @@ def _house(size: float, rng: np.random.Generator) -> House:
     ground = (-15.0, -25.0, _ground(-15.0, -25.0))
     along, inwards = (size + 30, 0, FALL[0] * (size + 30)), (0, 40.0, FALL[1] * 40.0)
     house.face("ground", ground, along, inwards, cls=GROUND, shade=9000)
-    house.face("wall", (0, 0, -1), (size, 0, 0), (0, 0, EAVE + 1))
+    house.face("wall", (0, 0, -1), (size, 0, 0), (0, 0, EAVE + 1), pierced=True)
     ridge = EAVE + PITCH * DEPTH / 2
     for x in (0, size):
         up = (0, 0, ridge + 1)
@@ -215,7 +235,7 @@ def _opening(house: House, bay: int, frame: tuple[float, float, float, float], k
     """A hole in the wall with four reveals and a pane; behind some panes hangs a curtain."""
     x1, x2, z1, z2 = frame
     recess = round(float(house.rng.uniform(0.1, 0.2)), 3)
-    house.openings.append((*frame, bay))
+    house.openings.append((*frame, 0.0, bay))
     number = len(house.openings)
     own: dict[str, Any] = {"bay": bay, "opening": number}
     w, h, d = (x2 - x1, 0, 0), (0, 0, z2 - z1), (0, recess, 0)
@@ -353,10 +373,6 @@ def _ground_raster(size: float) -> tuple[NDArray[np.float32], float, float, floa
 def _face_features(house: House, faces: Records) -> Features:
     """Each face as a polygon with its plane: normal . xyz = offset, normal towards the street."""
     features: Features = []
-    holes = [
-        _placed(np.array([(x1, 0, z1), (x2, 0, z1), (x2, 0, z2), (x1, 0, z2)]))
-        for x1, x2, z1, z2, _ in house.openings
-    ]
     for kind, face in zip(house.kinds, faces, strict=True):
         ring = _placed(_outline(face))
         normal = np.cross(ring[1] - ring[0], ring[-1] - ring[0])
@@ -370,9 +386,19 @@ def _face_features(house: House, faces: Records) -> Features:
             **{f"normal_{axis}": float(v) for axis, v in zip("xyz", normal, strict=True)},
             "offset": float(normal @ ring[0]),
         }
-        inner = holes if kind == "wall" else []
+        inner = _holes(house, face) if face["pierced"] else []
         features.append((shapely.Polygon(ring, inner), properties))
     return features
+
+
+def _holes(house: House, face: np.void) -> list[Floats]:
+    """Corners of the openings in a wall, arches as rectangles."""
+    _, y, low = face["o"]
+    return [
+        _placed(np.array([(x1, y, z1), (x2, y, z1), (x2, y, z2), (x1, y, z2)]))
+        for x1, x2, z1, z2, *_ in house.openings
+        if low < z1 and z2 < low + face["b"]
+    ]
 
 
 def _outline(face: np.void) -> Floats:
@@ -410,8 +436,8 @@ def _first_face(station, directions, luck, faces, everywhere, start, items, open
         for k in everywhere:
             t = _meet(faces[k], station, d)
             if t < distance[i]:
-                x, y, z = station[0] + t * d[0], station[1] + t * d[1], station[2] + t * d[2]
-                if abs(y) < 1e-9 and _open(x, z, openings, first, bays):
+                x, z = station[0] + t * d[0], station[2] + t * d[2]
+                if faces[k].pierced and _open(x, z, openings, first, bays):
                     window = t
                 else:
                     distance[i], face[i] = t, k
@@ -440,7 +466,8 @@ def _open(x, z, openings, first, bays):
     for k in range(first[bay], first[bay + 1]):
         hole = openings[k]
         if hole.x1 < x < hole.x2 and hole.z1 < z < hole.z2:
-            return True
+            above, aside = z - hole.z2 + hole.rise, x - (hole.x1 + hole.x2) / 2
+            return above <= 0 or above * above + aside * aside < hole.rise * hole.rise
     return False
 
 

@@ -70,6 +70,13 @@ class SamplesScene:
         ge=0,
         le=0.1,
     )
+    relief: float = param(
+        "How far pilasters stand before the wall of a facade; 0 for a plain house",
+        default=0.0,
+        unit="m",
+        ge=0,
+        le=1,
+    )
     water_noise: float = param(
         "Standard deviation of points on the water of a reservoir, with its waves",
         default=NOISE,
@@ -115,6 +122,7 @@ class SamplesScene:
             density=self.density,
             seed=self.seed,
             noise=self.noise,
+            relief=self.relief,
             water_noise=self.water_noise,
             ctx=ctx,
         )
@@ -143,6 +151,7 @@ def scene(
     density: float = DENSITY,
     preset: Name | None = None,
     noise: float = 0.004,
+    relief: float = 0.0,
     water_noise: float = NOISE,
     ctx: Context = QUIET,
 ) -> SceneData:
@@ -156,6 +165,7 @@ def scene(
     seed : the same seed gives the same scene
     preset : of a corridor, which then has its own size and density
     noise : standard deviation of the ranges of the scanner of a facade, metres
+    relief : how far pilasters stand before the wall of a facade, metres
     water_noise : standard deviation of points on the water of a reservoir, metres
 
     Returns
@@ -171,8 +181,11 @@ def scene(
     """
     if kind not in KINDS:
         raise ParameterError("scene", {"kind": f"must be one of {', '.join(KINDS)}, got {kind!r}"})
-    noises = {"facade": {"noise": noise}, "reservoir": {"water_noise": water_noise}}
     if preset is not None:
         return preset_scene(PRESETS[preset], seed, ctx)
+    noises = {
+        "facade": {"noise": noise, "relief": relief},
+        "reservoir": {"water_noise": water_noise},
+    }
     more = noises.get(kind, {})
     return KINDS[kind](size=size, density=density, seed=seed, ctx=ctx, **more)

@@ -126,6 +126,50 @@ def test_elevation_is_seen_from_the_front() -> None:
     assert frame.loc["behind"].geometry.bounds == pytest.approx((8, 0.1, 9, 2.1), abs=0.1)
 
 
+def relief() -> Floats:
+    """A wall of 8 by 5 m, pilasters 0.4 m before it that hide it, a wall far behind, ground."""
+    parts = [
+        patch((x, 0, 0), (2.2, 0, 0), (0, 0, 5), 4000, seed=k)
+        for k, x in enumerate((0.0, 2.8, 5.6))
+    ]
+    parts += [patch((x, -0.4, 0), (0.6, 0, 0), (0, 0, 5), 1500, seed=int(x)) for x in (2.2, 5.0)]
+    parts.append(patch((-9, 6, 0), (30, 0, 0), (0, 0, 3), 9000, seed=8))
+    parts.append(patch((-5, -9, 0), (20, 0, 0), (0, 8.5, 0), 9000, seed=9))
+    return np.vstack(parts)
+
+
+def test_a_front_is_one_with_its_relief() -> None:
+    out = extracted(relief())
+    planes, fronts = out.planes.frame, out.fronts.frame
+    assert out.front_count == len(fronts) == 2
+    front = fronts[fronts.planes > 1].iloc[0]
+    assert (front.planes, front.height) == (3, pytest.approx(5.0, abs=0.05))
+    assert front.length == pytest.approx(7.8, abs=0.05)
+    assert front.azimuth == pytest.approx(180, abs=0.5)  # seen from the ground before it
+    assert (front.relief_from, front.relief_to) == pytest.approx((0.0, 0.4), abs=0.005)
+    own = planes[planes.front_id == front.front_id]
+    assert sorted(own.relief.round(2).abs()) == [0, 0.4, 0.4]
+    assert (planes.front_id[planes.tilt < 5] == 0).all()
+    assert planes.relief[planes.front_id == 0].isna().all()
+    numbers = out.segmented["front_id"]
+    assert (numbers[: 3 * 4000 + 2 * 1500] == front.front_id).mean() > 0.98
+    assert not numbers[-9000:].any()  # the ground
+    shallow = extracted(relief(), front_depth=0.3)
+    assert shallow.planes.frame.query("relief > 0.1").empty
+
+
+def test_a_front_is_seen_from_where_its_panes_stand_back() -> None:
+    """Nothing but a wall and panes 6 cm behind it, in the holes of the wall."""
+    rng = np.random.default_rng(5)
+    for turn in (1, -1):
+        u, v = rng.random((2, 40_000)) * [[12], [6]]
+        pane = (u % 3 > 0.8) & (u % 3 < 2.2) & (v % 3 > 0.8) & (v % 3 < 2.4)
+        away = np.where(pane, 0.06, 0.0) + rng.normal(0, 0.002, u.size)
+        (front,) = extracted(np.column_stack([u, turn * away, v]) + FAR).fronts.frame.itertuples()
+        assert math.cos(math.radians(front.azimuth)) == pytest.approx(-turn, abs=0.001)
+        assert front.relief_from == pytest.approx(-0.06, abs=0.005)
+
+
 def test_each_point_is_near_its_plane_and_the_nearest_one() -> None:
     out = extracted(corner())
     ids, xyz = ids_of(out), corner() - FAR
@@ -477,6 +521,30 @@ def test_ten_fronts(seed: int) -> None:
     assert correctness > (0.995 if noise < 0.005 else 0.98)
     assert completeness > (0.995 if noise < 0.005 else 0.98)
     assert iou > (0.99 if noise < 0.005 else 0.965)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_palace_is_one_front(seed: int) -> None:
+    """Pilasters 0.5 m before the wall, balconies, shutters, a tree: segments and their front."""
+    data = scene("facade", size=24.0, density=900.0, seed=seed, relief=0.5, noise=0.006)
+    out = extracted(data.xyz)
+    true, faces = truth_of(data)
+    ids, fronts = ids_of(out), out.segmented["front_id"]
+    parts = ("wall", "pilaster", "course", "cornice", "shutter", "door")
+    across = np.array([-math.sin(math.radians(17)), math.cos(math.radians(17))])
+    kept, whole = [], []
+    owner = np.array([np.bincount(true[ids == k]).argmax() for k in range(out.count + 1)])
+    for face in faces[faces.kind.isin(parts)].itertuples():
+        own = true == face.Index
+        if own.sum() < 200 or abs(across @ [face.normal_x, face.normal_y]) < 0.99:
+            continue
+        kept.append(((owner[ids[own]] == face.Index) & (ids[own] > 0)).mean() > 0.8)
+        whole.append(np.unique(fronts[own & (fronts > 0)], return_counts=True))
+    assert len(kept) > 15
+    assert np.mean(kept) >= 0.9
+    largest = {int(numbers[counts.argmax()]) for numbers, counts in whole}
+    assert len(largest) == 1
 
 
 # Real scans -------------------------------------------------------------------------------------

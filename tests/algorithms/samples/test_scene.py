@@ -309,8 +309,13 @@ def test_the_storage_curve_ends_at_the_true_area() -> None:
     assert volume - volumes[0] == pytest.approx(trapezoids, rel=0.02)
 
 
-def test_facade_points_lie_on_their_planes() -> None:
-    data = survey("facade")
+@cache
+def palace() -> SceneData:
+    return scene("facade", size=29, density=300, seed=1, relief=0.4)
+
+
+@pytest.mark.parametrize("data", [survey("facade"), palace()])
+def test_facade_points_lie_on_their_planes(data: SceneData) -> None:
     planes = {p["plane_id"]: (s, p) for s, p in data.features if "plane_id" in p}
     ids = data.attributes["plane_id"]
     assert set(np.unique(ids)) <= set(planes)
@@ -325,6 +330,35 @@ def test_facade_points_lie_on_their_planes() -> None:
         assert np.abs(corners @ normal - p["offset"]).max() < 0.001
         assert (own >= corners.min(axis=0) - 0.03).all()
         assert (own <= corners.max(axis=0) + 0.03).all()
+
+
+def test_a_front_with_relief() -> None:
+    """Pilasters as far before the wall as was asked, arches, panes that send nothing back."""
+    data = palace()
+    faces = [p for _, p in data.features if "plane_id" in p]
+    offset = {kind: [p["offset"] for p in faces if p["kind"] == kind] for kind in ("wall", "door")}
+    first = [p for p in faces if p["kind"] == "pilaster"][::5]  # the first of five faces
+    away = [abs(p["offset"] - offset["wall"][0]) for p in first]
+    assert away == pytest.approx([0.4] * 9, abs=0.005)
+    assert abs(offset["wall"][1] - offset["wall"][0]) == pytest.approx(0.16)  # stands back
+    openings = [(s, p) for s, p in data.features if p["kind"] == "opening"]
+    assert len(openings) == 3 * 8
+    ids = data.attributes["opening_id"]
+    kinds = {p["plane_id"]: p["kind"] for p in faces}
+    of_point = np.array([kinds[k] for k in data.attributes["plane_id"]])
+    reflecting = [p["opening_id"] for _, p in openings if p["type"] == "reflecting window"]
+    assert reflecting
+    assert set(of_point[np.isin(ids, reflecting)]) == {"reveal"}
+    assert {"shutter", "balcony", "clutter", "cable", "course"} <= set(of_point)
+    arch = max((s for s, _ in openings), key=lambda s: len(s.exterior.coords))
+    assert len(arch.exterior.coords) > 10
+    doors = [(s, p) for s, p in openings if p["type"] == "door" and len(s.exterior.coords) > 10]
+    for shape, p in doors:
+        corners = shapely.get_coordinates(shape, include_z=True)
+        own = data.xyz[(ids == p["opening_id"]) & (of_point == "door")]
+        upper = own[own[:, 2] > corners[:, 2].max() - 0.2]
+        middle = corners.mean(axis=0)
+        assert np.hypot(*(upper - middle)[:, :2].T).max() < 0.8  # of 0.9: the arch narrows
 
 
 def test_nothing_is_seen_in_a_dark_room() -> None:

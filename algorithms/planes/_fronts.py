@@ -1,0 +1,311 @@
+"""Fronts of buildings: upright planes that face one way, one before the other within a depth.
+
+A front is more than a plane: pilasters, cornices, balconies and storeys that stand back are planes
+of their own. The largest is the reference; the relief of a part is how far it stands before it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import geopandas
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from algorithms.planes._outlines import View
+from algorithms.planes._search import axes_of
+from algorithms.planes._segment import parts_of
+from algorithms.shared.plane_fit import Plane
+
+UPRIGHT = math.sin(math.radians(10.0))  # third part of the normal of an upright plane, at most
+ALIKE = math.cos(math.radians(10.0))  # of the angle between planes of an elevation
+PARALLEL = math.cos(math.radians(15.0))  # of the angle between parts of a front
+STOREY = 2.5  # metres: a front is as wide and as high, and its parts are as near along it
+INNER = (0.05, 0.95)  # quantiles of the points of a part that lie within the depth
+ASIDE = 1.0  # metres from a wall, more than panes stand back; farther points tell its outside
+DECISIVE = 3.0  # points on one side over those on the other that tell the outside
+SOME = 0.05  # the same over the points of the wall
+SAMPLE = 20_000  # points of a plane that tell where it lies
+CELLS = 4.0  # points of the wall in a cell of the picture, about
+FRONT_COLUMNS = (
+    "front_id",
+    "planes",
+    "azimuth",
+    "length",
+    "height",
+    "area",
+    "relief_from",
+    "relief_to",
+)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+class Front(NamedTuple):
+    """Parallel planes that make a front.
+
+    Attributes
+    ----------
+    plane : the reference, the normal towards the outside
+    members : index of each plane, the reference first, then by its size
+    relief : array of shape (m,), how far each lies before the reference, the median of its points
+    """
+
+    plane: Plane
+    members: list[int]
+    relief: Floats
+
+
+class _Part(NamedTuple):
+    """Points of a plane, not all of many, and the area of the rectangle around them."""
+
+    number: int
+    xyz: Floats
+    area: float
+    wide: bool
+
+
+def fronts_of(
+    xyz: Floats, ids: NDArray[Any], planes: Sequence[Plane], *, depth: float, metre: float
+) -> list[Front]:
+    """Fronts of a cloud, the largest first.
+
+    The largest upright plane that is left begins a front. Planes join that are parallel to it, lie
+    within the depth before or behind it, and are no farther along it than a storey from a plane of
+    the front.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3)
+    ids : array of shape (n,), number of the plane of each point, from 1; 0 of none
+    planes : one less than the largest number
+    depth : in the unit of the points
+    metre : in the unit of the points
+    """
+    upright = [k for k, plane in enumerate(planes) if abs(plane.normal[2]) <= UPRIGHT]
+    parts = parts_of(np.asarray(ids, np.int32), len(planes))
+    waiting = [_part(k, planes[k], xyz[_some(parts[k])], metre) for k in upright if len(parts[k])]
+    waiting.sort(key=lambda part: (-part.area, part.number))
+    found = []
+    while (first := next((part for part in waiting if part.wide), None)) is not None:
+        reference = planes[first.number]
+        members = _members(first, reference, waiting, planes, depth, STOREY * metre)
+        chosen = {part.number for part in members}
+        waiting = [part for part in waiting if part.number not in chosen]
+        outwards = outside(xyz, reference, parts[first.number], metre)
+        relief = [float(np.median(outwards.distances(part.xyz))) for part in members]
+        found.append(Front(outwards, [part.number for part in members], np.array(relief)))
+    return found
+
+
+def _some(part: NDArray[Any]) -> NDArray[Any]:
+    return part[:: 1 + len(part) // SAMPLE]
+
+
+def _part(number: int, plane: Plane, xyz: Floats, metre: float) -> _Part:
+    sides = np.ptp(_flat(plane, xyz), axis=0)
+    return _Part(number, xyz, float(sides.prod()), bool(sides.min() >= STOREY * metre))
+
+
+def _flat(plane: Plane, xyz: Floats) -> Floats:
+    return np.asarray(((xyz - plane.origin) - plane.centre) @ axes_of(plane.normal).T)
+
+
+def _members(
+    first: _Part,
+    reference: Plane,
+    waiting: list[_Part],
+    planes: Sequence[Plane],
+    depth: float,
+    along: float,
+) -> list[_Part]:
+    """The parts of the front of a plane, that plane first."""
+    like = []
+    for part in waiting:
+        if part.number == first.number or (
+            abs(planes[part.number].normal @ reference.normal) >= PARALLEL
+            and np.abs(np.quantile(reference.distances(part.xyz), INNER)).max() <= depth
+        ):
+            like.append(part)
+    boxes = np.array([_box(_flat(reference, part.xyz)) for part in like])
+    near = shapely.dwithin(boxes[:, None], boxes[None, :], along)
+    start = next(k for k, part in enumerate(like) if part.number == first.number)
+    reached: NDArray[Any] = np.arange(len(like)) == start
+    more: NDArray[Any] = near[start]
+    while more.sum() > reached.sum():
+        reached, more = more, near[more].any(axis=0)
+    rest = (part for part, here in zip(like, reached, strict=True) if here and part is not first)
+    return [first, *rest]
+
+
+def _box(uv: Floats) -> Any:
+    low, high = np.quantile(uv, INNER, axis=0)
+    return shapely.box(*low, *high)
+
+
+def outside(xyz: Floats, plane: Plane, own: Ints, metre: float) -> Plane:
+    """The plane with its normal towards the side from which it was seen.
+
+    A wall hides what is behind it. So points away from it are before it if they lie over the wall
+    or beside it; what lies over its gaps may have been seen through them. Without such points,
+    what is in the gaps stands back.
+
+    Parameters
+    ----------
+    own : indices of the points on the plane
+    """
+    uv, away = _flat(plane, xyz), plane.distances(xyz)
+    picture = _Picture.of(uv[own])
+    inside = picture.inside(uv)
+    within = (uv[:, 0] >= picture.low[0]) & (uv[:, 0] <= picture.high[0])
+    gap = np.zeros(len(xyz), bool)
+    gap[inside] = picture.gaps()[picture.cells(uv[inside])]
+    aside = np.abs(away) > ASIDE * metre
+    free = aside & within & ~gap
+    sides = [int((free & (away > 0)).sum()), int((free & (away < 0)).sum())]
+    if max(sides) >= max(DECISIVE * min(sides), SOME * len(own)):
+        return plane if sides[0] > sides[1] else replace(plane, normal=-plane.normal)
+    spread = 3 * math.sqrt(float(np.mean(away[own] ** 2)))
+    set_back = [
+        len(np.unique(picture.cells(uv[gap & (sign * away > spread)]), axis=1).T)
+        for sign in (1, -1)
+    ]
+    if set_back[0] == set_back[1]:
+        return plane if sides[0] >= sides[1] else replace(plane, normal=-plane.normal)
+    return plane if set_back[1] > set_back[0] else replace(plane, normal=-plane.normal)
+
+
+class _Picture(NamedTuple):
+    """Which squares of a grid on a plane hold points of it."""
+
+    low: Floats
+    high: Floats
+    side: float
+    held: Mask
+
+    @classmethod
+    def of(cls, uv: Floats) -> _Picture:
+        low, high = uv.min(axis=0), uv.max(axis=0)
+        side = max(math.sqrt(CELLS * float(np.prod(high - low)) / len(uv)), 1e-9)
+        empty = cls(low, high, side, np.zeros(0, bool))
+        shape = np.max(empty.cells(high[None]), axis=1) + 1
+        held = np.zeros(shape, bool)
+        held[empty.cells(uv)] = True
+        return cls(low, high, side, held)
+
+    def cells(self, uv: Floats) -> tuple[Ints, Ints]:
+        """Row and column of places on the plane."""
+        row, column = np.floor((uv - self.low).T[::-1] / self.side).astype(np.int64)
+        return row, column
+
+    def inside(self, uv: Floats) -> Mask:
+        """Which places of shape (n, 2) lie on the picture."""
+        return np.asarray(((uv >= self.low) & (uv <= self.high)).all(axis=1))
+
+    def gaps(self) -> Mask:
+        """Squares without points that have some on both sides and above, and no neighbour with any.
+
+        Those beside the wall may hold points of its edges.
+        """
+        held = self.held
+        left = np.logical_or.accumulate(held, axis=1)
+        right = np.logical_or.accumulate(held[:, ::-1], axis=1)[:, ::-1]
+        above = np.logical_or.accumulate(held[::-1], axis=0)[::-1]
+        return np.asarray(
+            left & right & above & ~ndimage.binary_dilation(held, np.ones((3, 3), bool))
+        )
+
+
+def front_numbers(fronts: Sequence[Front], count: int) -> tuple[NDArray[np.int32], Floats]:
+    """Number of the front of each plane, from 1, 0 for none; and its relief, NaN for none."""
+    numbers, relief = np.zeros(count, np.int32), np.full(count, np.nan)
+    for number, front in enumerate(fronts, start=1):
+        numbers[front.members] = number
+        relief[front.members] = front.relief
+    return numbers, relief
+
+
+def pieces(fronts: Sequence[Front], points: Ints) -> float:
+    """How many planes a front has, each counted by its share of the points (Simpson 1949).
+
+    The mean of all fronts, each counted by its points; NaN without fronts.
+
+    Parameters
+    ----------
+    points : of each plane
+    """
+    sizes = [points[front.members].astype(float) for front in fronts]
+    if not sizes:
+        return math.nan
+    whole = np.array([size.sum() for size in sizes])
+    numbers = [float(size.sum() ** 2 / (size**2).sum()) for size in sizes]
+    return float(np.average(numbers, weights=whole))
+
+
+def outlines(
+    fronts: Sequence[Front], shapes: Sequence[Any]
+) -> Iterator[tuple[dict[str, Any], Any]]:
+    """Attributes of each front, and the outlines of its planes seen square to it.
+
+    Parameters
+    ----------
+    shapes : outlines of all planes in space
+    """
+    for number, front in enumerate(fronts, start=1):
+        parts = [shapes[k] for k in front.members]
+        view = View.of(front.plane, shapely.get_coordinates(parts, include_z=True))
+        flat = shapely.union_all(shapely.buffer(view.seen(np.array(parts, object)), 0))
+        left, bottom, right, top = flat.bounds
+        east, north, _ = front.plane.normal
+        yield (
+            {
+                "front_id": number,
+                "planes": len(parts),
+                "azimuth": math.degrees(math.atan2(east, north)) % 360.0,
+                "length": right - left,
+                "height": top - bottom,
+                "area": flat.area,
+                "relief_from": float(front.relief.min()),
+                "relief_to": float(front.relief.max()),
+            },
+            view.raised(flat),
+        )
+
+
+def elevation(
+    solid: geopandas.GeoDataFrame,
+    planes: Sequence[Plane],
+    xyz: Floats,
+    ids: NDArray[Any],
+    metre: float,
+) -> geopandas.GeoDataFrame:
+    """Outlines projected on the largest vertical plane, or on the largest if none is vertical.
+
+    Parameters
+    ----------
+    solid : outlines in space, the first of the plane with the most points
+    planes : of the outlines
+    xyz, ids : all points, and the number of the plane of each
+    metre : in the unit of the points
+    """
+    if not planes:
+        return geopandas.GeoDataFrame({"plane_id": []}, geometry=[])
+    upright = [k for k, plane in enumerate(planes) if abs(plane.normal[2]) <= UPRIGHT]
+    main = max(upright or range(len(planes)), key=lambda k: solid["area"][k])
+    front = outside(xyz, planes[main], np.flatnonzero(ids == main + 1), metre)
+    view = View.of(front, shapely.get_coordinates(solid.geometry[main], include_z=True))
+    like = [k for k, plane in enumerate(planes) if abs(plane.normal @ front.normal) >= ALIKE]
+    shown = solid.iloc[like][["plane_id", "area", "points"]].copy()
+    centres = np.array([planes[k].centre + planes[k].origin for k in like])
+    shown["depth"] = -front.distances(centres)
+    shown["kind"] = np.where(shown["depth"] > 0, "behind", "in front")
+    shown.loc[shown.index == main, ["depth", "kind"]] = 0.0, "facade"
+    flat = view.seen(solid.geometry.to_numpy()[like])
+    return geopandas.GeoDataFrame(shown.reset_index(drop=True), geometry=flat)

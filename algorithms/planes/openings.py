@@ -1,6 +1,7 @@
-"""Windows and doors of a facade, and the points seen through them.
+"""Windows and doors of house fronts, and the points seen through them.
 
-How openings are told from shadows, and how exact their edges are: docs/explanation/planes.md.
+How openings are told from shadows and panels, and how exact their edges are:
+docs/explanation/planes.md.
 """
 
 from __future__ import annotations
@@ -13,41 +14,21 @@ import geopandas
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
-from algorithms.planes._fronts import UPRIGHT
-from algorithms.planes._outlines import View, drawn, outline
+from algorithms.planes._fronts import STOREY, UPRIGHT, Front, fronts_of, outside
+from algorithms.planes._openings import COLUMNS, Openings, marked, openings
+from algorithms.planes._outlines import drawn
+from algorithms.planes._relief import Relief, relief_of
 from algorithms.planes._segment import parts_of
-from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.plane_fit import Plane
 from algorithms.shared.plane_numbers import plane_numbers
-from algorithms.shared.polygons import Polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
 from toolbox.declare import Attribute, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
-MIDDLE = 0.8  # share of a side along which its edge is looked for, away from the corners
-EDGE = 0.95  # share of the rows of points that end before the edge
-FEWEST_ROWS = 5
-COLUMNS = (
-    "kind",
-    "width",
-    "height",
-    "area",
-    "sill",
-    "set_back",
-    "seen",
-    "edge_seen",
-    "hidden",
-    "rectangle",
-)
-BEHIND = 2 / 3  # depth over the distance of neighbours, beyond which a point is behind the wall
-SIDES = ("left", "bottom", "right", "top")
-BESIDE = 4.0  # distance of a point from an edge that is seen, over that of neighbours
-EMPTY = 1.5  # the same behind the opening: one in thirty random half circles has none
-FULL = 0.8  # area of a gap over that of the rectangle around it, if it is one
-DOOR_HEIGHT, DOOR_SILL = 1.8, 0.3  # metres: least height, and most above the foot of the wall
+TALL = 1.5  # height over width, of the largest opening
+APART = STOREY  # metres between two fronts of an elevation
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -55,29 +36,38 @@ Ints = NDArray[np.int64]
 
 @tool("planes.openings")
 class PlanesOpenings:
-    """Find the windows and doors of a plane, and the points seen through them.
+    """Find the windows and doors of house fronts, and the points seen through them.
 
-    The points are those of planes.extract, with plane_id. The facade is the upright plane with
-    the most points, unless `plane` names another. Gaps of its points, at least `min_width` wide and
-    high, are openings if at least `min_points` lie behind them: a pane, a door, a curtain. A gap
-    with nothing behind is a shadow of what stands in front; so is a dark room behind a pane that
-    sends nothing back, and openings of that kind are not found.
+    The points are those of planes.extract, with plane_id. All fronts are looked at, or that of
+    `plane`: an upright plane, at least 2.5 m wide and high, and the planes parallel to it within
+    `front_depth`. Planes wider than `max_width` are wall, those in the depth of one that is, and
+    panels with the intensity of the wall that have openings of their own.
 
-    A gap that fills most of a level rectangle becomes one; each of its edges is where 95 of
-    100 rows of points on the wall end. Others keep their outline.
+    Where something stands back from the wall around it, by `min_recess` or what the noise allows,
+    is an opening: a pane, a door, goods, a curtain. It has to fill most of a level rectangle, or
+    have a clear outline of another form, and wall beside it. A gap in which nothing is seen is a
+    shadow of what stands in front, or a dark room: it is an opening only if two others lie in its
+    row and one in its column, with the same sides.
 
-    Where something stands in front, such as a balcony, the gap ends at its shadow. An edge is seen
+    `found_by` says what tells: recess (something no farther back than `recess`), behind (farther),
+    reflectance (it is not that of the wall beside), grid (its sides are in line with those of
+    another one). `certainty`, from 0 to 1, is how much of the opening, as far as it is seen, is not
+    wall, and how much of its sides has wall beside it. Gaps that were looked at and are no openings
+    are in `dropped`, with the reason.
+
+    Each edge of a rectangle is where 95 of 100 rows of points on the wall end. Where something
+    stands in front, such as a balcony, the gap ends at its shadow. An edge is seen
     where points lie on both sides: on the wall outside, and behind it inside, no farther away than
     `recess` or what their density tells. `edge_seen` is the share of the outline that is, and
     `hidden` names the sides of a rectangle of which less than half is. They may be elsewhere.
 
-    Points farther behind the facade than `recess` and within its outline were seen through an
+    Points farther behind the wall than `recess` and within its outline were seen through an
     opening. They get the number of the nearest in opening_id, and `behind` 1; planes of which they
     are more than half, such as curtains, are given up: plane_id becomes 0. Points of panes, doors
-    and reveals have opening_id, and keep their plane. The front is the side with more points.
+    and reveals have opening_id, and keep their plane.
 
-    The elevation shows the facade and its openings in its own coordinates, to the right and upwards
-    from its lower left corner.
+    The elevation shows each front and its openings in its own coordinates, to the right and upwards
+    from its lower left corner, one front beside the other.
     """
 
     points: PointCloud = source("Points with the number of their plane")
@@ -85,7 +75,7 @@ class PlanesOpenings:
         "Attribute with the number of the plane", default=Attribute("plane_id"), of="points"
     )
     plane: int | None = param(
-        "Number of the facade; the upright plane with the most points unless given",
+        "Number of a plane of the front that is looked at; all fronts unless given",
         default=None,
         unit="1",
         ge=1,
@@ -95,6 +85,15 @@ class PlanesOpenings:
     min_points: int = param("Fewest points behind an opening", default=5, unit="1", ge=1)
     recess: float = param(
         "Farthest that panes and doors lie behind the facade", default=0.25, unit="m", gt=0
+    )
+    min_recess: float = param(
+        "Least depth behind the wall of what is in an opening", default=0.02, unit="m", gt=0
+    )
+    front_depth: float = param(
+        "How far the planes of a front stand before or behind the largest",
+        default=1.5,
+        unit="m",
+        gt=0,
     )
     depth: float = param("Farthest behind that is looked at", default=5.0, unit="m", gt=0)
 
@@ -108,10 +107,13 @@ class PlanesOpenings:
             show=show.Classes("kind"),
         )
         elevation: Vector = sink(
-            "The facade and its openings, in its own coordinates", show=show.Classes("kind")
+            "Each front and its openings, in its own coordinates", show=show.Classes("kind")
         )
+        dropped: Vector = sink("Gaps that are no openings, with the reason")
         planes: Vector = sink("Outlines of the planes that are left")
         count: int = sink("Openings", unit="1")
+        fronts: int = sink("Fronts that were looked at", unit="1")
+        dropped_count: int = sink("Gaps that are no openings", unit="1")
         behind: int = sink("Points seen through openings", unit="1")
         given_up: int = sink("Planes that were seen through openings", unit="1")
 
@@ -125,7 +127,7 @@ class PlanesOpenings:
         return math.inf
 
     def run(self, ctx: Context = QUIET) -> PlanesOpenings.Outputs:
-        """Find the gaps of the facade, look for points behind them, and mark these."""
+        """Find the gaps of each front, look what is in them, and mark the points behind."""
         cloud = self.points
         ids = plane_numbers(cloud, self.attribute)
         if negative := int(np.sum(ids < 0)):
@@ -133,20 +135,20 @@ class PlanesOpenings:
                 f"points: {self.attribute} is below 0 at {negative} points; planes must be "
                 "numbered from 1, with 0 for none, as by planes.extract"
             )
-        number = self._facade(cloud.xyz, ids, ctx.part(0.0, 0.1))
-        front = facade_of(cloud.xyz, ids == number)
-        made = openings(
-            front,
-            min_width=self.min_width,
-            max_width=self.max_width,
-            fewest=self.min_points,
-            recess=self.recess,
-            depth=self.depth,
-            ctx=ctx.part(0.1, 0.6),
-        )
-        if not made.shapes:
-            log.warning("plane %d has no openings; look at min_width and min_points", number)
-        opening, behind = marked(front, made, self.recess, self.depth)
+        seen = self._fronts(ids, ctx)
+        opening, behind = np.zeros(len(cloud), np.int32), np.zeros(len(cloud), bool)
+        walls = np.zeros(len(cloud), bool)
+        for one in seen:
+            walls[one.near[one.relief.own]] = True
+        before = 0
+        for one in seen:
+            numbers, through = marked(
+                one.relief, one.made, self.recess, self.depth, walls[one.near]
+            )
+            free = (numbers > 0) & (opening[one.near] == 0)
+            opening[one.near[free]] = numbers[free] + before
+            behind[one.near[through]] = True
+            before += len(one.made.found)
         lost = np.unique(ids[behind & (ids > 0)])
         sizes = {k: int((ids == k).sum()) for k in lost.tolist()}
         given_up = [k for k, size in sizes.items() if 2 * int((behind & (ids == k)).sum()) > size]
@@ -154,56 +156,137 @@ class PlanesOpenings:
         ctx.progress(0.7)
         columns: dict[str, NDArray[Any]] = {
             str(self.attribute): kept,
-            "opening_id": opening.astype(np.int32),
+            "opening_id": opening,
             "behind": behind.astype(np.uint8),
         }
         notes = {"opening_id": "0 of none", "behind": "1 seen through an opening"}
         cleaned = cloud.with_attributes(columns, descriptions=notes)
-        layer, elevation = self._layers(front, made, number)
-        del front, made, opening, ids  # outlines need much memory
+        layer, elevation, dropped = self._layers(seen)
+        number_of_fronts = len(seen)
+        del seen, opening, ids  # outlines need much memory
         planes = self._planes(kept, ctx.part(0.7, 1.0))
         ctx.progress(1.0)
         return self.Outputs(
             cleaned=cleaned,
             openings=layer,
             elevation=elevation,
+            dropped=dropped,
             planes=planes,
             count=len(layer),
+            fronts=number_of_fronts,
+            dropped_count=len(dropped),
             behind=int((behind & cloud.core).sum()),
             given_up=len(given_up),
         )
 
-    def _facade(self, xyz: Floats, ids: Ints, ctx: Context) -> int:
-        """Number of the plane that is the facade."""
+    def _fronts(self, ids: Ints, ctx: Context) -> list[_Seen]:
+        """The fronts that are looked at, with their openings."""
+        cloud = self.points
         numbers, counts = np.unique(ids[ids > 0], return_counts=True)
-        if self.plane is not None:
-            if self.plane not in numbers:
-                raise DataError(f"points: none is on plane {self.plane} by {self.attribute}")
-            return self.plane
-        for k in numbers[np.argsort(-counts, kind="stable")].tolist():
-            ctx.progress(0.0)
-            if (ids == k).sum() >= 3 and abs(fitted(xyz[ids == k]).normal[2]) <= UPRIGHT:
-                return int(k)
-        raise DataError(f"points: {self.attribute} has no upright plane; name one with plane")
+        numbers = numbers[counts >= 3]
+        ranks = np.zeros(len(ids), np.int32)
+        some = np.isin(ids, numbers)
+        ranks[some] = np.searchsorted(numbers, ids[some]) + 1
+        planes = [fitted(cloud.xyz[part]) for part in parts_of(ranks, len(numbers))]
+        fronts = self._chosen(ranks, numbers, planes)
+        shades = None
+        if "intensity" in cloud and np.ptp(cloud["intensity"]) > 0:
+            shades = np.log1p(np.asarray(cloud["intensity"], float))
+        widest = max(self.max_width, STOREY * cloud.metre)
+        seen = []
+        for number, front in enumerate(fronts):
+            part = ctx.part(0.6 * number / len(fronts), 0.6 * (number + 1) / len(fronts))
+            near = _near(cloud.xyz, ranks, front, max(self.depth, self.front_depth))
+            shade = None if shades is None else shades[near]
+            relief = relief_of(
+                cloud.xyz[near],
+                ranks[near],
+                front,
+                shade,
+                largest=(widest, TALL * widest),
+                recess=self.recess,
+                depth=self.depth,
+                least=self.min_recess,
+            )
+            made = openings(
+                relief,
+                shade,
+                min_width=self.min_width,
+                max_width=self.max_width,
+                tallest=TALL * widest,
+                fewest=self.min_points,
+                recess=self.recess,
+                depth=self.depth,
+                ctx=part,
+            )
+            seen.append(_Seen(int(numbers[front.members[0]]), near, relief, made))
+        if not any(one.made.found for one in seen):
+            names = ", ".join(str(one.number) for one in seen)
+            log.warning(
+                "the front of plane %s has no openings; look at min_width, min_points and dropped",
+                names,
+            )
+        return seen
 
-    def _layers(self, front: Facade, made: Openings, number: int) -> tuple[Vector, Vector]:
-        """Layer of the openings in space, and layer of facade and openings in its coordinates."""
+    def _chosen(self, ranks: NDArray[np.int32], numbers: Ints, planes: list[Plane]) -> list[Front]:
+        """The fronts that are looked at: all, or that of one plane."""
+        xyz, metre = self.points.xyz, self.points.metre
+        if self.plane is not None and self.plane not in numbers:
+            raise DataError(f"points: none is on plane {self.plane} by {self.attribute}")
+        fronts = fronts_of(xyz, ranks, planes, depth=self.front_depth, metre=metre)
+        if self.plane is not None:
+            alone = int(np.searchsorted(numbers, self.plane))
+            fronts = [front for front in fronts if alone in front.members]
+        elif not fronts:
+            sizes = np.bincount(ranks, minlength=len(planes) + 1)[1:]
+            upright = [k for k, plane in enumerate(planes) if abs(plane.normal[2]) <= UPRIGHT]
+            if not upright:
+                raise DataError(
+                    f"points: {self.attribute} has no upright plane; name one with plane"
+                )
+            alone = max(upright, key=lambda k: int(sizes[k]))
+        if not fronts:
+            outwards = outside(xyz, planes[alone], np.flatnonzero(ranks == alone + 1), metre)
+            fronts = [Front(outwards, [alone], np.zeros(1))]
+        return fronts
+
+    def _layers(self, seen: list[_Seen]) -> tuple[Vector, Vector, Vector]:
+        """Openings in space, fronts and openings in their coordinates, gaps that were dropped."""
         metre = self.points.metre
-        rows = [{"opening_id": k} | row for k, row in enumerate(made.rows(front, metre), start=1)]
-        columns = ["opening_id", *COLUMNS]
-        flat = list(made.shapes)
-        solid = geopandas.GeoDataFrame(
-            rows,
-            columns=columns,
-            geometry=[front.view.raised(s) for s in flat],
-            crs=self.points.crs,
+        rows: list[dict[str, Any]] = []
+        shown: list[dict[str, Any]] = []
+        solid, flat, reasons, gaps = [], [], [], []
+        aside = 0.0
+        for front_id, one in enumerate(seen, start=1):
+            shapes = [opening.shape for opening in one.made.found]
+            wall = one.made.wall
+            left, _, right, _ = wall.bounds
+            shift = np.array([aside - left if front_id > 1 else 0.0, 0.0])
+            hole = shapely.difference(wall, shapely.union_all(shapes)) if shapes else wall
+            shown.append({"opening_id": 0, "kind": "facade", "plane_id": one.number})
+            flat.append(_moved(hole, shift))
+            for opening in one.made.found:
+                row = {"opening_id": len(rows) + 1, "front_id": front_id}
+                row |= opening.row(one.relief, metre)
+                rows.append(row)
+                shown.append(row)
+                solid.append(one.relief.view.raised(opening.shape))
+                flat.append(_moved(opening.shape, shift))
+            for gap in one.made.dropped:
+                reasons.append({"front_id": front_id, "reason": gap.dropped})
+                gaps.append(one.relief.view.raised(shapely.box(*gap.shape.bounds)))
+            aside = right + shift[0] + APART * metre
+        crs = self.points.crs
+        names = ["opening_id", "front_id", *COLUMNS]
+        layers = (
+            geopandas.GeoDataFrame(rows, columns=names, geometry=solid, crs=crs),
+            geopandas.GeoDataFrame(shown, geometry=flat),
+            geopandas.GeoDataFrame(reasons, columns=["front_id", "reason"], geometry=gaps, crs=crs),
         )
-        wall = shapely.difference(made.wall, shapely.union_all(flat)) if flat else made.wall
-        shown = [{"opening_id": 0, "kind": "facade", "plane_id": number}, *rows]
-        elevation = geopandas.GeoDataFrame(shown, geometry=[wall, *flat])
         return (
-            Vector(solid, name="openings", geometry_type="Polygon Z"),
-            Vector(elevation, name="elevation", geometry_type="Polygon"),
+            Vector(layers[0], name="openings", geometry_type="Polygon Z"),
+            Vector(layers[1], name="elevation", geometry_type="Polygon"),
+            Vector(layers[2], name="dropped", geometry_type="Polygon Z"),
         )
 
     def _planes(self, ids: NDArray[np.int32], ctx: Context) -> Vector:
@@ -217,63 +300,26 @@ class PlanesOpenings:
         return Vector(frame.set_crs(self.points.crs), name="planes", geometry_type="Polygon Z")
 
 
-class Facade(NamedTuple):
-    """A wall, and all points in its coordinates.
+class _Seen(NamedTuple):
+    """A front that was looked at: number of its largest plane, points near it, and its openings."""
 
-    Attributes
-    ----------
-    view : coordinates on the wall, seen from the front
-    uv : array of shape (n, 2), of all points
-    behind : array of shape (n,), how far points lie behind the wall
-    own : array of shape (n,), which are on it
-    apart : distance of neighbours on it
-    """
-
-    view: View
-    uv: Floats
-    behind: Floats
-    own: NDArray[np.bool_]
-    apart: float
+    number: int
+    near: Ints
+    relief: Relief
+    made: Openings
 
 
-class Openings(NamedTuple):
-    """Gaps of a wall through which something is seen.
+def _moved(shape: Any, shift: Floats) -> Any:
+    return shapely.transform(shape, lambda uv: uv + shift)
 
-    Attributes
-    ----------
-    wall : outline of the wall, gaps filled
-    shapes : polygons, from left to right
-    seen : points behind each
-    set_back : how far what is in each lies behind the wall, the median
-    edges : share of each outline that is seen, and the names of sides that are not
-    """
 
-    wall: Any
-    shapes: list[Any]
-    seen: list[int]
-    set_back: list[float]
-    edges: list[tuple[float, str]]
-
-    def rows(self, front: Facade, metre: float) -> Iterator[dict[str, Any]]:
-        """Attributes of each opening; lengths in the unit of the data."""
-        known = zip(self.shapes, self.seen, self.set_back, self.edges, strict=True)
-        for shape, seen, back, (edge_seen, hidden) in known:
-            left, bottom, right, top = shape.bounds
-            beside = (front.uv[:, 0] > left - 1 * metre) & (front.uv[:, 0] < right + 1 * metre)
-            sill = bottom - float(front.uv[front.own & beside, 1].min(initial=bottom))
-            door = top - bottom >= DOOR_HEIGHT * metre and sill <= DOOR_SILL * metre
-            yield {
-                "kind": "door" if door else "window",
-                "width": right - left,
-                "height": top - bottom,
-                "area": shape.area,
-                "sill": sill,
-                "set_back": back,
-                "seen": seen,
-                "edge_seen": edge_seen,
-                "hidden": hidden,
-                "rectangle": len(shape.exterior.coords) == 5,
-            }
+def _near(xyz: Floats, ranks: NDArray[np.int32], front: Front, depth: float) -> Ints:
+    """Indices of the points no farther than the depth from a front and from the box around it."""
+    own = xyz[np.isin(ranks, np.array(front.members) + 1)]
+    near = np.abs(front.plane.distances(xyz)) <= depth
+    near &= (xyz >= own.min(axis=0) - depth).all(axis=1)
+    near &= (xyz <= own.max(axis=0) + depth).all(axis=1)
+    return np.flatnonzero(near)
 
 
 def fitted(xyz: Floats) -> Plane:
@@ -283,151 +329,3 @@ def fitted(xyz: Floats) -> Plane:
     centre = near.mean(axis=0)
     near -= centre
     return Plane(np.linalg.eigh(near.T @ near)[1][:, 0], centre, origin)
-
-
-def facade_of(xyz: Floats, own: NDArray[np.bool_]) -> Facade:
-    """The wall through the points `own`; its front is the side with more points."""
-    plane = fitted(xyz[own])
-    away = plane.distances(xyz)
-    if np.median(away) < 0:
-        plane, away = Plane(-plane.normal, plane.centre, plane.origin), -away
-    view = View.of(plane, xyz[own])
-    uv = view.flat(xyz)
-    round_trip = np.append(uv[own], uv[own][:1], axis=0)  # a line, also through a single point
-    area = float(shapely.area(shapely.convex_hull(shapely.linestrings(round_trip))))
-    return Facade(view, uv, -away, own, math.sqrt(area / own.sum()))
-
-
-def openings(
-    front: Facade,
-    *,
-    min_width: float,
-    max_width: float,
-    fewest: int,
-    recess: float,
-    depth: float,
-    ctx: Context = QUIET,
-) -> Openings:
-    """Gaps of a wall with points behind them; for the settings see :class:`PlanesOpenings`.
-
-    Lengths are in the unit of the points.
-    """
-    uv = front.uv[front.own]
-    parts = shapely.union_all(list(alpha_shape(uv, min_width / 2, ctx=ctx.part(0.0, 0.4)).polygons))
-    # A few points of the ground or of a side wall, in line with the wall, are no part of it.
-    firm = shapely.buffer(shapely.buffer(parts, -min_width / 4), min_width / 4 + front.apart)
-    held = Polygons.of(shapely.get_parts(firm)).hold(uv)
-    wall = outline(uv[held] if held.any() else uv, max_width, ctx=ctx.part(0.4, 0.8))
-    gaps = shapely.get_parts(shapely.difference(wall, parts))
-    # Narrow necks between gaps, where points lie a little farther apart, do not join them.
-    gaps = shapely.get_parts(shapely.buffer(shapely.buffer(gaps, -min_width / 4), min_width / 4))
-    shapes, seen, backs, edges = [], [], [], []
-    here = np.flatnonzero(~front.own & (front.behind > 0) & (front.behind <= depth))
-    for gap in sorted(gaps, key=lambda gap: gap.bounds):
-        ctx.progress(0.8)
-        left, bottom, right, top = gap.bounds
-        if not (min_width <= right - left <= max_width and top - bottom >= min_width):
-            continue
-        inside = here[Polygons.of(np.array([gap])).hold(front.uv[here])]
-        inside = inside[front.behind[inside] > BEHIND * front.apart]
-        if len(inside) < fewest:
-            continue
-        shape = _rectangle(gap, uv, front.apart) or gap
-        shapes.append(shape)
-        seen.append(len(inside))
-        edges.append(_edge_seen(shape, front, inside, recess))
-        near = front.behind[inside] <= recess
-        backs.append(float(np.median(front.behind[inside[near]])) if near.any() else math.nan)
-    ctx.progress(1.0)
-    return Openings(wall, shapes, seen, backs, edges)
-
-
-def _edge_seen(shape: Any, front: Facade, inside: Ints, recess: float) -> tuple[float, str]:
-    """Share of an outline that is seen, and names of the sides that mostly are not.
-
-    Parameters
-    ----------
-    inside : points behind the opening
-    """
-    left, bottom, right, top = shape.bounds
-    rim = BESIDE * front.apart
-    u, v = front.uv.T
-    beside = (u > left - rim) & (u < right + rim) & (v > bottom - rim) & (v < top + rim)
-    beside &= (front.behind >= -recess) & (front.behind <= BEHIND * front.apart)
-    around = front.uv[beside]
-    around = around[~Polygons.of(np.array([shape])).hold(around)]
-    ring = shape.exterior
-    steps = np.arange(front.apart / 2, ring.length, front.apart)
-    places = shapely.get_coordinates(shapely.line_interpolate_point(ring, steps))
-    reach = max(recess, EMPTY * math.sqrt(shape.area / len(inside)))
-    seen = np.zeros(len(places), bool)
-    if len(around):
-        seen |= KDTree(around).query(places)[0] <= rim
-        seen &= KDTree(front.uv[inside]).query(places)[0] <= reach
-    hidden = []
-    for side, name in enumerate(SIDES):
-        on = np.abs(places[:, side % 2] - shape.bounds[side]) < front.apart / 4
-        if len(ring.coords) == 5 and seen[on].mean() < 0.5:
-            hidden.append(name)
-    return float(seen.mean()), ", ".join(hidden)
-
-
-def _rectangle(gap: Any, uv: Floats, apart: float) -> Any:
-    """Rectangle of a gap, between the ends of the rows of points around it; None if it has none."""
-    left, bottom, right, top = gap.bounds
-    box = shapely.box(left, bottom, right, top)
-    if gap.area < FULL * box.area:
-        return None
-    sides = [left, bottom, right, top]
-    for axis in (0, 1):
-        low, high = sides[1 - axis], sides[3 - axis]
-        rim = (1 - MIDDLE) / 2 * (high - low)
-        along = (uv[:, 1 - axis] > low + rim) & (uv[:, 1 - axis] < high - rim)
-        near = uv[along]
-        row = np.floor(near[:, 1 - axis] / (2 * apart)).astype(np.int64)
-        middle = (gap.bounds[axis] + gap.bounds[2 + axis]) / 2
-        for end, sign in ((axis, 1.0), (2 + axis, -1.0)):
-            reach = sign * (near[:, axis] - gap.bounds[end])
-            close = (reach > -4 * apart) & (sign * (near[:, axis] - middle) < 0)
-            edge = _edge(sign * near[close, axis], row[close])
-            if edge is not None:
-                sides[end] = sign * edge
-    if sides[0] >= sides[2] or sides[1] >= sides[3]:
-        return None
-    return shapely.box(*sides)
-
-
-def _edge(ends: Floats, row: Ints) -> float | None:
-    """The position of an edge, beyond which 5 % of the rows of points reach; None for few rows."""
-    rows, number = np.unique(row, return_inverse=True)
-    if len(rows) < FEWEST_ROWS:
-        return None
-    last = np.full(len(rows), -np.inf)
-    np.maximum.at(last, number, ends)
-    return float(np.quantile(last, EDGE))
-
-
-def marked(
-    front: Facade, made: Openings, recess: float, depth: float
-) -> tuple[Ints, NDArray[np.bool_]]:
-    """Number of the opening of each point, 0 for none, and which points were seen through it.
-
-    A point beyond the recess is within the outline of the wall; the opening is the nearest one, as
-    the way of the ray is not known.
-    """
-    opening = np.zeros(len(front.uv), np.int64)
-    behind = np.zeros(len(front.uv), bool)
-    if not made.shapes:
-        return opening, behind
-    some = np.flatnonzero((front.behind > 0) & (front.behind <= depth) & ~front.own)
-    within = shapely.buffer(made.wall, -2 * front.apart)  # not what stands at its edge
-    some = some[Polygons.of(shapely.get_parts(within)).hold(front.uv[some])]
-    tree = shapely.STRtree(made.shapes)
-    places = shapely.points(front.uv[some])
-    nearest = np.asarray(tree.nearest(places))
-    away = shapely.distance(places, np.array(made.shapes)[nearest])
-    deep = front.behind[some] > recess
-    in_it = deep | (away <= 2 * front.apart)
-    opening[some[in_it]] = nearest[in_it] + 1
-    behind[some[deep]] = True
-    return opening, behind

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from algorithms.planes.extract import PlanesExtract
 from algorithms.planes.openings import PlanesOpenings
 from algorithms.samples.scene import scene
 from toolbox.data import PointCloud
+from toolbox.data.crs import LOCAL
 from toolbox.errors import DataError, ParameterError
 
 UTM = CRS(32635)
@@ -185,6 +188,120 @@ def test_no_openings_and_no_facade(caplog: pytest.LogCaptureFixture) -> None:
     negative = cloud["plane_id"].astype(np.int32) - 2
     with pytest.raises(DataError, match=r"plane_id is below 0 at \d+ points; planes must be"):
         found(cloud.with_attributes({"plane_id": negative}))
+
+
+def test_what_an_opening_is_found_by_and_what_was_dropped() -> None:
+    out = found(front())
+    frame = out.openings.frame.set_index("kind")
+    assert frame.found_by["window"] == "behind"  # more points on the curtain than on the pane
+    assert frame.found_by["door"] == "recess"
+    assert (frame.certainty > 0.9).all()
+    assert out.dropped_count == len(out.dropped.frame) > 0
+    (dark,) = out.dropped.frame.query("reason == 'something stands before it'").geometry
+    corners = shapely.get_coordinates(dark, include_z=True) - FAR
+    assert (corners[:, 0].min(), corners[:, 0].max()) == pytest.approx((DARK[0], DARK[2]), abs=0.1)
+    assert out.fronts == 1
+
+
+def test_another_reflectance_is_told() -> None:
+    cloud, rng = front(), np.random.default_rng(7)
+    bright = np.where(np.isin(cloud["kind"], [DOOR]), 400, 3000) * rng.lognormal(0, 0.1, len(cloud))
+    frame = found(cloud.with_attributes({"intensity": bright.astype(np.uint16)})).openings.frame
+    assert sorted(frame.found_by) == ["behind", "recess, reflectance"]
+
+
+def panels() -> PointCloud:
+    """Panels between pilasters that stand before them, with nine windows, one of them empty."""
+    rng = np.random.default_rng(9)
+    wall = flat((0, 0, 11, 9), 600, 0.0, rng)
+    parts, ids = [], []
+    for column, row in np.ndindex(3, 3):
+        left, bottom = 1.1 + 3.6 * column, 0.9 + 2.9 * row
+        inside = (wall[:, [0, 2]] > (left, bottom)) & (wall[:, [0, 2]] < (left + 1.4, bottom + 1.4))
+        wall = wall[~inside.all(axis=1)]
+        if (column, row) != (1, 1):
+            parts.append(flat((left, bottom, left + 1.4, bottom + 1.4), 400, 0.15, rng))
+            ids.append(20 + 3 * row + column)
+    before = np.zeros(len(wall), bool)
+    for k in range(4):  # the wall is not seen where a pilaster stands
+        left = 3.5 * k
+        before |= (wall[:, 0] > left) & (wall[:, 0] < left + 0.5)
+        parts.append(flat((left, 0, left + 0.5, 9), 600, -0.5, rng))
+        ids.append(10 + k)
+    wall = wall[~before]
+    panel = np.digitize(wall[:, 0], [3.7, 7.2]) + 1
+    street = np.column_stack([*(rng.random((2, 30_000)) * [[11], [-9]]), np.zeros(30_000)])
+    xyz = np.vstack([wall, *parts, street])
+    numbers = [panel, *(np.full(len(p), k) for p, k in zip(parts, ids, strict=True))]
+    plane = np.concatenate([*numbers, np.full(len(street), 99)]).astype(np.int32)
+    shade = np.where((plane >= 20) & (plane < 99), 500, 9000) * rng.lognormal(0, 0.1, len(xyz))
+    columns = {"plane_id": plane, "intensity": shade.astype(np.uint16)}
+    return PointCloud(xyz + FAR, columns, crs=UTM)
+
+
+def test_windows_behind_pilasters() -> None:
+    """Panels are wall, not openings; an empty gap in line with windows is one."""
+    out = found(panels())
+    frame = out.openings.frame
+    assert out.count == 9
+    assert np.allclose(frame.width, 1.4, atol=0.05)
+    assert np.allclose(frame.height, 1.4, atol=0.05)
+    (empty,) = frame[frame.seen == 0].itertuples()
+    assert empty.found_by == "grid"
+    assert empty.certainty <= 0.5
+    assert frame[frame.seen > 0].set_back.between(0.14, 0.16).all()
+    assert not out.cleaned["behind"].any()
+
+
+def test_all_fronts_are_looked_at() -> None:
+    """The same front a second time, round the corner, is numbered on and drawn beside it."""
+    one = panels()
+    xyz = one.xyz - FAR
+    turned = np.column_stack([11.6 - xyz[:, 1], xyz[:, 0] + 0.6, xyz[:, 2]]) + FAR
+    ids = one["plane_id"].astype(np.int32)
+    columns = {
+        "plane_id": np.concatenate([ids, np.where(ids == 99, 99, ids + 100)]).astype(np.int32),
+        "intensity": np.tile(one["intensity"], 2),
+    }
+    both = PointCloud(np.vstack([one.xyz, turned]), columns, crs=UTM)
+    out = found(both)
+    assert (out.count, out.fronts) == (18, 2)
+    assert list(out.openings.frame.opening_id) == list(range(1, 19))
+    walls = out.elevation.frame.query("kind == 'facade'").geometry
+    assert walls.iloc[0].bounds[2] < walls.iloc[1].bounds[0]
+    assert set(out.cleaned["opening_id"]) == {
+        0,
+        *out.openings.frame[lambda f: f.seen > 0].opening_id,
+    }
+    alone = found(both, plane=101)
+    assert (alone.count, alone.fronts) == (9, 1)
+
+
+@pytest.mark.parametrize("name", ["facade_1.txt.gz", "facade_2.txt.gz"])
+def test_real_shop_fronts(data: Callable[[str], Path], name: str) -> None:
+    """Doors and windows full of panes, shutters and goods, labelled one by one."""
+    table = np.loadtxt(data(f"facade_street_openings/{name}"), skiprows=1)
+    intensity = table[:, 3].astype(np.uint16)
+    cloud = PointCloud(table[:, :3], {"intensity": intensity}, crs=LOCAL)
+    out = found(PlanesExtract(points=cloud).run().segmented)
+    shapes = [
+        _along(shapely.get_coordinates(g, include_z=True)) for g in out.openings.frame.geometry
+    ]
+    kind, number = table[:, 4], table[:, 5]
+    labelled = [
+        _along(table[(kind == k) & (number == n), :3])
+        for k in (2, 3)
+        for n in np.unique(number[kind == k])
+    ]
+    shared = shapely.area(shapely.intersection(np.array(labelled)[:, None], np.array(shapes)[None]))
+    areas = shapely.area(labelled)[:, None] + shapely.area(shapes)[None] - shared
+    right = int((shared / areas >= 0.5).any(axis=1).sum())
+    assert 2 * right / (len(shapes) + len(labelled)) >= 0.85
+
+
+def _along(xyz: Floats) -> Any:
+    """Hull of points of a front that runs north and south, seen from the side."""
+    return shapely.convex_hull(shapely.multipoints(xyz[:, 1:]))
 
 
 @pytest.mark.slow

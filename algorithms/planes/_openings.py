@@ -1,0 +1,333 @@
+"""Openings of a front: their edges, what they were found by, and the points seen through them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from algorithms.planes._gaps import Gap, gaps, in_grid
+from algorithms.planes._outlines import outline
+from algorithms.planes._relief import DEVIATION, Relief
+from algorithms.shared.alpha_shape import alpha_shape
+from algorithms.shared.polygons import Polygons
+from toolbox.context import QUIET, Context
+
+MIDDLE = 0.8  # share of a side along which its edge is looked for, away from the corners
+EDGE = 0.95  # share of the rows of points that end before the edge
+FEWEST_ROWS = 5
+ROWS = 0.5  # share of the rows beside an edge that reach it, if it is one of the wall
+AROUND = 2.0  # squares around a region within which the wall begins
+HOLE = 2.5  # radius of a hole of the wall over the distance of neighbours: 20 points are missing
+NEAR_EDGE = 5.0  # distance of an edge from that of its squares, over that of neighbours, at most
+BEHIND = 2 / 3  # depth over the distance of neighbours, beyond which a point is behind the wall
+SIDES = ("left", "bottom", "right", "top")
+BESIDE = 4.0  # distance of a point from an edge that is seen, over that of neighbours
+EMPTY = 1.5  # the same behind the opening: one in thirty random half circles has none
+DOOR_HEIGHT, DOOR_SILL = 1.8, 0.3  # metres: least height, and most above the foot of the wall
+OTHER = 3.0  # standard deviations of the logarithm of intensity, beyond which it is another
+UNSEEN = 0.5  # how sure an opening is in which nothing was seen, over one in which there was
+COLUMNS = (
+    "kind",
+    "width",
+    "height",
+    "area",
+    "sill",
+    "set_back",
+    "seen",
+    "edge_seen",
+    "hidden",
+    "rectangle",
+    "found_by",
+    "certainty",
+)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+class Opening(NamedTuple):
+    """An opening of a wall.
+
+    Attributes
+    ----------
+    shape : polygon on the wall
+    seen : points behind it
+    set_back : how far what is in it lies behind the wall, the median
+    edge_seen : share of the outline that is seen
+    hidden : names of the sides that are not
+    found_by : what tells that it is one
+    certainty : from 0 to 1
+    """
+
+    shape: Any
+    seen: int
+    set_back: float
+    edge_seen: float
+    hidden: str
+    found_by: str
+    certainty: float
+
+    def row(self, front: Relief, metre: float) -> dict[str, Any]:
+        """Its attributes; lengths in the unit of the data."""
+        left, bottom, right, top = self.shape.bounds
+        beside = (front.uv[:, 0] > left - 1 * metre) & (front.uv[:, 0] < right + 1 * metre)
+        sill = bottom - float(front.uv[front.own & beside, 1].min(initial=bottom))
+        door = top - bottom >= DOOR_HEIGHT * metre and sill <= DOOR_SILL * metre
+        return {
+            "kind": "door" if door else "window",
+            "width": right - left,
+            "height": top - bottom,
+            "area": self.shape.area,
+            "sill": sill,
+            "set_back": self.set_back,
+            "seen": self.seen,
+            "edge_seen": self.edge_seen,
+            "hidden": self.hidden,
+            "rectangle": len(shapely.get_coordinates(self.shape)) == 5,
+            "found_by": self.found_by,
+            "certainty": self.certainty,
+        }
+
+
+class Openings(NamedTuple):
+    """Openings of a wall.
+
+    Attributes
+    ----------
+    wall : outline of the wall, gaps filled
+    found : from left to right
+    dropped : gaps that are none
+    """
+
+    wall: Any
+    found: list[Opening]
+    dropped: list[Gap]
+
+
+def openings(
+    front: Relief,
+    shades: Floats | None,
+    *,
+    min_width: float,
+    max_width: float,
+    tallest: float,
+    fewest: int,
+    recess: float,
+    depth: float,
+    ctx: Context = QUIET,
+) -> Openings:
+    """Openings of a wall; for the settings see :class:`PlanesOpenings`.
+
+    Lengths are in the unit of the points.
+
+    Parameters
+    ----------
+    shades : logarithm of the intensity of the points, if it is known
+    """
+    uv = front.uv[front.own]
+    parts = shapely.union_all(list(alpha_shape(uv, min_width / 2, ctx=ctx.part(0.0, 0.4)).polygons))
+    # A few points of the ground or of a side wall, in line with the wall, are no part of it.
+    firm = shapely.buffer(shapely.buffer(parts, -min_width / 4), min_width / 4 + front.apart)
+    held = Polygons.of(shapely.get_parts(firm)).hold(uv)
+    wall = outline(uv[held] if held.any() else uv, max_width, ctx=ctx.part(0.4, 0.8))
+    here = np.flatnonzero(~front.own & (front.behind > 0) & (front.behind <= depth))
+    found, dropped = [], []
+    for gap in gaps(front, min_width=min_width, max_width=max_width, tallest=tallest):
+        ctx.progress(0.8)
+        shape = None if gap.dropped else _shape(gap, uv, front)
+        inside = here if shape is None else here[_in(shape, front.uv[here])]
+        inside = inside[front.behind[inside] > min(front.step, BEHIND * front.apart)]
+        if reason := _reason(gap, shape, len(inside), min_width, max_width, fewest):
+            dropped.append(gap._replace(dropped=reason))
+            continue
+        found.append(_described(gap, shape, inside, front, shades, recess))
+    ctx.progress(1.0)
+    return Openings(wall, _with_grid(found, front.side), dropped)
+
+
+def _in(shape: Any, uv: Floats) -> Mask:
+    return Polygons.of(np.array([shape])).hold(uv)
+
+
+def _reason(
+    gap: Gap, shape: Any, seen: int, min_width: float, max_width: float, fewest: int
+) -> str:
+    """Why a gap is no opening; empty if it is one."""
+    if gap.dropped or shape is None:
+        return gap.dropped or "nothing left between points of the wall"
+    left, bottom, right, top = shape.bounds
+    if min(right - left, top - bottom) < min_width:
+        return "too narrow"
+    if right - left > max_width:
+        return "too wide or too high"
+    return "too few points behind it" if seen < fewest and gap.found_by != "grid" else ""
+
+
+def _shape(gap: Gap, uv: Floats, front: Relief) -> Any:
+    """Outline of an opening between the points of the wall; None if nothing is left of it.
+
+    Parameters
+    ----------
+    uv : array of shape (n, 2), points of the wall
+    """
+    if gap.rectangle:
+        return _rectangle(gap.shape.bounds, uv, front.apart)
+    room = shapely.buffer(gap.shape, AROUND * front.side, join_style="mitre")
+    left, bottom, right, top = shapely.buffer(room, AROUND * front.side).bounds
+    here = (uv > (left, bottom)).all(axis=1) & (uv < (right, top)).all(axis=1)
+    around = alpha_shape(uv[here], HOLE * front.apart).polygons
+    pieces = shapely.difference(room, shapely.union_all(list(around)))
+    pieces = shapely.get_parts(shapely.buffer(shapely.buffer(pieces, -front.apart), front.apart))
+    held = [piece for piece in pieces if piece.intersects(gap.shape)]
+    largest = max(held, key=shapely.area, default=None)
+    return None if largest is None else shapely.Polygon(largest.exterior)
+
+
+def _described(
+    gap: Gap, shape: Any, inside: Ints, front: Relief, shades: Floats | None, recess: float
+) -> Opening:
+    """An opening with what tells that it is one."""
+    edge_seen, hidden = _edge_seen(shape, front, inside, recess) if len(inside) else (0.0, "")
+    near = front.behind[inside] <= recess
+    back = float(np.median(front.behind[inside[near]])) if near.any() else math.nan
+    known = []
+    if near.sum() > len(inside) / 2:
+        known.append("recess")
+    elif len(inside):
+        known.append("behind")
+    if shades is not None and len(inside) and _other_shade(shape, inside, front, shades):
+        known.append("reflectance")
+    if gap.found_by == "grid":
+        known.append("grid")
+    left, bottom, right, top = gap.beside
+    sure = math.sqrt(gap.pure * max((left + right) / 2, (bottom + top) / 2))
+    sure *= UNSEEN if gap.found_by == "grid" else 1.0
+    return Opening(shape, len(inside), back, edge_seen, hidden, ", ".join(known), sure)
+
+
+def _other_shade(shape: Any, inside: Ints, front: Relief, shades: Floats) -> bool:
+    """Whether what is in an opening sends back another share of the light than the wall beside."""
+    left, bottom, right, top = shape.bounds
+    rim = BESIDE * front.apart
+    u, v = front.uv.T
+    beside = front.own & (u > left - rim) & (u < right + rim) & (v > bottom - rim) & (v < top + rim)
+    if not beside.any():
+        return False
+    middle = np.median(shades[beside])
+    spread = DEVIATION * np.median(np.abs(shades[beside] - middle))
+    return bool(abs(np.median(shades[inside]) - middle) > OTHER * spread)
+
+
+def _with_grid(found: list[Opening], side: float) -> list[Opening]:
+    """The same openings; those with the sides of another one say so."""
+    boxes = np.array([opening.shape.bounds for opening in found]).reshape(-1, 4)
+    alike = in_grid(boxes, side)
+    return [
+        opening._replace(found_by=f"{opening.found_by}, grid")
+        if regular and "grid" not in opening.found_by
+        else opening
+        for opening, regular in zip(found, alike, strict=True)
+    ]
+
+
+def _edge_seen(shape: Any, front: Relief, inside: Ints, recess: float) -> tuple[float, str]:
+    """Share of an outline that is seen, and names of the sides that mostly are not.
+
+    Parameters
+    ----------
+    inside : points behind the opening
+    """
+    left, bottom, right, top = shape.bounds
+    rim = BESIDE * front.apart
+    u, v = front.uv.T
+    beside = (u > left - rim) & (u < right + rim) & (v > bottom - rim) & (v < top + rim)
+    beside &= (front.behind >= -recess) & (front.behind <= BEHIND * front.apart)
+    around = front.uv[beside]
+    around = around[~Polygons.of(np.array([shape])).hold(around)]
+    ring = shape.exterior
+    steps = np.arange(front.apart / 2, ring.length, front.apart)
+    places = shapely.get_coordinates(shapely.line_interpolate_point(ring, steps))
+    reach = max(recess, EMPTY * math.sqrt(shape.area / len(inside)))
+    seen = np.zeros(len(places), bool)
+    if len(around):
+        seen |= KDTree(around).query(places)[0] <= rim
+        seen &= KDTree(front.uv[inside]).query(places)[0] <= reach
+    hidden = []
+    for side, name in enumerate(SIDES):
+        on = np.abs(places[:, side % 2] - shape.bounds[side]) < front.apart / 4
+        if len(ring.coords) == 5 and seen[on].mean() < 0.5:
+            hidden.append(name)
+    return float(seen.mean()), ", ".join(hidden)
+
+
+def _rectangle(box: tuple[float, ...], uv: Floats, apart: float) -> Any:
+    """A rectangle whose sides are moved to the ends of the rows of points around it, if these end.
+
+    Parameters
+    ----------
+    box : left, bottom, right, top
+    uv : array of shape (n, 2), points of the wall
+    """
+    sides: list[float] = list(box)
+    for axis in (0, 1):
+        low, high = box[1 - axis], box[3 - axis]
+        rim = (1 - MIDDLE) / 2 * (high - low)
+        along = (uv[:, 1 - axis] > low + rim) & (uv[:, 1 - axis] < high - rim)
+        near = uv[along]
+        row = np.floor(near[:, 1 - axis] / (2 * apart)).astype(np.int64)
+        fewest = max(FEWEST_ROWS, ROWS * MIDDLE * (high - low) / (2 * apart))
+        for end, sign in ((axis, 1.0), (2 + axis, -1.0)):
+            close = np.abs(near[:, axis] - box[end]) < NEAR_EDGE * apart
+            edge = _edge(sign * near[close, axis], row[close], fewest)
+            if edge is not None:
+                sides[end] = sign * edge
+    if sides[0] >= sides[2] or sides[1] >= sides[3]:
+        return None
+    return shapely.box(sides[0], sides[1], sides[2], sides[3])
+
+
+def _edge(ends: Floats, row: Ints, fewest: float) -> float | None:
+    """The position of an edge, beyond which 5 % of the rows of points reach; None for few rows."""
+    rows, number = np.unique(row, return_inverse=True)
+    if len(rows) < fewest:
+        return None
+    last = np.full(len(rows), -np.inf)
+    np.maximum.at(last, number, ends)
+    return float(np.quantile(last, EDGE))
+
+
+def marked(
+    front: Relief, made: Openings, recess: float, depth: float, walls: Mask
+) -> tuple[Ints, Mask]:
+    """Number of the opening of each point, 0 for none, and which points were seen through it.
+
+    A point beyond the recess is within the outline of the wall; the opening is the nearest one, as
+    the way of the ray is not known.
+
+    Parameters
+    ----------
+    walls : points of any wall
+    """
+    opening = np.zeros(len(front.uv), np.int64)
+    behind = np.zeros(len(front.uv), bool)
+    if not made.found:
+        return opening, behind
+    some = np.flatnonzero((front.behind > 0) & (front.behind <= depth) & ~walls)
+    within = shapely.buffer(made.wall, -2 * front.apart)  # not what stands at its edge
+    some = some[Polygons.of(shapely.get_parts(within)).hold(front.uv[some])]
+    shapes = [one.shape for one in made.found]
+    tree = shapely.STRtree(shapes)
+    places = shapely.points(front.uv[some])
+    nearest = np.asarray(tree.nearest(places))
+    away = shapely.distance(places, np.array(shapes)[nearest])
+    deep = front.behind[some] > recess
+    in_it = deep | (away <= 2 * front.apart)
+    opening[some[in_it]] = nearest[in_it] + 1
+    behind[some[deep]] = True
+    return opening, behind

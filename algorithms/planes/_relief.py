@@ -1,0 +1,266 @@
+"""A front as a picture: which squares of it are wall, and what stands behind or before the wall.
+
+A front has wall in several depths: panels between pilasters, storeys that stand back. What is seen
+in an opening is behind the wall around it, not behind the front as a whole.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.planes._fronts import Front
+from algorithms.planes._outlines import View
+
+PER_CELL = 4.0  # points of the wall in a square, about
+SIGMAS = 3.0  # standard deviations of a wall within which its points lie
+DEVIATION = 1.4826  # standard deviation over the median of the sizes of normal values
+HOLES = (0.05, 0.6)  # share of a panel that its openings take
+LIKE = 3.0  # standard deviations of the logarithm of intensity, within which a panel is wall
+FEW = 20_000  # points of a plane that tell its size
+INNER = (0.02, 0.98)  # quantiles of its points that its size is measured between
+
+EMPTY, WALL, BEHIND, HIDDEN = range(4)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+class Relief(NamedTuple):
+    """A front seen square to it.
+
+    Attributes
+    ----------
+    view : coordinates on the reference plane
+    uv : array of shape (n, 2), of all points
+    behind : array of shape (n,), how far they lie behind the wall around them
+    own : array of shape (n,), which are on the wall
+    apart : distance of neighbours on it
+    step : how far behind the wall a point lies at least that is not of it
+    side : of a square
+    states : array of shape (rows, columns), EMPTY, WALL, BEHIND or HIDDEN (something stands before)
+    """
+
+    view: View
+    uv: Floats
+    behind: Floats
+    own: Mask
+    apart: float
+    step: float
+    side: float
+    states: NDArray[np.int8]
+
+    def cells(self, uv: Floats) -> tuple[Ints, Ints, Mask]:
+        """Row and column of places, and which of these lie in the picture."""
+        return _cells(uv, self.side, self.states.shape)
+
+
+class _Plane(NamedTuple):
+    """A plane of the front: depth and spread of its points, size, logarithm of their intensity."""
+
+    number: int
+    depth: float
+    spread: float
+    size: Floats
+    shade: float
+    shade_spread: float
+    holes: float
+
+
+class _Walls(NamedTuple):
+    """Indices of the planes that are wall, and the spread of their points about them."""
+
+    planes: list[int]
+    spread: float
+
+
+def relief_of(
+    xyz: Floats,
+    ids: NDArray[Any],
+    front: Front,
+    shades: Floats | None,
+    *,
+    largest: tuple[float, float],
+    recess: float,
+    depth: float,
+    least: float,
+) -> Relief:
+    """The picture of a front.
+
+    Parameters
+    ----------
+    xyz, ids : all points, and the number of the plane of each, from 1
+    shades : logarithm of the intensity of all points, if it is known
+    largest : width and height of what is seen in an opening; larger planes are wall
+    recess : farthest that panes stand back
+    depth : farthest behind the wall that is looked at
+    least : step that is looked at, if the noise is not larger
+    """
+    members = np.flatnonzero(np.isin(ids, np.array(front.members) + 1))
+    view = View.of(front.plane, xyz[members])
+    uv, away = view.flat(xyz), -front.plane.distances(xyz)
+    parts = [_plane(k, uv, away, ids, shades) for k in front.members]
+    walls = _walls(parts, largest, recess, least)
+    own = np.isin(ids, np.array(walls.planes) + 1)
+    apart = _apart(uv[own])
+    side = math.sqrt(PER_CELL) * apart
+    shape = tuple((np.ceil(uv[members].max(axis=0)[::-1] / side) + 1).astype(int))
+    row, column, inside = _cells(uv, side, shape)
+    local = around(_median(row, column, away, own & inside, shape))
+    step = max(SIGMAS * walls.spread, least)
+    behind = away.copy()
+    behind[inside] -= np.nan_to_num(local[row[inside], column[inside]])
+    place = np.where(inside, row * shape[1] + column, -1)
+    states, leaning = _states(place, behind, depth, walls.spread, step, least, shape)
+    own &= ~(inside & leaning[row * inside, column * inside])
+    on_wall = own | (inside & (np.abs(behind) <= step) & (ids == 0))
+    return Relief(view, uv, behind, on_wall, apart, step, side, states)
+
+
+def _states(
+    place: Ints,
+    behind: Floats,
+    depth: float,
+    spread: float,
+    step: float,
+    least: float,
+    shape: Any,
+) -> tuple[NDArray[np.int8], Mask]:
+    """State of each square; and which are behind as a whole, while their points may be of the wall.
+
+    Parameters
+    ----------
+    place : number of the square of each point, below 0 for none
+    """
+    near = (place >= 0) & (behind <= depth)
+    cells = shape[0] * shape[1]
+    count = [
+        np.bincount(place[near & some], minlength=cells)
+        for some in (np.abs(behind) <= step, behind > step, behind < -step)
+    ]
+    level = near & (np.abs(behind) <= 2 * step)
+    number = np.maximum(np.bincount(place[level], minlength=cells), 1)
+    mean = np.bincount(place[level], behind[level], minlength=cells) / number
+    leaning = mean > np.maximum(least, SIGMAS * spread / np.sqrt(number))
+    back = (count[1] > count[0]) | leaning
+    states = np.select([back, count[0] > 0, count[2] > 0], [BEHIND, WALL, HIDDEN])
+    leaning &= count[1] <= count[0]
+    return states.reshape(shape).astype(np.int8), np.asarray(leaning.reshape(shape))
+
+
+def _cells(uv: Floats, side: float, shape: Any) -> tuple[Ints, Ints, Mask]:
+    row, column = np.floor(uv.T[::-1] / side).astype(np.int64)
+    inside = (row >= 0) & (row < shape[0]) & (column >= 0) & (column < shape[1])
+    return row, column, inside
+
+
+def _apart(uv: Floats) -> float:
+    """Distance of neighbours among points of shape (n, 2), where there are any."""
+    side = max(math.sqrt(float(np.prod(np.ptp(uv, axis=0))) / len(uv)), 1e-9)
+    for _ in range(2):
+        held = np.unique(np.floor(uv / (4 * side)).astype(np.int64), axis=0)
+        side = 4 * side * math.sqrt(len(held) / len(uv))
+    return side
+
+
+def _plane(
+    index: int, uv: Floats, away: Floats, ids: NDArray[Any], shades: Floats | None
+) -> _Plane:
+    part = np.flatnonzero(ids == index + 1)
+    size = np.ptp(np.quantile(uv[part], INNER, axis=0), axis=0)
+    holes = _holes(uv[part])
+    part = part[:: 1 + len(part) // FEW]
+    shade = np.full(1, np.nan) if shades is None else shades[part]
+    return _Plane(index, *_robust(away[part]), size, *_robust(shade), holes)
+
+
+def _robust(values: Floats) -> tuple[float, float]:
+    """Median, and standard deviation from the median of the sizes."""
+    middle = float(np.median(values))
+    return middle, DEVIATION * float(np.median(np.abs(values - middle)))
+
+
+def _holes(uv: Floats) -> float:
+    """Share of the squares inside a plane that hold none of its points.
+
+    Inside is what has points to the left, right, above and below.
+    """
+    side = 2 * _apart(uv)
+    row, column = np.floor((uv - uv.min(axis=0)).T[::-1] / side).astype(np.int64)
+    held = np.zeros((row.max() + 1, column.max() + 1), bool)
+    held[row, column] = True
+    inner = np.ones_like(held)
+    for axis in (0, 1):
+        for some in (held, np.flip(held, axis)):
+            ahead = np.logical_or.accumulate(some, axis=axis)
+            inner &= ahead if some is held else np.flip(ahead, axis)
+    return float((inner & ~held).sum() / inner.sum())
+
+
+def _walls(
+    parts: list[_Plane], largest: tuple[float, float], recess: float, least: float
+) -> _Walls:
+    """The planes of a front that are wall.
+
+    Those too large for an opening are, and those in the depth of one that is. A panel that stands
+    back is told from a pane by its intensity, which is that of the wall, or if that is not known by
+    its depth, and by the openings in it.
+    """
+    large = [part for part in parts if (part.size > largest).any()]
+    large = large or [max(parts, key=lambda part: float(part.size.prod()))]
+    weights = [float(part.size.prod()) for part in large]
+    spread = float(np.average([part.spread for part in large], weights=weights))
+    step = max(SIGMAS * spread, least)
+    shade = np.average([part.shade for part in large], weights=weights)
+    squares = [(part.shade - shade) ** 2 + part.shade_spread**2 for part in large]
+    shade_limit = LIKE * math.sqrt(np.average(squares, weights=weights))
+    walls = list(large)
+    for panels in (False, True, False):
+        for part in parts:
+            if part in walls:
+                continue
+            known = not math.isnan(part.shade)
+            like = known and max(abs(part.shade - shade), part.shade_spread) <= shade_limit
+            level = any(abs(part.depth - wall.depth) <= step for wall in walls)
+            panel = panels and HOLES[0] <= part.holes <= HOLES[1]
+            if (like or not known) and (level or (panel and (known or part.depth > recess))):
+                walls.append(part)
+    return _Walls([part.number for part in walls], spread)
+
+
+def _median(row: Ints, column: Ints, values: Floats, some: Mask, shape: Any) -> Floats:
+    """The median of values in each square; NaN in squares without any."""
+    flat = row[some] * shape[1] + column[some]
+    order = np.lexsort((values[some], flat))
+    keys, start, count = np.unique(flat[order], return_index=True, return_counts=True)
+    found = np.full(shape[0] * shape[1], np.nan)
+    found[keys] = values[some][order[start + (count - 1) // 2]]
+    return found.reshape(shape)
+
+
+def around(level: Floats) -> Floats:
+    """Depth of the wall around each square: of the nearest to the left, right, above and below.
+
+    Of three or four the second deepest, as pilasters beside a window stand before its wall.
+    """
+    near = []
+    for axis in (0, 1):
+        for flip in (False, True):
+            turned = np.flip(level, axis) if flip else level
+            near.append(np.flip(_filled(turned, axis), axis) if flip else _filled(turned, axis))
+    depths = np.sort(np.stack(near), axis=0)  # NaN last
+    count = (~np.isnan(depths)).sum(axis=0)
+    pick = np.where(count >= 3, count - 2, np.maximum(count - 1, 0))
+    found = np.take_along_axis(depths, pick[None], axis=0)[0]
+    return np.where(np.isnan(level), found, level)
+
+
+def _filled(level: Floats, axis: int) -> Floats:
+    """Each NaN replaced by the last number before it along an axis."""
+    places = np.arange(level.shape[axis]).reshape((-1, 1) if axis == 0 else (1, -1))
+    last = np.maximum.accumulate(np.where(np.isnan(level), 0, places), axis=axis)
+    return np.asarray(np.take_along_axis(level, last, axis=axis))

@@ -1,7 +1,8 @@
 """Fronts of buildings: upright planes that face one way, one before the other within a depth.
 
 A front is more than a plane: pilasters, cornices, balconies and storeys that stand back are planes
-of their own. The largest is the reference; the relief of a part is how far it stands before it.
+of their own. The one in which most lies is the reference; the relief of a part is how far it stands
+before it.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ INNER = (0.05, 0.95)  # quantiles of the points of a part that lie within the de
 ASIDE = 1.0  # metres from a wall, more than panes stand back; farther points tell its outside
 DECISIVE = 3.0  # points on one side over those on the other that tell the outside
 SOME = 0.05  # the same over the points of the wall
+SQUARE = 0.25  # metres: planes across a wall hold points in few squares of this side
+COPLANAR = 1.5  # distance of points from the plane of another over that of its own, at most
+FEW = 500  # points of a plane that tell whether it is in the plane of another
 SAMPLE = 20_000  # points of a plane that tell where it lies
 CELLS = 4.0  # points of the wall in a cell of the picture, about
 FRONT_COLUMNS = (
@@ -64,10 +68,11 @@ class Front(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Points of a plane, not all of many, and the area of the rectangle around them."""
+    """Points of a plane, not all of many, and the area of the squares that hold some."""
 
     number: int
     xyz: Floats
+    few: Floats
     area: float
     wide: bool
 
@@ -77,9 +82,9 @@ def fronts_of(
 ) -> list[Front]:
     """Fronts of a cloud, the largest first.
 
-    The largest upright plane that is left begins a front. Planes join that are parallel to it, lie
-    within the depth before or behind it, and are no farther along it than a storey from a plane of
-    the front.
+    The upright plane in which most lies of what is left, in one piece or several, begins a front.
+    Planes join that are parallel to it, lie within the depth before or behind it, and are no
+    farther along it than a storey from a plane of the front.
 
     Parameters
     ----------
@@ -92,7 +97,8 @@ def fronts_of(
     upright = [k for k, plane in enumerate(planes) if abs(plane.normal[2]) <= UPRIGHT]
     parts = parts_of(np.asarray(ids, np.int32), len(planes))
     waiting = [_part(k, planes[k], xyz[_some(parts[k])], metre) for k in upright if len(parts[k])]
-    waiting.sort(key=lambda part: (-part.area, part.number))
+    support = {part.number: _support(part, waiting, planes) for part in waiting if part.wide}
+    waiting.sort(key=lambda part: (-support.get(part.number, 0.0), -part.area, part.number))
     found = []
     while (first := next((part for part in waiting if part.wide), None)) is not None:
         reference = planes[first.number]
@@ -105,13 +111,27 @@ def fronts_of(
     return found
 
 
+def _support(part: _Part, others: list[_Part], planes: Sequence[Plane]) -> float:
+    """Area of all planes in the plane of a part, as far as their points and its own spread."""
+    plane = planes[part.number]
+    limit = COPLANAR * float(np.quantile(np.abs(plane.distances(part.few)), INNER[1]))
+    return sum(
+        other.area
+        for other in others
+        if np.quantile(np.abs(plane.distances(other.few)), INNER[1]) <= limit
+    )
+
+
 def _some(part: NDArray[Any]) -> NDArray[Any]:
     return part[:: 1 + len(part) // SAMPLE]
 
 
 def _part(number: int, plane: Plane, xyz: Floats, metre: float) -> _Part:
-    sides = np.ptp(_flat(plane, xyz), axis=0)
-    return _Part(number, xyz, float(sides.prod()), bool(sides.min() >= STOREY * metre))
+    flat = _flat(plane, xyz)
+    side = SQUARE * metre
+    held = np.unique(np.floor(flat / side).astype(np.int64), axis=0)
+    wide = bool(np.ptp(flat, axis=0).min() >= STOREY * metre)
+    return _Part(number, xyz, xyz[:: 1 + len(xyz) // FEW], len(held) * side**2, wide)
 
 
 def _flat(plane: Plane, xyz: Floats) -> Floats:

@@ -60,7 +60,12 @@ def gaps(relief: Relief, *, min_width: float, max_width: float, tallest: float) 
     made = [*_behind(relief, limits), *_empty(relief, limits)]
     found = [gap for gap in made if not gap.dropped]
     known = np.array([gap.shape.bounds for gap in found]).reshape(-1, 4)
-    made = [_by_grid(gap, known, SAME * relief.side) for gap in made]
+    whole = shapely.union_all([gap.shape for gap in found])
+    made = [
+        _by_grid(gap, known, SAME * relief.side)
+        for gap in made
+        if not gap.dropped or gap.shape.intersection(whole).area <= gap.shape.area / 2
+    ]
     return sorted(made, key=lambda gap: gap.shape.bounds)
 
 
@@ -68,14 +73,19 @@ def _behind(relief: Relief, limits: Limits) -> Iterator[Gap]:
     """Regions where something stands back."""
     back = relief.states == BEHIND
     wide = ndimage.binary_dilation(back, iterations=BRIDGE // 2) & (relief.states != WALL)
+    hidden = relief.states == HIDDEN
     holes = np.asarray(ndimage.label(np.isin(relief.states, (EMPTY, BEHIND)))[0], np.int64)
     for seen in _regions(wide, back):
-        region = _completed(seen, holes)
-        box = _box(region)
+        box = _box(seen)
         if max(box[2] - box[0], box[3] - box[1]) * relief.side < limits[0]:
             continue  # a strip or a speck
-        best = _fitted(region, relief.states, box)
-        yield _judged(relief, region, best, limits, "behind", "")
+        whole = _completed(seen, holes, hidden)
+        tries = [whole] if whole is seen else [whole, seen]
+        judged = [
+            _judged(relief, region, _fitted(region, relief.states, _box(region)), limits)
+            for region in tries
+        ]
+        yield next((gap for gap in judged if not gap.dropped), judged[-1])
 
 
 def _empty(relief: Relief, limits: Limits) -> Iterator[Gap]:
@@ -101,11 +111,12 @@ def _regions(connected: Mask, some: Mask) -> Iterator[Mask]:
         yield region
 
 
-def _completed(seen: Mask, holes: Ints) -> Mask:
+def _completed(seen: Mask, holes: Ints, hidden: Mask) -> Mask:
     """The hole of the wall in which a region lies, if the region fills most of it from its middle.
 
     What is seen of a room may be smaller than the opening. A hole that goes on to one side only
-    may be an opening and a part of the wall that was not seen.
+    may be an opening and a part of the wall that was not seen; it is taken if it ends there at
+    something that stands before the wall, in the shadow of which it is.
     """
     number = np.bincount(holes[seen]).argmax()
     hole = holes == number
@@ -115,7 +126,12 @@ def _completed(seen: Mask, holes: Ints) -> Mask:
     inner, outer = np.array(_box(seen)), np.array(_box(hole))
     beyond = np.abs(outer - inner)
     even = np.abs(beyond[:2] - beyond[2:]).max() <= BRIDGE
-    return hole if even else seen
+    first, left, last, right = inner
+    aside = np.zeros_like(seen)
+    aside[:, left:right] = True
+    aside[first:last, :] = True
+    shadow = ndimage.binary_dilation(hole & aside & ~filled) & hidden
+    return hole if even or shadow.sum() >= min(last - first, right - left) / 2 else seen
 
 
 def _box(region: Mask) -> Box:
@@ -156,8 +172,8 @@ def _judged(
     region: Mask,
     box: Box,
     limits: Limits,
-    found_by: str,
-    dropped: str,
+    found_by: str = "behind",
+    dropped: str = "",
 ) -> Gap:
     """A region with its shape, and whether it may be an opening."""
     first, left, last, right = box

@@ -19,6 +19,7 @@ PER_CELL = 4.0  # points of the wall in a square, about
 SIGMAS = 3.0  # standard deviations of a wall within which its points lie
 DEVIATION = 1.4826  # standard deviation over the median of the sizes of normal values
 HOLES = (0.05, 0.6)  # share of a panel that its openings take
+MUCH, OPEN = 0.1, 0.1  # shares of a front and of holes in it, of planes in one depth that are wall
 LIKE = 3.0  # standard deviations of the logarithm of intensity, within which a panel is wall
 FEW = 20_000  # points of a plane that tell its size
 INNER = (0.02, 0.98)  # quantiles of its points that its size is measured between
@@ -206,14 +207,14 @@ def _walls(
 ) -> _Walls:
     """The planes of a front that are wall.
 
-    Those too large for an opening are, and those in the depth of one that is. A panel that stands
-    back is told from a pane by its intensity, which is that of the wall, or if that is not known by
-    its depth, and by the openings in it.
+    The first is, the reference. Those too large for an opening are, and those in the depth of one
+    that is. A panel that stands back is told from a pane by its intensity, which is that of the
+    wall, and by the openings in it; if the intensity is not known, by its depth or by the size of
+    all panels in its depth.
     """
-    large = [part for part in parts if (part.size > largest).any()]
-    large = large or [max(parts, key=lambda part: float(part.size.prod()))]
+    large = [part for part in parts if part is parts[0] or (part.size > largest).any()]
     weights = [float(part.size.prod()) for part in large]
-    spread = float(np.average([part.spread for part in large], weights=weights))
+    spread = parts[0].spread
     step = max(SIGMAS * spread, least)
     shade = np.average([part.shade for part in large], weights=weights)
     squares = [(part.shade - shade) ** 2 + part.shade_spread**2 for part in large]
@@ -227,9 +228,20 @@ def _walls(
             like = known and max(abs(part.shade - shade), part.shade_spread) <= shade_limit
             level = any(abs(part.depth - wall.depth) <= step for wall in walls)
             panel = panels and HOLES[0] <= part.holes <= HOLES[1]
-            if (like or not known) and (level or (panel and (known or part.depth > recess))):
+            if not known:
+                panel &= part.depth > recess or _layer(part, parts, step)
+            if (like or not known) and (level or panel):
                 walls.append(part)
     return _Walls([part.number for part in walls], spread)
+
+
+def _layer(part: _Plane, parts: list[_Plane], step: float) -> bool:
+    """Whether planes in the depth of one are much of the front, and have holes as a wall has."""
+    area = np.array([other.size.prod() for other in parts])
+    here = np.array([abs(other.depth - part.depth) <= step for other in parts])
+    holes = np.array([other.holes for other in parts])
+    share = area[here].sum() / area.sum()
+    return bool(share >= MUCH and np.average(holes[here], weights=area[here]) >= OPEN)
 
 
 def _median(row: Ints, column: Ints, values: Floats, some: Mask, shape: Any) -> Floats:

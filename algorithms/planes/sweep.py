@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from algorithms.planes._cells import ROUNDING
+from algorithms.planes._fronts import fronts_of, pieces
 from algorithms.planes._search import Orientation, Rules, steepness
 from algorithms.planes._segment import NOISES, cells_of, segment_cells
 from algorithms.shared import parameters
@@ -24,6 +25,7 @@ from toolbox.data import PointCloud, Table
 from toolbox.declare import outputs, param, show, sink, source, tool
 
 OF_NOISE = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0)  # tolerances by default
+SETTLED_PIECES = 0.1  # share by which the next tolerance lowers the pieces of fronts that are whole
 SETTLED_PLANES, SETTLED_SHARE = 0.02, 0.001  # changes that are none: of the number, of all points
 
 
@@ -36,6 +38,11 @@ class PlanesSweep:
     in which little changes. The knee is the first tolerance after which the next one changes
     the number of planes by no more than 2 % and the share of points on planes by no more than
     0.1 points in a hundred. There is none if they go on changing, as on bent surfaces.
+
+    Fronts fall to pieces with a tolerance below the depth of what is on a wall, whether there is a
+    knee or not. `pieces` is the number of planes of a front, each counted by its share of the
+    points (Simpson), and `whole` the first tolerance after which no further step lowers it by more
+    than a tenth.
 
     By default tolerances from one to ten times the noise of the scan are tried. The other settings
     are those of planes.extract.
@@ -67,6 +74,12 @@ class PlanesSweep:
         gt=0,
         lt=45,
     )
+    front_depth: float = param(
+        "How far the planes of a front stand before or behind the largest",
+        default=1.5,
+        unit="m",
+        gt=0,
+    )
     seed: int = parameters.seed()
 
     @outputs
@@ -84,6 +97,7 @@ class PlanesSweep:
             ),
         )
         knee: float | None = sink("First tolerance after which little changes", unit="m")
+        whole: float | None = sink("First tolerance after which fronts stay whole", unit="m")
         auto: float = sink("Tolerance that planes.extract takes by itself", unit="m")
         noise: float = sink("Standard deviation of points about small planes", unit="m")
 
@@ -107,6 +121,10 @@ class PlanesSweep:
         for number, tolerance in enumerate(sorted(set(tries))):
             part = ctx.part(0.1 + 0.9 * number / len(tries), 0.1 + 0.9 * (number + 1) / len(tries))
             found = segment_cells(cells, self._rules(tolerance), ctx=part)
+            fronts = fronts_of(
+                xyz, found.ids, found.planes, depth=self.front_depth, metre=cloud.metre
+            )
+            sizes = np.bincount(found.ids, minlength=len(found.planes) + 1)[1:]
             rows.append(
                 {
                     "tolerance": tolerance / cloud.metre,
@@ -114,10 +132,13 @@ class PlanesSweep:
                     "share": 100 * float((found.ids > 0).mean()),
                     "largest": int(np.bincount(found.ids, minlength=2)[1]),
                     "trials": found.trials,
+                    "fronts": len(fronts),
+                    "pieces": pieces(fronts, sizes),
                     "knee": False,
                 }
             )
         place = knee([row["planes"] for row in rows], [row["share"] for row in rows])
+        kept = whole([row["pieces"] for row in rows])
         if place is None:
             log.warning("the number of planes and their points go on changing: there is no knee")
         else:
@@ -126,6 +147,7 @@ class PlanesSweep:
         return self.Outputs(
             table=Table.from_rows(rows),
             knee=None if place is None else sorted(set(tries))[place],
+            whole=None if kept is None else sorted(set(tries))[kept],
             auto=NOISES * cells.noise,
             noise=cells.noise,
         )
@@ -163,3 +185,23 @@ def knee(planes: Sequence[int], shares: Sequence[float] | None = None) -> int | 
             continue
         return place
     return None
+
+
+def whole(pieces: Sequence[float]) -> int | None:
+    """Index of the first tolerance after which fronts keep their pieces; None if they never do.
+
+    Parameters
+    ----------
+    pieces : of fronts, by rising tolerance; NaN where there is no front
+
+    Examples
+    --------
+    >>> whole([17.0, 9.0, 9.0, 5.0, 2.1, 2.0, 1.9])
+    4
+    """
+    fewest = 1 - SETTLED_PIECES
+    first = next((k for k, count in enumerate(pieces) if count > 0), len(pieces))
+    steps = range(first, len(pieces) - 1)
+    lowered = [k + 1 for k in steps if not pieces[k + 1] >= fewest * pieces[k]]
+    place = lowered[-1] if lowered else first
+    return place if place < len(pieces) - 1 else None

@@ -7,16 +7,18 @@ import time
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from tests.bench.measuring import alternately, say
+from tests.bench.measuring import DATA, alternately, say
 
 FEWEST = 200  # points of a true plane that is judged
+SAME_FRONT = 2.0  # metres between openings and the middle of the true ones, of one front
 SMALLEST = 0.5  # square metres, of the same
 
 
 def facades() -> None:
-    """Ten fronts with noise of 2 to 10 mm: walls, normals beside their limit, what is wrong."""
+    """Fronts with noise of 2 to 10 mm: walls, normals beside their limit, openings, real fronts."""
     for seed in range(10):
         say(f"facades  {_front(seed)}")
+    _openings()
     _beside_open3d()
 
 
@@ -73,7 +75,8 @@ def _front(seed: int) -> str:
 def _matched(data: Any, out: Any) -> tuple[list[Match], int, int]:
     """The true planes that are large enough, and how many planes are invented and split."""
     import numpy as np
-    from tests.planes.test_extract import ids_of, truth_of
+
+    from tests.algorithms.planes.test_extract import ids_of, truth_of
 
     true, faces = truth_of(data)
     ids = ids_of(out)
@@ -90,7 +93,8 @@ def _matched(data: Any, out: Any) -> tuple[list[Match], int, int]:
 def _matches(xyz: Any, true: Any, ids: Any, count: Any, faces: Any, planes: Any) -> Iterator[Match]:
     import numpy as np
     import shapely
-    from tests.planes.test_extract import least_error
+
+    from tests.algorithms.planes.test_extract import least_error
 
     planes = planes.set_index("plane_id")
     for face in np.flatnonzero(count.sum(axis=0) >= FEWEST):
@@ -120,6 +124,91 @@ def _area(ring: Any) -> float:
 
     sides = ring[1:-1] - ring[0]
     return float(0.5 * np.linalg.norm(np.cross(sides[:-1], sides[1:]).sum(axis=0)))
+
+
+PALACES = (  # relief and noise in metres, seed
+    (0.5, 0.005, 51),
+    (0.2, 0.01, 52),
+    (0.0, 0.006, 53),
+    (0.1, 0.003, 54),
+    (1.0, 0.005, 55),
+    (0.7, 0.01, 56),
+    (0.4, 0.02, 57),
+    (0.3, 0.05, 58),
+)
+REAL = "facade_street_openings/facade_{}.txt.gz"
+
+
+def _openings() -> None:
+    """F1 of openings at an IoU of one half: fronts with relief, and two real ones."""
+    import numpy as np
+    import shapely
+
+    from algorithms.samples.scene import scene
+
+    for relief, noise, seed in PALACES:
+        data = scene("facade", size=30.0, density=900.0, seed=seed, relief=relief, noise=noise)
+        true = [
+            shapely.get_coordinates(shape, include_z=True)
+            for shape, p in data.features
+            if p["kind"] == "opening"
+        ]
+        name = f"relief {relief} m noise {1e3 * noise:.0f} mm seed {seed}"
+        for shade in (data.attributes["intensity"], None):
+            bare = "" if shade is not None else " without intensity"
+            say(f"facades  {name}{bare}  {_f1(data.xyz, shade, true)}")
+    for number in (1, 2):
+        path = DATA / REAL.format(number)
+        if not path.exists():
+            say(f"facades  {REAL.format(number)} is not there")
+            continue
+        table = np.loadtxt(path, skiprows=1)
+        kind, of_kind = table[:, 4], table[:, 5]
+        true = [
+            table[(kind == k) & (of_kind == n), :3]
+            for k in (2, 3)
+            for n in np.unique(of_kind[kind == k])
+        ]
+        for shade in (table[:, 3].astype(np.uint16), None):
+            bare = "" if shade is not None else " without intensity"
+            say(f"facades  real front {number}{bare}  {_f1(table[:, :3], shade, true)}")
+
+
+def _f1(xyz: Any, intensity: Any, true: list[Any]) -> str:
+    """Precision, recall and F1 of the openings of the front that holds most true ones."""
+    import numpy as np
+    import shapely
+    from scipy.optimize import linear_sum_assignment
+
+    from algorithms.planes.extract import PlanesExtract
+    from algorithms.planes.openings import PlanesOpenings
+    from toolbox.data import PointCloud
+    from toolbox.data.crs import LOCAL
+
+    columns = {} if intensity is None else {"intensity": intensity}
+    planes = PlanesExtract(points=PointCloud(xyz, columns, crs=LOCAL)).run()
+    out = PlanesOpenings(points=planes.segmented).run()
+    corners = np.vstack(true)
+    middle = corners[:, :2].mean(axis=0)
+    along, across = np.linalg.svd(corners[:, :2] - middle, full_matrices=False)[2]
+    found = [shapely.get_coordinates(s, include_z=True) for s in out.openings.frame.geometry]
+    found = [one for one in found if abs(((one[:, :2] - middle) @ across).mean()) < SAME_FRONT]
+
+    def hulls(shapes: list[Any]) -> Any:
+        flat = [np.column_stack([one[:, :2] @ along, one[:, 2]]) for one in shapes]
+        return np.array([shapely.convex_hull(shapely.multipoints(uv)) for uv in flat])
+
+    if not found:
+        return f"0 of {len(true)} openings found"
+    a, b = hulls(true)[:, None], hulls(found)[None]
+    shared = shapely.area(shapely.intersection(a, b))
+    iou = shared / (shapely.area(a) + shapely.area(b) - shared)
+    right = int((iou[linear_sum_assignment(-iou)] >= 0.5).sum())
+    f1 = 2 * right / (len(true) + len(found))
+    return (
+        f"F1 {f1:.2f}: {right} of {len(true)} openings, {len(found)} found, "
+        f"median IoU {np.median(iou.max(axis=1)):.2f}, {out.dropped_count} gaps dropped"
+    )
 
 
 def _beside_open3d() -> None:

@@ -52,6 +52,7 @@ POINT_CLASSES: Looks = {code: (name, _OF_CLASSES[code]) for code, name in CLASSE
 
 OTHER = ("#5b8def", "#e5a93c", "#58b2a3", "#c46bb0", "#93b245", "#d9755b", "#7a72c9", "#9c8567")
 """Colours in turn, of what has none of its own."""
+PALE = 0.45  # how far the colours of planes without a name are from white
 RELIEF = ("#62a392", "#8fbe99", "#c1d59e", "#efe6b6", "#dfbb88", "#c0906a", "#a38178", "#f7f5f2")
 _NO_HEIGHTS = ("(std)", "(count)", "points", "distance", "error", "intensity", "hillshade")
 _PIXELS = 1000  # at most, along the longer side of a map
@@ -207,10 +208,20 @@ def _classed(cloud: PointCloud, attribute: str, looks: Looks) -> Image:
 
 
 def _looks_of_planes(cloud: PointCloud, show: Planes) -> Looks:
-    """Name and colour of each plane, by number."""
+    """Name and colour of each plane, by number; those that the key leaves out are pale."""
     numbers = _codes(cloud[show.attribute].astype(np.float64))
-    own = {number: (f"Plane {number}", OTHER[(number - 1) % len(OTHER)]) for number in numbers}
+    own = {number: (f"Plane {number}", _of_plane(number)) for number in numbers}
     return own | ({0: ("None", "#c9c9c9")} if 0 in own else {})
+
+
+def _of_plane(number: int) -> str:
+    from matplotlib.colors import to_hex, to_rgb
+
+    colour = OTHER[(number - 1) % len(OTHER)]
+    if number <= len(OTHER):
+        return colour
+    red, green, blue = (1 - PALE * (1 - part) for part in to_rgb(colour))
+    return to_hex((red, green, blue))
 
 
 def ramp_of(show: Values, values: Array, crs: CRS | None) -> Ramp:

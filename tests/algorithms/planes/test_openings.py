@@ -14,6 +14,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from algorithms.planes._relief import around
 from algorithms.planes.extract import PlanesExtract
 from algorithms.planes.openings import PlanesOpenings
 from algorithms.samples.scene import scene
@@ -210,7 +211,7 @@ def test_another_reflectance_is_told() -> None:
     assert sorted(frame.found_by) == ["behind", "recess, reflectance"]
 
 
-def panels() -> PointCloud:
+def panels(back: float = 0.0) -> PointCloud:
     """Panels between pilasters that stand before them, with nine windows, one of them empty."""
     rng = np.random.default_rng(9)
     wall = flat((0, 0, 11, 9), 600, 0.0, rng)
@@ -229,7 +230,9 @@ def panels() -> PointCloud:
         parts.append(flat((left, 0, left + 0.5, 9), 600, -0.5, rng))
         ids.append(10 + k)
     wall = wall[~before]
-    panel = np.digitize(wall[:, 0], [3.7, 7.2]) + 1
+    panel = np.digitize(wall[:, 0], [3.7, 7.2]) + 3 * np.digitize(wall[:, 2], [2.9, 5.8]) + 1
+    for part in (wall, *parts[5:8]):  # the last column stands back
+        part[part[:, 0] > 7.2, 1] += back
     street = np.column_stack([*(rng.random((2, 30_000)) * [[11], [-9]]), np.zeros(30_000)])
     xyz = np.vstack([wall, *parts, street])
     numbers = [panel, *(np.full(len(p), k) for p, k in zip(parts, ids, strict=True))]
@@ -239,9 +242,19 @@ def panels() -> PointCloud:
     return PointCloud(xyz + FAR, columns, crs=UTM)
 
 
-def test_windows_behind_pilasters() -> None:
-    """Panels are wall, not openings; an empty gap in line with windows is one."""
-    out = found(panels())
+def test_the_wall_around_a_window_is_not_the_pilasters_beside_it() -> None:
+    level = np.full((5, 5), np.nan)
+    level[0], level[4] = 0.0, 0.0  # the wall below and above
+    level[:, 0], level[:, 4] = -0.5, -0.5  # pilasters
+    assert (around(level)[1:4, 1:4] == 0.0).all()
+    level[:, 4] = 3.0  # a wall far behind, seen past the house
+    assert (around(level)[1:4, 1:4] == 0.0).all()
+
+
+@pytest.mark.parametrize("back", [0.0, 0.2])
+def test_windows_behind_pilasters(back: float) -> None:
+    """Panels are wall, not openings, also one that stands back; an empty gap in a row is one."""
+    out = found(panels(back))
     frame = out.openings.frame
     assert out.count == 9
     assert np.allclose(frame.width, 1.4, atol=0.05)

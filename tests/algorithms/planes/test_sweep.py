@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from algorithms.planes.extract import PlanesExtract
-from algorithms.planes.sweep import PlanesSweep, knee
+from algorithms.planes.sweep import PlanesSweep, knee, whole
 from toolbox.data import PointCloud
 from toolbox.errors import ParameterError
 from toolbox.pictures.charts import Curves
@@ -49,6 +49,34 @@ def test_knee(planes: list[int], shares: list[float] | None, place: int | None) 
     assert knee(planes, shares) == place
 
 
+@pytest.mark.parametrize(
+    ("pieces", "place"),
+    [
+        ([17.0, 9.0, 5.0, 2.1, 2.0], 3),
+        ([9.0, 5.0, 2.0, 1.0], None),
+        ([np.nan, np.nan, 3.0, 2.9], 2),
+        ([9.0, 9.0, 3.0, 3.0], 2),
+        ([np.nan, np.nan], None),
+    ],
+)
+def test_whole(pieces: list[float], place: int | None) -> None:
+    assert whole(pieces) == place
+
+
+def test_a_front_that_is_bent_stays_whole_from_its_bend_on() -> None:
+    """A wall that bows by 6 cm over 12 m falls into strips with a tolerance below that."""
+    rng = np.random.default_rng(2)
+    u, v = rng.random((2, 40_000)) * [[12], [5]]
+    away = 0.06 * np.cos(np.pi * u / 12) ** 2 + rng.normal(0, 0.002, u.size)
+    steps = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+    out = swept(np.column_stack([u, away, v]), tolerances=steps)
+    assert out.whole is not None
+    assert 0.03 < out.whole < 0.1
+    frame = out.table.frame
+    assert frame.pieces.iloc[0] > 2
+    assert frame.pieces.iloc[-1] == pytest.approx(1.0, abs=0.01)
+
+
 @pytest.mark.parametrize("noise", [0.002, 0.01])
 def test_auto_is_at_the_knee(noise: float) -> None:
     out = swept(room(noise))
@@ -56,7 +84,8 @@ def test_auto_is_at_the_knee(noise: float) -> None:
     assert abs(out.auto - out.knee) < 0.005
     assert out.noise == pytest.approx(noise, rel=0.2)
     frame = out.table.frame
-    assert list(frame.columns) == ["tolerance", "planes", "share", "largest", "trials", "knee"]
+    columns = ["tolerance", "planes", "share", "largest", "trials", "fronts", "pieces", "knee"]
+    assert list(frame.columns) == columns
     assert frame.tolerance.is_monotonic_increasing
     assert frame.share.iloc[0] < 80
     assert frame.share.iloc[-1] > 99

@@ -27,7 +27,14 @@ from toolbox.errors import DataError
 from toolbox.pictures.charts import Bars, Curves, Sections
 from toolbox.pictures.draw import draw, drawable, has_something_to_see
 from toolbox.pictures.features import feature_colours, feature_key
-from toolbox.pictures.images import POINT_CLASSES, RELIEF, Ramp, cloud_image, raster_image
+from toolbox.pictures.images import (
+    POINT_CLASSES,
+    RELIEF,
+    Ramp,
+    _looks_of_planes,
+    cloud_image,
+    raster_image,
+)
 from toolbox.pictures.maps import _EMPTY
 
 LAMBERT = CRS(2154)
@@ -520,6 +527,16 @@ def walls(upright: bool = True) -> PointCloud:
     place = np.array([500.0, 900.0, 30.0])
     number = np.repeat(np.array([1, 2], np.int32), 20_000)
     return PointCloud(place + xyz, {"plane_id": number}, crs=LAMBERT)
+
+
+def test_a_plane_that_is_not_named_has_no_colour_of_one_that_is() -> None:
+    rng = np.random.default_rng(1)
+    number = np.repeat(np.arange(1, 13, dtype=np.int32), 200)
+    xyz = np.column_stack([rng.random(2400) + number, rng.random(2400), number / 9])
+    cloud, way = PointCloud(xyz, {"plane_id": number}, crs=LAMBERT), show.Planes("plane_id")
+    assert list(cloud_image(cloud, way).key) == list(range(1, 9))
+    looks = _looks_of_planes(cloud, way)
+    assert len({colour for _, colour in looks.values()}) == 12
 
 
 def test_planes_have_their_colours_and_walls_are_seen_from_the_front(tmp_path: Path) -> None:

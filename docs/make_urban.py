@@ -23,7 +23,8 @@ from scipy.spatial import cKDTree
 
 import toolbox
 from algorithms.classify._evidence import PointFeatures
-from algorithms.classify.buildings import ClassifyBuildings, margin, on_planes, without_spikes
+from algorithms.classify._outlines import margin, without_spikes
+from algorithms.classify.buildings import ClassifyBuildings, on_planes
 from algorithms.classify.ndvi import ClassifyNdvi
 from algorithms.classify.vegetation_by_ndvi import ClassifyVegetationByNdvi
 from algorithms.classify.vegetation_by_returns import ClassifyVegetationByReturns

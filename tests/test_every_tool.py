@@ -89,6 +89,7 @@ TILED = [
 DIFFER = {  # parameters that are declared in several ways, and why
     "alpha": "roofs are of a size; the gaps of other points are not known beforehand",
     "attribute": "each tool reads another attribute",
+    "context": "a map is applied with the radius that it learnt with, others follow the density",
     "cell": "edges of roofs and points of a scan ask for finer cells than terrain",
     "features": "a map learns from few features, features.local gives many",
     "ground_classes": "corridor.extract finds the ground unless it is told",

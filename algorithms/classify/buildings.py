@@ -12,8 +12,6 @@ airborne LIDAR data. IEEE Transactions on Geoscience and Remote Sensing 44(9), 2
 planes, footprints, main directions.
 Rottensteiner, F. and Briese, C. (2002). A new method for building extraction in urban areas from
 high-resolution LIDAR data. ISPRS Archives 34(3A), 295-301: height, roughness, then size.
-Rényi, A. and Sulanke, R. (1963). Über die konvexe Hülle von n zufällig gewählten Punkten.
-Zeitschrift für Wahrscheinlichkeitstheorie 2, 75-84: how far inside of an edge hulls of points stay.
 
 How well it does, and what it takes for a building: docs/explanation/urban-classes.md.
 """
@@ -31,9 +29,13 @@ from scipy.ndimage import maximum_filter
 from algorithms.classify import _buildings_kernels as kernels
 from algorithms.classify import _evidence
 from algorithms.classify._bridges import bridges
+from algorithms.classify._density import Lengths
 from algorithms.classify._evidence import FOOT, solid
+from algorithms.classify._outlines import TOUCHING, margin, without_spikes
+from algorithms.classify._roofs import Roof, form, main_section
 from algorithms.classify._sorted_points import SortedPoints
 from algorithms.classify._squared import squared
+from algorithms.classify._vehicles import SEEN, ground_seen, large_vehicles
 from algorithms.shared import parameters
 from algorithms.shared.alpha_shape import alpha_shape
 from algorithms.shared.ground import among, taking_part
@@ -51,12 +53,14 @@ BUILDING, OTHER = np.uint8(_evidence.BUILDING), np.uint8(1)
 EAVES = 0.4  # metres beyond the outline in which points of the roof may lie
 THICK = 2.0  # standard deviations from a plane near by within which a point lies on it
 BESIDE_PLANES = 1.0  # metres from the planes of a roof up to which what is joined to it is building
-TOUCHING = 0.01  # metres, so that points on an outline are inside whatever the rounding
 PER_POINT = 100  # how much longer than others a point takes in which planes are looked for
 TOP = 1.0  # metres, cells in which the highest point of a roof is looked for
 SIMPLE = 0.5  # metres that squared walls may be from the points
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
-COLUMNS = ("area", "perimeter", "points", "ground", "eave", "ridge", "mean", "height", "squared")
+COLUMNS = (
+    *("id", "area", "perimeter", "points", "ground", "eave", "ridge", "mean", "height", "form"),
+    *("confidence", "squared"),
+)
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -75,17 +79,24 @@ class ClassifyBuildings:
     walls and dormers as well, but neither ground nor branches above. Without returns planarity
     alone decides, and twice as much is asked for.
 
-    What meets ground at roof level at two ends is a bridge, and is left out.
+    What is as narrow and low as vehicles and stands free is a bus, a tram, a lorry or a container.
+    What has ground in between hides none, and is no roof. What meets ground at roof level at two
+    ends is a bridge. All these are left out.
 
     Outlines are `squared`: straight walls, at right angles where they nearly are; or `alpha`, as
     the points have it. Both lie where edges of roofs are on average when points lie inside. Maps
-    often show walls: take the `overhang` of the roofs off. Attributes of outlines are area,
-    perimeter, number of points on planes of the roof, elevations of ground, eave, ridge and mean
-    roof, height of the ridge above the ground, in the unit of the data, and whether the walls were
-    squared.
+    often show walls: take the `overhang` of the roofs off.
 
-    Other points keep their class, and become 1 if it was 6. Heights are HeightAboveGround if points
-    have it.
+    Attributes of outlines: id, made of the whole easting and northing of a place within; area,
+    perimeter, number of points on planes of the roof; elevations of ground, of the eave of the main
+    roof, of the ridge and mean of all the roof, and height of the ridge above the ground, in the
+    unit of the data; form of the main roof (flat, monopitch, gable, hip, other); confidence, the
+    share of its points that lie on planes, less where ground is seen within; and whether the walls
+    were squared.
+
+    `radius`, `context` and `alpha` follow the density of the points unless they are given. Other
+    points keep their class, and become 1 if it was 6. Heights are HeightAboveGround if points have
+    it.
     """
 
     points: PointCloud = source("Points with classified ground")
@@ -106,11 +117,11 @@ class ClassifyBuildings:
         gt=0,
         le=1,
     )
-    radius: float = parameters.plane_radius()
-    context: float = parameters.context()
-    alpha: float = param(
-        "Radius of the disc that rolls around a roof; gaps of twice that are closed",
-        default=1.5,
+    radius: float | None = parameters.radius_by_density()
+    context: float | None = parameters.context_by_density()
+    alpha: float | None = param(
+        "Radius of the disc that rolls around a roof; without it, by the density: 1.5 m or more",
+        default=None,
         unit="m",
         gt=0,
         le=20,
@@ -153,21 +164,22 @@ class ClassifyBuildings:
         part = taking_part(cloud, self.ignore, among(self.keep_classes, STRUCTURES))
         if not len(cloud):
             return self._packed(part, part, [])
-        features = self._features(part, ctx.part(0.0, 0.6))
-        roof = self._roof(features)
+        lengths = Lengths.of(cloud, self.flat, self.radius, self.context, self.alpha)
+        features = self._features(part, lengths, ctx.part(0.0, 0.55))
+        roof = self._roof(features, lengths, ctx.part(0.55, 0.6))
         planes = on_planes(features, roof, ctx.part(0.6, 0.65))
-        shapes = self._buildings(features, planes, ctx.part(0.65, 0.75))
-        joined = self._regions(features, roof, ctx.part(0.75, 0.85))
+        shapes = self._buildings(features, planes, lengths, ctx.part(0.65, 0.75))
+        joined = self._regions(features, roof, lengths, ctx.part(0.75, 0.85))
         found = np.zeros(len(cloud), bool)
         found[part] = up_to_the_roof(
             features, roof, with_what_is_joined(shapes, joined, metre), metre
         )
         ctx.progress(0.9)
-        rows = self._rows(features, planes, shapes, ctx.part(0.9, 1.0))
+        rows = self._rows(features, planes, shapes, lengths, ctx.part(0.9, 1.0))
         ctx.progress(1.0)
         return self._packed(found, part, rows)
 
-    def _features(self, part: Mask, ctx: Context) -> _evidence.PointFeatures:
+    def _features(self, part: Mask, lengths: Lengths, ctx: Context) -> _evidence.PointFeatures:
         """The points that take part, with their features."""
         cloud = self.points if part.all() else self.points.select(part)
         if not np.isin(cloud["classification"], self.ground_classes).any():
@@ -177,72 +189,88 @@ class ClassifyBuildings:
             )
         features = _evidence.PointFeatures(
             cloud,
-            self.radius,
-            self.context,
+            lengths.radius,
+            lengths.context,
             ctx,
-            flat=self.flat / cloud.metre,
+            flat=lengths.flat,
             ground_classes=self.ground_classes,
         )
         if not features.has_several_returns:
             log.warning("no pulse has several returns: dense crowns may be taken for roofs")
         return features
 
-    def _roof(self, features: _evidence.PointFeatures) -> Mask:
-        """True for points that look like a roof."""
-        ground, height = features.terrain
+    def _roof(self, features: _evidence.PointFeatures, lengths: Lengths, ctx: Context) -> Mask:
+        """True for points that look like a roof, and are of no vehicle."""
+        (ground, height), metre = features.terrain, features.cloud.metre
         least = self.planarity * (1 if features.has_several_returns else 2)
         flat = features.around["planarity"] >= least
-        return ~ground & (height >= self.min_height / features.cloud.metre) & flat & solid(features)
+        roof = ~ground & (height >= self.min_height / metre) & flat & solid(features)
+        return roof & ~large_vehicles(features, roof, lengths.spacing, self.smallest, ctx)
 
-    def _regions(self, features: _evidence.PointFeatures, some: Mask, ctx: Context) -> Shapes:
+    def _regions(
+        self, features: _evidence.PointFeatures, some: Mask, lengths: Lengths, ctx: Context
+    ) -> Shapes:
         """Polygons around roof points, at least of the smallest size of a building."""
         try:
             shape = alpha_shape(
                 features.xyz[some, :2],
-                self.alpha,
+                lengths.alpha,
                 hole_threshold=self.smallest,
                 region_threshold=self.smallest,
                 ctx=ctx,
             )
         except DataError:  # no roof point, or hardly any
             return np.empty(0, object)
-        shapes = without_spikes(shape.polygons, self.alpha)
+        shapes = without_spikes(shape.polygons, lengths.alpha)
         return shapes[shapely.area(shapes) >= self.smallest]
 
-    def _buildings(self, features: _evidence.PointFeatures, planes: Mask, ctx: Context) -> Shapes:
+    def _buildings(
+        self, features: _evidence.PointFeatures, planes: Mask, lengths: Lengths, ctx: Context
+    ) -> Shapes:
         """Polygons around the planes of roofs of an allowed size, without bridges."""
-        shapes = self._regions(features, planes, ctx)
+        shapes = self._regions(features, planes, lengths, ctx)
         if self.largest is not None:
             shapes = shapes[shapely.area(shapes) <= self.largest]
-        return shapes[~bridges(features, planes, shapes)]
+        shapes = shapes[~bridges(features, planes, shapes)]
+        open_below = ground_seen(shapes, features) > SEEN
+        if open_below.any():
+            log.info("%d regions have ground in between: no roofs", np.count_nonzero(open_below))
+        return shapes[~open_below]
 
     def _rows(
-        self, features: _evidence.PointFeatures, planes: Mask, shapes: Shapes, ctx: Context
+        self,
+        features: _evidence.PointFeatures,
+        planes: Mask,
+        shapes: Shapes,
+        lengths: Lengths,
+        ctx: Context,
     ) -> list[dict[str, Any]]:
         """Attributes and outline of each building; several where only the overhang joins them."""
         rows, narrow, roofs = [], 0, SortedPoints.of(features.xyz, planes)
+        sure = confidences(shapes, features, planes)
         for done, shape in enumerate(shapes):
             ctx.progress(done / len(shapes))
             inside = roofs.within(shape.buffer(TOUCHING * features.cloud.metre))
-            roof, straight = self._drawn(shape, len(inside) / shape.area)
+            roof, straight = self._drawn(shape, len(inside) / shape.area, lengths)
             walls = roof.buffer(-self.overhang, join_style="mitre")
             narrow += walls.is_empty
             rows += [
-                {"area": drawn.area, "perimeter": drawn.length, "points": len(inside)}
-                | heights(features, inside, shape)
-                | {"squared": straight, "geometry": drawn}
+                {"id": name_of(drawn), "area": drawn.area, "perimeter": drawn.length}
+                | {"points": len(inside)}
+                | heights(features, inside, shape, lengths)
+                | {"confidence": sure[done], "squared": straight, "geometry": drawn}
                 for drawn in shapely.get_parts(roof if walls.is_empty else walls)
             ]
         if narrow:
             log.warning("roofs narrower than twice the overhang, drawn as they are: %d", narrow)
         return rows
 
-    def _drawn(self, shape: Any, density: float) -> tuple[Any, bool]:
+    def _drawn(self, shape: Any, density: float, lengths: Lengths) -> tuple[Any, bool]:
         """The outline of a roof, and whether it was squared."""
-        roof = shape.buffer(margin(density, self.alpha), join_style="mitre")
+        roof = shape.buffer(margin(density, lengths.alpha), join_style="mitre")
         if self.outline == "alpha":
             return roof, False
-        return squared(roof, SIMPLE * self.points.metre, self.alpha)
+        return squared(roof, SIMPLE * self.points.metre, lengths.alpha)
 
     def _packed(
         self, found: Mask, part: Mask, rows: list[dict[str, Any]]
@@ -262,12 +290,6 @@ class ClassifyBuildings:
             outlines=Vector(frame, geometry_type="Polygon"),
             building_share=Share.of_points(free & found, cloud.core),
         )
-
-
-def without_spikes(shapes: Shapes, width: float) -> Shapes:
-    """Polygons without what is narrower than a width, such as branches and fences beside a roof."""
-    core = shapely.buffer(shapes, -width / 2, join_style="mitre")
-    return np.asarray(shapely.get_parts(shapely.buffer(core, width / 2, join_style="mitre")))
 
 
 def on_planes(features: _evidence.PointFeatures, roof: Mask, ctx: Context = QUIET) -> Mask:
@@ -320,21 +342,6 @@ def with_what_is_joined(shapes: Shapes, joined: Shapes, metre: float) -> Shapes:
     return np.asarray(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON])
 
 
-def margin(density: float, alpha: float) -> float:
-    """Mean distance by which a straight edge lies outside the alpha shape of points along it.
-
-    Between two points that it touches, a disc of radius r sinks in by h = l^2 / (8 r) for a chord
-    of length l. Where one point is expected in the area l h, no other is in the way: so
-    h = (density sqrt(8 r))^(-2/3), as it is with convex hulls (Rényi and Sulanke 1963).
-
-    Parameters
-    ----------
-    density : points per area
-    alpha : radius of the disc
-    """
-    return float((density * np.sqrt(8 * alpha)) ** (-2 / 3))
-
-
 def up_to_the_roof(
     features: _evidence.PointFeatures, roof: Mask, shapes: Shapes, metre: float
 ) -> Mask:
@@ -372,22 +379,41 @@ def highest_around(xyz: Floats, some: Mask, cell: float) -> Floats:
 
 
 def heights(
-    features: _evidence.PointFeatures, inside: NDArray[np.int64], shape: Any
-) -> dict[str, float]:
-    """Elevations of the ground, eave, ridge and mean roof, and the height of the ridge.
+    features: _evidence.PointFeatures, inside: NDArray[np.int64], shape: Any, lengths: Lengths
+) -> dict[str, Any]:
+    """Elevations of the ground, eave, ridge and mean roof, height of the ridge, form of the roof.
 
-    The eave is the tenth percentile of the roof points near the outline, the ridge the highest
-    hundredth of all, so that neither a gutter nor a chimney decides.
+    Points on walls do not count. The ridge is the highest hundredth, so that no chimney decides.
     """
-    z, metre = features.xyz[inside, 2], features.cloud.metre
+    metre = features.cloud.metre
+    roof = Roof(features.xyz[inside] / metre, features.planes[1][inside]).without_walls()
+    section = main_section(roof, lengths.spacing / metre)
+    z = features.xyz[inside, 2]
     ground = float(np.median(z - features.terrain[1][inside] * metre))
-    middle = shapely.get_parts(shape.buffer(-metre))
-    edge = ~Polygons.of(middle).hold(features.xyz[inside])
-    ridge = float(np.percentile(z, 99))
+    ridge = float(np.percentile(roof.xyz[:, 2], 99)) * metre
     return {
         "ground": ground,
-        "eave": float(np.percentile(z[edge] if edge.any() else z, 10)),
+        "eave": section.eave * metre,
         "ridge": ridge,
-        "mean": float(z.mean()),
+        "mean": float(roof.xyz[:, 2].mean()) * metre,
         "height": ridge - ground,
+        "form": form(section.roof, shape),
     }
+
+
+def confidences(shapes: Shapes, features: _evidence.PointFeatures, planes: Mask) -> Floats:
+    """How sure it is that regions are roofs, from 0 to 1, array of shape (m,).
+
+    The share of the points above the ground that lie on planes of the roof; less where ground is
+    seen in between, and 0 at the limit of that.
+    """
+    seen = ground_seen(shapes, features) / SEEN
+    above = SortedPoints.of(features.xyz, features.terrain[1] > FOOT)
+    flat = [planes[above.within(shape)].mean() for shape in shapes]
+    return np.asarray(flat) * (1 - seen)
+
+
+def name_of(outline: Any) -> str:
+    """Name of a building by a place within: its easting and northing in whole units."""
+    place = outline.representative_point()
+    return f"{np.floor(place.x):.0f}_{np.floor(place.y):.0f}"

@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify import _evidence
+from algorithms.classify._density import Lengths
 from algorithms.classify._evidence import FOOT, solid
 from algorithms.classify._heights import by_height
+from algorithms.classify._vehicles import vehicles
 from algorithms.shared import parameters
 from algorithms.shared.ground import among, taking_part
 from algorithms.shared.parameters import STRUCTURES, SURFACES
@@ -42,7 +44,8 @@ class ClassifyUrban:
     `water` and not half a metre above the ground becomes water (9), except for bodies whose
     attribute evidence is level alone, which in a town may be squares. Of what is left, points
     around which at least `planarity` of the points lie on planes, and less than twice that share
-    lets the pulse through, are cars, walls and the like: class 1. All else is low (3), medium (4)
+    lets the pulse through, are walls and the like: class 1. So are low oblongs of the size of cars
+    and other vehicles that stand free and let few pulses through. All else is low (3), medium (4)
     or high vegetation (5) by its height above the ground, whose limits are `low` and `high`.
 
     Wires, poles and rough objects become vegetation. With `penetration` only that does which lets
@@ -78,8 +81,8 @@ class ClassifyUrban:
         gt=0,
         le=1,
     )
-    radius: float = parameters.plane_radius()
-    context: float = parameters.context()
+    radius: float | None = parameters.radius_by_density()
+    context: float | None = parameters.context_by_density()
     ignore: ClassList | None = parameters.ignore()
     keep_classes: ClassList | None = parameters.keep_classes()
 
@@ -127,17 +130,18 @@ class ClassifyUrban:
                 f"points: none is of class {bare}; classify ground first",
                 instead=self._packed(classes, confidence),
             )
+        lengths = Lengths.of(cloud, self.flat, self.radius, self.context)
         features = _evidence.PointFeatures(
             chosen,
-            self.radius,
-            self.context,
+            lengths.radius,
+            lengths.context,
             ctx.part(0.0, 0.9),
-            flat=self.flat / cloud.metre,
+            flat=lengths.flat,
             ground_classes=bare,
         )
         if not features.has_several_returns:
             log.warning("no pulse has several returns: %s", self._without_returns)
-        classes[part] = self._judged(features)
+        classes[part] = self._judged(features, lengths.spacing, ctx.part(0.9, 1.0))
         confidence[part] = np.where(np.isin(classes[part], (*bare, WATER)), 1.0, clear(features))
         ctx.progress(1.0)
         return self._packed(classes, confidence)
@@ -148,7 +152,9 @@ class ClassifyUrban:
             return "vegetation cannot be told, and stays class 1"
         return "dense crowns may be taken for objects"
 
-    def _judged(self, features: _evidence.PointFeatures) -> NDArray[np.uint8]:
+    def _judged(
+        self, features: _evidence.PointFeatures, spacing: float, ctx: Context
+    ) -> NDArray[np.uint8]:
         """Class of each point."""
         cloud, (ground, height) = features.cloud, features.terrain
         classes = np.array(cloud["classification"], np.uint8)
@@ -161,6 +167,7 @@ class ClassifyUrban:
         left = free & ~ground & ~built & ~wet
         plant = ~(solid(features) & (features.around["planarity"] >= self.planarity))
         plant &= features.around["returns"] >= self.penetration
+        plant &= ~vehicles(features, left, spacing, ctx)
         kinds = by_height(height * cloud.metre, self.low, self.high)
         classes[left] = np.where(plant & np.isfinite(height), kinds, REST)[left]
         classes[wet & free] = WATER

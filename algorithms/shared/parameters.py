@@ -85,6 +85,28 @@ def context() -> Any:
     )
 
 
+def radius_by_density() -> Any:
+    """Declare the radius in which planes are looked for, if not left open: ``float | None``."""
+    return param(
+        "Radius in which a plane is looked for; without it, by the density: 1 m or more",
+        default=None,
+        unit="m",
+        gt=0,
+        le=10,
+    )
+
+
+def context_by_density() -> Any:
+    """Declare how far features are averaged, if not left open: ``float | None``."""
+    return param(
+        "Radius within which features are averaged; without it, by the density: 3 m or more",
+        default=None,
+        unit="m",
+        ge=0,
+        le=20,
+    )
+
+
 def seed() -> Any:
     """Declare the seed of all that a tool draws: ``int``."""
     return param("Seed of the random numbers", default=0, unit="1", ge=0)

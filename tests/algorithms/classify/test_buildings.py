@@ -17,8 +17,9 @@ from shapely.affinity import rotate
 
 from algorithms.classify._bridges import between_ends
 from algorithms.classify._evidence import PointFeatures, once_each
+from algorithms.classify._outlines import margin
 from algorithms.classify._squared import main_direction, squared
-from algorithms.classify.buildings import ClassifyBuildings, margin, on_planes
+from algorithms.classify.buildings import ClassifyBuildings, on_planes
 from algorithms.compare.areas import CompareAreas
 from algorithms.ground.classify import GroundClassify
 from algorithms.samples.scene import SamplesScene

@@ -1,0 +1,89 @@
+"""How far apart points are, and lengths that grow with it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from algorithms.shared.returns import ReturnNumbers
+from toolbox.context import log
+from toolbox.data import PointCloud
+
+CELL = 4.0  # metres, of the cells in which points are counted
+RADIUS, CONTEXT, ALPHA = 1.0, 3.0, 1.5  # metres, where points are dense
+BY_SPACING = (1.75, 5.0, 2.25)  # times the spacing: the same where they are sparse, see the page
+LARGEST = (10.0, 20.0, 20.0)  # metres, for which halos are made
+
+
+def spacing(cloud: PointCloud) -> float:
+    """Metres between the points on a surface, from the number of last returns per area.
+
+    The number is the median over the cells that have any, so that water and the edge of the data
+    do not count, and is rounded to a power of two: tiles of one survey get the same.
+
+    Examples
+    --------
+    >>> xyz = np.array([[x, y, 0.0] for x in range(40) for y in range(40)])
+    >>> spacing(PointCloud(xyz))
+    1.0
+    """
+    returns = ReturnNumbers.of(cloud)
+    last = ~returns.known | (returns.number == returns.count)
+    xy = np.unique(cloud.xyz[last], axis=0)[:, :2]
+    if not len(xy):
+        return 1.0
+    _, count = np.unique(np.floor(xy / (CELL * cloud.metre)), axis=0, return_counts=True)
+    per_area = float(np.median(count)) / CELL**2
+    return float(2.0 ** (-np.rint(np.log2(per_area)) / 2))
+
+
+class Lengths(NamedTuple):
+    """Lengths that classifiers work with, in the unit of the points but for the last.
+
+    Attributes
+    ----------
+    spacing : of the points
+    radius : of the neighbourhood in which planes are looked for
+    context : within which features are averaged
+    alpha : radius of the disc that rolls around roofs
+    flat : metres that points may be from a plane, as standard deviation
+    """
+
+    spacing: float
+    radius: float
+    context: float
+    alpha: float
+    flat: float
+
+    @classmethod
+    def of(
+        cls,
+        cloud: PointCloud,
+        flat: float,
+        radius: float | None = None,
+        context: float | None = None,
+        alpha: float | None = None,
+    ) -> Lengths:
+        """The lengths given, and for those that are not what suits the density of the points.
+
+        A surface that bends is farther from its plane the farther one looks, so `flat` grows
+        with a radius that was not given.
+        """
+        apart, metre = spacing(cloud), cloud.metre
+        dense, sparse = (RADIUS, CONTEXT, ALPHA), np.multiply(BY_SPACING, apart)
+        suits = np.minimum(np.maximum(dense, sparse), LARGEST) * metre
+        given = (radius, context, alpha)
+        plane, around, disc = (
+            float(other) if one is None else one for one, other in zip(given, suits, strict=True)
+        )
+        wider = plane / (RADIUS * metre) if radius is None else 1.0
+        if None in given and wider > 1:
+            log.info(
+                "points are some %.1f m apart: radius %.2g m, context %.2g m, alpha %.2g m",
+                apart,
+                plane / metre,
+                around / metre,
+                disc / metre,
+            )
+        return cls(apart * metre, plane, around, disc, flat / metre * wider)

@@ -1,0 +1,188 @@
+"""Which bodies above the ground are vehicles: buses, trams, lorries, containers, cars.
+
+Roads and rails set the size of vehicles. What is no wider and no higher than that, and has ground
+all around, is taken for one: narrow annexes lean on a house, and free-standing houses are wider.
+Cars are told from shrubs as well: they are oblongs, and let few pulses through. And a roof hides
+the ground: where ground is seen between, as among vehicles in rows, below crowns, or where one
+stood in one strip and had left in the next, there is no roof.
+
+References
+----------
+Council Directive 96/53/EC, annex I: vehicles are up to 2.55 m wide (2.60 m if refrigerated) and
+4.0 m high. BOStrab (1987), section 34: trams are up to 2.65 m wide. ISO 668: containers are 2.44 m.
+
+On which data the limits were chosen, and how well they do on other: the page urban-classes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from algorithms.classify._evidence import FOOT, PointFeatures
+from algorithms.classify._outlines import TOUCHING, margin
+from algorithms.classify._sorted_points import SortedPoints
+from algorithms.shared.alpha_shape import alpha_shape
+from toolbox.context import QUIET, Context
+from toolbox.errors import DataError
+
+WIDEST = 2.65  # metres, a tram
+HIGHEST = 5.0  # metres: double-deckers have up to 4.6, trams carry boxes and arms on their roofs
+TOP = 95  # percentile of the heights of a body, so that an arm or a wire does not decide
+SMALLEST = 4.0  # m2: the smallest cars are 1.7 m wide and 2.7 m long
+LONG = 1.5  # times as long as wide, at least; small cars have 1.6
+APART = 0.4  # metres: half the gap between two bodies that are seen apart, if points allow
+BY_SPACING = 1.25  # times the spacing of points: the same where they are sparse
+AROUND = 1.5  # metres from its side, and as much again, in which there is ground
+FREE = 0.75  # share of its sides that must have ground beside; an annexe has a wall at one
+EDGE = 0.75  # metres inside of an outline where pulses pass roofs and meet the ground
+SEEN = 0.1  # share of ground among the points within that no roof has
+FEWEST = 2  # points on the ground that may be an accident
+LOWEST = 0.3  # metres above the ground, from which on bodies are looked at
+LOW_CAR, CAR = 1.1, 6.5  # metres, least height of a car and length; what is longer is a row,
+WIDE = 1.6  # metres, and no hedge if it is as wide as cars
+OBLONG = 0.6  # share of its bounding rectangle that a car fills, and a shrub hardly does
+GLASS = 1 / 3  # share of the returns from a car after which the pulse goes on, at most
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+Shapes = NDArray[Any]
+
+
+class Body(NamedTuple):
+    """Points that are near each other, narrow, low, and stand free.
+
+    Attributes
+    ----------
+    outline : shapely polygon around the points
+    points : their indices
+    width, length : metres
+    top : height above the ground that few points exceed, metres
+    """
+
+    outline: Any
+    points: Ints
+    width: float
+    length: float
+    top: float
+
+
+def large_vehicles(
+    features: PointFeatures, roof: Mask, spacing: float, smallest: float, ctx: Context = QUIET
+) -> Mask:
+    """True for points that look like a roof but are of a vehicle, array of shape (n,).
+
+    Parameters
+    ----------
+    features : n points
+    roof : array of shape (n,), those that look like a roof
+    spacing : distance between points, in their unit
+    smallest : area of a building, in its square; what is as large must be longer than wide as well
+    """
+    found = np.zeros(len(roof), bool)
+    for body in bodies(features, roof, spacing, ctx):
+        if body.outline.area < smallest or body.length >= LONG * body.width:
+            found[body.points] = True
+    return found
+
+
+def vehicles(features: PointFeatures, some: Mask, spacing: float, ctx: Context = QUIET) -> Mask:
+    """True for points of vehicles among those that are neither ground nor building, shape (n,).
+
+    Parameters
+    ----------
+    features : n points
+    some : array of shape (n,)
+    spacing : distance between points, in their unit
+    """
+    found = np.zeros(len(some), bool)
+    high = some & (features.terrain[1] >= LOWEST)
+    for body in bodies(features, high, spacing, ctx):
+        box = shapely.minimum_rotated_rectangle(body.outline)
+        oblong = body.length >= LONG * body.width and body.outline.area >= OBLONG * box.area
+        no_hedge = body.length <= CAR or body.width >= WIDE
+        dense = features.let_through[body.points].mean() <= GLASS
+        if oblong and no_hedge and dense and body.top >= LOW_CAR:
+            found[body.points] = True
+    return found
+
+
+def bodies(
+    features: PointFeatures, some: Mask, spacing: float, ctx: Context = QUIET
+) -> Iterator[Body]:
+    """Bodies that are as narrow and low as vehicles, and stand free.
+
+    Parameters
+    ----------
+    features : n points
+    some : array of shape (n,), those of which bodies may consist
+    spacing : distance between points, in their unit
+    """
+    xyz, height, metre = features.xyz, features.terrain[1], features.cloud.metre
+    alpha = max(APART * metre, BY_SPACING * spacing)
+    shapes = _outlines(xyz[some, :2], alpha, ctx)
+    shapes = shapes[shapely.area(shapes) >= SMALLEST * metre**2]
+    shapes = shapes[shapely.is_empty(shapely.buffer(shapes, -WIDEST * metre / 2))]
+    shapes = shapes[standing_free(shapes, xyz[height < FOOT, :2], metre) >= FREE]
+    points = SortedPoints.of(xyz, some)
+    for shape in shapes:
+        inside = points.within(shape.buffer(TOUCHING * metre))
+        away = margin(len(inside) / shape.area, alpha)
+        width = 2 * (shapely.maximum_inscribed_circle(shape).length + away)
+        top = float(np.percentile(height[inside], TOP))
+        if width <= WIDEST * metre + away and top <= HIGHEST:
+            length = longer_side(shape) + 2 * away
+            yield Body(shape, inside, width / metre, length / metre, top)
+
+
+def _outlines(xy: Floats, alpha: float, ctx: Context) -> Shapes:
+    """Polygons without holes around points of shape (n, 2) that are near each other."""
+    try:
+        return alpha_shape(xy, alpha, hole_threshold=np.inf, ctx=ctx).polygons
+    except DataError:  # hardly any
+        return np.empty(0, object)
+
+
+def longer_side(shape: Any) -> float:
+    """Longer side of the bounding rectangle of a polygon."""
+    corners = np.asarray(shapely.minimum_rotated_rectangle(shape).exterior.coords)
+    return float(np.hypot(*np.diff(corners[:3], axis=0).T).max())
+
+
+def standing_free(shapes: Shapes, low: Floats, metre: float) -> Floats:
+    """Share of the sides of each polygon that have low points beside them, array of shape (m,).
+
+    Parameters
+    ----------
+    shapes : polygons, array of shape (m,)
+    low : points at the height of the ground, array of shape (k, 2)
+    metre : length of one metre in their unit
+    """
+    if not len(shapes) or not len(low):
+        return np.zeros(len(shapes))
+    reach = AROUND * metre
+    around = shapely.segmentize(shapely.boundary(shapely.buffer(shapes, reach)), metre)
+    places, owner = shapely.get_coordinates(around, return_index=True)
+    away = np.asarray(cKDTree(low).query(places, distance_upper_bound=reach)[0])
+    return np.asarray(np.bincount(owner, np.isfinite(away)) / np.bincount(owner))
+
+
+def ground_seen(shapes: Shapes, features: PointFeatures) -> Floats:
+    """Share of ground among the points well inside of outlines, array of shape (m,).
+
+    It is 0 if there are only FEWEST points on the ground.
+    """
+    metre, ground = features.cloud.metre, features.terrain[0]
+    every = SortedPoints.of(features.xyz, np.ones(len(ground), bool))
+    share = np.zeros(len(shapes))
+    for k, core in enumerate(shapely.buffer(shapes, -EDGE * metre)):
+        parts = [ground[every.within(part)] for part in shapely.get_parts(core)]
+        inside = np.concatenate(parts) if parts else np.zeros(0, bool)
+        share[k] = inside.mean() if np.count_nonzero(inside) > FEWEST else 0.0
+    return share

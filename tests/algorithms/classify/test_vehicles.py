@@ -1,0 +1,155 @@
+"""Vehicles among houses: classify.buildings and classify.urban on streets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from algorithms.classify._evidence import PointFeatures
+from algorithms.classify._vehicles import bodies, ground_seen, large_vehicles, vehicles
+from algorithms.classify.buildings import ClassifyBuildings
+from algorithms.classify.urban import ClassifyUrban
+from algorithms.ground.classify import GroundClassify
+from tests.scenes.layers import cloud
+from tests.scenes.traffic import confusion, street
+from toolbox.data import PointCloud
+
+Floats = NDArray[np.float64]
+Box = tuple[float, float, float, float, float]  # x from, x to, y from, y to, height
+
+BUS = (10.0, 22.0, 10.0, 12.5, 3.0)
+HOUSE = (10.0, 22.0, 16.0, 26.0, 6.0)
+
+
+def yard(*boxes: Box, density: float = 10.0, side: float = 40.0, seed: int = 0) -> PointCloud:
+    """Level ground with boxes on it."""
+    rng = np.random.default_rng(seed)
+    count = int(side**2 * density)
+    x, y = rng.uniform(0, side, (count, 2)).T
+    z = rng.normal(0, 0.02, count)
+    for west, east, south, north, height in boxes:
+        z[(x > west) & (x < east) & (y > south) & (y < north)] += height
+    columns = {name: np.ones(count, np.uint8) for name in ("return_number", "number_of_returns")}
+    columns["number_of_returns"][0] = 2
+    xyz = np.column_stack([x + 500_000, y + 4_600_000, z + 50])
+    return cloud(xyz, np.where(z < 0.5, 2, 1), **columns)
+
+
+def outlines(points: PointCloud, **settings: Any) -> list[float]:
+    """Areas of the buildings found, in whole square metres."""
+    frame = ClassifyBuildings(points=points, **settings).run().outlines.frame
+    return sorted(round(area) for area in frame["area"])
+
+
+def features(points: PointCloud) -> PointFeatures:
+    return PointFeatures(points, 1.0, 3.0, ground_classes=(2,))
+
+
+def test_a_bus_is_no_building_and_a_garage_is() -> None:
+    assert outlines(yard(BUS)) == []
+    (garage,) = outlines(yard((10, 16, 10, 13.1, 2.6)))
+    assert garage == pytest.approx(18.6, rel=0.1)
+    assert outlines(yard((10, 22, 10, 12.5, 7.0)))  # no vehicle is as high
+
+
+def test_a_lorry_beside_a_wall_goes_and_an_annexe_stays() -> None:
+    """The lorry stands 1.3 m from the wall; the annexe is as narrow, and leans on it."""
+    (house,) = outlines(yard(HOUSE))
+    assert house == pytest.approx(120, rel=0.05)
+    lorry = (10.0, 20.0, 12.2, 14.7, 3.5)
+    (alone,) = outlines(yard(HOUSE, lorry))
+    assert alone == pytest.approx(house, rel=0.05)
+    annexe = (10.0, 20.0, 13.5, 16.0, 3.5)
+    (both,) = outlines(yard(HOUSE, annexe))
+    assert both == pytest.approx(house + 25, rel=0.05)
+
+
+def test_ground_between_tells_a_row_of_trams_from_a_hall() -> None:
+    """At 3 points per square metre gaps of 0.8 m are not seen between neighbours."""
+    row: list[Box] = [(5, 33, 10 + 3.3 * k, 12.5 + 3.3 * k, 3.5) for k in range(4)]
+    assert outlines(yard(*row, density=3.0)) == []
+    assert len(outlines(yard((5, 33, 10, 22.4, 3.5), density=3.0))) == 1
+
+
+def test_share_of_ground_is_that_well_inside() -> None:
+    points = yard(HOUSE)
+    xy = points.xyz[:, :2] - (500_000, 4_600_000)
+    below = np.flatnonzero((abs(xy - (16, 21)) < 1).all(axis=1))
+    xyz = points.xyz.copy()
+    xyz[below, 2] = 50
+    classes = points["classification"].copy()
+    classes[below] = 2
+    seen = features(points.with_xyz(xyz).with_attributes({"classification": classes}))
+    shape = shapely.box(500_010, 4_600_016, 500_022, 4_600_026)
+    (share,) = ground_seen(np.array([shape]), seen)
+    core = (abs(xy - (16, 21)) <= (5.25, 4.25)).all(axis=1)
+    assert share == len(below) / core.sum()
+    assert ground_seen(np.array([shape]), features(points)).tolist() == [0.0]
+
+
+@pytest.mark.parametrize("turn", [0.0, 30.0])
+@pytest.mark.parametrize("metre", [1.0, 3937 / 1200])
+def test_bodies_are_measured_in_any_direction_and_unit(turn: float, metre: float) -> None:
+    points = yard(BUS)
+    shapes = shapely.MultiPoint(points.xyz[:, :2])
+    turned = shapely.get_coordinates(shapely.affinity.rotate(shapes, turn, (500_020, 4_600_020)))
+    xyz = np.column_stack([turned, points.xyz[:, 2]]) * metre
+    made = PointCloud(
+        xyz,
+        {name: points[name] for name in points.names},
+        crs=points.crs if metre == 1 else CRS(2263),
+    )
+    some = features(made)
+    (body,) = bodies(some, some.terrain[1] > 2, 0.35 * metre)
+    assert body.width == pytest.approx(2.5, abs=0.15)
+    assert body.length == pytest.approx(12.0, abs=0.3)
+    assert body.top == pytest.approx(3.0, abs=0.1)
+
+
+def test_a_square_hut_is_a_building_if_it_is_large_enough() -> None:
+    points = yard((10, 12.6, 10, 12.6, 2.5))
+    some = features(points)
+    roof = some.terrain[1] > 2
+    assert large_vehicles(some, roof, 0.35, 10.0)[roof].mean() > 0.9
+    assert not large_vehicles(some, roof, 0.35, 4.0).any()
+
+
+@pytest.mark.parametrize(
+    ("box", "let_through", "is_car"),
+    [
+        ((10, 14.4, 10, 11.8, 1.5), 0.1, True),
+        ((10, 14.4, 10, 11.8, 0.8), 0.1, False),  # too low
+        ((10, 14.4, 10, 11.8, 1.5), 0.6, False),  # a shrub: pulses pass
+        ((10, 12.4, 10, 12.2, 1.5), 0.1, False),  # no oblong
+        ((10, 22.0, 10, 11.1, 1.5), 0.1, False),  # a hedge
+        ((10, 22.0, 10, 11.9, 1.5), 0.1, True),  # a row of cars
+        ((10, 14.4, 10, 13.3, 1.5), 0.1, False),  # too wide
+    ],
+)
+def test_cars_are_low_oblongs(box: Box, let_through: float, is_car: bool) -> None:
+    points = yard(box, density=16.0)
+    above = points["classification"] == 1
+    count = points["number_of_returns"].copy()
+    count[above & (np.random.default_rng(1).random(len(points)) < let_through)] = 2
+    some = features(points.with_attributes({"number_of_returns": count}))
+    found = vehicles(some, above, 0.25)
+    assert found[above].mean() == (pytest.approx(1, abs=0.05) if is_car else 0)
+    assert not found[~above].any()
+
+
+def test_traffic_is_neither_building_nor_plant() -> None:
+    points = street(seed=20, density=8.0)
+    bare = points.with_attributes({"classification": np.zeros(len(points), np.uint8)})
+    ground = GroundClassify(points=bare).run().classified
+    made = ClassifyBuildings(points=ground).run()
+    classes = ClassifyUrban(points=made.classified).run().classified["classification"]
+    found = confusion(classes, points["truth"])
+    assert found["of buildings"] < 0.02
+    assert found["plant"] < 0.1
+    assert found["iou"] > 0.98
+    assert (classes[np.isin(points["truth"], (4, 5))] != 1).mean() > 0.8

@@ -89,6 +89,7 @@ TILED = [
 DIFFER = {  # parameters that are declared in several ways, and why
     "alpha": "roofs are of a size; the gaps of other points are not known beforehand",
     "attribute": "each tool reads another attribute",
+    "classes": "trees are of high vegetation, other tools read all points",
     "context": "a map is applied with the radius that it learnt with, others follow the density",
     "cell": "edges of roofs and points of a scan ask for finer cells than terrain",
     "features": "a map learns from few features, features.local gives many",
@@ -523,6 +524,8 @@ def test_too_small_a_halo_is_noticed(
     halo = reach(spec, settings, strip)
     if halo == 0:
         pytest.skip("the tool asks for none")
+    if not {field.kind.word for field in spec.outputs.values()} & {"PointCloud", "Raster"}:
+        pytest.skip("features are compared by the tests of the tool")
     if spec.id in ALIGNED or (share and spec.id in AMPLE):
         pytest.skip("what needs all of it cannot be seen")
     with pytest.raises(AssertionError):

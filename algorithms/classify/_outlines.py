@@ -38,3 +38,15 @@ def margin(density: float, alpha: float) -> float:
     stay.
     """
     return float((density * np.sqrt(8 * alpha)) ** (-2 / 3))
+
+
+def name_of(outline: Any) -> str:
+    """Name of an object by a place within: its easting and northing in whole units.
+
+    Examples
+    --------
+    >>> name_of(shapely.box(0.0, 10.0, 5.0, 12.0))
+    '2_11'
+    """
+    place = outline.representative_point()
+    return f"{np.floor(place.x):.0f}_{np.floor(place.y):.0f}"

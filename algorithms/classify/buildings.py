@@ -31,7 +31,7 @@ from algorithms.classify import _evidence
 from algorithms.classify._bridges import bridges
 from algorithms.classify._density import Lengths
 from algorithms.classify._evidence import FOOT, solid
-from algorithms.classify._outlines import TOUCHING, margin, without_spikes
+from algorithms.classify._outlines import TOUCHING, margin, name_of, without_spikes
 from algorithms.classify._roofs import Roof, form, main_section
 from algorithms.classify._sorted_points import SortedPoints
 from algorithms.classify._squared import squared
@@ -411,9 +411,3 @@ def confidences(shapes: Shapes, features: _evidence.PointFeatures, planes: Mask)
     above = SortedPoints.of(features.xyz, features.terrain[1] > FOOT)
     flat = [planes[above.within(shape)].mean() for shape in shapes]
     return np.asarray(flat) * (1 - seen)
-
-
-def name_of(outline: Any) -> str:
-    """Name of a building by a place within: its easting and northing in whole units."""
-    place = outline.representative_point()
-    return f"{np.floor(place.x):.0f}_{np.floor(place.y):.0f}"

@@ -235,6 +235,7 @@ LAND, OUTSIDE = ("land",), ("land", "line", "water")
 GROUND: Step = ("ground.classify", "classified", {})
 TALL: Step = ("ground.classify", "classified", {"heights": True})
 HOUSES: Step = ("classify.buildings", "classified", {})
+TOWN: Step = ("classify.urban", "classified", {})
 GRID: Step = ("surface.grid", "surface", {"cell": 1.0, "max_gap": 5.0})
 CASES: tuple[Case, ...] = (
     Case("points.info"),
@@ -267,6 +268,7 @@ CASES: tuple[Case, ...] = (
     Case("classify.som", themes=LAND, keeps="classified"),
     Case("classify.buildings", themes=LAND, before=(GROUND,), keeps="classified"),
     Case("classify.urban", themes=LAND, before=(GROUND, HOUSES), keeps="classified"),
+    Case("classify.trees", themes=LAND, before=(GROUND, HOUSES, TOWN)),
     Case(
         "classify.vegetation_by_returns", themes=LAND, before=(GROUND, HOUSES), keeps="classified"
     ),

@@ -1,0 +1,206 @@
+"""Trees: their tops and crowns, from classified points.
+
+The highest points of the vegetation make a raster of hills, one for each crown. A dip between two
+tops that is less deep than crowns are rough parts branches, not trees.
+
+References
+----------
+Chazal, F., Guibas, L., Oudot, S. and Skraba, P. (2013). Persistence-based clustering in Riemannian
+manifolds. Journal of the ACM 60(6), 41: hills, joined where the lower top is not prominent.
+Hyyppä, J. et al. (2001). A segmentation-based method to retrieve stem volume estimates from 3-D
+tree height models produced by laser scanners. IEEE Transactions on Geoscience and Remote Sensing
+39(5), 969-975: a smoothed raster of the canopy, and its tops.
+
+How well it does: docs/explanation/urban-classes.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from algorithms.classify import _evidence
+from algorithms.classify import _trees_kernels as kernels
+from algorithms.classify._density import Lengths
+from algorithms.classify._outlines import margin, name_of
+from algorithms.shared import parameters
+from algorithms.shared.alpha_shape import alpha_shape
+from algorithms.shared.heights import HEIGHT
+from toolbox.context import QUIET, Context, log
+from toolbox.data import Lattice, PointCloud, Vector
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
+from toolbox.errors import DataError, NothingToDo
+
+CELL, BY_SPACING = 0.5, np.sqrt(2.0)  # metres, and times the spacing where points are sparse:
+# two points in a cell, so that hardly any is empty
+SMOOTH = 0.5  # metres, standard deviation of the Gaussian: branches are not looked at
+COLUMNS = ("id", "height", "elevation", "crown_area", "crown_diameter", "points")
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+@tool("classify.trees")
+class ClassifyTrees:
+    """Find single trees in classified points: tops, and crowns with heights.
+
+    Classify first, as models.urban_classes does. Points of `classes` at least `min_height` above
+    the ground are put into cells of half a metre, or larger ones where points are sparse. Each
+    highest place among them is a tree, if between it and any higher one the canopy dips
+    by at least `prominence`; the cells that lead up to it are its crown. Crowns of less than
+    `min_crown` are no trees.
+
+    Attributes of both layers: id, made of the whole easting and northing of a place within the
+    crown; height of the highest point above the ground and its elevation, area of the crown,
+    diameter of a circle of that area, in the unit of the data; and the number of points.
+
+    Crowns that grow into one another without a dip are one tree. Trees below others are not seen.
+    Heights are HeightAboveGround if points have it.
+    """
+
+    points: PointCloud = source("Classified points")
+    classes: ClassList = param("Classes that are trees", default=ClassList([5]))
+    min_height: float = param("Lowest tree", default=3.0, unit="m", gt=0, le=50)
+    prominence: float = param(
+        "Least depth of the dip between two tops", default=1.0, unit="m", ge=0, le=20
+    )
+    min_crown: float = param("Smallest crown", default=1.0, unit="m2", ge=0, le=1000)
+    ground_classes: ClassList = parameters.ground_classes()
+
+    @outputs
+    class Outputs:
+        tops: Vector = sink("Highest point of each tree, with heights")
+        crowns: Vector = sink("Outline of each crown, with the same attributes")
+        count: int = sink("Number of trees", unit="1")
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """The points have a classification."""
+        if "classification" not in self.points:
+            yield "points", f"{self.points.name} has no classification; classify them first"
+
+    def halo(self) -> float:
+        """Reach of the terrain, and of a crown."""
+        return _evidence.HALO
+
+    def run(self, ctx: Context = QUIET) -> ClassifyTrees.Outputs:
+        """Find the hills of the canopy, and draw the crowns."""
+        cloud = self.points
+        if not len(cloud):
+            return self._packed([])
+        is_ground = np.isin(cloud["classification"], self.ground_classes)
+        if not is_ground.any() and HEIGHT not in cloud:
+            raise NothingToDo(
+                f"points: none is of class {self.ground_classes}; classify ground first",
+                instead=self._packed([]),
+            )
+        lengths = Lengths.of(cloud, _evidence.FLAT)
+        features = _evidence.PointFeatures(
+            cloud, lengths.radius, lengths.context, ctx, ground_classes=self.ground_classes
+        )
+        height = features.terrain[1]
+        some = np.isin(cloud["classification"], self.classes) & (
+            height * cloud.metre >= self.min_height
+        )
+        if not some.any():
+            log.warning("no point of class %s is %g m high", self.classes, self.min_height)
+            return self._packed([])
+        tree = trees(
+            cloud.xyz[some],
+            height[some] * cloud.metre,
+            cell=max(CELL * cloud.metre, float(BY_SPACING * lengths.spacing)),
+            smooth=SMOOTH * cloud.metre,
+            prominence=self.prominence,
+        )
+        ctx.progress(0.8)
+        rows = list(self._rows(np.flatnonzero(some), tree, height, lengths, ctx.part(0.8, 1.0)))
+        ctx.progress(1.0)
+        return self._packed(rows)
+
+    def _rows(
+        self, some: Ints, tree: Ints, height: Floats, lengths: Lengths, ctx: Context
+    ) -> Iterator[dict[str, Any]]:
+        """Attributes, top and crown of each tree."""
+        cloud = self.points
+        order = np.lexsort((-height[some], tree))
+        ends = np.flatnonzero(np.diff(tree[order], append=-1)) + 1
+        for done, own in enumerate(np.split(some[order], ends[:-1])):
+            ctx.progress(done / len(ends))
+            crown = outline(cloud.xyz[own, :2], lengths.alpha)
+            if crown is None or crown.area < self.min_crown:
+                continue
+            x, y, z = cloud.xyz[own[0]]
+            yield {
+                "id": name_of(crown),
+                "height": float(height[own[0]]) * cloud.metre,
+                "elevation": float(z),
+                "crown_area": crown.area,
+                "crown_diameter": float(2 * np.sqrt(crown.area / np.pi)),
+                "points": len(own),
+                "top": shapely.Point(x, y),
+                "crown": crown,
+            }
+
+    def _packed(self, rows: list[dict[str, Any]]) -> ClassifyTrees.Outputs:
+        import geopandas
+
+        def layer(name: str, kind: str) -> Vector:
+            table = [{k: row[k] for k in COLUMNS} | {"geometry": row[name]} for row in rows]
+            frame = geopandas.GeoDataFrame(
+                table, columns=[*COLUMNS, "geometry"], geometry="geometry", crs=self.points.crs
+            )
+            return Vector(frame, geometry_type=kind)
+
+        return self.Outputs(
+            tops=layer("top", "Point"), crowns=layer("crown", "Polygon"), count=len(rows)
+        )
+
+
+def trees(xyz: Floats, height: Floats, *, cell: float, smooth: float, prominence: float) -> Ints:
+    """Number of the tree of each point.
+
+    Parameters
+    ----------
+    xyz : points of vegetation, array of shape (n, 3)
+    height : above the ground, array of shape (n,), in the same unit
+    cell : size of the cells of the canopy
+    smooth : standard deviation of the Gaussian that it is smoothed with; empty cells do not count
+    prominence : least depth of the dip between two tops
+
+    Returns
+    -------
+    array of shape (n,)
+        The same number for points of one tree; numbers are not consecutive.
+    """
+    x, y = xyz[:, 0], xyz[:, 1]
+    lattice = Lattice.cover((x.min(), y.min(), x.max(), y.max()), cell)
+    row, col = (place + 1 for place in lattice.indices(x, y))  # within an empty border
+    canopy = np.full((lattice.rows + 2, lattice.cols + 2), -np.inf)
+    np.maximum.at(canopy, (row, col), height)
+    there = np.isfinite(canopy)
+    total = gaussian_filter(np.where(there, canopy, 0.0), smooth / cell, mode="constant")
+    weight = gaussian_filter(there.astype(float), smooth / cell, mode="constant")
+    surface = np.where(there, total / np.where(there, weight, 1.0), -np.inf).ravel()
+    order = np.argsort(-surface, kind="stable")[: np.count_nonzero(there)]
+    parent = np.full(surface.size, -1, np.int64)
+    kernels.hills(surface, order, canopy.shape[1], prominence, parent)
+    return np.asarray(parent[row * canopy.shape[1] + col])
+
+
+def outline(xy: Floats, alpha: float) -> Any:
+    """Outline of a crown with points of shape (n, 2): none if they are too few.
+
+    It runs as far outside of the largest region of their alpha shape as edges do on average.
+    """
+    try:
+        shapes = alpha_shape(xy, alpha, hole_threshold=np.inf).polygons
+    except DataError:  # too few points, or all in one line
+        return None
+    if not len(shapes):
+        return None
+    return shapes[0].buffer(margin(len(xy) / shapes[0].area, alpha), quad_segs=2)

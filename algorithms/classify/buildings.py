@@ -55,7 +55,8 @@ THICK = 2.0  # standard deviations from a plane near by within which a point lie
 BESIDE_PLANES = 1.0  # metres from the planes of a roof up to which what is joined to it is building
 PER_POINT = 100  # how much longer than others a point takes in which planes are looked for
 TOP = 1.0  # metres, cells in which the highest point of a roof is looked for
-SIMPLE = 0.5  # metres that squared walls may be from the points
+SIMPLE = 0.5  # metres that squared walls may be from the outline of the points
+SIMPLE_BY_SPACING = 1.4  # times the spacing of points: the same where that is more
 HALO = _evidence.HALO + 25.0  # metres, for holes and for regions that are too small
 COLUMNS = (
     *("id", "area", "perimeter", "points", "ground", "eave", "ridge", "mean", "height", "form"),
@@ -270,7 +271,8 @@ class ClassifyBuildings:
         roof = shape.buffer(margin(density, lengths.alpha), join_style="mitre")
         if self.outline == "alpha":
             return roof, False
-        return squared(roof, SIMPLE * self.points.metre, lengths.alpha)
+        tolerance = max(SIMPLE * self.points.metre, SIMPLE_BY_SPACING * lengths.spacing)
+        return squared(roof, tolerance, lengths.alpha)
 
     def _packed(
         self, found: Mask, part: Mask, rows: list[dict[str, Any]]

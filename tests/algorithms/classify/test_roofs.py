@@ -154,11 +154,17 @@ def test_lengths_follow_the_density_unless_they_are_given(caplog: pytest.LogCapt
 
 
 def test_a_town_of_one_point_per_square_metre_is_mapped() -> None:
-    made = SamplesScene(kind="town", size=120.0, density=1.0, seed=5).run().points
+    scene = SamplesScene(kind="town", size=120.0, density=1.0, seed=5).run()
+    made, frame = scene.points, scene.features.frame
     ground = GroundClassify(points=made).run().classified
     out = ClassifyBuildings(points=ground).run()
     found, true = (c["classification"] == 6 for c in (out.classified, made))
     assert (found & true).sum() / (found | true).sum() > 0.95
+    corners, own = (
+        shapely.count_coordinates(shapes.to_numpy())
+        for shapes in (frame[frame.kind == "building"].geometry, out.outlines.frame.geometry)
+    )
+    assert own <= 1.1 * corners
     by_hand = ClassifyBuildings(points=ground, radius=1.75, context=5.0, alpha=2.25, flat=0.105)
     assert by_hand.run().building_share == out.building_share
     fixed = ClassifyBuildings(points=ground, radius=1.0, context=3.0, alpha=1.5).run()

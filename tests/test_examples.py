@@ -24,6 +24,7 @@ STEPS = {  # of find_terrain, each on what the one before gives
     for name in (
         "ground_cells",
         "planes_through",
+        "raised_sections",
         "raised_share",
         "robust_surface",
         "slopes",

@@ -62,6 +62,10 @@ SAME_STEP, SAME_SLOPE, SAME_REACH, SAME_ROUNDS = (
     4,
     3,
 )  # cells on one plane are judged alike
+LEVEL, DROP = 0.3, 1.0  # metres: within a section, and of a step beside it beyond STEP_SLOPE
+ALL_ROUND, MOST_ROUND = 0.7, 0.4  # share of the seen and of the whole border that are steps
+ACROSS, GAPS = 0.1, 2  # share of the unseen border, and cells, that may lie opposite each other
+RAISED = (10, 5000)  # cells of such a section, so that a halo holds it
 COARSE = ((4, 3.0), (3, 3.0), (2, 3.0))  # level and window of a surface, in cells of that level
 FINE = (*COARSE, (1, 3.0), (0, 3.0), (0, 1.5))
 ENOUGH = 2.0  # points in a window
@@ -267,8 +271,33 @@ def ground_cells(z: Cells, ctx: Context) -> NDArray[np.bool_]:
         part = ctx.part(0.45 + 0.25 * k, 0.7 + 0.25 * k)
         votes = raised_share(z, ground, slope, step, part.part(0, 0.8))
         ground = has & (votes_of_planes(z, votes, part.part(0.8, 1)) < share)
+    ground &= ~raised_sections(z)
     ctx.progress(1.0)
     return ground
+
+
+def raised_sections(z: Cells) -> NDArray[np.bool_]:
+    """True for cells of a section without steps that is bounded by steps down.
+
+    Low wide roofs fall off too little for the looks above, and those that the edge of the data cuts
+    fall off on too few sides. But nearly all of their border that is seen is a step down; of
+    terraces some of it leads on or up. What leads to edges of the data on opposite sides, as a quay
+    or a causeway does, is no roof.
+    """
+    parent = np.empty(z.size, np.int32)
+    kernels.sections(z, LEVEL, parent)
+    seen, falls = np.zeros(z.size, np.int32), np.zeros(z.size, np.int32)
+    unseen = np.zeros((4, z.size), np.int32)
+    kernels.borders(z, parent, STEP_SLOPE, DROP, seen, falls, unseen)
+    there = parent >= 0
+    size = np.bincount(parent[there], minlength=z.size)
+    hidden = unseen.sum(axis=0)
+    across = np.minimum(unseen[0], unseen[1]) + np.minimum(unseen[2], unseen[3])
+    raised = (falls >= ALL_ROUND * seen) & (falls >= MOST_ROUND * (seen + hidden))
+    raised &= (
+        (across <= np.maximum(GAPS, ACROSS * hidden)) & (size >= RAISED[0]) & (size <= RAISED[1])
+    )
+    return np.asarray((there & raised[parent]).reshape(z.shape))
 
 
 def steep_steps(z: Cells, ctx: Context) -> Cells:

@@ -139,6 +139,70 @@ def levelled(first, last, votes, z, reach, step, slope, out):
             out[r, c] = total / count if count else 0.0
 
 
+@helper
+def _first_of(parent, cell):
+    """The cell that stands for the section of a cell."""
+    while parent[cell] != cell:
+        parent[cell] = parent[parent[cell]]
+        cell = parent[cell]
+    return cell
+
+
+@njit(cache=True, nogil=True)
+def sections(z, step, parent):
+    """Set `parent` of each cell to the first one of its section, -1 where there is no data.
+
+    Cells beside each other are of one section if their heights differ by at most `step`.
+    """
+    rows, cols = z.shape
+    for r in range(rows):
+        for c in range(cols):
+            cell = r * cols + c
+            parent[cell] = -1
+            if math.isnan(z[r, c]):
+                continue
+            parent[cell] = cell
+            if r and abs(z[r - 1, c] - z[r, c]) <= step:
+                parent[cell] = _first_of(parent, cell - cols)
+            if c and abs(z[r, c - 1] - z[r, c]) <= step:
+                one, other = _first_of(parent, cell), _first_of(parent, cell - 1)
+                parent[max(one, other)] = min(one, other)
+    for cell in range(rows * cols):
+        if parent[cell] >= 0:
+            parent[cell] = _first_of(parent, cell)
+
+
+@njit(cache=True, nogil=True)
+def borders(z, parent, slope, least, seen, falls, unseen):
+    """Count sides of cells at the border of each section, by the first cell of the section.
+
+    `seen` are those with data within two cells, `falls` those with a step down of at least `least`
+    there, beyond what `slope` explains; `unseen`, of shape (4, cells), are the others, to the
+    south, north, east and west.
+    """
+    rows, cols = z.shape
+    ways = ((1, 0), (-1, 0), (0, 1), (0, -1))
+    for r in range(rows):
+        for c in range(cols):
+            own = parent[r * cols + c]
+            if own < 0:
+                continue
+            for way in range(4):
+                down, right = ways[way]
+                i, j = r + down, c + right
+                if 0 <= i < rows and 0 <= j < cols and parent[i * cols + j] == own:
+                    continue
+                is_seen, deepest = False, -np.inf
+                for k in (1, 2):
+                    i, j = r + k * down, c + k * right
+                    if 0 <= i < rows and 0 <= j < cols and not math.isnan(z[i, j]):
+                        is_seen = True
+                        deepest = max(deepest, z[r, c] - z[i, j] - slope * k)
+                seen[own] += is_seen
+                falls[own] += deepest >= least
+                unseen[way, own] += not is_seen
+
+
 @njit(cache=True, nogil=True)
 def gathered(z, surface, weight, level, weights, residuals):
     """Sums of the weights, and of weight times z - surface, over cells of 2**level metres."""

@@ -11,13 +11,13 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
+from scenes.layers import cloud
 
 from algorithms.classify._density import Lengths, spacing
 from algorithms.classify._roofs import Roof, form, main_section
 from algorithms.classify.buildings import ClassifyBuildings
 from algorithms.ground.classify import GroundClassify
 from algorithms.samples.scene import SamplesScene
-from tests.scenes.layers import cloud
 from toolbox.data import PointCloud
 
 Floats = NDArray[np.float64]

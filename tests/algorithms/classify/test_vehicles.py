@@ -9,14 +9,14 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
+from scenes.layers import cloud
+from scenes.traffic import confusion, street
 
 from algorithms.classify._evidence import PointFeatures
 from algorithms.classify._vehicles import bodies, ground_seen, large_vehicles, vehicles
 from algorithms.classify.buildings import ClassifyBuildings
 from algorithms.classify.urban import ClassifyUrban
 from algorithms.ground.classify import GroundClassify
-from tests.scenes.layers import cloud
-from tests.scenes.traffic import confusion, street
 from toolbox.data import PointCloud
 
 Floats = NDArray[np.float64]

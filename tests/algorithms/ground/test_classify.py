@@ -879,3 +879,44 @@ def test_terrain_of_known_ground_is_that_found_among_all() -> None:
     known = find_terrain(xyz[ground], known=True)
     away = height_above(xyz[ground], known) - height_above(xyz[ground], found)
     assert np.sqrt(np.mean(away**2)) < 0.01
+
+
+# Raised sections -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("height", [2.2, 2.8, 6.0])
+@pytest.mark.parametrize("box", [(-1, 20, 40, 75), (-1, 35, -1, 20), (50, 85, 45, 65)])
+def test_low_wide_roofs_are_no_ground_even_at_the_edge_of_the_data(height: float, box: Box) -> None:
+    """35 x 20 m, of which the second is in a corner of the data and the third in the middle."""
+    xyz, roof = towns.town(plane(tilt=0.02), {box: height})
+    xyz[roof, 2] = xyz[roof, 2].max()
+    ground = GroundClassify(points=cloud(xyz)).run().classified["classification"] == 2
+    assert ground[roof].mean() < 0.02
+    assert ground[~roof].mean() > 0.98
+
+
+def test_quays_and_terraces_from_edge_to_edge_stay_ground() -> None:
+    """The walls are upright and 2.5 m high; the quay has one, the terraces one after the other."""
+    xyz = plane(tilt=0.0)
+    y = xyz[:, 1] - NORTH
+    for lifted in ([y < 30], [y > 40, y > 80]):
+        made = xyz.copy()
+        for part in lifted:
+            made[part, 2] += 2.5
+        classes = GroundClassify(points=cloud(made)).run().classified["classification"]
+        assert (classes == 2).mean() > 0.97
+
+
+def test_a_section_is_raised_if_its_border_steps_down() -> None:
+    z = np.zeros((40, 40), np.float32)
+    z[5:15, 5:15] = 2.0  # a block
+    z[:6, 20:30] = 2.0  # one at the edge
+    z[25:35, :] = 2.0  # a bank from edge to edge
+    z[20:23, 2:4] = 2.0  # too small
+    found = finding.raised_sections(z)
+    assert found[5:15, 5:15].all()
+    assert found[:6, 20:30].all()
+    assert np.count_nonzero(found) == 100 + 60
+    assert not finding.raised_sections(np.where(z > 0, 1.7, 0).astype(np.float32)).any()
+    z[15:17, 5:15] = z[3:5, 5:15] = 4.0  # walls that rise on two of four sides
+    assert not finding.raised_sections(z)[5:15, 5:15].any()

@@ -13,7 +13,13 @@ from scenes.layers import cloud
 from scenes.traffic import confusion, street
 
 from algorithms.classify._evidence import PointFeatures
-from algorithms.classify._vehicles import bodies, ground_seen, large_vehicles, vehicles
+from algorithms.classify._vehicles import (
+    bodies,
+    ground_seen,
+    large_vehicles,
+    standing_free,
+    vehicles,
+)
 from algorithms.classify.buildings import ClassifyBuildings
 from algorithms.classify.urban import ClassifyUrban
 from algorithms.ground.classify import GroundClassify
@@ -140,6 +146,39 @@ def test_cars_are_low_oblongs(box: Box, let_through: float, is_car: bool) -> Non
     found = vehicles(some, above, 0.25)
     assert found[above].mean() == (pytest.approx(1, abs=0.05) if is_car else 0)
     assert not found[~above].any()
+
+
+def test_a_crooked_shrub_is_no_car_and_grass_around_one_does_not_hide_it() -> None:
+    crooked = yard((10, 15, 10, 11.5, 1.5), (10, 11.5, 10, 15, 1.5), density=16.0)
+    above = crooked["classification"] == 1
+    assert not vehicles(features(crooked), above, 0.25).any()
+    points = yard((10, 14.4, 10, 11.8, 1.5), density=16.0)
+    car = points["classification"] == 1
+    grass = ~car & (np.arange(len(points)) % 2 == 0)
+    xyz = points.xyz + np.where(grass, 0.2, 0.0)[:, None] * [0, 0, 1]
+    found = vehicles(features(points.with_xyz(xyz)), car | grass, 0.25)
+    assert found[car].all()
+    assert not found[grass].any()
+
+
+def test_what_stands_free_has_ground_beside_it() -> None:
+    shape = np.array([shapely.box(0, 0, 10, 2)])
+    places = np.stack(np.meshgrid(np.arange(-6, 17, 0.5), np.arange(-6, 9, 0.5)), -1).reshape(-1, 2)
+    away = shapely.distance(shapely.points(places), shape[0])
+    assert standing_free(shape, places[away > 0], 1.0) == [1]
+    assert standing_free(shape, places[away >= 2.5], 1.0) == [1]
+    assert standing_free(shape, places[away >= 3.5], 1.0) == [0]
+    (half,) = standing_free(shape, places[(away > 0) & (places[:, 1] < 1)], 1.0)
+    assert half == pytest.approx(0.55, abs=0.1)
+    assert standing_free(shape, places[:0], 1.0) == [0]
+
+
+def test_what_leans_on_something_is_no_vehicle() -> None:
+    """The terraces at its long sides are a metre high."""
+    some = features(yard(BUS, (10, 22, 5, 10, 1.0), (10, 22, 12.5, 17.5, 1.0)))
+    assert not large_vehicles(some, some.terrain[1] > 2, 0.35, 10.0).any()
+    alone = features(yard(BUS))
+    assert large_vehicles(alone, alone.terrain[1] > 2, 0.35, 10.0).any()
 
 
 def test_traffic_is_neither_building_nor_plant() -> None:

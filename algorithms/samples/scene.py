@@ -70,7 +70,7 @@ class SamplesScene:
         ge=0,
         le=0.1,
     )
-    relief: float = param(
+    facade_relief: float = param(
         "How far pilasters stand before the wall of a facade; 0 for a plain house",
         default=0.0,
         unit="m",
@@ -122,7 +122,7 @@ class SamplesScene:
             density=self.density,
             seed=self.seed,
             noise=self.noise,
-            relief=self.relief,
+            relief=self.facade_relief,
             water_noise=self.water_noise,
             ctx=ctx,
         )

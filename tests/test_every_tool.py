@@ -108,7 +108,6 @@ DIFFER = {  # parameters that are declared in several ways, and why
     "radius": "of a plane, a neighbourhood and what is near a cell",
     "red": "a band of an image, or an attribute of points",
     "reference_attribute": "each tool reads another attribute",
-    "relief": "of terrain, and of a facade",
     "returns": "filters look for ground among last returns, other tools take all",
     "smoothing": "of a line, and of a surface",
     "threshold": "of an index of vegetation, and of distances",

@@ -76,7 +76,7 @@ def holds_level(air: Airborne, above: Floats, curve: Catenary) -> bool:
 
 
 def _levelled(low: Floats, high: Floats) -> bool:
-    """Whether of two strands at equal steps the lower one is straight and the upper one sags."""
+    """Whether of two wires at equal steps the lower one is straight and the upper one sags."""
     both = (high - low > CONTACT_GAP) & (high - low < CONTACT_DEPTH)
     if np.count_nonzero(both) < max(FEWEST_STEPS, CONTACT_SHARE * len(low)):
         return False

@@ -130,7 +130,7 @@ def measured(preset: str, seed: int) -> Row:
 def wire_points(said: NDArray[Any], truth: NDArray[Any]) -> tuple[float, float]:
     """Correctness and completeness of class 14, per cent; nan where there is nothing to count.
 
-    Earth wires (13) count as wires; insulators (16) may be wire, tower or neither.
+    Guard wires (13) count as wires; insulators (16) may be wire, tower or neither.
     """
     wire, may = np.isin(truth, (13, 14)), truth != 16
     both = float(((said == 14) & wire).sum())

@@ -40,7 +40,7 @@ def both_sides(*places: tuple[float, float]) -> Head:
 
 
 def earth(*places: tuple[float, float]) -> Head:
-    """Earth wires at places (aside, below), metres."""
+    """Guard wires at places (aside, below), metres."""
     return tuple(Conductor(aside, below, GUARD) for aside, below in places)
 
 

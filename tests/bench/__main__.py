@@ -7,6 +7,7 @@ import sys
 
 from tests.bench.corridor import corridor
 from tests.bench.corridor_presets import corridor_presets
+from tests.bench.corridor_real import corridor_real
 from tests.bench.facades import facades
 from tests.bench.files import damaged, memory, reading, roundtrip, startup
 from tests.bench.fingerprints import fingerprints
@@ -37,13 +38,14 @@ ALL = (
     waters,
     corridor,
     corridor_presets,
+    corridor_real,
     long_lines,
     facades,
     fingerprints,
     metamorphic,
     path,
 )
-WITH_OPTIONS = (corridor_presets, metamorphic, waters)
+WITH_OPTIONS = (corridor_presets, corridor_real, metamorphic, waters)
 BENCHES = {b.__name__: b for b in ALL}
 
 names = list(itertools.takewhile(lambda word: not word.startswith("-"), sys.argv[1:]))

@@ -139,18 +139,19 @@ def wire_points(said: NDArray[Any], truth: NDArray[Any]) -> tuple[float, float]:
 
 
 def towers_found(
-    true: NDArray[np.float64], found: NDArray[np.float64]
+    true: NDArray[np.float64], found: NDArray[np.float64], radius: float = NEAR_FOOT
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Which towers found are within NEAR_FOOT of a true one, and distances one to one, in plan.
+    """Which towers found are within a radius of a true one, and distances one to one, in plan.
 
     Parameters
     ----------
     true, found : arrays of shape (n, 2) and (m, 2), metres
+    radius : metres
     """
     away = np.hypot(*(true[:, None, :] - found[None, :, :]).transpose(2, 0, 1))
-    near = (away <= NEAR_FOOT).any(axis=0)
+    near = (away <= radius).any(axis=0)
     far = 1e3
-    away = np.where(away <= NEAR_FOOT, away, far)
+    away = np.where(away <= radius, away, far)
     chosen = away[linear_sum_assignment(away)]
     return near, chosen[chosen < far]
 

@@ -372,7 +372,9 @@ def check_layers_are_loaded_in_colours() -> None:
     dtm = out("dtm.tif")
     details = QgsProcessingContext.LayerDetails("DTM", QgsProject.instance(), "SURFACE")
     ctx.addLayerToLoadOnCompletion(dtm, details)
-    ctx.addLayerToLoadOnCompletion(out("never made.tif"), details)
+    unmade = QgsProcessingContext.LayerDetails("Cut", QgsProject.instance(), "OTHER")
+    other = out("of another step.tif")
+    ctx.addLayerToLoadOnCompletion(other, unmade)
     feedback = Feedback()
     values = {"POINTS": CLOUD, "CELL": 2.0, "CLASSES": "2", "SURFACE": dtm, "METHOD": "mean"}
     results, ok = algorithm.run(values, ctx, feedback)
@@ -380,7 +382,9 @@ def check_layers_are_loaded_in_colours() -> None:
     assert results["SURFACE"] == dtm
     assert 0 < results["FILLED_SHARE"] <= 1
     assert feedback.percents[-1] == 100
-    assert list(ctx.layersToLoadOnCompletion()) == [dtm]
+    # in a model the list has the layers of all steps
+    assert set(ctx.layersToLoadOnCompletion()) == {dtm, other}
+    assert ctx.layerToLoadOnCompletionDetails(other).postProcessor() is None
     layer = QgsRasterLayer(dtm, "dtm")
     ctx.layerToLoadOnCompletionDetails(dtm).postProcessor().postProcessLayer(layer, ctx, feedback)
     items = layer.renderer().shader().rasterShaderFunction().colorRampItemList()
@@ -397,6 +401,25 @@ def check_layers_are_loaded_in_colours() -> None:
     styling.style(layer, COLOURS, {"attribute": "severity", "looks": looks})
     colours = {c.value(): c.symbol().color().name() for c in layer.renderer().categories()}
     assert colours == {"critical": "#b2182b", "low": COLOURS["other"][0]}
+
+
+def check_a_layer_that_was_not_written_is_not_loaded() -> None:
+    program, dtm = FOLDER / "idle python", out("never made.tif")
+    result = json.dumps({"event": "result", "outputs": {}})
+    program.write_text(f"#!/bin/sh\necho '{result}'\n")
+    program.chmod(0o755)
+    ctx = context()
+    for place in (dtm, out("of somebody.tif")):
+        details = QgsProcessingContext.LayerDetails("DTM", QgsProject.instance(), "SURFACE")
+        ctx.addLayerToLoadOnCompletion(place, details)
+    os.environ[bridge.PYTHON] = str(program)
+    try:
+        values = {"POINTS": CLOUD, "SURFACE": dtm}
+        _, ok = provider.algorithm("surfacegrid").create().run(values, ctx, Feedback())
+    finally:
+        del os.environ[bridge.PYTHON]
+    assert ok
+    assert list(ctx.layersToLoadOnCompletion()) == [out("of somebody.tif")]
 
 
 def check_a_tool_of_each_group_and_all_kinds_of_output() -> None:

@@ -105,8 +105,9 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         result = bridge.run(self.tool["id"], options, values, feedback)
         shown = {f["name"]: _path(v) for f, v in given if f.get("option") and "suffixes" in f}
         result |= {name: path for name, path in shown.items() if os.path.exists(path)}
-        self._keep_what_was_made(result, context)
-        return dict(self._results(result, {f["name"]: v for f, v in given}))
+        places = {f["name"]: v for f, v in given}
+        self._drop_what_was_not_made(result, places, context)
+        return dict(self._results(result, places))
 
     def _results(self, result: dict[str, Any], given: dict[str, Any]) -> Any:
         """The results of a tool by the names of QGIS, without tables that were not written."""
@@ -122,15 +123,24 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
             else:
                 yield name, value
 
-    def _keep_what_was_made(self, result: dict[str, Any], context: Any) -> None:
-        """Load only layers that the tool has written, and set their colours."""
-        made = {_same(result.get(f["name"])): f for f in self.tool["outputs"] if f["type"] in TYPES}
+    def _drop_what_was_not_made(
+        self, result: dict[str, Any], places: dict[str, Any], context: Any
+    ) -> None:
+        """Load no layer of ours that was not written, and set the colours of the others.
+
+        The list of layers to load is that of a whole model, with those of its other steps, which
+        stay as they are.
+        """
+        outputs = [f for f in self.tool["outputs"] if f["type"] in TYPES]
+        planned = {_same(_path(places.get(f["name"]))): f for f in outputs}
+        made = {_same(result.get(f["name"])) for f in outputs}
         loads = context.layersToLoadOnCompletion()
-        kept = {path: details for path, details in loads.items() if _same(path) in made}
-        context.setLayersToLoadOnCompletion(kept)
-        for path in kept:
-            styler = Styler.of(self.colours, made[_same(path)].get("classes"))
-            context.layerToLoadOnCompletionDetails(path).setPostProcessor(styler)
+        lost = [path for path in loads if _same(path) in planned.keys() - made]
+        context.setLayersToLoadOnCompletion({p: loads[p] for p in loads if p not in lost})
+        for path in loads.keys() - lost:
+            if field := planned.get(_same(path)):
+                styler = Styler.of(self.colours, field.get("classes"))
+                context.layerToLoadOnCompletionDetails(path).setPostProcessor(styler)
 
 
 def option_words(field: dict[str, Any], value: Any) -> list[str]:

@@ -6,6 +6,7 @@ import functools
 import itertools
 import json
 import math
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, cast
@@ -33,6 +34,7 @@ from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import KINDS
 from toolbox.declare.spec import HELP, LONGEST, REGISTRY, TITLE
 from toolbox.errors import Cancelled, DataError, ParameterError
+from toolbox.labels import LONGEST_TITLE
 from toolbox.models.model import Model
 
 
@@ -379,10 +381,23 @@ def test_parameters_of_one_name_are_one() -> None:
     assert DIFFER.keys() - several.keys() == set(), "these need no reason any more"
 
 
+def test_titles_tags_and_groups_are_stated() -> None:
+    """People find a tool by these, in the list and in the toolbox of QGIS."""
+    titles = [spec.title for spec in TOOLS]
+    assert len(set(titles)) == len(titles), "two tools would look the same"
+    for spec in TOOLS:
+        assert len(spec.title) <= LONGEST_TITLE, spec.id
+        assert spec.tags, f"{spec.id}: @tool needs tags, words by which people search for it"
+        assert all(re.fullmatch("[a-z0-9-]+", tag) for tag in spec.tags), (spec.id, spec.tags)
+        assert len(set(spec.tags)) == len(spec.tags), spec.id
+        assert spec.heading or spec in MODELS, f"{spec.id}: the docstring of its package"
+
+
 @pytest.mark.parametrize("spec", MODELS, ids=name_of)
 def test_models_are_described_as_tools_are(spec: Spec) -> None:
     """What @tool asks of classes; models of users may be as they like."""
     assert TITLE.fullmatch(spec.title)
+    assert TITLE.fullmatch(spec.summary)
     assert spec.help.endswith(".")
     assert max(map(len, spec.help.splitlines())) <= LONGEST
     for field in [*spec.inputs.values(), *spec.outputs.values()]:

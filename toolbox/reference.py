@@ -9,6 +9,7 @@ from typing import Any
 
 from toolbox import catalog
 from toolbox.declare.fields import Spec
+from toolbox.labels import labelled
 from toolbox.models.diagram import markdown
 from toolbox.models.model import Model
 
@@ -31,8 +32,11 @@ def as_json(tool: Mapping[str, Any]) -> str:
 
 def index(tools: list[dict[str, Any]]) -> str:
     """The list of all tools."""
-    rows = [f"| [`{tool['id']}`]({tool['id']}.md) | {tool['title']} |" for tool in tools]
-    return "\n".join(["# Tools", "", "| tool | what it does |", "| --- | --- |", *rows, ""])
+    lines = ["# Tools", "", "| tool | title | what it does |", "| --- | --- | --- |"]
+    for tool in tools:
+        says = tool["description"].partition("\n")[0].rstrip(".")
+        lines.append(f"| [`{tool['id']}`]({tool['id']}.md) | {tool['title']} | {says} |")
+    return "\n".join([*lines, ""])
 
 
 def steps(spec: Spec) -> str:
@@ -58,7 +62,8 @@ def page(tool: Mapping[str, Any], steps: str = "") -> str:
     for name, field in tool["outputs"].items():
         says = _says(field)
         unit = f" [{says['unit']}]" if says.get("unit", "1") != "1" else ""
-        lines.append(f"| `{name}` | {says['type']} | {field['description']}{unit} |")
+        text = labelled(name, field["title"], field["description"])
+        lines.append(f"| `{name}` | {says['type']} | {text}{unit} |")
     if steps:
         lines += ["", steps.rstrip()]
     group = tool["id"].partition(".")[0]
@@ -73,7 +78,11 @@ def _row(name: str, field: Mapping[str, Any]) -> str:
     if field["minOccurs"]:
         default = "required"
     rule = says.get("rule", "")
-    return f"| `{name}` | {says['type']} | {field['description']}{unit} | {rule} | {default} |"
+    words = [meta for meta in field["metadata"] if meta["role"] == "choice"]
+    if words:
+        rule += ": " + "; ".join(f"{m['title']} is {m['value']}" for m in words)
+    text = labelled(name, field["title"], field["description"])
+    return f"| `{name}` | {says['type']} | {text}{unit} | {rule} | {default} |"
 
 
 def _says(field: Mapping[str, Any]) -> dict[str, str]:

@@ -68,7 +68,18 @@ Mask = NDArray[np.bool_]
 Shapes = NDArray[Any]
 
 
-@tool("classify.buildings")
+@tool(
+    "classify.buildings",
+    title="Classify buildings",
+    tags=(
+        "building",
+        "roof",
+        "footprint",
+        "outline",
+        "eaves",
+        "lod1",
+    ),
+)
 class ClassifyBuildings:
     """Classify buildings, and draw their outlines with heights.
 

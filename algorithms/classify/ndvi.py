@@ -31,7 +31,19 @@ MOSTLY = 0.95  # share of cells below 0 that makes a user think again
 Floats = NDArray[np.float64]
 
 
-@tool("classify.ndvi")
+@tool(
+    "classify.ndvi",
+    title="NDVI of an image",
+    tags=(
+        "ndvi",
+        "vegetation",
+        "index",
+        "infrared",
+        "green",
+        "image",
+        "cir",
+    ),
+)
 class ClassifyNdvi:
     """Compute the vegetation index NDVI of an image, and a mask of what is green.
 

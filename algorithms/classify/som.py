@@ -45,7 +45,19 @@ Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
 
-@tool("classify.som")
+@tool(
+    "classify.som",
+    title="Classify (self-organising map)",
+    tags=(
+        "som",
+        "neural",
+        "network",
+        "kohonen",
+        "unsupervised",
+        "clustering",
+        "train",
+    ),
+)
 class ClassifySom:
     """Find ground, vegetation and buildings with a self-organising map.
 

@@ -20,7 +20,17 @@ from toolbox.errors import DataError, NothingToDo
 LARGEST_RADIUS, LARGEST_CONTEXT = 10.0, 20.0  # metres, as in classify.som
 
 
-@tool("classify.som_apply")
+@tool(
+    "classify.som_apply",
+    title="Classify (trained map)",
+    tags=(
+        "som",
+        "neural",
+        "network",
+        "kohonen",
+        "predict",
+    ),
+)
 class ClassifySomApply:
     """Classify points with a self-organising map that classify.som has trained.
 

@@ -46,7 +46,21 @@ Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 
-@tool("classify.trees")
+@tool(
+    "classify.trees",
+    title="Find single trees",
+    tags=(
+        "tree",
+        "crown",
+        "treetop",
+        "segmentation",
+        "its",
+        "forestry",
+        "canopy",
+        "chm",
+        "height",
+    ),
+)
 class ClassifyTrees:
     """Find single trees in classified points: tops, and crowns with heights.
 

@@ -35,7 +35,17 @@ GROUND, BUILDING, WATER, REST = (np.uint8(k) for k in (2, 6, 9, 1))
 Mask = NDArray[np.bool_]
 
 
-@tool("classify.urban")
+@tool(
+    "classify.urban",
+    title="Classify the rest of a town",
+    tags=(
+        "urban",
+        "vegetation",
+        "water",
+        "building",
+        "town",
+    ),
+)
 class ClassifyUrban:
     """Classify water, vegetation and the rest where ground and buildings are known.
 

@@ -31,7 +31,17 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-@tool("classify.vegetation_by_ndvi")
+@tool(
+    "classify.vegetation_by_ndvi",
+    title="Classify vegetation (NDVI)",
+    tags=(
+        "ndvi",
+        "vegetation",
+        "tree",
+        "green",
+        "infrared",
+    ),
+)
 class ClassifyVegetationByNdvi:
     """Classify vegetation by its NDVI, and by height where points have one.
 

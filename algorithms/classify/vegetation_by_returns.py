@@ -39,7 +39,19 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-@tool("classify.vegetation_by_returns")
+@tool(
+    "classify.vegetation_by_returns",
+    title="Classify vegetation (returns)",
+    tags=(
+        "vegetation",
+        "tree",
+        "canopy",
+        "penetration",
+        "multiple",
+        "returns",
+        "pulse",
+    ),
+)
 class ClassifyVegetationByReturns:
     """Classify as vegetation what lets pulses through, but not the edges of buildings.
 

@@ -58,7 +58,19 @@ LOOKS = {  # colours as of the outcomes of points
 }
 
 
-@tool("compare.areas")
+@tool(
+    "compare.areas",
+    title="Compare areas",
+    tags=(
+        "accuracy",
+        "iou",
+        "completeness",
+        "correctness",
+        "polygon",
+        "footprint",
+        "validation",
+    ),
+)
 class CompareAreas:
     """Compare polygons with reference polygons, by area and one by one.
 

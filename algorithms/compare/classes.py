@@ -61,7 +61,21 @@ ROUNDING = 1e-12  # what is left of a difference of shares that is zero
 CONFIDENCE = 1.959963984540054  # standard deviations of a normal distribution that hold 95 %
 
 
-@tool("compare.classes")
+@tool(
+    "compare.classes",
+    title="Accuracy of classes",
+    tags=(
+        "accuracy",
+        "kappa",
+        "confusion",
+        "matrix",
+        "error",
+        "validation",
+        "f1",
+        "completeness",
+        "correctness",
+    ),
+)
 class CompareClasses:
     """Compare the classes of points with reference classes.
 

@@ -39,7 +39,19 @@ WITHIN = 1e-4  # metres: how far Hausdorff and Fréchet distances may be wrong
 Row = dict[str, Any]
 
 
-@tool("compare.lines")
+@tool(
+    "compare.lines",
+    title="Compare lines",
+    tags=(
+        "accuracy",
+        "hausdorff",
+        "frechet",
+        "buffer",
+        "offset",
+        "shoreline",
+        "validation",
+    ),
+)
 class CompareLines:
     """Compare lines with reference lines: distances, sides, and how much of each is found.
 

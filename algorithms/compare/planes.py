@@ -40,7 +40,16 @@ Ints = NDArray[np.int64]
 Row = dict[str, Any]
 
 
-@tool("compare.planes")
+@tool(
+    "compare.planes",
+    title="Compare planes",
+    tags=(
+        "accuracy",
+        "validation",
+        "facade",
+        "plane",
+    ),
+)
 class ComparePlanes:
     """Compare the planes of points with reference planes, such as hand-picked ones.
 

@@ -28,7 +28,17 @@ OVERRUN, OVERRUN_SHARE = 5.0, 0.1  # metres, and of a wire, by which it may go o
 Floats = NDArray[np.float64]
 
 
-@tool("compare.spans")
+@tool(
+    "compare.spans",
+    title="Compare spans of a power line",
+    tags=(
+        "accuracy",
+        "validation",
+        "wire",
+        "conductor",
+        "span",
+    ),
+)
 class CompareSpans:
     """Compare the wires of a power line with reference wires, span by span.
 

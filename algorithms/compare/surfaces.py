@@ -45,7 +45,25 @@ Array = NDArray[np.float64]
 Row = dict[str, Any]
 
 
-@tool("compare.surfaces")
+@tool(
+    "compare.surfaces",
+    title="Accuracy of heights",
+    tags=(
+        "accuracy",
+        "rmse",
+        "checkpoint",
+        "gcp",
+        "vertical",
+        "nmad",
+        "le95",
+        "asprs",
+        "dtm",
+        "dsm",
+        "dem",
+        "validation",
+        "error",
+    ),
+)
 class CompareSurfaces:
     """Compare the heights of a raster with another raster or with points of known height.
 

@@ -14,7 +14,17 @@ from toolbox.data import PointCloud
 from toolbox.declare import ClassList, outputs, sink, source, tool
 
 
-@tool("corridor.candidates")
+@tool(
+    "corridor.candidates",
+    title="Find candidates of wires",
+    tags=(
+        "power",
+        "line",
+        "wire",
+        "conductor",
+        "prefilter",
+    ),
+)
 class CorridorCandidates:
     """Choose the points that may be of a power line.
 

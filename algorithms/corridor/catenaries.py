@@ -35,7 +35,19 @@ UNCROWDED_DENSITY = 100.0  # points per square metre: everything is uncrowded
 GROUND_BELOW = 20.0  # metres under the lowest point, where the ground may be
 
 
-@tool("corridor.catenaries")
+@tool(
+    "corridor.catenaries",
+    title="Fit catenaries",
+    tags=(
+        "power",
+        "line",
+        "wire",
+        "conductor",
+        "sag",
+        "span",
+        "catenary",
+    ),
+)
 class CorridorCatenaries:
     """Fit one catenary to every conductor of every span.
 

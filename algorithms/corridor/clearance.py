@@ -118,7 +118,23 @@ class Grouped(TypedDict):
     fewest: int
 
 
-@tool("corridor.clearance")
+@tool(
+    "corridor.clearance",
+    title="Clearance of power lines",
+    tags=(
+        "power",
+        "line",
+        "vegetation",
+        "encroachment",
+        "danger",
+        "tree",
+        "clearance",
+        "distance",
+        "violation",
+        "sag",
+        "wind",
+    ),
+)
 class CorridorClearance:
     """Find what is too close to the conductors of a power line.
 

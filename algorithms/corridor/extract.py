@@ -43,7 +43,20 @@ from toolbox.data import PointCloud, Vector
 from toolbox.declare import ClassList, outputs, param, show, sink, source, tool
 
 
-@tool("corridor.extract")
+@tool(
+    "corridor.extract",
+    title="Find power lines",
+    tags=(
+        "power",
+        "line",
+        "wire",
+        "tower",
+        "pylon",
+        "conductor",
+        "corridor",
+        "extract",
+    ),
+)
 class CorridorExtract:
     """Find the wires and towers of power lines in a raw point cloud.
 

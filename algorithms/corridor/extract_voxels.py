@@ -54,7 +54,19 @@ Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 
-@tool("corridor.extract_voxels")
+@tool(
+    "corridor.extract_voxels",
+    title="Find power lines (voxels)",
+    tags=(
+        "power",
+        "line",
+        "wire",
+        "tower",
+        "pylon",
+        "conductor",
+        "voxel",
+    ),
+)
 class CorridorExtractVoxels:
     """Find wires and towers in a raw point cloud by voxels, as a thesis published it.
 

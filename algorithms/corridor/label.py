@@ -20,7 +20,18 @@ from toolbox.declare import ClassList, outputs, sink, source, tool
 from toolbox.errors import DataError
 
 
-@tool("corridor.label")
+@tool(
+    "corridor.label",
+    title="Label points of power lines",
+    tags=(
+        "power",
+        "line",
+        "wire",
+        "tower",
+        "classify",
+        "label",
+    ),
+)
 class CorridorLabel:
     """Label the points of a power line that was found among chosen points.
 

@@ -22,7 +22,17 @@ from toolbox.declare import Share, outputs, param, sink, source, tool
 ARC = 64  # edges of a quarter of a circle: within a ten-thousandth of its radius
 
 
-@tool("corridor.surroundings")
+@tool(
+    "corridor.surroundings",
+    title="Points near power lines",
+    tags=(
+        "power",
+        "line",
+        "corridor",
+        "buffer",
+        "subset",
+    ),
+)
 class CorridorSurroundings:
     """Choose the points near the wires of a power line.
 

@@ -22,7 +22,21 @@ from toolbox.declare import ClassList, outputs, param, sink, source, tool
 LONGEST = 32  # letters of the name of an extra attribute in a LAS file
 
 
-@tool("features.local")
+@tool(
+    "features.local",
+    title="Features of points",
+    tags=(
+        "planarity",
+        "linearity",
+        "sphericity",
+        "eigenvalue",
+        "normal",
+        "roughness",
+        "curvature",
+        "density",
+        "geometric",
+    ),
+)
 class FeaturesLocal:
     """Describe the neighbourhood of each point: a line, a plane or a cloud; steep, rough, dense.
 

@@ -20,7 +20,22 @@ from toolbox.declare import ClassList, outputs, param, sink, source, tool
 Floats = NDArray[np.float64]
 
 
-@tool("ground.classify")
+@tool(
+    "ground.classify",
+    title="Classify ground",
+    tags=(
+        "ground",
+        "filter",
+        "dtm",
+        "dem",
+        "bare",
+        "earth",
+        "smrf-like",
+        "smrf",
+        "pmf",
+        "terrain",
+    ),
+)
 class GroundClassify:
     """Classify ground without having to know the scene: the filter to try first.
 

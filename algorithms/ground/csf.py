@@ -61,7 +61,22 @@ Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
 
-@tool("ground.csf")
+@tool(
+    "ground.csf",
+    title="Classify ground (cloth, CSF)",
+    tags=(
+        "ground",
+        "filter",
+        "dtm",
+        "dem",
+        "bare",
+        "earth",
+        "csf",
+        "cloth",
+        "simulation",
+        "smrf-like",
+    ),
+)
 class GroundCsf:
     """Classify ground with a cloth that falls on the points turned upside down.
 

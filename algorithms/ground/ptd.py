@@ -61,7 +61,23 @@ Mask = NDArray[np.bool_]
 Thresholds = Literal["facets", "median"]
 
 
-@tool("ground.ptd")
+@tool(
+    "ground.ptd",
+    title="Classify ground (TIN, PTD)",
+    tags=(
+        "ground",
+        "filter",
+        "dtm",
+        "dem",
+        "bare",
+        "earth",
+        "tin",
+        "densification",
+        "axelsson",
+        "ptd",
+        "smrf-like",
+    ),
+)
 class GroundPtd:
     """Classify ground by growing a triangulated surface from the lowest points upwards.
 

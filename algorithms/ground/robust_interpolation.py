@@ -53,7 +53,24 @@ Mask = NDArray[np.bool_]
 Corner = tuple[int, int, float]
 
 
-@tool("ground.robust_interpolation")
+@tool(
+    "ground.robust_interpolation",
+    title="Classify ground (robust fit)",
+    tags=(
+        "ground",
+        "filter",
+        "dtm",
+        "dem",
+        "bare",
+        "earth",
+        "kraus",
+        "pfeifer",
+        "robust",
+        "interpolation",
+        "hierarchical",
+        "smrf-like",
+    ),
+)
 class GroundRobustInterpolation:
     """Classify ground by interpolation that takes weight from high points.
 

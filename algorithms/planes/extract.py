@@ -34,7 +34,18 @@ NAME, FRONT = "plane_id", "front_id"
 BELOW = 2.0  # tolerance over the noise below which planes fall to pieces
 
 
-@tool("planes.extract")
+@tool(
+    "planes.extract",
+    title="Extract planes",
+    tags=(
+        "plane",
+        "ransac",
+        "segmentation",
+        "facade",
+        "roof",
+        "wall",
+    ),
+)
 class PlanesExtract:
     """Find all planes of a cloud, one after the other (sequential RANSAC), and their outlines.
 

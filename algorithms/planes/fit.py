@@ -29,7 +29,16 @@ NAME = "PlaneDistance"
 Floats = NDArray[np.float64]
 
 
-@tool("planes.fit")
+@tool(
+    "planes.fit",
+    title="Fit a plane",
+    tags=(
+        "plane",
+        "ransac",
+        "msac",
+        "normal",
+    ),
+)
 class PlanesFit:
     """Fit a plane to the points that lie near it, whatever the others are (RANSAC, MSAC).
 

@@ -34,7 +34,17 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@tool("planes.openings")
+@tool(
+    "planes.openings",
+    title="Find windows and doors",
+    tags=(
+        "facade",
+        "window",
+        "door",
+        "opening",
+        "wall",
+    ),
+)
 class PlanesOpenings:
     """Find the windows and doors of house fronts, and the points seen through them.
 

@@ -29,7 +29,16 @@ SETTLED_PIECES = 0.1  # share by which the next tolerance lowers the pieces of f
 SETTLED_PLANES, SETTLED_SHARE = 0.02, 0.001  # changes that are none: of the number, of all points
 
 
-@tool("planes.sweep")
+@tool(
+    "planes.sweep",
+    title="Try tolerances of planes",
+    tags=(
+        "plane",
+        "tolerance",
+        "ransac",
+        "parameter",
+    ),
+)
 class PlanesSweep:
     """Find planes with several tolerances, to see which suits the scan.
 

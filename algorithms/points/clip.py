@@ -19,7 +19,19 @@ from toolbox.declare import Expression, Extent, Share, outputs, param, sink, sou
 from toolbox.errors import DataError
 
 
-@tool("points.clip")
+@tool(
+    "points.clip",
+    title="Clip points",
+    tags=(
+        "clip",
+        "crop",
+        "cut",
+        "subset",
+        "extent",
+        "polygon",
+        "mask",
+    ),
+)
 class PointsClip:
     """Keep the points inside a rectangle or polygons, or those outside.
 

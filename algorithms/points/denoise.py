@@ -50,7 +50,20 @@ Verdicts = NDArray[np.uint8]
 Indices = NDArray[np.int64]
 
 
-@tool("points.denoise")
+@tool(
+    "points.denoise",
+    title="Remove noise",
+    tags=(
+        "noise",
+        "outlier",
+        "filter",
+        "denoise",
+        "sor",
+        "clean",
+        "isolated",
+        "birds",
+    ),
+)
 class PointsDenoise:
     """Remove or label points that lie too far from their neighbours.
 

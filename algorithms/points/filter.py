@@ -19,7 +19,19 @@ ROUNDING = 1e-6  # 5.2 - 5.0 is a little more than 0.2 in binary; files hold no 
 FEW = 0.001  # share of the points, below which a band begins at what may be an error
 
 
-@tool("points.filter")
+@tool(
+    "points.filter",
+    title="Filter points",
+    tags=(
+        "filter",
+        "select",
+        "query",
+        "expression",
+        "class",
+        "return",
+        "subset",
+    ),
+)
 class PointsFilter:
     """Keep the points that meet all of the given conditions.
 

@@ -24,7 +24,16 @@ from toolbox.errors import DataError
 MISSCALED = 10.0  # a limit so many times below all intensities is for another scale
 
 
-@tool("points.filter_intensity")
+@tool(
+    "points.filter_intensity",
+    title="Filter points by intensity",
+    tags=(
+        "filter",
+        "intensity",
+        "reflectance",
+        "select",
+    ),
+)
 class PointsFilterIntensity:
     """Keep points whose intensity lies within limits.
 

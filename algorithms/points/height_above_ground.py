@@ -36,7 +36,21 @@ Method = Literal["tin", "nearest"]
 Floats = NDArray[np.float64]
 
 
-@tool("points.height_above_ground")
+@tool(
+    "points.height_above_ground",
+    title="Height above ground",
+    tags=(
+        "hag",
+        "normalise",
+        "normalize",
+        "height",
+        "above",
+        "ground",
+        "agl",
+        "ndsm",
+        "chm",
+    ),
+)
 class PointsHeightAboveGround:
     """Add the attribute HeightAboveGround, the height of each point above the ground below it.
 

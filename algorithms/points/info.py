@@ -22,7 +22,21 @@ POINTS_PER_CELL = 10  # of the grid that tells covered ground from gaps
 Row = dict[str, Any]
 
 
-@tool("points.info")
+@tool(
+    "points.info",
+    title="Information about points",
+    tags=(
+        "info",
+        "statistics",
+        "summary",
+        "density",
+        "extent",
+        "header",
+        "metadata",
+        "report",
+        "lasinfo",
+    ),
+)
 class PointsInfo:
     """Report counts, bounds, CRS, density, classes, returns and warnings of a point cloud.
 

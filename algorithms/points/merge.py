@@ -26,7 +26,20 @@ MOST_FILES = 65_535  # that LAS has numbers for
 Bools = NDArray[np.bool_]
 
 
-@tool("points.merge")
+@tool(
+    "points.merge",
+    title="Merge points",
+    tags=(
+        "merge",
+        "join",
+        "combine",
+        "duplicates",
+        "tile",
+        "mosaic",
+        "seam",
+        "overlap",
+    ),
+)
 class PointsMerge:
     """Join the files of a survey to one, and drop what overlapping files have in common.
 

@@ -31,7 +31,19 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
-@tool("points.thin")
+@tool(
+    "points.thin",
+    title="Thin points",
+    tags=(
+        "thin",
+        "decimate",
+        "sample",
+        "voxel",
+        "duplicates",
+        "reduce",
+        "downsample",
+    ),
+)
 class PointsThin:
     """Keep one point for each cell, or one of those that are duplicates.
 

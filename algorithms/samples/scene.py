@@ -33,7 +33,18 @@ KINDS = {
 }
 
 
-@tool("samples.scene")
+@tool(
+    "samples.scene",
+    title="Make a sample survey",
+    tags=(
+        "sample",
+        "example",
+        "synthetic",
+        "demo",
+        "test",
+        "data",
+    ),
+)
 class SamplesScene:
     """Make a small synthetic survey with known truth.
 

@@ -1,1 +1,1 @@
-"""Water bodies: their shape, their shore, and what they hold."""
+"""Water and shorelines"""

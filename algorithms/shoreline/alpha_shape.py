@@ -31,7 +31,19 @@ if TYPE_CHECKING:
 OWN = ("area", "perimeter", "alpha", "points", "geometry")  # columns of the polygons
 
 
-@tool("shoreline.alpha_shape")
+@tool(
+    "shoreline.alpha_shape",
+    title="Alpha shapes",
+    tags=(
+        "alpha",
+        "shape",
+        "concave",
+        "hull",
+        "boundary",
+        "outline",
+        "footprint",
+    ),
+)
 class ShorelineAlphaShape:
     """Draw polygons around points, with bays, holes and islands.
 

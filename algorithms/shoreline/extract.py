@@ -30,7 +30,21 @@ from toolbox.errors import DataError
 Row = dict[str, Any]
 
 
-@tool("shoreline.extract")
+@tool(
+    "shoreline.extract",
+    title="Find water bodies",
+    tags=(
+        "water",
+        "lake",
+        "river",
+        "reservoir",
+        "shoreline",
+        "outline",
+        "breakline",
+        "hydro",
+        "flattening",
+    ),
+)
 class ShorelineExtract:
     """Find water bodies, and draw their outlines at their levels.
 

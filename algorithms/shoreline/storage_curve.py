@@ -34,7 +34,19 @@ ROUNDING = 1e-9  # steps
 GROUND = 2  # class
 
 
-@tool("shoreline.storage_curve")
+@tool(
+    "shoreline.storage_curve",
+    title="Storage curve of a basin",
+    tags=(
+        "reservoir",
+        "volume",
+        "area",
+        "level",
+        "storage",
+        "capacity",
+        "hypsometric",
+    ),
+)
 class ShorelineStorageCurve:
     """Tell the area and volume of the water that a basin holds, level by level.
 

@@ -23,7 +23,17 @@ from toolbox.data import PointCloud, Survey, Table, Vector
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
 
 
-@tool("shoreline.water_level")
+@tool(
+    "shoreline.water_level",
+    title="Water levels",
+    tags=(
+        "water",
+        "level",
+        "lake",
+        "reservoir",
+        "gauge",
+    ),
+)
 class ShorelineWaterLevel:
     """Find the level of each water body from all of its points together.
 

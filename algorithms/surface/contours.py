@@ -23,7 +23,16 @@ DIGITS = 9  # of a level after the point, so that three times 0.1 is 0.3
 TOUCH = 1e-9  # square cells: a ring that is smaller only touches the level
 
 
-@tool("surface.contours")
+@tool(
+    "surface.contours",
+    title="Contours",
+    tags=(
+        "contour",
+        "isoline",
+        "elevation",
+        "lines",
+    ),
+)
 class SurfaceContours:
     """Draw lines of equal height on a raster of heights.
 

@@ -60,7 +60,21 @@ Array = NDArray[np.float64]
 Row = dict[str, Any]
 
 
-@tool("surface.cross_validation")
+@tool(
+    "surface.cross_validation",
+    title="Cross-validate a grid",
+    tags=(
+        "cross",
+        "validation",
+        "accuracy",
+        "rmse",
+        "interpolation",
+        "idw",
+        "tin",
+        "error",
+        "residual",
+    ),
+)
 class SurfaceCrossValidation:
     """Grid a part of the points, and compare the raster with the points that were left out.
 

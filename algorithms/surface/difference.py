@@ -14,7 +14,19 @@ from toolbox.data.crs import crs_conflict
 from toolbox.declare import outputs, sink, source, tool
 
 
-@tool("surface.difference")
+@tool(
+    "surface.difference",
+    title="Difference of rasters",
+    tags=(
+        "difference",
+        "subtract",
+        "dod",
+        "change",
+        "ndsm",
+        "chm",
+        "volume",
+    ),
+)
 class SurfaceDifference:
     """Subtract one raster from another, cell by cell.
 

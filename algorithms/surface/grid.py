@@ -49,7 +49,32 @@ PIECE = 0.5  # cells: the longest piece of a breakline
 Array = NDArray[np.float64]
 
 
-@tool("surface.grid")
+@tool(
+    "surface.grid",
+    title="Grid points to a raster",
+    tags=(
+        "rasterize",
+        "rasterise",
+        "grid",
+        "interpolate",
+        "dtm",
+        "dsm",
+        "dem",
+        "chm",
+        "idw",
+        "tin",
+        "linear",
+        "nearest",
+        "natural",
+        "neighbour",
+        "density",
+        "intensity",
+        "mean",
+        "max",
+        "min",
+        "tile",
+    ),
+)
 class SurfaceGrid:
     """Turn points into a raster of values at the cell centres, or of statistics of the cells.
 

@@ -27,7 +27,16 @@ DIRECTIONS = (-90.0, -45.0, 0.0, 45.0)  # of Mark's four lights, from the middle
 DARK, BRIGHT = 1, 255  # of whole numbers, of which 0 is nodata
 
 
-@tool("surface.hillshade")
+@tool(
+    "surface.hillshade",
+    title="Hillshade",
+    tags=(
+        "hillshade",
+        "shaded",
+        "relief",
+        "shade",
+    ),
+)
 class SurfaceHillshade:
     """Shade a surface as a low sun would, to look at it.
 

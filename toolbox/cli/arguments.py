@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NoReturn
 
 from toolbox.errors import ParameterError
+from toolbox.labels import labelled
 from toolbox.models import documents
 
 Description = Mapping[str, Any]
@@ -34,7 +35,7 @@ def parser(described: Description) -> argparse.ArgumentParser:
     """Make the parser of one tool; each value is appended to a list under its name."""
     made = _Parser(
         f"toolbox run {described['id']}",
-        description=f"{described['title']}.\n\n{described['description']}",
+        description=f"{described['title']}\n\n{described['description']}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,  # else --windo would quietly be taken for --window
         argument_default=argparse.SUPPRESS,
@@ -45,7 +46,8 @@ def parser(described: Description) -> argparse.ArgumentParser:
     results = made.add_argument_group("outputs")
     for name, field in described["outputs"].items():
         if is_layer(field["schema"]):
-            _add(results, name, metavar="PATH", help=field["description"])
+            text = labelled(name, field["title"], field["description"])
+            _add(results, name, metavar="PATH", help=text)
             _add_options(results, name, field)
     if between := described.get("between"):
         kept = made.add_argument_group("results of steps")
@@ -73,7 +75,8 @@ def _add_input(group: Any, name: str, field: Description) -> None:
     elif schema.get("type") == "boolean":
         how = {"nargs": "?", "const": "true"}
     kind = SHAPES.get(says["type"], says["type"].upper().replace(" ", "_"))
-    _add(group, name, metavar=kind, help=field["description"] + rule + default, **how)
+    text = labelled(name, field["title"], field["description"])
+    _add(group, name, metavar=kind, help=text + rule + default, **how)
     _add_options(group, name, field)
 
 

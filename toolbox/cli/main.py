@@ -119,9 +119,10 @@ def _list(args: argparse.Namespace, _: Console) -> None:
     if args.json:
         print(json_text(tools, indent=2))
         return
-    width = max(len(tool["id"]) for tool in tools)
+    ids, titles = (max(len(tool[key]) for tool in tools) for key in ("id", "title"))
     for tool in tools:
-        print(f"{tool['id']:{width}}  {tool['title']}")
+        says = tool["description"].partition("\n")[0]
+        print(f"{tool['id']:{ids}}  {tool['title']:{titles}}  {says}".rstrip())
 
 
 def _describe(args: argparse.Namespace, _: Console) -> None:

@@ -13,6 +13,7 @@ from toolbox.declare.kinds import CHOICE, OPTIONS, Kind
 from toolbox.declare.show import Show
 from toolbox.declare.values import Range
 from toolbox.errors import DataError, ParameterError, ToolboxError, nearest
+from toolbox.labels import in_words
 
 METRE_POWERS = {"m": 1, "m2": 2, "m3": 3, "1/m": -1, "1/m2": -2}  # exponents of the metre
 UNITS = (*METRE_POWERS, "1", "%", "deg", "s", "degC", "V", "kV", "A", "m/s", "W/m2")
@@ -39,6 +40,8 @@ class Field:
     optional : whether None is a valid value
     of : the source to which an attribute name or expression refers
     show : how an output is shown in a plot
+    label : its title, where the words of the name are not those of its users
+    words : what a choice is called, where its own words do not say enough
     """
 
     name: str
@@ -53,6 +56,17 @@ class Field:
     optional: bool = False
     of: str | None = None
     show: tuple[Show, ...] = ()
+    label: str = ""
+    words: Mapping[Any, str] = dataclasses.field(default_factory=dict)
+
+    @property
+    def title(self) -> str:
+        """What dialogs, docs and reports call it."""
+        return self.label or in_words(self.name)
+
+    def choice_title(self, choice: Any) -> str:
+        """What dialogs call one of the choices."""
+        return self.words.get(choice) or in_words(str(choice))
 
     @property
     def required(self) -> bool:
@@ -164,7 +178,9 @@ class Field:
             meta.append({"role": "option", "title": option, "value": OPTIONS[option].help})
         if self.role == "sink":
             meta += [{"role": "suffix", "value": suffix} for suffix in self.kind.suffixes]
-        made: dict[str, Any] = {"title": self.name.replace("_", " ").capitalize()}
+        for choice in self.words:
+            meta.append({"role": "choice", "title": str(choice), "value": self.words[choice]})
+        made: dict[str, Any] = {"title": self.title}
         made |= {"description": self.help, "schema": body, "metadata": meta}
         if self.role != "sink":
             made["minOccurs"] = int(self.required)
@@ -196,7 +212,16 @@ class Field:
 
 @dataclasses.dataclass(frozen=True)
 class Spec:
-    """The specification of one tool, for the command line, QGIS, the docs and models."""
+    """The specification of one tool, for the command line, QGIS, the docs and models.
+
+    Attributes
+    ----------
+    title : a few words that name the tool in lists and headings
+    summary : one sentence without a full stop that says what it does
+    help : all else that its users should know
+    tags : words that people search for, besides those of the texts
+    heading : the title of its group, where that is not the first word of the id
+    """
 
     id: str
     title: str
@@ -204,10 +229,19 @@ class Spec:
     make: Callable[..., Any]
     inputs: Mapping[str, Field]
     outputs: Mapping[str, Field]
+    summary: str = dataclasses.field(default="", kw_only=True)
+    tags: tuple[str, ...] = dataclasses.field(default=(), kw_only=True)
+    heading: str = dataclasses.field(default="", kw_only=True)
 
     @property
     def group(self) -> str:
-        return self.id.partition(".")[0].capitalize()
+        """The title of the group that the tool stands in."""
+        return self.heading or in_words(self.id.partition(".")[0])
+
+    @property
+    def text(self) -> str:
+        """The summary as a sentence, and the help below it."""
+        return "\n\n".join(filter(None, (self.summary and f"{self.summary}.", self.help)))
 
     @functools.cached_property
     def sources(self) -> Mapping[str, Field]:
@@ -303,8 +337,8 @@ class Spec:
             "id": self.id,
             "version": __version__,
             "title": self.title,
-            "description": self.help,
-            "keywords": [self.group],
+            "description": self.text,
+            "keywords": [self.group, *self.tags],
             "jobControlOptions": ["sync-execute", "dismiss"],
             "inputs": {name: field.schema() for name, field in self.inputs.items()},
             "outputs": {name: field.schema() for name, field in self.outputs.items()},

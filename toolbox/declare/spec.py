@@ -13,6 +13,7 @@ import inspect
 import math
 import operator
 import re
+import sys
 import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -26,6 +27,7 @@ from toolbox.declare.expression import Expression
 from toolbox.declare.fields import MEETS, METRE_POWERS, UNITS, Field, Spec
 from toolbox.declare.show import Show
 from toolbox.errors import DataError, ParameterError, nearest
+from toolbox.labels import LONGEST_TITLE, in_words
 from toolbox.shown import SHOWN
 
 T = TypeVar("T", bound=type)
@@ -36,25 +38,37 @@ RESERVED |= {"tool", "when", "repeat"}  # words of a step in a model
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 TITLE = re.compile(r"[A-Z][^`*<>]*")
 HELP = re.compile(r"[A-Z](.*[^.\s])?")
+LABEL = re.compile(r"(n|[A-Z]).*[^.\s]")  # also nDSM
+LONGEST_LABEL = 40
 LONGEST = 100  # characters of a help and of a line of a docstring
 
 
-def source(help: str, *, default: Any = dataclasses.MISSING) -> Any:
+def source(help: str, *, default: Any = dataclasses.MISSING, label: str = "") -> Any:
     """Declare a layer that the tool reads.
 
     One that may be left out is annotated ``X | None`` and has the default None; several of a kind
-    are annotated ``tuple[X, ...]``.
+    are annotated ``tuple[X, ...]``. `label` is its title in dialogs, where the words of its name
+    are not those of its users.
 
     Examples
     --------
     >>> points: PointCloud = source("Points to classify")
     >>> roads: PointCloud | None = source("Points on roads, if they are known", default=None)
     """
-    return dataclasses.field(default=default, metadata={"role": "source", "help": help})
+    return dataclasses.field(
+        default=default, metadata={"role": "source", "help": help, "label": label}
+    )
 
 
 def param(
-    help: str, *, default: Any, unit: str | None = None, of: str | None = None, **limits: float
+    help: str,
+    *,
+    default: Any,
+    unit: str | None = None,
+    of: str | None = None,
+    label: str = "",
+    words: Mapping[Any, str] | None = None,
+    **limits: float,
 ) -> Any:
     """Declare a number, switch, word or other value.
 
@@ -63,6 +77,8 @@ def param(
     help : one sentence without a full stop
     unit : "m" and other lengths are metres for the user whatever the data; "1" is a ratio or count
     of : the source to which an `Attribute` or `Expression` refers
+    label : its title in dialogs, where the words of its name are not those of its users
+    words : what dialogs call each choice, where its own words do not say enough
     limits : gt, ge, lt, le
 
     Examples
@@ -70,17 +86,24 @@ def param(
     >>> cell: float = param("Size of a cell", default=1.0, unit="m", gt=0)
     >>> method: Literal["mean", "median"] = param("What a cell holds", default="mean")
     """
-    meta = {"role": "param", "help": help, "unit": unit, "limits": limits, "of": of}
+    meta: dict[str, Any] = {"role": "param", "help": help, "unit": unit, "limits": limits, "of": of}
+    meta |= {"label": label, "words": words or {}}
     return dataclasses.field(default=default, metadata=meta)
 
 
-def sink(help: str, *, unit: str | None = None, show: Show | tuple[Show, ...] = ()) -> Any:
+def sink(
+    help: str,
+    *,
+    unit: str | None = None,
+    show: Show | tuple[Show, ...] = (),
+    label: str = "",
+) -> Any:
     """Declare a layer, number or text that the tool returns.
 
     Parameters
     ----------
     help : one sentence without a full stop
-    unit : as of a parameter
+    unit, label : as of a parameter
     show : how a layer is shown in a plot, see `toolbox.declare.show`; several make several panels
 
     Examples
@@ -88,7 +111,7 @@ def sink(help: str, *, unit: str | None = None, show: Show | tuple[Show, ...] = 
     >>> ground_share: float = sink("Share of points that are ground", unit="1")
     """
     shows = show if isinstance(show, tuple) else (show,)
-    meta = {"role": "sink", "help": help, "unit": unit, "show": shows}
+    meta = {"role": "sink", "help": help, "unit": unit, "show": shows, "label": label}
     return dataclasses.field(metadata=meta)
 
 
@@ -112,13 +135,17 @@ def outputs(cls: T) -> T:
 @dataclass_transform(
     frozen_default=True, kw_only_default=True, field_specifiers=(param, source, sink)
 )
-def tool(id: str) -> Callable[[T], T]:
+def tool(id: str, *, title: str = "", tags: tuple[str, ...] = ()) -> Callable[[T], T]:
     """Make a frozen dataclass that checks its values, and register it.
 
-    The class has a docstring (first line: title), fields, `Outputs`, `run(ctx)`, `halo()` if it
-    reads layers, and may have `check()`, which yields (parameter, problem) for rules between
-    values, and `check_data()` for what the layers must hold. `halo()` gives metres, or
-    `math.inf` for a tool that needs the whole cloud. `check` and `halo` must not look at layers: a
+    `title` names the tool in lists, dialogs and reports in at most 30 characters, and `tags` are
+    words by which people search for it, besides those of the texts.
+
+    The class has a docstring (first line: what it does, in one sentence), fields, `Outputs`,
+    `run(ctx)`, `halo()` if it reads layers, and may have `check()`, which yields (parameter,
+    problem) for rules between values, and `check_data()` for what the layers must hold. `halo()`
+    gives metres, or `math.inf` for a tool that needs the whole cloud. `check` and `halo` must not
+    look at layers: a
     model and the tile engine ask them before there are any.
 
     Inside `run` all lengths are in the unit of the data: a `cell` of 1 m is 3.28 when the
@@ -128,9 +155,9 @@ def tool(id: str) -> Callable[[T], T]:
 
     Examples
     --------
-    >>> @tool("testing.square")
+    >>> @tool("testing.square", title="Area of a square", tags=("size",))
     ... class TestingSquare:
-    ...     '''Area of a square.
+    ...     '''Compute the area of a square.
     ...
     ...     It is computed from the length of a side.
     ...     '''
@@ -158,14 +185,31 @@ def tool(id: str) -> Callable[[T], T]:
         any_cls.__post_init__ = _check
         any_cls.run = _in_data_units(any_cls.run)
         made: Any = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
-        title, _, text = (inspect.getdoc(cls) or "").partition("\n")
+        first, _, text = (inspect.getdoc(cls) or "").partition("\n")
         inputs, outs = _fields(made), _fields(made.Outputs)
-        spec = Spec(id, title.rstrip("."), text.strip(), made, inputs, outs)
+        spec = Spec(
+            id,
+            title or in_words(id.rpartition(".")[2]),
+            text.strip(),
+            made,
+            inputs,
+            outs,
+            summary=first.rstrip("."),
+            tags=tags,
+            heading=_heading(cls),
+        )
         _check_declaration(spec, made)
         REGISTRY[id] = made.spec = spec
         return cast(T, made)
 
     return wrap
+
+
+def _heading(cls: type) -> str:
+    """The title of the group, which is the docstring of the package of the tool, if it is one."""
+    package = sys.modules.get(cls.__module__.rpartition(".")[0])
+    text = (package and inspect.getdoc(package)) or ""
+    return text if len(text) <= LONGEST_TITLE and TITLE.fullmatch(text) else ""
 
 
 def _fields(cls: type) -> dict[str, Field]:
@@ -240,8 +284,13 @@ def _mistakes(spec: Spec, made: Any) -> Iterator[str]:
         yield "an id is lower_case words with a dot between"
     if made.__name__ != name:
         yield f"the class is called {made.__name__}, must be {name}"
-    if not TITLE.fullmatch(spec.title):
-        yield f"the docstring needs a first line as title, without markup, got {spec.title!r}"
+    if not TITLE.fullmatch(spec.summary):
+        yield f"the docstring needs a sentence as first line, without markup, got {spec.summary!r}"
+    if not TITLE.fullmatch(spec.title) or len(spec.title) > LONGEST_TITLE:
+        yield (
+            f"a title has a capital, no markup and at most {LONGEST_TITLE} characters, "
+            f"got {spec.title!r}"
+        )
     if not spec.help.endswith("."):
         yield "the docstring needs a text below its first line, which ends with a full stop"
     if max(map(len, spec.help.splitlines())) > LONGEST:
@@ -263,6 +312,10 @@ def _field_mistakes(spec: Spec, field: Field) -> Iterator[str]:
             "help is one sentence with a capital and no full stop, of at most "
             f"{LONGEST} characters, got {field.help!r}"
         )
+    if field.label and (not LABEL.fullmatch(field.label) or len(field.label) > LONGEST_LABEL):
+        yield f"a label has a capital and at most {LONGEST_LABEL} characters, got {field.label!r}"
+    if unknown := field.words.keys() - set(field.choices):
+        yield f"words for what is no choice: {', '.join(map(str, unknown))}"
     if field.limits.keys() - MEETS.keys():
         yield f"limits are {', '.join(MEETS)}"
     if field.unit and field.unit not in UNITS:

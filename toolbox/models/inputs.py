@@ -12,7 +12,7 @@ from toolbox.declare.kinds import Kind
 from toolbox.errors import nearest
 from toolbox.models.model import INPUTS
 
-WORDS = ("type", "help", "default", "unit", "choices", "many", "optional", "of", *MEETS)
+WORDS = ("type", "help", "label", "default", "unit", "choices", "many", "optional", "of", *MEETS)
 TYPES = {kind.word: kind for kind in (*kinds.KINDS.values(), kinds.CHOICE)}
 SHOWN = 60  # characters of a wrong value that a message shows
 
@@ -54,6 +54,7 @@ def _field(name: str, says: Mapping[str, Any]) -> Field:
         many=says.get("many") is True,
         optional=optional,
         of=says.get("of"),
+        label=str(says.get("label", "")),
     )
 
 

@@ -23,7 +23,7 @@ from toolbox.models.inputs import parsed, short, word_problems
 from toolbox.models.links import condition_of, in_order, is_sure, link_of, misfit, of_inputs
 from toolbox.models.model import INPUTS, Condition, Link, Model, Reference, Step, references
 
-MODEL_WORDS = ("id", "title", "help", "inputs", "steps", "outputs")
+MODEL_WORDS = ("id", "title", "summary", "help", "tags", "inputs", "steps", "outputs")
 NEEDED = ("id", "title", "steps", "outputs")
 STEP_WORDS = ("tool", "when", "repeat")  # of a step, beside the parameters of its tool
 ID = re.compile(rf"{NAME.pattern}(\.{NAME.pattern})+")
@@ -72,13 +72,16 @@ class _ModelFile:
         self.problems |= problems
         self.broken |= {f"{INPUTS}.{name}" for name in section.keys() - inputs.keys()}
         steps = self._steps(self._section(text, "steps"), inputs)
+        inputs = _labelled(inputs, steps)
         returns, outs = self._returns(self._section(text, "outputs"), inputs, steps)
         self._unused(inputs, steps)
         self._ambiguous(inputs | outs, steps)
+        tags = self._tags(text.get("tags"))
         if self.problems:
             raise ParameterError(str(self.path), self.problems)
+        summary = str(text.get("summary", "")).rstrip(".")
         help = str(text.get("help", "")).strip() or f"{title}."
-        made = Model(id, title, help, inputs, outs, steps, returns)
+        made = Model(id, title, help, inputs, outs, steps, returns, summary=summary, tags=tags)
         if problems := made.rules({}):
             raise ParameterError(str(self.path), problems)
         return made
@@ -95,6 +98,14 @@ class _ModelFile:
             elif key in RESERVED and name != "steps":
                 self.problems[f"{name}.{key}"] = "is an option of every run; choose another name"
         return {str(key): value for key, value in section.items()}
+
+    def _tags(self, said: Any) -> tuple[str, ...]:
+        """The words that people search for; none if nothing is said."""
+        words = said or []
+        if not isinstance(words, list) or not all(isinstance(word, str) for word in words):
+            self.problems["tags"] = f"must be a list of words, got {short(said)}"
+            return ()
+        return tuple(words)
 
     def _unused(self, inputs: Mapping[str, Field], steps: Mapping[str, Step]) -> None:
         """Report inputs that no step uses, unless another mistake may be the cause."""
@@ -260,7 +271,7 @@ class _ModelFile:
         outs: dict[str, Field] = {}
         for name, says in section.items():
             text = dict(says) if isinstance(says, Mapping) else {"from": says}
-            help = text.pop("help", None)
+            help, label = text.pop("help", None), text.pop("label", None)
             try:
                 link = link_of(text)
             except ValueError as err:
@@ -273,7 +284,11 @@ class _ModelFile:
                 sure = is_sure(link.names, None, known, steps)
                 returns[name] = link
                 outs[name] = dataclasses.replace(
-                    first, name=name, help=str(help or first.help), optional=not sure
+                    first,
+                    name=name,
+                    help=str(help or first.help),
+                    label=str(label or (first.label if first.name == name else "")),
+                    optional=not sure,
                 )
         return returns, outs
 
@@ -294,3 +309,17 @@ class _ModelFile:
             return text
         there = [known[full] for full in link.names if full in known]
         return misfit(link, known, there[0]) if there else None
+
+
+def _labelled(inputs: Mapping[str, Field], steps: Mapping[str, Step]) -> dict[str, Field]:
+    """The inputs, those without a label with that of a parameter of their name that they feed."""
+    found = dict(inputs)
+    for step in steps.values():
+        for name in step.links.keys() & found.keys():
+            theirs, ours = step.spec.inputs[name], found[name]
+            named = {full for ref in references(step.links[name]) for full in ref.names}
+            if f"{INPUTS}.{name}" in named and theirs.kind is ours.kind:
+                words = {} if theirs.choices != ours.choices else theirs.words
+                label, words = ours.label or theirs.label, ours.words or words
+                found[name] = dataclasses.replace(ours, label=label, words=words)
+    return found

@@ -40,8 +40,8 @@ PAGE = """<!DOCTYPE html>
 def contents() -> dict[str, str]:
     """The text of each file of the plugin by its path: code, list of tools, help pages."""
     made = {
-        path.name: path.read_text(encoding="utf-8")
-        for path in sorted(SOURCE.iterdir())
+        path.relative_to(SOURCE).as_posix(): path.read_text(encoding="utf-8")
+        for path in sorted(SOURCE.rglob("*"))
         if path.name.endswith(PACKED)
     }
     made["metadata.txt"] = made["metadata.txt"].replace("version=0\n", f"version={__version__}\n")

@@ -19,6 +19,7 @@ from toolbox.declare.kinds import CHOICE
 from toolbox.declare.spec import NAME
 from toolbox.declare.values import Extent
 from toolbox.errors import ParameterError
+from toolbox.labels import in_words
 from toolbox.models.links import in_order
 from toolbox.models.model import INPUTS, Link, Model, Reference, Step, references
 from toolbox.qgis import model3
@@ -71,6 +72,7 @@ class _ToQgis:
         self.model, self.given, self.point_layers = model, given, point_layers
         self.problems: dict[str, str] = {}
         self.notes: list[str] = []
+        self.help = {"ALG_DESC": model.help}
         parsed, self.problems = self._parsed(values)
         defaults = {n: f.default for n, f in model.inputs.items() if not f.required}
         whens = [step.when.name.partition(".")[2] for step in model.steps.values() if step.when]
@@ -120,7 +122,7 @@ class _ToQgis:
         made = {
             "model_name": self.model.title,
             "model_group": "LiDAR Toolbox",
-            "help": {"ALG_DESC": self.model.help},
+            "help": self.help,
             "children": children,
             "parameters": boxes,
             "parameterDefinitions": {d["name"]: d for d in inputs.values()},
@@ -222,8 +224,9 @@ class _ToQgis:
             return
         # QGIS does not make an output that is skipped, even where another step waits for it.
         needed = any(full in step.needs for step in self.steps.values())
-        help = self.model.outputs[name].help
-        self._result(children[owner], name.upper(), word.upper(), help, needed)
+        self.help[f"{owner}:{name.upper()}"] = self.model.outputs[name].help
+        title = self.model.outputs[name].title  # which becomes the name of the layer
+        self._result(children[owner], name.upper(), word.upper(), title, needed)
 
     def _value(self, name: str, owner: str, children: dict[str, Any]) -> None:
         """Note where a value can be read, since models of QGIS give layers and files alone."""
@@ -232,15 +235,17 @@ class _ToQgis:
             return
         self.notes.append(f"{name} is a value: it is in the report of step {owner}, {owner}:{PAGE}")
         if PAGE not in children[owner]["outputs"]:
-            help = f"Report with all results of step {owner}"
-            self._result(children[owner], PAGE, PAGE, help, needed=False)
+            title = f"Report of step {owner}"
+            self._result(children[owner], PAGE, PAGE, title, needed=False)
 
-    def _result(self, child: dict[str, Any], name: str, word: str, help: str, needed: bool) -> None:
+    def _result(
+        self, child: dict[str, Any], name: str, word: str, title: str, needed: bool
+    ) -> None:
         """Make an output of a step an output of the model."""
         column, row = self._column(child["id"]), list(self.steps).index(child["id"]) + 0.5
         made = _component(name, column, row + 0.25 * len(child["outputs"]))
         made |= {"child_id": child["id"], "output_name": word, "default_value": None}
-        child["outputs"][name] = made | {"component_description": help, "mandatory": needed}
+        child["outputs"][name] = made | {"component_description": title, "mandatory": needed}
 
     def _definition(self, f: Field) -> dict[str, Any]:
         """Describe an input as a parameter of QGIS."""
@@ -253,11 +258,11 @@ class _ToQgis:
         return {
             "parameter_type": type,
             "name": f.name.upper(),
-            "description": f.help,
+            "description": f.title,
             "default": neutral["default"],
             "defaultGui": None,
             "flags": OPTIONAL if optional else 0,
-            "help": f.rule(),
+            "help": f.help,
             "metadata": {},
             **more,
         }
@@ -496,7 +501,10 @@ class _FromQgis:
     def _input(self, name: str) -> dict[str, Any]:
         """An input of our model, with the type of the parameter that uses it."""
         says, f = self.says["parameterDefinitions"][name], self.fields[name]
-        made: dict[str, Any] = {"type": f.kind.word, "help": str(says.get("description") or name)}
+        title = says.get("description")
+        made: dict[str, Any] = {"type": f.kind.word}
+        made |= {"help": str(says.get("help") or title or name)}
+        made |= _label(self.input_names[name], title) if says.get("help") else {}
         optional = bool(int(says.get("flags") or 0) & OPTIONAL)
         if f.many:
             made["many"] = True
@@ -525,12 +533,17 @@ class _FromQgis:
                         f"output {full} is left out; ask for it when the model is run"
                     )
                     continue
-                help = str(says.get("component_description") or name)
-                found[_unused(_name(name), [*found, *self.input_names.values()])] = {
-                    "from": full,
-                    "help": help,
-                }
+                helps, title = self.says.get("help") or {}, says.get("component_description")
+                made = _unused(_name(name), [*found, *self.input_names.values()])
+                about = str(helps.get(f"{id}:{name}") or title or name)
+                label = _label(made, title) if about != title else {}
+                found[made] = {"from": full, "help": about} | label
         return found
+
+
+def _label(name: str, title: Any) -> dict[str, str]:
+    """The label of a field, if its title in QGIS says more than its name."""
+    return {"label": str(title)} if title and str(title) != in_words(name) else {}
 
 
 _NOTHING = object()

@@ -25,7 +25,6 @@ PROVIDER = "lidartoolbox"
 SCHEMA = 1  # version of the list; the plugin refuses any other
 LAYERS = {"PointCloud": "pointcloud", "Raster": "raster", "Vector": "vector", "Table": "table"}
 SCALARS = {"number", "integer", "boolean", "range", "extent", "position", "CRS"}
-ABBREVIATIONS = {word.lower(): word for word in ("DTM", "DSM", "nDSM", "CHM", "CRS", "RMSE", "IoU")}
 SEPARATOR = ";"  # between several values in one text
 TAGS = ("lidar", "las", "laz", "point cloud")
 SHOWN_AT_ONCE = 12  # inputs of a dialog; optional ones after these are "advanced"
@@ -79,7 +78,8 @@ def tool(spec: Spec) -> dict[str, Any]:
         "algorithm": algorithm(spec.id),
         "title": spec.title,
         "group": spec.group,
-        "summary": f"{spec.title}.",
+        "group_id": algorithm(spec.id.partition(".")[0]),
+        "summary": f"{spec.summary or spec.title}.",
         "help": help_page(spec),
         "tags": _tags(spec),
         "inputs": _inputs(spec) + general(spec),
@@ -88,8 +88,8 @@ def tool(spec: Spec) -> dict[str, Any]:
 
 
 def _tags(spec: Spec) -> list[str]:
-    words = re.findall(r"[a-z]{3,}", f"{spec.id} {spec.title}".lower())
-    return list(dict.fromkeys([*TAGS, spec.id, *words]))
+    words = re.findall(r"[a-z]{3,}", f"{spec.id} {spec.title} {spec.summary}".lower())
+    return list(dict.fromkeys([*TAGS, spec.id, *spec.tags, *words]))
 
 
 def _inputs(spec: Spec) -> list[dict[str, Any]]:
@@ -99,7 +99,7 @@ def _inputs(spec: Spec) -> list[dict[str, Any]]:
 
 def field(f: Field) -> dict[str, Any]:
     """The entry of one input or output: its widget, and the rules of its values."""
-    label = _label(f.name)
+    label = f.title
     made: dict[str, Any] = {"name": f.name, "type": _type(f), "help": f.help}
     if f.unit and f.unit != "1" and made["type"] != "length":
         label += f" [{f.unit}]"
@@ -111,15 +111,10 @@ def field(f: Field) -> dict[str, Any]:
     made |= {"required": f.required, "nullable": f.optional, "rule": f.rule(), **f.limits}
     if f.kind is CHOICE:
         made["choices"] = [str(choice) for choice in f.choices]
+        made["words"] = [f.choice_title(choice) for choice in f.choices]
     if f.role == "param" and not f.required and f.default is not None:
         made["default"] = _default(f)
     return made
-
-
-def _label(name: str) -> str:
-    """A name in words, with abbreviations as they are written."""
-    words = name.capitalize().split("_")
-    return " ".join(ABBREVIATIONS.get(word.lower(), word) for word in words)
 
 
 def _type(f: Field) -> str:
@@ -207,7 +202,7 @@ def _results(spec: Spec) -> list[dict[str, Any]]:
 
 def help_page(spec: Spec) -> str:
     """The help of a tool in the simple HTML that QGIS shows beside the dialog."""
-    lines = [_html(spec.help or f"{spec.title}.")]
+    lines = [_html(spec.text or f"{spec.title}.")]
     lines += ["<h3>Input parameters</h3>", *map(_entry, spec.inputs.values())] * bool(spec.inputs)
     lines += ["<h3>Outputs</h3>", *map(_entry, spec.outputs.values())]
     return "\n".join([*lines, f"<p>On the command line: <code>{spec.id}</code></p>"])
@@ -219,7 +214,7 @@ def _entry(f: Field) -> str:
     if f.many and f.role == "param" and f.kind is not CHOICE:
         says = "; ".join(filter(None, ["several with ; between", says]))
     rule = f" ({says})" if says else ""
-    text = f"<b>{_label(f.name)}</b>{unit}: {_inline(f.help + rule)}."
+    text = f"<b>{f.title}</b>{unit}: {_inline(f.help + rule)}."
     return f"<p>{text}</p>"
 
 

@@ -40,7 +40,7 @@ def page(spec: Spec, found: Mapping[str, Any], record: Record | None) -> Report:
         _section("How it was made", [record.text()] if record else []),
     ]
     shown = [section for section in sections if section.blocks]
-    return Report(spec.title, shown, summary=_flowing(spec.help), name=spec.id)
+    return Report(spec.title, shown, summary=_flowing(spec.text), name=spec.id)
 
 
 def _section(title: str, blocks: list[Block]) -> Section:

@@ -309,8 +309,18 @@ def test_a_sound_declaration_is_accepted() -> None:
         ({}, {"__doc__": "Do something."}, "needs a text below its first line"),
         ({}, {"__doc__": "Do something.\n\nSo"}, "ends with a full stop"),
         ({}, {"__doc__": "Do *something*.\n\nSo."}, "without markup, got"),
-        ({}, {"__doc__": ""}, "needs a first line as title"),
+        ({}, {"__doc__": ""}, "needs a sentence as first line"),
         ({}, {"__doc__": f"Do.\n\nSo{101 * ' '}."}, "a line of more than 100"),
+        (
+            {"a": bool},
+            {"a": param("X", default=True, label="begins so")},
+            "a label has a capital .* got 'begins so'",
+        ),
+        (
+            {"a": Literal["b"]},
+            {"a": param("X", default="b", words={"c": "See"})},
+            "words for what is no choice: c",
+        ),
         ({}, {"__name__": "Wrong"}, "is called Wrong, must be ToyWrong"),
         ({}, {"run": None}, r"needs run\(ctx\)"),
         ({}, {"Outputs": type("Outputs", (), {})}, "needs a class Outputs, with @outputs"),
@@ -339,6 +349,24 @@ def test_an_id_is_words_and_a_dot() -> None:
         tool(cast(Any, ToyMeasure))
     with pytest.raises(TypeError, match="lower_case words with a dot"):
         tool("Toy.Wrong")(type("ToyWrong", (ToyMeasure,), {"__doc__": ToyMeasure.__doc__}))
+
+
+def test_names_for_people_are_stated_or_made_of_those_in_the_code() -> None:
+    spec = ToyMeasure.spec  # type: ignore[attr-defined]
+    assert spec.title == "Measure"
+    assert spec.group == "Toy"
+    assert spec.text.startswith(f"{spec.summary}.\n\n")
+    mode = spec.inputs["mode"]
+    assert (mode.title, mode.choice_title("fast")) == ("Mode", "Fast")
+    said = {"label": "How carefully", "words": {"fast": "Quickly"}}
+    stated = param("A word", default="fast", **said)
+    made = declare({"manner": Literal["fast", "exact"]}, manner=stated).spec.inputs["manner"]
+    assert (made.title, made.choice_title("fast")) == ("How carefully", "Quickly")
+    assert made.schema()["title"] == "How carefully"
+    assert {"role": "choice", "title": "fast", "value": "Quickly"} in made.schema()["metadata"]
+    named = type("ToyNamed", (ToyMeasure,), {"__doc__": ToyMeasure.__doc__})
+    with pytest.raises(TypeError, match="at most 30 characters, got 'Aaaa"):
+        tool("toy.named", title="A" + 30 * "a")(named)
 
 
 def declare_sink(kind: Any, way: Any) -> Any:

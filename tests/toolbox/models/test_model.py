@@ -38,7 +38,7 @@ class ToyShift:
     """
 
     points: PointCloud = source("Points")
-    by: float = param("How far", default=1.0, unit="m", lt=100)
+    by: float = param("How far", default=1.0, unit="m", lt=100, label="Metres upwards")
     least: float = param("Not less than this", default=0.0, unit="m")
     word: Literal["no", "yes"] = param("A word that YAML could take for a switch", default="yes")
 
@@ -806,3 +806,18 @@ def test_any_value_anywhere_is_fine_or_a_clear_error(load: Load, odd: Any) -> No
             made.halo({})
             longest = len(made.title)
         assert longest < 500
+
+
+def test_inputs_have_the_labels_of_the_parameters_that_they_feed(load: Load) -> None:
+    steps = f"a: {SHIFT}, by: {{from: inputs.by}}, least: {{from: inputs.low}}}}"
+    number = "{type: number, unit: m, default: 1.0, help: How far"
+    inputs = f"by: {number}}}\nlow: {number}, label: Lower limit}}"
+    out = "moved: {from: a.moved, label: Points at last}"
+    made = load("tags: [dtm, forest]\nsummary: Move points.\n" + chain(steps, out, inputs))
+    assert made.inputs["by"].title == "Metres upwards"
+    assert made.inputs["low"].title == "Lower limit"
+    assert made.outputs["moved"].title == "Points at last"
+    assert (made.summary, made.tags) == ("Move points", ("dtm", "forest"))
+    assert made.text.startswith("Move points.\n\n")
+    found = problems(load, "tags: dtm\n" + chain(steps, out, inputs))
+    assert found == {"tags": "must be a list of words, got 'dtm'"}

@@ -42,7 +42,7 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         return str(self.tool["group"])
 
     def groupId(self) -> str:
-        return self.group().lower()
+        return str(self.tool["group_id"])
 
     def tags(self) -> list[str]:
         return list(self.tool["tags"])
@@ -61,7 +61,8 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         return QIcon(self.svgIconPath())
 
     def svgIconPath(self) -> str:
-        return str(bridge.HERE / "icon.svg")
+        of_group = bridge.HERE / "icons" / f"{self.groupId()}.svg"
+        return str(of_group if of_group.is_file() else bridge.HERE / "icon.svg")
 
     def initAlgorithm(self, config: Any = None) -> None:
         for field in self.tool["inputs"] + self.tool["outputs"]:

@@ -52,7 +52,14 @@ POINT_TOOLS = [s for s in TOOLS if cloud_name(s)]
 FAST: dict[str, dict[str, Any]] = {  # settings that make a tool quick
     "samples.scene": {"size": 50.0, "density": 2.0},
     "surface.cross_validation": {"folds": 3},
+    # settings that must be given
+    "points.assign_crs": {"crs": CRS(32635), "replace": True},
+    "points.reproject": {"crs": CRS(4326), "missing_grid": "next_best"},
+    "surface.reproject": {"crs": CRS(4326)},
+    "vectors.reproject": {"crs": CRS(4326)},
 }
+OF_CRS = {"points.assign_crs", "points.reproject"}
+"""Tools that change the CRS, and with it what feet are."""
 REFERENCE: dict[str, dict[str, Any]] = {  # settings that a tool needs
     "compare.classes": {"reference_attribute": "truth"},
     "compare.planes": {"attribute": "classification", "reference_attribute": "truth"},
@@ -64,6 +71,7 @@ IN_STRIP: dict[str, dict[str, Any]] = {  # settings that suit the strip
     "classify.vegetation_by_returns": {"difference": 0.1, "spread": 9.0, "building_classes": None},
     "ground.csf": {"cloth_resolution": 1.0},
     "points.denoise": {"reach": 5.0},
+    "points.reproject": {"crs": CRS(25835)},
     "points.thin": {"method": "random", "cell": 7.0},
     "models.terrain": {"denoise": False, "max_gap": 6.0},
 }
@@ -94,6 +102,7 @@ DIFFER = {  # parameters that are declared in several ways, and why
     "classes": "trees are of high vegetation, other tools read all points",
     "context": "a map is applied with the radius that it learnt with, others follow the density",
     "cell": "edges of roofs and points of a scan ask for finer cells than terrain",
+    "crs": "one is stated, the other is that of the result",
     "features": "a map learns from few features, features.local gives many",
     "ground_classes": "corridor.extract finds the ground unless it is told",
     "iterations": "each method goes round in its own way",
@@ -365,7 +374,7 @@ def test_limits_are_enforced_by_name(spec: Spec, field: Field, block: PointCloud
     kind = int if field.kind.word == "integer" else float
     for value in beyond(field):
         with pytest.raises(ParameterError, match=rf"{field.name}: must be"):
-            spec.build(layers(spec, block) | {field.name: kind(value)})
+            spec.build(FAST.get(spec.id, {}) | layers(spec, block) | {field.name: kind(value)})
 
 
 def test_parameters_of_one_name_are_one() -> None:
@@ -409,7 +418,7 @@ def test_models_are_described_as_tools_are(spec: Spec) -> None:
 @tools
 def test_defaults_are_accepted(spec: Spec, block: PointCloud) -> None:
     for field in spec.inputs.values():
-        if field.role == "param":
+        if field.role == "param" and not field.required:
             assert field.problem(field.default) is None, field.name
             texts = [None if item is None else str(item) for item in field.items(field.default)]
             several = field.many and field.default is not None
@@ -476,6 +485,8 @@ def _sorted_points(columns: dict[str, Any]) -> list[tuple[Any, ...]]:
 @point_tools
 def test_feet_give_the_answer_of_metres(spec: Spec, block: PointCloud) -> None:
     """The same block in US survey feet: equal labels and shares, lengths reported in metres."""
+    if spec.id in OF_CRS:
+        pytest.skip("feet are another CRS, which its own tests look at")
     foot = 1200 / 3937
     columns = {name: block[name] for name in block.names}
     in_feet = PointCloud(block.xyz / foot, columns, crs=CRS(2263), name="feet.laz")
@@ -520,7 +531,7 @@ def test_attributes_survive(spec: Spec, block: PointCloud) -> None:
         if field.kind.word == "PointCloud":
             layer = getattr(result, name)
             assert set(layer.names) >= set(block.names)
-            assert layer.crs == block.crs
+            assert layer.crs == (FAST[spec.id]["crs"] if spec.id in OF_CRS else block.crs)
 
 
 @tiled

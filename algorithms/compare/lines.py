@@ -126,7 +126,7 @@ class CompareLines:
                 yield name, f"{_named(layer)} has no lines"
             elif self.compare_heights and not _has_heights(layer):
                 yield name, f"{_named(layer)} has no heights (Z) to compare"
-        text = crs_conflict(self.reference.crs, self.lines.crs, heights=True)
+        text = crs_conflict(self.reference.crs, self.lines.crs, heights=True, tools="vectors")
         if self.compare_heights and text:
             yield "compare_heights", f"{_named(self.reference)} {text} of {_named(self.lines)}"
 

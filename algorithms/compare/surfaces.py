@@ -157,7 +157,7 @@ class CompareSurfaces:
         if other is not None:
             if text := heights_problem(other):
                 yield "reference", f"{_named(other)} {text}"
-            elif text := crs_conflict(other.crs, one.crs, heights=True):
+            elif text := crs_conflict(other.crs, one.crs, heights=True, tools="surface"):
                 yield "reference", f"{_named(other)} {text} of {_named(one)}"
             elif not self.resample and (text := misfit(Lattice.of(one), Lattice.of(other))):
                 yield (

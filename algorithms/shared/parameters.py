@@ -150,3 +150,36 @@ def attachment() -> Any:
         ge=0.0,
         le=20.0,
     )
+
+
+def target_crs() -> Any:
+    """Declare the CRS that a layer is brought to: ``CRS``."""
+    return param(
+        "CRS to bring the data to, such as EPSG:32635, EPSG:2154+5720, EPSG:32635+ellipsoid"
+    )
+
+
+def geoid() -> Any:
+    """Declare the geoid model of the user: ``str | None``."""
+    return param(
+        "File of a geoid model (.tif or .gtx) between heights above ellipsoid and geoid",
+        default=None,
+    )
+
+
+def epoch() -> Any:
+    """Declare the time of coordinates: ``float | None``."""
+    return param(
+        "Year of the coordinates with decimals, for reference frames that move",
+        default=None,
+        unit="1",
+        ge=1900,
+        le=2200,
+    )
+
+
+def missing_grid() -> Any:
+    """Declare what happens where PROJ lacks a grid: ``MissingGrid``."""
+    return param(
+        "Without a grid of the best operation: refuse, or take the next best", default="refuse"
+    )

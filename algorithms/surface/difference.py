@@ -57,7 +57,7 @@ class SurfaceDifference:
                 yield name, f"{_named(raster)} has {bands}"
             elif text := infinity_problem(raster):
                 yield name, f"{_named(raster)} {text}"
-        if text := crs_conflict(other.crs, one.crs, heights=True):
+        if text := crs_conflict(other.crs, one.crs, heights=True, tools="surface"):
             yield "base", f"{_named(other)} {text} of {_named(one)}"
         elif one.units[0] and other.units[0] and one.units[0] != other.units[0]:
             units = f"is in {other.units[0]}, {_named(one)} in {one.units[0]}"

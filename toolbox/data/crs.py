@@ -43,15 +43,19 @@ LOCALS = {
 }
 """The engineering CRS for each text that a user may give, also in other units."""
 
-_FORMS = "give 'EPSG:2154', 'EPSG:2154+5720' (with heights), a WKT text, or 'local'"
+_FORMS = "give 'EPSG:2154', 'EPSG:2154+5720' (with heights), 'EPSG:2154+ellipsoid' (with heights "
+_FORMS += "above the ellipsoid), a WKT text, or 'local'"
 _FORMS += " (plain metres; local:mm, local:cm, local:ft)"
 _CODE = re.compile(r"[A-Za-z]\w*:\w+(\+\w+)?")
+_ELLIPSOID = "+ellipsoid"  # behind a code: heights are measured from the ellipsoid of its datum
 _UNITS = {1.0: "metre", 0.3048: "foot", 1200 / 3937: "US survey foot"}
 _UNITS |= {0.001: "millimetre", 0.01: "centimetre"}
 
 
 def parse_crs(text: str) -> CRS:
     """Make a CRS of a text: authority code, compound code, WKT or a key of LOCALS.
+
+    A code with "+ellipsoid" behind it has heights above the ellipsoid.
 
     Raises
     ------
@@ -68,6 +72,8 @@ def parse_crs(text: str) -> CRS:
     text = text.strip()
     if text.lower() in LOCALS:
         return LOCALS[text.lower()]
+    if text.lower().endswith(_ELLIPSOID):
+        return parse_crs(text[: -len(_ELLIPSOID)]).to_3d()
     if not (_CODE.fullmatch(text) or "[" in text):
         raise ValueError(f"{text!r} is not a CRS; {_FORMS}")
     try:
@@ -193,6 +199,17 @@ def vertical_unit(crs: CRS | None) -> str:
     return _unit_name(vertical or horizontal.axis_info[0])
 
 
+def has_heights(crs: CRS) -> bool:
+    """Whether a CRS says what heights are measured from.
+
+    Examples
+    --------
+    >>> has_heights(CRS("EPSG:2154+5720")), has_heights(CRS(2154))
+    (True, False)
+    """
+    return _vertical_axis(crs) is not None
+
+
 def same_crs(a: CRS | None, b: CRS | None) -> bool:
     """Whether two CRS are the same for coordinates: datum, projection, units and heights.
 
@@ -236,7 +253,7 @@ def local_crs(text: str) -> CRS | None:
     return next((crs for word, crs in LOCALS.items() if text in (word, crs.name)), None)
 
 
-def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool) -> str | None:
+def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool, tools: str = "") -> str | None:
     """Say why a layer in CRS `a` cannot be used with one in `b`, and what to do; None if it can.
 
     Both must place things on the ground in the same way. Their height systems must agree where
@@ -246,6 +263,7 @@ def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool) -> str | None:
     ----------
     heights : whether the heights of the two are compared, as those of two point clouds, so that
         both must state the same height system or none
+    tools : the group of those that mend such a layer, see :class:`toolbox.data.layer.Layer`
 
     Returns
     -------
@@ -265,7 +283,19 @@ def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool) -> str | None:
     if a is None:
         return f"has no CRS; state it with --assume-crs, to go with {describe_crs(b)}"
     advice = _advice(a, b, heights) if b else "state with --assume-crs the missing CRS"
-    return f"is in {describe_crs(a)}; {advice}" if advice else None
+    command = _command(advice, tools, b) if advice and tools and b else ""
+    return f"is in {describe_crs(a)}; {advice}{command}" if advice else None
+
+
+def _command(advice: str, tools: str, crs: CRS) -> str:
+    """The command that brings a layer to a CRS, if there is one."""
+    text = crs_text(crs)
+    word = text if _CODE.fullmatch(text) else '"its WKT"'
+    if advice.startswith(("reproject it", "bring its heights")):
+        option = f", or read it with the option reproject={word}" if tools == "vectors" else ""
+        return f" ({tools}.reproject --crs {word}{option})"
+    assigned = advice.startswith("assign it the heights") and tools == "points"
+    return f" (points.assign_crs --crs {word})" if assigned else ""
 
 
 def crs_conflicts(named: Sequence[tuple[str, CRS | None]]) -> list[str]:
@@ -280,7 +310,7 @@ def crs_conflicts(named: Sequence[tuple[str, CRS | None]]) -> list[str]:
     return [
         f"{name} {text} of {first_name}"
         for name, crs in others
-        if crs is not first and (text := crs_conflict(crs, first, heights=True))
+        if crs is not first and (text := crs_conflict(crs, first, heights=True, tools="points"))
     ]
 
 
@@ -346,6 +376,9 @@ def _plane(crs: CRS) -> CRS:
 
 def _code(crs: CRS) -> str:
     """AUTHORITY:CODE, or AUTHORITY:CODE+CODE of a compound CRS; "" if a component has no code."""
+    if len(crs.axis_info) == 3 and crs.is_projected and not crs.is_compound:
+        flat = _code(crs.to_2d())
+        return f"{flat}{_ELLIPSOID}" if flat and same_crs(parse_crs(flat).to_3d(), crs) else ""
     found = [authority for component in _components(crs) if (authority := component.to_authority())]
     if len(found) < len(_components(crs)) or len({authority for authority, _ in found}) > 1:
         return ""

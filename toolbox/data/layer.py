@@ -37,6 +37,7 @@ class Layer(Protocol):
     is_spatial : whether it has coordinates, and so may have a CRS
     is_gridded : whether it is made of cells, which reach beyond the points that they were made from
     in_blocks : whether its file can be written block by block, so that it need not be in memory
+    tools : group of the tools for such layers, of which one is called reproject; "" without
     axes : coordinates that can be used like attributes; x, y and z where each point has a height
     """
 
@@ -44,6 +45,7 @@ class Layer(Protocol):
     is_spatial: ClassVar[bool] = False
     is_gridded: ClassVar[bool] = False
     in_blocks: ClassVar[bool] = False
+    tools: ClassVar[str] = ""
     axes: ClassVar[tuple[str, ...]] = ()
 
     if TYPE_CHECKING:  # attributes of some classes, and properties of others

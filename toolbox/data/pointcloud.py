@@ -69,6 +69,7 @@ class PointCloud(Layer):
     SUFFIXES: ClassVar[tuple[str, ...]] = (".laz", ".las", ".csv", ".xyz", ".txt", ".ply")
     SUFFIXES += (".csv.gz", ".xyz.gz", ".txt.gz")
     is_spatial: ClassVar[bool] = True
+    tools: ClassVar[str] = "points"
     axes: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     name: str
     crs: CRS | None
@@ -90,6 +91,8 @@ class PointCloud(Layer):
         self._moved = False  # whether the coordinates differ from those of the point records
         self._origin: NDArray[np.int64] | None = None  # see `origin`
         self._file: NDArray[np.int32] | None = None  # see `file`
+        self._extent: tuple[float, ...] | None = None  # see `extent`
+        self._steps: las_points.Steps | None = None  # see `with_steps`
         self._columns = _columns(attributes or {}, self._size)
         self._descriptions = dict(descriptions or {})
         self.crs, self.name = crs, name
@@ -386,6 +389,17 @@ class PointCloud(Layer):
         return (*low.tolist(), *high.tolist())
 
     @property
+    def extent(self) -> tuple[float, ...]:
+        """As `bounds`, but of the whole survey that a tile is cut from, so that tiles agree."""
+        return self.bounds if self._extent is None else self._extent
+
+    def with_extent(self, extent: tuple[float, ...] | None) -> PointCloud:
+        """The same points as those of a survey with these bounds, see `extent`."""
+        cloud = self._copy()
+        cloud._extent = extent
+        return cloud
+
+    @property
     def metre(self) -> float:
         """Length of one metre in the unit of the coordinates; 1.0 without a CRS."""
         return 1 / metres_per_unit(self.crs)
@@ -433,7 +447,25 @@ class PointCloud(Layer):
         if len(moved) != len(self):
             raise DataError(f"{len(moved)} coordinates do not fit {len(self)} points")
         cloud = self._copy()
-        cloud._xyz, cloud._moved = moved, True
+        cloud._xyz, cloud._moved, cloud._extent = moved, True, None
+        return cloud
+
+    @property
+    def steps(self) -> las_points.Steps | None:
+        """Scales and offsets with which LAS holds the coordinates; None where nothing says it."""
+        if self._metadata is None:
+            return self._steps
+        header = self._metadata.header
+        return tuple(header.scales.tolist()), tuple(header.offsets.tolist())
+
+    def with_steps(self, steps: las_points.Steps) -> PointCloud:
+        """The same points, for which LAS has these scales and offsets when they are written."""
+        cloud = self._copy()
+        cloud._xyz, cloud._moved, cloud._steps = self.xyz, True, steps
+        if self._metadata is not None:
+            header = self._metadata.header.copy()
+            header.scales, header.offsets = map(np.array, steps)
+            cloud._metadata = replace(self._metadata, header=header)
         return cloud
 
     @property
@@ -529,6 +561,7 @@ class PointCloud(Layer):
             "columns": list(self._columns),
             "descriptions": self._descriptions,
             "moved": self._moved,
+            "steps": self._steps,
             "box": np.reshape(self.bounds, (2, 3)).tolist(),
         }
         if self._metadata is not None:
@@ -545,6 +578,7 @@ class PointCloud(Layer):
             metadata = metadata_of(base64.b64decode(rest["las"]))
             cloud._metadata = replace(metadata, crs=crs_from_json(rest["las_crs"]))
         cloud._moved = rest["moved"]
+        cloud._steps = rest["steps"] and tuple(map(tuple, rest["steps"]))
         cloud._columns = dict.fromkeys(rest["columns"], np.empty(0))
         origin = arrays.get("origin")
         points = {name: values for name, values in arrays.items() if name != "origin"}
@@ -635,7 +669,7 @@ class PointCloud(Layer):
         metadata, points, xyz = self._metadata, self._packed, self.xyz if self._moved else None
         if metadata is None or points is None:
             xyz = self.xyz
-            metadata, points = las_points.new_metadata(xyz, self._columns)
+            metadata, points = las_points.new_metadata(xyz, self._columns, self._steps)
         return las_points.revised(
             metadata,
             points,
@@ -693,9 +727,8 @@ class PointCloud(Layer):
     @property
     def decimals(self) -> tuple[int | None, int | None, int | None]:
         """Decimals that write x, y and z without loss; None where all digits are needed."""
-        if self._metadata is not None and not self._moved:
-            header = self._metadata.header
-            pairs = zip(header.scales, header.offsets, strict=True)
+        if self.steps and (self._steps or not self._moved):
+            pairs = zip(*self.steps, strict=True)
             return tuple(las_points.step_decimals(*pair) for pair in pairs)  # type: ignore[return-value]
         return tuple(las_points.decimals(self.xyz[:, axis]) for axis in range(3))  # type: ignore[return-value]
 

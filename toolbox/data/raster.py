@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -86,6 +86,7 @@ class Raster(Layer):
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".tif", ".tiff")
     is_spatial: ClassVar[bool] = True
+    tools: ClassVar[str] = "surface"
     in_blocks: ClassVar[bool] = True
     is_gridded: ClassVar[bool] = True
 
@@ -426,14 +427,25 @@ class Raster(Layer):
         method : "nearest" is the cell that holds the point; "linear" is bilinear between the
             four nearest centres, so NaN within half a cell of the edge
         """
+        return self.sampler(band, method=method)(x, y)
+
+    def sampler(
+        self, band: int = 1, *, method: Literal["nearest", "linear"] = "nearest"
+    ) -> Callable[[ArrayLike, ArrayLike], NDArray[np.float64]]:
+        """A function of x and y that samples a band as :meth:`sample`, for many calls."""
         values, lattice = self.band(band), Lattice.of(self)
-        if method == "linear":
+
+        def nearest(x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+            found = np.full(np.shape(x), np.nan)
+            inside = lattice.holds(x, y)
+            row, col = lattice.indices(np.asarray(x)[inside], np.asarray(y)[inside])
+            found[inside] = values[row, col]
+            return found
+
+        def linear(x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
             return _bilinear(values, lattice, np.asarray(x, float), np.asarray(y, float))
-        found = np.full(np.shape(x), np.nan)
-        inside = lattice.holds(x, y)
-        row, col = lattice.indices(np.asarray(x)[inside], np.asarray(y)[inside])
-        found[inside] = values[row, col]
-        return found
+
+        return linear if method == "linear" else nearest
 
 
 def _bilinear(

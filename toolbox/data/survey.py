@@ -248,6 +248,7 @@ class Survey(Layer):
     files: tuple[SurveyFile, ...]
     name: str
     is_spatial: ClassVar[bool] = True
+    tools: ClassVar[str] = "points"
     axes: ClassVar[tuple[str, ...]] = PointCloud.axes
 
     @classmethod
@@ -356,7 +357,8 @@ class Survey(Layer):
         ``survey.files[i].read(start, stop).like(survey.template)`` is, bit for bit, that piece of
         what `PointCloud.open` makes of the survey.
         """
-        return PointCloud.template([_empty(file) for file in self.files], self._boxes)
+        made = PointCloud.template([_empty(file) for file in self.files], self._boxes)
+        return made.with_extent(self.bounds)
 
     def _boxes(self) -> list[Box]:
         boxes = [np.reshape(file.bounds, (2, 3)) for file in self.files if file.count]

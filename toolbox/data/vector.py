@@ -23,6 +23,7 @@ from toolbox.data.crs import (
     local_crs,
     metres_per_height,
     metres_per_unit,
+    parse_crs,
     same_crs,
 )
 from toolbox.data.drivers import check_vector
@@ -74,6 +75,7 @@ class Vector(Layer):
     SUFFIXES: ClassVar[tuple[str, ...]] = (*_DRIVERS, ".dxf", ".parquet", ".ply", ".csv")
     NEEDING_CRS: ClassVar[tuple[str, ...]] = (".geojson", ".kml")  # one of the Earth
     is_spatial: ClassVar[bool] = True
+    tools: ClassVar[str] = "vectors"
     name: str
 
     def __init__(
@@ -138,13 +140,22 @@ class Vector(Layer):
             return _layer_names(path)
 
     @classmethod
-    def open(cls, path: str | Path, *, layer: str | None = None, ctx: Context = QUIET) -> Vector:
+    def open(
+        cls,
+        path: str | Path,
+        *,
+        layer: str | None = None,
+        reproject: CRS | str | None = None,
+        ctx: Context = QUIET,
+    ) -> Vector:
         """Read one layer of a GeoPackage, GeoJSON, FlatGeobuf, Shapefile, KML, GeoParquet, CSV...
 
         Parameters
         ----------
         path : of a format in `toolbox.data.drivers`, GeoParquet, or CSV with x and y, or wkt
         layer : may be left out where the file has one
+        reproject : bring the features to this CRS as vectors.reproject does; z of formats that say
+            nothing of heights is left out
         ctx : where to report progress
 
         Raises
@@ -164,7 +175,29 @@ class Vector(Layer):
             else:
                 vector = _read(path, layer)
         ctx.progress(1.0)
-        return vector
+        return vector if reproject is None else vector._reprojected(reproject)
+
+    def _reprojected(self, wanted: CRS | str) -> Vector:
+        """The features in another CRS; without heights, if theirs cannot be brought there."""
+        import shapely
+
+        from toolbox.data import reprojecting
+        from toolbox.data.crs import has_heights
+        from toolbox.data.operation import operation
+
+        layer, crs = self, parse_crs(wanted) if isinstance(wanted, str) else wanted
+        if self.crs is not None and has_heights(crs) and not has_heights(self.crs):
+            log.warning("%s says nothing of heights; its z is left out", self.name)
+            frame = self.frame
+            layer = self._of(
+                frame.set_geometry(shapely.force_2d(frame.geometry.to_numpy()), crs=self.crs)
+            )
+        try:
+            way = operation(layer.crs, crs, layer.bounds, heights=bool(layer.frame.has_z.any()))
+        except DataError as error:
+            raise DataError(f"{self.name}: {error}") from error
+        log.info("%s: %s", self.name, way)
+        return reprojecting.features(layer, way)
 
     def save(
         self,

@@ -39,6 +39,7 @@ class Field:
     many : whether the value is a tuple of values of `kind`
     optional : whether None is a valid value
     of : the source to which an attribute name or expression refers
+    any_crs : whether the tool itself looks at the CRS of a source
     show : how an output is shown in a plot
     label : its title, where the words of the name are not those of its users
     words : what a choice is called, where its own words do not say enough
@@ -55,6 +56,7 @@ class Field:
     many: bool = False
     optional: bool = False
     of: str | None = None
+    any_crs: bool = False
     show: tuple[Show, ...] = ()
     label: str = ""
     words: Mapping[Any, str] = dataclasses.field(default_factory=dict)

@@ -152,6 +152,12 @@ def _columns(value: Any) -> list[str]:
     return names
 
 
+def _crs_text(value: Any) -> str:
+    """The text of a CRS, which records keep, if it can be read."""
+    parse_crs(_text(value))
+    return str(value)
+
+
 OPTIONS: Mapping[str, Option] = {
     "columns": Option(
         "Names of the columns of a text file, such as x,y,z,intensity",
@@ -160,6 +166,7 @@ OPTIONS: Mapping[str, Option] = {
     "separator": Option("What stands between the columns of a text file", _text),
     "bounds": Option("Read only xmin,ymin,xmax,ymax", Extent.parse),
     "layer": Option("Name of the layer in the file", _text),
+    "reproject": Option("Bring it to this CRS as it is read, such as EPSG:32635", _crs_text),
     "band": Option("Number of the band to read, counted from 1", whole),
     "cog": Option("Write a cloud-optimised GeoTIFF", _boolean),
 }

@@ -43,34 +43,36 @@ LONGEST_LABEL = 40
 LONGEST = 100  # characters of a help and of a line of a docstring
 
 
-def source(help: str, *, default: Any = dataclasses.MISSING, label: str = "") -> Any:
+def source(
+    help: str, *, default: Any = dataclasses.MISSING, label: str = "", any_crs: bool = False
+) -> Any:
     """Declare a layer that the tool reads.
 
     One that may be left out is annotated ``X | None`` and has the default None; several of a kind
     are annotated ``tuple[X, ...]``. `label` is its title in dialogs, where the words of its name
-    are not those of its users.
+    are not those of its users. With `any_crs` the tool itself looks at the CRS of the layer, which
+    may be none, in degrees, or another one than that of the other layers.
 
     Examples
     --------
     >>> points: PointCloud = source("Points to classify")
     >>> roads: PointCloud | None = source("Points on roads, if they are known", default=None)
     """
-    return dataclasses.field(
-        default=default, metadata={"role": "source", "help": help, "label": label}
-    )
+    meta = {"role": "source", "help": help, "label": label, "any_crs": any_crs}
+    return dataclasses.field(default=default, metadata=meta)
 
 
 def param(
     help: str,
     *,
-    default: Any,
+    default: Any = dataclasses.MISSING,
     unit: str | None = None,
     of: str | None = None,
     label: str = "",
     words: Mapping[Any, str] | None = None,
     **limits: float,
 ) -> Any:
-    """Declare a number, switch, word or other value.
+    """Declare a number, switch, word or other value; without a default it must be given.
 
     Parameters
     ----------
@@ -380,7 +382,7 @@ def _layers(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple[str, Layer]
 def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
     """The problems of layers: different CRS, or a CRS in which metres have no meaning."""
     found: dict[str, str] = {}
-    layers = list(_layers(spec, values))
+    layers = [(n, layer) for n, layer in _layers(spec, values) if not spec.sources[n].any_crs]
     settings = {n: v for n, v in values.items() if n not in spec.sources}
     # A tool with a halo of some metres measures lengths, even if it has no length to set.
     lengths = any(f.unit in METRE_POWERS and values[n] is not None for n, f in spec.inputs.items())
@@ -395,7 +397,7 @@ def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
     for name, layer in layers[1:]:
         first_name, first = layers[0]
         heights = "z" in first.axes and "z" in layer.axes
-        if text := crs_conflict(layer.crs, first.crs, heights=heights):
+        if text := crs_conflict(layer.crs, first.crs, heights=heights, tools=layer.tools):
             found[name] = f"{layer.name} {text} of {first_name} {first.name}".strip()
     return found
 

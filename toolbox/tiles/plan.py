@@ -221,7 +221,9 @@ def surveys_of(
             problems[name] = str(err)
     for name, survey in found.items():
         first = next(iter(found.values()))
-        text = length_problem(survey.crs) or crs_conflict(survey.crs, first.crs, heights=True)
+        text = length_problem(survey.crs) or crs_conflict(
+            survey.crs, first.crs, heights=True, tools=survey.tools
+        )
         if text:
             problems[name] = f"{survey.name} {text}"
         elif not survey.count:

@@ -35,6 +35,9 @@ Array = NDArray[Any]
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Lowest and highest coordinates, each of shape (3,)."""
 
+Steps = tuple[tuple[float, ...], tuple[float, ...]]
+"""Scales of x, y and z, and their offsets."""
+
 STANDARD = frozenset(name for number in range(11) for name in standard_names(number))
 """Attributes that some LAS point format has."""
 
@@ -115,18 +118,22 @@ def _too_far(steps: NDArray[np.float64]) -> bool:
 
 
 def new_metadata(
-    xyz: NDArray[np.float64], columns: Mapping[str, Array]
+    xyz: NDArray[np.float64], columns: Mapping[str, Array], steps: Steps | None = None
 ) -> tuple[LasMetadata, Array]:
     """LAS 1.4 metadata for points that come from elsewhere, and point records of zeros.
 
     The scale is the coarsest power of ten from 0.01 to 1e-6 that reproduces the coordinates, or
-    0.0001 if none does; the offset is the rounded minimum. The date is left at zero, so that the
-    same points always give the same file. Points without return numbers count as return 1 of 1.
+    0.0001 if none does, and the offset the rounded minimum, unless `steps` gives both. The date is
+    left at zero, so that the same points always give the same file. Points without return numbers
+    count as return 1 of 1.
     """
     number = 8 if "nir" in columns else 7 if columns.keys() & {"red", "green", "blue"} else 6
     header = LasHeader(version="1.4", point_format=number)
-    header.scales = np.array(_scales(xyz))
-    header.offsets = np.floor(xyz.min(axis=0)) if len(xyz) else np.zeros(3)
+    if steps is None:
+        header.scales = np.array(_scales(xyz))
+        header.offsets = np.floor(xyz.min(axis=0)) if len(xyz) else np.zeros(3)
+    else:
+        header.scales, header.offsets = map(np.array, steps)
     header.offsets[~np.isfinite(header.offsets)] = 0  # refused with the coordinates
     times = columns.get("gps_time")
     absolute = times is not None and len(times) > 0 and np.nanmax(times) > _WEEK

@@ -14,7 +14,17 @@ from toolbox.data.operation import plane
 from toolbox.declare import outputs, param, sink, source, tool
 
 
-@tool("points.assign_crs")
+@tool(
+    "points.assign_crs",
+    title="Assign CRS to points",
+    tags=(
+        "crs",
+        "projection",
+        "epsg",
+        "define-projection",
+        "coordinate-system",
+    ),
+)
 class PointsAssignCrs:
     """State the CRS of points.
 

@@ -15,7 +15,19 @@ from toolbox.data.operation import MissingGrid
 from toolbox.declare import outputs, sink, source, tool
 
 
-@tool("points.reproject")
+@tool(
+    "points.reproject",
+    title="Reproject points",
+    tags=(
+        "reproject",
+        "crs",
+        "transform",
+        "warp",
+        "feet",
+        "geoid",
+        "epsg",
+    ),
+)
 class PointsReproject:
     """Reproject points.
 

@@ -32,7 +32,19 @@ Meaning = Literal["elevations", "lengths", "other"]
 Floats = NDArray[np.float64]
 
 
-@tool("surface.reproject")
+@tool(
+    "surface.reproject",
+    title="Reproject raster",
+    tags=(
+        "reproject",
+        "warp",
+        "crs",
+        "resample",
+        "gdalwarp",
+        "geoid",
+        "epsg",
+    ),
+)
 class SurfaceReproject:
     """Reproject a raster.
 

@@ -18,7 +18,17 @@ from toolbox.data.reprojecting import unit_of_plan
 from toolbox.declare import outputs, param, sink, source, tool
 
 
-@tool("vectors.reproject")
+@tool(
+    "vectors.reproject",
+    title="Reproject features",
+    tags=(
+        "reproject",
+        "crs",
+        "transform",
+        "kml",
+        "epsg",
+    ),
+)
 class VectorsReproject:
     """Reproject features.
 

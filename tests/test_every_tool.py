@@ -99,6 +99,7 @@ TILED = [
 DIFFER = {  # parameters that are declared in several ways, and why
     "alpha": "roofs are of a size; the gaps of other points are not known beforehand",
     "attribute": "each tool reads another attribute",
+    "block": "blocks are drawn for intervals, or left out to be predicted",
     "classes": "trees are of high vegetation, other tools read all points",
     "context": "a map is applied with the radius that it learnt with, others follow the density",
     "cell": "edges of roofs and points of a scan ask for finer cells than terrain",
@@ -308,6 +309,13 @@ def two_bands(points: PointCloud) -> Raster:
     return Raster(values, corner, crs=points.crs, descriptions=("NIR", "red"))
 
 
+def classes_of_cells(points: PointCloud) -> Raster:
+    """A map of three classes in strips."""
+    lattice = Lattice.cover(edges(points), 10 * points.metre)
+    codes = np.tile(np.arange(lattice.cols) % 3, (lattice.rows, 1)).astype(np.uint8)
+    return Raster.from_lattice(codes, lattice, crs=points.crs)
+
+
 def edges(points: PointCloud) -> NDArray[np.float64]:
     """Bounds around the block and the strip, in the unit of the points."""
     return np.array([499_900, 4_599_900, 501_000, 4_600_100]) * points.metre
@@ -338,6 +346,7 @@ SPECIAL: dict[str, dict[str, Callable[[PointCloud], Any]]] = {  # layers that ne
     "classify.ndvi": {"image": two_bands},  # finds the bands by their names
     "classify.som_apply": {"map": lambda points: trained()},  # reads the columns of classify.som
     "classify.vegetation_by_ndvi": {"image": greenness},  # unless the points have a colour
+    "compare.rasters": {"classes": classes_of_cells, "reference": classes_of_cells},
     "compare.spans": {"wires": wire, "reference": wire},  # reads the columns of corridor.extract
     "corridor.candidates": {"points": with_heights},  # asks for heights above ground
     "corridor.clearance": {"wires": wire},  # reads the columns of corridor.extract

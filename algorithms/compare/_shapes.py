@@ -9,10 +9,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from toolbox.context import log
+from toolbox.context import QUIET, Context, log
 from toolbox.data import Vector
 
 MOST_NAMED = 5  # features in one message
+BLOCK = 200_000  # positions looked up between two checks for cancellation
 AREAS = ("Polygon", "MultiPolygon")
 LINES = ("LineString", "MultiLineString", "LinearRing")
 
@@ -130,3 +131,14 @@ def _finite(shapes: Shapes) -> NDArray[np.bool_]:
     finite = np.ones(len(shapes), bool)
     finite[index[~np.isfinite(xy).all(axis=1)]] = False
     return finite
+
+
+def areas_at(layer: Vector, xy: NDArray[np.float64], ctx: Context = QUIET) -> NDArray[np.int64]:
+    """Index of the polygon at each position, the first one of several; -1 for none."""
+    tree = shapely.STRtree(layer.frame.geometry.to_numpy())
+    found = np.full(len(xy), len(layer), np.int64)
+    for first in range(0, len(xy), BLOCK):
+        ctx.progress(first / len(xy))
+        place, area = tree.query(shapely.points(xy[first : first + BLOCK]), predicate="intersects")
+        np.minimum.at(found, first + place, area)
+    return np.where(found < len(layer), found, -1)

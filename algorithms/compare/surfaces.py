@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.compare._shapes import areas_at
 from algorithms.compare._spread import Quarters, spread
 from algorithms.shared import parameters
 from algorithms.shared.alignment import difference, misfit
@@ -34,7 +35,6 @@ from toolbox.errors import DataError
 
 REFERENCES = ("reference", "checkpoints", "points")
 ROWS = 512  # resampled between two checks for cancellation
-BLOCK = 200_000  # positions whose land cover is looked up in between
 MOST_COVERS = 256
 FEWEST = 30  # checkpoints, by the standard
 CONFIDENCE = 1.959963984540054  # standard deviations of a normal distribution that hold 95 %
@@ -419,19 +419,6 @@ def resampled(raster: Raster, lattice: Lattice, ctx: Context = QUIET) -> Array:
             part = raster.window(needed, slice(None))
             found[top : top + ROWS] = part.sample(*np.meshgrid(x, some), method="linear")
     return found
-
-
-def areas_at(layer: Vector, xy: Array, ctx: Context = QUIET) -> NDArray[np.int64]:
-    """Index of the polygon at each position, the first one of several; -1 for none."""
-    import shapely
-
-    tree = shapely.STRtree(layer.frame.geometry.to_numpy())
-    found = np.full(len(xy), len(layer), np.int64)
-    for first in range(0, len(xy), BLOCK):
-        ctx.progress(first / len(xy))
-        place, area = tree.query(shapely.points(xy[first : first + BLOCK]), predicate="intersects")
-        np.minimum.at(found, first + place, area)
-    return np.where(found < len(layer), found, -1)
 
 
 def texts(values: Iterable[Any]) -> NDArray[Any]:

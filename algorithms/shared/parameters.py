@@ -112,6 +112,34 @@ def seed() -> Any:
     return param("Seed of the random numbers", default=0, unit="1", ge=0)
 
 
+def block() -> Any:
+    """Declare the side of the blocks of ground that are drawn for intervals: ``float | None``."""
+    return param(
+        "Side of the square blocks drawn for intervals; without it, so that some 100 hold points",
+        default=None,
+        unit="m",
+        gt=0,
+    )
+
+
+def map() -> Any:
+    """Declare which classes are one, and their names: ``tuple[str, ...] | None``."""
+    return param("Classes that are one, with a name, such as 3,4,5=vegetation", default=None)
+
+
+def reference_map() -> Any:
+    """Declare which classes of the reference are one: ``tuple[str, ...] | None``."""
+    return param("The same for the codes of the reference, if they differ", default=None)
+
+
+def leave_out() -> Any:
+    """Declare the classes of the reference that are no truth: ``ClassList | None``."""
+    return param(
+        "Classes of the reference that are left out, such as 0 for points without a label",
+        default=None,
+    )
+
+
 def wire_gap() -> Any:
     """Declare how far wires are followed without points: ``float``."""
     return param(

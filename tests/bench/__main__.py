@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import sys
 
+from tests.bench.accuracy import accuracy
 from tests.bench.corridor import corridor
 from tests.bench.corridor_presets import corridor_presets
 from tests.bench.corridor_real import corridor_real
@@ -21,6 +22,7 @@ from tests.bench.speed import speed
 from tests.bench.structures import structures
 
 ALL = (
+    accuracy,
     startup,
     reading,
     memory,

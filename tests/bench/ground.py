@@ -77,7 +77,7 @@ def _errors(
     title: str, make: Any, clouds: dict[str, Any], settings: dict[str, dict[str, Any]]
 ) -> None:
     """One line of errors per cloud, and their means."""
-    from algorithms.compare.classes import Counts
+    from algorithms.compare._counts import Counts
 
     rows = []
     for name, (cloud, true) in clouds.items():

@@ -156,6 +156,33 @@ class Histogram:
 
 
 @dataclass(frozen=True)
+class Matrix:
+    """A table of counts as a square: a row for each class, a column for each class that is given.
+
+    Attributes
+    ----------
+    rows : column with the names of the rows
+    beside : columns that are no part of the square
+    """
+
+    layers: ClassVar[tuple[Any, ...]] = (Table,)
+    optional: ClassVar[bool] = False
+
+    rows: str
+    beside: tuple[str, ...] = ()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names that the table must have."""
+        return self.rows, *self.beside
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Those of them that hold numbers."""
+        return self.beside
+
+
+@dataclass(frozen=True)
 class Axis:
     """A column of a table as an axis of a chart.
 
@@ -220,4 +247,4 @@ class Curve:
         return tuple(axis.column for axis in (self.over, *self.lines))
 
 
-Show: TypeAlias = Classes | Planes | Values | Profile | Histogram | Curve
+Show: TypeAlias = Classes | Planes | Values | Profile | Histogram | Matrix | Curve

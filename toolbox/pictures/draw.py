@@ -22,12 +22,13 @@ from toolbox.data.crs import crs_conflict
 from toolbox.data.layer import Layer
 from toolbox.data.record import CHUNK, checked
 from toolbox.declare.fields import Field
-from toolbox.declare.show import Classes, Curve, Histogram, Profile, Show, Values
+from toolbox.declare.show import Classes, Curve, Histogram, Matrix, Profile, Show, Values
 from toolbox.errors import DataError, nearest
 from toolbox.pictures.charts import Bars, Curves, Sections
 from toolbox.pictures.features import Coloured
 from toolbox.pictures.images import Bounds, Image, cloud_image, raster_image
 from toolbox.pictures.maps import Drawn, Panel, arrange, in_proportion
+from toolbox.pictures.matrix import Square
 
 _DPI = 140
 _MOST_BANDS = 6
@@ -184,12 +185,14 @@ def _add(panels: list[Drawn], title: str, layer: Any, shows: Sequence[Show]) -> 
             raise DataError(f"{title}: a {type(layer).__name__} cannot be drawn")
 
 
-def _chart(title: str, table: Table, show: Show) -> Bars | Curves | None:
+def _chart(title: str, table: Table, show: Show) -> Bars | Curves | Square | None:
     match show:
         case Histogram():
             return Bars.of(title, table, show)
         case Curve():
             return Curves.of(title, table, show)
+        case Matrix():
+            return Square.of(title, table, show)
         case _:
             return None
 

@@ -10,8 +10,9 @@ import pytest
 from pyproj import CRS
 
 from algorithms.compare._counterparts import counterparts
+from algorithms.compare._counts import Counts, Proportion
 from algorithms.compare._outcomes import OUTCOMES
-from algorithms.compare.classes import COLOURS, CompareClasses, Counts, Proportion
+from algorithms.compare.classes import COLOURS, CompareClasses
 from toolbox.data import PointCloud
 from toolbox.declare import Attribute, ClassList
 from toolbox.errors import DataError

@@ -1,0 +1,136 @@
+"""Measures of confusion matrices, samples drawn by class, and intervals from blocks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from algorithms.shared.accuracy.blocks import DRAWS, blocks, drawn, intervals
+from algorithms.shared.accuracy.confusion import Confusion, class_measures, measures
+from algorithms.shared.accuracy.samples import Estimates
+from toolbox.errors import DataError
+
+STUDY = Confusion(  # Şen and Bayaslı (2020), rows of the reference
+    ("building", "vegetation", "ground"),
+    np.array([[13068, 1123, 3630], [82, 8840, 1943], [1631, 418, 15703]]),
+)
+
+
+def random_matrix(seed: int, size: int = 5) -> NDArray[np.int64]:
+    rng = np.random.default_rng(seed)
+    counts = rng.integers(0, 90, (size, size)) + np.diag(rng.integers(0, 900, size))
+    if seed % 3 == 1:
+        counts[:, 2] = 0  # a class that is never given
+    if seed % 3 == 2:
+        counts[2] = 0  # a class that is not in the reference
+    return np.asarray(counts)
+
+
+def test_figures_of_the_som_study() -> None:
+    found, each = STUDY.measures(), STUDY.class_measures()
+    assert found["overall_accuracy"] == pytest.approx(80.99, abs=0.005)
+    assert found["kappa"] == pytest.approx(0.708, abs=0.0005)
+    assert each["producers_accuracy"] == pytest.approx([73.33, 81.36, 88.46], abs=0.005)
+    assert each["users_accuracy"] == pytest.approx([88.41, 85.16, 73.81], abs=0.005)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_stacks_of_matrices_have_the_figures_of_scikit_learn(seed: int) -> None:
+    counts = random_matrix(seed)
+    stack = np.stack([counts, 3 * counts]).astype(float)
+    one = Confusion(("a", "b", "c", "d", "e"), counts)
+    for name, value in one.measures().items():
+        assert measures(stack)[name] == pytest.approx([value, value]), name
+    for name, values in one.class_measures().items():
+        expected = [np.nan if value is None else value for value in values]
+        np.testing.assert_allclose(class_measures(stack)[name][1], expected, err_msg=name)
+
+
+def test_disagreement_of_quantity_and_allocation_make_up_all_errors() -> None:
+    found = STUDY.measures()
+    assert found["overall_accuracy"] is not None
+    parts = found["quantity_disagreement"], found["allocation_disagreement"]
+    assert sum(part or 0 for part in parts) == pytest.approx(100 - found["overall_accuracy"])
+    moved = Confusion(("a", "b"), np.array([[40, 10], [10, 40]])).measures()
+    assert (moved["quantity_disagreement"], moved["allocation_disagreement"]) == (0, 20)
+    grown = Confusion(("a", "b"), np.array([[40, 20], [0, 40]])).measures()
+    assert (grown["quantity_disagreement"], grown["allocation_disagreement"]) == (20, 0)
+
+
+def test_what_is_not_defined_is_none() -> None:
+    alone = Confusion(("a",), np.array([[7]]))
+    assert alone.measures()["kappa"] is None
+    assert alone.measures()["mcc"] is None
+    assert Confusion((), np.zeros((0, 0), int)).measures()["overall_accuracy"] is None
+    given = Confusion(("a", "b"), np.array([[7, 1], [0, 0]])).class_measures()
+    assert given["producers_accuracy"][1] is None
+    assert given["users_accuracy"][1] == 0
+
+
+def test_the_example_of_olofsson() -> None:
+    """Section 4.3: deforestation, gain, stable forest, stable non-forest, in pixels of 0.09 ha."""
+    counts = np.array([[66, 0, 1, 2], [0, 55, 0, 1], [5, 8, 153, 9], [4, 12, 11, 313]])
+    mapped = np.array([200_000, 150_000, 3_200_000, 6_450_000.0])
+    found = Estimates.of(counts, mapped)
+    assert found.overall.value == pytest.approx(0.95, abs=0.005)
+    assert 1.96 * found.overall.error == pytest.approx(0.02, abs=0.005)
+    assert 1.96 * found.users.error == pytest.approx([0.07, 0.10, 0.04, 0.02], abs=0.005)
+    assert found.producers.value == pytest.approx([0.75, 0.85, 0.93, 0.96], abs=0.005)
+    assert 1.96 * found.producers.error == pytest.approx([0.21, 0.25, 0.03, 0.02], abs=0.005)
+    hectares = 0.09 * mapped.sum()
+    assert found.share.value[0] * hectares == pytest.approx(21_158, abs=1)
+    assert 1.96 * found.share.error[0] * hectares == pytest.approx(6_158, abs=1)
+
+
+def test_blocks_do_not_depend_on_the_order_and_are_about_a_hundred() -> None:
+    rng = np.random.default_rng(0)
+    xy = rng.uniform(0, 1000, (5000, 2))
+    xy = xy[np.abs(xy[:, 0] - xy[:, 1]) < 100]  # a slanted corridor
+    number, side = blocks(xy, None)
+    assert 60 < number.max() + 1 < 160
+    order = rng.permutation(len(xy))
+    np.testing.assert_array_equal(blocks(xy[order], None)[0], number[order])
+    assert blocks(xy, 2 * side)[0].max() < number.max()
+    assert blocks(np.zeros((4, 2)), None)[0].tolist() == [0, 0, 0, 0]
+    with pytest.raises(DataError, match=r"block: .* blocks hold points, at most 10,000"):
+        blocks(rng.uniform(0, 1000, (20_000, 2)), 1.0)
+
+
+def clumps(seed: int, side: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Points on 200 m, of which those of whole patches of some metres are wrong, by chance."""
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(0, 200, (4000, 2))
+    patch = np.floor(xy / side).astype(int)
+    wrong = rng.random((patch.max() + 1,) * 2) < 0.2
+    return xy, wrong[patch[:, 0], patch[:, 1]]
+
+
+def covered(block: float, patch: float = 10.0, runs: int = 60) -> float:
+    """Share of scenes whose interval of the overall accuracy holds the true 80 %."""
+    held = 0
+    for seed in range(runs):
+        xy, wrong = clumps(seed, patch)
+        number, _ = blocks(xy, block)
+        cell = number * 4 + wrong
+        by_block = np.bincount(cell, minlength=4 * (number.max() + 1)).reshape(-1, 2, 2)
+        low, high = intervals(by_block, measures, seed)["overall_accuracy"]
+        held += bool(low <= 80 <= high)
+    return held / runs
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_if_blocks_are_larger_than_clumps_of_errors() -> None:
+    assert covered(20.0) > 0.88
+    assert covered(1.99, runs=20) < 0.8  # as if neighbours were independent
+
+
+def test_draws_are_those_of_the_seed_and_of_whole_blocks() -> None:
+    by_block = np.arange(3 * 4).reshape(3, 2, 2)
+    first, again = (np.concatenate([*drawn(by_block, 5)]) for _ in range(2))
+    np.testing.assert_array_equal(first, again)
+    assert len(first) == DRAWS
+    assert not np.array_equal(first, np.concatenate([*drawn(by_block, 6)]))
+    low, high = intervals(by_block[:1], measures, 0)["overall_accuracy"]
+    assert np.isnan(low)
+    assert np.isnan(high)

@@ -5,16 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from algorithms.shared.kernels.compiling import helper
-
-
-@helper
-def _root(parent, cell):
-    """The top of the hill that a cell belongs to."""
-    while parent[cell] != cell:
-        parent[cell] = parent[parent[cell]]
-        cell = parent[cell]
-    return cell
+from algorithms.shared.sets import root
 
 
 @njit(cache=True, nogil=True)
@@ -31,7 +22,7 @@ def hills(heights, order, cols, prominence, parent):
         highest = -1
         for step in around:
             if parent[cell + step] >= 0:
-                top = _root(parent, cell + step)
+                top = root(parent, cell + step)
                 if highest < 0 or heights[top] > heights[highest]:
                     highest = top
         if highest < 0:
@@ -40,8 +31,8 @@ def hills(heights, order, cols, prominence, parent):
         parent[cell] = highest
         for step in around:
             if parent[cell + step] >= 0:
-                top = _root(parent, cell + step)
+                top = root(parent, cell + step)
                 if top != highest and heights[top] - heights[cell] < prominence:
                     parent[top] = highest
     for cell in order:
-        parent[cell] = _root(parent, cell)
+        parent[cell] = root(parent, cell)

@@ -27,6 +27,7 @@ from algorithms.corridor._extraction.missed import warn_of_missed, with_gaps
 from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
 from algorithms.shared.lowest import require_finite
+from algorithms.shared.strips import strips_of
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table, Vector
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
@@ -112,10 +113,7 @@ class CorridorCatenaries:
         if not found:
             log.warning("no wire was found among %d points", np.count_nonzero(use))
         ctx.progress(1.0)
-        strip = np.zeros(len(index), np.uint16)
-        if "point_source_id" in cloud:
-            strip = cloud["point_source_id"][index[air.order]]
-        found = with_common_errors(corridor, found, strip)
+        found = with_common_errors(corridor, found, strips_of(cloud, index[air.order]))
         layer = wire_layer(with_gaps(corridor, found), origin, metre, cloud.crs)
         warn_of_missed(layer)
         return self.Outputs(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared.ground import may_be_ground, taking_part
 from algorithms.shared.lowest import blocks, require_finite
+from algorithms.shared.strips import strips_of
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Survey
 from toolbox.errors import DataError
@@ -83,7 +84,7 @@ class Returns:
             here = slice(size, size + int(use.sum()))
             packed[here] = np.round((cloud.xyz[use] - origin) / UNIT)
             intensity[here] = cloud["intensity"][use] if "intensity" in cloud else 0
-            strip[here] = cloud["point_source_id"][use] if "point_source_id" in cloud else 0
+            strip[here] = strips_of(cloud, use)
             if water_classes:
                 water[here] = np.isin(cloud["classification"][use], water_classes)
             size = here.stop

@@ -72,9 +72,7 @@ def _said(error: BaseException) -> str:
         return "it is nested too deeply"
     if isinstance(error, OSError):
         return error.strerror or str(error)
-    telling = str(error) and not isinstance(
-        error, LookupError | TypeError | AttributeError | NameError
-    )
+    telling = str(error) and not isinstance(error, _VAGUE)
     return str(error) if telling else f"{type(error).__name__}: {error}"
 
 

@@ -15,6 +15,7 @@ CACM 4(6), 284.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -86,22 +87,22 @@ def arcs_of(
     arcs: list[Piece] = []
     cut: list[Alignment] = []
     for alignment in alignments:
-        for line in lines_of(corridor, alignment):
+        for line in lines_with_cuts(corridor, alignment):
             for piece in line.pieces:
                 arcs += cut_up(corridor, line, piece, len(cut))
             cut.append(line)
     return arcs, cut
 
 
-def lines_of(corridor: Corridor, alignment: Alignment) -> Iterator[Alignment]:
+def lines_with_cuts(corridor: Corridor, alignment: Alignment) -> Iterator[Alignment]:
     """The lines of an alignment with the chainages of their cuts.
 
     Lines that run beside each other have supports of their own: there they are cut apart.
     """
     certain = [piece for piece in alignment.pieces if is_certain(corridor, alignment, piece)]
     tracks = replace(alignment, pieces=certain or alignment.pieces)
-    cuts, wander = cuts_of(corridor, tracks)
-    between = parting(corridor, tracks, wander) if len(cuts) else None
+    cuts, coarse, bend = cuts_of(corridor, tracks)
+    between = parting(corridor, tracks, coarse, bend) if len(cuts) else None
     if between is None:
         yield replace(alignment, cuts=cuts)
         return
@@ -110,20 +111,22 @@ def lines_of(corridor: Corridor, alignment: Alignment) -> Iterator[Alignment]:
         own = [
             piece for piece, is_left in zip(alignment.pieces, left, strict=True) if is_left == side
         ]
-        yield from lines_of(corridor, replace(alignment, pieces=own))
+        yield from lines_with_cuts(corridor, replace(alignment, pieces=own))
 
 
-def parting(corridor: Corridor, alignment: Alignment, wander: float) -> float | None:
+def parting(corridor: Corridor, alignment: Alignment, bins: Binned, bend: float) -> float | None:
     """Offset between two lines side by side; None if all wires fit arcs with common cuts better.
 
     Two lines pay for the cuts of each, and so cost more where their supports stand side by side;
     less where each has its own, at which the wires of the other do not bend. Most of their cuts
     must be where the other has none. Arms do not count, for they make cuts cheap that are certain
     anyway. A single wire is no line: it may follow another one, and bend where no other does.
+
+    Parameters
+    ----------
+    bins, bend : coarse ones, and the curvature that the arcs have in common
     """
     offsets = np.array([offset_of(corridor, alignment, piece) for piece in alignment.pieces])
-    bins = binned(corridor, alignment, COARSE_BINS, wander)
-    bend = usual_bend(bins)
     order = np.argsort(offsets, kind="stable")
     least, found = solved(bins, bend, usual_price(bins))[0], None
     for k in range(2, len(order) - 1):
@@ -288,11 +291,12 @@ def columns(u: Floats, v: Floats) -> Floats:
     return np.sort(np.bincount(which.ravel(), u, len(count)) / count)
 
 
-def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, float]:
-    """Chainages of an alignment at which supports hold its wires, and how far these wander.
+def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Binned, float]:
+    """Chainages of an alignment at which supports hold its wires.
 
-    How far the wires wander from their arcs is learned from the arcs. The more they do, the more a
-    cut must mend, so that there are fewer arcs, from which they may wander more.
+    With them come coarse bins, and the curvature that the arcs have in common. How far the wires
+    wander from their arcs is learned from these. The more they do, the more a cut must mend, so
+    that there are fewer arcs, from which they may wander more.
     """
     chainages = (
         alignment.step
@@ -303,14 +307,15 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, float]:
     shown = hardware(corridor, alignment, binned(corridor, alignment, 1, wander), chainages)
     arms = maximum_filter1d(shown, POSITIONS_PER_BIN + 1)[::POSITIONS_PER_BIN]
     while True:
-        bend = usual_bend(binned(corridor, alignment, COARSE_BINS, wander))
+        coarse = binned(corridor, alignment, COARSE_BINS, wander)
+        bend = usual_bend(coarse)
         fine = binned(corridor, alignment, 1, wander)
         edges = edges_of(fine, bend, arms)
         learned = wander_of(fine, edges, bend)
         if learned <= WANDER_MARGIN * wander:
             break
         wander = learned
-    return all_settled(fine, edges, bend, chainages, shown)[0], wander
+    return all_settled(fine, edges, bend, chainages, shown), coarse, bend
 
 
 def usual_bend(bins: Binned) -> float:
@@ -396,9 +401,7 @@ def bending(bins: Binned, edges: Ints, bend: float, bare: NDArray[np.bool_]) -> 
     there they do not bend.
     """
     while len(edges) > 2:
-        kinks = [
-            kink(bins, *three, bend) for three in zip(edges, edges[1:], edges[2:], strict=False)
-        ]
+        kinks = [kink(bins, *three, bend) for three in threes(edges)]
         bends = np.where(bare[edges[1:-1]], np.abs(kinks), math.inf)
         worst = int(np.argmin(bends))
         if bends[worst] >= LEAST_KINK:
@@ -466,26 +469,34 @@ def solved(bins: Binned, bend: float, price: Floats) -> tuple[float, Ints]:
     return float(total[-1]), np.array(edges[::-1])
 
 
-def all_settled(
-    bins: Binned, edges: Ints, bend: float, chainages: Floats, shown: Floats
-) -> tuple[Floats, float]:
-    """Chainages of all cuts, moved to where arcs meet and arms are seen, and their total cost.
+def all_settled(bins: Binned, edges: Ints, bend: float, chainages: Floats, shown: Floats) -> Floats:
+    """Chainages of all cuts, moved to where arcs meet and arms are seen.
 
     Two that come nearer to each other than supports can be are one, such as those at both ends of
-    the strings of a bundle. That stays with which arcs meet better and arms are clearer.
+    the strings of a bundle. That stays with which arcs meet better and arms are clearer. The
+    nearest two are looked at first.
     """
-    cuts = [
-        settled(bins, *three, bend, chainages, shown)
-        for three in zip(edges, edges[1:], edges[2:], strict=False)
-    ]
-    places, costs = np.array(cuts).reshape(-1, 2).T
-    between = np.diff(places)
-    if not (between < SHORTEST_SPAN).any():
-        return places, float(costs.sum())
-    first = int(np.argmin(between)) + 1
-    one_less = [np.delete(edges, spare) for spare in (first, first + 1)]
-    tried = [all_settled(bins, less, bend, chainages, shown) for less in one_less]
-    return min(tried, key=lambda found: found[1])
+
+    @functools.cache
+    def moved(low: int, at: int, high: int) -> tuple[float, float]:
+        return settled(bins, low, at, high, bend, chainages, shown)
+
+    def cost(edges: Ints) -> float:
+        return sum(moved(*three)[1] for three in threes(edges))
+
+    while True:
+        places = np.array([moved(*three)[0] for three in threes(edges)])
+        between = np.diff(places)
+        if not (between < SHORTEST_SPAN).any():
+            return places
+        first = int(np.argmin(between)) + 1
+        edges = min((np.delete(edges, spare) for spare in (first, first + 1)), key=cost)
+
+
+def threes(edges: Ints) -> Iterator[tuple[int, int, int]]:
+    """Each inner edge between the one before and the one behind."""
+    every = edges.tolist()
+    return zip(every, every[1:], every[2:], strict=False)
 
 
 def settled(

@@ -38,6 +38,7 @@ LARGEST_SWING = 1.5  # tangent of the angle by which wind may lift a wire
 SMALLEST_C = 30.0  # metres: least c of a wire
 JOIN_GAP, JOIN_ASIDE, JOIN_HEIGHT = 14.0, 3.0, 1.5  # metres between wires that meet at a support
 PARALLEL_ANGLE = math.radians(6.0)  # between wires of one line
+OWN_RADIUS = 2.0  # tolerances around a wire that are its own
 SAME_CURVE = 0.25  # metres from a curve, within which what runs beside it is itself
 LINE_WIDTH = 15.0  # metres aside, and up, to the other wires of a line
 LONGEST_MISSING = 60.0  # metres of a wire that may be missing
@@ -110,16 +111,27 @@ class Corridor:
             if piece.sure:
                 self.refused[self.wires.around(piece.curve, CLUTTER_RADIUS)[0]] = True
 
-    def without_refused(self) -> Corridor:
-        """The same without the points of what surely is no wire among those that may be one."""
+    def without_refused(self, tolerance: float) -> Corridor:
+        """The same at another tolerance, without points of what surely is no wire.
+
+        Parameters
+        ----------
+        tolerance : farthest that a point may lie from the wire that is followed, metres
+        """
         may = self.may.copy()
         may[may] = ~self.refused
-        return replace(self, may=may)
+        return replace(self, may=may, tolerance=tolerance)
+
+    def on(self, curves: Iterable[Catenary]) -> NDArray[np.bool_]:
+        """Which points above the ground are those of wires, of which they lie on or around one."""
+        found = np.zeros(len(self.air.xyz), bool)
+        for curve in curves:
+            found[self.air.around(curve, OWN_RADIUS * self.tolerance)[0]] = True
+        return found
 
     def take(self, curves: Iterable[Catenary]) -> None:
-        """Mark the points around wires as used."""
-        for curve in curves:
-            self.free[self.air.around(curve, 2 * self.tolerance)[0]] = False
+        """Mark the points of wires as used."""
+        self.free &= ~self.on(curves)
 
 
 def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list[Piece]:
@@ -171,12 +183,15 @@ def roofed(corridor: Corridor, curve: Catenary) -> float:
         column = np.floor(v / width).astype(np.int64) + columns
         inside = (u >= 0) & (u < curve.length) & (column >= 0) & (column < 2 * columns)
         step = (u / curve.length * steps).astype(np.int64)
-        slack = ROOF_SLOPE * np.abs(v) + 2 * corridor.tolerance
-        at = inside & (np.abs(z) <= slack) & (np.hypot(v, z) > corridor.tolerance)
+        slack, on_it = (
+            ROOF_SLOPE * np.abs(v) + 2 * corridor.tolerance,
+            np.hypot(v, z) <= corridor.tolerance,
+        )
+        at = inside & (np.abs(z) <= slack) & ~on_it
         surface[step[at], column[at]] = True
         under = inside & (z < -slack)
         low[step[under], column[under]] = True
-        own[step[inside & (np.hypot(v, z) <= corridor.tolerance)]] = True
+        own[step[inside & on_it]] = True
     shares = []
     for side in (slice(0, columns), slice(columns, 2 * columns)):
         filled, open_ = surface[:, side].sum(axis=1), low[:, side].sum(axis=1)

@@ -7,6 +7,7 @@ deck of a bridge, and wires that are tied where they cross carry plants.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,13 +153,14 @@ def in_mesh(curves: Sequence[Catenary], known: Sequence[Catenary]) -> list[bool]
     ----------
     known : other curves that are in a mesh
     """
-    everything = [*curves, *known]
-    tied = [_often(_crossings(one, everything)) for one in curves]
+    everything = Crossed.of([*curves, *known])
+    tied = [_often(everything.crossings(one)) for one in curves]
     mesh = [one for one, own in zip(curves, tied, strict=True) if own] + list(known)
     fresh = mesh
     while fresh:
+        tying = Crossed.of(mesh)
         more = [
-            not own and len(_crossings(c, mesh)) >= TIED_CROSSINGS
+            not own and len(tying.crossings(c)) >= TIED_CROSSINGS
             for c, own in zip(curves, tied, strict=True)
         ]
         tied = [own or new for own, new in zip(tied, more, strict=True)]
@@ -174,19 +176,37 @@ def _often(places: Sequence[float]) -> bool:
     return bool(close >= MESH_CROSSINGS - 1)
 
 
-def _crossings(one: Catenary, curves: Sequence[Catenary]) -> list[float]:
-    """Where along a curve others cross it at its height, metres."""
-    found = []
-    for other in curves:
-        turn = one.ex * other.ey - one.ey * other.ex
-        if abs(turn) < MESH_ANGLE:
-            continue
-        step = other.ends[0, :2] - one.ends[0, :2]
-        u = (step[0] * other.ey - step[1] * other.ex) / turn
-        w = (step[0] * one.ey - step[1] * one.ex) / turn
-        inside = (-MESH_LEAST < u < one.length + MESH_LEAST) and (
-            -MESH_LEAST < w < other.length + MESH_LEAST
-        )
-        if inside and abs(one.height(u) - other.height(w)) < MESH_HEIGHT:
-            found.append(float(u))
-    return found
+@dataclass(frozen=True)
+class Crossed:
+    """Curves that others may cross.
+
+    Attributes
+    ----------
+    curves : n of them
+    lines : array of shape (n, 5), in plan: first end, unit vector and length of each
+    """
+
+    curves: Sequence[Catenary]
+    lines: Floats
+
+    @classmethod
+    def of(cls, curves: Sequence[Catenary]) -> Crossed:
+        """The curves, with their lines in plan."""
+        lines = [(*one.ends[0, :2], one.ex, one.ey, one.length) for one in curves]
+        return cls(curves, np.array(lines).reshape(-1, 5))
+
+    def crossings(self, one: Catenary) -> list[float]:
+        """Where along a curve these cross it at its height, metres."""
+        x, y, ex, ey, length = self.lines.T
+        turn = one.ex * ey - one.ey * ex
+        across = np.abs(turn) >= MESH_ANGLE
+        turn = np.where(across, turn, 1.0)
+        dx, dy = x - one.ends[0, 0], y - one.ends[0, 1]
+        u, w = (dx * ey - dy * ex) / turn, (dx * one.ey - dy * one.ex) / turn
+        across &= (u > -MESH_LEAST) & (u < one.length + MESH_LEAST)
+        across &= (w > -MESH_LEAST) & (w < length + MESH_LEAST)
+        return [
+            float(u[k])
+            for k in np.flatnonzero(across).tolist()
+            if abs(one.height(u[k]) - self.curves[k].height(w[k])) < MESH_HEIGHT
+        ]

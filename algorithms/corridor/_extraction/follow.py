@@ -72,7 +72,7 @@ def follow(
 
     Parameters
     ----------
-    corridor : points, and those of them that may be wire
+    corridor : points, and those of them that may be wire, at the first tolerance
     voxel : of each of these; one of a voxel may be the beginning of a wire
     max_gap : longest piece of a wire that may be missing, metres
     tolerances : how far a point may lie from the wire that is followed, ascending, metres
@@ -80,10 +80,9 @@ def follow(
     lines: list[Line] = []
     for k, tolerance in enumerate(tolerances):
         part = ctx.part(k / len(tolerances), (k + 1) / len(tolerances))
-        corridor = replace(corridor, tolerance=tolerance)
+        if k:
+            voxel, corridor = voxel[~corridor.refused], corridor.without_refused(tolerance)
         wires, supports = followed(corridor, voxel, max_gap, part)
-        voxel = voxel[~corridor.refused]
-        corridor = corridor.without_refused()
         here = [line for line in lines_of(wires, supports) if line.is_none_by_chance]
         here = [line for line in here if not line.is_structure(corridor)]
         lines = better(corridor, lines, here)
@@ -113,9 +112,7 @@ def followed(
     supports = supports_of(corridor, pieces, alignments)
     wires = completed(corridor, sagging(spans_of(corridor, pieces, supports)), supports)
     bent = sagging(wires)
-    if len(bent) < len(wires):
-        bent = numbered([replace(wire, span=wire.span - 1) for wire in bent], supports)
-    return bent, supports
+    return (numbered(bent, supports) if len(bent) < len(wires) else bent), supports
 
 
 def sagging(wires: Sequence[Wire]) -> list[Wire]:
@@ -207,15 +204,20 @@ def together(lines: Sequence[Line]) -> tuple[list[Wire], list[Support]]:
     wires: list[Wire] = []
     supports: list[Support] = []
     for line in lines:
-        first = {name: max((getattr(w, name) for w in wires), default=0) for name in NUMBERS}
-        spans = {span: k for k, span in enumerate(sorted({wire.span for wire in line.wires}), 1)}
+        new = {name: in_a_row(line.wires, wires, name) for name in NUMBERS}
         for wire in line.wires:
-            numbers = {name: getattr(wire, name) + first[name] for name in ("bundle", "wire")}
-            span = spans[wire.span] + first["span"]
+            span, bundle, number = (new[name][getattr(wire, name)] for name in NUMBERS)
             low, high = (n + len(supports) if n >= 0 else -1 for n in wire.supports)
-            wires.append(replace(wire, supports=(low, high), span=span, **numbers))
+            wires.append(replace(wire, supports=(low, high), span=span, bundle=bundle, wire=number))
         supports += line.supports
     return shared(wires, supports)
+
+
+def in_a_row(wires: Sequence[Wire], before: Sequence[Wire], name: str) -> dict[int, int]:
+    """New numbers for those of wires, without gaps, behind the numbers of others."""
+    first = max((getattr(wire, name) for wire in before), default=0) + 1
+    old = sorted({getattr(wire, name) for wire in wires})
+    return {number: k for k, number in enumerate(old, first)}
 
 
 def shared(wires: Sequence[Wire], supports: Sequence[Support]) -> tuple[list[Wire], list[Support]]:

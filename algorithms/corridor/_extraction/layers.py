@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from algorithms.corridor._curves.catenary import Catenary
-from algorithms.corridor._extraction.missed import conductors_of
+from algorithms.corridor._extraction.missed import conductor_counts
 from algorithms.corridor._extraction.spans import Wire
 from algorithms.corridor._extraction.towers import Tower
 from toolbox.data import Vector
@@ -89,7 +89,7 @@ def wire_layer(wires: Sequence[Wire], origin: Floats, metre: float, crs: CRS | N
     origin : array of shape (3,), in the unit of the data
     metre : length of one metre in that unit
     """
-    counts = conductors_of(wires)
+    counts = conductor_counts(wires)
     rows = [wire_row(wire, origin, metre) | _counted(*counts[wire.span]) for wire in wires]
     lines = [shapely.LineString(vertices(wire.curve) * metre + origin) for wire in wires]
     return _layer(rows, lines, WIRE_COLUMNS, crs, "LineString Z")

@@ -93,7 +93,7 @@ def longest_by_chance(gaps: Floats) -> float:
 # --- conductors of the neighbouring spans --------------------------------------------------
 
 
-def conductors_of(wires: Sequence[Wire]) -> dict[int, tuple[int, int | None]]:
+def conductor_counts(wires: Sequence[Wire]) -> dict[int, tuple[int, int | None]]:
     """Number of conductors of each span, and how many its neighbours lead one to expect.
 
     A bundle counts as one. Expected is what most of up to NEIGHBOURS spans of the same line to each

@@ -12,6 +12,7 @@ from algorithms.corridor._curves.trace import Airborne
 from algorithms.corridor._extraction.candidates import STANDS_FOR, candidates
 from algorithms.corridor._extraction.ground import OFF_GROUND, heights_of
 from algorithms.shared.lowest import lattice_around
+from algorithms.shared.strips import strips_of
 from toolbox.context import Context, log
 from toolbox.data import PointCloud
 from toolbox.errors import DataError
@@ -87,9 +88,7 @@ class CorridorPoints:
         off = np.flatnonzero(height > OFF_GROUND)
         air = Airborne.of(xyz[off])
         own = off[air.order]
-        strip = np.zeros(len(own), np.uint16)
-        if "point_source_id" in cloud:
-            strip = cloud["point_source_id"][index[own]]
+        strip = strips_of(cloud, index[own])
         return cls(index, origin, xyz, height, air, own, strip, seen, density)
 
     def warn_of_no_line(self) -> None:

@@ -27,6 +27,7 @@ from algorithms.corridor._curves.network import (
     LARGEST_C,
     LINE_WIDTH,
     LONGEST_MISSING,
+    OWN_RADIUS,
     PARALLEL_ANGLE,
     ROOFED_SHARE,
     Corridor,
@@ -43,7 +44,6 @@ from algorithms.shared.kernels.sorting import distinct
 FOUND_POINTS = 6  # fewest of a wire that is found beside another
 FOUND_EIGHTHS = 4  # eighths of the span with any of them
 FOUND_SHARE = 0.15  # of the points of the wire known best, that one beside it has
-OWN_RADIUS = 2.0  # tolerances around a wire that are its own
 GROUP_RADIUS = 1.2  # tolerances, of points of one wire in the cross-section of a span
 ROUGH_WIRE, ROUGHEST_WIRE = 0.5, 0.8  # of the tolerance: scatter of one wire
 SECTION_BIN, SECTION_BLUR = 0.05, 0.07  # metres, of the cross-section of a bundle
@@ -116,7 +116,7 @@ def spans_of(
     parted = [conductors_of(corridor, wires) for wires in without_doubles(corridor, spans)]
     found: list[Wire] = []
     bundle = 0
-    for span, conductors in enumerate(upheld(parted, corridor.tolerance)):
+    for span, conductors in enumerate(upheld(parted, corridor.tolerance), start=1):
         found += [
             replace(to_supports(wire, supports), span=span, bundle=bundle + k)
             for wire, k in conductors
@@ -427,14 +427,14 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
             ends = best.supports if same else best.supports[::-1]
             found.append(Wire(made, ends, (0.0, made.length), corridor.tolerance, sure=False))
             free &= off > own_radius
-    return [one for one in found if stands_alone(corridor, one, [*wires, *found])]
+    if not found:
+        return []
+    on_wires = corridor.on(one.curve for one in (*wires, *found))
+    return [one for one in found if stands_alone(corridor, one, on_wires)]
 
 
-def stands_alone(corridor: Corridor, wire: Wire, wires: Sequence[Wire]) -> bool:
-    """Whether there is little but wires around a wire, and it is no edge of a roof."""
-    taken = np.zeros(len(corridor.air.xyz), bool)
-    for other in wires:
-        taken[corridor.air.around(other.curve, 2 * corridor.tolerance)[0]] = True
+def stands_alone(corridor: Corridor, wire: Wire, taken: NDArray[np.bool_]) -> bool:
+    """Whether there is little around a wire but what is taken, and it is no edge of a roof."""
     return (
         alone(corridor, wire.curve, taken) >= ALONE_SHARE
         and roofed(corridor, wire.curve) < ROOFED_SHARE
@@ -545,7 +545,7 @@ def numbered(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Wire]:
         link[mine[0], mine[1:]] = True
     bundle = in_order(connected_components(coo_array(link), directed=False)[1])
     return [
-        replace(wire, wire=int(chain[k]) + 1, bundle=int(bundle[k]) + 1, span=wire.span + 1)
+        replace(wire, wire=int(chain[k]) + 1, bundle=int(bundle[k]) + 1)
         for k, wire in enumerate(wires)
     ]
 

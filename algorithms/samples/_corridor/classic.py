@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.samples._corridor.catenary import Catenary, placed
+from algorithms.samples._corridor.site import rods
 from algorithms.samples._corridor.trees import tree_features
 from algorithms.samples._objects import SceneBuilder, Wing, building, shrub, tree
 from algorithms.samples._survey import (
@@ -228,25 +229,6 @@ class Network:
     wires: int = 0
     span_count: int = 0
 
-    def rod(
-        self,
-        ends: Floats,
-        radius: float,
-        cls: int,
-        owner: int,
-        *,
-        wire: int = 0,
-        span: int = 0,
-        tower: int = 0,
-    ) -> None:
-        """Add the rods between successive points of an array of shape (n, 3)."""
-        rods = np.zeros(len(ends) - 1, ROD)
-        for k, name in enumerate("xyz"):
-            rods[f"{name}1"], rods[f"{name}2"] = ends[:-1, k], ends[1:, k]
-        rods["radius"], rods["cls"], rods["object_id"] = radius, cls, owner
-        rods["wire_id"], rods["span_id"], rods["tower_id"] = wire, span, tower
-        self.rods.append(rods)
-
 
 def corridor(*, size: float, density: float, seed: int, ctx: Context = QUIET) -> SceneData:
     """A corridor `size` metres long and 120 m wide at most; see `scene`."""
@@ -402,18 +384,22 @@ def _hang(
         end = tip + (way if support.tension else np.array([0.0, 0.0, -1.0])) * string
         ends.append((float(end[0]), float(end[1]), float(end[2])))
         if string and (support.tension or support is one):
-            network.rod(
-                np.array([end, tip]),
-                BAR_RADIUS,
-                CONNECTOR,
-                support.object_id,
-                tower=support.tower_id,
+            network.rods.append(
+                rods(
+                    np.array([end, tip]),
+                    BAR_RADIUS,
+                    CONNECTOR,
+                    support.object_id,
+                    tower=support.tower_id,
+                )
             )
     span = Catenary(ends[0], ends[1], c)
     network.spans.append(span)
     owner = network.builder.new_object()
     for seen in _recorded(network, span):
-        network.rod(seen, WIRE_RADIUS, cls, owner, wire=wire_id, span=network.span_count)
+        network.rods.append(
+            rods(seen, WIRE_RADIUS, cls, owner, wire=wire_id, span=network.span_count)
+        )
     network.features.append(
         (
             placed(span.points(2.0)),
@@ -462,7 +448,9 @@ def _loop(network: Network, system: System, support: Support, count: int) -> Non
         t = np.linspace(0, 1, 13)[:, None]
         places = a + t * (b - a)
         places[:, 2] -= 0.9 * system.string * (1 - (2 * t[:, 0] - 1) ** 4)
-        network.rod(places, WIRE_RADIUS, CONNECTOR, support.object_id, tower=support.tower_id)
+        network.rods.append(
+            rods(places, WIRE_RADIUS, CONNECTOR, support.object_id, tower=support.tower_id)
+        )
 
 
 def _lattice(network: Network, support: Support, system: System) -> None:
@@ -479,7 +467,9 @@ def _lattice(network: Network, support: Support, system: System) -> None:
         return np.array([px, py, z + h])
 
     def bar(*points: Floats) -> None:
-        network.rod(np.array(points), BAR_RADIUS, TOWER, support.object_id, tower=support.tower_id)
+        network.rods.append(
+            rods(np.array(points), BAR_RADIUS, TOWER, support.object_id, tower=support.tower_id)
+        )
 
     rings = list(zip(levels, half, strict=True))
     legs = [[at(h * u, h * v, level) for level, h in rings] for u, v in corners]
@@ -508,7 +498,9 @@ def _pole(network: Network, support: Support, system: System) -> None:
     level = z + system.height - 0.7
     arm = np.array([(x + s * ax, y + s * ay, level) for s in (-1.1, 1.1)])
     for ends in (pole, arm):
-        network.rod(ends, POLE_RADIUS, TOWER, support.object_id, tower=support.tower_id)
+        network.rods.append(
+            rods(ends, POLE_RADIUS, TOWER, support.object_id, tower=support.tower_id)
+        )
     _post(network, support, system)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.sets import root
 
 
 @njit(cache=True, nogil=True)
@@ -139,15 +140,6 @@ def levelled(first, last, votes, z, reach, step, slope, out):
             out[r, c] = total / count if count else 0.0
 
 
-@helper
-def _first_of(parent, cell):
-    """The cell that stands for the section of a cell."""
-    while parent[cell] != cell:
-        parent[cell] = parent[parent[cell]]
-        cell = parent[cell]
-    return cell
-
-
 @njit(cache=True, nogil=True)
 def sections(z, step, parent):
     """Set `parent` of each cell to the first one of its section, -1 where there is no data.
@@ -163,13 +155,13 @@ def sections(z, step, parent):
                 continue
             parent[cell] = cell
             if r and abs(z[r - 1, c] - z[r, c]) <= step:
-                parent[cell] = _first_of(parent, cell - cols)
+                parent[cell] = root(parent, cell - cols)
             if c and abs(z[r, c - 1] - z[r, c]) <= step:
-                one, other = _first_of(parent, cell), _first_of(parent, cell - 1)
+                one, other = root(parent, cell), root(parent, cell - 1)
                 parent[max(one, other)] = min(one, other)
     for cell in range(rows * cols):
         if parent[cell] >= 0:
-            parent[cell] = _first_of(parent, cell)
+            parent[cell] = root(parent, cell)
 
 
 @njit(cache=True, nogil=True)

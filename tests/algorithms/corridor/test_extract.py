@@ -41,7 +41,7 @@ from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
 from algorithms.corridor._curves.tracks import Alignment, alignments_among
-from algorithms.corridor._extraction.missed import BY_CHANCE, conductors_of, seen_share
+from algorithms.corridor._extraction.missed import BY_CHANCE, conductor_counts, seen_share
 from algorithms.corridor._extraction.spans import Wire, stands_alone, upheld
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import centred
@@ -425,7 +425,7 @@ def test_cuts_that_come_nearer_than_two_supports_can_be_are_one(edges: list[int]
     u = np.arange(200) + 0.5
     bins = arcs_of_tracks(np.column_stack([0.5 * (u % 100 - 50) ** 2 / 400] * 3))
     chainages = np.arange(0.0, 200.25, 0.25)
-    cuts, _ = all_settled(bins, np.array(edges), 1 / 400, chainages, np.zeros(len(chainages)))
+    cuts = all_settled(bins, np.array(edges), 1 / 400, chainages, np.zeros(len(chainages)))
     np.testing.assert_allclose(cuts, [100], atol=1.0)
 
 
@@ -715,7 +715,7 @@ def test_a_wire_found_beside_others_stands_alone(leaves: int) -> None:
         air, np.full(count, 8.0), np.ones(count, bool), 0.25, lambda x, y: 0.0, lambda x, y: True
     )
     one = Wire(curve, (-1, -1), (0.0, 60.0), 0.25)
-    assert stands_alone(corridor, one, [one]) == (leaves == 0)
+    assert stands_alone(corridor, one, corridor.on([curve])) == (leaves == 0)
 
 
 def test_a_pole_at_which_a_line_branches_off_is_one() -> None:
@@ -968,7 +968,7 @@ def test_how_many_conductors_the_neighbours_lead_one_to_expect(
         for span, count in enumerate(counts)
         for k in (*range(count), 0)  # the first is a bundle of two
     ]
-    told = conductors_of(wires)
+    told = conductor_counts(wires)
     assert [count for count, _ in told.values()] == list(counts)
     assert [s for s, (n, usual) in told.items() if usual is not None and n < usual] == lacking
 

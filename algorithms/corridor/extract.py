@@ -28,14 +28,15 @@ from numpy.typing import NDArray
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import Airborne, uncrowded
 from algorithms.corridor._extraction.errors import with_common_errors
-from algorithms.corridor._extraction.follow import TOLERANCES, follow, tolerances
-from algorithms.corridor._extraction.ground import OFF_GROUND, elevation
+from algorithms.corridor._extraction.follow import follow, tolerances
+from algorithms.corridor._extraction.ground import elevation
 from algorithms.corridor._extraction.labels import LABEL_NUMBERS, labelled, none_labelled
 from algorithms.corridor._extraction.layers import tower_layer, wire_layer
 from algorithms.corridor._extraction.missed import warn_of_missed, with_gaps
 from algorithms.corridor._extraction.points import CorridorPoints
 from algorithms.corridor._extraction.spans import Wire, on_wire
 from algorithms.corridor._extraction.towers import Tower, dressed
+from algorithms.corridor._settings import SETTINGS
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context
@@ -147,7 +148,7 @@ def find_line(
     *,
     min_height: float = parameters.MIN_HEIGHT,
     max_gap: float = parameters.WIRE_GAP,
-    tolerances: Sequence[float] = TOLERANCES,
+    tolerances: Sequence[float] = SETTINGS.lines.tolerances,
     ctx: Context = QUIET,
 ) -> PowerLine:
     """The power lines among points.
@@ -166,7 +167,7 @@ def find_line(
     may[may] = alone
     ctx.progress(0.1)
     ground = elevation(points.xyz, points.height)
-    floor = Airborne.of(points.xyz[points.height <= OFF_GROUND])
+    floor = Airborne.of(points.xyz[points.height <= SETTINGS.points.off_ground])
     corridor = Corridor(air, height, may, tolerances[0], ground, points.seen, floor)
     wires, supports = follow(corridor, voxel[alone], max_gap, tolerances, ctx.part(0.1, 0.9))
     if not wires:

@@ -25,11 +25,11 @@ from scipy.spatial import cKDTree
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import uncrowded
 from algorithms.corridor._extraction.follow import follow, tolerances
-from algorithms.corridor._extraction.ground import OFF_GROUND
 from algorithms.corridor._extraction.labels import LABEL_NUMBERS, labelled, none_labelled
 from algorithms.corridor._extraction.layers import wire_layer
 from algorithms.corridor._extraction.points import CorridorPoints
 from algorithms.corridor._extraction.spans import Wire, on_wire
+from algorithms.corridor._settings import SETTINGS
 from algorithms.corridor._voxels.growing import GrowTo, SlopeTest, grown
 from algorithms.corridor._voxels.hull import Hull
 from algorithms.corridor._voxels.layers import (
@@ -301,7 +301,7 @@ def distance_to_ground(points: CorridorPoints, least: float) -> Floats:
     without a height, it is the height itself, as the distance is no larger.
     """
     far = points.height[points.own].copy()
-    ground = points.xyz[np.abs(points.height) <= OFF_GROUND]
+    ground = points.xyz[np.abs(points.height) <= SETTINGS.points.off_ground]
     high = np.flatnonzero(far > least)
     if len(ground) and len(high):
         away, _ = cKDTree(ground).query(points.air.xyz[high])

@@ -17,9 +17,6 @@ from algorithms.corridor._clearance.rules import OBJECTS
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import (
-    BUNDLE_WIDTH,
-    FINE_LENGTH,
-    LINE_WIDTH,
     Corridor,
     Piece,
     curves_of,
@@ -27,13 +24,12 @@ from algorithms.corridor._curves.network import (
     wires_among,
 )
 from algorithms.corridor._curves.trace import Airborne, trace_all, uncrowded
-from algorithms.corridor._extraction.follow import TOLERANCES
 from algorithms.corridor._extraction.missed import missed
+from algorithms.corridor._settings import SETTINGS
 from algorithms.shared import parameters
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Section, Vector
 
-TOLERANCE = TOLERANCES[0]  # metres: a wider one takes branches for wires
 DENSITY = 100.0  # points per square metre, for which the most points around a wire are allowed
 MOSTLY = 0.5  # share of the points of an object in the shape of a wire, from which it may be one
 SPAN_COLUMNS = ("conductors", "expected", "seen_share", "wire_like")
@@ -72,27 +68,28 @@ def wire_like(surroundings: Surroundings, line: LineStates, ctx: Context = QUIET
     on_it = np.zeros(len(kind), bool)
     near = np.flatnonzero((kind >= 0) & (kind < len(OBJECTS)))
     if len(near):
-        beside = WireLattice.of(line.curves[:1], LINE_WIDTH)
+        beside = WireLattice.of(line.curves[:1], SETTINGS.network.line_width)
         near = near[beside.has(surroundings.xyz[near, :2])]
     if not len(near):
         return WireLike(on_it, {})
     air = Airborne.of(surroundings.xyz[near])
+    tolerance = SETTINGS.lines.tolerances[0]  # a wider one takes branches for wires
     may = ~(height[near][air.order] <= parameters.MIN_HEIGHT)  # where it is not known, it may be
     alone, voxel = uncrowded(air.select(may), DENSITY)
     may[may] = alone
-    corridor = Corridor(air, height[near][air.order], may, TOLERANCE, _nowhere, _unseen)
+    corridor = Corridor(air, height[near][air.order], may, tolerance, _nowhere, _unseen)
     curves = trace_all(
-        corridor.wires, voxel[alone], tolerance=TOLERANCE, max_gap=parameters.WIRE_GAP, ctx=ctx
+        corridor.wires, voxel[alone], tolerance=tolerance, max_gap=parameters.WIRE_GAP, ctx=ctx
     )
     known = [Piece(np.empty(0, np.int64), curve) for curve in line.curves[0]]
     pieces = [
         replace(one, sure=one.sure or is_beside(one, known)) for one in curves_of(corridor, curves)
     ]
     for wire in line.curves[0]:
-        on_it[near[air.order[air.around(wire, BUNDLE_WIDTH)[0]]]] = True
+        on_it[near[air.order[air.around(wire, SETTINGS.network.bundle_width)[0]]]] = True
     lengths: dict[int, float] = {}
     for piece in wires_among(corridor, pieces):
-        on_it[near[air.order[air.around(piece.curve, TOLERANCE)[0]]]] = True
+        on_it[near[air.order[air.around(piece.curve, tolerance)[0]]]] = True
         span = nearest_span(piece.curve, line)
         lengths[span] = lengths.get(span, 0.0) + piece.curve.length
     return WireLike(on_it, lengths)
@@ -100,7 +97,9 @@ def wire_like(surroundings: Surroundings, line: LineStates, ctx: Context = QUIET
 
 def is_beside(piece: Piece, known: Sequence[Piece]) -> bool:
     """Whether a piece is long enough to be a wire where it runs beside a known one."""
-    return piece.curve.length >= FINE_LENGTH and any(runs_beside(wire, piece) for wire in known)
+    return piece.curve.length >= SETTINGS.curves.fine_length and any(
+        runs_beside(wire, piece) for wire in known
+    )
 
 
 def _nowhere(x: float, y: float) -> float:

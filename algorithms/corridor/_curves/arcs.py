@@ -27,37 +27,12 @@ from scipy.ndimage import maximum_filter1d
 
 from algorithms.corridor._curves import arcs_kernels as kernels
 from algorithms.corridor._curves.catenary import fit
-from algorithms.corridor._curves.network import BUNDLE_WIDTH, Corridor, Piece
+from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.tracks import Alignment
+from algorithms.corridor._settings import SETTINGS
 from algorithms.shared.kernels.sorting import distinct
 
-SPIKE = 0.8  # of the tolerance, off its neighbours, of what is no part of a wire
-SMOOTH_TRACK = 0.48  # of the tolerance: scatter of a wire
-COARSE_BINS = 3  # bins put together to find the common curvature
-LEAST_TRIED, MOST_TRIED, TRIED_RATIO = 1 / 3000, 1 / 100, 1.3  # 1 / metre: curvatures; their ratio
-CURVATURE_SPREAD = 0.3  # of the curvature of a line, by which wires and spans differ
-SHORTEST_SPAN = 20.0  # metres between two supports
-LEAST_SCATTER = 0.03  # metres, of a point
-OFFSET_BLUR = 0.15  # metres: least scatter of the mean of many points
-WANDER_LENGTH = 25.0  # metres over which wires wander from their arcs
-LEAST_WANDER = 0.006  # metres: of clean surveys
-WANDER_MARGIN = 1.1  # times what was learned before, below which it is learned
-CUT_PRICE, CUT_PRICE_PER_WIRE = 10.0, 6.0  # squares of sigmas
-CERTAIN_ARM = 15.0  # squares of sigmas: a certain arm
-MOST_PAID = 1.4  # of its share of the price, by a wire among many
-OFF_WIRES = 0.6  # of the tolerance, off all wires, of a point of an arm
-ARM_HALF_WIDTH = 0.3  # metres along the line
-LEAST_USUAL = 0.25  # points: the number that is usual there is not below
-ARM_ASIDE, ARM_ABOVE, ARM_BELOW = 1.0, 1.2, 0.3  # metres around the wires that arms may reach
-TREE_BELOW = 2.6  # metres below the wires, from where trees are seen to come up
-COLUMN_WIDTH = 0.1  # metres: across the line, what hangs from one wire
-RING_INNER, RING_MIDDLE, RING_OUTER = 0.5, 1.5, 6.0  # metres from an arm: the usual is counted
 POSITIONS_PER_BIN = 4  # positions in a bin at which an arm may be
-LONGEST_STUB = 12.0  # metres: a piece that goes on so far beyond the outermost support is none
-MEETING_SD = 0.1  # metres by which arcs may miss each other at a support
-LEAST_KINK = 0.03  # of the bend between two level spans, of a support that shows no arm
-LEAST_ARM_SHARE = 0.75  # of the price of a cut, above which no arm is seen
-MOST_SHIFT = 5.0  # metres by which a cut may be moved to where they meet
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -131,7 +106,7 @@ def parting(corridor: Corridor, alignment: Alignment, bins: Binned, bend: float)
     least, found = solved(bins, bend, usual_price(bins))[0], None
     for k in range(2, len(order) - 1):
         low, high = offsets[order[k - 1]], offsets[order[k]]
-        if high - low > BUNDLE_WIDTH:
+        if high - low > SETTINGS.network.bundle_width:
             parts = [bins.of(part) for part in (order[:k], order[k:])]
             costs, edges = zip(*(solved(p, bend, usual_price(p)) for p in parts), strict=True)
             if sum(costs) < least and mostly_apart(edges[0] * bins.step, edges[1] * bins.step):
@@ -141,14 +116,14 @@ def parting(corridor: Corridor, alignment: Alignment, bins: Binned, bend: float)
 
 def mostly_apart(one: Floats, other: Floats) -> bool:
     """Whether most cuts of two lines, given with both ends, are where the other line has none."""
-    away = np.abs(one[1:-1, None] - other[1:-1]) > MOST_SHIFT
+    away = np.abs(one[1:-1, None] - other[1:-1]) > SETTINGS.arcs.most_shift
     alone = np.concatenate([away.all(axis=0), away.all(axis=1)])
     return bool(2 * np.count_nonzero(alone) > len(alone))
 
 
 def usual_price(bins: Binned) -> Floats:
     """Price of a cut at each edge between two bins, where no arm is seen."""
-    return CUT_PRICE + CUT_PRICE_PER_WIRE * tracks_at(bins)
+    return SETTINGS.arcs.cut_price + SETTINGS.arcs.cut_price_per_wire * tracks_at(bins)
 
 
 def offset_of(corridor: Corridor, alignment: Alignment, piece: Piece) -> float:
@@ -161,7 +136,7 @@ def is_certain(corridor: Corridor, alignment: Alignment, piece: Piece) -> bool:
     xyz = corridor.wires.xyz[piece.points]
     return (
         piece.sure
-        and scatter(alignment.along(xyz)[0], xyz[:, 2]) < SMOOTH_TRACK * corridor.tolerance
+        and scatter(alignment.along(xyz)[0], xyz[:, 2]) < SETTINGS.arcs.smooth * corridor.tolerance
     )
 
 
@@ -174,7 +149,7 @@ def cut_up(corridor: Corridor, alignment: Alignment, piece: Piece, number: int) 
         stub = (
             len(alignment.cuts) > 0
             and k in (0, len(alignment.cuts))
-            and edges[k + 1] - edges[k] < LONGEST_STUB
+            and edges[k + 1] - edges[k] < SETTINGS.arcs.longest_stub
         )
         points = piece.points[arc == k]
         curve = fit(corridor.wires.xyz[points], spread=2 * corridor.tolerance)
@@ -198,8 +173,8 @@ def binned(corridor: Corridor, alignment: Alignment, together: int, wander: floa
         for table, values in ((bins.u, u), (bins.z, xyz[:, 2]), (bins.v, v)):
             table[:, k] = np.bincount(cell, values, steps) / count
         for table, values, blur in (
-            (bins.tall, xyz[:, 2], wander * math.sqrt(WANDER_LENGTH / step)),
-            (bins.flat, v, OFFSET_BLUR),
+            (bins.tall, xyz[:, 2], wander * math.sqrt(SETTINGS.arcs.wander_length / step)),
+            (bins.flat, v, SETTINGS.arcs.offset_blur),
         ):
             variance = scatter(u, values) ** 2
             table[:, k] = np.where(count > 0.5, count / (variance + count * blur**2), 0.0)
@@ -207,7 +182,7 @@ def binned(corridor: Corridor, alignment: Alignment, together: int, wander: floa
         if len(seen) > 4:  # not what sticks out of the wire, such as an arm
             off = np.abs(astray(bins.u[seen, k], bins.z[seen, k]))
             peak = (
-                (off > SPIKE * corridor.tolerance)
+                (off > SETTINGS.curves.roughest * corridor.tolerance)
                 & (off >= np.append(off[1:], 0))
                 & (off >= np.append(0, off[:-1]))
             )
@@ -224,10 +199,10 @@ def astray(u: Floats, z: Floats) -> Floats:
 def scatter(u: Floats, z: Floats) -> float:
     """Standard deviation of heights along a wire, estimated from neighbouring points."""
     if len(u) < 5:
-        return 2 * LEAST_SCATTER
+        return 2 * SETTINGS.arcs.least_scatter
     order = np.argsort(u, kind="stable")
     usual = np.median(np.abs(astray(u[order], z[order])))
-    return max(float(usual) / (0.6745 * math.sqrt(1.5)), LEAST_SCATTER)
+    return max(float(usual) / (0.6745 * math.sqrt(1.5)), SETTINGS.arcs.least_scatter)
 
 
 def hardware(corridor: Corridor, alignment: Alignment, bins: Binned, chainages: Floats) -> Floats:
@@ -251,34 +226,45 @@ def hardware(corridor: Corridor, alignment: Alignment, bins: Binned, chainages: 
     known = np.flatnonzero(~np.isnan(shape[0]))
     if not len(known):
         return np.zeros(len(chainages))
-    reach = float(np.nanmax(np.abs(shape[:2]))) + ARM_ASIDE + RING_OUTER
-    spots = alignment.places(np.arange(chainages[0], chainages[-1] + RING_OUTER, RING_OUTER))
+    reach = float(np.nanmax(np.abs(shape[:2]))) + SETTINGS.arcs.arm_aside + SETTINGS.arcs.ring_outer
+    spots = alignment.places(
+        np.arange(chainages[0], chainages[-1] + SETTINGS.arcs.ring_outer, SETTINGS.arcs.ring_outer)
+    )
     box = distinct(np.concatenate([corridor.air.within(spot, reach) for spot in spots]))
     u, v = alignment.along(corridor.air.xyz[box])
     z = corridor.air.xyz[box, 2]
     left, right, low, high = (np.interp(u, chainages[known], values[known]) for values in shape)
     stray = (
-        (v > left - ARM_ASIDE)
-        & (v < right + ARM_ASIDE)
-        & (z > low - TREE_BELOW)
-        & (z < high + ARM_ABOVE)
+        (v > left - SETTINGS.arcs.arm_aside)
+        & (v < right + SETTINGS.arcs.arm_aside)
+        & (z > low - SETTINGS.arcs.tree_below)
+        & (z < high + SETTINGS.arcs.arm_above)
     )
     for along, aside, up in tracks:
         off = np.hypot(v - np.interp(u, along, aside), z - np.interp(u, along, up))
-        stray &= (off > OFF_WIRES * corridor.tolerance) | (u < along[0] - 1) | (u > along[-1] + 1)
-    around, among = (columns(u[rows], v[rows]) for rows in (stray, stray & (z > low - ARM_BELOW)))
+        stray &= (
+            (off > SETTINGS.arcs.off_wires * corridor.tolerance)
+            | (u < along[0] - 1)
+            | (u > along[-1] + 1)
+        )
+    around, among = (
+        columns(u[rows], v[rows]) for rows in (stray, stray & (z > low - SETTINGS.arcs.arm_below))
+    )
 
     def count(u: Floats, a: float, b: float) -> Floats:
         within = np.searchsorted(u, chainages + b) - np.searchsorted(u, chainages + a)
         return np.asarray(within, float)
 
     here, usual = (
-        count(among, -ARM_HALF_WIDTH, ARM_HALF_WIDTH),
-        np.full(len(chainages), LEAST_USUAL),
+        count(among, -SETTINGS.arcs.arm_half_width, SETTINGS.arcs.arm_half_width),
+        np.full(len(chainages), SETTINGS.arcs.least_usual),
     )
-    for u, a, b in ((around, RING_INNER, RING_MIDDLE), (among, RING_MIDDLE, RING_OUTER)):
+    for u, a, b in (
+        (around, SETTINGS.arcs.ring_inner, SETTINGS.arcs.ring_middle),
+        (among, SETTINGS.arcs.ring_middle, SETTINGS.arcs.ring_outer),
+    ):
         beside = np.maximum(count(u, -b, -a), count(u, a, b))
-        usual = np.maximum(usual, beside * 2 * ARM_HALF_WIDTH / (b - a))
+        usual = np.maximum(usual, beside * 2 * SETTINGS.arcs.arm_half_width / (b - a))
     more = 2 * (here * np.log(np.maximum(here, 1.0) / usual) - (here - usual))
     spread = max(1.0, float(np.median(more)) / 0.4549)  # more than by chance
     return np.where(here > usual, more / spread, 0.0)
@@ -286,7 +272,7 @@ def hardware(corridor: Corridor, alignment: Alignment, bins: Binned, chainages: 
 
 def columns(u: Floats, v: Floats) -> Floats:
     """Chainages of the vertical columns that hold points; what hangs from a wire is one column."""
-    cell = np.floor(np.column_stack([u, v]) / COLUMN_WIDTH)
+    cell = np.floor(np.column_stack([u, v]) / SETTINGS.arcs.column_width)
     _, which, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
     return np.sort(np.bincount(which.ravel(), u, len(count)) / count)
 
@@ -303,16 +289,16 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Binned, f
         / POSITIONS_PER_BIN
         * np.arange(POSITIONS_PER_BIN * alignment.steps + 1, dtype=np.float64)
     )
-    wander = LEAST_WANDER
+    wander = SETTINGS.arcs.least_wander
     shown = hardware(corridor, alignment, binned(corridor, alignment, 1, wander), chainages)
     arms = maximum_filter1d(shown, POSITIONS_PER_BIN + 1)[::POSITIONS_PER_BIN]
     while True:
-        coarse = binned(corridor, alignment, COARSE_BINS, wander)
+        coarse = binned(corridor, alignment, SETTINGS.arcs.coarse_bins, wander)
         bend = usual_bend(coarse)
         fine = binned(corridor, alignment, 1, wander)
         edges = edges_of(fine, bend, arms)
         learned = wander_of(fine, edges, bend)
-        if learned <= WANDER_MARGIN * wander:
+        if learned <= SETTINGS.arcs.wander_margin * wander:
             break
         wander = learned
     return all_settled(fine, edges, bend, chainages, shown), coarse, bend
@@ -321,30 +307,33 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Binned, f
 def usual_bend(bins: Binned) -> float:
     """The curvature that the arcs of a line have in common, 1 / metre."""
     usual = usual_price(bins)
-    bends = LEAST_TRIED * TRIED_RATIO ** np.arange(
-        math.log(MOST_TRIED / LEAST_TRIED) / math.log(TRIED_RATIO)
+    bends = SETTINGS.arcs.least_tried * SETTINGS.arcs.tried_ratio ** np.arange(
+        math.log(SETTINGS.arcs.most_tried / SETTINGS.arcs.least_tried)
+        / math.log(SETTINGS.arcs.tried_ratio)
     )
     return float(min(bends, key=lambda bend: solved(bins, bend, usual)[0]))
 
 
 def edges_of(bins: Binned, bend: float, arms: Floats) -> Ints:
     """The edges of bins at which a line is cut into arcs of about one curvature, with both ends."""
-    wires = maximum_filter1d(tracks_at(bins), 2 * round(SHORTEST_SPAN / bins.step) + 1)
-    usual = CUT_PRICE + CUT_PRICE_PER_WIRE * wires
+    wires = maximum_filter1d(
+        tracks_at(bins), 2 * round(SETTINGS.arcs.shortest_span / bins.step) + 1
+    )
+    usual = SETTINGS.arcs.cut_price + SETTINGS.arcs.cut_price_per_wire * wires
     price = np.maximum(usual - arms, 0.0)
     edges = agreed(bins, solved(bins, bend, price)[1], bend, usual, price)
-    return bending(bins, edges, bend, price > LEAST_ARM_SHARE * usual)
+    return bending(bins, edges, bend, price > SETTINGS.arcs.least_arm_share * usual)
 
 
 def wander_of(bins: Binned, edges: Ints, bend: float) -> float:
-    """How far wires wander from their arcs: the scatter of means over WANDER_LENGTH, metres."""
-    together = max(1, round(WANDER_LENGTH / bins.step))
+    """How far wires wander from their arcs: the scatter of means over `wander_length`, m."""
+    together = max(1, round(SETTINGS.arcs.wander_length / bins.step))
     means = [np.zeros(1)]
     for low, high in itertools.pairwise(edges):
         for k in np.flatnonzero((bins.tall[low:high] > 0).any(axis=0)).tolist():
             rows = low + np.flatnonzero(bins.tall[low:high, k] > 0)
             x, z, weight = bins.u[rows, k] - bins.u[rows[0], k], bins.z[rows, k], bins.tall[rows, k]
-            fitted = arc(x, z, weight, bend, CURVATURE_SPREAD * bend)
+            fitted = arc(x, z, weight, bend, SETTINGS.arcs.curvature_spread * bend)
             if fitted is not None:
                 off = z - hanging(x, bend) @ fitted[0]
                 block = (rows - low) // together
@@ -366,7 +355,7 @@ def misfits(bins: Binned, low: Ints, high: Ints, bend: float) -> Floats:
         low,
         high,
         bend * bins.step**2,
-        CURVATURE_SPREAD * bend * bins.step**2,
+        SETTINGS.arcs.curvature_spread * bend * bins.step**2,
         1 / (bend * bins.step),
         found,
     )
@@ -381,7 +370,7 @@ def agreed(bins: Binned, edges: Ints, bend: float, usual: Floats, price: Floats)
     where there is no arm.
     """
     tracks = np.maximum(tracks_at(bins), 1)
-    most = MOST_PAID * usual / tracks * (tracks + 1) / tracks
+    most = SETTINGS.arcs.most_paid * usual / tracks * (tracks + 1) / tracks
     while len(edges) > 2:
         arcs = misfits(bins, edges[:-1], edges[1:], bend)
         gain = misfits(bins, edges[:-2], edges[2:], bend) - arcs[:-1] - arcs[1:]
@@ -404,7 +393,7 @@ def bending(bins: Binned, edges: Ints, bend: float, bare: NDArray[np.bool_]) -> 
         kinks = [kink(bins, *three, bend) for three in threes(edges)]
         bends = np.where(bare[edges[1:-1]], np.abs(kinks), math.inf)
         worst = int(np.argmin(bends))
-        if bends[worst] >= LEAST_KINK:
+        if bends[worst] >= SETTINGS.arcs.least_kink:
             break
         edges = np.delete(edges, worst + 1)
     return edges
@@ -423,7 +412,7 @@ def kink(bins: Binned, low: int, at: int, high: int, bend: float) -> float:
                 bins.z[s, k],
                 bins.tall[s, k],
                 bend,
-                CURVATURE_SPREAD * bend,
+                SETTINGS.arcs.curvature_spread * bend,
             )
             for s in (slice(low, at), slice(at, high))
         )
@@ -457,9 +446,9 @@ def solved(bins: Binned, bend: float, price: Floats) -> tuple[float, Ints]:
         bins.v,
         price,
         bend * bins.step**2,
-        CURVATURE_SPREAD * bend * bins.step**2,
+        SETTINGS.arcs.curvature_spread * bend * bins.step**2,
         1 / (bend * bins.step),
-        max(2, round(SHORTEST_SPAN / bins.step)),
+        max(2, round(SETTINGS.arcs.shortest_span / bins.step)),
         total,
         before,
     )
@@ -487,7 +476,7 @@ def all_settled(bins: Binned, edges: Ints, bend: float, chainages: Floats, shown
     while True:
         places = np.array([moved(*three)[0] for three in threes(edges)])
         between = np.diff(places)
-        if not (between < SHORTEST_SPAN).any():
+        if not (between < SETTINGS.arcs.shortest_span).any():
             return places
         first = int(np.argmin(between)) + 1
         edges = min((np.delete(edges, spare) for spare in (first, first + 1)), key=cost)
@@ -507,11 +496,11 @@ def settled(
     With it comes by how much they do not, less the arm, in squares of sigmas.
     """
     middle = at * bins.step
-    near = np.abs(chainages - middle) < MOST_SHIFT
+    near = np.abs(chainages - middle) < SETTINGS.arcs.most_shift
     near &= (chainages > low * bins.step + 1.0) & (chainages < high * bins.step - 1.0)
     if not near.any():
         return middle, 0.0
-    chainages, cost = chainages[near], -np.minimum(shown[near], CERTAIN_ARM)
+    chainages, cost = chainages[near], -np.minimum(shown[near], SETTINGS.arcs.certain_arm)
     x = chainages - middle
     base = hanging(x, bend)
     before, after = slice(low, at), slice(at, high)
@@ -523,13 +512,16 @@ def settled(
                     values[s, k],
                     weight[s, k],
                     usual,
-                    CURVATURE_SPREAD * bend,
+                    SETTINGS.arcs.curvature_spread * bend,
                 )
                 for s in (before, after)
             )
             if one is not None and two is not None:
                 gap = base @ (two[0] - one[0])
-                variance = np.einsum("ij,jk,ik->i", base, one[1] + two[1], base) + MEETING_SD**2
+                variance = (
+                    np.einsum("ij,jk,ik->i", base, one[1] + two[1], base)
+                    + SETTINGS.arcs.meeting_sd**2
+                )
                 cost += gap**2 / variance
     best = int(np.argmin(cost))
     return float(chainages[best]), float(cost[best])

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.corridor._curves import catenary_kernels as kernels
+from algorithms.corridor._settings import SETTINGS
 
 Floats = NDArray[np.float64]
 
@@ -250,7 +251,10 @@ def fit(
         length,
         spread,
         curvature or 0.0,
+        SETTINGS.fit.known_curvature,
+        SETTINGS.fit.least_sigma,
         sways,
+        SETTINGS.fit.swaying_sag,
         shape,
         covariance,
     )

@@ -14,9 +14,6 @@ from algorithms.shared.kernels.sorting import median
 LEAST_CURVATURE, MOST_CURVATURE = 1e-5, 0.1  # 1 / metre: a wire straighter than this is straight
 FIT_ROUNDS = 30
 TUKEY_CUT = 4.685  # standard deviations at which a point loses all weight: 95 % efficient (Tukey)
-LEAST_SIGMA = 0.005  # metres
-KNOWN_CURVATURE_SD = 0.1  # standard deviation of a curvature that is given, of itself
-LEAST_SWAYING_SAG = 0.5  # metres of sag from which a swing can be told from an azimuth
 RIDGE = 1e-9  # keeps normal matrices regular, beside the weights of points
 # What a fit fills in: heights at both ends, curvature, plan curve, RMS, standard error of a height.
 FIT_Z_START, FIT_Z_END, FIT_CURVATURE, FIT_V0, FIT_V1, FIT_SWING, FIT_RMS, FIT_ERROR = range(8)
@@ -79,7 +76,7 @@ def _plan(u, v, length, weight, sways, shape, off, normal, right, result, invers
 
 
 @helper
-def _rise(u, z, length, weight, known, sigma, shape, normal, right, result, inverse):
+def _rise(u, z, length, weight, known, known_sigma, sigma, shape, normal, right, result, inverse):
     """One Gauss-Newton step for the heights at both ends and the curvature.
 
     A curvature that is known of other wires, above 0, is one more observation.
@@ -99,7 +96,7 @@ def _rise(u, z, length, weight, known, sigma, shape, normal, right, result, inve
     for j in range(3):
         normal[j, j] += RIDGE
     if known > 0:
-        square = (max(sigma, LEAST_SIGMA) / (KNOWN_CURVATURE_SD * known * scale)) ** 2
+        square = (sigma / (known_sigma * known * scale)) ** 2
         normal[2, 2] += square
         right[2] += square * (known - bent) * scale
     solve(normal, right, result, inverse)
@@ -128,7 +125,20 @@ def _squares(u, z, length, weight, shape, off, square):
 
 
 @njit(cache=True, nogil=True)
-def fitted(u, v, z, length, spread, known, sways, shape, covariance):
+def fitted(
+    u,
+    v,
+    z,
+    length,
+    spread,
+    known,
+    known_sigma,
+    least_sigma,
+    sways,
+    least_sag,
+    shape,
+    covariance,
+):
     """Fit a catenary to the points of a wire; the number of points used, 0 if there is no fit.
 
     Points are given along the axis, to the left of it, and by height.
@@ -138,7 +148,10 @@ def fitted(u, v, z, length, spread, known, sways, shape, covariance):
     u, v, z : arrays of shape (n,), u from 0 to `length`
     spread : points farther than this from the first curve lose all weight
     known : curvature known of other wires, 0 for none
+    known_sigma : its standard deviation, as a share of it
+    least_sigma : scatter of the points, at least, metres
     sways : whether to look for a swing by wind
+    least_sag : from which a swing can be told from an azimuth, metres
     shape : array of shape (SIZE,), filled in
     covariance : array of shape (3, 3), filled in: of both heights and the curvature
     """
@@ -153,11 +166,24 @@ def fitted(u, v, z, length, spread, known, sways, shape, covariance):
         end,
         known if known > 0 else bend,
     )
-    sways &= shape[FIT_CURVATURE] * length**2 / 8 > LEAST_SWAYING_SAG
+    sways &= shape[FIT_CURVATURE] * length**2 / 8 > least_sag
     sigma, used = spread / TUKEY_CUT, len(u)
     for number in range(FIT_ROUNDS):
         _plan(u, v, length, weight, sways, shape, off, normal, right, result, inverse)
-        _rise(u, z, length, weight, known, sigma, shape, normal, right, result, inverse)
+        _rise(
+            u,
+            z,
+            length,
+            weight,
+            known,
+            known_sigma,
+            max(sigma, least_sigma),
+            shape,
+            normal,
+            right,
+            result,
+            inverse,
+        )
         _squares(u, z, length, weight, shape, off, square)
         count = 0
         for i in range(len(u)):
@@ -165,7 +191,7 @@ def fitted(u, v, z, length, spread, known, sways, shape, covariance):
                 some[count] = square[i]
                 count += 1
         # The median square of two normal variables is 2 ln 2 times their variance.
-        sigma = max(math.sqrt(median(some[:count]) / math.log(4.0)), LEAST_SIGMA)
+        sigma = max(math.sqrt(median(some[:count]) / math.log(4.0)), least_sigma)
         limit = min(spread, TUKEY_CUT * sigma)
         left, change = 0, 0.0
         for i in range(len(u)):
@@ -177,5 +203,5 @@ def fitted(u, v, z, length, spread, known, sways, shape, covariance):
         if left < 4:
             return 0
         weight[:], used = fresh, left
-    covariance[:] = inverse * max(shape[FIT_ERROR], LEAST_SIGMA) ** 2
+    covariance[:] = inverse * max(shape[FIT_ERROR], least_sigma) ** 2
     return used

@@ -14,23 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.corridor._curves.catenary import fit
-from algorithms.corridor._curves.network import SURE_LENGTH, Corridor, Piece, curves_of
+from algorithms.corridor._curves.network import Corridor, Piece, curves_of
 from algorithms.corridor._curves.trace import Airborne, trace_all, uncrowded
 from algorithms.corridor._curves.tracks import Alignment
+from algorithms.corridor._settings import SETTINGS
 from toolbox.context import Context
-
-SPARSE_TRACK = 1.0  # points per metre of a track, from which each wire is followed by itself
-LEAST_OVERLAP = 8.0  # metres of two tracks beside each other that tell their distance
-STRAIGHT_GAP = 15.0  # metres between two points of a track, between which it is straight
-SAME_LANE = 0.4  # metres aside and up, within which two tracks are of one lane
-LANE_WANDER = 0.15  # metres: median by which the distance of two tracks varies
-LANE_HALF_WIDTH = 0.3  # metres from the middle of a lane, of what may be wire
-LANE_CLUTTER = 0.9  # metres, of its surroundings
-LANE_TIE = 0.05  # metres: a point is of more than one lane where these lie above each other
-LOOK_AHEAD, LOOK_ASIDE = 200.0, 60.0  # metres around an alignment that are looked at
-OFFSET_STEP = 10.0  # metres of an alignment for which one offset is taken
-END_LENGTH = 60.0  # metres at the end of an alignment that tell where it goes on
-LANE_ROUNDS = 2  # lanes that were not seen beside others may be, once these go on
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -61,7 +49,7 @@ class Lanes:
         own: list[list[int]] = []
         for j, spot in place.items():
             for k, other in enumerate(spots):
-                near = np.abs(spot - other).max() <= SAME_LANE
+                near = np.abs(spot - other).max() <= SETTINGS.lanes.same
                 if near and not any(abreast(tracks[i], tracks[j]) for i in own[k]):
                     own[k].append(j)
                     break
@@ -71,7 +59,9 @@ class Lanes:
         if len(spots) < 2:
             return None
         known = np.vstack([tracks[j][:, :2] - [0.0, spot[0]] for j, spot in place.items()])
-        pieces = np.array_split(in_order(known), max(2, int(np.ptp(known[:, 0]) / OFFSET_STEP)))
+        pieces = np.array_split(
+            in_order(known), max(2, int(np.ptp(known[:, 0]) / SETTINGS.lanes.offset_step))
+        )
         u, v = np.array([np.median(piece, axis=0) for piece in pieces]).T
         aside, up = np.array(spots).T
         return cls(aside, up, own, u, v)
@@ -81,7 +71,7 @@ class Lanes:
         offset = np.interp(u, self.u, self.v)
         for end, way in ((0, -1), (-1, 1)):
             beyond = (u - self.u[end]) * way > 0
-            leg = np.abs(self.u - self.u[end]) < END_LENGTH
+            leg = np.abs(self.u - self.u[end]) < SETTINGS.lanes.end
             slope = np.polyfit(self.u[leg], self.v[leg], 1)[0] if np.count_nonzero(leg) > 1 else 0
             offset[beyond] = self.v[end] + slope * (u[beyond] - self.u[end])
         return offset
@@ -91,13 +81,13 @@ def followed_together(
     corridor: Corridor, alignment: Alignment, max_gap: float, ctx: Context
 ) -> Alignment:
     """The alignment with tracks that were found by following all its wires at once."""
-    for _ in range(LANE_ROUNDS):
+    for _ in range(SETTINGS.lanes.rounds):
         tracks = [
             in_order(alignment.track(corridor.wires.xyz[piece.points]))
             for piece in alignment.pieces
         ]
         length = sum(float(np.ptp(track[:, 0])) for track in tracks)
-        lanes = Lanes.of(tracks) if sum(map(len, tracks)) < SPARSE_TRACK * length else None
+        lanes = Lanes.of(tracks) if sum(map(len, tracks)) < SETTINGS.lanes.sparse * length else None
         if lanes is None:
             break
         alignment = Alignment.of(pieces_in(corridor, alignment, lanes, max_gap, ctx))
@@ -131,7 +121,9 @@ def placed(tracks: Sequence[Floats]) -> dict[int, Floats]:
 
 def abreast(one: Floats, other: Floats) -> bool:
     """Whether two tracks overlap in chainage, and so belong to different wires."""
-    return bool(min(one[-1, 0], other[-1, 0]) - max(one[0, 0], other[0, 0]) > LEAST_OVERLAP)
+    return bool(
+        min(one[-1, 0], other[-1, 0]) - max(one[0, 0], other[0, 0]) > SETTINGS.lanes.least_overlap
+    )
 
 
 def beside(one: Floats, other: Floats) -> Floats | None:
@@ -139,12 +131,12 @@ def beside(one: Floats, other: Floats) -> Floats | None:
     after = np.searchsorted(one[:, 0], other[:, 0])
     inner = (after > 0) & (after < len(one))
     after = after[inner]
-    own = other[inner][one[after, 0] - one[after - 1, 0] < STRAIGHT_GAP]
-    if len(own) < 3 or np.ptp(own[:, 0]) < LEAST_OVERLAP:
+    own = other[inner][one[after, 0] - one[after - 1, 0] < SETTINGS.lanes.straight_gap]
+    if len(own) < 3 or np.ptp(own[:, 0]) < SETTINGS.lanes.least_overlap:
         return None
     step = np.column_stack([own[:, k] - np.interp(own[:, 0], one[:, 0], one[:, k]) for k in (1, 2)])
     middle = np.median(step, axis=0)
-    if np.median(np.abs(step - middle), axis=0).max() > LANE_WANDER:
+    if np.median(np.abs(step - middle), axis=0).max() > SETTINGS.lanes.wander:
         return None
     return np.asarray(middle)
 
@@ -163,7 +155,7 @@ def pieces_in(
     found = []
     for k, own in enumerate(lanes.own):
         points = np.flatnonzero(lane_of == k)
-        curve = fit(corridor.wires.xyz[points], sways=False, spread=LOOK_AHEAD)
+        curve = fit(corridor.wires.xyz[points], sways=False, spread=SETTINGS.lanes.ahead)
         if curve is not None:
             found.append(Piece(points, curve, any(alignment.pieces[j].sure for j in own)))
     grouped = {j for own in lanes.own for j in own}
@@ -181,14 +173,16 @@ def followed(
     source, lane, places = moved(corridor, alignment, lanes)
     air = Airborne.of(places)
     source, lane = source[air.order], lane[air.order]
-    may = corridor.may[source] & (np.abs(air.xyz[:, 1]) < LANE_HALF_WIDTH)
+    may = corridor.may[source] & (np.abs(air.xyz[:, 1]) < SETTINGS.lanes.half_width)
     one = Corridor(
         air, corridor.height[source], may, corridor.tolerance, corridor.ground, corridor.seen
     )
     wire, lane = (np.cumsum(corridor.may) - 1)[source[may]], lane[may]
-    _, voxel = uncrowded(one.wires, SPARSE_TRACK)
+    _, voxel = uncrowded(one.wires, SETTINGS.lanes.sparse)
     curves = trace_all(one.wires, voxel, tolerance=corridor.tolerance, max_gap=max_gap, ctx=ctx)
-    pieces = [p for p in curves_of(one, curves) if p.sure or p.curve.length > SURE_LENGTH]
+    pieces = [
+        p for p in curves_of(one, curves) if p.sure or p.curve.length > SETTINGS.curves.sure_length
+    ]
     taken = np.zeros(len(corridor.wires.xyz), bool)
     found = []
     for piece in sorted(pieces, key=lambda p: -len(p.points)):
@@ -203,11 +197,13 @@ def followed(
 def moved(corridor: Corridor, alignment: Alignment, lanes: Lanes) -> tuple[Ints, Ints, Floats]:
     """Points in the air near lanes, their lanes, and their positions moved to the first lane."""
     u, v = alignment.along(corridor.air.xyz)
-    near = (u > lanes.u[0] - LOOK_AHEAD) & (u < lanes.u[-1] + LOOK_AHEAD)
-    box = np.flatnonzero(near & (np.abs(v - np.median(lanes.v)) < LOOK_ASIDE))
+    near = (u > lanes.u[0] - SETTINGS.lanes.ahead) & (u < lanes.u[-1] + SETTINGS.lanes.ahead)
+    box = np.flatnonzero(near & (np.abs(v - np.median(lanes.v)) < SETTINGS.lanes.aside))
     u, z = u[box], corridor.air.xyz[box, 2]
     v = v[box] - lanes.middle(u)
     away = np.abs(v[:, None] - lanes.aside)
-    point, lane = np.nonzero((away < LANE_CLUTTER) & (away < away.min(axis=1)[:, None] + LANE_TIE))
+    point, lane = np.nonzero(
+        (away < SETTINGS.lanes.clutter) & (away < away.min(axis=1)[:, None] + SETTINGS.lanes.tie)
+    )
     places = np.column_stack([u[point], v[point] - lanes.aside[lane], z[point] - lanes.up[lane]])
     return box[point], lane, places

@@ -12,37 +12,9 @@ from numpy.typing import NDArray
 from algorithms.corridor._curves import trace_kernels as kernels
 from algorithms.corridor._curves.catenary import Catenary, fit
 from algorithms.corridor._curves.structures import carries_deck, holds_level, in_mesh
-from algorithms.corridor._curves.trace import PLAN_CELL, STEEPEST_WIRE, Airborne
+from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
+from algorithms.corridor._settings import SETTINGS
 from algorithms.shared.kernels.sorting import distinct
-
-CLEAR_SHARE, SURE_SHARE = 0.65, 0.7  # of a curve along which it stands out from its surroundings
-SURE_LENGTH = 30.0  # metres from which a curve is a wire by itself
-FINE_LENGTH, FINE_POINTS = 18.0, 20  # metres, points of a sure short one
-FINE_RMS = 0.3  # of the tolerance: scatter of a curve that is clean
-LARGEST_C = 5000.0  # metres: most tension over weight
-CERTAIN_SIGMAS = 3.0  # standard deviations
-HANGER_ZONE = (0.3, 5.0, 5.0)  # metres below a curve: half width, depth, and step along it
-HANGER_SHARE = 0.4  # of the steps with hangers, from which a curve carries something
-LEAST_CURVE_POINTS = 7
-ROUGHEST_CURVE = 0.8  # of the tolerance: scatter of anything that may be wire
-CLUTTER_RADIUS, CLUTTER_STEP = 1.5, 4.0  # metres around a wire, and along it
-ALONE_SHARE = 0.2  # of it along which there is no clutter
-ROOF_CELL = (4.0, 0.25, 6)  # metres along a curve and aside, and number of cells to each side
-ROOF_FILLED, ROOF_OPEN = 0.6, 0.2  # of these: with a surface at least, and with points below it
-ROOF_SLOPE = 2.0  # rise over run of the steepest roof
-ROOFED_SHARE = 0.4  # of a curve: more of it is the ridge or edge of a roof
-ISOLATED_STEP = 2.0
-ISOLATED_SHARE = 0.55
-ISOLATED_POINTS = 15
-LARGEST_SWING = 1.5  # tangent of the angle by which wind may lift a wire
-SMALLEST_C = 30.0  # metres: least c of a wire
-JOIN_GAP, JOIN_ASIDE, JOIN_HEIGHT = 14.0, 3.0, 1.5  # metres between wires that meet at a support
-PARALLEL_ANGLE = math.radians(6.0)  # between wires of one line
-OWN_RADIUS = 2.0  # tolerances around a wire that are its own
-SAME_CURVE = 0.25  # metres from a curve, within which what runs beside it is itself
-LINE_WIDTH = 15.0  # metres aside, and up, to the other wires of a line
-LONGEST_MISSING = 60.0  # metres of a wire that may be missing
-BUNDLE_WIDTH = 0.6  # metres within which conductors form a bundle
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -109,7 +81,9 @@ class Corridor:
         """Mark the points on and around pieces that are certain, but no wires."""
         for piece in pieces:
             if piece.sure:
-                self.refused[self.wires.around(piece.curve, CLUTTER_RADIUS)[0]] = True
+                self.refused[self.wires.around(piece.curve, SETTINGS.curves.clutter_radius)[0]] = (
+                    True
+                )
 
     def without_refused(self, tolerance: float) -> Corridor:
         """The same at another tolerance, without points of what surely is no wire.
@@ -126,7 +100,7 @@ class Corridor:
         """Which points above the ground are those of wires, of which they lie on or around one."""
         found = np.zeros(len(self.air.xyz), bool)
         for curve in curves:
-            found[self.air.around(curve, OWN_RADIUS * self.tolerance)[0]] = True
+            found[self.air.around(curve, SETTINGS.curves.own_radius * self.tolerance)[0]] = True
         return found
 
     def take(self, curves: Iterable[Catenary]) -> None:
@@ -141,16 +115,22 @@ def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list
         length = curve[kernels.CURVE_HIGH] - curve[kernels.CURVE_LOW]
         clear = clearness(corridor, curve, len(points))
         slope = abs(curve[kernels.CURVE_Z + 1]) / curve[kernels.CURVE_HALF]
-        if clear < CLEAR_SHARE or slope > STEEPEST_WIRE or len(points) < LEAST_CURVE_POINTS:
+        if (
+            clear < SETTINGS.curves.clear_share
+            or slope > SETTINGS.trace.steepest
+            or len(points) < SETTINGS.curves.fewest_points
+        ):
             continue
         catenary = fit(corridor.wires.xyz[points], spread=2 * corridor.tolerance)
-        if catenary is not None and roofed(corridor, catenary) < ROOFED_SHARE:
+        if catenary is not None and roofed(corridor, catenary) < SETTINGS.roofs.share:
             fine = (
-                curve[kernels.CURVE_RMS] < FINE_RMS * corridor.tolerance
-                and len(points) >= FINE_POINTS
+                curve[kernels.CURVE_RMS] < SETTINGS.curves.fine_rms * corridor.tolerance
+                and len(points) >= SETTINGS.curves.fine_points
                 and clear >= 0.9
             )
-            sure = clear >= SURE_SHARE and length >= (FINE_LENGTH if fine else SURE_LENGTH)
+            sure = clear >= SETTINGS.curves.sure_share and length >= (
+                SETTINGS.curves.fine_length if fine else SETTINGS.curves.sure_length
+            )
             found.append(Piece(points, catenary, sure))
     return isolated(corridor, untied(corridor, found))
 
@@ -173,7 +153,7 @@ def roofed(corridor: Corridor, curve: Catenary) -> float:
     """
     if corridor.floor is None:
         return 0.0
-    length, width, columns = ROOF_CELL
+    length, width, columns = SETTINGS.roofs.length, SETTINGS.roofs.width, SETTINGS.roofs.columns
     steps = max(1, round(curve.length / length))
     surface, low = np.zeros((2, steps, 2 * columns), bool)
     own = np.zeros(steps, bool)
@@ -184,7 +164,7 @@ def roofed(corridor: Corridor, curve: Catenary) -> float:
         inside = (u >= 0) & (u < curve.length) & (column >= 0) & (column < 2 * columns)
         step = (u / curve.length * steps).astype(np.int64)
         slack, on_it = (
-            ROOF_SLOPE * np.abs(v) + 2 * corridor.tolerance,
+            SETTINGS.roofs.slope * np.abs(v) + 2 * corridor.tolerance,
             np.hypot(v, z) <= corridor.tolerance,
         )
         at = inside & (np.abs(z) <= slack) & ~on_it
@@ -195,7 +175,9 @@ def roofed(corridor: Corridor, curve: Catenary) -> float:
     shares = []
     for side in (slice(0, columns), slice(columns, 2 * columns)):
         filled, open_ = surface[:, side].sum(axis=1), low[:, side].sum(axis=1)
-        roof = (filled >= ROOF_FILLED * columns) & (open_ <= ROOF_OPEN * columns)
+        roof = (filled >= SETTINGS.roofs.filled * columns) & (
+            open_ <= SETTINGS.roofs.open * columns
+        )
         shares.append(int(roof.sum()) / max(1, int((roof | own).sum())))
     return float(max(shares))
 
@@ -213,9 +195,9 @@ def isolated(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:
         taken[corridor.wires.order[piece.points]] = True
     found = []
     for piece in pieces:
-        on_it, beside = by_step(corridor, piece.curve, taken, ISOLATED_STEP)
-        clear = np.mean((on_it > 0) & (beside == 0)) > ISOLATED_SHARE
-        sure = piece.sure or (bool(clear) and len(piece.points) >= ISOLATED_POINTS)
+        on_it, beside = by_step(corridor, piece.curve, taken, SETTINGS.curves.isolated_step)
+        clear = np.mean((on_it > 0) & (beside == 0)) > SETTINGS.curves.isolated_share
+        sure = piece.sure or (bool(clear) and len(piece.points) >= SETTINGS.curves.isolated_points)
         found.append(replace(piece, sure=sure))
     return found
 
@@ -224,7 +206,10 @@ def by_step(
     corridor: Corridor, curve: Catenary, taken: NDArray[np.bool_], step: float
 ) -> tuple[Ints, Ints]:
     """Number of points on a curve per step along it, and of others around it that are not taken."""
-    own, around = (corridor.air.around(curve, r)[0] for r in (corridor.tolerance, CLUTTER_RADIUS))
+    own, around = (
+        corridor.air.around(curve, r)[0]
+        for r in (corridor.tolerance, SETTINGS.curves.clutter_radius)
+    )
     beside = np.setdiff1d(around[~taken[around]], own, assume_unique=True)
     bins = max(1, round(curve.length / step))
     on_it, beside = (
@@ -241,9 +226,10 @@ def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
     bent = [
         arc
         for arc in bent
-        if arc.curve.c > SMALLEST_C and arc.curve.rms < ROUGHEST_CURVE * corridor.tolerance
+        if arc.curve.c > SETTINGS.curves.smallest_c
+        and arc.curve.rms < SETTINGS.curves.roughest * corridor.tolerance
     ]
-    bent = [arc for arc in bent if abs(arc.curve.swing) < LARGEST_SWING]
+    bent = [arc for arc in bent if abs(arc.curve.swing) < SETTINGS.curves.largest_swing]
     found = connected([a for a in bent if a.sure], [a for a in bent if not a.sure])
     found = joined(corridor, found)
     found = [one for one in found if not any(lies_on(corridor, one, other) for other in found)]
@@ -251,8 +237,8 @@ def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
     found = [
         arc
         for arc in found
-        if arc.curve.rms < FINE_RMS * corridor.tolerance
-        or alone(corridor, arc.curve, ~corridor.free) >= ALONE_SHARE
+        if arc.curve.rms < SETTINGS.curves.fine_rms * corridor.tolerance
+        or alone(corridor, arc.curve, ~corridor.free) >= SETTINGS.curves.alone_share
     ]
     below = [other.curve for other in straight]
     carriers = [
@@ -262,7 +248,9 @@ def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
         or holds_level(corridor.air, corridor.height, arc.curve)
         or carries_deck(corridor.air, arc.curve)
     ]
-    clean = [arc for arc in straight if arc.curve.rms < ROUGHEST_CURVE * corridor.tolerance]
+    clean = [
+        arc for arc in straight if arc.curve.rms < SETTINGS.curves.roughest * corridor.tolerance
+    ]
     corridor.refuse([*clean, *carriers])
     return [arc for arc in found if all(arc is not other for other in carriers)]
 
@@ -294,7 +282,9 @@ def clearness(corridor: Corridor, curve: Floats, count: int) -> float:
 
 def is_straight(curve: Catenary) -> bool:
     """Whether a curve surely sags less than any wire, as rails, bars and ties do."""
-    return curve.sag + CERTAIN_SIGMAS * curve.sigma("sag") < curve.length**2 / (8 * LARGEST_C)
+    return curve.sag + SETTINGS.curves.certain_sigmas * curve.sigma("sag") < curve.length**2 / (
+        8 * SETTINGS.curves.largest_c
+    )
 
 
 def alone(corridor: Corridor, curve: Catenary, taken: NDArray[np.bool_]) -> float:
@@ -302,7 +292,7 @@ def alone(corridor: Corridor, curve: Catenary, taken: NDArray[np.bool_]) -> floa
 
     Twigs that happen to lie along an arc have others around them everywhere.
     """
-    on_it, beside = by_step(corridor, curve, taken, CLUTTER_STEP)
+    on_it, beside = by_step(corridor, curve, taken, SETTINGS.curves.clutter_step)
     return float(np.mean((on_it > beside)[on_it + beside > 0] if on_it.any() else 0.0))
 
 
@@ -312,7 +302,11 @@ def carries(corridor: Corridor, curve: Catenary, straight: Sequence[Catenary]) -
     It is a straight wire below it in its plane, or hangers: points at all depths in its plane and
     not beside that. Another wire below is at one depth.
     """
-    width, depth, step = HANGER_ZONE
+    width, depth, step = (
+        SETTINGS.curves.hanger_width,
+        SETTINGS.curves.hanger_depth,
+        SETTINGS.curves.hanger_step,
+    )
     for other in straight:
         u, _ = curve.along(other.points(np.array([0.0, other.length])))
         shared = min(u.max(), curve.length) - max(u.min(), 0.0)
@@ -335,7 +329,7 @@ def carries(corridor: Corridor, curve: Catenary, straight: Sequence[Catenary]) -
     hung = np.bincount(step_of[blade], minlength=bins)
     beside = below & (np.abs(v) > 2 * width) & (np.abs(v) < 4 * width)
     around = np.bincount(step_of[beside], minlength=bins)
-    return bool(np.mean((hung >= 2) & (hung > around)) > HANGER_SHARE)
+    return bool(np.mean((hung >= 2) & (hung > around)) > SETTINGS.curves.hanger_share)
 
 
 def connected(strong: list[Piece], weak: list[Piece]) -> list[Piece]:
@@ -344,7 +338,11 @@ def connected(strong: list[Piece], weak: list[Piece]) -> list[Piece]:
     queue = list(strong)
     while queue and weak:
         one = queue.pop()
-        near = [piece for piece in weak if goes_on(one, piece) or continues(one, piece)]
+        near = [
+            piece
+            for piece in weak
+            if goes_on(one, piece) or continues(one, piece, SETTINGS.network.bundle_width)
+        ]
         weak = [piece for piece in weak if not any(piece is other for other in near)]
         found += near
         queue += near
@@ -356,13 +354,16 @@ def goes_on(one: Piece, other: Piece) -> bool:
     for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
         a, b = heading(one, i), heading(other, j)
         step = other.ends[j] - one.ends[i]
-        if a @ b > -0.5 or np.hypot(*step[:2]) > JOIN_GAP:
+        if a @ b > -0.5 or np.hypot(*step[:2]) > SETTINGS.network.join_gap:
             continue
         axis = (a - b) / np.hypot(*(a - b))
         aside = abs(axis[0] * step[1] - axis[1] * step[0])
         halfway = one.ends[i] + 0.5 * step
         meet = [p.curve.height(p.curve.along(halfway[None])[0])[0] for p in (one, other)]
-        if aside < JOIN_ASIDE and abs(meet[1] - meet[0]) < JOIN_HEIGHT:
+        if (
+            aside < SETTINGS.network.join_aside
+            and abs(meet[1] - meet[0]) < SETTINGS.network.join_height
+        ):
             return True
     return False
 
@@ -370,16 +371,16 @@ def goes_on(one: Piece, other: Piece) -> bool:
 def runs_beside(one: Piece, other: Piece) -> bool:
     """Whether the middle of one curve lies beside another of the same heading."""
     a, b = heading(one, 1), heading(other, 1)
-    if abs(a @ b) < math.cos(PARALLEL_ANGLE):
+    if abs(a @ b) < SETTINGS.network.cos_parallel:
         return False
     middle = other.curve.points(np.array([0.5 * other.curve.length]))
     u, v, z = (float(values[0]) for values in one.curve.residuals(middle))
     length = one.curve.length
     return (
         0 <= u <= length
-        and abs(v) < LINE_WIDTH
-        and abs(z) < LINE_WIDTH
-        and (math.hypot(v, z) > SAME_CURVE)
+        and abs(v) < SETTINGS.network.line_width
+        and abs(z) < SETTINGS.network.line_width
+        and (math.hypot(v, z) > SETTINGS.network.same_curve)
     )
 
 
@@ -389,14 +390,14 @@ def heading(piece: Piece, end: int) -> Floats:
     return way * np.array([piece.curve.ex, piece.curve.ey])
 
 
-def continues(one: Piece, other: Piece, near: float = BUNDLE_WIDTH) -> bool:
+def continues(one: Piece, other: Piece, near: float) -> bool:
     """Whether two curves are of one wire or bundle: side by side, or one after the other."""
-    if abs(heading(one, 1) @ heading(other, 1)) < math.cos(PARALLEL_ANGLE):
+    if abs(heading(one, 1) @ heading(other, 1)) < SETTINGS.network.cos_parallel:
         return False
     u, _ = one.curve.along(other.ends)
     gap = max(u.min() - one.curve.length, -u.max())
     if gap > 0:
-        reach = min(LONGEST_MISSING, one.curve.length + other.curve.length)
+        reach = min(SETTINGS.network.longest_missing, one.curve.length + other.curve.length)
         return gap < reach and apart(one, other) < near and apart(other, one) < near
     return apart(one, other) < near
 
@@ -418,7 +419,7 @@ def joined(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:
     found: list[Piece] = []
     for piece in order:
         for k, one in enumerate(found):
-            if one.arc != piece.arc or not continues(one, piece, BUNDLE_WIDTH / 2):
+            if one.arc != piece.arc or not continues(one, piece, SETTINGS.network.bundle_width / 2):
                 continue
             both = np.union1d(one.points, piece.points)
             curve = fit(corridor.wires.xyz[both], spread=2.0)

@@ -14,35 +14,7 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.trace import Airborne
-
-CONTACT_DEPTH, CONTACT_ASIDE = 2.2, 0.5  # metres from a messenger wire to the contact wire it holds
-CONTACT_STEP, CONTACT_GAP = 3.0, 0.25  # metres along them, and between them at least
-CONTACT_SHARE = 0.6  # of the steps along which both are seen
-CONTACT_SCATTER = 0.12  # metres of both from parabolas
-CONTACT_BEND = 0.35  # of the curvature of the messenger wire: less than this
-MESSENGER_C = (300.0, 1500.0)  # metres: tension over weight of a wire that holds another
-MESSENGER_HEIGHT = 10.0  # metres above the rails, 6.5 of the contact wire, and what holds it
-FEWEST_STEPS = 5
-CONTACT_SPAN, CONTACT_PIECE = 70.0, 30.0  # metres: longest span, and piece of a longer curve
-LEVEL_SHARE = 0.3  # of these pieces, of which some lie at masts
-
-CARRIER_DEPTH = (0.8, 8.0)  # metres below a rope, of what it carries
-CARRIER_HALF, CARRIER_LONG = 1.5, 4.0  # metres to each side of the rope, and along it
-CARRIER_SIZE = 0.5  # metres, more than wires are thick
-CARRIER_ROOM = 2.0  # metres of empty air around it
-CARRIER_POINTS = 5
-CARRIER_GAP = 1.0  # metres along the rope between points of one carrier
-CARRIER_END = 6.0  # metres from the ends of a rope, where there are insulators and jumpers
-
-BRIDGE_SPAN, BRIDGE_SAG = 50.0, 1 / 15  # metres; of the span: more than wires sag
-DECK_BELOW, DECK_ASIDE = 4.0, 4.0  # metres from the lowest point of a cable to the deck
-DECK_ALONG = 0.1  # of the span, to both sides of the lowest point
-DECK_CELL, DECK_FILLED = 1.0, 0.6  # metres; share of such cells with points
-
-MESH_HEIGHT, MESH_GAP = 0.4, 12.0  # metres between wires that are tied, and between their crossings
-MESH_LEAST, MESH_CROSSINGS = 1.0, 5  # metres between two crossings; of a mesh
-TIED_CROSSINGS = 2  # of curves that are in a mesh, for which another one is too
-MESH_ANGLE = np.sin(np.radians(30.0))
+from algorithms.corridor._settings import SETTINGS
 
 Floats = NDArray[np.float64]
 
@@ -58,35 +30,47 @@ def holds_level(air: Airborne, above: Floats, curve: Catenary) -> bool:
     ----------
     above : height of the points above the ground
     """
-    count = max(1, round(curve.length / CONTACT_STEP))
-    near, _ = air.around(curve, CONTACT_DEPTH + CONTACT_ASIDE)
+    count = max(1, round(curve.length / SETTINGS.structures.contact_step))
+    near, _ = air.around(
+        curve, SETTINGS.structures.contact_depth + SETTINGS.structures.contact_aside
+    )
     u, v, z = curve.residuals(air.xyz[near])
-    plane = (np.abs(v) < CONTACT_ASIDE) & (np.abs(z) < CONTACT_DEPTH)
-    if not plane.any() or np.median(above[near][plane]) > MESSENGER_HEIGHT:
+    plane = (np.abs(v) < SETTINGS.structures.contact_aside) & (
+        np.abs(z) < SETTINGS.structures.contact_depth
+    )
+    if not plane.any() or np.median(above[near][plane]) > SETTINGS.structures.messenger_height:
         return False
     step = np.clip((u[plane] / curve.length * count).astype(np.int64), 0, count - 1)
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, step, air.xyz[near, 2][plane])
     np.maximum.at(high, step, air.xyz[near, 2][plane])
-    width = round(CONTACT_PIECE / CONTACT_STEP)
+    width = round(SETTINGS.structures.contact_piece / SETTINGS.structures.contact_step)
     pieces = [slice(0, count)]
-    if curve.length > CONTACT_SPAN:
+    if curve.length > SETTINGS.structures.contact_span:
         pieces = [slice(k, k + width) for k in range(0, count - width + 1, width // 2)]
     level = [_levelled(low[piece], high[piece]) for piece in pieces]
-    return float(np.mean(level)) > LEVEL_SHARE
+    return float(np.mean(level)) > SETTINGS.structures.level_share
 
 
 def _levelled(low: Floats, high: Floats) -> bool:
     """Whether of two wires at equal steps the lower one is straight and the upper one sags."""
-    both = (high - low > CONTACT_GAP) & (high - low < CONTACT_DEPTH)
-    if np.count_nonzero(both) < max(FEWEST_STEPS, CONTACT_SHARE * len(low)):
+    both = (high - low > SETTINGS.structures.contact_gap) & (
+        high - low < SETTINGS.structures.contact_depth
+    )
+    if np.count_nonzero(both) < max(
+        SETTINGS.structures.fewest_steps, SETTINGS.structures.contact_share * len(low)
+    ):
         return False
-    middle = CONTACT_STEP * np.flatnonzero(both).astype(np.float64)
+    middle = SETTINGS.structures.contact_step * np.flatnonzero(both).astype(np.float64)
     lower, rough = _parabola(middle, low[both])
     upper, rougher = _parabola(middle, high[both])
-    thin = max(rough, rougher) < CONTACT_SCATTER
-    loaded = MESSENGER_C[0] < 1 / max(upper, 1e-9) < MESSENGER_C[1]
-    return thin and loaded and abs(lower) < CONTACT_BEND * upper
+    thin = max(rough, rougher) < SETTINGS.structures.contact_scatter
+    loaded = (
+        SETTINGS.structures.messenger_least_c
+        < 1 / max(upper, 1e-9)
+        < SETTINGS.structures.messenger_most_c
+    )
+    return thin and loaded and abs(lower) < SETTINGS.structures.contact_bend * upper
 
 
 def _parabola(u: Floats, z: Floats) -> tuple[float, float]:
@@ -108,39 +92,71 @@ def carriers(air: Airborne, height: Floats, curve: Catenary) -> int:
     ----------
     height : of the points in the air above the ground
     """
-    top, bottom = CARRIER_DEPTH
-    near, _ = air.around(curve, bottom + 2 * CARRIER_ROOM)
+    top, bottom = SETTINGS.structures.carrier_top, SETTINGS.structures.carrier_bottom
+    near, _ = air.around(curve, bottom + 2 * SETTINGS.structures.carrier_room)
     u, v, z = curve.residuals(air.xyz[near])
-    below = (z < -top) & (np.abs(v) < CARRIER_HALF + CARRIER_ROOM)
-    below &= (u > CARRIER_END) & (u < curve.length - CARRIER_END)
+    below = (z < -top) & (
+        np.abs(v) < SETTINGS.structures.carrier_half + SETTINGS.structures.carrier_room
+    )
+    below &= (u > SETTINGS.structures.carrier_end) & (
+        u < curve.length - SETTINGS.structures.carrier_end
+    )
     near, u, v, z = near[below], u[below], v[below], z[below]
-    own = np.flatnonzero((np.abs(v) < CARRIER_HALF) & (z > -bottom))
+    own = np.flatnonzero((np.abs(v) < SETTINGS.structures.carrier_half) & (z > -bottom))
     own = own[np.argsort(u[own], kind="stable")]
     found = 0
-    for body in np.split(own, np.flatnonzero(np.diff(u[own]) > CARRIER_GAP) + 1):
-        if len(body) < CARRIER_POINTS or np.ptp(u[body]) > CARRIER_LONG:
+    for body in np.split(
+        own, np.flatnonzero(np.diff(u[own]) > SETTINGS.structures.carrier_gap) + 1
+    ):
+        if (
+            len(body) < SETTINGS.structures.carrier_points
+            or np.ptp(u[body]) > SETTINGS.structures.carrier_long
+        ):
             continue
-        room = (u > u[body].min() - CARRIER_ROOM) & (u < u[body].max() + CARRIER_ROOM)
-        room &= z > z[body].min() - CARRIER_ROOM
+        room = (u > u[body].min() - SETTINGS.structures.carrier_room) & (
+            u < u[body].max() + SETTINGS.structures.carrier_room
+        )
+        room &= z > z[body].min() - SETTINGS.structures.carrier_room
         alone = np.count_nonzero(room) == len(body)
-        hangs = height[near[body]].min() > CARRIER_ROOM
-        found += bool(alone and hangs and max(np.ptp(v[body]), np.ptp(z[body])) > CARRIER_SIZE)
+        hangs = height[near[body]].min() > SETTINGS.structures.carrier_room
+        found += bool(
+            alone
+            and hangs
+            and max(np.ptp(v[body]), np.ptp(z[body])) > SETTINGS.structures.carrier_size
+        )
     return found
 
 
 def carries_deck(air: Airborne, curve: Catenary) -> bool:
     """Whether a curve sags as the cable of a bridge does, down to a deck in the air."""
-    if curve.length < BRIDGE_SPAN or curve.sag < BRIDGE_SAG * curve.length:
+    if (
+        curve.length < SETTINGS.structures.bridge_span
+        or curve.sag < SETTINGS.structures.bridge_sag * curve.length
+    ):
         return False
     lowest = min(max(curve.u0, 0.0), curve.length)
-    reach = DECK_ALONG * curve.length
+    reach = SETTINGS.structures.deck_along * curve.length
     low, high = max(lowest - reach, 0.0), min(lowest + reach, curve.length)
-    near, _ = air.around(curve, DECK_BELOW + DECK_ASIDE, low, high)
+    near, _ = air.around(
+        curve, SETTINGS.structures.deck_below + SETTINGS.structures.deck_aside, low, high
+    )
     u, v, z = curve.residuals(air.xyz[near])
-    inside = (z > -DECK_BELOW - curve.sag * 0.1) & (z < -0.5) & (np.abs(v) < DECK_ASIDE)
-    cells = np.floor(np.column_stack([u - low, v])[inside] / DECK_CELL).astype(np.int64)
+    inside = (
+        (z > -SETTINGS.structures.deck_below - curve.sag * 0.1)
+        & (z < -0.5)
+        & (np.abs(v) < SETTINGS.structures.deck_aside)
+    )
+    cells = np.floor(np.column_stack([u - low, v])[inside] / SETTINGS.structures.deck_cell).astype(
+        np.int64
+    )
     filled = [len(np.unique(cells[side], axis=0)) for side in (cells[:, 1] < 0, cells[:, 1] >= 0)]
-    return max(filled) > DECK_FILLED * (high - low) * DECK_ASIDE / DECK_CELL**2
+    return (
+        max(filled)
+        > SETTINGS.structures.deck_filled
+        * (high - low)
+        * SETTINGS.structures.deck_aside
+        / SETTINGS.structures.deck_cell**2
+    )
 
 
 def in_mesh(curves: Sequence[Catenary], known: Sequence[Catenary]) -> list[bool]:
@@ -160,7 +176,7 @@ def in_mesh(curves: Sequence[Catenary], known: Sequence[Catenary]) -> list[bool]
     while fresh:
         tying = Crossed.of(mesh)
         more = [
-            not own and len(tying.crossings(c)) >= TIED_CROSSINGS
+            not own and len(tying.crossings(c)) >= SETTINGS.structures.tied_crossings
             for c, own in zip(curves, tied, strict=True)
         ]
         tied = [own or new for own, new in zip(tied, more, strict=True)]
@@ -172,8 +188,10 @@ def in_mesh(curves: Sequence[Catenary], known: Sequence[Catenary]) -> list[bool]
 def _often(places: Sequence[float]) -> bool:
     """Whether there are several crossings one after another."""
     steps = np.diff(sorted(places))
-    close = np.count_nonzero((steps > MESH_LEAST) & (steps < MESH_GAP))
-    return bool(close >= MESH_CROSSINGS - 1)
+    close = np.count_nonzero(
+        (steps > SETTINGS.structures.mesh_least) & (steps < SETTINGS.structures.mesh_gap)
+    )
+    return bool(close >= SETTINGS.structures.mesh_crossings - 1)
 
 
 @dataclass(frozen=True)
@@ -199,14 +217,18 @@ class Crossed:
         """Where along a curve these cross it at its height, metres."""
         x, y, ex, ey, length = self.lines.T
         turn = one.ex * ey - one.ey * ex
-        across = np.abs(turn) >= MESH_ANGLE
+        across = np.abs(turn) >= SETTINGS.structures.sin_mesh
         turn = np.where(across, turn, 1.0)
         dx, dy = x - one.ends[0, 0], y - one.ends[0, 1]
         u, w = (dx * ey - dy * ex) / turn, (dx * one.ey - dy * one.ex) / turn
-        across &= (u > -MESH_LEAST) & (u < one.length + MESH_LEAST)
-        across &= (w > -MESH_LEAST) & (w < length + MESH_LEAST)
+        across &= (u > -SETTINGS.structures.mesh_least) & (
+            u < one.length + SETTINGS.structures.mesh_least
+        )
+        across &= (w > -SETTINGS.structures.mesh_least) & (
+            w < length + SETTINGS.structures.mesh_least
+        )
         return [
             float(u[k])
             for k in np.flatnonzero(across).tolist()
-            if abs(one.height(u[k]) - self.curves[k].height(w[k])) < MESH_HEIGHT
+            if abs(one.height(u[k]) - self.curves[k].height(w[k])) < SETTINGS.structures.mesh_height
         ]

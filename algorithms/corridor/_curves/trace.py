@@ -18,19 +18,12 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._curves import trace_kernels as kernels
 from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._settings import SETTINGS
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks
 from toolbox.context import Context
 
 PLAN_CELL = 4.0  # metres, of the plan index
-CROWD_VOXEL, CROWD_REACH = 1.0, 2  # metres; voxels to each side that may crowd a wire
-SHORTEST_CURVE = 10.0  # metres of a curve that is kept
-UNCROWDED_WIRES = 6.0  # as many wires side by side leave a voxel uncrowded
-LEAST_EIGHTHS, MOST_EIGHTHS = 7.0, 14.0  # of voxels, that one wire fills in 5 m
-EIGHTHS_PER_DENSITY = 1.5  # per point / m2, between these
-SEED_REACH = 6.0  # metres to both sides of a seed, of the straight piece
-STEEPEST_WIRE = 0.7  # rise over run
-LEAST_SEED_BINS = 3.5  # metres of 12 with points on them, where a wire may begin
 MOST_POINTS_OF_WIRE = 200_000  # points of one wire
 
 Floats = NDArray[np.float64]
@@ -158,23 +151,34 @@ def uncrowded(points: Airborne, density: float) -> tuple[Mask, Ints]:
     """
     if not len(points.xyz):
         return np.zeros(0, bool), np.zeros(0, np.int64)
-    halves = np.floor((points.xyz - points.xyz.min(axis=0)) / CROWD_VOXEL * 2).astype(np.int64)
-    x, y, z = (halves // 2 + CROWD_REACH).T
+    halves = np.floor(
+        (points.xyz - points.xyz.min(axis=0)) / SETTINGS.trace.crowd_voxel * 2
+    ).astype(np.int64)
+    x, y, z = (halves // 2 + SETTINGS.trace.crowd_reach).T
     bit = halves[:, 0] % 2 + 2 * (halves[:, 1] % 2) + 4 * (halves[:, 2] % 2)
-    tall, wide = int(z.max()) + CROWD_REACH + 1, int(y.max()) + CROWD_REACH + 1
+    tall, wide = (
+        int(z.max()) + SETTINGS.trace.crowd_reach + 1,
+        int(y.max()) + SETTINGS.trace.crowd_reach + 1,
+    )
     eighths, of_eighth = np.unique(((x * wide + y) * tall + z) * 8 + bit, return_inverse=True)
     keys, of_voxel, masks = np.unique(eighths // 8, return_inverse=True, return_counts=True)
     voxel = of_voxel[of_eighth]
-    steps = range(-CROWD_REACH, CROWD_REACH + 1)
+    steps = range(-SETTINGS.trace.crowd_reach, SETTINGS.trace.crowd_reach + 1)
     columns = np.array([(i * wide + j) * tall for i in steps for j in steps])
-    offsets = np.column_stack([columns - CROWD_REACH, columns + CROWD_REACH])
+    offsets = np.column_stack(
+        [columns - SETTINGS.trace.crowd_reach, columns + SETTINGS.trace.crowd_reach]
+    )
     crowd = np.zeros(len(keys), np.int64)
     ranges = blocks(len(keys), 50)
     side_by_side(
         lambda first, last: kernels.crowding(keys, masks, offsets, first, last, crowd), ranges
     )
-    most = UNCROWDED_WIRES * float(
-        np.clip(EIGHTHS_PER_DENSITY * density, LEAST_EIGHTHS, MOST_EIGHTHS)
+    most = SETTINGS.trace.uncrowded_wires * float(
+        np.clip(
+            SETTINGS.trace.eighths_per_density * density,
+            SETTINGS.trace.least_eighths,
+            SETTINGS.trace.most_eighths,
+        )
     )
     return (crowd <= most)[voxel], voxel
 
@@ -189,16 +193,30 @@ def seeds(points: Airborne, voxel: Ints, tolerance: float, ctx: Context) -> tupl
     side_by_side(
         *(kernels.straightness, blocks(len(first), 2000), first, points.xyz, points.start),
         *points.plan_grid,
-        SEED_REACH,
+        SETTINGS.trace.seed_reach,
         tolerance,
-        STEEPEST_WIRE,
+        SETTINGS.trace.steepest,
         score,
         heading,
         ctx=ctx,
     )
-    good = np.flatnonzero(score >= LEAST_SEED_BINS)
+    good = np.flatnonzero(score >= SETTINGS.trace.least_seed)
     good = good[np.lexsort((first[good], -score[good].round(6)))]
     return first[good], heading[good]
+
+
+def following() -> kernels.Following:
+    """The numbers by which wires are followed, for the kernels."""
+    return kernels.Following(
+        SETTINGS.trace.look_share,
+        SETTINGS.trace.look_least,
+        2 * SETTINGS.trace.seed_reach,
+        SETTINGS.trace.usual_bend,
+        SETTINGS.trace.usual_sag,
+        SETTINGS.trace.least_rms,
+        SETTINGS.trace.widest,
+        SETTINGS.trace.resuming_share,
+    )
 
 
 def trace_all(
@@ -220,12 +238,13 @@ def trace_all(
         if used[seed]:
             continue
         count = kernels.trace(
+            following(),
             seed,
             heading,
             points.xyz,
             points.start,
             *points.plan_grid,
-            SEED_REACH,
+            SETTINGS.trace.seed_reach,
             tolerance,
             max_gap,
             curve,
@@ -236,7 +255,8 @@ def trace_all(
         fresh = mine[~used[mine]]
         if (
             count
-            and curve[kernels.CURVE_HIGH] - curve[kernels.CURVE_LOW] >= SHORTEST_CURVE
+            and curve[kernels.CURVE_HIGH] - curve[kernels.CURVE_LOW]
+            >= SETTINGS.trace.shortest_curve
             and 2 * len(fresh) > count
         ):
             used[mine] = True

@@ -9,6 +9,7 @@ the origin along it; three coefficients each of the offset to the left, and of t
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -19,13 +20,25 @@ CURVE_X, CURVE_Y, CURVE_EX, CURVE_EY, CURVE_LOW, CURVE_HIGH = range(6)
 CURVE_V, CURVE_Z = 6, 9  # the first of three coefficients each
 CURVE_MIDDLE, CURVE_HALF, CURVE_RMS = range(12, 15)
 CURVE_SIZE = 16
-LOOK, LOOK_SHARE, LOOK_LEAST = 12.0, 0.4, 3.0  # metres ahead, and of what is known
-USUAL_BEND = 1e-4  # second coefficient of the offset per metre, by a wind from the side
-USUAL_SAG = 3e-3  # second coefficient of the height per metre, by the weight
-LEAST_RMS = 0.04
-WIDEST_TOLERANCE = 2.5  # times the tolerance, where a curve is extrapolated far
 MOST_EXTENSIONS = 1000
-RESUMING_SHARE = 0.3  # of the usual number of points must be found after a gap
+
+
+class Following(NamedTuple):
+    """Numbers by which wires are followed: those of :class:`algorithms.corridor._settings.Trace`.
+
+    Attributes
+    ----------
+    look_most : metres by which one looks ahead at most
+    """
+
+    look_share: float
+    look_least: float
+    look_most: float
+    usual_bend: float
+    usual_sag: float
+    least_rms: float
+    widest: float
+    resuming_share: float
 
 
 @njit(cache=True, nogil=True)
@@ -152,14 +165,14 @@ def _values(curve, u):
 
 @helper
 def _gather(
-    curve, low, high, tolerance, spread, xyz, start, west, south, cell, rows, cols, found, count
+    by, curve, low, high, tolerance, spread, xyz, start, west, south, cell, rows, cols, found, count
 ):
     """Append to `found` the points near the curve with u from low to high; the new count.
 
     `spread` is the inverse normal matrix of the fit, by which the tolerance grows away from what
     is known.
     """
-    most = WIDEST_TOLERANCE * tolerance
+    most = by.widest * tolerance
     pieces = max(1, math.ceil((high - low) / cell))
     for p in range(pieces):
         a = low + (high - low) * p / pieces
@@ -186,7 +199,7 @@ def _gather(
                     for k in range(3):
                         flat += q[j] * q[k] * spread[0, j, k]
                         tall += q[j] * q[k] * spread[1, j, k]
-                sigma = max(curve[CURVE_RMS], LEAST_RMS)
+                sigma = max(curve[CURVE_RMS], by.least_rms)
                 wide = min(most, math.sqrt(tolerance**2 + 9 * sigma**2 * flat))
                 high_ = min(most, math.sqrt(tolerance**2 + 9 * sigma**2 * tall))
                 if (dv / wide) ** 2 + (dz / high_) ** 2 < 1 and count < len(found):
@@ -213,7 +226,7 @@ def solve(normal, right, result, inverse):
 
 
 @helper
-def _fit(curve, found, count, tolerance, xyz, spread, rounds):
+def _fit(by, curve, found, count, tolerance, xyz, spread, rounds):
     """Fit parabolas in plan and height to points robustly (Tukey); updates curve and spread."""
     old_mid, old_half = curve[CURVE_MIDDLE], curve[CURVE_HALF]
     lo, hi = np.inf, -np.inf
@@ -234,7 +247,7 @@ def _fit(curve, found, count, tolerance, xyz, spread, rounds):
     normal = np.zeros((3, 3))
     right_v, right_z = np.zeros(3), np.zeros(3)
     result = np.zeros(3)
-    sigma = max(curve[CURVE_RMS], LEAST_RMS)
+    sigma = max(curve[CURVE_RMS], by.least_rms)
     for _ in range(rounds):
         normal[:], right_v[:], right_z[:] = 0.0, 0.0, 0.0
         total, weights = 0.0, 0.0
@@ -259,9 +272,9 @@ def _fit(curve, found, count, tolerance, xyz, spread, rounds):
                     normal[j, m] += w * q[j] * q[m]
         if weights < 3:
             return False
-        sigma = max(math.sqrt(total / weights), LEAST_RMS)
+        sigma = max(math.sqrt(total / weights), by.least_rms)
         for which in range(2):
-            usual = (USUAL_BEND if which == 0 else USUAL_SAG) * half * half
+            usual = (by.usual_bend if which == 0 else by.usual_sag) * half * half
             kept = normal[2, 2]
             normal[2, 2] += (sigma / usual) ** 2
             normal[1, 1] += 1e-6
@@ -294,7 +307,21 @@ def _keep_near(curve, found, count, tolerance, xyz):
 
 @helper
 def _begin(
-    seed, heading, xyz, start, west, south, cell, rows, cols, reach, tolerance, curve, found, spread
+    by,
+    seed,
+    heading,
+    xyz,
+    start,
+    west,
+    south,
+    cell,
+    rows,
+    cols,
+    reach,
+    tolerance,
+    curve,
+    found,
+    spread,
 ):
     """Fit the first curve to the points around a seed; their number, 0 if there are too few."""
     flat = math.sqrt(heading[0] ** 2 + heading[1] ** 2)
@@ -304,18 +331,33 @@ def _begin(
     curve[CURVE_HALF] = 1.0
     curve[CURVE_Z], curve[CURVE_Z + 1] = xyz[seed, 2], heading[2] / flat
     count = _gather(
-        curve, -reach, reach, tolerance, spread, xyz, start, west, south, cell, rows, cols, found, 0
+        by,
+        curve,
+        -reach,
+        reach,
+        tolerance,
+        spread,
+        xyz,
+        start,
+        west,
+        south,
+        cell,
+        rows,
+        cols,
+        found,
+        0,
     )
-    if count < 4 or not _fit(curve, found, count, tolerance, xyz, spread, 5):
+    if count < 4 or not _fit(by, curve, found, count, tolerance, xyz, spread, 5):
         return 0
     count = _keep_near(curve, found, count, tolerance, xyz)
-    if count < 4 or not _fit(curve, found, count, tolerance, xyz, spread, 2):
+    if count < 4 or not _fit(by, curve, found, count, tolerance, xyz, spread, 2):
         return 0
     return count
 
 
 @njit(cache=True, nogil=True)
 def trace(
+    by,
     seed,
     heading,
     xyz,
@@ -333,10 +375,11 @@ def trace(
 ):
     """Trace a wire from a seed in both directions; the number of its points.
 
-    `curve` and `found` are filled in.
+    `curve` and `found` are filled in; `by` is :class:`Following`.
     """
     spread = np.zeros((2, 3, 3))
     count = _begin(
+        by,
         seed,
         heading,
         xyz,
@@ -362,7 +405,7 @@ def trace(
             if gaps[side] == np.inf:
                 continue
             length = curve[CURVE_HIGH] - curve[CURVE_LOW]
-            look = min(max(LOOK_SHARE * length, LOOK_LEAST), LOOK)
+            look = min(max(by.look_share * length, by.look_least), by.look_most)
             if side == 1:
                 low = curve[CURVE_HIGH] + gaps[side] + 1e-9
                 high = low + look
@@ -371,6 +414,7 @@ def trace(
                 low = high - look
             before = count
             count = _gather(
+                by,
                 curve,
                 low,
                 high,
@@ -387,11 +431,11 @@ def trace(
                 count,
             )
             usual = before / max(length, 1.0)
-            needed = 1.0 if gaps[side] == 0.0 else max(3.0, RESUMING_SHARE * usual * look)
+            needed = 1.0 if gaps[side] == 0.0 else max(3.0, by.resuming_share * usual * look)
             if count - before >= needed:
-                if not _fit(curve, found, count, tolerance, xyz, spread, 3):
+                if not _fit(by, curve, found, count, tolerance, xyz, spread, 3):
                     return 0
-                count = _keep_near(curve, found, count, WIDEST_TOLERANCE * tolerance, xyz)
+                count = _keep_near(curve, found, count, by.widest * tolerance, xyz)
                 gaps[:] = 0.0
             else:
                 count = before
@@ -401,7 +445,7 @@ def trace(
         if count >= len(found):
             return 0
     count = _keep_near(curve, found, count, tolerance, xyz)
-    if count < 4 or not _fit(curve, found, count, tolerance, xyz, spread, 5):
+    if count < 4 or not _fit(by, curve, found, count, tolerance, xyz, spread, 5):
         return 0
     return _keep_near(curve, found, count, tolerance, xyz)
 

@@ -14,21 +14,12 @@ from scipy.sparse.csgraph import connected_components
 
 from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.network import (
-    LINE_WIDTH,
-    LONGEST_MISSING,
-    PARALLEL_ANGLE,
     Corridor,
     Piece,
 )
+from algorithms.corridor._settings import SETTINGS
 
 TRACK_BIN, MOST_TRACK_BINS = 1.0, 1000  # metres of an alignment looked at as one, and their number
-HEIGHT_JUMP = 2.0  # tolerances by which heights jump where a curve changes over to another wire
-TRACK_HOLE = 2.0  # metres without points, where it may
-CHAIN_GAP = 25.0  # metres along, between tracks of one wire
-CHAIN_ASIDE = 1.6  # tolerances aside
-CHAIN_RISE = 0.06  # metres up per metre along
-CHAIN_OVERLAP = 0.7  # tolerances aside and up, between tracks of one wire that overlap
-TRACK_END, TRACK_END_POINTS = 15.0, 12  # metres and points before and after
 
 Floats = NDArray[np.float64]
 
@@ -111,9 +102,11 @@ def alignments_of(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
         own = ends[i, 0] + (middle / length[i])[:, None] * (ends[i, 1] - ends[i, 0])
         away = place - own
         v = away[:, 1] * way[i, 0] - away[:, 0] * way[i, 1]
-        link[i] = np.abs(way @ way[i]) > math.cos(PARALLEL_ANGLE)
+        link[i] = np.abs(way @ way[i]) > SETTINGS.network.cos_parallel
         link[i] &= (
-            (gap < LONGEST_MISSING) & (np.abs(v) < LINE_WIDTH) & (np.abs(away[:, 2]) < LINE_WIDTH)
+            (gap < SETTINGS.network.longest_missing)
+            & (np.abs(v) < SETTINGS.network.line_width)
+            & (np.abs(away[:, 2]) < SETTINGS.network.line_width)
         )
     _, label = connected_components(coo_array(link), directed=False)
     for number in range(label.max() + 1 if len(pieces) else 0):
@@ -132,13 +125,16 @@ def tracks_of(corridor: Corridor, piece: Piece) -> Iterator[Piece]:
     u, _, z = piece.curve.residuals(corridor.wires.xyz[points])
     order = np.argsort(u, kind="stable")
     points, u, z = points[order], u[order], z[order]
-    edges, jump = [0], HEIGHT_JUMP * corridor.tolerance
+    edges, jump = [0], SETTINGS.tracks.height_jump * corridor.tolerance
     for k in (
-        np.flatnonzero((np.abs(np.diff(z)) > jump / 2) | (np.diff(u) > TRACK_HOLE)) + 1
+        np.flatnonzero((np.abs(np.diff(z)) > jump / 2) | (np.diff(u) > SETTINGS.tracks.hole)) + 1
     ).tolist():
-        before = np.arange(max(k - TRACK_END_POINTS, edges[-1]), k)
-        after = np.arange(k, min(k + TRACK_END_POINTS, len(u)))
-        before, after = before[u[before] > u[k - 1] - TRACK_END], after[u[after] < u[k] + TRACK_END]
+        before = np.arange(max(k - SETTINGS.tracks.end_points, edges[-1]), k)
+        after = np.arange(k, min(k + SETTINGS.tracks.end_points, len(u)))
+        before, after = (
+            before[u[before] > u[k - 1] - SETTINGS.tracks.end],
+            after[u[after] < u[k] + SETTINGS.tracks.end],
+        )
         if min(len(before), len(after)) < 3:
             continue
         middle = 0.5 * (u[k - 1] + u[k])
@@ -166,13 +162,17 @@ def chained(corridor: Corridor, alignment: Alignment) -> list[Piece]:
         for k, (_, other) in enumerate(chains):
             end, begin = other[:, 0].max(), own[:, 0].min()
             gap = max(begin - end, 0.0)
-            if gap > CHAIN_GAP:
+            if gap > SETTINGS.tracks.chain_gap:
                 continue
             middle = 0.5 * (begin + min(end, own[:, 0].max()))
             aside, up = np.abs(beside(other, middle) - beside(own, middle))
-            near = CHAIN_ASIDE if begin > end - TRACK_END else CHAIN_OVERLAP
+            near = (
+                SETTINGS.tracks.chain_aside
+                if begin > end - SETTINGS.tracks.end
+                else SETTINGS.tracks.chain_overlap
+            )
             near *= corridor.tolerance
-            if aside < near and up < near + CHAIN_RISE * gap and aside + up < least:
+            if aside < near and up < near + SETTINGS.tracks.chain_rise * gap and aside + up < least:
                 best, least = k, aside + up
         if best < 0:
             chains.append((piece, own))
@@ -186,8 +186,8 @@ def chained(corridor: Corridor, alignment: Alignment) -> list[Piece]:
 
 def beside(track: Floats, u: float) -> Floats:
     """Offset and height of a track at a chainage, from the points nearest to it."""
-    near = track[np.argsort(np.abs(track[:, 0] - u), kind="stable")[:TRACK_END_POINTS]]
-    near = near[np.abs(near[:, 0] - u) < np.abs(near[0, 0] - u) + TRACK_END]
+    near = track[np.argsort(np.abs(track[:, 0] - u), kind="stable")[: SETTINGS.tracks.end_points]]
+    near = near[np.abs(near[:, 0] - u) < np.abs(near[0, 0] - u) + SETTINGS.tracks.end]
     if len(near) < 3:
         return np.asarray(near[:, 1:].mean(axis=0))
     return at_zero(near[:, 0] - u, near[:, 1:])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.corridor._extraction.ground import OFF_GROUND
+from algorithms.corridor._settings import SETTINGS
 from algorithms.shared.lowest import cells_of, lattice_around, lowest_points
 from toolbox.context import QUIET, Context
 
@@ -37,7 +37,7 @@ def candidates(
     -------
     indices, and the number of points that each stands for
     """
-    off = use & (height > OFF_GROUND)
+    off = use & (height > SETTINGS.points.off_ground)
     low = use & ~off
     if not low.any():
         index = np.flatnonzero(off)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from algorithms.corridor._curves.catenary import Catenary, fit
-from algorithms.corridor._curves.network import LARGEST_SWING, Corridor
+from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._extraction.spans import (
     Wire,
     apart_wires,
@@ -25,16 +25,7 @@ from algorithms.corridor._extraction.spans import (
     usual_curvature,
 )
 from algorithms.corridor._extraction.supports import Support
-
-SAME_WIRE = 0.35  # metres between two wires at a support that are one
-EXPECTED_RADIUS = 0.35  # metres around a wire that is expected: its points
-EXPECTED_CLUTTER = 0.9  # metres around it that have few other points
-EXPECTED_POINTS = 2  # fewest of such a wire
-EXPECTED_SHARE = 0.05  # of the points that others of the span have, that it has at least
-VAGUE_CURVATURE = 0.1  # standard deviation to be improved, as a share of the curvature
-LOOSE_END = 0.05  # metres: standard deviation of the height of an end to be improved
-MOST_EXTENDED = 10.0  # metres that a wire goes on as those beside it do
-LOST_END = 0.5  # metres: standard deviation of the height of an end
+from algorithms.corridor._settings import SETTINGS
 
 Floats = NDArray[np.float64]
 
@@ -52,7 +43,10 @@ def completed(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Supp
 def leads(wire: Wire) -> bool:
     """Whether both ends of a wire are well known, and its swing is possible."""
     ends = wire.curve.height_sigma(np.array([0.0, wire.curve.length]))
-    return bool(ends.max() < LOST_END and abs(wire.curve.swing) < LARGEST_SWING)
+    return bool(
+        ends.max() < SETTINGS.continued.lost_end
+        and abs(wire.curve.swing) < SETTINGS.curves.largest_swing
+    )
 
 
 # --- wires that were not found in a span ---------------------------------------------------
@@ -88,7 +82,7 @@ def missing(wires: Sequence[Wire], span: int) -> Iterator[tuple[int, Floats]]:
         for other in sorted({w.span for w in wires if number in w.supports} - {span}):
             theirs = [end_at(w, number) for w in wires if w.span == other and number in w.supports]
             away = np.linalg.norm(np.array(theirs)[:, None] - np.array(mine)[None], axis=2)
-            if away.min() < SAME_WIRE:  # else another line ends there
+            if away.min() < SETTINGS.continued.same_wire:  # else another line ends there
                 met = set(linear_sum_assignment(away)[0].tolist())
                 yield from ((number, p) for k, p in enumerate(theirs) if k not in met)
 
@@ -104,21 +98,28 @@ def expected(
     """The wire of a span from a given attachment point, if points lie where it must be."""
     own = [wire for wire in wires if wire.span == span and number in wire.supports]
     near = min(own, key=lambda wire: float(np.linalg.norm(end_at(wire, number) - place)))
-    if np.linalg.norm(end_at(near, number) - place) < SAME_WIRE:
+    if np.linalg.norm(end_at(near, number) - place) < SETTINGS.continued.same_wire:
         return None
     far, known = other_end(wires, near, number, place, supports)
     places = np.array([place, far] if near.supports[0] == number else [far, place])
     guess = hung(places, near.curve)
-    if any(apart_wires(guess, wire.curve) < SAME_WIRE for wire in own):
+    if any(apart_wires(guess, wire.curve) < SETTINGS.continued.same_wire for wire in own):
         return None
-    xyz = points_of(corridor, guess, EXPECTED_CLUTTER, own)
-    inner = xyz[guess.away(xyz) < EXPECTED_RADIUS]
+    xyz = points_of(corridor, guess, SETTINGS.lanes.clutter, own)
+    inner = xyz[guess.away(xyz) < SETTINGS.continued.same_wire]
     usual = float(np.median([wire.curve.count for wire in own]))
-    few = len(inner) < max(EXPECTED_SHARE * usual, 0 if known else EXPECTED_POINTS)
+    few = len(inner) < max(
+        SETTINGS.continued.share * usual, 0 if known else SETTINGS.continued.points
+    )
     if few or 2 * len(inner) < len(xyz):
         return None
     curve = (
-        fit(np.vstack([places, inner]), spread=EXPECTED_RADIUS, curvature=guess.curvature) or guess
+        fit(
+            np.vstack([places, inner]),
+            spread=SETTINGS.continued.same_wire,
+            curvature=guess.curvature,
+        )
+        or guess
     )
     along, _ = curve.along(inner)
     seen = (float(along.min()), float(along.max())) if len(inner) else (0.0, 0.0)
@@ -138,7 +139,11 @@ def other_end(
     aside = float(step[:2] @ here) * there * np.sign(there @ here)
     far = near.curve.ends[1 if first else 0] + np.append(aside, step[2])
     places = [end_at(w, other) for w in wires if w.span != near.span and other in w.supports]
-    close = [p for p in places if other >= 0 and np.linalg.norm(p - far) < 2 * SAME_WIRE]
+    close = [
+        p
+        for p in places
+        if other >= 0 and np.linalg.norm(p - far) < 2 * SETTINGS.continued.same_wire
+    ]
     if not close:
         return far, False
     return min(close, key=lambda p: float(np.linalg.norm(p - far))), True
@@ -192,16 +197,17 @@ def stiffened(
     """
     beside = [other for other in wires if other.span == wire.span and other is not wire]
     mean, sigma = usual_curvature(chains[wire.wire])
-    if sigma > VAGUE_CURVATURE * mean:
+    if sigma > SETTINGS.continued.vague_curvature * mean:
         numbers = {other.wire for other in (wire, *beside)}
         mean, sigma = usual_curvature([w for number in sorted(numbers) for w in chains[number]])
     ends = wire.curve.height_sigma(np.array([0.0, wire.curve.length]))
     clear = (
-        ends.max() < LOOSE_END and wire.curve.variance_of_curvature < (VAGUE_CURVATURE * mean) ** 2
+        ends.max() < SETTINGS.continued.loose_end
+        and wire.curve.variance_of_curvature < (SETTINGS.continued.vague_curvature * mean) ** 2
     )
-    if clear or sigma > VAGUE_CURVATURE * mean:
+    if clear or sigma > SETTINGS.continued.vague_curvature * mean:
         return wire
-    xyz = points_of(corridor, wire.curve, EXPECTED_RADIUS, beside)
+    xyz = points_of(corridor, wire.curve, SETTINGS.continued.same_wire, beside)
     anchors = [
         end_at(other, number)
         for other in chains[wire.wire]
@@ -228,8 +234,8 @@ def as_far(wire: Wire, wires: Sequence[Wire]) -> Wire:
     u, _ = wire.curve.along(np.array(ends))  # its own among them
     low, high = 0.0, wire.curve.length
     if wire.supports[0] < 0:
-        low = max(float(u.min()), -MOST_EXTENDED)
+        low = max(float(u.min()), -SETTINGS.continued.most_extended)
     if wire.supports[1] < 0:
-        high = min(float(u.max()), high + MOST_EXTENDED)
+        high = min(float(u.max()), high + SETTINGS.continued.most_extended)
     known = (wire.known[0] - low, wire.known[1] - low)
     return replace(wire, curve=wire.curve.between(low, high), known=known)

@@ -24,11 +24,8 @@ from scipy.stats import norm, t
 
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._extraction.spans import Wire, on_wire
+from algorithms.corridor._settings import SETTINGS
 
-STRAY_LENGTH = 25.0  # metres of a wire along which all points of a strip err alike
-COMMON_LENGTH = 200.0  # metres beyond which they do not at all; flights wander slowly
-FEWEST_POINTS = 3  # on such a piece, of which the mean is compared
-FEWEST_PIECES = 2.0  # by which the variance of the errors is known at least
 NORMAL_LEVEL = 0.975  # of both sides: two standard deviations
 
 Floats = NDArray[np.float64]
@@ -44,18 +41,20 @@ class Residuals:
     strip: Ints
 
     def means(self, by_strip: bool) -> tuple[Ints, Floats, Floats]:
-        """Stretches of STRAY_LENGTH, means of heights in each, and their variances by chance.
+        """Stretches on which points err alike, means of heights in each, and variances by chance.
 
         Parameters
         ----------
         by_strip : a mean for each strip, not of all
         """
-        keys = np.column_stack([self.u // STRAY_LENGTH, self.strip if by_strip else 0 * self.strip])
+        keys = np.column_stack(
+            [self.u // SETTINGS.arcs.wander_length, self.strip if by_strip else 0 * self.strip]
+        )
         place, piece, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
         piece = piece.ravel()
         mean = np.bincount(piece, self.z) / count
         square = ((self.z - mean[piece]) ** 2).sum() / max(len(self.z) - len(count), 1)
-        full = count >= FEWEST_POINTS
+        full = count >= SETTINGS.errors.fewest_points
         return place[full, 0].astype(np.int64), mean[full], square / count[full]
 
 
@@ -78,11 +77,11 @@ def with_common_errors(
 
 
 def pieces_of(wires: Sequence[Wire]) -> float:
-    """Number of pieces of the lines that err each for themselves; at least FEWEST_PIECES."""
+    """Number of pieces of the lines that err each for themselves, not below the fewest."""
     length: dict[int, float] = {}
     for wire in wires:
         length[wire.span] = max(length.get(wire.span, 0.0), wire.seen_length)
-    return max(sum(length.values()) / COMMON_LENGTH, FEWEST_PIECES)
+    return max(sum(length.values()) / SETTINGS.errors.common_length, SETTINGS.errors.fewest_pieces)
 
 
 def residuals_of(corridor: Corridor, wire: Wire, strip: NDArray[np.integer]) -> Residuals:
@@ -116,8 +115,8 @@ def along_strips(residuals: Sequence[Residuals]) -> float:
 def widened(wire: Wire, own: Residuals, common: float) -> Wire:
     """A wire whose covariance holds a common error of a given variance of each strip.
 
-    It is the same along COMMON_LENGTH, and another one beyond: the points of such a piece add to
-    the fit as a group.
+    It is the same along the length that errors have in common, and another one beyond: the points
+    of such a piece add to the fit as a group.
     """
     covariance = wire.curve.covariance
     if covariance is None or not common or len(own.u) < 2:
@@ -125,7 +124,7 @@ def widened(wire: Wire, own: Residuals, common: float) -> Wire:
     slopes = wire.curve.slopes(own.u)
     normal = np.linalg.pinv(covariance) * max(float((own.z**2).mean()), 1e-6)
     inverse = np.linalg.pinv(normal)
-    group = (own.u / COMMON_LENGTH).astype(np.int64)
+    group = (own.u / SETTINGS.errors.common_length).astype(np.int64)
     total = np.zeros((3, 3))
     for one in np.unique(group):
         of_strip = np.bincount(np.unique(own.strip[group == one], return_inverse=True)[1])

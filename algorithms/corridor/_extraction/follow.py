@@ -14,7 +14,6 @@ from scipy.sparse.csgraph import connected_components
 from algorithms.corridor._curves.arcs import arcs_of
 from algorithms.corridor._curves.lanes import followed_together
 from algorithms.corridor._curves.network import (
-    SURE_LENGTH,
     Corridor,
     curves_of,
     is_straight,
@@ -32,17 +31,10 @@ from algorithms.corridor._extraction.spans import (
     with_supports,
 )
 from algorithms.corridor._extraction.supports import Support, supports_of
+from algorithms.corridor._settings import SETTINGS
 from algorithms.shared.kernels.sorting import distinct
 from toolbox.context import Context
 
-TOLERANCES = (0.25, 0.625)  # metres: of clean single wires, and of bundles and noisy ones
-MUCH_MORE = 1.1  # times the length of wires, for which a larger tolerance is taken
-FEWEST_OF_LINE = 30  # points; fewer lie in arcs by chance in a wood
-LEAST_OF_LINE = 12.0  # metres, as long as the piece in which a wire begins
-SHORT_RMS = 0.2  # metres: scatter of a wire of which little is seen; that of an arm is more
-FEWEST_CARRIERS, CARRIERS_PER_WIRE = 3, 0.5  # bodies below the wires of a ropeway
-STRUCTURE_SHARE = 0.3  # of the wires of a line that are of a railway or trellis
-SAME_SUPPORT = 3.0  # metres between the supports of two lines that are one
 NUMBERS = ("span", "bundle", "wire")
 
 
@@ -54,7 +46,7 @@ def tolerances(given: float | None, metre: float) -> tuple[float, ...]:
     given : in the unit of the data
     metre : length of one metre in that unit
     """
-    return TOLERANCES if given is None else (given / metre,)
+    return SETTINGS.lines.tolerances if given is None else (given / metre,)
 
 
 def follow(
@@ -147,14 +139,18 @@ class Line:
     def is_none_by_chance(self) -> bool:
         """Whether it is too much, or too long or thin, for points that happen to lie so."""
         points = sum(wire.curve.count for wire in self.wires)
-        long = max(wire.seen_length for wire in self.wires) >= SURE_LENGTH
-        thin = min(wire.curve.rms for wire in self.wires) < SHORT_RMS
-        return points >= FEWEST_OF_LINE and (long or (thin and self.length >= LEAST_OF_LINE))
+        long = max(wire.seen_length for wire in self.wires) >= SETTINGS.curves.sure_length
+        thin = min(wire.curve.rms for wire in self.wires) < SETTINGS.lines.short_rms
+        return points >= SETTINGS.lines.fewest_points and (
+            long or (thin and self.length >= 2 * SETTINGS.trace.seed_reach)
+        )
 
     def is_structure(self, corridor: Corridor) -> bool:
         """Whether chairs hang below its wires, or much of them holds a contact wire or a mesh."""
         bodies = sum(carriers(corridor.air, corridor.height, w.curve) for w in self.wires)
-        if bodies >= max(FEWEST_CARRIERS, CARRIERS_PER_WIRE * len(self.wires)):
+        if bodies >= max(
+            SETTINGS.lines.fewest_carriers, SETTINGS.lines.carriers_per_wire * len(self.wires)
+        ):
             return True
         tied = in_mesh([wire.curve for wire in self.wires], corridor.tied)
         held = [
@@ -162,7 +158,7 @@ class Line:
             for wire, in_it in zip(self.wires, tied, strict=True)
             if in_it or holds_level(corridor.air, corridor.height, wire.curve)
         ]
-        return sum(held) > STRUCTURE_SHARE * self.length
+        return sum(held) > SETTINGS.lines.structure_share * self.length
 
     def points(self, corridor: Corridor) -> NDArray[np.int64]:
         """Indices of the points on its wires."""
@@ -193,7 +189,7 @@ def better(corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]) -> 
             for k, own in enumerate(taken)
             if 2 * len(np.intersect1d(own, points)) > min(len(own), len(points))
         ]
-        if line.length > MUCH_MORE * sum(narrow[k].length for k in same):
+        if line.length > SETTINGS.lines.much_more * sum(narrow[k].length for k in same):
             found = [one for one in found if not any(one is narrow[k] for k in same)]
             found.append(line)
     return found
@@ -225,7 +221,7 @@ def shared(wires: Sequence[Wire], supports: Sequence[Support]) -> tuple[list[Wir
     if not supports:
         return list(wires), []
     place = np.array([(support.x, support.y) for support in supports])
-    near = np.hypot(*(place[:, None] - place[None]).T) < SAME_SUPPORT
+    near = np.hypot(*(place[:, None] - place[None]).T) < SETTINGS.lines.same_support
     count, label = connected_components(coo_array(near), directed=False)
     found = []
     for number in range(count):

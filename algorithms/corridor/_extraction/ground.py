@@ -9,17 +9,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from algorithms.corridor._extraction.labels import classes_of
+from algorithms.corridor._settings import SETTINGS
 from algorithms.shared.ground import may_be_ground
 from algorithms.shared.heights import HEIGHT, given_heights
 from algorithms.shared.terrain import find_terrain, height_above
 from toolbox.context import Context
 from toolbox.data import PointCloud
 from toolbox.errors import DataError
-
-OFF_GROUND = 0.4  # metres, from which a point can be of a tower
-COMPANY_BOX = (2.0, 2.0, 1.0)  # metres; a point with others in such a box is no error
-COMPANY_SHARE = 0.9  # of the points that have such company, from which the others are errors
-PLANE_POINTS = 8  # points of the ground through which the plane under a support is laid
 
 Floats = NDArray[np.float64]
 
@@ -64,12 +60,24 @@ def accompanied(xyz: Floats, metre: float) -> NDArray[np.bool_]:
     xyz : array of shape (n, 3)
     metre : length of one metre in the unit of the points
     """
-    cell = np.floor((xyz - xyz.min(axis=0)) / (np.array(COMPANY_BOX) * metre)).astype(np.int64)
+    cell = np.floor(
+        (xyz - xyz.min(axis=0))
+        / (
+            np.array(
+                (
+                    SETTINGS.points.company_side,
+                    SETTINGS.points.company_side,
+                    SETTINGS.points.company_height,
+                )
+            )
+            * metre
+        )
+    ).astype(np.int64)
     size = cell.max(axis=0) + 1
     key = (cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]
     _, which, count = np.unique(key, return_inverse=True, return_counts=True)
     found = count[which] > 1
-    return found if found.mean() > COMPANY_SHARE else np.ones(len(xyz), bool)
+    return found if found.mean() > SETTINGS.points.company_share else np.ones(len(xyz), bool)
 
 
 def elevation(xyz: Floats, height: Floats) -> Callable[[float, float], float]:
@@ -80,13 +88,15 @@ def elevation(xyz: Floats, height: Floats) -> Callable[[float, float], float]:
     xyz : array of shape (n, 3), metres
     height : array of shape (n,), above the ground, metres; NaN where not known
     """
-    low = np.flatnonzero(height <= OFF_GROUND)
+    low = np.flatnonzero(height <= SETTINGS.points.off_ground)
     low = low if len(low) else np.flatnonzero(np.isfinite(height))
     xy, ground = xyz[low, :2], xyz[low, 2] - height[low]
     tree = cKDTree(xy)
 
     def at(x: float, y: float) -> float:
-        near = np.asarray(tree.query((x, y), k=range(1, min(PLANE_POINTS, len(low)) + 1))[1])
+        near = np.asarray(
+            tree.query((x, y), k=range(1, min(SETTINGS.points.plane_points, len(low)) + 1))[1]
+        )
         middle = xy[near].mean(axis=0)
         sides = np.column_stack([xy[near] - middle, np.ones(len(near))])
         slope = np.linalg.lstsq(sides, ground[near], rcond=0.01)[0]

@@ -14,17 +14,13 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaincinv
 
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._extraction.spans import Wire, on_wire
+from algorithms.corridor._settings import SETTINGS
 from toolbox.context import log
 from toolbox.data import Vector
-
-NEIGHBOURS = 2  # spans to each side that tell how many conductors a span has
-BY_CHANCE = 0.01  # probability that a gap is longer than what is explained
-TYPICAL = 0.25  # share of a wire, that on which its points are closest, that tells their spacing
-TYPICAL_GAP = 0.961  # mean spacings: of points at random, TYPICAL of a wire is in smaller gaps
-LEAST_SEEN = 0.75  # share of a conductor with points, below which it is told: the rest is guessed
 
 Floats = NDArray[np.float64]
 
@@ -73,12 +69,13 @@ def seen_share(u: Floats, length: float, held: tuple[bool, bool]) -> tuple[float
 
 
 def longest_by_chance(gaps: Floats) -> float:
-    """Length that the longest gap between points exceeds with the probability BY_CHANCE, metres.
+    """Length that the longest gap between points exceeds with the probability `by_chance`, metres.
 
     Points at random are a Poisson process. Of n of them on a wire, none is followed by a gap of x
     mean spacings with a probability of 1 - n exp(-x), nearly. A place on the wire lies in a gap
-    whose length has the density x exp(-x), so that TYPICAL of the wire is in gaps up to
-    TYPICAL_GAP. Points in a row, as of scan lines, are told to be farther apart than they are.
+    whose length has the density x exp(-x): the Gamma distribution of shape 2 tells up to which
+    gap the share `typical` of the wire is. Points in a row, as of scan lines, are told to be
+    farther apart than they are.
 
     Parameters
     ----------
@@ -86,8 +83,9 @@ def longest_by_chance(gaps: Floats) -> float:
     """
     order = np.sort(gaps)
     share = np.cumsum(order) / order.sum()
-    spacing = order[np.searchsorted(share, TYPICAL)] / TYPICAL_GAP
-    return float(spacing * math.log(max(order.sum() / spacing, 1.0) / BY_CHANCE))
+    spacing = order[np.searchsorted(share, SETTINGS.errors.typical)]
+    spacing /= gammaincinv(2, SETTINGS.errors.typical)
+    return float(spacing * math.log(max(order.sum() / spacing, 1.0) / SETTINGS.errors.by_chance))
 
 
 # --- conductors of the neighbouring spans --------------------------------------------------
@@ -96,8 +94,8 @@ def longest_by_chance(gaps: Floats) -> float:
 def conductor_counts(wires: Sequence[Wire]) -> dict[int, tuple[int, int | None]]:
     """Number of conductors of each span, and how many its neighbours lead one to expect.
 
-    A bundle counts as one. Expected is what most of up to NEIGHBOURS spans of the same line to each
-    side have; its own number, if as many have that; None for a span that is alone.
+    A bundle counts as one. Expected is what most of up to `neighbours` spans of the same line to
+    each side have; its own number, if as many have that; None for a span that is alone.
     """
     bundles: dict[int, set[int]] = {}
     ends: dict[int, set[tuple[int, int]]] = {}
@@ -114,7 +112,7 @@ def conductor_counts(wires: Sequence[Wire]) -> dict[int, tuple[int, int | None]]
 
 def _expected(span: int, found: dict[int, int], beside: dict[int, set[int]]) -> int | None:
     near, edge = {span}, {span}
-    for _ in range(NEIGHBOURS):
+    for _ in range(SETTINGS.errors.neighbours):
         edge = {other for one in edge for other in beside[one]} - near
         near |= edge
     counts = Counter(found[one] for one in near - {span})
@@ -144,7 +142,7 @@ def missed(wires: Vector) -> Iterator[str]:
             if (own[["from_tower", "to_tower"]] == 0).any(axis=None):
                 text += " (it ends where the data end: not known whether there are more)"
             yield text
-    for one in frame[frame["seen_share"] < LEAST_SEEN].itertuples():
+    for one in frame[frame["seen_share"] < SETTINGS.errors.least_seen].itertuples():
         yield (
             f"span {one.span_id}: conductor {one.wire_id} was seen along "
             f"{100 * one.seen_share:.0f} % only, with a gap of {one.longest_gap:.0f} m"

@@ -10,17 +10,15 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._curves.trace import Airborne
 from algorithms.corridor._extraction.candidates import STANDS_FOR, candidates
-from algorithms.corridor._extraction.ground import OFF_GROUND, heights_of
+from algorithms.corridor._extraction.ground import heights_of
+from algorithms.corridor._settings import SETTINGS
 from algorithms.shared.lowest import lattice_around
 from algorithms.shared.strips import strips_of
 from toolbox.context import Context, log
 from toolbox.data import PointCloud
 from toolbox.errors import DataError
 
-SEEN_CELL, SHIFTS = 2.0, (0.0, 1.0)  # metres, in whole cells of candidates
 CELLS_AROUND = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
-AREA_CELLS, AREA_SHARE = 6, 0.35  # neighbours of a cell in an area, and share of such cells
-FEWEST_CELLS, FEWEST_OF_CELL = 50, 1.5  # of which, and how many points in each, an area is judged
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -79,13 +77,13 @@ class CorridorPoints:
         else:
             index, stands_for = candidates(cloud.xyz, height, use, metre=cloud.metre)
         xyz, height = cloud.xyz[index], height[index]
-        size, origin = SEEN_CELL * cloud.metre, np.zeros(3)
+        size, origin = SETTINGS.points.seen_cell * cloud.metre, np.zeros(3)
         if len(xyz):
             lattice_around(xyz, size)  # which says so if a stray point is too far away
             origin = np.floor(xyz.min(axis=0) / size) * size
         xyz = (xyz - origin) / cloud.metre
         seen, density = footprint(xyz[:, :2], stands_for)
-        off = np.flatnonzero(height > OFF_GROUND)
+        off = np.flatnonzero(height > SETTINGS.points.off_ground)
         air = Airborne.of(xyz[off])
         own = off[air.order]
         strip = strips_of(cloud, index[own])
@@ -121,23 +119,29 @@ def footprint(
     table = occupied(xy)
     cells = int(np.count_nonzero(table))
     of_cell = float(stands_for.sum()) / max(cells, 1)
-    enough = cells >= FEWEST_CELLS and of_cell >= FEWEST_OF_CELL
-    if enough and min(share_beside(occupied(xy + shift)) for shift in SHIFTS) < AREA_SHARE:
+    enough = cells >= SETTINGS.points.fewest_cells and of_cell >= SETTINGS.points.fewest_of_cell
+    if (
+        enough
+        and min(
+            share_beside(occupied(xy + shift)) for shift in (0.0, SETTINGS.points.seen_cell / 2)
+        )
+        < SETTINGS.points.area_share
+    ):
         raise DataError(
             "points: lie along lines, as wires do, without the ground from which heights are "
             "measured; give the ground too, or fit the wires with corridor.catenaries"
         )
 
     def seen(x: float, y: float) -> bool:
-        i, j = int(x // SEEN_CELL) + 1, int(y // SEEN_CELL) + 1
+        i, j = int(x // SETTINGS.points.seen_cell) + 1, int(y // SETTINGS.points.seen_cell) + 1
         return bool(table[max(i - 1, 0) : max(i + 2, 0), max(j - 1, 0) : max(j + 2, 0)].any())
 
-    return seen, of_cell / SEEN_CELL**2
+    return seen, of_cell / SETTINGS.points.seen_cell**2
 
 
 def occupied(xy: Floats) -> NDArray[np.bool_]:
     """True for cells with points, with one row and column of empty cells on all sides."""
-    cell = np.floor(xy / SEEN_CELL).astype(np.int64) + 1
+    cell = np.floor(xy / SETTINGS.points.seen_cell).astype(np.int64) + 1
     table = np.zeros(cell.max(axis=0, initial=0) + 2, bool)
     table[cell[:, 0], cell[:, 1]] = True
     return table
@@ -146,4 +150,4 @@ def occupied(xy: Floats) -> NDArray[np.bool_]:
 def share_beside(table: NDArray[np.bool_]) -> float:
     """Share of the cells with points that have enough such cells around them."""
     beside = sum(np.roll(table, step, (0, 1))[table].astype(np.uint8) for step in CELLS_AROUND)
-    return float(np.mean(np.asarray(beside) >= AREA_CELLS))
+    return float(np.mean(np.asarray(beside) >= SETTINGS.points.area_cells))

@@ -18,18 +18,8 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from algorithms.corridor._curves.arcs import LONGEST_STUB
 from algorithms.corridor._curves.catenary import Catenary, fit
 from algorithms.corridor._curves.network import (
-    ALONE_SHARE,
-    BUNDLE_WIDTH,
-    CERTAIN_SIGMAS,
-    LARGEST_C,
-    LINE_WIDTH,
-    LONGEST_MISSING,
-    OWN_RADIUS,
-    PARALLEL_ANGLE,
-    ROOFED_SHARE,
     Corridor,
     Piece,
     alone,
@@ -39,24 +29,10 @@ from algorithms.corridor._curves.network import (
     runs_beside,
 )
 from algorithms.corridor._extraction.supports import Support
+from algorithms.corridor._settings import SETTINGS
 from algorithms.shared.kernels.sorting import distinct
 
-FOUND_POINTS = 6  # fewest of a wire that is found beside another
-FOUND_EIGHTHS = 4  # eighths of the span with any of them
-FOUND_SHARE = 0.15  # of the points of the wire known best, that one beside it has
-GROUP_RADIUS = 1.2  # tolerances, of points of one wire in the cross-section of a span
-ROUGH_WIRE, ROUGHEST_WIRE = 0.5, 0.8  # of the tolerance: scatter of one wire
-SECTION_BIN, SECTION_BLUR = 0.05, 0.07  # metres, of the cross-section of a bundle
-SUBCONDUCTOR_GAP = 0.2  # metres between two subconductors of a bundle, at least
-SECTION_POINTS = 40  # of a bundle whose subconductors can be told apart
-SECTION_VALLEY = 0.6  # of the lower of two peaks: density between them
-VALLEY_SIGMAS = 1.5  # standard deviations of what is missing there
-SECTION_PEAK = 0.25  # of the highest peak: a lower one that counts
-SHORT_SHARE = 0.5  # share of a span, below which a wire is not known by what was followed of it
-SAG_TOLERANCE = 0.3  # share of the sag by which wires of a span may differ
-ON_WIRE_RMS, ON_WIRE_LEAST, ON_WIRE_MOST = 2.6, 0.48, 1.8  # of the scatter; of the tolerance
-SQUARE = 0.7  # cosine, below which a wire runs along the arms of its support rather than across
-CONTINUED_GAP = 3.0  # metres between a wire and its continuation at a support
+SECTION_BIN = 0.05  # metres, of the cross-section of a bundle
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -96,8 +72,11 @@ class Wire:
 
 def on_wire(corridor: Corridor, wire: Wire) -> tuple[Ints, Floats, float]:
     """Indices of the points on a wire, their distances, and the largest distance allowed."""
-    least, most = ON_WIRE_LEAST * wire.tolerance, ON_WIRE_MOST * wire.tolerance
-    radius = min(max(ON_WIRE_RMS * wire.curve.rms, least), most)
+    least, most = (
+        SETTINGS.arcs.smooth * wire.tolerance,
+        SETTINGS.spans.on_wire_most * wire.tolerance,
+    )
+    radius = min(max(SETTINGS.spans.on_wire * wire.curve.rms, least), most)
     return *corridor.air.around(wire.curve, radius), radius
 
 
@@ -110,7 +89,11 @@ def spans_of(
     """Wires of each span: pieces cut at the supports, joined, fitted again, bundles split."""
     spans = list(bundles_of(corridor, pieces, supports))
     spans = [
-        [wire for wire in wires if min(wire.supports) >= 0 or wire.curve.length > LONGEST_STUB]
+        [
+            wire
+            for wire in wires
+            if min(wire.supports) >= 0 or wire.curve.length > SETTINGS.arcs.longest_stub
+        ]
         for wires in spans
     ]
     parted = [conductors_of(corridor, wires) for wires in without_doubles(corridor, spans)]
@@ -177,10 +160,10 @@ def are_wires(wires: Sequence[Wire], tolerance: float) -> bool:
     if not may_be_wires(wires, tolerance):
         return False
     mean, sigma = usual_curvature(wires)
-    thin = min(wire.curve.rms for wire in wires) < ROUGH_WIRE * tolerance
+    thin = min(wire.curve.rms for wire in wires) < SETTINGS.spans.rough * tolerance
     held = any(min(wire.supports) >= 0 for wire in wires)
     alone = any(wire.sure for wire in wires)
-    return mean > CERTAIN_SIGMAS * sigma and (held or (thin and alone))
+    return mean > SETTINGS.curves.certain_sigmas * sigma and (held or (thin and alone))
 
 
 def may_be_wires(wires: Sequence[Wire], tolerance: float) -> bool:
@@ -189,8 +172,8 @@ def may_be_wires(wires: Sequence[Wire], tolerance: float) -> bool:
         return False
     mean, sigma = usual_curvature(wires)
     rough = [wire.curve.rms for wire in wires]
-    thin = float(np.median(rough)) < ROUGHEST_WIRE * tolerance
-    return thin and mean + CERTAIN_SIGMAS * sigma > 1 / LARGEST_C
+    thin = float(np.median(rough)) < SETTINGS.curves.roughest * tolerance
+    return thin and mean + SETTINGS.curves.certain_sigmas * sigma > 1 / SETTINGS.curves.largest_c
 
 
 def usual_curvature(wires: Sequence[Wire]) -> tuple[float, float]:
@@ -236,7 +219,7 @@ def cut(
     for number, support in enumerate(supports):
         u, _ = curve.along(np.array([[support.x, support.y, 0.0]]))
         gap = max(-u[0], u[0] - curve.length, 0.0)
-        if gap > LONGEST_MISSING:
+        if gap > SETTINGS.network.longest_missing:
             continue
         turn = abs(support.across[0] * curve.ex + support.across[1] * curve.ey)
         left = curve.points(u)[0, :2] - (support.x, support.y)
@@ -270,9 +253,9 @@ def of_one_span(
     link = np.zeros((len(pieces), len(pieces)), bool)
     for i, one in enumerate(pieces):
         for j, other in enumerate(pieces):
-            if i < j and abs(heading(one, 1) @ heading(other, 1)) > math.cos(PARALLEL_ANGLE):
+            if i < j and abs(heading(one, 1) @ heading(other, 1)) > SETTINGS.network.cos_parallel:
                 link[i, j] = runs_beside(one, other) or runs_beside(other, one)
-                link[i, j] |= apart(one, other) < BUNDLE_WIDTH
+                link[i, j] |= apart(one, other) < SETTINGS.network.bundle_width
                 if key[1] >= 0:
                     sides = [side_of(piece, supports[key[1]]) for piece in (one, other)]
                     link[i, j] = sides[0] == sides[1]
@@ -297,7 +280,10 @@ def wires_of(
     """
     link = np.array(
         [
-            [i < j and apart(a, b) < BUNDLE_WIDTH / 2 for j, b in enumerate(pieces)]
+            [
+                i < j and apart(a, b) < SETTINGS.network.bundle_width / 2
+                for j, b in enumerate(pieces)
+            ]
             for i, a in enumerate(pieces)
         ]
     )
@@ -316,7 +302,7 @@ def wires_of(
             )
             found.append(to_supports(wire, supports))
     longest = max((wire.seen_length for wire in found), default=0.0)
-    short = [wire for wire in found if wire.seen_length < SHORT_SHARE * longest]
+    short = [wire for wire in found if wire.seen_length < SETTINGS.spans.short_share * longest]
     found = alike(
         [wire for wire in found if all(wire is not other for other in short)], corridor.tolerance
     )
@@ -332,10 +318,12 @@ def alike(wires: list[Wire], tolerance: float) -> list[Wire]:
         curve, best = wire.curve, (found or order)[0].curve
         short = wire.seen_length < 0.5 * best.length
         off = abs(curve.curvature / best.curvature - 1) * best.sag
-        odd = off > SAG_TOLERANCE * best.sag + 3 * curve.sigma("sag")
+        odd = off > SETTINGS.spans.sag_tolerance * best.sag + 3 * curve.sigma("sag")
         if short and (odd or curve.rms > roughest(best, tolerance)):
             continue
-        if short and any(apart_wires(curve, other.curve) < BUNDLE_WIDTH / 2 for other in found):
+        if short and any(
+            apart_wires(curve, other.curve) < SETTINGS.network.bundle_width / 2 for other in found
+        ):
             continue
         found.append(wire)
     return found
@@ -343,7 +331,9 @@ def alike(wires: list[Wire], tolerance: float) -> list[Wire]:
 
 def roughest(best: Catenary, tolerance: float) -> float:
     """Scatter that a wire beside the best known one may have, metres."""
-    return min(max(ROUGH_WIRE * tolerance, 1.5 * best.rms), ROUGHEST_WIRE * tolerance)
+    return min(
+        max(SETTINGS.spans.rough * tolerance, 1.5 * best.rms), SETTINGS.curves.roughest * tolerance
+    )
 
 
 def apart_wires(one: Catenary, other: Catenary) -> float:
@@ -359,7 +349,9 @@ def to_supports(wire: Wire, supports: Sequence[Support]) -> Wire:
         if number >= 0:
             support = supports[number]
             normal = np.array([-support.across[1], support.across[0]])
-            if abs(normal @ (curve.ex, curve.ey)) < SQUARE:  # of a line that branches off
+            if (
+                abs(normal @ (curve.ex, curve.ey)) < SETTINGS.spans.square
+            ):  # of a line that branches off
                 normal = np.array([curve.ex, curve.ey])
             step = float(np.array([support.x - curve.x, support.y - curve.y]) @ normal)
             forward = float(normal @ np.array([curve.ex, curve.ey]))
@@ -381,16 +373,23 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
     if curve.length < 15:
         return []
     air = corridor.wires
-    own_radius, radius = OWN_RADIUS * corridor.tolerance, GROUP_RADIUS * corridor.tolerance
+    own_radius, radius = (
+        SETTINGS.curves.own_radius * corridor.tolerance,
+        SETTINGS.spans.group_radius * corridor.tolerance,
+    )
     taken = np.zeros(len(air.xyz), bool)
     for wire in wires:
         taken[air.around(wire.curve, own_radius, -2.0, wire.curve.length + 2)[0]] = True
-    middles = curve.points(np.arange(0.0, curve.length + LINE_WIDTH, LINE_WIDTH))
-    box = distinct(np.concatenate([air.within(middle[:2], LINE_WIDTH) for middle in middles]))
+    middles = curve.points(
+        np.arange(0.0, curve.length + SETTINGS.network.line_width, SETTINGS.network.line_width)
+    )
+    box = distinct(
+        np.concatenate([air.within(middle[:2], SETTINGS.network.line_width) for middle in middles])
+    )
     u, v, z = curve.residuals(air.xyz[box])
     margin = min(3.0, 0.1 * curve.length)
     keep = (u > margin) & (u < curve.length - margin) & ~taken[box]
-    keep &= (np.abs(v) < LINE_WIDTH) & (np.abs(z) < LINE_WIDTH)
+    keep &= (np.abs(v) < SETTINGS.network.line_width) & (np.abs(z) < SETTINGS.network.line_width)
     box, u, v, z = box[keep], u[keep], v[keep], z[keep]
     found: list[Wire] = []
     free = np.ones(len(box), bool)
@@ -413,13 +412,13 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
         # Above and below: at the sides there may be other wires.
         ring = 2 * np.count_nonzero((off > radius) & (off < 3 * radius) & (np.abs(dz) > np.abs(dv)))
         eighths = len(np.unique((8 * u[inner] / curve.length).astype(np.int64)))
-        spare = SAG_TOLERANCE * curve.sag + 3 * made.sigma("sag")
+        spare = SETTINGS.spans.sag_tolerance * curve.sag + 3 * made.sigma("sag")
         same_shape = abs(made.curvature * curve.c - 1) * curve.sag < spare
         same_shape &= made.rms < roughest(curve, corridor.tolerance)
-        enough = max(FOUND_POINTS, FOUND_SHARE * curve.count)
+        enough = max(SETTINGS.spans.found_points, SETTINGS.spans.found_share * curve.count)
         if (
             inner.sum() >= enough
-            and eighths >= FOUND_EIGHTHS
+            and eighths >= SETTINGS.spans.found_eighths
             and ring <= inner.sum()
             and same_shape
         ):
@@ -436,8 +435,8 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
 def stands_alone(corridor: Corridor, wire: Wire, taken: NDArray[np.bool_]) -> bool:
     """Whether there is little around a wire but what is taken, and it is no edge of a roof."""
     return (
-        alone(corridor, wire.curve, taken) >= ALONE_SHARE
-        and roofed(corridor, wire.curve) < ROOFED_SHARE
+        alone(corridor, wire.curve, taken) >= SETTINGS.curves.alone_share
+        and roofed(corridor, wire.curve) < SETTINGS.roofs.share
     )
 
 
@@ -445,16 +444,18 @@ def densest_group(
     v: Floats, z: Floats, free: NDArray[np.bool_], radius: float
 ) -> tuple[float, float] | None:
     """Offset and height of the densest group of free points; None if it is too small."""
-    if np.count_nonzero(free) < FOUND_POINTS:
+    if np.count_nonzero(free) < SETTINGS.spans.found_points:
         return None
     cells = np.floor(np.column_stack([v[free], z[free]]) / radius).astype(np.int64)
     low = cells.min(axis=0)
-    table = np.zeros(cells.max(axis=0) - low + 2, np.int64)  # none beyond LINE_WIDTH: it is small
+    table = np.zeros(
+        cells.max(axis=0) - low + 2, np.int64
+    )  # none beyond the width of a line: it is small
     np.add.at(table, tuple((cells - low).T), 1)
     totals = table[:-1, :-1] + table[1:, :-1] + table[:-1, 1:] + table[1:, 1:]
     totals[table[:-1, :-1] == 0] = 0
     at = np.array(np.unravel_index(totals.argmax(), totals.shape))
-    if totals[tuple(at)] < FOUND_POINTS:
+    if totals[tuple(at)] < SETTINGS.spans.found_points:
         return None
     right, upper = (at + low + 1) * radius
     return float(right), float(upper)
@@ -466,7 +467,9 @@ def densest_group(
 def subconductors(corridor: Corridor, wire: Wire) -> list[Wire]:
     """The subconductors of a bundle, each with a catenary; the wire itself if it is single."""
     low, high = wire.known
-    points, _ = corridor.wires.around(wire.curve, BUNDLE_WIDTH, low - 0.5, high + 0.5)
+    points, _ = corridor.wires.around(
+        wire.curve, SETTINGS.network.bundle_width, low - 0.5, high + 0.5
+    )
     xyz = corridor.wires.xyz[points]
     _, v, z = wire.curve.residuals(xyz)
     peaks = peaks_of(v, z)
@@ -486,7 +489,10 @@ def once(conductors: Sequence[tuple[Wire, int]]) -> list[tuple[Wire, int]]:
     """Conductors without duplicates, which two wires led to; the better known one is kept."""
     kept: list[tuple[Wire, int]] = []
     for wire, bundle in sorted(conductors, key=lambda c: -c[0].curve.count * c[0].curve.length):
-        if all(apart_wires(wire.curve, other.curve) > SUBCONDUCTOR_GAP for other, _ in kept):
+        if all(
+            apart_wires(wire.curve, other.curve) > SETTINGS.spans.subconductor_gap
+            for other, _ in kept
+        ):
             kept.append((wire, bundle))
     return kept
 
@@ -494,12 +500,20 @@ def once(conductors: Sequence[tuple[Wire, int]]) -> list[tuple[Wire, int]]:
 def peaks_of(v: Floats, z: Floats) -> Floats:
     """Offsets and heights of the density peaks of points in cross-section, shape (k, 2)."""
     middle = np.array([[np.median(v), np.median(z)]]) if len(v) else np.zeros((1, 2))
-    if len(v) < SECTION_POINTS:
+    if len(v) < SETTINGS.spans.section_points:
         return middle
-    edges = np.arange(-BUNDLE_WIDTH - SECTION_BIN / 2, BUNDLE_WIDTH + SECTION_BIN, SECTION_BIN)
-    smooth = gaussian_filter(np.histogram2d(v, z, (edges, edges))[0], SECTION_BLUR / SECTION_BIN)
-    size = 2 * round(SUBCONDUCTOR_GAP / SECTION_BIN / 2) + 1
-    top = (smooth == maximum_filter(smooth, size)) & (smooth > SECTION_PEAK * smooth.max())
+    edges = np.arange(
+        -SETTINGS.network.bundle_width - SECTION_BIN / 2,
+        SETTINGS.network.bundle_width + SECTION_BIN,
+        SECTION_BIN,
+    )
+    smooth = gaussian_filter(
+        np.histogram2d(v, z, (edges, edges))[0], SETTINGS.spans.section_blur / SECTION_BIN
+    )
+    size = 2 * round(SETTINGS.spans.subconductor_gap / SECTION_BIN / 2) + 1
+    top = (smooth == maximum_filter(smooth, size)) & (
+        smooth > SETTINGS.spans.section_peak * smooth.max()
+    )
     peaks = np.argwhere(top)[np.argsort(-smooth[top], kind="stable")]
     kept: list[NDArray[np.int64]] = []
     for peak in peaks:
@@ -517,9 +531,11 @@ def valley(smooth: Floats, one: NDArray[np.int64], other: NDArray[np.int64]) -> 
         min(smooth[tuple(one)], smooth[tuple(other)]),
     )
     # A Gaussian counts the points of an area of 4 pi times its variance; Poisson's law for these.
-    area = 4 * math.pi * (SECTION_BLUR / SECTION_BIN) ** 2
-    surely = (lower - lowest) * area > VALLEY_SIGMAS * math.sqrt((lower + lowest) * area)
-    return bool(surely and lowest < SECTION_VALLEY * lower)
+    area = 4 * math.pi * (SETTINGS.spans.section_blur / SECTION_BIN) ** 2
+    surely = (lower - lowest) * area > SETTINGS.spans.valley_sigmas * math.sqrt(
+        (lower + lowest) * area
+    )
+    return bool(surely and lowest < SETTINGS.spans.section_valley * lower)
 
 
 # --- numbers -------------------------------------------------------------------------------
@@ -562,9 +578,9 @@ def matched(
     """Pairs of wires that continue each other at a support."""
     a, b = (np.array([wires[k].curve.ends[e] for k, e in side]) for side in (here, there))
     away = np.linalg.norm(a[:, None] - b[None], axis=2)
-    rows, columns = linear_sum_assignment(np.minimum(away, 10 * CONTINUED_GAP))
+    rows, columns = linear_sum_assignment(np.minimum(away, 10 * SETTINGS.spans.continued_gap))
     for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
-        if away[i, j] < CONTINUED_GAP:
+        if away[i, j] < SETTINGS.spans.continued_gap:
             yield here[i][0], there[j][0]
 
 

@@ -13,17 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from algorithms.corridor._curves.network import Corridor, Piece, heading
 from algorithms.corridor._curves.tracks import Alignment
-
-SUPPORT_ALONG, SUPPORT_ACROSS = 10.0, 12.0  # metres between what belongs to one support
-ALIKE_GAPS = 1.5  # times the usual distance across between wires, that of wires of one support
-COLUMN_GAP = 1.0  # metres across between wires that do not hang above each other
-PASSING_LENGTH = 8.0  # metres: a wire that goes on for longer on both sides passes a support
-ENOUGH_BODY = 0.4  # share of its height at which a support shows points
-MUCH_BODY = (0.5, 0.75)  # the same of a pole and of a tower where nothing else tells of it
-TALLEST_POLE = 15.0  # metres: height below which a support is a pole
-SETTLED_SLACK, UNSETTLED_SLACK = 1.0, 5.0  # metres along the wires that a body may be off
-TOP_HALF_DEPTH = 1.5  # metres along the line, to each side, of the top of a support
-LEAST_BEND = 0.02  # change of slope, or of heading, at a support
+from algorithms.corridor._settings import SETTINGS
 
 Floats = NDArray[np.float64]
 
@@ -83,7 +73,7 @@ def hints_of(pieces: Sequence[Piece], alignments: Sequence[Alignment]) -> Iterat
             held = bool(np.isfinite(stop))
             if not held:
                 stop = reach.max() if after else reach.min()
-            if abs(stop - u) > SUPPORT_ALONG:
+            if abs(stop - u) > SETTINGS.supports.along:
                 continue
             at = np.array([piece.curve.length * end])
             if held:
@@ -132,11 +122,14 @@ def clusters(hints: Sequence[Hint]) -> Iterator[list[Hint]]:
     step = place[None, :, :2] - place[:, None, :2]
     along = np.abs((step * way[:, None]).sum(axis=2))
     across = np.abs(step[..., 0] * way[:, None, 1] - step[..., 1] * way[:, None, 0])
-    reach = np.full(len(hints), SUPPORT_ACROSS)
+    reach = np.full(len(hints), SETTINGS.supports.across)
     for cut in {hint.cut for hint in hints}:
         mine = np.array([hint.cut == cut for hint in hints])
-        reach[mine] = max(SUPPORT_ACROSS, ALIKE_GAPS * usual_gap(place[mine], way[mine]))
-    near = (along < SUPPORT_ALONG) & (across < reach[:, None])
+        reach[mine] = max(
+            SETTINGS.supports.across,
+            SETTINGS.supports.alike_gaps * usual_gap(place[mine], way[mine]),
+        )
+    near = (along < SETTINGS.supports.along) & (across < reach[:, None])
     alike = np.abs(way @ way.T) > 0.7
     link = near & near.T & alike
     _, label = connected_components(coo_array(link), directed=False)
@@ -148,7 +141,7 @@ def usual_gap(place: Floats, way: Floats) -> float:
     """Median distance across between neighbouring wires, those of a bundle or column as one."""
     side = np.sort(place[:, 1] * way[0, 0] - place[:, 0] * way[0, 1])
     gaps = np.diff(side)
-    gaps = gaps[gaps > COLUMN_GAP]
+    gaps = gaps[gaps > SETTINGS.supports.column_gap]
     return float(np.median(gaps)) if len(gaps) else 0.0
 
 
@@ -192,16 +185,23 @@ def support_of(
     low, high = float(place[:, 2].min()), float(place[:, 2].max())
     bottom = float(corridor.ground(spot[0], spot[1]))
     certain = any(hint.held for hint in group)
-    slack = SETTLED_SLACK if certain else UNSETTLED_SLACK
+    slack = SETTINGS.supports.settled_slack if certain else SETTINGS.supports.unsettled_slack
     body, spot = body_at(corridor, spot, mean, (side.min(), side.max()), high - bottom, slack)
-    certain |= pairs >= 2 or (pairs == 1 and (body >= ENOUGH_BODY or bend > LEAST_BEND))
+    certain |= pairs >= 2 or (
+        pairs == 1
+        and (body >= SETTINGS.supports.enough_body or bend > SETTINGS.supports.least_bend)
+    )
     if pairs == 0 and not certain:
         out = mean if len(here) else -mean
         ends = forth[here if len(here) else there]
         # The data goes on behind all the wires: one tree over its edge does not tell.
         beyond = all(corridor.seen(*(p[:2] + m * out)) for p in place for m in (7.0, 10.0))
         certain = len(ends) >= 2 and np.ptp(ends) < 6 and beyond
-        much = MUCH_BODY[int(high - bottom > TALLEST_POLE)]
+        much = (
+            SETTINGS.supports.much_body_tower
+            if high - bottom > SETTINGS.supports.tallest_pole
+            else SETTINGS.supports.much_body_pole
+        )
         certain |= body >= much and topped(corridor, spot, mean, side, high)
     if not certain:
         return None
@@ -221,27 +221,41 @@ def support_of(
 
 def topped(corridor: Corridor, spot: Floats, mean: Floats, side: Floats, high: float) -> bool:
     """Whether a body reaches the height of the highest wire, with points thin along the line."""
-    near = corridor.air.within(spot, SUPPORT_ALONG + float(np.ptp(side)))
+    near = corridor.air.within(spot, SETTINGS.supports.along + float(np.ptp(side)))
     near = near[corridor.free[near]]
     away = np.abs((corridor.air.xyz[near, :2] - spot) @ mean)
     z = corridor.air.xyz[near, 2]
     away = away[(z > high - 2) & (z < high + 4)]
-    here = np.count_nonzero(away < TOP_HALF_DEPTH)
+    here = np.count_nonzero(away < SETTINGS.supports.top_half_depth)
     return bool(
-        here >= 3 and here > np.count_nonzero((away > TOP_HALF_DEPTH) & (away < 3 * TOP_HALF_DEPTH))
+        here >= 3
+        and here
+        > np.count_nonzero(
+            (away > SETTINGS.supports.top_half_depth)
+            & (away < 3 * SETTINGS.supports.top_half_depth)
+        )
     )
 
 
 def passes(piece: Piece, centre: Floats, across: Floats, side: Floats, heights: Floats) -> bool:
     """Whether a wire passes a supposed support without being held there."""
     u, _ = piece.curve.along(np.array([[*centre, 0.0]]))
-    if not PASSING_LENGTH < u[0] < piece.curve.length - PASSING_LENGTH:
+    if (
+        not SETTINGS.supports.passing_length
+        < u[0]
+        < piece.curve.length - SETTINGS.supports.passing_length
+    ):
         return False
     x, y, z = piece.curve.points(u)[0]
     s = (np.array([x, y]) - centre) @ across
-    beside = side.min() - SUPPORT_ACROSS / 2 < s < side.max() + SUPPORT_ACROSS / 2
+    beside = (
+        side.min() - SETTINGS.supports.across / 2 < s < side.max() + SETTINGS.supports.across / 2
+    )
     return bool(
-        beside and heights.min() - SUPPORT_ACROSS / 2 < z < heights.max() + SUPPORT_ACROSS / 2
+        beside
+        and heights.min() - SETTINGS.supports.across / 2
+        < z
+        < heights.max() + SETTINGS.supports.across / 2
     )
 
 
@@ -255,7 +269,7 @@ def body_at(
 ) -> tuple[float, Floats]:
     """Share of the height over which a vertical body has points, and its position in plan."""
     air = corridor.air
-    reach = SUPPORT_ALONG + abs(sides[1] - sides[0])
+    reach = SETTINGS.supports.along + abs(sides[1] - sides[0])
     near = air.within(spot, reach)
     near = near[corridor.free[near]]
     if not len(near):
@@ -266,7 +280,7 @@ def body_at(
     keep = (np.abs(along) < 6) & (side > sides[0] - 2) & (side < sides[1] + 2)
     keep &= (height > 1) & (height < top)
     along, side, height = along[keep], side[keep], height[keep]
-    half = 1.0 if top < TALLEST_POLE else 2.5
+    half = 1.0 if top < SETTINGS.supports.tallest_pole else 2.5
     levels = max(1, int(top - 1))
     best, at = 0.0, spot
     for a in np.arange(-slack, slack + 0.5, 1.0):
@@ -277,4 +291,4 @@ def body_at(
             if share > best:
                 best = share
                 at = spot + np.median(along[inside]) * mean + np.median(side[inside]) * across
-    return min(best, 1.0), at if best >= ENOUGH_BODY else spot
+    return min(best, 1.0), at if best >= SETTINGS.supports.enough_body else spot

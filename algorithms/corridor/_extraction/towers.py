@@ -16,28 +16,8 @@ from numpy.typing import NDArray
 from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._extraction.spans import Wire, on_wire, to_supports
-from algorithms.corridor._extraction.supports import ENOUGH_BODY, TALLEST_POLE, Support
-
-BASE_LATTICE, BASE_POLE = 1.0, 0.8  # metres above the ground that are left to it
-LATTICE_WIDTH = 0.5  # metres: half width from which a body is a lattice
-BODY_SPLAY = (0.12, 0.02)  # of lattice and pole, per metre downwards
-BODY_SLACK = (0.4, 0.15)  # metres around the body of lattice and pole
-HIDDEN_POLE_WIDTH = 0.2  # metres: half width of a pole of which little is seen
-FOOT_HEIGHT = 3.0  # metres below which shrubs may grow inside a lattice
-LEG_WIDTH = 1.0  # metres: of a face of the lattice there
-ARMS_DEPTH = (0.12, 1.2, 5.0)  # half depth of the space of the arms: per metre, least, most
-ARMS_DROP = (0.08, 0.8, 4.0)  # how far below the lowest wire it begins
-ARMS_OUT = (0.1, 0.5, 4.0)  # how far it goes beyond the outermost wires
-ARMS_PEAK = (0.4, 1.5, 20.0)  # how far it goes above the highest wire: strings and peaks
-JUMPER_ZONE = (0.4, 4.0, 1.2)  # metres: a jumper hangs this far below and aside of its wire
-TOWER_RADIUS = 30.0  # metres around a support
-ARM_ZONE = (0.04, 0.02, 0.05)  # of the height: half depth, half of what is level, reach above it
-ARM_ASIDE_OF_WIRE = (0.5, 1.5)  # metres: clear of the peak and of the next arm
-SHORTEST_STRING = 0.04  # of the height: insulators by which wires pull without jumpers
-STRING_REACH = (0.15, 0.0, 9.0)  # how far from the tower: per metre of height, least, most
-KNOWN_BY_POINTS = 4  # points by which a jumper, arms, a neck or a waist are known
-ENOUGH_BEAM = 0.7  # share of the metres between two legs in which the beam of a frame shows points
-JUMPER_WIDTH = 1.3  # of the part of a jumper that is clear of its wire, by its parabola
+from algorithms.corridor._extraction.supports import Support
+from algorithms.corridor._settings import SETTINGS
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -62,7 +42,7 @@ class Tower:
     @property
     def lattice(self) -> bool:
         """Whether it is a lattice tower, not a pole."""
-        return self.width > LATTICE_WIDTH
+        return self.width > SETTINGS.towers.lattice_width
 
 
 def scaled(rule: tuple[float, float, float], height: float) -> float:
@@ -88,7 +68,7 @@ def strings_of(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Sup
     """
     found = np.zeros((len(wires), 2))
     for number, support in enumerate(supports):
-        near = corridor.air.within(np.array([support.x, support.y]), TOWER_RADIUS)
+        near = corridor.air.within(np.array([support.x, support.y]), SETTINGS.towers.radius)
         xyz = corridor.air.xyz[near[corridor.free[near]]]
         height = support.high - support.ground
         ends = [
@@ -100,7 +80,7 @@ def strings_of(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Sup
             continue
         tops = np.array([(wires[k].curve.z_start, wires[k].curve.z_end)[e] for k, e in ends])
         pulls = tops <= tops[level > above].max()
-        length = by_jumpers(around, height) or SHORTEST_STRING * height
+        length = by_jumpers(around, height) or SETTINGS.towers.shortest_string * height
         for (k, e), pull in zip(ends, pulls.tolist(), strict=True):
             found[k, e] = pull * length
     return found
@@ -114,11 +94,18 @@ def around_end(curve: Catenary, end: int, xyz: Floats) -> tuple[Floats, Floats, 
 
 def arms_at(along: Floats, v: Floats, z: Floats, height: float) -> tuple[int, int]:
     """Number of arm points beside the end of a wire, and of those above it."""
-    depth, level, above = (share * height for share in ARM_ZONE)
+    depth, level, above = (
+        share * height
+        for share in (
+            SETTINGS.towers.arm_depth,
+            SETTINGS.towers.arm_level,
+            SETTINGS.towers.arm_reach,
+        )
+    )
     beside = (
         (np.abs(along) < depth)
-        & (np.abs(v) > ARM_ASIDE_OF_WIRE[0])
-        & (np.abs(v) < ARM_ASIDE_OF_WIRE[1])
+        & (np.abs(v) > SETTINGS.towers.arm_clear)
+        & (np.abs(v) < SETTINGS.towers.arm_end)
     )
     return (
         int(np.count_nonzero(beside & (np.abs(z) < level))),
@@ -133,25 +120,29 @@ def by_jumpers(around: Sequence[tuple[Floats, Floats, Floats]], height: float) -
     one string to the end of the other.
     """
     found = []
-    below, deepest, aside = JUMPER_ZONE
+    below, deepest, aside = (
+        SETTINGS.towers.jumper_below,
+        SETTINGS.towers.jumper_deepest,
+        SETTINGS.towers.jumper_aside,
+    )
     for along, v, z in around:
         loop = (z < -below) & (z > -deepest) & (np.abs(v) < aside)
-        loop &= (along > 0.8) & (along < scaled(STRING_REACH, height))
-        if np.count_nonzero(loop) >= KNOWN_BY_POINTS:
-            found.append(JUMPER_WIDTH * float(np.quantile(along[loop], 0.9)))
+        loop &= (along > 0.8) & (along < scaled(SETTINGS.towers.string_reach, height))
+        if np.count_nonzero(loop) >= SETTINGS.towers.known_by_points:
+            found.append(SETTINGS.towers.jumper_width * float(np.quantile(along[loop], 0.9)))
     return float(np.median(found)) if len(found) >= 2 else 0.0
 
 
 def centred(corridor: Corridor, support: Support) -> Support:
     """The support, moved along the line to its arms, and across it to the body below them."""
     height = support.high - support.ground
-    waist, half = support.low - scaled(ARMS_DROP, height), 0.1 * height
+    waist, half = support.low - scaled(SETTINGS.towers.arms_drop, height), 0.1 * height
     _, a, s, z = around_axis(corridor, support)
     level = level_with_arms(support, s, z)
     forth = 0.0
     for depth in (2 * half, half):  # at first it may be farther off
         arms = level & (np.abs(a - forth) < depth)
-        if np.count_nonzero(arms) >= KNOWN_BY_POINTS:
+        if np.count_nonzero(arms) >= SETTINGS.towers.known_by_points:
             forth = float(np.median(a[arms]))
     neck = (z > waist - 0.15 * height) & (z < waist)
     near = np.abs(a - forth)
@@ -163,11 +154,11 @@ def centred(corridor: Corridor, support: Support) -> Support:
     # A wide body was found by one of its legs; it has others as far on the other side of its wires.
     aside = sum(support.reach) / 2
     beyond = around(2 * aside, half) & (np.abs(s) > half)
-    wide = abs(aside) < 2 * half and np.count_nonzero(beyond) >= KNOWN_BY_POINTS
+    wide = abs(aside) < 2 * half and np.count_nonzero(beyond) >= SETTINGS.towers.known_by_points
     aside = aside if wide else 0.0
     for reach in (2 * half,) if wide else (2 * half, half):
         body = around(aside, reach)
-        if np.count_nonzero(body) >= KNOWN_BY_POINTS:
+        if np.count_nonzero(body) >= SETTINGS.towers.known_by_points:
             aside = float(np.quantile(s[body], (0.1, 0.9)).mean())  # of a hollow body
     if len(legs) > 1:
         aside = sum(legs) / 2
@@ -198,12 +189,12 @@ def legs_of(support: Support, s: Floats, z: Floats, waist: float, half: float) -
     found = []
     for leg in (0.0, aside):
         own = np.abs(s - leg) < half
-        if share_of_levels(z[own], support.ground + 1.0, waist) < ENOUGH_BODY:
+        if share_of_levels(z[own], support.ground + 1.0, waist) < SETTINGS.supports.enough_body:
             return ()
         found.append(float(np.median(s[own & (z < waist)])))
     beam = s[level_with_arms(support, s, z)]
     between = share_of_levels(beam, min(found), max(found))
-    return tuple(sorted(found)) if between >= ENOUGH_BEAM else ()
+    return tuple(sorted(found)) if between >= SETTINGS.towers.enough_beam else ()
 
 
 def share_of_levels(values: Floats, low: float, high: float) -> float:
@@ -217,20 +208,28 @@ def tower_of(corridor: Corridor, support: Support) -> Tower:
     height = support.high - support.ground
     near, a, s, z = around_axis(corridor, support)
     above = corridor.height[near]
-    waist = support.low - scaled(ARMS_DROP, height)
-    arms = level_with_arms(support, s, z) & (np.abs(a) < scaled(ARMS_DEPTH, height))
+    waist = support.low - scaled(SETTINGS.towers.arms_drop, height)
+    arms = level_with_arms(support, s, z) & (np.abs(a) < scaled(SETTINGS.towers.arms_depth, height))
     aside = np.abs(s[:, None] - support.legs).min(axis=1)
     away = np.maximum(np.abs(a), aside)
     width = waist_of(away, z, waist, height)
-    pole = int(width <= LATTICE_WIDTH)
-    body = (away < width + BODY_SLACK[pole] + BODY_SPLAY[pole] * np.maximum(waist - z, 0)) & (
-        z <= waist
+    lattice = width > SETTINGS.towers.lattice_width
+    slack, splay = (
+        (SETTINGS.towers.slack_lattice, SETTINGS.towers.splay_lattice)
+        if lattice
+        else (SETTINGS.towers.slack_pole, SETTINGS.towers.splay_pole)
     )
-    if width > LATTICE_WIDTH:  # down there it is hollow
-        shin = away[body & (above > FOOT_HEIGHT) & (above < 2 * FOOT_HEIGHT)]
+    body = (away < width + slack + splay * np.maximum(waist - z, 0)) & (z <= waist)
+    if lattice:  # down there it is hollow
+        shin = away[
+            body & (above > SETTINGS.towers.foot_height) & (above < 2 * SETTINGS.towers.foot_height)
+        ]
         foot = float(np.quantile(shin, 0.9)) if len(shin) else width
-        body &= (above > FOOT_HEIGHT) | ((np.abs(away - foot) < LEG_WIDTH) & (above > BASE_LATTICE))
-    body &= above > BASE_POLE
+        body &= (above > SETTINGS.towers.foot_height) | (
+            (np.abs(away - foot) < SETTINGS.towers.leg_width)
+            & (above > SETTINGS.towers.base_lattice)
+        )
+    body &= above > SETTINGS.towers.base_pole
     mine = near[arms | body]
     top = float(np.quantile(corridor.air.xyz[mine, 2], 0.995)) if len(mine) else support.high
     return Tower(support, mine, top, width)
@@ -242,7 +241,11 @@ def around_axis(corridor: Corridor, support: Support) -> tuple[Ints, Floats, Flo
     along = np.array([across[1], -across[0]])
     height = support.high - support.ground
     left, right = sides_of(support)
-    reach = max(-left, right) + scaled(ARMS_OUT, height) + scaled(ARMS_DEPTH, height)
+    reach = (
+        max(-left, right)
+        + scaled(SETTINGS.towers.arms_out, height)
+        + scaled(SETTINGS.towers.arms_depth, height)
+    )
     near = corridor.air.within(np.array([support.x, support.y]), reach)
     near = near[corridor.free[near]]
     step = corridor.air.xyz[near, :2] - (support.x, support.y)
@@ -252,8 +255,11 @@ def around_axis(corridor: Corridor, support: Support) -> tuple[Ints, Floats, Flo
 def level_with_arms(support: Support, s: Floats, z: Floats) -> NDArray[np.bool_]:
     """True for points at offsets s across the line and heights z in the range of the arms."""
     height = support.high - support.ground
-    out, (left, right) = scaled(ARMS_OUT, height), sides_of(support)
-    low, high = support.low - scaled(ARMS_DROP, height), support.high + scaled(ARMS_PEAK, height)
+    out, (left, right) = scaled(SETTINGS.towers.arms_out, height), sides_of(support)
+    low, high = (
+        support.low - scaled(SETTINGS.towers.arms_drop, height),
+        support.high + scaled(SETTINGS.towers.arms_peak, height),
+    )
     return (z > low) & (z < high) & (s > left - out) & (s < right + out)
 
 
@@ -266,10 +272,14 @@ def waist_of(away: Floats, z: Floats, waist: float, height: float) -> float:
     """Half width of a tower's body just below its arms."""
     near = (z < waist) & (z > waist - 0.25 * height) & (away < 0.1 * height)
     width = (
-        float(np.quantile(away[near], 0.85)) if near.sum() >= KNOWN_BY_POINTS else HIDDEN_POLE_WIDTH
+        float(np.quantile(away[near], 0.85))
+        if near.sum() >= SETTINGS.towers.known_by_points
+        else SETTINGS.towers.hidden_pole_width
     )
     return (
-        HIDDEN_POLE_WIDTH if width > LATTICE_WIDTH and height < TALLEST_POLE else width
+        SETTINGS.towers.hidden_pole_width
+        if width > SETTINGS.towers.lattice_width and height < SETTINGS.supports.tallest_pole
+        else width
     )  # of trees around a pole
 
 

@@ -41,10 +41,11 @@ from algorithms.corridor._curves.catenary import fit
 from algorithms.corridor._curves.network import Corridor, Piece
 from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
 from algorithms.corridor._curves.tracks import Alignment, alignments_among
-from algorithms.corridor._extraction.missed import BY_CHANCE, conductor_counts, seen_share
+from algorithms.corridor._extraction.missed import conductor_counts, seen_share
 from algorithms.corridor._extraction.spans import Wire, stands_alone, upheld
 from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import centred
+from algorithms.corridor._settings import SETTINGS
 from algorithms.corridor.extract import CorridorExtract
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList
@@ -937,7 +938,9 @@ def test_gaps_that_chance_explains_are_seen() -> None:
         unseen.append(seen_share(u, 300.0, (True, True))[0] < 1)
         fewer = u[(u < 150) | (rng.random(len(u)) < 1 / 3)]
         assert seen_share(fewer, 300.0, (True, True))[0] > 0.75
-    assert np.mean(unseen) < 8 * BY_CHANCE  # the spacing is not known, but estimated
+    assert (
+        np.mean(unseen) < 8 * SETTINGS.errors.by_chance
+    )  # the spacing is not known, but estimated
 
 
 def test_what_lies_beyond_the_data_is_not_unseen() -> None:

@@ -35,6 +35,7 @@ from algorithms.corridor._extraction.layers import tower_layer, wire_layer
 from algorithms.corridor._extraction.missed import warn_of_missed, with_gaps
 from algorithms.corridor._extraction.points import CorridorPoints
 from algorithms.corridor._extraction.spans import Wire, on_wire
+from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._extraction.towers import Tower, dressed
 from algorithms.corridor._settings import SETTINGS
 from algorithms.shared import parameters
@@ -106,13 +107,15 @@ class CorridorExtract:
         """Find the power lines, and label their points."""
         cloud, use = self.points, taking_part(self.points, self.ignore)
         points = CorridorPoints.of(cloud, use, self.ground_classes, ctx.part(0.0, 0.4))
-        line = find_line(
+        found = followed(
             points,
             min_height=self.min_height / cloud.metre,
             max_gap=self.wire_gap / cloud.metre,
             tolerances=tolerances(self.wire_tolerance, cloud.metre),
-            ctx=ctx.part(0.4, 1.0),
+            ctx=ctx.part(0.4, 0.95),
         )
+        line = finished(points, *found)
+        ctx.progress(1.0)
         if not line.wires:
             points.warn_of_no_line()
         wires = wire_layer(line.wires, points.origin, cloud.metre, cloud.crs)
@@ -143,15 +146,15 @@ class PowerLine:
     strings: Sequence[float] = ()
 
 
-def find_line(
+def followed(
     points: CorridorPoints,
     *,
     min_height: float = parameters.MIN_HEIGHT,
     max_gap: float = parameters.WIRE_GAP,
-    tolerances: Sequence[float] = SETTINGS.lines.tolerances,
+    tolerances: Sequence[float] | None = None,
     ctx: Context = QUIET,
-) -> PowerLine:
-    """The power lines among points.
+) -> tuple[Corridor, list[Wire], list[Support]]:
+    """The corridor of points, and the wires and supports of power lines in it.
 
     Parameters
     ----------
@@ -160,7 +163,6 @@ def find_line(
     ctx : progress and cancellation
     """
     ctx.progress(0.0)
-    line = PowerLine(none_labelled(len(points.index)))
     air, height = points.air, points.height[points.own]
     may = height > min_height
     alone, voxel = uncrowded(air.select(may), points.density)
@@ -168,15 +170,22 @@ def find_line(
     ctx.progress(0.1)
     ground = elevation(points.xyz, points.height)
     floor = Airborne.of(points.xyz[points.height <= SETTINGS.points.off_ground])
-    corridor = Corridor(air, height, may, tolerances[0], ground, points.seen, floor)
-    wires, supports = follow(corridor, voxel[alone], max_gap, tolerances, ctx.part(0.1, 0.9))
+    widths = tolerances or SETTINGS.lines.tolerances
+    corridor = Corridor(air, height, may, widths[0], ground, points.seen, floor)
+    return corridor, *follow(corridor, voxel[alone], max_gap, widths, ctx.part(0.1, 0.9))
+
+
+def finished(
+    points: CorridorPoints, corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]
+) -> PowerLine:
+    """The power lines of the wires and supports that were found among points."""
+    line = PowerLine(none_labelled(len(points.index)))
     if not wires:
         return line
     wires, towers, strings = dressed(corridor, wires, supports)
     wires = with_common_errors(corridor, wires, points.strip)
     line = replace(line, wires=with_gaps(corridor, wires), towers=towers, strings=strings)
     label_points(line, corridor, points.own)
-    ctx.progress(1.0)
     return line
 
 

@@ -9,6 +9,7 @@ from tests.bench.accuracy import accuracy
 from tests.bench.corridor import corridor
 from tests.bench.corridor_presets import corridor_presets
 from tests.bench.corridor_real import corridor_real
+from tests.bench.corridor_settings import corridor_settings
 from tests.bench.facades import facades
 from tests.bench.files import damaged, memory, reading, roundtrip, startup
 from tests.bench.fingerprints import fingerprints
@@ -41,13 +42,14 @@ ALL = (
     corridor,
     corridor_presets,
     corridor_real,
+    corridor_settings,
     long_lines,
     facades,
     fingerprints,
     metamorphic,
     path,
 )
-WITH_OPTIONS = (corridor_presets, corridor_real, metamorphic, waters)
+WITH_OPTIONS = (corridor_presets, corridor_real, corridor_settings, metamorphic, waters)
 BENCHES = {b.__name__: b for b in ALL}
 
 names = list(itertools.takewhile(lambda word: not word.startswith("-"), sys.argv[1:]))

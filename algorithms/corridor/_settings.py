@@ -296,6 +296,24 @@ class Lanes:
 
 
 @dataclass(frozen=True)
+class Sparse:
+    """Which wires of a few points are no accident."""
+
+    company: int = surveyed(
+        3, "points", "around one that stands alone; several wires of 20 points per 100 m leave less"
+    )
+    neighbours: int = tried(256, "points", "that stand alone, among which wires from one are tried")
+    reach: float = built(8.0, "m", "aside and up from a wire, to others that it is seen with")
+    steps: int = tried(
+        24, "steps", "of a wire; points in one count once, as those of a twig are side by side"
+    )
+    false_alarms: float = unlikely(1.0, "wires", "that are expected by chance where there are none")
+    sure: float = unlikely(
+        0.01, "wires", "that are expected by chance beside another one, for one that is sure"
+    )
+
+
+@dataclass(frozen=True)
 class Arcs:
     """Where the wires of a line are held."""
 
@@ -562,6 +580,7 @@ class Settings:
     structures: Structures = Structures()
     tracks: Tracks = Tracks()
     lanes: Lanes = Lanes()
+    sparse: Sparse = Sparse()
     arcs: Arcs = Arcs()
     spans: Spans = Spans()
     continued: Continued = Continued()

@@ -58,6 +58,7 @@ class Corridor:
     wires : the points that may be wire
     free : which points above the ground lie on no wire that was found
     refused : which of the points that may be wire lie on or at what surely is none
+    proven : which points above the ground are of arcs that are no accident, few as they may be
     """
 
     air: Airborne
@@ -71,11 +72,13 @@ class Corridor:
     wires: Airborne = field(init=False)
     free: NDArray[np.bool_] = field(init=False)
     refused: NDArray[np.bool_] = field(init=False)
+    proven: NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
         self.wires = self.air.select(self.may)
         self.free = np.ones(len(self.air.xyz), bool)
         self.refused = np.zeros(len(self.wires.xyz), bool)
+        self.proven = np.zeros(len(self.air.xyz), bool)
 
     def refuse(self, pieces: Iterable[Piece]) -> None:
         """Mark the points on and around pieces that are certain, but no wires."""

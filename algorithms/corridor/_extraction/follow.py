@@ -19,6 +19,7 @@ from algorithms.corridor._curves.network import (
     is_straight,
     wires_among,
 )
+from algorithms.corridor._curves.sparse import sparse_wires
 from algorithms.corridor._curves.structures import carriers, holds_level, in_mesh
 from algorithms.corridor._curves.trace import trace_all
 from algorithms.corridor._curves.tracks import alignments_among
@@ -75,7 +76,7 @@ def follow(
         if k:
             voxel, corridor = voxel[~corridor.refused], corridor.without_refused(tolerance)
         wires, supports = followed(corridor, voxel, max_gap, part)
-        here = [line for line in lines_of(wires, supports) if line.is_none_by_chance]
+        here = [line for line in lines_of(wires, supports) if line.is_no_accident(corridor)]
         here = [line for line in here if not line.is_structure(corridor)]
         lines = better(corridor, lines, here)
     return together(lines)
@@ -93,7 +94,9 @@ def followed(
         ctx=ctx.part(0.0, 0.7),
     )
     here = ctx.part(0.7, 0.7)
-    found = alignments_among(corridor, curves_of(corridor, curves))
+    traced = curves_of(corridor, curves)
+    traced += sparse_wires(corridor, traced, here)
+    found = alignments_among(corridor, traced)
     arcs, alignments = arcs_of(
         corridor, [followed_together(corridor, alignment, max_gap, here) for alignment in found]
     )
@@ -135,9 +138,11 @@ class Line:
         """Metres of conductor along which points are known."""
         return sum(wire.seen_length for wire in self.wires)
 
-    @property
-    def is_none_by_chance(self) -> bool:
+    def is_no_accident(self, corridor: Corridor) -> bool:
         """Whether it is too much, or too long or thin, for points that happen to lie so."""
+        own = self.points(corridor)
+        if 2 * np.count_nonzero(corridor.proven[own]) > len(own):
+            return True
         points = sum(wire.curve.count for wire in self.wires)
         long = max(wire.seen_length for wire in self.wires) >= SETTINGS.curves.sure_length
         thin = min(wire.curve.rms for wire in self.wires) < SETTINGS.lines.short_rms

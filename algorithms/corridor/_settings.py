@@ -307,9 +307,8 @@ class Sparse:
     steps: int = tried(
         24, "steps", "of a wire; points in one count once, as those of a twig are side by side"
     )
-    false_alarms: float = unlikely(1.0, "wires", "that are expected by chance where there are none")
-    sure: float = unlikely(
-        0.01, "wires", "that are expected by chance beside another one, for one that is sure"
+    false_alarms: float = unlikely(
+        0.01, "wires", "that are expected by chance where there are none, or beside another one"
     )
 
 

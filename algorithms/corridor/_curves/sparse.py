@@ -4,8 +4,9 @@ Where a wire has a point in several metres, none can be followed. But its points
 vertical plane, the points of the wires beside it on the same arc moved, and there is little else in
 the air. So for each point that stands alone, arcs from it to others around are tried. How many
 points would lie by chance on the arc, and on groups beside it, is known from how many there are
-around: an arc is taken if fewer than one as unlikely is expected among all that were tried, which
-is called a contrario (Desolneux, Moisan and Morel 2000). How many points suffice follows from that.
+around: an arc is taken if by chance a hundredth of one as unlikely is expected among all that were
+tried, which is called a contrario (Desolneux, Moisan and Morel 2000). How many points suffice
+follows from that.
 
 References
 ----------
@@ -96,8 +97,8 @@ def groups(xyz: Floats, near: Ints, radius: float, ctx: Context) -> list[tuple[I
     other, tests = np.full(count, -1), np.zeros(count, np.int64)
     made = (xyz, near, used, shape, steps, score, other, bend, tests)
     side_by_side(kernels.search, blocks(count, 200), np.arange(count), *made, ctx=ctx)
-    enough = math.log(SETTINGS.sparse.false_alarms / max(1, int(tests.sum())))
-    sure = math.log(SETTINGS.sparse.sure)
+    sure = math.log(SETTINGS.sparse.false_alarms)
+    enough = sure - math.log(max(1, int(tests.sum())))
     u, v, w = (np.empty(near.shape[1] + 1) for _ in range(3))
     index, taken = (np.empty(near.shape[1] + 1, np.int64) for _ in range(2))
     proof = np.zeros(kernels.MOST_WIRES)

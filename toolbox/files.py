@@ -77,8 +77,6 @@ def _clash(
 
 def _wrong_format(path: Path, suffixes: tuple[str, ...]) -> str | None:
     name = path.name.lower()
-    if name.endswith(".copc.laz"):
-        return "cannot write COPC; use .laz"
     if name.endswith(suffixes) and name not in suffixes:
         return None
     return f"cannot write {path.suffix or 'a file without ending'}; use {', '.join(suffixes)}"

@@ -11,7 +11,7 @@ from tests.bench.corridor_presets import corridor_presets
 from tests.bench.corridor_real import corridor_real
 from tests.bench.corridor_settings import corridor_settings
 from tests.bench.facades import facades
-from tests.bench.files import damaged, memory, reading, roundtrip, startup
+from tests.bench.files import copc, damaged, memory, reading, reprojecting, roundtrip, startup
 from tests.bench.fingerprints import fingerprints
 from tests.bench.gridding import gridding
 from tests.bench.ground import cloth, filters, isprs, terrain
@@ -26,6 +26,8 @@ ALL = (
     accuracy,
     startup,
     reading,
+    copc,
+    reprojecting,
     memory,
     isprs,
     filters,

@@ -38,6 +38,64 @@ def reading() -> None:
     say(f"writing  {ours:.2f} s, laspy {theirs:.2f} s, ratio {ours / theirs:.2f}")
 
 
+def copc() -> None:
+    """Writing COPC against LAZ of the same points, CPU time; and a bounds query of 1 %."""
+    import numpy as np
+
+    from toolbox.data import PointCloud
+
+    def cpu(work: Any) -> float:
+        start = time.process_time()
+        work()
+        return time.process_time() - start
+
+    with folder() as out:
+        PointCloud.open(DATA / "autzen_ept/autzen_south_5M.laz").save(out / "a.copc.laz")
+        cloud = PointCloud.open(out / "a.copc.laz")  # in a point format that COPC has
+        cloud = cloud.select(np.argsort(cloud["gps_time"], kind="stable"))
+        pairs = [
+            (cpu(lambda: cloud.save(out / "a.laz")), cpu(lambda: cloud.save(out / "a.copc.laz")))
+            for _ in range(ROUNDS)
+        ]
+        plain, tree = (statistics.median(times) for times in zip(*pairs, strict=True))
+        sizes = [(out / name).stat().st_size / len(cloud) for name in ("a.laz", "a.copc.laz")]
+        say(
+            f"copc     {tree:.2f} s of CPU, LAZ {plain:.2f} s, ratio {tree / plain:.1f}; "
+            f"{sizes[1]:.2f} bytes per point, LAZ {sizes[0]:.2f}"
+        )
+        low, high = np.reshape(cloud.bounds, (2, 3))[:, :2]
+        box = (*(low + 0.4 * (high - low)), *(low + 0.5 * (high - low)))
+        near, whole = (
+            cpu(lambda name=name: PointCloud.open(out / name, bounds=box))
+            for name in ("a.copc.laz", "a.laz")
+        )
+        say(f"copc     a hundredth of the area in {near:.2f} s of CPU, of LAZ {whole:.2f} s")
+
+
+def reprojecting() -> None:
+    """Reprojecting points against pyproj alone, CPU time; aim 1.2."""
+    import numpy as np
+    from pyproj import CRS, Transformer
+
+    from algorithms.points.reproject import PointsReproject
+    from toolbox.data import PointCloud
+
+    cloud = PointCloud.open(DATA / "autzen_ept/autzen_south_5M.laz")
+    x, y = np.ascontiguousarray(cloud.xyz[:, 0]), np.ascontiguousarray(cloud.xyz[:, 1])
+    alone = Transformer.from_crs(cloud.crs, 32610, always_xy=True)
+    job = PointsReproject(points=cloud, crs=CRS(32610))
+    pairs = []
+    for _ in range(ROUNDS):
+        start = time.process_time()
+        alone.transform(x, y)
+        middle = time.process_time()
+        job.run()
+        pairs.append((middle - start, time.process_time() - middle))
+    theirs, ours = (statistics.median(times) for times in zip(*pairs, strict=True))
+    say(f"reproject {len(cloud):,} points {ours:.2f} s of CPU, pyproj alone {theirs:.2f} s, ")
+    say(f"          ratio {ours / theirs:.2f}")
+
+
 def memory() -> None:
     """Peak memory per point of reading with coordinates, in processes of their own."""
     path = DATA / "autzen_ept/autzen_south_5M.laz"

@@ -23,6 +23,7 @@ from toolbox.data.crs import (
     metres_per_unit,
 )
 from toolbox.data.las import points as las_points
+from toolbox.data.las.copc_write import copc_sink, is_copc, write_copc
 from toolbox.data.las.header import LasMetadata
 from toolbox.data.las.joint import in_layout, joint_metadata, with_layout
 from toolbox.data.las.read import read_las
@@ -67,7 +68,7 @@ class PointCloud(Layer):
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".laz", ".las", ".csv", ".xyz", ".txt", ".ply")
-    SUFFIXES += (".csv.gz", ".xyz.gz", ".txt.gz")
+    SUFFIXES += (".csv.gz", ".xyz.gz", ".txt.gz", ".copc.laz")
     is_spatial: ClassVar[bool] = True
     tools: ClassVar[str] = "points"
     axes: ClassVar[tuple[str, ...]] = ("x", "y", "z")
@@ -613,8 +614,9 @@ class PointCloud(Layer):
 
         A LAS file keeps header, VLRs and all that was not changed. It is written in a newer
         point format where the attributes need it (classes above 31, NIR, ...), and attributes
-        that LAS does not know become extra bytes; both are logged. COPC becomes LAZ, since its
-        order of points is lost. The provenance record that the points were read with is not kept.
+        that LAS does not know become extra bytes; both are logged. A name that ends in .copc.laz
+        makes a COPC file, whose points come in another order, in a point format from 6 to 8. The
+        provenance record that the points were read with is not kept.
 
         Parameters
         ----------
@@ -656,7 +658,10 @@ class PointCloud(Layer):
             metadata = with_record(metadata, record)
         except DataError as error:
             raise DataError(f"{path} cannot be written: {error}") from error
-        write_las(path, metadata, points, compress=compress, ctx=ctx)
+        if is_copc(path):
+            write_copc(path, metadata, points, ctx=ctx)
+        else:
+            write_las(path, metadata, points, compress=compress, ctx=ctx)
 
     def as_las(self) -> tuple[LasMetadata, NDArray[Any]]:
         """What a LAS file of the points holds: its metadata, and point records of shape (n,).
@@ -692,7 +697,7 @@ class PointCloud(Layer):
 
         Parameters
         ----------
-        path : ends in .las or .laz
+        path : ends in .las or .laz; for .copc.laz the points are kept in a file beside it first
         clouds : clouds like this one, a template of clouds that are as read from LAS
         size : number of all their points
         record, ctx : as for :meth:`save`
@@ -703,10 +708,13 @@ class PointCloud(Layer):
             The file cannot be written.
         """
         metadata, _ = self.as_las()
-        done = 0
-        with las_sink(
-            path, with_record(metadata, record), compress=suffix_of(path) == ".laz"
-        ) as write:
+        done, metadata = 0, with_record(metadata, record)
+        sink = (
+            copc_sink(path, metadata)
+            if is_copc(path)
+            else las_sink(path, metadata, compress=suffix_of(path) == ".laz")
+        )
+        with sink as write:
             for cloud in clouds:
                 ctx.progress(done / max(size, 1))
                 write(cloud.as_las()[1])

@@ -88,12 +88,12 @@ class Target:
         return self.folder or (self.resolved is not None and self.resolved.suffix.lower() in LAS)
 
     def inside(self, name: str) -> Target:
-        """Target in this folder for one file of a survey: LAS stays LAS, all else becomes LAZ."""
+        """Target in this folder for a file of a survey: LAS and COPC stay, all else becomes LAZ."""
         assert self.path is not None
         assert self.resolved is not None
         suffix = ".las" if name.lower().endswith(".las") else ".laz"
         stem = name.removesuffix(".gz")[: -len(Path(name.removesuffix(".gz")).suffix)]
-        made = stem.removesuffix(".copc") + suffix
+        made = stem + suffix
         return replace(self, path=self.path / made, resolved=self.resolved / made, folder=False)
 
     def numbered(self, number: int) -> Target:

@@ -100,13 +100,18 @@ def _sink(
         _restore(stream, metadata, writer.header)
 
 
-def metadata_bytes(metadata: LasMetadata) -> bytes:
-    """The metadata as a LAS file without points, which :func:`metadata_of` reads."""
+def empty_file(metadata: LasMetadata) -> bytes:
+    """The bytes of a LAS file of this metadata without points."""
     stream = io.BytesIO()
     with _sink(stream, metadata, "the header", compress=False):
         pass
+    return stream.getvalue()
+
+
+def metadata_bytes(metadata: LasMetadata) -> bytes:
+    """The metadata as a LAS file without points, which :func:`metadata_of` reads."""
     boxes = struct.pack("<6d", *metadata.header.mins, *metadata.header.maxs)
-    return boxes + stream.getvalue()
+    return boxes + empty_file(metadata)
 
 
 @lru_cache(maxsize=64)  # the pieces of a survey share a few headers

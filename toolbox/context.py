@@ -21,6 +21,7 @@ class Context:
     stop : returns True once the user has cancelled the run
     window : xmin, ymin, xmax, ymax in the unit of the coordinates; outside it the result is not
         needed. In a tile of a survey it is the extent of the points. A tool may ignore it.
+    stage : called with a text when another step or tile is worked on
 
     Examples
     --------
@@ -35,6 +36,7 @@ class Context:
     report: Callable[[float], None] = lambda fraction: None
     stop: Callable[[], bool] = lambda: False
     window: tuple[float, float, float, float] | None = None
+    stage: Callable[[str], None] = lambda text: None
 
     def progress(self, fraction: float) -> None:
         """Report the fraction done, 0..1, and stop here if the user has cancelled the run.

@@ -56,6 +56,7 @@ qgis.utils.iface = Interface()
 from lidar_toolbox import parameters  # noqa: E402
 from lidar_toolbox.plugin import Provider  # noqa: E402
 from lidar_toolbox.settings import OptionsFactory, base_python  # noqa: E402
+from lidar_toolbox.widgets import use  # noqa: E402
 from processing.core.Processing import Processing  # noqa: E402
 from processing.gui.AlgorithmDialog import AlgorithmDialog  # noqa: E402
 from processing.gui.BatchAlgorithmDialog import BatchAlgorithmDialog  # noqa: E402
@@ -65,6 +66,7 @@ for module in list(sys.modules.values()):  # which have taken the window when th
     if getattr(module, "__name__", "").startswith("processing") and hasattr(module, "iface"):
         module.iface = qgis.utils.iface
 Processing.initialize()
+use()
 provider = Provider()
 QgsApplication.processingRegistry().addProvider(provider)
 

@@ -9,6 +9,7 @@ import json
 import math
 import os
 import re
+import shlex
 import sys
 import threading
 import time
@@ -40,7 +41,7 @@ sys.path.insert(0, str(Path(PROFILE) / "python" / "plugins"))
 app = QgsApplication([], False)
 app.initQgis()
 
-from lidar_toolbox import bridge, parameters, styling  # noqa: E402
+from lidar_toolbox import bridge, lasheader, parameters, styling  # noqa: E402
 from lidar_toolbox.algorithm import ToolAlgorithm, option_words  # noqa: E402
 from lidar_toolbox.plugin import Provider  # noqa: E402
 
@@ -55,6 +56,7 @@ class Feedback(QgsProcessingFeedback):
     def __init__(self) -> None:
         super().__init__(False)
         self.said: list[str] = []
+        self.commands: list[str] = []
         self.percents: list[float] = []
         self.progressChanged.connect(self.percents.append)
 
@@ -63,6 +65,9 @@ class Feedback(QgsProcessingFeedback):
 
     def pushWarning(self, text: str) -> None:
         self.said.append(text)
+
+    def pushCommandInfo(self, text: str) -> None:
+        self.commands.append(text)
 
     def pushConsoleInfo(self, text: str) -> None:
         self.said.append(text)
@@ -124,6 +129,8 @@ def check_every_tool_follows_the_conventions() -> None:
             "%" in made.helpUrl()
         ), made.helpUrl()
         assert not made.icon().isNull(), name
+        assert Path(made.svgIconPath()).stem == made.groupId(), "an icon for each group"
+        assert len(made.displayName()) <= 30, name
         assert made.canExecute()[0], name
         for definition in made.parameterDefinitions():
             assert definition.name() == definition.name().upper(), name
@@ -355,6 +362,102 @@ def check_what_a_library_prints_is_shown() -> None:
     finally:
         del os.environ[bridge.PYTHON]
     assert [text for text in feedback.said if text in odd] == list(odd), feedback.said
+
+
+def check_how_a_tool_ended_is_told() -> None:
+    program = FOLDER / "killed python"
+    program.write_text("#!/bin/sh\nkill -9 $$\n")
+    program.chmod(0o755)
+    os.environ[bridge.PYTHON] = str(program)
+    said = ""
+    try:
+        bridge.run("a.b", [], {}, Feedback())
+    except QgsProcessingException as err:
+        said = str(err)
+    finally:
+        del os.environ[bridge.PYTHON]
+    assert "memory runs out" in said, said
+    assert "tile size under Advanced" in said, said
+
+
+def check_the_command_to_repeat_a_run() -> None:
+    values = {"points": "/a b/c.laz", "offset": -2, "extent": [-1.0, 2.0, 3.0, 4.0]}
+    values |= {"polygons": {"path": "/d.gpkg", "layer": "e"}, "reads": ["f", "g h"]}
+    made = bridge.repeated("python", "points.clip", ["--overwrite"], values)
+    assert made == (
+        "python -m toolbox run points.clip --points '/a b/c.laz' --offset=-2 "
+        "--extent=-1.0,2.0,3.0,4.0 --polygons /d.gpkg --polygons.layer e "
+        "--reads f 'g h' --overwrite"
+    ), made
+    feedback = Feedback()
+    run("points.info", feedback, POINTS=CLOUD)
+    (told,) = [text for text in feedback.commands if "points.info" in text]
+    assert told.endswith(f"-m toolbox run points.info --points {shlex.quote(CLOUD)} --overwrite"), (
+        told
+    )
+
+
+def check_errors_are_in_the_words_of_the_dialog() -> None:
+    algorithm = provider.algorithm("pointsdenoise").create()
+    text = "points.denoise: 1 problem(s)\n  points: a.xyz has no CRS; state it with --assume-crs"
+    assert algorithm.in_words_of_the_dialog(
+        f"{text} EPSG:..., or --assume-crs local\n  no: -x"
+    ) == (
+        "points.denoise: 1 problem(s)\n  “Points”: a.xyz has no CRS; choose it in "
+        "“CRS, if the file states none”: EPSG:..., or local\n  no: -x"
+    )
+
+
+def check_names_of_attributes_are_offered() -> None:
+    described = out("described.laz")
+    run("features.local", POINTS=CLOUD, DESCRIBED=described, FEATURES=["planarity"])
+    names = lasheader.las_attributes(described)
+    assert {"intensity", "classification", "planarity"} <= set(names), names
+    assert parameters.suggestions([described, CLOUD]) == names
+    layer = square("offered")
+    QgsProject.instance().addMapLayer(layer)
+    assert parameters.suggestions(layer.id()) == ["severity"]
+    plain = FOLDER / "no header.xyz"
+    plain.write_text("1 2 3\n")
+    for nothing in (None, "", str(plain), "/no/file.laz", str(FOLDER)):
+        assert parameters.suggestions(nothing) == [], nothing
+
+
+def check_points_are_picked_by_all_endings_that_are_read() -> None:
+    algorithm = provider.algorithm("pointsinfo").create()
+    made = algorithm.parameterDefinition("POINTS")
+    for copy in (made, made.clone()):
+        filters = copy.createFileFilter()
+        for ending in ("*.laz ", "*.LAS ", "*.e57 ", "*.xyz.gz ", "*.vpc "):
+            assert ending in filters, filters
+    assert made.checkValueIsAcceptable([CLOUD, CLOUD])
+    assert made.checkValueIsAcceptable(str(FOLDER))
+
+
+def check_a_style_of_the_user_stays() -> None:
+    mine = ("lidartoolbox:surfacegrid", "SURFACE")
+    place = out("styled.tif")
+    run("surface.grid", POINTS=CLOUD, SURFACE=place, CELL=5.0)
+    layer = QgsRasterLayer(place, "DTM")
+    sys.path[:0] = ["/usr/share/qgis/python/plugins"]
+    from processing.gui.RenderingStyles import RenderingStyles
+
+    assert not styling.has_style_of_user(layer, *mine)
+    for chosen, output, expected in (
+        ("lidartoolbox:surfacegrid", "SURFACE", True),
+        ("lidartoolbox:surfacegrid", "OTHER", False),
+        ("model:my", "bottom:DTM", True),
+        ("model:my", "bottom:DSM", False),
+        ("lidartoolbox:modelsterrain", "SURFACE", False),
+    ):
+        RenderingStyles.styles = {chosen: {output: "a.qml"}}
+        assert styling.has_style_of_user(layer, *mine) == expected, (chosen, output)
+    RenderingStyles.styles = {}
+    layer.saveNamedStyle(place.replace(".tif", ".qml"))
+    assert styling.has_style_of_user(layer, *mine)
+    styler = styling.Styler.of(COLOURS, None, mine)
+    styler.postProcessLayer(layer, context(), Feedback())
+    assert type(layer.renderer()).__name__ == "QgsSingleBandGrayRenderer"
 
 
 def check_options_of_every_run_become_words() -> None:

@@ -57,6 +57,9 @@ class Console:
             task = bar.add_task("", total=1.0)
             yield lambda fraction: bar.update(task, completed=fraction)
 
+    def stage(self, text: str) -> None:
+        """Take note of the step or tile that is worked on; the progress bar says enough."""
+
     def message(self, level: str, text: str) -> None:
         _warn(text if level == "info" else f"{level}: {text}")
 
@@ -126,6 +129,9 @@ class Events(Console):
                 self._event("progress", value=percent)
 
         yield report
+
+    def stage(self, text: str) -> None:
+        self._event("stage", text=text)
 
     def message(self, level: str, text: str) -> None:
         self._event("log", level=level, message=text)

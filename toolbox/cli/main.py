@@ -317,6 +317,7 @@ def _execute(
             report,
             pipe,
             lambda: console.error(Cancelled()),
+            console.stage,
         )
 
 

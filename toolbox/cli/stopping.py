@@ -46,6 +46,7 @@ def stoppable(
     report: Callable[[float], None],
     pipe: IO[bytes] | None = None,
     farewell: Callable[[], object] = lambda: None,
+    stage: Callable[[str], None] = lambda text: None,
 ) -> T:
     """Return the result of work(ctx), or stop it.
 
@@ -55,6 +56,7 @@ def stoppable(
     report : called with the fraction done
     pipe : its end stops the job; for programs that keep our standard input open
     farewell : called before the process ends because a job does not stop
+    stage : called with a text when another step or tile is worked on
 
     Raises
     ------
@@ -65,7 +67,7 @@ def stoppable(
     stop = threading.Event()
     if pipe:
         threading.Thread(target=_wait_for_end, args=(pipe, stop), daemon=True).start()
-    job = _Job(lambda: work(Context(report, stop.is_set)))
+    job = _Job(lambda: work(Context(report, stop.is_set, stage=stage)))
     with _signals_set(stop):
         job.start()
         asked: float | None = None

@@ -355,6 +355,7 @@ class ModelRun:
         if self.gaps and any(values.get(n) is None for n in needed):
             return SimpleNamespace(**dict.fromkeys(step.spec.outputs))
         job = step.spec.build(values, where)
+        ctx.stage(f"Step {name}: {step.spec.title}")
         try:
             if not isinstance(job, ModelRun):
                 return self.runner(name, job, ctx)

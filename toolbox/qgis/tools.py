@@ -14,6 +14,7 @@ from typing import Any
 from toolbox import __version__, catalog
 from toolbox.context import log
 from toolbox.data import Report, Table
+from toolbox.data.paths import READABLE, VPC
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import CHOICE, find
 from toolbox.declare.show import Classes
@@ -27,6 +28,7 @@ LAYERS = {"PointCloud": "pointcloud", "Raster": "raster", "Vector": "vector", "T
 SCALARS = {"number", "integer", "boolean", "range", "extent", "position", "CRS"}
 SEPARATOR = ";"  # between several values in one text
 TAGS = ("lidar", "las", "laz", "point cloud")
+ASSUME_CRS = "assume_crs"
 SHOWN_AT_ONCE = 12  # inputs of a dialog; optional ones after these are "advanced"
 
 
@@ -82,7 +84,7 @@ def tool(spec: Spec) -> dict[str, Any]:
         "summary": f"{spec.summary or spec.title}.",
         "help": help_page(spec),
         "tags": _tags(spec),
-        "inputs": _inputs(spec) + general(spec),
+        "inputs": _inputs(spec),
         "outputs": [*_results(spec), *SHOWN_OUTPUTS],
     }
 
@@ -94,7 +96,11 @@ def _tags(spec: Spec) -> list[str]:
 
 def _inputs(spec: Spec) -> list[dict[str, Any]]:
     made = [field(f) for f in spec.inputs.values()]
-    return [f | {"advanced": n >= SHOWN_AT_ONCE and not f["required"]} for n, f in enumerate(made)]
+    made = [f | {"advanced": n >= SHOWN_AT_ONCE and not f["required"]} for n, f in enumerate(made)]
+    options = general(spec)
+    crs = [f for f in options if f["name"] == ASSUME_CRS]
+    after = 1 + next((n for n, f in enumerate(made) if f["type"] in LAYERS.values()), -1)
+    return [*made[:after], *crs, *made[after:], *(f for f in options if f not in crs)]
 
 
 def field(f: Field) -> dict[str, Any]:
@@ -108,6 +114,8 @@ def field(f: Field) -> dict[str, Any]:
         made |= {"suffixes": list(f.kind.suffixes)} if f.kind.is_layer else {}
         classes = next((show for show in f.show if isinstance(show, Classes)), None)
         return made | ({"classes": _classes(classes)} if classes else {})
+    made |= {"of": f.of} if f.of and f.kind.word == "attribute" else {}
+    made |= {"reads": [*READABLE, VPC]} if made["type"] == "pointcloud" else {}
     made |= {"required": f.required, "nullable": f.optional, "rule": f.rule(), **f.limits}
     if f.kind is CHOICE:
         made["choices"] = [str(choice) for choice in f.choices]
@@ -153,8 +161,12 @@ def general(spec: Spec) -> list[dict[str, Any]]:
     kinds = {f.kind.word for f in spec.sources.values()}
     made = []
     if kinds:
-        says = "CRS of files that state none; one that states another keeps it"
-        made.append(_option("assume_crs", "Assume CRS", "crs", says))
+        says = (
+            "CRS of files that state none; one that states another keeps it. A scan in a place of "
+            "its own has none: local (metres), local:mm, local:cm or local:ft"
+        )
+        made.append(_option(ASSUME_CRS, "CRS, if the file states none", "crs", says))
+        made[-1]["advanced"] = False
     if "PointCloud" in kinds:
         says = (
             "Work in tiles of this size in metres, or auto, so that a survey need not fit in memory"

@@ -77,18 +77,28 @@ class Crew:
         return tile_products.read(self.folder(self.plan.keep[name]), name)
 
     def all(
-        self, task: Callable[..., Any], job: Any, calls: list[tuple[Any, ...]], ctx: Context
+        self,
+        task: Callable[..., Any],
+        job: Any,
+        calls: list[tuple[Any, ...]],
+        ctx: Context,
+        what: str,
     ) -> list[Any]:
         """Run a task for each tuple of arguments: its results, or `_Failed` after a second try.
 
         Parameters
         ----------
         job : shared with the workers, which give it to each task
+        what : the calls are, in the text that says how many are done
         """
         futures = [self.workers.submit(task, job, *call) for call in calls]
         try:
+            said = 0
             while left := sum(not future.done() for future in futures):
                 ctx.progress(1 - left / len(futures))
+                if (done := len(futures) - left) != said:
+                    ctx.stage(f"{what}: {done} of {len(futures)} done")
+                    said = done
                 time.sleep(0.05)
         except BaseException:
             self.workers.cancel(futures)
@@ -112,7 +122,13 @@ class Crew:
                     blocks += tile_store.blocks(source, survey, number, BLOCK)
                 except DataError as err:
                     self.unreadable[file.path] = str(err)
-        tables = self.all(tile_work.split, self._shared(0), [(block,) for block in blocks], ctx)
+        tables = self.all(
+            tile_work.split,
+            self._shared(0),
+            [(block,) for block in blocks],
+            ctx,
+            "Parts of files read",
+        )
         reach = math.ceil(self.job.halo * SIDE / self.job.grid.size)
         near: dict[Tile, list[FileBlock]] = {}
         core: set[Tile] = set()
@@ -177,7 +193,7 @@ class Crew:
 
     def _run_tiles(self, number: int, tiles: Mapping[Tile, list[FileBlock]], ctx: Context) -> None:
         calls = [(tile, tuple(tiles[tile])) for tile in sorted(tiles)]
-        results = self.all(tile_work.run_tile, self._shared(number), calls, ctx)
+        results = self.all(tile_work.run_tile, self._shared(number), calls, ctx, "Tiles")
         said: dict[str, list[Tile]] = {}
         numbers: dict[str, list[Any]] = {}
         counts: dict[tuple[str, str], int] = {}
@@ -236,7 +252,7 @@ class Crew:
             for folder, p in zip(folders, products, strict=True)
         ]
         job = self.workers.share(replace(self.job))  # without what is opened for it here
-        done = self.all(tile_products.write, job, calls, ctx)
+        done = self.all(tile_products.write, job, calls, ctx, "Products written")
         pairs = zip(products, done, strict=True)
         if wrong := {p.output: d.why for p, d in pairs if isinstance(d, _Failed)}:
             raise DataError(self.id, wrong)

@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
+import weakref
 from typing import Any
 
-from qgis.core import QgsProcessingAlgorithm, QgsProcessingOutputMultipleLayers
+import qgis.utils
+from qgis.core import (
+    QgsProcessingAlgorithm,
+    QgsProcessingException,
+    QgsProcessingOutputMultipleLayers,
+)
 from qgis.PyQt.QtCore import QUrl
 from qgis.PyQt.QtGui import QIcon
 
@@ -28,9 +35,17 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
     def __init__(self, tool: dict[str, Any], colours: dict[str, Any]) -> None:
         super().__init__()
         self.tool, self.colours = tool, colours
+        self.maker: Any = None  # the algorithm of the dialog, of which QGIS runs a copy
+        self.has_page = False
 
     def createInstance(self) -> ToolAlgorithm:
-        return ToolAlgorithm(self.tool, self.colours)
+        made = ToolAlgorithm(self.tool, self.colours)
+        made.maker = weakref.ref(self)
+        return made
+
+    def hasHtmlOutputs(self) -> bool:
+        """Whether the last run has written a page, which the dialog then points to."""
+        return self.has_page
 
     def name(self) -> str:
         return str(self.tool["algorithm"])
@@ -103,12 +118,51 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         options = ["--overwrite"]  # the dialog has asked
         for field, value in given:
             options += option_words(field, value) if field.get("option") else []
-        result = bridge.run(self.tool["id"], options, values, feedback)
-        shown = {f["name"]: _path(v) for f, v in given if f.get("option") and "suffixes" in f}
-        result |= {name: path for name, path in shown.items() if os.path.exists(path)}
         places = {f["name"]: v for f, v in given}
+        try:
+            result = bridge.run(self.tool["id"], options, values, feedback, self._repeated(values))
+        except QgsProcessingException as err:
+            self._drop_what_was_not_made({}, places, context)
+            return self._without_result(err, feedback)
+        shown = {f["name"]: _path(v) for f, v in given if f.get("option") and "suffixes" in f}
+        shown = {name: path for name, path in shown.items() if os.path.exists(path)}
+        result |= shown
+        self.has_page = any(path.endswith(".html") for path in shown.values())
+        if dialog := self.maker and self.maker():
+            dialog.has_page = self.has_page
         self._drop_what_was_not_made(result, places, context)
         return dict(self._results(result, places))
+
+    def _repeated(self, values: dict[str, Any]) -> dict[str, Any]:
+        """The values that a command must state, as they are not the defaults of the tool."""
+        defaults = {f["name"]: f.get("default", UNSET) for f in self.tool["inputs"]}
+        return {name: v for name, v in values.items() if v != defaults.get(name, UNSET)}
+
+    def _without_result(self, err: QgsProcessingException, feedback: Any) -> dict[str, Any]:
+        """Say in the words of the dialog why there is no result; one that was stopped is no error.
+
+        Without a window the words are those of the command line, and an empty result would count
+        as success.
+        """
+        if qgis.utils.iface is None:
+            raise err
+        if isinstance(err, bridge.Cancelled):
+            feedback.pushInfo("Cancelled: no result was written.")
+            return {}
+        raise QgsProcessingException(self.in_words_of_the_dialog(str(err))) from None
+
+    def in_words_of_the_dialog(self, text: str) -> str:
+        """Put the labels of the dialog for the options and names of the command line."""
+        labels = {f["name"]: f"“{f['label']}”" for f in self.tool["inputs"] + self.tool["outputs"]}
+
+        def label(found: re.Match[str]) -> str:
+            return labels.get(found[2].replace("-", "_"), found[0])
+
+        text = re.sub(r"(--)([a-z][a-z_-]*[a-z])", label, text)
+        crs = labels.get("assume_crs", "")
+        text = text.replace(f"state it with {crs}", f"choose it in {crs}:")
+        text = text.replace(f", or {crs} local", ", or local")
+        return re.sub(r"(?m)(^  )([a-z_0-9]+)(?=[.:])", lambda m: m[1] + label(m).lstrip(), text)
 
     def _results(self, result: dict[str, Any], given: dict[str, Any]) -> Any:
         """The results of a tool by the names of QGIS, without tables that were not written."""
@@ -140,8 +194,9 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         context.setLayersToLoadOnCompletion({p: loads[p] for p in loads if p not in lost})
         for path in loads.keys() - lost:
             if field := planned.get(_same(path)):
-                styler = Styler.of(self.colours, field.get("classes"))
-                context.layerToLoadOnCompletionDetails(path).setPostProcessor(styler)
+                details = context.layerToLoadOnCompletionDetails(path)
+                mine = (f"{bridge.PROVIDER}:{self.name()}", field["name"].upper())
+                details.setPostProcessor(Styler.of(self.colours, field.get("classes"), mine))
 
 
 def option_words(field: dict[str, Any], value: Any) -> list[str]:

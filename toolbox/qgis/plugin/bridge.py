@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import subprocess
 import threading
 import time
@@ -19,6 +20,7 @@ from qgis.core import QgsApplication, QgsProcessingException, QgsSettings
 from qgis.PyQt.QtCore import QCoreApplication, QThread
 
 HERE = Path(__file__).parent
+PROVIDER = "lidartoolbox"
 PYTHON, ROOT = "LIDAR_TOOLBOX_PYTHON", "LIDAR_TOOLBOX_ROOT"
 SETTING = "lidar_toolbox/python"
 INSTALLED = HERE / "environment.json"  # written by `python -m toolbox qgis install`
@@ -153,7 +155,13 @@ def said(words: list[str]) -> str:
     return done.stdout.strip()
 
 
-def run(tool: str, options: list[str], values: dict[str, Any], feedback: Any) -> dict[str, Any]:
+def run(
+    tool: str,
+    options: list[str],
+    values: dict[str, Any],
+    feedback: Any,
+    shown: dict[str, Any] | None = None,
+) -> dict[str, Any]:
     """Run one tool and return its outputs.
 
     Parameters
@@ -162,14 +170,19 @@ def run(tool: str, options: list[str], values: dict[str, Any], feedback: Any) ->
     options : words of the command line
     values : its inputs and paths of outputs
     feedback : takes progress and messages, and may cancel the run
+    shown : the values in the command that the log shows; all unless given
 
     Raises
     ------
     QgsProcessingException
-        It failed, with the message of the tool, or was cancelled.
+        It failed, with the message of the tool.
+    Cancelled
+        It was cancelled.
     """
     words = command("-m", "toolbox", "run", tool, "--params", "-", "--events", "jsonl", *options)
-    feedback.pushCommandInfo(" ".join(words))
+    feedback.pushDebugInfo(" ".join(words))
+    feedback.pushInfo("The same on the command line:")
+    feedback.pushCommandInfo(repeated(words[0], tool, options, shown or values))
     try:
         child = _Child(words, feedback)
     except OSError as err:
@@ -184,6 +197,35 @@ def run(tool: str, options: list[str], values: dict[str, Any], feedback: Any) ->
     return child.outputs()
 
 
+def repeated(python: str, tool: str, options: list[str], values: dict[str, Any]) -> str:
+    """The command that does the same without QGIS, for a terminal of this system."""
+    words = [python, "-m", "toolbox", "run", tool]
+    for name, value in values.items():
+        if isinstance(value, dict):  # a layer of a file
+            words += [f"--{name}", value["path"], f"--{name}.layer", value["layer"]]
+        elif isinstance(value, (list, tuple)):
+            numbers = all(isinstance(item, (int, float)) for item in value)
+            several = [",".join(map(str, value))] if numbers else list(map(str, value))
+            words += [f"--{name}={several[0]}"] if numbers else [f"--{name}", *several]
+        else:
+            words += [f"--{name}={value}"] if str(value)[:1] == "-" else [f"--{name}", str(value)]
+    words += options
+    return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
+
+
+def _ended(code: int) -> str:
+    """What the end of a process without a word means, and what to do."""
+    if code in (-9, 137):
+        return (
+            "The system ended the tool (signal 9), as it does when memory runs out. Give a tile "
+            "size under Advanced, such as auto, or work on a part of the data."
+        )
+    return (
+        f"The tool ended with exit code {code} and without a message. If memory was short, give a "
+        "tile size under Advanced, such as auto."
+    )
+
+
 def _tell_of_another_version(feedback: Any) -> None:
     """Warn if the Python of the tools has another version than the plugin."""
     try:
@@ -196,6 +238,10 @@ def _tell_of_another_version(feedback: Any) -> None:
             f"The Python of the tools has version {there}, and this plugin is of {here}. "
             "Run 'python -m toolbox qgis install' there."
         )
+
+
+class Cancelled(QgsProcessingException):
+    """The user has stopped the run."""
 
 
 class _Child:
@@ -270,6 +316,8 @@ class _Child:
         kind = event["event"]
         if kind == "progress":
             self.feedback.setProgress(float(event["value"]))
+        elif kind == "stage":
+            self.feedback.setProgressText(event["text"])
         elif kind == "log":
             self._log(event["level"], event["message"])
         elif kind == "error":
@@ -297,14 +345,13 @@ class _Child:
 
     def outputs(self) -> dict[str, Any]:
         if self.stop_at is not None:  # an empty result would count as success
-            raise QgsProcessingException("Cancelled.")
+            raise Cancelled("Cancelled.")
         said = "\n".join(self.tail)
         if self.error is not None:
             self.feedback.pushDebugInfo(said)
             raise QgsProcessingException(self.error)
         if self.result is None:
-            code = self.process.returncode
-            raise QgsProcessingException(f"The tool stopped with exit code {code}.\n{said}")
+            raise QgsProcessingException(f"{_ended(self.process.returncode)}\n{said}".strip())
         return self.result
 
 

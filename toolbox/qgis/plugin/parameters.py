@@ -16,11 +16,13 @@ from qgis.core import (
     QgsProcessingException,
     QgsProcessingParameterDefinition,
     QgsProcessingParameterFile,
+    QgsProject,
     QgsUnitTypes,
+    QgsVectorLayer,
 )
 from qgis.PyQt.QtCore import QUrl
 
-from .lasheader import las_crs
+from .lasheader import las_attributes, las_crs
 
 UNSET = object()
 """The value of a parameter that was not given: the tool uses its own default."""
@@ -37,17 +39,16 @@ TYPES = {
 }
 WORDS = {"pointcloud": "Point clouds", "raster": "Rasters", "vector": "Vectors", "table": "Tables"}
 NUMBERS = ("number", "integer", "length")  # also of outputs
+WIDGETS: dict[Any, Any] = {}
+"""The widget of ours by class of parameter; filled where there are dialogs."""
 
 
 def _parameter(name: str) -> Any:
     return getattr(qgis.core, f"QgsProcessingParameter{name}")
 
 
-class _PathMixin:
-    """A layer that may also be a path, which QGIS itself need not be able to open.
-
-    QGIS without PDAL opens no LAS; and a survey is a folder, a pattern or several files.
-    """
+class _Cloned:
+    """A parameter whose copies are of its own class, with what it knows besides."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -57,7 +58,16 @@ class _PathMixin:
         made = type(self)(*self.args)
         made.setFlags(self.flags())  # type: ignore[attr-defined]
         made.setHelp(self.help())  # type: ignore[attr-defined]
+        made.setMetadata(self.metadata())  # type: ignore[attr-defined]
+        made.__dict__ |= {name: v for name, v in self.__dict__.items() if name != "args"}
         return made
+
+
+class _PathMixin(_Cloned):
+    """A layer that may also be a path, which QGIS itself need not be able to open.
+
+    QGIS without PDAL opens no LAS; and a survey is a folder, a pattern or several files.
+    """
 
     def checkValueIsAcceptable(self, value: Any, context: Any = None) -> bool:
         values = value if isinstance(value, (list, tuple)) else [value]
@@ -68,6 +78,32 @@ class _PathMixin:
 
 class PointCloud(_PathMixin, _parameter("PointCloudLayer")):  # type: ignore[misc]
     """A point cloud or a survey."""
+
+    reads: Any = ()  # the endings of files that the tools read
+
+    def createFileFilter(self) -> str:
+        """What file dialogs show: all that the tools read, which is more than QGIS does."""
+        patterns = " ".join(f"*{suffix} *{suffix.upper()}" for suffix in self.reads)
+        return f"Points ({patterns});;All files (*)"
+
+
+class Choice(_Cloned, _parameter("Enum")):  # type: ignore[misc]
+    """A choice that is kept by its name and shown in words."""
+
+    shown: Any = ()
+
+
+class AnyCrs(_Cloned, _parameter("Crs")):  # type: ignore[misc]
+    """A CRS, or what stands for none, such as "local"."""
+
+    def checkValueIsAcceptable(self, value: Any, context: Any = None) -> bool:
+        return isinstance(value, str) or bool(super().checkValueIsAcceptable(value, context))
+
+
+class Suggested(_Cloned, _parameter("String")):  # type: ignore[misc]
+    """A text, for which the names of attributes or bands of a layer are offered."""
+
+    source = ""  # the parameter of the layer
 
 
 class Source(_PathMixin, _parameter("FeatureSource")):  # type: ignore[misc]
@@ -104,6 +140,8 @@ def definition(field: dict[str, Any]) -> Any:
         return getattr(qgis.core, f"QgsProcessingOutput{word}")(name, label)
     made = _destination(field) if "suffixes" in field else _input(field)
     made.setHelp(_tip(field))
+    if widget := WIDGETS.get(made.__class__):
+        made.setMetadata({"widget_wrapper": {"class": widget}})
     if field.get("advanced"):
         made.setFlags(made.flags() | QgsProcessingParameterDefinition.FlagAdvanced)
     return made
@@ -124,7 +162,7 @@ def _input(field: dict[str, Any]) -> Any:
     """The parameter; one that may be left empty is optional to QGIS."""
     default = field.get("default")
     empty = not field["required"] and (field["nullable"] or default in (None, ""))
-    if field["type"] in TYPES and field["many"]:
+    if field["type"] in TYPES and field["many"] and field["type"] != "pointcloud":
         name, label = field["name"].upper(), field["label"]
         return Layers(name, label, TYPES[field["type"]], default, empty)
     make = MAKERS.get(field["type"])
@@ -139,8 +177,32 @@ def _source(field: dict[str, Any], name: str, label: str, default: Any, empty: b
 
 def _choice(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
     """A choice, whose values are its words, not their numbers, since these may change."""
-    many = field["many"]
-    return _parameter("Enum")(name, label, field["choices"], many, default, empty, True)
+    if field["many"]:  # which the widget of QGIS shows as a list to tick
+        return _parameter("Enum")(name, label, field["choices"], True, default, empty, True)
+    made = Choice(name, label, field["choices"], False, default, empty, True)
+    made.shown = field.get("words", field["choices"])
+    return made
+
+
+def _points(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
+    made = PointCloud(name, label, default, empty)
+    made.reads = field.get("reads", ())
+    return made
+
+
+def _crs(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
+    """A CRS; that of files which state none may be none at all."""
+    made = AnyCrs if field.get("option") else _parameter("Crs")
+    return made(name, label, default, True)
+
+
+def _text(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
+    """A text; where it names an attribute of a layer, those that this has are offered."""
+    if not field.get("of"):
+        return _parameter("String")(name, label, default, False, empty)
+    made = Suggested(name, label, default, False, empty)
+    made.source = field["of"].upper()
+    return made
 
 
 def _range(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
@@ -178,7 +240,7 @@ def _number(field: dict[str, Any], name: str, label: str, default: Any, empty: b
 
 
 MAKERS: dict[str, Any] = {
-    "pointcloud": lambda f, n, label, default, empty: PointCloud(n, label, default, empty),
+    "pointcloud": _points,
     "raster": lambda f, *args: _parameter("RasterLayer")(*args),
     "vector": _source,
     "table": _source,
@@ -192,11 +254,9 @@ MAKERS: dict[str, Any] = {
     "position": lambda f, n, label, default, _: _parameter("Point")(
         n, label, _listed(default), True
     ),
-    "crs": lambda f, n, label, default, _: _parameter("Crs")(n, label, default, True),
+    "crs": _crs,
     "file": _file,
-    "text": lambda f, n, label, default, empty: _parameter("String")(
-        n, label, default, False, empty
-    ),
+    "text": _text,
 }
 
 
@@ -453,6 +513,23 @@ def source_of(layer: Any) -> Any:
         )
     names = [item[len("layername=") :] for item in more if item.startswith("layername=")]
     return {"path": path, "layer": names[0]} if names else path
+
+
+def suggestions(value: Any) -> list[str]:
+    """The names of the attributes of a layer or file; none if they cannot be told."""
+    first = value[0] if isinstance(value, (list, tuple)) and value else value
+    if is_missing(first):
+        return []
+    layer = QgsProject.instance().mapLayer(str(first))
+    if layer is None and is_path(first):
+        if names := las_attributes(str(first)):
+            return names
+        layer = QgsVectorLayer(str(first), "", "ogr")
+    if isinstance(layer, QgsVectorLayer):
+        return [field.name() for field in layer.fields()] if layer.isValid() else []
+    if layer is None or not hasattr(layer, "attributes"):
+        return []
+    return las_attributes(layer.source()) or [a.name() for a in layer.attributes().attributes()]
 
 
 def opens_points() -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 from qgis.core import Qgis, QgsApplication, QgsMessageLog, QgsProcessingProvider
 from qgis.PyQt.QtGui import QIcon
 
+from . import bridge
 from .algorithm import ToolAlgorithm
 from .parameters import definition
 
@@ -31,11 +32,17 @@ class Plugin:
         QgsApplication.processingRegistry().addProvider(self.provider)
 
     def initGui(self) -> None:
-        self.initProcessing()
         from .settings import OptionsFactory
 
+        try:
+            from .widgets import use
+
+            use()
+        except ImportError as err:  # a QGIS whose dialogs take no widgets of Python
+            say(f"The dialogs show the widgets of QGIS: {err}")
         self.options = OptionsFactory()
         self.iface.registerOptionsWidgetFactory(self.options)
+        self.initProcessing()
 
     def unload(self) -> None:
         if self.provider is not None:
@@ -52,7 +59,7 @@ class Provider(QgsProcessingProvider):
         self.listed = read_tools()
 
     def id(self) -> str:
-        return "lidartoolbox"
+        return bridge.PROVIDER
 
     def name(self) -> str:
         return NAME

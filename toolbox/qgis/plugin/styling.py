@@ -8,6 +8,7 @@ by the description of its band.
 from __future__ import annotations
 
 import math
+import os
 from typing import Any, ClassVar
 
 from qgis.core import (
@@ -41,17 +42,48 @@ class Styler(QgsProcessingLayerPostProcessorInterface):
     _kept: ClassVar[list[Any]] = []  # QGIS holds a bare pointer only
 
     @classmethod
-    def of(cls, colours: dict[str, Any], classes: dict[str, Any] | None) -> Styler:
+    def of(
+        cls, colours: dict[str, Any], classes: dict[str, Any] | None, output: tuple[str, str]
+    ) -> Styler:
         made = cls()
-        made.colours, made.classes = colours, classes
+        made.colours, made.classes, made.output = colours, classes, output
         cls._kept.append(made)
         return made
 
     def postProcessLayer(self, layer: Any, context: Any, feedback: Any) -> None:
         try:
-            style(layer, self.colours, self.classes)
+            if not has_style_of_user(layer, *self.output):
+                style(layer, self.colours, self.classes)
         except Exception as err:  # a layer in plain colours is better than none
             QgsMessageLog.logMessage(f"{layer.name()} keeps its colours: {err}", "LiDAR Toolbox")
+
+
+def has_style_of_user(layer: Any, algorithm: str, output: str) -> bool:
+    """Whether QGIS has given the layer a style that the user has chosen, which stays.
+
+    That is a style file beside the data, one for this output (of the tool, or of a model by the
+    name that it gives the layer), or one for all results of the kind of layer.
+    """
+    if os.path.isfile(layer.styleURI()):
+        return True
+    try:
+        from processing.core.ProcessingConfig import ProcessingConfig
+        from processing.gui.RenderingStyles import RenderingStyles
+    except ImportError:  # QGIS without its Processing plugin has no such choice
+        return False
+    ours = f"{algorithm.partition(':')[0]}:"
+    for chosen, outputs in RenderingStyles.styles.items():
+        if chosen == algorithm and output in outputs:
+            return True
+        names = {name.rpartition(":")[2] for name in outputs}
+        if not chosen.startswith(ours) and {output, layer.name()} & names:  # of a model
+            return True
+    usual = {QgsMapLayerType.RasterLayer: "RASTER_STYLE"}
+    if layer.type() == QgsMapLayerType.VectorLayer:
+        words = {0: "VECTOR_POINT_STYLE", 1: "VECTOR_LINE_STYLE", 2: "VECTOR_POLYGON_STYLE"}
+        usual[layer.type()] = words.get(int(layer.geometryType()), "")
+    setting = getattr(ProcessingConfig, usual.get(layer.type(), ""), None)
+    return bool(setting and ProcessingConfig.getSetting(setting))
 
 
 def style(layer: Any, colours: dict[str, Any], classes: dict[str, Any] | None = None) -> None:

@@ -21,14 +21,14 @@ def in_words(name: str) -> str:
 
 
 def labelled(name: str, title: str, help: str) -> str:
-    """A help, after the title of the field if that says more than its name.
+    """A help, after the title of the field if that says more than its name and the help.
 
     >>> labelled("cell", "Cell", "Size of the cells")
     'Size of the cells'
     >>> labelled("ignore", "Classes left out", "Classes that take no part")
     'Classes left out: classes that take no part'
     """
-    if title == in_words(name):
+    if title == in_words(name) or help.lower().startswith(title.lower()):
         return help
     flows = help[:1].lower() + help[1:] if help[1:2].islower() else help
     return f"{title}: {flows}"

@@ -80,7 +80,7 @@ def _row(name: str, field: Mapping[str, Any]) -> str:
     rule = says.get("rule", "")
     words = [meta for meta in field["metadata"] if meta["role"] == "choice"]
     if words:
-        rule += ": " + "; ".join(f"{m['title']} is {m['value']}" for m in words)
+        rule += " (" + "; ".join(f"{m['title']}: {m['value']}" for m in words) + ")"
     text = labelled(name, field["title"], field["description"])
     return f"| `{name}` | {says['type']} | {text}{unit} | {rule} | {default} |"
 

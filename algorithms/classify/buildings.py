@@ -112,15 +112,22 @@ class ClassifyBuildings:
     """
 
     points: PointCloud = source("Points with classified ground")
-    min_height: float = param("Lowest roof above ground", default=2.0, unit="m", gt=0, le=20)
-    smallest: float = param("Smallest building", default=10.0, unit="m2", gt=0, le=100)
-    largest: float | None = param("Largest building", default=None, unit="m2", gt=0)
+    min_height: float = param(
+        "Lowest roof above ground", default=2.0, unit="m", gt=0, le=20, label="Lowest roof"
+    )
+    smallest: float = param(
+        "Smallest building", default=10.0, unit="m2", gt=0, le=100, label="Smallest building"
+    )
+    largest: float | None = param(
+        "Largest building", default=None, unit="m2", gt=0, label="Largest building"
+    )
     planarity: float = param(
         "Least share of points on planes around what is no vegetation",
         default=0.1,
         unit="1",
         ge=0,
         le=1,
+        label="Share of points on planes",
     )
     flat: float = param(
         "How far from a plane its points may be, as standard deviation",
@@ -128,6 +135,7 @@ class ClassifyBuildings:
         unit="m",
         gt=0,
         le=1,
+        label="Flatness of planes",
     )
     radius: float | None = parameters.radius_by_density()
     context: float | None = parameters.context_by_density()
@@ -137,8 +145,14 @@ class ClassifyBuildings:
         unit="m",
         gt=0,
         le=20,
+        label="Radius of the disc (alpha)",
     )
-    outline: Literal["squared", "alpha"] = param("How outlines are drawn", default="squared")
+    outline: Literal["squared", "alpha"] = param(
+        "How outlines are drawn",
+        default="squared",
+        label="Outlines are drawn",
+        words={"squared": "With right angles", "alpha": "As the points lie (alpha shape)"},
+    )
     ground_classes: ClassList = parameters.ground_classes()
     overhang: float = param(
         "Roof beyond the walls, taken off the outlines; 0 shows roofs",
@@ -146,13 +160,16 @@ class ClassifyBuildings:
         unit="m",
         ge=0,
         le=2,
+        label="Overhang of roofs",
     )
     ignore: ClassList | None = parameters.ignore()
     keep_classes: ClassList | None = parameters.keep_classes()
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink("The same points with buildings as class 6")
+        classified: PointCloud = sink(
+            "The same points with buildings as class 6", label="Classified points"
+        )
         outlines: Vector = sink("Outlines of roofs with heights")
         building_share: float = sink("Share of points that became building", unit="1")
 

@@ -61,12 +61,18 @@ class ClassifyNdvi:
     well as can be, which assumes that there are two.
     """
 
-    image: Raster = source("Image with a near-infrared and a red band")
-    red_image: Raster | None = source("Image with the red band, if in another file", default=None)
-    nir: str | None = param(
-        "Near-infrared band: its number, or a word of its description", default=None
+    image: Raster = source("Image with a near-infrared and a red band", label="Image")
+    red_image: Raster | None = source(
+        "Image with the red band, if in another file", default=None, label="Image with the red band"
     )
-    red: str | None = param("Red band: its number, or a word of its description", default=None)
+    nir: str | None = param(
+        "Near-infrared band: its number, or a word of its description",
+        default=None,
+        label="Near-infrared band",
+    )
+    red: str | None = param(
+        "Red band: its number, or a word of its description", default=None, label="Red band"
+    )
     threshold: float | Literal["otsu"] = param(
         "Lowest NDVI of vegetation; otsu splits the values in two",
         default="otsu",
@@ -74,16 +80,21 @@ class ClassifyNdvi:
         ge=-1,
         le=1,
     )
-    scale: float = param("Reflectance per value", default=1.0, unit="1", gt=0)
-    offset: float = param("Reflectance of the value 0", default=0.0, unit="1")
+    scale: float = param(
+        "Reflectance per value", default=1.0, unit="1", gt=0, label="Reflectance per value"
+    )
+    offset: float = param(
+        "Reflectance of the value 0", default=0.0, unit="1", label="Reflectance of 0"
+    )
     nodata_is_valid: bool = param(
         "Take the nodata value of integers for a measurement, such as 255 in bright cells",
         default=False,
+        label="Nodata is a measurement",
     )
 
     @outputs
     class Outputs:
-        ndvi: Raster = sink("NDVI, from -1 to 1, empty where it is not known")
+        ndvi: Raster = sink("NDVI, from -1 to 1, empty where it is not known", label="NDVI")
         mask: Raster = sink("Cells with vegetation 1, others 0, empty where not known")
         threshold_used: float | None = sink("Lowest NDVI of vegetation", unit="1")
         vegetation_share: float = sink("Share of the cells with NDVI that are green", unit="1")

@@ -88,20 +88,26 @@ class ClassifySom:
         default=None,
         unit="1",
         gt=0,
+        label="Weights of features",
     )
     labels: Attribute | None = param(
         "Attribute with the classes of some points, 0 where unknown, to name clusters by",
         default=None,
         of="points",
+        label="Attribute with known classes",
     )
-    rows: int = param("Rows of neurons", default=4, unit="1", ge=1, le=100)
-    columns: int = param("Columns of neurons", default=5, unit="1", ge=1, le=100)
+    rows: int = param("Rows of neurons", default=4, unit="1", ge=1, le=100, label="Rows of neurons")
+    columns: int = param(
+        "Columns of neurons", default=5, unit="1", ge=1, le=100, label="Columns of neurons"
+    )
     lattice: _som.Shape = param("Lattice of the neurons", default="hexagonal")
     neighbourhood: _som.Neighbourhood = param(
         "How neurons follow a neighbour that wins", default="gaussian"
     )
     method: _som.Method = param(
-        "How neurons learn: from all points at once, or from one after the other", default="batch"
+        "How neurons learn: from all points at once, or from one after the other",
+        default="batch",
+        words={"batch": "From all points at once", "online": "From one after the other"},
     )
     iterations: int = param("Passes over all points", default=200, unit="1", ge=1, le=100_000)
     final_radius: float = param(
@@ -111,13 +117,18 @@ class ClassifySom:
         gt=0,
         le=50,
     )
-    search: bool = param("Grow the map from two neurons until max_impurity is met", default=False)
+    search: bool = param(
+        "Grow the map from two neurons until max_impurity is met",
+        default=False,
+        label="Grow the map",
+    )
     max_impurity: float = param(
         "Share of points of another class that a cluster, or a map that grows, may have",
         default=0.2,
         unit="1",
         ge=0,
         le=1,
+        label="Largest impurity",
     )
     parts: int = param(
         "Neurons that a mixed cluster is split into; 1 to split none",
@@ -125,6 +136,7 @@ class ClassifySom:
         unit="1",
         ge=1,
         le=20,
+        label="Parts of a mixed cluster",
     )
     radius: float = parameters.plane_radius()
     context: float = parameters.context()
@@ -134,6 +146,7 @@ class ClassifySom:
         unit="1",
         ge=2,
         le=100_000_000,
+        label="Points to learn from",
     )
     seed: int = parameters.seed()
     ignore: ClassList | None = parameters.ignore()
@@ -141,7 +154,8 @@ class ClassifySom:
     @outputs
     class Outputs:
         classified: PointCloud = sink(
-            "The same points with classes, neuron, its distance and confidence"
+            "The same points with classes, neuron, its distance and confidence",
+            label="Classified points",
         )
         map: Table = sink("The trained map: one row per neuron, for classify.som_apply")
         planes: Raster = sink("Pictures of the map: the U-matrix and each feature, from 0 to 1")

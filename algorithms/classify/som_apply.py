@@ -48,7 +48,8 @@ class ClassifySomApply:
     @outputs
     class Outputs:
         classified: PointCloud = sink(
-            "The same points with classes, neuron, its distance and confidence"
+            "The same points with classes, neuron, its distance and confidence",
+            label="Classified points",
         )
         unclassified: int = sink("Points that lack a feature, now of class 1", unit="1")
 

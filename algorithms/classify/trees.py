@@ -79,18 +79,31 @@ class ClassifyTrees:
     """
 
     points: PointCloud = source("Classified points")
-    classes: ClassList = param("Classes that are trees", default=ClassList([5]))
-    min_height: float = param("Lowest tree", default=3.0, unit="m", gt=0, le=50)
-    prominence: float = param(
-        "Least depth of the dip between two tops", default=1.0, unit="m", ge=0, le=20
+    classes: ClassList = param(
+        "Classes that are trees", default=ClassList([5]), label="Tree classes"
     )
-    min_crown: float = param("Smallest crown", default=1.0, unit="m2", ge=0, le=1000)
+    min_height: float = param(
+        "Lowest tree", default=3.0, unit="m", gt=0, le=50, label="Lowest tree"
+    )
+    prominence: float = param(
+        "Least depth of the dip between two tops",
+        default=1.0,
+        unit="m",
+        ge=0,
+        le=20,
+        label="Depth of dips between trees",
+    )
+    min_crown: float = param(
+        "Smallest crown", default=1.0, unit="m2", ge=0, le=1000, label="Smallest crown"
+    )
     ground_classes: ClassList = parameters.ground_classes()
 
     @outputs
     class Outputs:
-        tops: Vector = sink("Highest point of each tree, with heights")
-        crowns: Vector = sink("Outline of each crown, with the same attributes")
+        tops: Vector = sink("Highest point of each tree, with heights", label="Tree tops")
+        crowns: Vector = sink(
+            "Outline of each crown, with the same attributes", label="Tree crowns"
+        )
         count: int = sink("Number of trees", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:

@@ -68,14 +68,27 @@ class ClassifyUrban:
 
     points: PointCloud = source("Points with classified ground and buildings")
     water: Vector | None = source("Polygons of water, as of shoreline.extract", default=None)
-    low: float = param("Vegetation below this height is low", default=0.5, unit="m", ge=0)
-    high: float = param("Vegetation from this height on is high", default=1.5, unit="m", ge=0)
+    low: float = param(
+        "Vegetation below this height is low",
+        default=0.5,
+        unit="m",
+        ge=0,
+        label="Low vegetation ends at",
+    )
+    high: float = param(
+        "Vegetation from this height on is high",
+        default=1.5,
+        unit="m",
+        ge=0,
+        label="High vegetation begins at",
+    )
     planarity: float = param(
         "Least share of points on planes around what is no vegetation",
         default=0.1,
         unit="1",
         ge=0,
         le=1,
+        label="Share of points on planes",
     )
     penetration: float = param(
         "Least share of returns around vegetation that let the pulse through",
@@ -83,6 +96,7 @@ class ClassifyUrban:
         unit="1",
         ge=0,
         le=1,
+        label="Share of pulses that go through",
     )
     flat: float = param(
         "How far from a plane its points may be, as standard deviation",
@@ -90,6 +104,7 @@ class ClassifyUrban:
         unit="m",
         gt=0,
         le=1,
+        label="Flatness of planes",
     )
     radius: float | None = parameters.radius_by_density()
     context: float | None = parameters.context_by_density()
@@ -98,7 +113,9 @@ class ClassifyUrban:
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink("The same points with classes 1 to 6 and 9, and confidence")
+        classified: PointCloud = sink(
+            "The same points with classes 1 to 6 and 9, and confidence", label="Classified points"
+        )
         vegetation_share: float = sink("Share of points that are vegetation", unit="1")
         building_share: float = sink("Share of points that are building", unit="1")
         water_share: float = sink("Share of points that are water", unit="1")

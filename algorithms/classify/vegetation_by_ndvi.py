@@ -59,9 +59,15 @@ class ClassifyVegetationByNdvi:
     """
 
     points: PointCloud = source("Points to classify")
-    image: Raster | None = source("NDVI, of one band", default=None)
-    nir: Attribute = param("Attribute with near infrared", default=Attribute("nir"))
-    red: Attribute = param("Attribute with red", default=Attribute("red"))
+    image: Raster | None = source("NDVI, of one band", default=None, label="NDVI raster")
+    nir: Attribute = param(
+        "Attribute with near infrared",
+        default=Attribute("nir"),
+        label="Attribute with near infrared",
+    )
+    red: Attribute = param(
+        "Attribute with red", default=Attribute("red"), label="Attribute with red"
+    )
     threshold: float | Literal["otsu"] = param(
         "Lowest NDVI of vegetation; otsu splits the values in two",
         default=0.1,
@@ -70,16 +76,34 @@ class ClassifyVegetationByNdvi:
         le=1,
     )
     min_height: float = param(
-        "Lowest height above ground of vegetation", default=0.2, unit="m", ge=0
+        "Lowest height above ground of vegetation",
+        default=0.2,
+        unit="m",
+        ge=0,
+        label="Lowest vegetation",
     )
-    low: float = param("Vegetation below this height is low", default=0.5, unit="m", ge=0)
-    high: float = param("Vegetation from this height on is high", default=1.5, unit="m", ge=0)
+    low: float = param(
+        "Vegetation below this height is low",
+        default=0.5,
+        unit="m",
+        ge=0,
+        label="Low vegetation ends at",
+    )
+    high: float = param(
+        "Vegetation from this height on is high",
+        default=1.5,
+        unit="m",
+        ge=0,
+        label="High vegetation begins at",
+    )
     ignore: ClassList | None = parameters.ignore()
     keep_classes: ClassList | None = parameters.keep_classes()
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink("The same points with classes and NDVI")
+        classified: PointCloud = sink(
+            "The same points with classes and NDVI", label="Classified points"
+        )
         threshold_used: float | None = sink("Lowest NDVI of vegetation", unit="1")
         vegetation_share: float = sink("Share of points that became vegetation", unit="1")
         covered_share: float = sink("Share of points that have NDVI", unit="1")

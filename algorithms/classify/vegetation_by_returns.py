@@ -77,7 +77,12 @@ class ClassifyVegetationByReturns:
     difference: float = param(
         "How far the first return is above the last at least", default=4.0, unit="m", gt=0
     )
-    pairs: How = param("How returns of one pulse are found", default="gps_time")
+    pairs: How = param(
+        "How returns of one pulse are found",
+        default="gps_time",
+        label="Returns of a pulse are found by",
+        words={"gps_time": "GPS time", "order": "Order in the file"},
+    )
     building_classes: ClassList | None = param("Classes that are buildings", default=ClassList([6]))
     edge_reach: float = param(
         "Reach of an edge: footprint of the laser and error of its position",
@@ -85,22 +90,30 @@ class ClassifyVegetationByReturns:
         unit="m",
         ge=0,
         le=10,
+        label="Reach of an edge",
     )
-    cell: float = param("Size of the cells", default=0.5, unit="m", gt=0, le=5)
+    cell: float = param("Size of the cells", default=0.5, unit="m", gt=0, le=5, label="Cell size")
     sigma: float = param(
-        "Canny: standard deviation of the Gaussian, in cells", default=1.0, unit="1", gt=0, le=10
+        "Canny: standard deviation of the Gaussian, in cells",
+        default=1.0,
+        unit="1",
+        gt=0,
+        le=10,
+        label="Smoothing (Canny)",
     )
     weak: float = param(
         "Canny: step per cell of weak edges, as a share of difference",
         default=0.1,
         unit="1",
         gt=0,
+        label="Weak edges (Canny)",
     )
     strong: float = param(
         "Canny: step per cell of strong edges, as a share of difference",
         default=0.2,
         unit="1",
         gt=0,
+        label="Strong edges (Canny)",
     )
     spread: float = param(
         "Points this near to vegetation are vegetation; 0 for returns of such pulses alone",
@@ -109,14 +122,26 @@ class ClassifyVegetationByReturns:
         ge=0,
         le=10,
     )
-    low: float = param("Vegetation below this height is low", default=0.5, unit="m", ge=0)
-    high: float = param("Vegetation from this height on is high", default=1.5, unit="m", ge=0)
+    low: float = param(
+        "Vegetation below this height is low",
+        default=0.5,
+        unit="m",
+        ge=0,
+        label="Low vegetation ends at",
+    )
+    high: float = param(
+        "Vegetation from this height on is high",
+        default=1.5,
+        unit="m",
+        ge=0,
+        label="High vegetation begins at",
+    )
     ignore: ClassList | None = parameters.ignore()
     keep_classes: ClassList | None = parameters.keep_classes()
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink("The same points with vegetation")
+        classified: PointCloud = sink("The same points with vegetation", label="Classified points")
         vegetation_share: float = sink("Share of points that became vegetation", unit="1")
         candidates: int = sink("Points with returns far enough below them", unit="1")
         removed: int = sink("Of these, points on edges of buildings", unit="1")

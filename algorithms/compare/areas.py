@@ -100,10 +100,16 @@ class CompareAreas:
 
     areas: Vector = source("Polygons to judge")
     reference: Vector = source("Reference polygons")
-    coverage: Vector | None = source("Polygons within which is compared", default=None)
+    coverage: Vector | None = source(
+        "Polygons within which is compared", default=None, label="Area to compare in"
+    )
     extent: Extent | None = param("Rectangle to work in; that of the data by default", default=None)
     min_area: float = param(
-        "Area from which a polygon is judged as an object", default=0.0, unit="m2", ge=0
+        "Area from which a polygon is judged as an object",
+        default=0.0,
+        unit="m2",
+        ge=0,
+        label="Smallest object",
     )
     min_overlap: float = param(
         "Least intersection over union of a pair, or share of its area that must be covered",
@@ -111,13 +117,20 @@ class CompareAreas:
         unit="1",
         gt=0,
         le=1,
+        label="Least overlap",
     )
     counterparts: bool = param(
-        "Compare only the parts of the reference that belong to one of the polygons", default=False
+        "Compare only the parts of the reference that belong to one of the polygons",
+        default=False,
+        label="Only what has a counterpart",
     )
-    label: str | None = param("Attribute that names polygons in the table", default=None)
+    label: str | None = param(
+        "Attribute that names polygons in the table", default=None, label="Attribute with names"
+    )
     repair: bool = param(
-        "Rebuild polygons that are not valid, and leave out those without geometry", default=False
+        "Rebuild polygons that are not valid, and leave out those without geometry",
+        default=False,
+        label="Repair polygons",
     )
 
     @outputs

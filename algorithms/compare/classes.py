@@ -120,7 +120,9 @@ class CompareClasses:
         "Attribute that holds the class", default=Attribute("classification"), of="points"
     )
     reference_attribute: Attribute = param(
-        "Attribute that holds the reference class", default=Attribute("classification")
+        "Attribute that holds the reference class",
+        default=Attribute("classification"),
+        label="Attribute of the reference",
     )
     other_attribute: Attribute | None = param(
         "Attribute that holds another class, of the points or of the other cloud", default=None
@@ -128,18 +130,26 @@ class CompareClasses:
     map: tuple[str, ...] | None = parameters.map()
     reference_map: tuple[str, ...] | None = parameters.reference_map()
     leave_out: ClassList | None = parameters.leave_out()
-    positive: ClassList = param("Classes of interest", default=ClassList([2]))
+    positive: ClassList = param(
+        "Classes of interest", default=ClassList([2]), label="Classes of interest"
+    )
     reference_positive: ClassList | None = param(
-        "Classes of interest in the reference, if they differ", default=None
+        "Classes of interest in the reference, if they differ",
+        default=None,
+        label="Classes of interest in the reference",
     )
     max_distance: float | None = param(
         "Farthest counterpart in the other cloud; the same coordinates by default",
         default=None,
         unit="m",
         gt=0,
+        label="Farthest counterpart",
     )
     stratum: Attribute | None = param(
-        "Attribute by whose values errors are also counted apart", default=None, of="points"
+        "Attribute by whose values errors are also counted apart",
+        default=None,
+        of="points",
+        label="Count errors apart by",
     )
     mapped_area: tuple[str, ...] | None = param(
         "Mapped area of each class, such as vegetation=1200, if points are a sample drawn by class",
@@ -148,17 +158,22 @@ class CompareClasses:
     block: float | None = parameters.block()
     seed: int = parameters.seed()
     colours: bool = param(
-        "Give the points the colours of their errors as red, green and blue", default=False
+        "Give the points the colours of their errors as red, green and blue",
+        default=False,
+        label="Colour points by error",
     )
 
     @outputs
     class Outputs:
         table: Table = sink("One row per measure of the class of interest, with intervals")
         accuracy: Table = sink("One row per measure of all classes, with intervals")
-        classes: Table = sink("One row per class: its accuracies with intervals")
+        classes: Table = sink(
+            "One row per class: its accuracies with intervals", label="Accuracy of each class"
+        )
         confusion: Table = sink(
             "Full confusion matrix: a row per reference class",
             show=show.Matrix("reference", ("total",)),
+            label="Confusion matrix",
         )
         strata: Table = sink("One row per value of the stratum, or one for all")
         difference: Table | None = sink("One row per measure of two classifications")
@@ -169,8 +184,12 @@ class CompareClasses:
         )
         overall_accuracy: float = sink("Points of the class of the reference", unit="%")
         kappa_of_classes: float | None = sink("Agreement of all classes beyond chance", unit="1")
-        type_1: float | None = sink("Reference ground that was lost, b / (a + b)", unit="%")
-        type_2: float | None = sink("Reference objects taken for ground, c / (c + d)", unit="%")
+        type_1: float | None = sink(
+            "Reference ground that was lost, b / (a + b)", unit="%", label="Type I error"
+        )
+        type_2: float | None = sink(
+            "Reference objects taken for ground, c / (c + d)", unit="%", label="Type II error"
+        )
         total_error: float | None = sink(
             "Points on the wrong side, (b + c) / (a + b + c + d)", unit="%"
         )

@@ -84,10 +84,18 @@ class CompareLines:
         default=1.0,
         unit="m",
         gt=0,
+        label="Distance of positions on a line",
     )
-    compare_heights: bool = param("Compare heights (Z) as well", default=False)
+    compare_heights: bool = param(
+        "Compare heights (Z) as well", default=False, label="Compare heights too"
+    )
     polynomial: int | None = param(
-        "Degree of the polynomials that are compared", default=None, unit="1", ge=1, le=9
+        "Degree of the polynomials that are compared",
+        default=None,
+        unit="1",
+        ge=1,
+        le=9,
+        label="Degree of polynomials",
     )
 
     @outputs
@@ -105,11 +113,14 @@ class CompareLines:
                 ),
                 show.Profile("line", along="chainage", across="offset", note="left +"),
             ),
+            label="Positions with offsets",
         )
         curves: Table | None = sink("Coefficients, fit and agreement of the polynomials")
         mean: float = sink("Mean distance to the reference", unit="m")
-        rms: float = sink("Root mean square distance", unit="m")
-        p95: float = sink("Distance that 95 % of the length does not exceed", unit="m")
+        rms: float = sink("Root mean square distance", unit="m", label="RMS")
+        p95: float = sink(
+            "Distance that 95 % of the length does not exceed", unit="m", label="95th percentile"
+        )
         bias: float | None = sink("Mean offset, positive on the left of the reference", unit="m")
         hausdorff: float = sink("Largest distance, of both directions", unit="m")
         frechet: float | None = sink("Fréchet distance of two single lines", unit="m")

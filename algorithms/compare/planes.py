@@ -81,7 +81,9 @@ class ComparePlanes:
         "Attribute with the number of the plane", default=Attribute("plane_id"), of="points"
     )
     reference_attribute: Attribute = param(
-        "Attribute with the number of the reference plane", default=Attribute("plane_id")
+        "Attribute with the number of the reference plane",
+        default=Attribute("plane_id"),
+        label="Attribute of the reference",
     )
     min_overlap: float = param(
         "Least intersection over union of a pair, or share of its area that must be covered",
@@ -89,17 +91,22 @@ class ComparePlanes:
         unit="1",
         gt=0,
         le=1,
+        label="Least overlap",
     )
-    min_points: int = param("Fewest points of a plane that is judged", default=3, unit="1", ge=3)
+    min_points: int = param(
+        "Fewest points of a plane that is judged", default=3, unit="1", ge=3, label="Fewest points"
+    )
     none_id: int | None = param(
         "Number of points of no plane; by default the negative number, or else 0",
         default=None,
         unit="1",
+        label="Number for no plane",
     )
     reference_none_id: int | None = param(
         "The same of the reference; by default the negative number, or else 0",
         default=None,
         unit="1",
+        label="Number for no plane (reference)",
     )
 
     @outputs
@@ -108,6 +115,7 @@ class ComparePlanes:
         differences: PointCloud = sink(
             "The points with the attribute difference",
             show=show.Classes("difference", DIFFERENCES, front_of="plane_id"),
+            label="Points with differences",
         )
         correctness: float | None = sink("Points of pairs over those of found planes", unit="%")
         completeness: float | None = sink(
@@ -116,7 +124,7 @@ class ComparePlanes:
         iou: float | None = sink("Points of pairs over those of any plane", unit="%")
         found: int = sink("Reference planes with a pair", unit="1")
         missed: int = sink("Reference planes without a pair", unit="1")
-        invented: int = sink("Found planes without a pair", unit="1")
+        invented: int = sink("Found planes without a pair", unit="1", label="Planes without a pair")
         split: int = sink("Reference planes with several pieces", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:

@@ -51,7 +51,11 @@ class Pairs(NamedTuple):
     missing: int
 
 
-@tool("compare.rasters")
+@tool(
+    "compare.rasters",
+    title="Accuracy of a raster",
+    tags=("accuracy", "kappa", "confusion", "raster", "landcover", "validation", "iou"),
+)
 class CompareRasters:
     """Compare a raster of classes with a reference: a raster, polygons or points with classes.
 
@@ -70,7 +74,7 @@ class CompareRasters:
     the area of each class, corrected for the errors of the map, with 95 % intervals.
     """
 
-    classes: Raster = source("Raster of classes to judge")
+    classes: Raster = source("Raster of classes to judge", label="Classes to judge")
     reference: Raster | None = source("Raster of true classes", default=None)
     areas: Vector | None = source("Polygons with true classes", default=None)
     checkpoints: Vector | None = source("Points with true classes", default=None)
@@ -93,6 +97,7 @@ class CompareRasters:
         confusion: Table = sink(
             "Full confusion matrix: a row per reference class",
             show=show.Matrix("reference", ("total",)),
+            label="Confusion matrix",
         )
         class_areas: Table | None = sink(
             "Accuracy and area of each class, from a stratified sample"

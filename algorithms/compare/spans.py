@@ -58,7 +58,12 @@ class CompareSpans:
     reference: Vector = source("True wires")
     span: str = param("Column of the reference with the number of the span", default="span_id")
     max_distance: float = param(
-        "Farthest that a wire may lie from the true one", default=0.5, unit="m", gt=0, le=50
+        "Farthest that a wire may lie from the true one",
+        default=0.5,
+        unit="m",
+        gt=0,
+        le=50,
+        label="Farthest wire",
     )
     full: float = param(
         "Share of its length from which a wire is found in full", default=0.95, unit="1", gt=0, le=1
@@ -71,7 +76,11 @@ class CompareSpans:
         in_full: int = sink("Spans found in full", unit="1")
         in_part: int = sink("Spans found in part", unit="1")
         missed: int = sink("Spans missed", unit="1")
-        invented: int = sink("Found wires that are not in the reference", unit="1")
+        invented: int = sink(
+            "Found wires that are not in the reference",
+            unit="1",
+            label="Wires not in the reference",
+        )
         doubled: int = sink("Wires found a second time", unit="1")
         height_rms: float | None = sink("Height of wires found over the true ones, RMS", unit="m")
 

@@ -90,30 +90,52 @@ class CompareSurfaces:
     reference: Raster | None = source("Raster of true heights", default=None)
     checkpoints: Vector | None = source("Points with true heights (Z)", default=None)
     points: PointCloud | None = source("Point cloud with true heights", default=None)
-    cover: Raster | None = source("Raster of classes of land cover", default=None)
+    cover: Raster | None = source(
+        "Raster of classes of land cover", default=None, label="Land cover (raster)"
+    )
     areas: Vector | None = source("Polygons of land cover", default=None)
     resample: bool = param(
-        "Take a reference on other cells bilinearly at the cell centres", default=False
+        "Take a reference on other cells bilinearly at the cell centres",
+        default=False,
+        label="Resample the reference",
     )
     classes: ClassList | None = parameters.classes()
     cover_attribute: str | None = param(
-        "Attribute of polygons, checkpoints or points that is the land cover", default=None
+        "Attribute of polygons, checkpoints or points that is the land cover",
+        default=None,
+        label="Land cover (attribute)",
     )
     vegetated: tuple[str, ...] | None = param(
-        "Land covers that are vegetated; all others are not", default=None
+        "Land covers that are vegetated; all others are not",
+        default=None,
+        label="Vegetated land covers",
     )
     checkpoint_rmse: float | None = param(
-        "RMSE of the heights of the checkpoints themselves", default=None, unit="m", ge=0
+        "RMSE of the heights of the checkpoints themselves",
+        default=None,
+        unit="m",
+        ge=0,
+        label="RMSE of the checkpoints",
     )
     accuracy_class: float | None = param(
-        "RMSE that the surface is to meet, for the report", default=None, unit="m", gt=0
+        "RMSE that the surface is to meet, for the report",
+        default=None,
+        unit="m",
+        gt=0,
+        label="RMSE to be met",
     )
-    largest_errors: int = param("Number of the largest errors to mark", default=100, unit="1", ge=0)
+    largest_errors: int = param(
+        "Number of the largest errors to mark",
+        default=100,
+        unit="1",
+        ge=0,
+        label="Largest errors to mark",
+    )
 
     @outputs
     class Outputs:
         table: Table = sink("One row per measure: measure, value, unit, meaning")
-        covers: Table = sink("One row per land cover, with the same measures")
+        covers: Table = sink("One row per land cover, with the same measures", label="Land covers")
         report: Table | None = sink("Report in the manner of ASPRS 2023, for points")
         difference: Raster | None = sink("Surface minus reference raster")
         errors: Vector = sink(
@@ -128,8 +150,8 @@ class CompareSurfaces:
         missing: int = sink("Cells of the surface, or points, without a counterpart", unit="1")
         bias: float = sink("Mean of surface minus reference", unit="m")
         rmse: float = sink("Root mean square error", unit="m")
-        nmad: float = sink("Median absolute deviation times 1.4826", unit="m")
-        le95: float = sink("Error that 95 % of the errors do not exceed", unit="m")
+        nmad: float = sink("Median absolute deviation times 1.4826", unit="m", label="NMAD")
+        le95: float = sink("Error that 95 % of the errors do not exceed", unit="m", label="LE95")
 
     def check(self) -> Iterator[tuple[str, str]]:
         """No land cover is named twice."""

@@ -169,9 +169,13 @@ class CorridorClearance:
     towers: Vector | None = source(
         "Feet of towers; points without a class around them belong to the towers", default=None
     )
-    rule_table: Table | None = source("Rules of your own, in place of rules", default=None)
-    conductor_table: Table | None = source("Conductors of your own", default=None)
-    rules: str = param("Name of a rule table of the toolbox", default="thesis")
+    rule_table: Table | None = source(
+        "Rules of your own, in place of rules", default=None, label="Own rules"
+    )
+    conductor_table: Table | None = source(
+        "Conductors of your own", default=None, label="Own conductors"
+    )
+    rules: str = param("Name of a rule table of the toolbox", default="thesis", label="Rule set")
     distance: float | None = param(
         "One distance in space that all must keep, in place of rules",
         default=None,
@@ -185,6 +189,7 @@ class CorridorClearance:
         unit="kV",
         gt=0.0,
         le=1500.0,
+        label="Voltage between phases",
     )
     tree_classes: ClassList = param("Classes that are vegetation", default=ClassList([3, 4, 5]))
     building_classes: ClassList = param("Classes that are buildings", default=ClassList([6]))
@@ -199,6 +204,7 @@ class CorridorClearance:
         unit="m",
         ge=0.0,
         le=50.0,
+        label="Lowest object",
     )
     object_gap: float = param(
         "Points farther apart than this belong to different objects",
@@ -206,22 +212,35 @@ class CorridorClearance:
         unit="m",
         ge=0.1,
         le=50.0,
+        label="Gap between objects",
     )
-    min_points: int = param("Fewest points of an object", default=3, unit="1", ge=1, le=10_000)
+    min_points: int = param(
+        "Fewest points of an object", default=3, unit="1", ge=1, le=10_000, label="Fewest points"
+    )
     growth: float | None = param(
         "How much trees may grow until the next visit; what is too close then is watched",
         default=None,
         unit="m",
         gt=0.0,
         le=20.0,
+        label="Growth of trees",
     )
-    falling: bool = param("Whether to look for trees that may fall on a wire", default=True)
+    falling: bool = param(
+        "Whether to look for trees that may fall on a wire",
+        default=True,
+        label="Trees that may fall",
+    )
     conductor: str | None = param("Name of the conductor, such as Drake", default=None)
     survey_temperature: float | None = param(
         "Temperature of the conductors in the survey", default=None, unit="degC", ge=-60.0, le=250.0
     )
     survey_temperature_sd: float = param(
-        "Standard deviation of survey_temperature", default=5.0, unit="degC", ge=0.0, le=50.0
+        "Standard deviation of survey_temperature",
+        default=5.0,
+        unit="degC",
+        ge=0.0,
+        le=50.0,
+        label="Error of the survey temperature",
     )
     survey_current: float | None = param(
         "Current in the survey, which tells survey_temperature with the weather (IEEE 738)",
@@ -271,6 +290,7 @@ class CorridorClearance:
         unit="degC",
         ge=-60.0,
         le=300.0,
+        label="Temperature when hot",
     )
     current: float | None = param(
         "Current that heats them, in place of temperature (IEEE 738)",
@@ -278,6 +298,7 @@ class CorridorClearance:
         unit="A",
         gt=0.0,
         le=20_000.0,
+        label="Current (hot)",
     )
     air_temperature: float = param(
         "Temperature of the air, for current", default=40.0, unit="degC", ge=-60.0, le=60.0
@@ -288,12 +309,23 @@ class CorridorClearance:
         unit="m/s",
         ge=0.0,
         le=50.0,
+        label="Wind that cools",
     )
     sun: float = param(
-        "Power of the sun, for current", default=1000.0, unit="W/m2", ge=0.0, le=1500.0
+        "Power of the sun, for current",
+        default=1000.0,
+        unit="W/m2",
+        ge=0.0,
+        le=1500.0,
+        label="Power of the sun",
     )
     wind: float | None = param(
-        "Wind square to the line that swings them", default=None, unit="m/s", gt=0.0, le=70.0
+        "Wind square to the line that swings them",
+        default=None,
+        unit="m/s",
+        gt=0.0,
+        le=70.0,
+        label="Wind that swings",
     )
     wind_temperature: float | None = param(
         "Temperature of the conductors in wind; that of the survey by default",
@@ -301,6 +333,7 @@ class CorridorClearance:
         unit="degC",
         ge=-60.0,
         le=250.0,
+        label="Temperature in wind",
     )
     ruling_span: float | None = param(
         "Length of the ruling span, which sets the tension; by default each span its own",
@@ -308,9 +341,15 @@ class CorridorClearance:
         unit="m",
         ge=10.0,
         le=3000.0,
+        label="Ruling span",
     )
     point_sd: float = param(
-        "Standard deviation of a point, in height", default=0.05, unit="m", ge=0.0, le=5.0
+        "Standard deviation of a point, in height",
+        default=0.05,
+        unit="m",
+        ge=0.0,
+        le=5.0,
+        label="Error of a point",
     )
 
     @outputs
@@ -318,10 +357,12 @@ class CorridorClearance:
         violations: PointCloud = sink(
             "Points that break a rule, or are near and have none, with their clearances in metres",
             show=show.Classes("severity", dict(enumerate(LOOKS.values(), start=1))),
+            label="Points too close",
         )
         objects: Vector = sink(
             "These points grouped into objects, each shown where it is closest",
             show=show.Classes("severity", LOOKS),
+            label="Objects too close",
         )
         crossings: Vector = sink("Where conductors of different lines come near each other")
         spans: Table = sink("Least clearance of each span by kind of object and state of the wires")

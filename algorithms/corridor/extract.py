@@ -84,6 +84,7 @@ class CorridorExtract:
         unit="m",
         ge=1.0,
         le=50.0,
+        label="Lowest conductor",
     )
     wire_gap: float = parameters.wire_gap()
     wire_tolerance: float | None = parameters.wire_tolerance()
@@ -91,7 +92,9 @@ class CorridorExtract:
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink("The same points with classes 14 and 15 and their numbers")
+        classified: PointCloud = sink(
+            "The same points with classes 14 and 15 and their numbers", label="Classified points"
+        )
         towers: Vector = sink(
             "Feet of towers and poles, with height, arms and width", show=show.Classes("kind")
         )

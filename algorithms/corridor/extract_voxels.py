@@ -96,7 +96,9 @@ class CorridorExtractVoxels:
     )
     voxel: float = param("Size of the voxels", default=3.0, unit="m", ge=0.5)
     variance: Variance = param(
-        "Voxels to keep, by their variance of height: high as printed, low works", default="low"
+        "Voxels to keep, by their variance of height: high as printed, low works",
+        default="low",
+        words={"low": "Low (works)", "high": "High (as printed)"},
     )
     line_tolerance: float = param(
         "Farthest that a point may be off the line of its voxel, or from the hull (not printed)",
@@ -119,6 +121,12 @@ class CorridorExtractVoxels:
     grow_to: GrowTo = param(
         "Voxels in which a line may go on: neighbours, or all ahead of it within voxel_gap",
         default="26",
+        words={
+            "6": "6 neighbours",
+            "18": "18 neighbours",
+            "26": "26 neighbours",
+            "gap": "All ahead within the gap",
+        },
     )
     voxel_gap: float = param(
         "Farthest voxel in which a line may go on; neighbours are nearer at the size printed",
@@ -129,6 +137,7 @@ class CorridorExtractVoxels:
     slope_test: SlopeTest = param(
         "How lines are compared: by slopes as printed, or by the angle between them, which works",
         default="direction",
+        words={"direction": "The angle between them", "slopes": "Slopes, as printed"},
     )
     slope_limit: float = param(
         "Largest difference of slopes, or tangent of the angle, of lines that agree",
@@ -142,6 +151,7 @@ class CorridorExtractVoxels:
     tower_threshold: TowerThreshold = param(
         "Whether dense columns longer than tower_spacing are parted again, or once as printed",
         default="repeated",
+        words={"repeated": "Again and again", "once": "Once, as printed"},
     )
     tower_spacing: float = param(
         "Shortest distance between two towers (not printed)", default=30.0, unit="m", gt=0
@@ -161,12 +171,17 @@ class CorridorExtractVoxels:
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink("The same points with classes 14 and 15 and their numbers")
+        classified: PointCloud = sink(
+            "The same points with classes 14 and 15 and their numbers", label="Classified points"
+        )
         voxels: Vector = sink(
             "Centroids of the voxels with their attributes, group and tower",
             show=show.Values("variance"),
         )
-        hull: Vector = sink("Faces of the hull of the wires, one feature per connected part")
+        hull: Vector = sink(
+            "Faces of the hull of the wires, one feature per connected part",
+            label="Hull of the wires",
+        )
         towers: Vector = sink("Bounds of the towers, with their points and elevations")
         wires: Vector = sink("One catenary per conductor and span, with its covariance")
         span_count: int = sink("Spans found", unit="1")

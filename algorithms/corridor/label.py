@@ -46,7 +46,9 @@ class CorridorLabel:
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink("The same points with classes 14 and 15 and their numbers")
+        classified: PointCloud = sink(
+            "The same points with classes 14 and 15 and their numbers", label="Classified points"
+        )
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The points of the line have valid labels and unique point numbers."""

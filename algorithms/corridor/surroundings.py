@@ -50,13 +50,16 @@ class CorridorSurroundings:
         unit="m",
         gt=0.0,
         le=1000.0,
+        label="Distance to the side",
     )
     wire_radius: float = parameters.wire_radius()
     attachment: float = parameters.attachment()
 
     @outputs
     class Outputs:
-        near: PointCloud = sink("The points near the wires, otherwise unchanged")
+        near: PointCloud = sink(
+            "The points near the wires, otherwise unchanged", label="Points near wires"
+        )
         removed_share: float = sink("Share of points removed", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:

@@ -80,13 +80,17 @@ class FeaturesLocal:
         default=("linearity", "planarity", "sphericity", "verticality", "roughness"),
     )
     suffix: str = param(
-        "Added to the name of each new attribute, to tell several radii apart", default=""
+        "Added to the name of each new attribute, to tell several radii apart",
+        default="",
+        label="Ending of new attributes",
     )
     ignore: ClassList | None = parameters.ignore()
 
     @outputs
     class Outputs:
-        described: PointCloud = sink("The same points with an attribute for each feature")
+        described: PointCloud = sink(
+            "The same points with an attribute for each feature", label="Points with features"
+        )
         without_shape: int = sink("Points with a feature that is not a number", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:

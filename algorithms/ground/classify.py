@@ -55,13 +55,19 @@ class GroundClassify:
     ignore: ClassList | None = parameters.ignore()
     keep_classes: ClassList | None = parameters.keep_classes()
     heights: bool = param(
-        "Also give the attribute HeightAboveGround, measured from the terrain", default=False
+        "Also give the attribute HeightAboveGround, measured from the terrain",
+        default=False,
+        label="Height above ground too",
     )
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink("The same points, class 2 on ground, 1 elsewhere, confidence")
-        ground: PointCloud = sink("Those of them that are ground, also if they keep their class")
+        classified: PointCloud = sink(
+            "The same points, class 2 on ground, 1 elsewhere, confidence", label="Classified points"
+        )
+        ground: PointCloud = sink(
+            "Those of them that are ground, also if they keep their class", label="Ground points"
+        )
         surface: Raster = sink("Elevation of the terrain, smoothed, empty beyond 50 m from ground")
         ground_share: float = sink("Share of points that are ground", unit="1")
 

@@ -97,12 +97,24 @@ class GroundCsf:
     rigidness: Literal["auto", 1, 2, 3] = param(
         "Stiffness of the cloth: 1 steep slopes, 2 gentle slopes, 3 flat terrain, auto by slope",
         default="auto",
+        words={
+            "auto": "By the slope",
+            1: "1: steep slopes",
+            2: "2: gentle slopes",
+            3: "3: flat terrain",
+        },
     )
     smooth_slopes: bool = param(
-        "Let the cloth down on all slopes afterwards; auto does so on steep terrain", default=False
+        "Let the cloth down on all slopes afterwards; auto does so on steep terrain",
+        default=False,
+        label="Let the cloth down on slopes",
     )
     class_threshold: float = param(
-        "Greatest distance of a ground point from the cloth", default=0.5, unit="m", gt=0
+        "Greatest distance of a ground point from the cloth",
+        default=0.5,
+        unit="m",
+        gt=0,
+        label="Distance of ground from the cloth",
     )
     time_step: float = param(
         "Time step of the simulation; gravity acts with its square",
@@ -118,8 +130,12 @@ class GroundCsf:
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink("The same points, class 2 on ground and 1 elsewhere")
-        ground: PointCloud = sink("Those of them that are ground, also if they keep their class")
+        classified: PointCloud = sink(
+            "The same points, class 2 on ground and 1 elsewhere", label="Classified points"
+        )
+        ground: PointCloud = sink(
+            "Those of them that are ground, also if they keep their class", label="Ground points"
+        )
         cloth: Raster = sink("Elevation of the cloth at rest; its rigidness as second band")
         mean_rigidness: float = sink("Rigidness of the cloth, chosen or given, mean", unit="1")
         ground_share: float = sink("Share of points that are ground", unit="1")

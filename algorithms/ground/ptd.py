@@ -92,10 +92,19 @@ class GroundPtd:
 
     points: PointCloud = source("Points to classify")
     max_building_size: float = param(
-        "Cell of the first seeds: wider than any building", default=60.0, unit="m", ge=10
+        "Cell of the first seeds: wider than any building",
+        default=60.0,
+        unit="m",
+        ge=10,
+        label="Widest building",
     )
     terrain_angle: float = param(
-        "Steepest rise of the terrain", default=88.0, unit="deg", gt=0, lt=90
+        "Steepest rise of the terrain",
+        default=88.0,
+        unit="deg",
+        gt=0,
+        lt=90,
+        label="Steepest terrain",
     )
     iteration_angle: float = param(
         "Greatest angle of a new point, seen from the corners of its facet",
@@ -103,39 +112,60 @@ class GroundPtd:
         unit="deg",
         gt=0,
         lt=90,
+        label="Angle at the facet",
     )
     iteration_distance: float = param(
-        "Greatest distance of a new point from its facet", default=1.5, unit="m", gt=0
+        "Greatest distance of a new point from its facet",
+        default=1.5,
+        unit="m",
+        gt=0,
+        label="Distance from the facet",
     )
     thresholds: Thresholds = param(
         "What lowers these limits: small facets, or medians of points above the surface, by rounds",
         default="facets",
+        label="What lowers the limits",
+        words={"facets": "Small facets", "median": "Medians, round by round"},
     )
     reduce_angle_below: float = param(
         "Facets with shorter edges lower the angle in proportion; 0 for never",
         default=5.0,
         unit="m",
         ge=0,
+        label="Edges that lower the angle",
     )
     stop_edge: float = param(
-        "Facets whose edges are all shorter take no more points", default=2.0, unit="m", ge=0
+        "Facets whose edges are all shorter take no more points",
+        default=2.0,
+        unit="m",
+        ge=0,
+        label="Shortest edge",
     )
-    mirror: bool = param("Mirror points at breaks, so that edges of terraces enter", default=True)
+    mirror: bool = param(
+        "Mirror points at breaks, so that edges of terraces enter",
+        default=True,
+        label="Mirror points at breaks",
+    )
     class_distance: float = param(
         "Greatest height of a ground point above or below the surface",
         default=0.4,
         unit="m",
         gt=0,
+        label="Distance of ground from the surface",
     )
-    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0)
+    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0, label="Cell size")
     returns: Returns = parameters.ground_returns()
     ignore: ClassList | None = parameters.ignore()
     keep_classes: ClassList | None = parameters.keep_classes()
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink("The same points, class 2 on ground and 1 elsewhere")
-        ground: PointCloud = sink("Those of them that are ground, also if they keep their class")
+        classified: PointCloud = sink(
+            "The same points, class 2 on ground and 1 elsewhere", label="Classified points"
+        )
+        ground: PointCloud = sink(
+            "Those of them that are ground, also if they keep their class", label="Ground points"
+        )
         surface: Raster = sink("Elevation of the triangulated surface at the cell centres")
         ground_share: float = sink("Share of points that are ground", unit="1")
 

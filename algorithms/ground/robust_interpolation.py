@@ -85,12 +85,21 @@ class GroundRobustInterpolation:
     """
 
     points: PointCloud = source("Points to classify")
-    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0)
+    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0, label="Cell size")
     building_size: float = param(
-        "Width of the widest building", default=48.0, unit="m", gt=0, le=2000
+        "Width of the widest building",
+        default=48.0,
+        unit="m",
+        gt=0,
+        le=2000,
+        label="Widest building",
     )
     half_width: float = param(
-        "Height above the ground at which a point has half its weight", default=0.1, unit="m", gt=0
+        "Height above the ground at which a point has half its weight",
+        default=0.1,
+        unit="m",
+        gt=0,
+        label="Height of half weight",
     )
     relief: float = param(
         "Roughness of the terrain: half width and height_tolerance grow by it per metre of cell",
@@ -103,13 +112,22 @@ class GroundRobustInterpolation:
         default=0.5,
         unit="m",
         gt=0,
+        label="Tolerance of heights",
     )
     iterations: int = param("Times that a surface is computed again", default=3, unit="1", ge=0)
     above: float = param(
-        "Greatest height of a ground point above the surface", default=0.35, unit="m", gt=0
+        "Greatest height of a ground point above the surface",
+        default=0.35,
+        unit="m",
+        gt=0,
+        label="Ground reaches above by",
     )
     below: float = param(
-        "Greatest depth of a ground point below the surface", default=1.0, unit="m", gt=0
+        "Greatest depth of a ground point below the surface",
+        default=1.0,
+        unit="m",
+        gt=0,
+        label="Ground reaches below by",
     )
     returns: Returns = parameters.ground_returns()
     ignore: ClassList | None = parameters.ignore()
@@ -117,8 +135,12 @@ class GroundRobustInterpolation:
 
     @outputs
     class Outputs:
-        classified: PointCloud = sink("The same points, class 2 on ground and 1 elsewhere")
-        ground: PointCloud = sink("Those of them that are ground, also if they keep their class")
+        classified: PointCloud = sink(
+            "The same points, class 2 on ground and 1 elsewhere", label="Classified points"
+        )
+        ground: PointCloud = sink(
+            "Those of them that are ground, also if they keep their class", label="Ground points"
+        )
         surface: Raster = sink("Elevation of the surface through the ground")
         ground_share: float = sink("Share of points that are ground", unit="1")
 

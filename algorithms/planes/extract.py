@@ -96,48 +96,69 @@ class PlanesExtract:
         unit="deg",
         gt=0,
         le=90,
+        label="Largest angle",
     )
-    min_points: int = param("Fewest points of a plane", default=100, unit="1", ge=3)
+    min_points: int = param(
+        "Fewest points of a plane", default=100, unit="1", ge=3, label="Fewest points"
+    )
     min_extent: float = param(
-        "Shortest side of the rectangle around a plane", default=0.1, unit="m", ge=0
+        "Shortest side of the rectangle around a plane",
+        default=0.1,
+        unit="m",
+        ge=0,
+        label="Shortest side",
     )
     plane_gap: float | Literal["auto"] = param(
         "Widest gap within a plane; auto by the points",
         default="auto",
         unit="m",
         gt=0,
+        label="Widest gap in a plane",
     )
-    connected: bool = param("Split planes at gaps", default=True)
-    orientation: Orientation = param("Planes to look for", default="any")
+    connected: bool = param("Split planes at gaps", default=True, label="Split planes at gaps")
+    orientation: Orientation = param(
+        "Planes to look for", default="any", label="Planes to look for"
+    )
     orientation_angle: float = param(
         "How far from upright or level a plane may be to be called so",
         default=10.0,
         unit="deg",
         gt=0,
         lt=45,
+        label="Tolerance of the orientation",
     )
     regularise: bool = param(
-        "Make planes parallel, perpendicular or coplanar where they almost are", default=False
+        "Make planes parallel, perpendicular or coplanar where they almost are",
+        default=False,
+        label="Regularise planes",
     )
     regular_angle: float = param(
-        "Angle by which such planes are off at most", default=2.0, unit="deg", gt=0, le=20
+        "Angle by which such planes are off at most",
+        default=2.0,
+        unit="deg",
+        gt=0,
+        le=20,
+        label="Angle of regular planes",
     )
     front_depth: float = param(
         "How far the planes of a front stand before or behind the largest",
         default=1.5,
         unit="m",
         gt=0,
+        label="Depth of a front",
     )
     confidence: float = param(
         "Probability that the best plane is among those drawn", default=0.99, unit="1", gt=0, lt=1
     )
-    max_trials: int = param("Draws at most", default=1_000_000, unit="1", ge=1)
+    max_trials: int = param("Draws at most", default=1_000_000, unit="1", ge=1, label="Most trials")
     seed: int = parameters.seed()
 
     @outputs
     class Outputs:
         segmented: PointCloud = sink(
-            "The points with plane_id and front_id, 0 for none", show=show.Planes(NAME)
+            "The points with plane_id and front_id, 0 for none",
+            show=show.Planes(NAME),
+            label="Points with planes",
         )
         planes: Vector = sink("Outline of each plane in space, with its numbers")
         fronts: Vector = sink("Outline of each front in space, with its size and relief")

@@ -58,7 +58,11 @@ class PlanesFit:
 
     points: PointCloud = source("Points, some of which lie on a plane")
     max_distance: float = param(
-        "Farthest point that belongs to the plane", default=0.2, unit="m", gt=0
+        "Farthest point that belongs to the plane",
+        default=0.2,
+        unit="m",
+        gt=0,
+        label="Distance of points from the plane",
     )
     reference: Direction | None = param(
         "Direction x,y,z of the normal; any by default", default=None
@@ -73,19 +77,23 @@ class PlanesFit:
         gt=0,
         lt=1,
     )
-    max_trials: int = param("Draws at most", default=10_000, unit="1", ge=1)
+    max_trials: int = param("Draws at most", default=10_000, unit="1", ge=1, label="Most trials")
     seed: int = parameters.seed()
 
     @outputs
     class Outputs:
-        inliers: PointCloud = sink("Points near the plane, with PlaneDistance")
-        outliers: PointCloud = sink("All other points, with PlaneDistance")
+        inliers: PointCloud = sink(
+            "Points near the plane, with PlaneDistance", label="Points of the plane"
+        )
+        outliers: PointCloud = sink("All other points, with PlaneDistance", label="Other points")
         plane: Vector = sink("Smallest rectangle in the plane around its points, with all numbers")
         normal_x: float = sink("Normal of the plane, eastwards", unit="1")
         normal_y: float = sink("Normal of the plane, northwards", unit="1")
         normal_z: float = sink("Normal of the plane, upwards", unit="1")
         offset: float = sink(
-            "Distance of the plane from the zero of the coordinates, along the normal", unit="m"
+            "Distance of the plane from the zero of the coordinates, along the normal",
+            unit="m",
+            label="Distance from the origin",
         )
         height: float = sink("Height of the plane in the middle of its points", unit="m")
         tilt: float = sink("Angle between the plane and the horizontal", unit="deg")
@@ -93,7 +101,9 @@ class PlanesFit:
             "Where the plane falls to, from north clockwise; NaN if it is level", unit="deg"
         )
         inlier_share: float = sink("Share of points near the plane", unit="1")
-        rms: float = sink("Root mean square of the distances of these points", unit="m")
+        rms: float = sink(
+            "Root mean square of the distances of these points", unit="m", label="RMS"
+        )
         standard_error: float = sink(
             "Standard deviation of a distance; NaN of three points", unit="m"
         )

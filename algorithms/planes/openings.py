@@ -90,27 +90,46 @@ class PlanesOpenings:
         unit="1",
         ge=1,
     )
-    min_width: float = param("Least width and height of an opening", default=0.4, unit="m", gt=0)
-    max_width: float = param("Largest width of an opening", default=4.0, unit="m", gt=0)
-    min_points: int = param("Fewest points behind an opening", default=5, unit="1", ge=1)
+    min_width: float = param(
+        "Least width and height of an opening", default=0.4, unit="m", gt=0, label="Smallest width"
+    )
+    max_width: float = param(
+        "Largest width of an opening", default=4.0, unit="m", gt=0, label="Largest width"
+    )
+    min_points: int = param(
+        "Fewest points behind an opening", default=5, unit="1", ge=1, label="Fewest points behind"
+    )
     recess: float = param(
-        "Farthest that panes and doors lie behind the facade", default=0.25, unit="m", gt=0
+        "Farthest that panes and doors lie behind the facade",
+        default=0.25,
+        unit="m",
+        gt=0,
+        label="Deepest recess",
     )
     min_recess: float = param(
-        "Least depth behind the wall of what is in an opening", default=0.02, unit="m", gt=0
+        "Least depth behind the wall of what is in an opening",
+        default=0.02,
+        unit="m",
+        gt=0,
+        label="Least recess",
     )
     front_depth: float = param(
         "How far the planes of a front stand before or behind the largest",
         default=1.5,
         unit="m",
         gt=0,
+        label="Depth of a front",
     )
-    depth: float = param("Farthest behind that is looked at", default=5.0, unit="m", gt=0)
+    depth: float = param(
+        "Farthest behind that is looked at", default=5.0, unit="m", gt=0, label="Depth looked at"
+    )
 
     @outputs
     class Outputs:
         cleaned: PointCloud = sink(
-            "The points with plane_id, opening_id and behind", show=show.Planes("plane_id")
+            "The points with plane_id, opening_id and behind",
+            show=show.Planes("plane_id"),
+            label="Points with openings",
         )
         openings: Vector = sink(
             "Outline of each opening in space, with its size and what it is",

@@ -67,27 +67,42 @@ class PlanesSweep:
         unit="deg",
         gt=0,
         le=90,
+        label="Largest angle",
     )
-    min_points: int = param("Fewest points of a plane", default=100, unit="1", ge=3)
+    min_points: int = param(
+        "Fewest points of a plane", default=100, unit="1", ge=3, label="Fewest points"
+    )
     min_extent: float = param(
-        "Shortest side of the rectangle around a plane", default=0.1, unit="m", ge=0
+        "Shortest side of the rectangle around a plane",
+        default=0.1,
+        unit="m",
+        ge=0,
+        label="Shortest side",
     )
     plane_gap: float | Literal["auto"] = param(
-        "Widest gap within a plane; auto by the points", default="auto", unit="m", gt=0
+        "Widest gap within a plane; auto by the points",
+        default="auto",
+        unit="m",
+        gt=0,
+        label="Widest gap in a plane",
     )
-    orientation: Orientation = param("Planes to look for", default="any")
+    orientation: Orientation = param(
+        "Planes to look for", default="any", label="Planes to look for"
+    )
     orientation_angle: float = param(
         "How far from upright or level a plane may be to be called so",
         default=10.0,
         unit="deg",
         gt=0,
         lt=45,
+        label="Tolerance of the orientation",
     )
     front_depth: float = param(
         "How far the planes of a front stand before or behind the largest",
         default=1.5,
         unit="m",
         gt=0,
+        label="Depth of a front",
     )
     seed: int = parameters.seed()
 

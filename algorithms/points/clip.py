@@ -47,16 +47,16 @@ class PointsClip:
     points: PointCloud = source("Points to choose from")
     polygons: Vector | None = source("Polygons to clip by", default=None)
     extent: Extent | None = param("Rectangle to work in; that of the data by default", default=None)
-    keep: Literal["inside", "outside"] = param("Which points to keep", default="inside")
+    keep: Literal["inside", "outside"] = param(
+        "Which points to keep", default="inside", label="Points to keep"
+    )
     where: Expression | None = param(
-        "Condition over attributes that must be met",
-        default=None,
-        of="polygons",
+        "Condition over attributes that must be met", default=None, of="polygons", label="Condition"
     )
 
     @outputs
     class Outputs:
-        clipped: PointCloud = sink("The chosen points, otherwise unchanged")
+        clipped: PointCloud = sink("The chosen points, otherwise unchanged", label="Clipped points")
         removed_share: float = sink("Share of points removed", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:

@@ -83,7 +83,12 @@ class PointsDenoise:
     """
 
     points: PointCloud = source("Points to clean")
-    action: Literal["remove", "label"] = param("What to do with noise", default="remove")
+    action: Literal["remove", "label"] = param(
+        "What to do with noise",
+        default="remove",
+        label="What to do with noise",
+        words={"label": "Label as noise"},
+    )
     neighbours: int = param("Neighbours of a point", default=20, unit="1", ge=1, le=1000)
     threshold: float = param(
         "Standard deviations that the mean distance may lie above the usual",
@@ -91,36 +96,52 @@ class PointsDenoise:
         unit="1",
         ge=0,
     )
-    scope: Scope = param("What is usual: local, global or classic", default="local")
+    scope: Scope = param(
+        "What is usual: local, global or classic",
+        default="local",
+        label="Neighbours are compared with",
+        words={
+            "local": "Those around (local)",
+            "global": "The whole cloud (global)",
+            "classic": "Mean and deviation (classic)",
+        },
+    )
     reach: float = param(
         "Farthest neighbour to look for, with local; what is missing counts as this far",
         default=20.0,
         unit="m",
         gt=0,
+        label="Farthest neighbour",
     )
     min_neighbours: int = param(
         "Points with fewer neighbours than this within reach are noise, with local",
         default=6,
         unit="1",
         ge=1,
+        label="Fewest neighbours",
     )
     height_gap: float | None = param(
         "Empty height that cuts points off from the ground; none to skip this",
         default=100.0,
         unit="m",
         gt=0,
+        label="Empty height above the ground",
     )
     plant_height: float = param(
         "Height above their surroundings up to which points stay; 0 for scans from the ground",
         default=2.0,
         unit="m",
         ge=0,
+        label="Height of plants",
     )
     ignore: ClassList | None = parameters.ignore()
 
     @outputs
     class Outputs:
-        clean: PointCloud = sink("The points without noise, or with noise as classes 7 and 18")
+        clean: PointCloud = sink(
+            "The points without noise, or with noise as classes 7 and 18",
+            label="Points without noise",
+        )
         low_noise: int = sink("Points found to be low noise", unit="1")
         high_noise: int = sink("Points found to be high noise", unit="1")
 

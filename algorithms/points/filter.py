@@ -43,17 +43,35 @@ class PointsFilter:
 
     points: PointCloud = source("Points to choose from")
     classes: ClassList | None = parameters.classes()
-    returns: ReturnKind = param("Returns to use", default="all")
+    returns: ReturnKind = param(
+        "Returns to use",
+        default="all",
+        label="Returns used",
+        words={
+            "all": "All returns",
+            "first": "First returns",
+            "last": "Last returns",
+            "only": "Only returns",
+            "intermediate": "Between first and last",
+            "first_of_many": "First of several returns",
+            "last_of_many": "Last of several returns",
+        },
+    )
     where: Expression | None = param(
-        "Condition over attributes that must be met", default=None, of="points"
+        "Condition over attributes that must be met", default=None, of="points", label="Condition"
     )
     elevation_above_lowest: Range | None = param(
-        "Band of heights above the lowest point to keep, limits included", default=None, unit="m"
+        "Band of heights above the lowest point to keep, limits included",
+        default=None,
+        unit="m",
+        label="Heights above the lowest point",
     )
 
     @outputs
     class Outputs:
-        kept: PointCloud = sink("The points that meet all conditions, otherwise unchanged")
+        kept: PointCloud = sink(
+            "The points that meet all conditions, otherwise unchanged", label="Points kept"
+        )
         removed_share: float = sink("Share of points removed", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:

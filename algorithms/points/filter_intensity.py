@@ -54,11 +54,14 @@ class PointsFilterIntensity:
     method: Literal["value", "percentile", "otsu"] = param(
         "What the limits mean; with otsu the lower one is found and `minimum` is not used",
         default="value",
+        words={"value": "Values", "percentile": "Percentiles", "otsu": "Threshold of Otsu"},
     )
 
     @outputs
     class Outputs:
-        kept: PointCloud = sink("The points within the limits, otherwise unchanged")
+        kept: PointCloud = sink(
+            "The points within the limits, otherwise unchanged", label="Points kept"
+        )
         removed_share: float = sink("Share of points removed", unit="1")
         threshold: float | None = sink("Lowest intensity that is kept", unit="1")
 

@@ -63,7 +63,11 @@ class PointsHeightAboveGround:
     """
 
     points: PointCloud = source("Points with classified ground")
-    method: Method = param("How to find the ground below a point", default="tin")
+    method: Method = param(
+        "How to find the ground below a point",
+        default="tin",
+        words={"tin": "Triangulation (TIN)", "nearest": "Nearest ground point"},
+    )
     ground_classes: ClassList = parameters.ground_classes()
     count: int = param(
         "Ground points used for each point, for nearest", default=1, unit="1", ge=1, le=1000
@@ -73,11 +77,14 @@ class PointsHeightAboveGround:
         default=None,
         unit="m",
         gt=0,
+        label="Farthest ground point",
     )
 
     @outputs
     class Outputs:
-        heights: PointCloud = sink("The same points with the attribute HeightAboveGround")
+        heights: PointCloud = sink(
+            "The same points with the attribute HeightAboveGround", label="Points with heights"
+        )
         without_height: int = sink("Points too far from the ground to have a height", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:

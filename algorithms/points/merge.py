@@ -58,7 +58,10 @@ class PointsMerge:
 
     points: PointCloud = source("Files to merge: a folder, a pattern or a list")
     duplicates: Literal["keep", "drop"] = param(
-        "What to do with points that are in several files", default="keep"
+        "What to do with points that are in several files",
+        default="keep",
+        label="Points in several files",
+        words={"keep": "Keep them", "drop": "Keep one of them"},
     )
     max_difference: float = param(
         "Largest difference in x, y and z between two records of one point",
@@ -66,14 +69,22 @@ class PointsMerge:
         unit="m",
         ge=0,
         le=0.1,
+        label="Largest difference",
     )
     numbering: Literal["none", "file_id", "point_source_id"] = param(
-        "Attribute to write the number of the file into", default="none"
+        "Attribute to write the number of the file into",
+        default="none",
+        label="Write the number of the file to",
+        words={
+            "none": "No attribute",
+            "file_id": "A new attribute, file_id",
+            "point_source_id": "Point source ID",
+        },
     )
 
     @outputs
     class Outputs:
-        merged: PointCloud = sink("All points, in the order of the files")
+        merged: PointCloud = sink("All points, in the order of the files", label="Merged points")
         dropped: int = sink("Points that were in an earlier file, too", unit="1")
 
     def halo(self) -> float:

@@ -63,19 +63,38 @@ class PointsThin:
     """
 
     points: PointCloud = source("Points to thin")
-    method: Method = param("What to keep of each cell", default="nearest_to_centre")
-    cell: float = param("Size of the cells", default=0.01, unit="m", gt=0)
-    dimensions: Literal[3, 2] = param("Cells are cubes (3) or columns (2)", default=3, unit="1")
+    method: Method = param(
+        "What to keep of each cell",
+        default="nearest_to_centre",
+        words={
+            "grid_average": "Mean of the cell",
+            "first": "First in the file",
+            "lowest": "Lowest",
+            "highest": "Highest",
+            "random": "By chance",
+            "nearest_to_centre": "Nearest to the centre",
+            "duplicates": "Remove duplicates only",
+        },
+    )
+    cell: float = param("Size of the cells", default=0.01, unit="m", gt=0, label="Cell size")
+    dimensions: Literal[3, 2] = param(
+        "Cells are cubes (3) or columns (2)",
+        default=3,
+        unit="1",
+        label="Cells are",
+        words={3: "Cubes", 2: "Columns"},
+    )
     agree: tuple[Attribute, ...] | None = param(
         "Attributes that duplicates must have in common, besides the position",
         default=None,
         of="points",
+        label="Attributes that must agree",
     )
     seed: int = parameters.seed()
 
     @outputs
     class Outputs:
-        thinned: PointCloud = sink("One point for each cell, or none twice")
+        thinned: PointCloud = sink("One point for each cell, or none twice", label="Thinned points")
         removed_share: float = sink("Share of points removed", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:

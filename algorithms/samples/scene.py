@@ -61,7 +61,16 @@ class SamplesScene:
     """
 
     kind: Literal["town", "corridor", "power_lines", "reservoir", "facade"] = param(
-        "What the survey shows", default="town"
+        "What the survey shows",
+        default="town",
+        label="What the survey shows",
+        words={
+            "town": "Town",
+            "corridor": "Power line",
+            "power_lines": "Several power lines",
+            "reservoir": "Reservoir",
+            "facade": "House front",
+        },
     )
     preset: Name | None = param(
         "For a corridor: which of those with a name; it has its own size and density", default=None
@@ -87,6 +96,7 @@ class SamplesScene:
         unit="m",
         ge=0,
         le=1,
+        label="Relief of the façade",
     )
     water_noise: float = param(
         "Standard deviation of points on the water of a reservoir, with its waves",
@@ -94,6 +104,7 @@ class SamplesScene:
         unit="m",
         ge=0,
         le=0.3,
+        label="Noise of water",
     )
     seed: int = parameters.seed()
     crs: CRS = param("Projected CRS in metres to place the survey in", default=CRS(32635))

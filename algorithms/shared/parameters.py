@@ -32,6 +32,7 @@ def ignore() -> Any:
     return param(
         "Classes that take no part and stay as they are; none if all take part",
         default=ClassList([7, 18]),
+        label="Classes left out",
     )
 
 
@@ -40,6 +41,7 @@ def keep_classes() -> Any:
     return param(
         "Classes that points keep unless they are ground; water, rail, road (9-11) even then",
         default=ClassList([*SURFACES, *STRUCTURES]),
+        label="Classes that stay",
     )
 
 
@@ -53,13 +55,16 @@ def ground_classes() -> Any:
 
 def classes() -> Any:
     """Declare the classes of the points that a tool reads: ``ClassList | None``."""
-    return param("Classes to use; all by default", default=None)
+    return param("Classes to use; all by default", default=None, label="Classes used")
 
 
 def ground_returns() -> Any:
     """Declare the returns among which a filter looks for ground: ``Returns``."""
     return param(
-        "Returns that can be ground; points without return numbers always can", default="last"
+        "Returns that can be ground; points without return numbers always can",
+        default="last",
+        label="Returns used",
+        words={"last": "Last returns", "all": "All returns"},
     )
 
 
@@ -109,7 +114,7 @@ def context_by_density() -> Any:
 
 def seed() -> Any:
     """Declare the seed of all that a tool draws: ``int``."""
-    return param("Seed of the random numbers", default=0, unit="1", ge=0)
+    return param("Seed of the random numbers", default=0, unit="1", ge=0, label="Random seed")
 
 
 def block() -> Any:
@@ -119,6 +124,7 @@ def block() -> Any:
         default=None,
         unit="m",
         gt=0,
+        label="Side of blocks for intervals",
     )
 
 
@@ -143,7 +149,12 @@ def leave_out() -> Any:
 def wire_gap() -> Any:
     """Declare how far wires are followed without points: ``float``."""
     return param(
-        "Longest piece of a wire that may be missing", default=WIRE_GAP, unit="m", ge=0, le=500
+        "Longest piece of a wire that may be missing",
+        default=WIRE_GAP,
+        unit="m",
+        ge=0,
+        le=500,
+        label="Longest gap in a wire",
     )
 
 
@@ -155,6 +166,7 @@ def wire_tolerance() -> Any:
         unit="m",
         ge=0.05,
         le=2,
+        label="Tolerance of the wire",
     )
 
 
@@ -166,6 +178,7 @@ def wire_radius() -> Any:
         unit="m",
         ge=0.0,
         le=5.0,
+        label="Reach of a wire",
     )
 
 
@@ -177,6 +190,7 @@ def attachment() -> Any:
         unit="m",
         ge=0.0,
         le=20.0,
+        label="Reach of a support",
     )
 
 

@@ -69,13 +69,24 @@ class ShorelineAlphaShape:
 
     points: PointCloud = source("Points to draw around")
     alpha: float | Literal["auto", "all_points"] = param(
-        "Radius of the disc, or how to choose it", default="auto", unit="m", gt=0
+        "Radius of the disc, or how to choose it",
+        default="auto",
+        unit="m",
+        gt=0,
+        label="Radius of the disc (alpha)",
     )
-    hole_threshold: float = param("Fill holes smaller than this", default=0.0, unit="m2", ge=0)
-    region_threshold: float = param("Drop regions smaller than this", default=0.0, unit="m2", ge=0)
+    hole_threshold: float = param(
+        "Fill holes smaller than this", default=0.0, unit="m2", ge=0, label="Smallest hole"
+    )
+    region_threshold: float = param(
+        "Drop regions smaller than this", default=0.0, unit="m2", ge=0, label="Smallest region"
+    )
     classes: ClassList | None = parameters.classes()
     group: Attribute | None = param(
-        "Attribute whose values each have a shape of their own", default=None, of="points"
+        "Attribute whose values each have a shape of their own",
+        default=None,
+        of="points",
+        label="One shape for each",
     )
 
     @outputs

@@ -76,15 +76,28 @@ class ShorelineExtract:
 
     points: PointCloud | Survey = source("Points of the survey, classified or not")
     seed_point: Position | None = param("A position on the water", default=None)
-    bodies: Literal["largest", "all"] = param("Bodies to give", default="largest")
-    min_area: float = param("Smallest body", default=100.0, unit="m2", gt=0)
-    min_island: float = param("Smallest island", default=20.0, unit="m2", ge=0)
+    bodies: Literal["largest", "all"] = param(
+        "Bodies to give",
+        default="largest",
+        label="Water bodies",
+        words={"largest": "The largest", "all": "All"},
+    )
+    min_area: float = param(
+        "Smallest body", default=100.0, unit="m2", gt=0, label="Smallest body of water"
+    )
+    min_island: float = param(
+        "Smallest island", default=20.0, unit="m2", ge=0, label="Smallest island"
+    )
     smoothing: float | Literal["auto"] = param(
         "Length of zigzag to take out; 0 for none", default="auto", unit="m", ge=0
     )
-    sloped: bool = param("Allow rivers, whose surface is not level", default=False)
+    sloped: bool = param(
+        "Allow rivers, whose surface is not level", default=False, label="Rivers too"
+    )
     level_alone: bool = param(
-        "Give bodies, too, that are known by their level alone, as ice may be", default=False
+        "Give bodies, too, that are known by their level alone, as ice may be",
+        default=False,
+        label="Bodies known by their level alone",
     )
     water_classes: ClassList | None = param("Classes that are water, if known", default=None)
     ignore: ClassList | None = parameters.ignore()

@@ -72,15 +72,34 @@ class ShorelineStorageCurve:
 
     points: PointCloud | None = source("Points of the ground", default=None)
     terrain: Raster | None = source("Raster of heights of the ground", default=None)
-    outline: Vector | None = source("Polygons around the basin, a wall to the water", default=None)
-    step: float = param("Height from one level to the next", default=1.0, unit="m", gt=0)
+    outline: Vector | None = source(
+        "Polygons around the basin, a wall to the water", default=None, label="Outline of the basin"
+    )
+    step: float = param(
+        "Height from one level to the next",
+        default=1.0,
+        unit="m",
+        gt=0,
+        label="Height between levels",
+    )
     lowest: float | None = param(
-        "First level; by default the last whole step below the ground", default=None, unit="m"
+        "First level; by default the last whole step below the ground",
+        default=None,
+        unit="m",
+        label="First level",
     )
     highest: float | None = param(
-        "Last level; that of the highest ground by default", default=None, unit="m"
+        "Last level; that of the highest ground by default",
+        default=None,
+        unit="m",
+        label="Last level",
     )
-    fill: Literal["connected", "all"] = param("What counts as water", default="connected")
+    fill: Literal["connected", "all"] = param(
+        "What counts as water",
+        default="connected",
+        label="What counts as water",
+        words={"connected": "What is joined to the seed point", "all": "All below the level"},
+    )
     seed_point: Position | None = param("A position on the water", default=None)
     classes: ClassList | None = parameters.classes()
     max_gap: float | None = param(
@@ -88,6 +107,7 @@ class ShorelineStorageCurve:
         default=None,
         unit="m",
         gt=0,
+        label="Widest gap to fill",
     )
 
     @outputs
@@ -100,10 +120,13 @@ class ShorelineStorageCurve:
                 upright=True,
                 shaded="open",
             ),
+            label="Storage curve",
         )
         lowest_ground: float = sink("Height of the lowest ground of the basin", unit="m")
         opens: float | None = sink(
-            "Level from which water reaches the edge of the data; none if never", unit="m"
+            "Level from which water reaches the edge of the data; none if never",
+            unit="m",
+            label="Level at which it opens",
         )
         area: float = sink("Area at the last level", unit="m2")
         volume: float = sink("Volume at the last level", unit="m3")

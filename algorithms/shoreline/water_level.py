@@ -53,16 +53,20 @@ class ShorelineWaterLevel:
 
     points: PointCloud | Survey = source("Points of the survey, classified or not")
     water: Vector | None = source("Polygons of water, instead of finding it", default=None)
-    min_area: float = param("Smallest body to find", default=100.0, unit="m2", gt=0)
+    min_area: float = param(
+        "Smallest body to find", default=100.0, unit="m2", gt=0, label="Smallest body of water"
+    )
     level_alone: bool = param(
-        "Give bodies, too, that are known by their level alone, as ice may be", default=False
+        "Give bodies, too, that are known by their level alone, as ice may be",
+        default=False,
+        label="Bodies known by their level alone",
     )
     water_classes: ClassList | None = param("Classes that are water, if known", default=None)
     ignore: ClassList | None = parameters.ignore()
 
     @outputs
     class Outputs:
-        levels: Table = sink("One row per body, the largest first")
+        levels: Table = sink("One row per body, the largest first", label="Water levels")
         level: float | None = sink("Level of the largest body", unit="m")
         level_error: float | None = sink("Its standard error", unit="m")
         level_interval: float | None = sink("Half width of its 95 % interval", unit="m")

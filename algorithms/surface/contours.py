@@ -50,14 +50,22 @@ class SurfaceContours:
     """
 
     surface: Raster = source("Raster of heights")
-    interval: float = param("Height between two lines", default=1.0, unit="m", gt=0)
+    interval: float = param(
+        "Height between two lines", default=1.0, unit="m", gt=0, label="Height between lines"
+    )
     base: float = param("Height of one of the lines", default=0.0, unit="m")
-    index_every: int = param("Lines from one index contour to the next", default=5, unit="1", ge=1)
+    index_every: int = param(
+        "Lines from one index contour to the next",
+        default=5,
+        unit="1",
+        ge=1,
+        label="Lines per index contour",
+    )
 
     @outputs
     class Outputs:
         contours: Vector = sink("Lines with Z and the attributes elevation and is_index")
-        levels: int = sink("Number of levels that have lines", unit="1")
+        levels: int = sink("Number of levels that have lines", unit="1", label="Number of levels")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The heights have the unit in which the interval is given."""

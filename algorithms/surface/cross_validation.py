@@ -99,28 +99,62 @@ class SurfaceCrossValidation:
     methods: tuple[Interpolation | CellStatistic, ...] | None = param(
         "Methods to compare; all interpolations by default", default=None
     )
-    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0)
+    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0, label="Cell size")
     attribute: Attribute = param("Attribute to grid", default=Attribute("z"), of="points")
     classes: ClassList | None = parameters.classes()
-    returns: ReturnKind = param("Returns to use", default="all")
+    returns: ReturnKind = param(
+        "Returns to use",
+        default="all",
+        label="Returns used",
+        words={
+            "all": "All returns",
+            "first": "First returns",
+            "last": "Last returns",
+            "only": "Only returns",
+            "intermediate": "Between first and last",
+            "first_of_many": "First of several returns",
+            "last_of_many": "Last of several returns",
+        },
+    )
     where: Expression | None = param(
-        "Condition over attributes that must be met", default=None, of="points"
+        "Condition over attributes that must be met", default=None, of="points", label="Condition"
     )
     block: float | None = param(
         "Side of squares that are left out as a whole; single points by default",
         default=None,
         unit="m",
         gt=0,
+        label="Side of squares left out",
     )
-    folds: int = param("Parts of the points, each left out once", default=10, unit="1", ge=2)
+    folds: int = param(
+        "Parts of the points, each left out once",
+        default=10,
+        unit="1",
+        ge=2,
+        label="Parts of the points",
+    )
     rounds: int | None = param(
-        "Parts to leave out, where all of them would take too long", default=None, unit="1", ge=1
+        "Parts to leave out, where all of them would take too long",
+        default=None,
+        unit="1",
+        ge=1,
+        label="Parts to leave out",
     )
     seed: int = parameters.seed()
     max_gap: float | None = param(
-        "Leave empty what lies farther than this from any point", default=None, unit="m", gt=0
+        "Leave empty what lies farther than this from any point",
+        default=None,
+        unit="m",
+        gt=0,
+        label="Widest gap to fill",
     )
-    power: float = param("Power of the distance, for idw", default=2.0, unit="1", gt=0)
+    power: float = param(
+        "Power of the distance, for idw",
+        default=2.0,
+        unit="1",
+        gt=0,
+        label="Power of the distance (IDW)",
+    )
     neighbours: int = param("Points used per cell, for idw", default=12, unit="1", ge=1, le=1000)
     radius: float | None = param(
         "Farthest point used, for idw; any by default", default=None, unit="m", gt=0
@@ -138,6 +172,7 @@ class SurfaceCrossValidation:
         residuals: PointCloud = sink(
             "Points left out, with the error of each method",
             show=show.Values("error_*", length=True, centred=True),
+            label="Points left out",
         )
         count: int = sink("Points left out", unit="1")
 

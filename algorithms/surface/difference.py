@@ -43,9 +43,15 @@ class SurfaceDifference:
     class Outputs:
         difference: Raster = sink("First raster minus second, empty where one has no value")
         mean: float | None = sink("Mean difference, in the unit of the rasters")
-        std: float | None = sink("Standard deviation, in the unit of the rasters")
-        lowest: float | None = sink("Lowest difference, in the unit of the rasters")
-        highest: float | None = sink("Highest difference, in the unit of the rasters")
+        std: float | None = sink(
+            "Standard deviation, in the unit of the rasters", label="Standard deviation"
+        )
+        lowest: float | None = sink(
+            "Lowest difference, in the unit of the rasters", label="Lowest difference"
+        )
+        highest: float | None = sink(
+            "Highest difference, in the unit of the rasters", label="Highest difference"
+        )
         filled_share: float = sink("Share of the cells of the first raster with a value", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:

@@ -106,26 +106,69 @@ class SurfaceGrid:
 
     points: PointCloud = source("Points to grid")
     template: Raster | None = source(
-        "Raster whose cells to fill, instead of cells of the given size", default=None
+        "Raster whose cells to fill, instead of cells of the given size",
+        default=None,
+        label="Use the cells of",
     )
     breaklines: Vector | None = source("Lines with heights that edges follow, linear", default=None)
     exclusions: Vector | None = source(
-        "Polygons whose points are left out; outlines with heights become breaklines", default=None
+        "Polygons whose points are left out; outlines with heights become breaklines",
+        default=None,
+        label="Areas left out",
     )
-    clip: Vector | None = source("Polygons outside of which cells stay empty", default=None)
-    method: Method = param("How to interpolate, or what of each cell to take", default="linear")
-    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0)
+    clip: Vector | None = source(
+        "Polygons outside of which cells stay empty", default=None, label="Clip to polygons"
+    )
+    method: Method = param(
+        "How to interpolate, or what of each cell to take",
+        default="linear",
+        words={
+            "linear": "Linear (TIN)",
+            "natural": "Natural neighbours",
+            "cubic": "Cubic",
+            "idw": "Inverse distance (IDW)",
+            "nearest": "Nearest point",
+            "min": "Lowest",
+            "max": "Highest",
+            "count": "Number of points",
+            "std": "Standard deviation",
+        },
+    )
+    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0, label="Cell size")
     extent: Extent | None = param("Rectangle to work in; that of the data by default", default=None)
     attribute: Attribute = param("Attribute to grid", default=Attribute("z"), of="points")
     classes: ClassList | None = parameters.classes()
-    returns: ReturnKind = param("Returns to use", default="all")
+    returns: ReturnKind = param(
+        "Returns to use",
+        default="all",
+        label="Returns used",
+        words={
+            "all": "All returns",
+            "first": "First returns",
+            "last": "Last returns",
+            "only": "Only returns",
+            "intermediate": "Between first and last",
+            "first_of_many": "First of several returns",
+            "last_of_many": "Last of several returns",
+        },
+    )
     where: Expression | None = param(
-        "Condition over attributes that must be met", default=None, of="points"
+        "Condition over attributes that must be met", default=None, of="points", label="Condition"
     )
     max_gap: float | None = param(
-        "Leave empty what lies farther than this from any point", default=None, unit="m", gt=0
+        "Leave empty what lies farther than this from any point",
+        default=None,
+        unit="m",
+        gt=0,
+        label="Widest gap to fill",
     )
-    power: float = param("Power of the distance, for idw", default=2.0, unit="1", gt=0)
+    power: float = param(
+        "Power of the distance, for idw",
+        default=2.0,
+        unit="1",
+        gt=0,
+        label="Power of the distance (IDW)",
+    )
     neighbours: int = param("Points used per cell, for idw", default=12, unit="1", ge=1, le=1000)
     radius: float | None = param(
         "Farthest point used, for idw; any by default", default=None, unit="m", gt=0
@@ -136,8 +179,14 @@ class SurfaceGrid:
     percentile: float = param(
         "Share of the points below, for percentile", default=95.0, unit="%", ge=0, le=100
     )
-    support: bool = param("Add points used and distance to the nearest point", default=False)
-    uncertainty: bool = param("Add the error of leaving points out", default=False)
+    support: bool = param(
+        "Add points used and distance to the nearest point",
+        default=False,
+        label="Add points used and distance",
+    )
+    uncertainty: bool = param(
+        "Add the error of leaving points out", default=False, label="Add the error"
+    )
 
     @outputs
     class Outputs:

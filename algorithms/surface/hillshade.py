@@ -62,12 +62,30 @@ class SurfaceHillshade:
         le=360,
     )
     altitude: float = param(
-        "Height of the sun above the horizon", default=45.0, unit="deg", gt=0, le=90
+        "Height of the sun above the horizon",
+        default=45.0,
+        unit="deg",
+        gt=0,
+        le=90,
+        label="Height of the sun",
     )
-    z_factor: float = param("Exaggeration of the heights", default=1.0, unit="1", gt=0, le=1e6)
-    multidirectional: bool = param("Take light from four directions", default=False)
-    edges: bool = param("Shade the outermost cells of the raster too", default=False)
-    fraction: bool = param("Write 0 to 1, not whole numbers from 1 to 255", default=False)
+    z_factor: float = param(
+        "Exaggeration of the heights",
+        default=1.0,
+        unit="1",
+        gt=0,
+        le=1e6,
+        label="Exaggeration of heights",
+    )
+    multidirectional: bool = param(
+        "Take light from four directions", default=False, label="Light from four sides"
+    )
+    edges: bool = param(
+        "Shade the outermost cells of the raster too", default=False, label="Shade the edges too"
+    )
+    fraction: bool = param(
+        "Write 0 to 1, not whole numbers from 1 to 255", default=False, label="Values from 0 to 1"
+    )
 
     @outputs
     class Outputs:

@@ -60,7 +60,11 @@ class SurfaceReproject:
     surface: Raster = source("Raster to reproject", any_crs=True)
     crs: CRS = parameters.target_crs()
     cell: float | None = param(
-        "Size of a new cell; without it, that of the old ones", default=None, unit="m", gt=0
+        "Size of a new cell; without it, that of the old ones",
+        default=None,
+        unit="m",
+        gt=0,
+        label="Cell size",
     )
     method: Method = param("How a new cell gets its value", default="linear")
     values: Meaning | None = param("What the values are, if heights change", default=None)

@@ -38,7 +38,7 @@ RESERVED |= {"tool", "when", "repeat"}  # words of a step in a model
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 TITLE = re.compile(r"[A-Z][^`*<>]*")
 HELP = re.compile(r"[A-Z](.*[^.\s])?")
-LABEL = re.compile(r"(n|[A-Z]).*[^.\s]")  # also nDSM
+LABEL = re.compile(r"(n|[A-Z0-9]).*[^.\s]")  # also nDSM
 LONGEST_LABEL = 40
 LONGEST = 100  # characters of a help and of a line of a docstring
 

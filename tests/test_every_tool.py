@@ -7,6 +7,7 @@ import itertools
 import json
 import math
 import re
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, cast
@@ -27,7 +28,7 @@ from algorithms.corridor._extraction.layers import wire_layer
 from algorithms.corridor._extraction.spans import Wire
 from toolbox import catalog, reference
 from toolbox.context import Context
-from toolbox.data import Lattice, PointCloud, Raster, Report, Table, Vector
+from toolbox.data import Lattice, PointCloud, Raster, Report, Survey, Table, Vector
 from toolbox.data.crs import vertical_unit
 from toolbox.declare import outputs, sink, source, tool
 from toolbox.declare.fields import Field, Spec
@@ -271,9 +272,17 @@ def shapes(points: PointCloud) -> Vector:
     return Vector(geopandas.GeoDataFrame(geometry=polygons, crs=points.crs), name="shapes.gpkg")
 
 
+def in_a_file(points: PointCloud) -> Survey:
+    """The points as a survey of one file."""
+    folder = Path(tempfile.mkdtemp())
+    points.save(folder / "a.laz")
+    return Survey.open(folder)
+
+
 MADE: dict[str, Callable[[PointCloud], Any]] = {  # a layer of each kind
     "PointCloud": mirrored,
     "Raster": slope,
+    "Survey": in_a_file,
     "Vector": shapes,
     "Table": lambda points: Table(pandas.DataFrame({"name": ["a", "b"], "value": [1.0, 2.0]})),
 }

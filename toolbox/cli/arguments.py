@@ -18,7 +18,7 @@ SHAPES = {  # placeholders in --help for values of several numbers
     "direction": "X,Y,Z",
     "range": "LOW,HIGH",
 }
-SEVERAL = "PointCloud"  # type of a layer that can be read from several files
+SEVERAL = ("PointCloud", "Survey")  # types of layers that can be read from several files
 
 
 class _Parser(argparse.ArgumentParser):
@@ -70,7 +70,7 @@ def _add_input(group: Any, name: str, field: Description) -> None:
     rule = f" [{says['rule']}]" if "rule" in says else ""
     default = f" (default {schema['default']})" if "default" in schema else ""
     how: dict[str, Any] = {}
-    if field["maxOccurs"] != 1 or says["type"] == SEVERAL:
+    if field["maxOccurs"] != 1 or says["type"] in SEVERAL:
         how = {"nargs": "+"}
     elif schema.get("type") == "boolean":
         how = {"nargs": "?", "const": "true"}

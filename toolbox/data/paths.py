@@ -92,10 +92,36 @@ class PointFiles:
         return cls(tuple(sorted(found)), name, tuple(remarks))
 
 
-def missing(paths: Paths) -> list[Path]:
-    """The paths that do not exist, and the patterns that no file matches."""
+def missing(paths: Paths) -> list[str]:
+    """The paths that do not exist, and the patterns that no file matches, as they were given."""
     items = [paths] if isinstance(paths, str | Path) else paths
-    return [Path(item) for item in items if not (Path(item).exists() or _matches(str(item)))]
+    return [str(item) for item in items if not (Path(item).exists() or _matches(str(item)))]
+
+
+def absent_text(paths: Sequence[str | Path]) -> str:
+    """Say that files are not there; of addresses on the web, that these are not read.
+
+    >>> absent_text(["a.laz", "b.laz"])
+    'there is no file a.laz, b.laz'
+    >>> absent_text(["https://example.org/a.laz"])
+    'https://example.org/a.laz is on the web, where nothing is read; download it first'
+    """
+    if remote := [str(path) for path in paths if _is_remote(path)]:
+        return f"{', '.join(remote)} is on the web, where nothing is read; download it first"
+    return f"there is no file {', '.join(map(str, paths))}"
+
+
+def local(path: str | Path) -> Path:
+    """The path of a file on this computer.
+
+    Raises
+    ------
+    DataError
+        It is an address on the web.
+    """
+    if _is_remote(path):
+        raise DataError(absent_text([path]))
+    return Path(path)
 
 
 def _matches(pattern: str) -> bool:
@@ -111,6 +137,8 @@ def _files(item: str | Path, remarks: list[str]) -> list[Path]:
             return _in_folder(path, remarks)
         if path.exists():
             return _in_vpc(path) if suffix_of(path) == VPC else [path]
+        if _is_remote(item):
+            raise DataError(absent_text([item]))
         if glob.has_magic(str(item)):
             return _matching(str(item), remarks)
     except OSError as error:
@@ -192,6 +220,10 @@ def _links(feature: Any) -> Iterator[str]:
 
 def _target(folder: Path, link: str) -> Path:
     return folder / (url2pathname(urlsplit(link).path) if _scheme(link) == "file" else link)
+
+
+def _is_remote(path: str | Path) -> bool:
+    return "://" in str(path) and _scheme(str(path)) != "file"
 
 
 def _scheme(link: str) -> str:

@@ -23,6 +23,7 @@ from toolbox.data.crs import (
     metres_per_unit,
 )
 from toolbox.data.las import points as las_points
+from toolbox.data.las import versions as las_versions
 from toolbox.data.las.copc_write import copc_sink, is_copc, write_copc
 from toolbox.data.las.header import LasMetadata
 from toolbox.data.las.joint import in_layout, joint_metadata, with_layout
@@ -609,7 +610,15 @@ class PointCloud(Layer):
         """The file at a path, and the provenance record that an earlier run has put beside it."""
         return Path(path), *own_side_car(path)
 
-    def save(self, path: str | Path, *, record: str = "", ctx: Context = QUIET) -> None:
+    def save(
+        self,
+        path: str | Path,
+        *,
+        version: str | None = None,
+        format: int | None = None,
+        record: str = "",
+        ctx: Context = QUIET,
+    ) -> None:
         """Write a file; its suffix says in which format.
 
         A LAS file keeps header, VLRs and all that was not changed. It is written in a newer
@@ -621,15 +630,18 @@ class PointCloud(Layer):
         Parameters
         ----------
         path : ends in one of SUFFIXES
+        version, format : of LAS, such as "1.2" and 3; those that suit the data unless given
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : told of progress, and asked whether to stop
 
         Raises
         ------
         DataError
-            The format cannot hold a value, or the file cannot be written.
+            The format cannot hold a value, something would be lost in the version or point
+            format asked for, or the file cannot be written.
         """
         path = Path(path)
+        wanted = (version, format)
         suffix = suffix_of(path)
         if not path.name.lower().endswith(self.SUFFIXES):
             raise DataError(f"{path}: points are written as {', '.join(self.SUFFIXES)}")
@@ -638,8 +650,10 @@ class PointCloud(Layer):
             log.info("%s: the format holds no CRS (%s)", path.name, describe_crs(self.crs))
         try:
             if suffix in LAS:
-                self._save_las(path, record, compress=suffix == ".laz", ctx=ctx)
+                self._save_las(path, record, wanted, compress=suffix == ".laz", ctx=ctx)
                 return
+            if wanted != (None, None):
+                raise DataError(f"{path}: version and format are for LAS and LAZ, not {suffix}")
             if suffix == ".ply":
                 from toolbox.data.ply import write_ply
 
@@ -652,10 +666,19 @@ class PointCloud(Layer):
         except OSError as error:
             raise DataError(f"{path} cannot be written: {error.strerror or error}") from error
 
-    def _save_las(self, path: Path, record: str, *, compress: bool, ctx: Context) -> None:
+    def _save_las(
+        self,
+        path: Path,
+        record: str,
+        wanted: tuple[str | None, int | None],
+        *,
+        compress: bool,
+        ctx: Context,
+    ) -> None:
         try:
             metadata, points = self.as_las()
-            metadata = with_record(metadata, record)
+            metadata, convert = las_versions.wanted(metadata, *wanted)
+            metadata, points = with_record(metadata, record), convert(points)
         except DataError as error:
             raise DataError(f"{path} cannot be written: {error}") from error
         if is_copc(path):
@@ -690,6 +713,8 @@ class PointCloud(Layer):
         clouds: Iterable[PointCloud],
         size: int,
         *,
+        version: str | None = None,
+        format: int | None = None,
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
@@ -700,7 +725,7 @@ class PointCloud(Layer):
         path : ends in .las or .laz; for .copc.laz the points are kept in a file beside it first
         clouds : clouds like this one, a template of clouds that are as read from LAS
         size : number of all their points
-        record, ctx : as for :meth:`save`
+        version, format, record, ctx : as for :meth:`save`
 
         Raises
         ------
@@ -708,6 +733,7 @@ class PointCloud(Layer):
             The file cannot be written.
         """
         metadata, _ = self.as_las()
+        metadata, convert = las_versions.wanted(metadata, version, format)
         done, metadata = 0, with_record(metadata, record)
         sink = (
             copc_sink(path, metadata)
@@ -717,7 +743,7 @@ class PointCloud(Layer):
         with sink as write:
             for cloud in clouds:
                 ctx.progress(done / max(size, 1))
-                write(cloud.as_las()[1])
+                write(convert(cloud.as_las()[1]))
                 done += len(cloud)
 
     def with_header_of(self, owner: PointCloud) -> PointCloud:

@@ -28,6 +28,7 @@ from toolbox.data.crs import (
 from toolbox.data.drivers import raster_driver
 from toolbox.data.lattice import Lattice
 from toolbox.data.layer import Inside, Layer
+from toolbox.data.paths import local
 from toolbox.data.reading import errors_named, need_memory
 from toolbox.data.record import ITEM, checked
 from toolbox.errors import DataError
@@ -167,7 +168,7 @@ class Raster(Layer):
         """
         import rasterio
 
-        driver = raster_driver(path := Path(path))
+        driver = raster_driver(path := local(path))
         with (
             errors_named(f"{path} cannot be read as a raster"),
             _position_unchecked(),

@@ -14,13 +14,15 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
+from toolbox.data import vpc
 from toolbox.data.crs import crs_conflicts, metres_per_unit
 from toolbox.data.las.points import Box
 from toolbox.data.las.read import chunk_sizes, read_metadata
 from toolbox.data.layer import Inside, Layer
 from toolbox.data.paths import LAS, Paths, PointFiles, suffix_of
 from toolbox.data.pointcloud import PointCloud
-from toolbox.data.reading import CHANGED, Reading, state
+from toolbox.data.reading import CHANGED, Reading, errors_named, state
+from toolbox.data.record import own_side_car, write_beside
 from toolbox.errors import DataError
 
 _BATCH = 1_000_000  # points that are read at a time to find their bounds
@@ -47,6 +49,7 @@ class SurveyFile:
     columns, separator : how a text file is read
     only : xmin, ymin, xmax, ymax of the area that is read, if not all
     state : of the file before its header was read, see `toolbox.data.reading.state`
+    date : on which a LAS file was made, as its header says it (2026-11-22); "" if it does not
 
     Examples
     --------
@@ -73,6 +76,7 @@ class SurveyFile:
     separator: str | None = None
     only: tuple[float, ...] | None = None
     state: tuple[int, int] | None = None
+    date: str = ""
 
     @classmethod
     def open(
@@ -120,6 +124,7 @@ class SurveyFile:
             attributes=_attributes(PointCloud.of_metadata(metadata, path.name)),
             remarks=tuple(remarks),
             state=before,
+            date=str(header.creation_date or ""),
         )
         return file._with_bounds(ctx)
 
@@ -247,6 +252,7 @@ class Survey(Layer):
 
     files: tuple[SurveyFile, ...]
     name: str
+    SUFFIXES: ClassVar[tuple[str, ...]] = (vpc.SUFFIX,)
     is_spatial: ClassVar[bool] = True
     tools: ClassVar[str] = "points"
     axes: ClassVar[tuple[str, ...]] = PointCloud.axes
@@ -311,6 +317,40 @@ class Survey(Layer):
         """The same survey, of which only the points within (xmin, ymin, xmax, ymax) are read."""
         files = tuple(replace(file, only=tuple(bounds)) for file in self.files)
         return replace(self, files=files)
+
+    @classmethod
+    def own_files(cls, path: str | Path) -> tuple[Path, ...]:
+        """The index at a path, and the provenance record that an earlier run has put beside it."""
+        return Path(path), *own_side_car(path)
+
+    def save(
+        self,
+        path: str | Path,
+        *,
+        place: Path | None = None,
+        record: str = "",
+        ctx: Context = QUIET,
+    ) -> None:
+        """Write a virtual point cloud, which names the files relative to itself.
+
+        Parameters
+        ----------
+        path : ends in .vpc
+        place : where the file will be moved to; `path` unless given
+        record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
+
+        Raises
+        ------
+        DataError
+            It cannot be written.
+        """
+        path = Path(path)
+        if path.suffix.lower() not in self.SUFFIXES:
+            raise DataError(f"{path}: a survey is written as {', '.join(self.SUFFIXES)}")
+        with errors_named(f"{path} cannot be written"):
+            path.write_text(vpc.text_of(self.files, place or path), encoding="utf-8", newline="\n")
+            write_beside(path, record)
+        ctx.progress(1.0)
 
     @property
     def crs(self) -> CRS | None:

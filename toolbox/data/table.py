@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from toolbox.context import QUIET, Context
 from toolbox.data import differences, geopackage
 from toolbox.data.layer import Inside, Layer, text_array
+from toolbox.data.paths import local
 from toolbox.data.reading import errors_named
 from toolbox.data.record import own_side_car, side_car, write_beside, write_into_geopackage
 from toolbox.errors import DataError
@@ -112,7 +113,7 @@ class Table(Layer):
         """
         from toolbox.data import table_files
 
-        path = Path(path)
+        path = local(path)
         if path.suffix.lower() not in cls.SUFFIXES:
             raise DataError(f"{path}: tables are read from {', '.join(cls.SUFFIXES)}")
         if not path.exists():

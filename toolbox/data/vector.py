@@ -28,6 +28,7 @@ from toolbox.data.crs import (
 )
 from toolbox.data.drivers import check_vector
 from toolbox.data.layer import Inside, Layer, refuse_zero_bytes, text_array
+from toolbox.data.paths import local
 from toolbox.data.reading import errors_named
 from toolbox.data.record import (
     own_side_car,
@@ -133,7 +134,7 @@ class Vector(Layer):
         DataError
             The file is missing or cannot be read.
         """
-        path = Path(path)
+        path = local(path)
         if not path.exists():
             raise DataError(f"{path}: no such file")
         with errors_named(f"{path} cannot be read as a vector layer"):
@@ -164,7 +165,7 @@ class Vector(Layer):
             The file is missing or unreadable, has no geometry, or has several layers and none
             was named.
         """
-        path = Path(path)
+        path = local(path)
         if not path.exists():
             raise DataError(f"{path}: no such file")
         with errors_named(f"{path} cannot be read as a vector layer"):

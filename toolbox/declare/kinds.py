@@ -16,6 +16,7 @@ from pyproj import CRS
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Raster, Report, Survey, Table, Vector
 from toolbox.data.crs import parse_crs
+from toolbox.data.las.versions import VERSIONS
 from toolbox.data.paths import Paths, PointFiles
 from toolbox.data.reading import Reading
 from toolbox.declare.expression import Expression
@@ -152,6 +153,19 @@ def _columns(value: Any) -> list[str]:
     return names
 
 
+def _version(value: Any) -> str:
+    if str(value) not in VERSIONS:
+        raise ValueError(f"must be one of {', '.join(VERSIONS)}, got {value!r}")
+    return str(value)
+
+
+def _format(value: Any) -> int:
+    number = whole(value)
+    if not 0 <= number <= 10:
+        raise ValueError(f"must be 0 to 10, got {number}")
+    return number
+
+
 def _crs_text(value: Any) -> str:
     """The text of a CRS, which records keep, if it can be read."""
     parse_crs(_text(value))
@@ -168,6 +182,8 @@ OPTIONS: Mapping[str, Option] = {
     "layer": Option("Name of the layer in the file", _text),
     "reproject": Option("Bring it to this CRS as it is read, such as EPSG:32635", _crs_text),
     "band": Option("Number of the band to read, counted from 1", whole),
+    "version": Option("Version of LAS to write, 1.0 to 1.4; that of the data by default", _version),
+    "format": Option("Point format of LAS to write, 0 to 10; that of the data by default", _format),
     "cog": Option("Write a cloud-optimised GeoTIFF", _boolean),
 }
 
@@ -226,6 +242,19 @@ def _cloud_or_survey(
     return Survey.open(files, ctx=ctx, **how)
 
 
+def _survey(
+    paths: Paths | PointFiles,
+    *,
+    columns: Sequence[str] | None = None,
+    separator: str | None = None,
+    assume_crs: CRS | None = None,
+    reading: Reading | None = None,
+    ctx: Context = QUIET,
+) -> Survey:
+    """Files as a survey, also a single one; hashes are taken later, as nothing is read whole."""
+    return Survey.open(paths, columns=columns, separator=separator, assume_crs=assume_crs, ctx=ctx)
+
+
 def _options_of(method: Callable[..., Any]) -> tuple[str, ...]:
     return tuple(name for name in inspect.signature(method).parameters if name in OPTIONS)
 
@@ -258,6 +287,7 @@ KINDS: Mapping[Any, Kind] = _scalars() | {
     PointCloud | Survey: _layer(
         PointCloud, _LASZIP, types=(PointCloud, Survey), open=_cloud_or_survey, several=True
     ),
+    Survey: _layer(Survey, "application/geo+json", open=_survey, several=True),
     PointCloud: _layer(PointCloud, _LASZIP, several=True),  # last: the word alone means this one
     Raster: _layer(Raster, "image/tiff; application=geotiff"),
     Vector: _layer(Vector, "application/geopackage+sqlite3"),

@@ -128,6 +128,8 @@ def field(f: Field) -> dict[str, Any]:
 def _type(f: Field) -> str:
     """The name of the widget in the plugin."""
     if f.kind.is_layer:
+        if f.kind.word == "Survey" and f.role == "source":
+            return LAYERS["PointCloud"]
         return LAYERS.get(f.kind.word, "file")
     if f.kind is CHOICE:
         return "choice"

@@ -14,7 +14,7 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data.area_of_use import misplaced
 from toolbox.data.crs import describe_crs, same_crs
 from toolbox.data.layer import Layer
-from toolbox.data.paths import PointFiles, missing
+from toolbox.data.paths import PointFiles, absent_text, missing
 from toolbox.data.reading import Reading
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import Kind, parsed_options
@@ -137,7 +137,7 @@ def _problem(kind: Kind, paths: Sequence[Any], value: Any) -> str | None:
     if len(paths) != 1 and not (kind.several and paths):
         return f"takes one {kind.word}, got {len(paths)}"
     absent = missing(paths) if kind.several else [p for p in paths if not Path(p).exists()]
-    return f"there is no file {', '.join(map(str, absent))}" if absent else None
+    return absent_text(absent) if absent else None
 
 
 def of_run(given: Mapping[str, Any], spec: Spec) -> dict[str, tuple[Source, ...]]:

@@ -330,6 +330,8 @@ def _save(
         if piece.output == PICTURE:
             draw(piece.layer, path, record=record)
         else:
+            if piece.layer.paths:  # which it names relative to its own
+                how = {**how, "place": target.resolved}
             piece.layer.save(path, record=record, ctx=ctx, **how)
     except (OSError, DataError) as err:
         text = str(err).replace(str(path), str(target.path))

@@ -104,7 +104,7 @@ def write(
         template = points.template if points else survey.template
         name = "" if file is None else survey.files[file].path.name
         text = _text(record, output, template, options, name)
-        _write_points(points, template, survey, file, path, text)
+        _write_points(points, template, survey, file, path, text, options)
 
 
 def _text(
@@ -120,6 +120,7 @@ def _write_points(
     file: int | None,
     path: Path,
     record: str,
+    options: Mapping[str, Any],
 ) -> None:
     interval = None
     if file is not None:
@@ -129,9 +130,9 @@ def _write_points(
     size = points.size(interval) if points else 0
     windows = points.windows(interval) if points else iter(())
     if path.suffix.lower() in LAS:
-        template.save_batches(path, windows, size, record=record)
+        template.save_batches(path, windows, size, record=record, **options)
     else:
-        template.filled(windows, size).save(path, record=record)
+        template.filled(windows, size).save(path, record=record, **options)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,17 +8,19 @@ import io
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scenes.layers import cloud
 
+import toolbox
 from toolbox.context import Context
-from toolbox.data import PointCloud, reading
+from toolbox.data import PointCloud, Raster, Table, Vector, reading
 from toolbox.data.las import read as las_read
 from toolbox.data.reading import Reading, errors_named, file_hash, need_memory, opened
-from toolbox.errors import Cancelled, DataError, MemoryShort
+from toolbox.errors import Cancelled, DataError, MemoryShort, ParameterError
 
 PLY = "ply\nformat ascii 1.0\nelement vertex 4000\n"
 PLY += "".join(f"property double {axis}\n" for axis in "xyz") + "end_header\n"
@@ -254,3 +256,15 @@ def test_long_files_of_short_lines_are_read(tmp_path: Path) -> None:
     path = tmp_path / "a.xyz"
     path.write_bytes(b"1 2 3\r" * 400_000)
     assert len(PointCloud.open(path)) == 400_000
+
+
+@pytest.mark.parametrize("open", [PointCloud.open, Raster.open, Vector.open, Table.open])
+@pytest.mark.parametrize("address", ["https://example.org/a.laz", "s3://bucket/a.tif"])
+def test_an_address_on_the_web_is_named_as_given(open: Any, address: str) -> None:
+    with pytest.raises(DataError, match=rf"^{address} is on the web, .*download it first"):
+        open(address)
+
+
+def test_an_address_given_to_a_run() -> None:
+    with pytest.raises(ParameterError, match=r"points: https://example\.org/a\.laz is on the web"):
+        toolbox.run("points.info", {"points": "https://example.org/a.laz"})

@@ -18,6 +18,12 @@ from toolbox.data.las.points import SCAN_ANGLE, attribute, converted, put, with_
 from toolbox.errors import DataError
 
 Array = NDArray[Any]
+
+VERSIONS = ("1.0", "1.1", "1.2", "1.3", "1.4")
+"""Versions of LAS that are written."""
+
+_FORMATS = {0: 1, 1: 1, 2: 3, 3: 5, 4: 10}  # the last point format of each version 1.x
+_OLDER = {6: 1, 7: 3, 8: 3, 9: 4, 10: 5}  # formats with the same attributes before LAS 1.4
 _REPLACED = {"scan_angle": "scan_angle_rank", "scan_angle_rank": "scan_angle"}
 
 
@@ -39,10 +45,9 @@ def recast(
         raise DataError(f"LAS 1.{minor} has no records behind the points, and there are some")
     extras = [_params(extra) for extra in metadata.extras]
     header = metadata.header.copy()
-    header.version, header.point_format = (
-        Version(1, max(minor, 1)),
-        point_format(number, extras, metadata.spare),
-    )
+    header.version = Version(1, 4)  # which has all formats; laspy compares the two
+    header.point_format = point_format(number, extras, metadata.spare)
+    header.version = Version(1, max(minor, 1))
     made = replace(metadata, header=header, minor=minor)
     unread = made.crs is None and any(map(is_crs_vlr, made.all_vlrs))  # kept as it is
     if not unread and (old.id < 6) != (number < 6):
@@ -64,6 +69,30 @@ def recast(
         return found
 
     return made, convert
+
+
+def wanted(
+    metadata: LasMetadata, version: str | None, number: int | None
+) -> tuple[LasMetadata, Callable[[Array], Array]]:
+    """As :func:`recast`, where one of the two may be left to the data.
+
+    Of a version alone, the point format is the one with the same attributes that it has.
+
+    Raises
+    ------
+    DataError
+        As for :func:`recast`.
+    """
+    if version is None and number is None:
+        return metadata, lambda packed: packed
+    now = metadata.header.point_format.id
+    minor = int(version[2:]) if version else None
+    if number is None:
+        number = now if minor is None or now <= _FORMATS[minor] else _OLDER.get(now, now)
+    if minor is None:
+        oldest = next(minor for minor, last in _FORMATS.items() if number <= last)
+        minor = max(metadata.minor if now == number else oldest, oldest)
+    return recast(metadata, minor, number)
 
 
 def _params(extra: Any) -> Any:

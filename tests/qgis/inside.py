@@ -1,5 +1,6 @@
-"""Checks that run in the Python of QGIS, in one start of it: ``inside.py PROFILE CLOUD FOLDER``.
+"""Checks that run in the Python of QGIS, in one start of it.
 
+``inside.py PROFILE CLOUD FOLDER``, with names of checks behind it only these.
 Prints a JSON object: for each function ``check_...`` an empty text, or what went wrong.
 """
 
@@ -10,10 +11,12 @@ import math
 import os
 import re
 import shlex
+import shutil
 import sys
 import threading
 import time
 import traceback
+import zipfile
 from pathlib import Path
 
 from qgis.core import (
@@ -36,12 +39,13 @@ from qgis.core import (
 )
 
 PROFILE, CLOUD, FOLDER = sys.argv[1], sys.argv[2], Path(sys.argv[3])
+ONLY = sys.argv[4:]
 sys.path.insert(0, str(Path(PROFILE) / "python" / "plugins"))
 
 app = QgsApplication([], False)
 app.initQgis()
 
-from lidar_toolbox import bridge, lasheader, parameters, styling  # noqa: E402
+from lidar_toolbox import bridge, lasheader, parameters, settings, styling  # noqa: E402
 from lidar_toolbox.algorithm import ToolAlgorithm, option_words  # noqa: E402
 from lidar_toolbox.plugin import Provider  # noqa: E402
 
@@ -460,6 +464,62 @@ def check_a_style_of_the_user_stays() -> None:
     assert type(layer.renderer()).__name__ == "QgsSingleBandGrayRenderer"
 
 
+def wheel_of(check: str) -> Path:
+    """A wheel that needs nothing, with a toolbox that answers the check of the plugin, or not."""
+    path = FOLDER / "lidar_toolbox-9.9-py3-none-any.whl"
+    about = "lidar_toolbox-9.9.dist-info"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("toolbox/__init__.py", "")
+        archive.writestr("toolbox/qgis/__init__.py", "")
+        archive.writestr("toolbox/qgis/tools.py", check)
+        meta = "Metadata-Version: 2.1\nName: lidar-toolbox\nVersion: 9.9\n"
+        archive.writestr(f"{about}/METADATA", meta)
+        wheel = "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+        archive.writestr(f"{about}/WHEEL", wheel)
+        archive.writestr(f"{about}/RECORD", "")
+    return path
+
+
+def check_an_environment_is_made_of_a_file_and_whole_or_not_at_all() -> None:
+    kept = settings.base_python, bridge.own_environment, bridge._root, settings.BUNDLED
+    folder, python = FOLDER / "env ü", str(bridge.find_python())
+    settings.base_python = lambda: python
+    bridge.own_environment = lambda: folder
+    bridge._root = lambda: ""
+
+    def refused(**given: str) -> str:
+        try:
+            settings.create_environment(None, **given)
+        except RuntimeError as err:
+            return str(err)
+        return ""
+
+    try:
+        for name in ("lidar-toolbox", "", "/no/lidar_toolbox-9.9.whl", str(FOLDER)):
+            assert "is no wheel" in refused(wheel=name), name
+        assert "failed" in refused(wheel=str(wheel_of("raise SystemExit('no')")))
+        assert not folder.exists()
+        path = wheel_of("def listing(): return {'toolbox': '9.9'}")
+        settings.BUNDLED = FOLDER / "bundle"
+        settings.BUNDLED.mkdir()
+        shutil.copy(path, settings.BUNDLED)
+        (settings.BUNDLED / "SHA256").write_text("0" * 64 + "  name\n")
+        assert "is damaged" in refused(wheel=str(settings.bundled()))
+        assert not folder.exists()
+        made = settings.create_environment(None, wheel=str(path))
+        assert (folder / bridge.COMPLETE).read_text() == "lidar-toolbox 9.9"
+        assert os.path.isfile(made)
+        kept_installed, bridge._installed = bridge._installed, dict
+        try:
+            assert bridge.find_python() == made
+            (folder / bridge.COMPLETE).unlink()
+            assert bridge.find_python() is None
+        finally:
+            bridge._installed = kept_installed
+    finally:
+        settings.base_python, bridge.own_environment, bridge._root, settings.BUNDLED = kept
+
+
 def check_options_of_every_run_become_words() -> None:
     flag = {"option": "resume", "type": "boolean"}
     words = [option_words(flag, value) for value in (True, "true", False, "no", None)]
@@ -664,7 +724,7 @@ def check_the_environment_of_the_child_is_clean() -> None:
 def main() -> None:
     found = {}
     for name, check in list(globals().items()):
-        if name.startswith("check_"):
+        if name.startswith("check_") and (not ONLY or name in ONLY):
             began = time.monotonic()
             try:
                 check()

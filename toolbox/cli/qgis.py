@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from toolbox import __version__
-from toolbox.errors import DataError
+from toolbox.errors import DataError, ParameterError
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -26,6 +26,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
     for verb in ("install", "uninstall", "doctor"):
         made[verb].add_argument("--profile", metavar="DIR", help="the profile (that of QGIS)")
     made["package"].add_argument("file", nargs="?", help=f"lidar_toolbox-{__version__}.zip")
+    made["package"].add_argument(
+        "--wheel", metavar="WHL", help="of the toolbox, from which the plugin makes an environment"
+    )
+    made["package"].add_argument(
+        "--needs", metavar="TXT", help="what the wheel needs, with hashes (requirements of pip)"
+    )
 
 
 def run(args: argparse.Namespace, _: object) -> None:
@@ -51,7 +57,10 @@ def _package(args: argparse.Namespace) -> str:
     from toolbox.qgis.install import FOLDER, SOURCE, package, placeholders
 
     path = Path(args.file or f"{FOLDER}-{__version__}.zip")
-    told = f"{path}: {package(path)} files"
+    if args.needs and not args.wheel:
+        raise ParameterError("qgis package", {"needs": "is for a wheel; give --wheel too"})
+    wheel, needs = (Path(name) if name else None for name in (args.wheel, args.needs))
+    told = f"{path}: {package(path, wheel, needs)} files"
     if names := placeholders():
         told += (
             f"\nBefore it goes to plugins.qgis.org, fill in {', '.join(names)} "

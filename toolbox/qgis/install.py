@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -52,15 +53,24 @@ def contents() -> dict[str, str]:
     return made
 
 
-def package(path: Path) -> int:
+def package(path: Path, wheel: Path | None = None, needs: Path | None = None) -> int:
     """Write the zip that plugins.qgis.org takes; return the number of its files.
+
+    Parameters
+    ----------
+    wheel : of the toolbox, from which the plugin creates an environment
+    needs : what the wheel needs, with hashes, in the form of pip's requirements
 
     Raises
     ------
     DataError
-        It cannot be written.
+        It cannot be written, or a file to pack cannot be read.
     """
-    made = contents()
+    made: dict[str, str | bytes] = {**contents()}
+    try:
+        made |= _wheel(wheel, needs) if wheel else {}
+    except OSError as err:
+        raise DataError(f"{err.filename} cannot be read: {err.strerror}") from err
     try:
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
             for name, text in made.items():
@@ -70,6 +80,28 @@ def package(path: Path) -> int:
     except OSError as err:
         raise DataError(f"{path} cannot be written: {err.strerror}") from err
     return len(made)
+
+
+def _wheel(wheel: Path, needs: Path | None) -> dict[str, bytes]:
+    """The wheel, its hash, and the list of what it needs, as the settings page reads them.
+
+    Raises
+    ------
+    DataError
+        It is no wheel of this version, or the list has an entry without a hash.
+    """
+    if not wheel.name.startswith(f"lidar_toolbox-{__version__}-") or wheel.suffix != ".whl":
+        raise DataError(f"{wheel} is no wheel of lidar-toolbox {__version__}")
+    body = wheel.read_bytes()
+    line = f"{hashlib.sha256(body).hexdigest()}  {wheel.name}\n"
+    made = {f"wheel/{wheel.name}": body, "wheel/SHA256": line.encode()}
+    if needs is None:
+        return made
+    lines = needs.read_text(encoding="utf-8").replace("\\\n", " ").splitlines()
+    entries = [line for line in lines if line.strip() and not line.lstrip().startswith(("#", "--"))]
+    if bare := [line for line in entries if "--hash=" not in line]:
+        raise DataError(f"{needs}: {bare[0].split()[0]} has no hash; pip-compile --generate-hashes")
+    return made | {"wheel/requirements.txt": needs.read_bytes()}
 
 
 def placeholders() -> list[str]:
@@ -265,7 +297,8 @@ def _python(profile: Path, again: str) -> Finding:
     python, by = _named(profile)
     mend = f"set another in {by}" if by else again
     own = profile / OWN / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-    usual = (str(known.get("python", "")), str(own))
+    whole = (profile / OWN / "complete.txt").is_file()  # else its creation was cut off
+    usual = (str(known.get("python", "")), str(own) if whole else "")
     python = python or next(filter(os.path.isfile, usual), usual[0])
     if not python:
         return Finding("no Python is set for the tools", mend)

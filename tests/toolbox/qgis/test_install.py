@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import hashlib
 import json
 import sys
 import zipfile
@@ -67,6 +68,27 @@ def test_the_plugin_imports_qgis_and_the_standard_library_alone() -> None:
                 assert {a.name.partition(".")[0] for a in node.names} <= allowed, path.name
             if isinstance(node, ast.ImportFrom) and node.level == 0:
                 assert str(node.module).partition(".")[0] in allowed, path.name
+
+
+def test_a_package_brings_a_wheel_with_hashes(tmp_path: Path, capsys: Capture) -> None:
+    path, wheel = tmp_path / "plugin.zip", tmp_path / f"lidar_toolbox-{__version__}-py3-any.whl"
+    wheel.write_bytes(b"a wheel")
+    needs = tmp_path / "needs.txt"
+    needs.write_text("# what it needs\nnumpy==2.0 \\\n    --hash=sha256:ab\nlaspy==2.5\n")
+    words = ["qgis", "package", str(path), "--needs", str(needs)]
+    assert main(words) == 2
+    assert main([*words, "--wheel", str(wheel)]) == 3
+    assert "laspy==2.5 has no hash" in capsys.readouterr().err
+    assert main([*words, "--wheel", str(tmp_path / "other-1-py3-any.whl")]) == 3
+    assert "is no wheel of lidar-toolbox" in capsys.readouterr().err
+    needs.write_text("numpy==2.0 \\\n    --hash=sha256:ab\n")
+    assert main([*words, "--wheel", str(wheel)]) == 0
+    with zipfile.ZipFile(path) as archive:
+        packed = archive.read(f"lidar_toolbox/wheel/{wheel.name}")
+        said = archive.read("lidar_toolbox/wheel/SHA256").decode().split()
+        assert archive.read("lidar_toolbox/wheel/requirements.txt") == needs.read_bytes()
+    assert packed == b"a wheel"
+    assert said == [hashlib.sha256(b"a wheel").hexdigest(), wheel.name]
 
 
 def test_package_is_what_the_plugin_site_takes(tmp_path: Path, capsys: Capture) -> None:
@@ -188,6 +210,9 @@ def test_doctor_asks_the_python_that_the_plugin_would_start(
     (profile / "python/plugins/lidar_toolbox/environment.json").unlink()
     own.parent.mkdir(parents=True)
     own.write_text("no program")
+    main(argv)
+    assert f"there is no Python {own}" not in capsys.readouterr().out, "it is not whole"
+    (profile / "lidar_toolbox_env/complete.txt").write_text("lidar-toolbox")
     main(argv)
     assert f"{own} does not start" in capsys.readouterr().out
 

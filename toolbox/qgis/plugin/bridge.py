@@ -40,6 +40,7 @@ FOREIGN_EXACT = {
     "SSL_CERT_FILE",
 }
 OURS = {"GDAL_CACHEMAX", "GDAL_NUM_THREADS", "PROJ_NETWORK", "CPL_TMPDIR"}
+COMPLETE = "complete.txt"  # of an environment that was created to the end
 GRACE = 5.0  # seconds that a tool has to stop before it is killed
 POLL = 0.05
 TAIL = 60  # lines of standard error that are kept
@@ -54,7 +55,9 @@ def find_python() -> str | None:
     """The path of the Python of the tools; not that of QGIS, which lacks their libraries."""
     if said := _named():
         return said if os.path.isfile(said) else None
-    usual = [str(_installed().get("python", "")), str(python_of(own_environment()))]
+    usual = [str(_installed().get("python", ""))]
+    if (own_environment() / COMPLETE).is_file():  # else its creation was cut off
+        usual.append(str(python_of(own_environment())))
     return next((path for path in usual if os.path.isfile(path)), None)
 
 

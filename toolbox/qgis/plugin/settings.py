@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
+from pathlib import Path
 from typing import Any
 
 from qgis.core import QgsApplication, QgsMessageLog, QgsSettings, QgsTask
 from qgis.gui import QgsFileWidget, QgsOptionsPageWidget, QgsOptionsWidgetFactory
 from qgis.PyQt.QtGui import QIcon
-from qgis.PyQt.QtWidgets import QFormLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout
+from qgis.PyQt.QtWidgets import QFormLayout, QLabel, QPushButton, QVBoxLayout
 
 from . import bridge
 
-PACKAGE = "lidar-toolbox"
+BUNDLED = bridge.HERE / "wheel"  # with one wheel, its hash, and what it needs with hashes
+HASHES, NEEDS = "SHA256", "requirements.txt"
+NO_WHEEL = "Choose the wheel of the toolbox (.whl), or the folder of its code; names are not taken."
 PYTHONS = ("python3.14", "python3.13", "python3.12", "python3.11", "python3", "python", "py")
 # Of Python on macOS, where a program not started from a terminal has a short search path.
 FOLDERS = ("/opt/homebrew/bin", "/usr/local/bin")
@@ -42,15 +46,17 @@ class OptionsPage(QgsOptionsPageWidget):
         super().__init__(parent)
         self.python = QgsFileWidget()
         self.python.setFilePath(str(QgsSettings().value(bridge.SETTING, "")))
-        self.package = QLineEdit(PACKAGE)
-        self.package.setToolTip("Name of the package, or the path of a checkout or wheel")
+        self.wheel = QgsFileWidget()
+        self.wheel.setFilter("Wheels (*.whl)")
+        self.wheel.setFilePath(str(bundled() or ""))
+        self.wheel.setToolTip(f"{NO_WHEEL} A name could be that of anybody's package")
         self.found = QLabel()
         self.found.setWordWrap(True)
         self.task: Any = None
         form = QFormLayout()
         form.addRow("Python of the tools", self.python)
         form.addRow("", self._button("Test", self.test))
-        form.addRow("Package to install", self.package)
+        form.addRow("Wheel to install", self.wheel)
         form.addRow("", self._button("Create an environment of its own", self.create))
         layout = QVBoxLayout(self)
         layout.addLayout(form)
@@ -82,7 +88,7 @@ class OptionsPage(QgsOptionsPageWidget):
             "LiDAR Toolbox: create environment",
             create_environment,
             on_finished=self._created,
-            package=self.package.text() or PACKAGE,
+            wheel=self.wheel.filePath(),
         )
         QgsApplication.taskManager().addTask(self.task)
 
@@ -97,19 +103,67 @@ class OptionsPage(QgsOptionsPageWidget):
             QgsMessageLog.logMessage(text, "LiDAR Toolbox")
 
 
-def create_environment(task: Any, package: str = PACKAGE) -> str:
+def bundled() -> Path | None:
+    """The wheel that the plugin brings along, if it does."""
+    return next(iter(sorted(BUNDLED.glob("*.whl"))), None)
+
+
+def create_environment(task: Any, wheel: str = "") -> str:
     """Create an environment with the toolbox in the profile, and return its Python.
+
+    The toolbox is installed from a file, since anybody may own its name on a package index; what it
+    needs comes from there, by hashes if the plugin brings a list of them along. An environment that
+    is not whole is removed.
+
+    Parameters
+    ----------
+    wheel : file, or folder of the code
 
     Raises
     ------
     RuntimeError
-        There is no suitable Python, or the package cannot be installed.
+        There is no suitable Python or no such file, the bundled wheel is not what was packed, or
+        something cannot be installed.
     """
-    folder = bridge.own_environment()
+    source = Path(wheel)
+    if not (source.suffix == ".whl" and source.is_file()) and not _is_code(source):
+        raise RuntimeError(f"{wheel or 'nothing'} is no wheel. {NO_WHEEL}")
+    needs = _checked(source) if source == bundled() else None
+    folder, base = bridge.own_environment(), base_python()
     python = str(bridge.python_of(folder))
-    bridge.said([base_python(), "-m", "venv", "--clear", str(folder)])
-    bridge.said([python, "-m", "pip", "install", "--disable-pip-version-check", package])
+    (folder / bridge.COMPLETE).unlink(missing_ok=True)
+    try:
+        bridge.said([base, "-m", "venv", "--clear", str(folder)])
+        pip = [python, "-m", "pip", "install", "--disable-pip-version-check"]
+        if needs:
+            bridge.said([*pip, "--require-hashes", "-r", str(needs)])
+        bridge.said([*pip, *["--no-deps"] * bool(needs), str(source)])
+        said = bridge.said([python, "-s", "-c", bridge.CHECK])
+        (folder / bridge.COMPLETE).write_text(said, encoding="utf-8")
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
     return python
+
+
+def _is_code(folder: Path) -> bool:
+    return folder.is_absolute() and (folder / "pyproject.toml").is_file()
+
+
+def _checked(wheel: Path) -> Path | None:
+    """Compare the bundled wheel with its hash; return the list of what it needs, if there is one.
+
+    Raises
+    ------
+    RuntimeError
+        It is another.
+    """
+    said = (BUNDLED / HASHES).read_text(encoding="utf-8").split()[0]
+    found = hashlib.sha256(wheel.read_bytes()).hexdigest()
+    if found != said:
+        raise RuntimeError(f"{wheel.name} is damaged: its hash is {found}, and should be {said}")
+    needs = BUNDLED / NEEDS
+    return needs if needs.is_file() else None
 
 
 def base_python() -> str:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from toolbox.errors import Cancelled
@@ -53,6 +54,27 @@ class Context:
     def part(self, start: float, end: float) -> Context:
         """The context of one stage, whose progress 0..1 is that of the run from start to end."""
         return replace(self, report=lambda f: self.report(start + f * (end - start)))
+
+
+@contextmanager
+def listening() -> Iterator[list[str]]:
+    """The warnings that are logged meanwhile, which belong to the result.
+
+    Examples
+    --------
+    >>> with listening() as warnings:
+    ...     log.warning("the sea is at %s m", 0.2)
+    >>> warnings
+    ['the sea is at 0.2 m']
+    """
+    texts: list[str] = []
+    ear = logging.Handler(logging.WARNING)
+    ear.emit = lambda record: texts.append(record.getMessage())  # type: ignore[method-assign]
+    log.addHandler(ear)
+    try:
+        yield texts
+    finally:
+        log.removeHandler(ear)
 
 
 QUIET = Context()  # reports nothing, and is never cancelled

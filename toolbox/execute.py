@@ -11,12 +11,13 @@ from typing import Any
 from pyproj import CRS
 
 from toolbox import catalog
-from toolbox.context import QUIET, Context, log
+from toolbox.context import QUIET, Context, listening, log
 from toolbox.data.crs import parse_crs
 from toolbox.data.reading import Reading
 from toolbox.declare.fields import Spec
 from toolbox.errors import ParameterError, memory_named
-from toolbox.models.model import ModelRun
+from toolbox.models.model import ModelRun, Runner
+from toolbox.reports.page import Told, told_by
 from toolbox.runs import source as sources
 from toolbox.runs import target as targets
 from toolbox.runs.cache import Cache
@@ -79,6 +80,33 @@ def run(
     Cancelled
         `ctx` asked the run to stop; nothing was written.
     """
+    with listening() as warnings:
+        return _run(
+            id,
+            values,
+            Told(warnings=warnings),
+            overwrite=overwrite,
+            assume_crs=assume_crs,
+            picture=picture,
+            tiling=tiling,
+            resume=resume,
+            ctx=ctx,
+        )
+
+
+def _run(
+    id: str,
+    values: Mapping[str, Any],
+    told: Told,
+    *,
+    overwrite: bool,
+    assume_crs: str | CRS | None,
+    picture: str | Path | None,
+    tiling: Tiling | None,
+    resume: bool,
+    ctx: Context,
+) -> dict[str, Any]:
+    """Run a tool; what it tells is noted."""
     spec = catalog.load(id)
     values = {**values, PICTURE: picture} if picture is not None else values
     results = spec.results.keys() | SHOWN
@@ -110,6 +138,7 @@ def run(
             overwrite=overwrite,
             resume=resume,
             assume_crs=crs,
+            told=told,
             ctx=ctx.part(HASH if writes else 0, 1),
         )
     layers = sources.opened(spec, reads, crs, reading, ctx.part(0, READ - HASH))
@@ -122,6 +151,8 @@ def run(
     asked = writes.keys() & spec.between.keys()
     counts: list[Count] = []
     runner = Cache().runner(counting(counts)) if resume else counting(counts)
+    runner = _telling(told, runner)
+    told.given = layers
     if isinstance(job, ModelRun):
         result = replace(job, keep=frozenset(asked), runner=runner).run(ctx.part(READ, WRITE))
     else:
@@ -129,7 +160,23 @@ def run(
     found = {name: getattr(result, name) for name in [*spec.outputs, *asked]}
     record = record and replace(record, counts=tuple(counts))
     part = ctx.part(WRITE, 1)
-    return found | targets.write(spec, found, writes, record=record, overwrite=overwrite, ctx=part)
+    done = targets.write(
+        spec, found, writes, record=record, told=told, overwrite=overwrite, ctx=part
+    )
+    return found | done
+
+
+def _telling(told: Told, inner: Runner) -> Runner:
+    """Runner that runs `inner`, and notes what the results of each step say in words."""
+
+    def run(step: str, job: Any, ctx: Context) -> Any:
+        result = inner(step, job, ctx)
+        words, unseen = told_by(job.spec, result)
+        told.words += words
+        told.unseen += unseen
+        return result
+
+    return run
 
 
 def _crs(crs: str | CRS | None, where: str) -> CRS | None:

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
 from algorithms.classify import _buildings_kernels as kernels
+from algorithms.classify import _columns as columns
 from algorithms.classify import _evidence
 from algorithms.classify._bridges import bridges
 from algorithms.classify._density import Lengths
@@ -170,8 +171,17 @@ class ClassifyBuildings:
         classified: PointCloud = sink(
             "The same points with buildings as class 6", label="Classified points"
         )
-        outlines: Vector = sink("Outlines of roofs with heights")
+        outlines: Vector = sink("Outlines of roofs with heights", columns=columns.BUILDINGS)
         building_share: float = sink("Share of points that became building", unit="1")
+
+        def in_words(self) -> str:
+            """How many buildings, and how high."""
+            frame = self.outlines.frame
+            if frame.empty:
+                return "No buildings were found."
+            heights = frame["height"] / self.outlines.metre
+            span = f"{heights.min():.1f} to {heights.max():.1f} m"
+            return f"Buildings: {len(frame)}, {span} high."
 
     def check(self) -> Iterator[tuple[str, str]]:
         """The size limits are in order."""

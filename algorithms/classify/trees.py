@@ -24,6 +24,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from algorithms.classify import _columns as columns
 from algorithms.classify import _evidence
 from algorithms.classify import _trees_kernels as kernels
 from algorithms.classify._density import Lengths
@@ -100,11 +101,23 @@ class ClassifyTrees:
 
     @outputs
     class Outputs:
-        tops: Vector = sink("Highest point of each tree, with heights", label="Tree tops")
+        tops: Vector = sink(
+            "Highest point of each tree, with heights", label="Tree tops", columns=columns.TREES
+        )
         crowns: Vector = sink(
-            "Outline of each crown, with the same attributes", label="Tree crowns"
+            "Outline of each crown, with the same attributes",
+            label="Tree crowns",
+            columns=columns.TREES,
         )
         count: int = sink("Number of trees", unit="1")
+
+        def in_words(self) -> str:
+            """How many trees, and how high."""
+            if not self.count:
+                return "No single trees were found."
+            heights = self.tops.frame["height"] / self.tops.metre
+            span = f"{heights.min():.1f} to {heights.max():.1f} m"
+            return f"Single trees: {self.count}, {span} high."
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The points have a classification."""

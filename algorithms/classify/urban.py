@@ -121,6 +121,14 @@ class ClassifyUrban:
         water_share: float = sink("Share of points that are water", unit="1")
         rest_share: float = sink("Share of points that are none of the known classes", unit="1")
 
+        def in_words(self) -> str:
+            """Shares of what there is."""
+            return (
+                f"Of the points, {100 * self.vegetation_share:.1f} % are vegetation, "
+                f"{100 * self.building_share:.1f} % buildings, {100 * self.water_share:.1f} % "
+                f"water and {100 * self.rest_share:.1f} % none of the known classes."
+            )
+
     def check(self) -> Iterator[tuple[str, str]]:
         """The height limits are in order."""
         if self.low > self.high:

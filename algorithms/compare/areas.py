@@ -150,6 +150,20 @@ class CompareAreas:
         object_correctness: float | None = sink("Polygons found in the reference", unit="%")
         object_completeness: float | None = sink("Reference polygons found", unit="%")
 
+        def in_words(self) -> str:
+            """How the areas agree."""
+            told = (
+                f"The polygons cover {self.area:.0f} m², the reference {self.reference_area:.0f} "
+                f"m², both {self.overlap:.0f} m²"
+            )
+            if self.iou is None or self.completeness is None or self.similarity is None:
+                return f"{told}."
+            return (
+                f"{told}: {self.completeness:.1f} % of the reference are found, "
+                f"{self.similarity:.1f} % of what is found are in the reference, and the "
+                f"intersection is {self.iou:.1f} % of the union."
+            )
+
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The layers hold valid polygons, and one of them has the attribute `label`."""
         for name in ("areas", "reference", "coverage"):

@@ -18,6 +18,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from algorithms.corridor import _columns as columns
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import Airborne, uncrowded
 from algorithms.corridor._extraction.errors import with_common_errors
@@ -69,7 +70,7 @@ class CorridorCatenaries:
 
     @outputs
     class Outputs:
-        wires: Vector = sink("One line per conductor and span")
+        wires: Vector = sink("One line per conductor and span", columns=columns.WIRES)
         spans: Table = sink("The same as a table, one row per conductor and span")
         span_count: int = sink("Spans found", unit="1")
 

@@ -21,6 +21,7 @@ from typing import Any, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.corridor import _columns as columns
 from algorithms.corridor._clearance.counted import ZONES, count_in_zones, too_low
 from algorithms.corridor._clearance.coverage import coverage_of, stand_ins
 from algorithms.corridor._clearance.crossings import (
@@ -363,9 +364,15 @@ class CorridorClearance:
             "These points grouped into objects, each shown where it is closest",
             show=show.Classes("severity", LOOKS),
             label="Objects too close",
+            columns=columns.OBJECTS,
         )
-        crossings: Vector = sink("Where conductors of different lines come near each other")
-        spans: Table = sink("Least clearance of each span by kind of object and state of the wires")
+        crossings: Vector = sink(
+            "Where conductors of different lines come near each other", columns=columns.CROSSINGS
+        )
+        spans: Table = sink(
+            "Least clearance of each span by kind of object and state of the wires",
+            columns=columns.SPANS,
+        )
         report: Report = sink("Map, profile of each span, and objects in order of urgency")
         object_count: int = sink("Objects too close to a wire, or that may fall on it", unit="1")
         critical_count: int = sink("Objects of severity critical", unit="1")

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.corridor import _columns as columns
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.trace import Airborne, uncrowded
 from algorithms.corridor._extraction.errors import with_common_errors
@@ -96,9 +97,13 @@ class CorridorExtract:
             "The same points with classes 14 and 15 and their numbers", label="Classified points"
         )
         towers: Vector = sink(
-            "Feet of towers and poles, with height, arms and width", show=show.Classes("kind")
+            "Feet of towers and poles, with height, arms and width",
+            show=show.Classes("kind"),
+            columns=columns.TOWERS,
         )
-        wires: Vector = sink("One catenary per conductor and span, with its covariance")
+        wires: Vector = sink(
+            "One catenary per conductor and span, with its covariance", columns=columns.WIRES
+        )
         span_count: int = sink("Spans found", unit="1")
         tower_count: int = sink("Towers and poles found", unit="1")
 

@@ -71,6 +71,10 @@ class GroundClassify:
         surface: Raster = sink("Elevation of the terrain, smoothed, empty beyond 50 m from ground")
         ground_share: float = sink("Share of points that are ground", unit="1")
 
+        def in_words(self) -> str:
+            """How much is ground."""
+            return f"{100 * self.ground_share:.1f} % of the points are ground."
+
     def halo(self) -> float:
         """Distance beyond which the terrain does not change labels; measured, see the page."""
         return HALO

@@ -7,11 +7,13 @@ docs/explanation/planes.md.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, Literal
 
 import geopandas
 import numpy as np
 
+from algorithms.planes import _columns as columns
 from algorithms.planes._fronts import (
     FRONT_COLUMNS,
     Front,
@@ -160,11 +162,16 @@ class PlanesExtract:
             show=show.Planes(NAME),
             label="Points with planes",
         )
-        planes: Vector = sink("Outline of each plane in space, with its numbers")
-        fronts: Vector = sink("Outline of each front in space, with its size and relief")
+        planes: Vector = sink(
+            "Outline of each plane in space, with its numbers", columns=columns.PLANES
+        )
+        fronts: Vector = sink(
+            "Outline of each front in space, with its size and relief", columns=columns.FRONTS
+        )
         elevation: Vector = sink(
             "Outlines seen square to the largest upright plane, in its plane",
             show=show.Classes("kind"),
+            columns=columns.PLANES,
         )
         count: int = sink("Planes", unit="1")
         front_count: int = sink("Fronts", unit="1")
@@ -173,6 +180,19 @@ class PlanesExtract:
         used_tolerance: float = sink("Farthest point that belongs to a plane", unit="m")
         used_gap: float = sink("Widest gap within a plane", unit="m")
         trials: int = sink("Draws that were made", unit="1")
+
+        def in_words(self) -> str:
+            """How many planes, and how much lies on them."""
+            return (
+                f"{self.count} planes hold {100 * self.share:.1f} % of the points; "
+                f"{self.front_count} of them or groups of them are fronts. Points lie within "
+                f"{self.used_tolerance:.3f} m of their plane; their noise is {self.noise:.3f} m."
+            )
+
+        def not_looked_at(self) -> Iterator[str]:
+            """Points on no plane."""
+            if self.share < 1:
+                yield f"{100 * (1 - self.share):.1f} % of the points lie on no plane."
 
     def halo(self) -> float:
         """Infinite, as planes are of any size."""

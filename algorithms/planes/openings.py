@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from algorithms.planes import _columns as columns
 from algorithms.planes._fronts import STOREY, UPRIGHT, Front, fronts_of, outside
 from algorithms.planes._openings import COLUMNS, Openings, marked, openings
 from algorithms.planes._outlines import drawn
@@ -134,6 +135,7 @@ class PlanesOpenings:
         openings: Vector = sink(
             "Outline of each opening in space, with its size and what it is",
             show=show.Classes("kind"),
+            columns=columns.OPENINGS,
         )
         elevation: Vector = sink(
             "Each front and its openings, in its own coordinates", show=show.Classes("kind")
@@ -145,6 +147,13 @@ class PlanesOpenings:
         dropped_count: int = sink("Gaps that are no openings", unit="1")
         behind: int = sink("Points seen through openings", unit="1")
         given_up: int = sink("Planes that were seen through openings", unit="1")
+
+        def in_words(self) -> str:
+            """How many openings in how many fronts."""
+            return (
+                f"{self.count} openings in {self.fronts} fronts; {self.dropped_count} other gaps "
+                "are no openings, with the reason of each."
+            )
 
     def check(self) -> Iterator[tuple[str, str]]:
         """The width limits are in order."""

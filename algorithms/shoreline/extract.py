@@ -18,6 +18,7 @@ from typing import Any, Literal
 import geopandas
 
 from algorithms.shared import parameters
+from algorithms.shoreline import _columns as columns
 from algorithms.shoreline._bodies import CellGrid
 from algorithms.shoreline._outline import Outline, draw
 from algorithms.shoreline._returns import Returns
@@ -28,6 +29,13 @@ from toolbox.declare import ClassList, Position, outputs, param, show, sink, sou
 from toolbox.errors import DataError
 
 Row = dict[str, Any]
+
+
+LOOKS = {
+    "shore": ("shore", "#e08a00"),
+    "island": ("island", "#00806b"),
+    "data edge": ("edge of the data, no shore", "#c2185b"),
+}
 
 
 @tool(
@@ -104,16 +112,40 @@ class ShorelineExtract:
 
     @outputs
     class Outputs:
-        water: Vector = sink("Polygons of the water, at its level")
+        water: Vector = sink("Polygons of the water, at its level", columns=columns.WATER)
         shoreline: Vector = sink(
-            "Their outlines: shore, islands, and edges of the data", show=show.Classes("kind")
+            "Their outlines: shore, islands, and edges of the data",
+            show=show.Classes("kind", LOOKS),
+            columns=columns.SHORELINE,
         )
-        vertices: Vector = sink("Corners of the outlines with their standard deviation")
+        vertices: Vector = sink(
+            "Corners of the outlines with their standard deviation", columns=columns.VERTICES
+        )
         level: float | None = sink("Level of the largest body given", unit="m")
         level_error: float | None = sink("Its standard error", unit="m")
         level_interval: float | None = sink("Half width of its 95 % interval", unit="m")
         area: float = sink("Area of all bodies given", unit="m2")
         count: int = sink("Number of bodies given", unit="1")
+
+        def in_words(self) -> str:
+            """How many bodies, their area and level."""
+            if not self.count or self.level is None:
+                return "No water body was found."
+            bodies = "One water body" if self.count == 1 else f"{self.count} water bodies"
+            interval = self.level_interval
+            sure = "" if interval is None else f", ± {interval:.3f} m (95 % interval)"
+            which = "its level" if self.count == 1 else "the level of the largest"
+            return f"{bodies} of {self.area:.0f} m² in all; {which} is {self.level:.3f} m{sure}."
+
+        def not_looked_at(self) -> Iterator[str]:
+            """Parts of outlines that are no shore."""
+            frame = self.water.frame
+            for row in frame.to_dict("records") if len(frame) else []:
+                if row["open_length"]:
+                    yield (
+                        f"Body {row['body']}: {row['open_length']:.0f} of {row['perimeter']:.0f} m "
+                        "of its outline is the edge of the data; the shore there was not seen."
+                    )
 
     def check(self) -> Iterator[tuple[str, str]]:
         """A seed point is not combined with all bodies."""

@@ -20,6 +20,7 @@ from algorithms.shared.heights import heights_problem
 from algorithms.shared.lowest import require_finite
 from algorithms.shared.polygons import polygons
 from algorithms.shoreline import _basin_kernels as kernels
+from algorithms.shoreline import _columns as columns
 from algorithms.shoreline._basin import BLOCK, Pieces, PointBasin, RasterBasin
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
@@ -121,6 +122,7 @@ class ShorelineStorageCurve:
                 shaded="open",
             ),
             label="Storage curve",
+            columns=columns.CURVE,
         )
         lowest_ground: float = sink("Height of the lowest ground of the basin", unit="m")
         opens: float | None = sink(
@@ -131,6 +133,28 @@ class ShorelineStorageCurve:
         area: float = sink("Area at the last level", unit="m2")
         volume: float = sink("Volume at the last level", unit="m3")
         missing_share: float = sink("Share of the outline, or of all, without ground", unit="1")
+
+        def in_words(self) -> str:
+            """Area and volume at the last level."""
+            frame = self.curve.frame
+            levels = frame["level_m"]
+            return (
+                f"At a level of {levels.iloc[-1]:.2f} m the basin has an area of {self.area:.0f} "
+                f"m² and holds {self.volume:.0f} m³ above its lowest ground, "
+                f"{self.lowest_ground:.2f} m. The curve has {len(frame)} levels from "
+                f"{levels.iloc[0]:.2f} m on."
+            )
+
+        def not_looked_at(self) -> Iterator[str]:
+            """Ground that is missing, and levels at which the water leaves the data."""
+            if self.missing_share:
+                share = f"{100 * self.missing_share:.2g} %"
+                yield f"{share} of the area has no ground, and holds nothing in these figures."
+            if self.opens is not None:
+                yield (
+                    f"Above {self.opens:.2f} m the water reaches the edge of the data: what lies "
+                    "beyond was not seen, and areas and volumes are lower limits."
+                )
 
     def check(self) -> Iterator[tuple[str, str]]:
         """The levels are in order, and a seed point is given only for connected water."""

@@ -100,7 +100,10 @@ def _add_general(group: Any) -> None:
     group.add_argument("--params", metavar="FILE", help="values as JSON or YAML; - is stdin")
     group.add_argument("--overwrite", action="store_true", help="let outputs replace files")
     group.add_argument("--picture", metavar="PNG", help="draw a plot of the resulting layers")
-    group.add_argument("--page", metavar="HTML", help="write a report of all results")
+    group.add_argument(
+        "--page", metavar="FILE", help="write a report of all results: .html or .pdf"
+    )
+    _add_project(group)
     group.add_argument(
         "--counts", metavar="TABLE", help="write how much each step read and gave, as a table"
     )
@@ -122,6 +125,28 @@ def _add_general(group: Any) -> None:
     loudness.add_argument("--verbose", action="store_true", help="print details and tracebacks")
 
 
+PROJECT = {  # what the head of a report says of a project, by option: placeholder and help
+    "title": ("TEXT", "title of the report"),
+    "client": ("TEXT", "for whom the report is made"),
+    "field": ("NAME=TEXT", "more of its head, such as Contract=2026-17; may be repeated"),
+    "date": ("TEXT", "date of the report (today)"),
+    "style": ("CSS", "stylesheet of a company, whose rules come after those of the toolbox"),
+    "logo": ("IMAGE", "logo of a company, PNG, SVG or JPEG"),
+}
+
+
+def _add_project(group: Any) -> None:
+    for name, (placeholder, help) in PROJECT.items():
+        how = {"action": "append"} if name == "field" else {}
+        group.add_argument(f"--{name}", metavar=placeholder, help=help, **how)
+
+
+def of_project(general: Mapping[str, Any]) -> dict[str, Any]:
+    """The options that were given for the head and the look of reports, by their names there."""
+    given = {name: general[name] for name in PROJECT if name in general}
+    return {"fields" if name == "field" else name: value for name, value in given.items()}
+
+
 def read(described: Description, arguments: Iterable[str]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Read a command line.
 
@@ -138,7 +163,8 @@ def read(described: Description, arguments: Iterable[str]) -> tuple[dict[str, An
     """
     found, unknown = parser(described).parse_known_args(_joined(arguments))
     given = vars(found)
-    general = {name: given.pop(name) for name in list(given) if not isinstance(given[name], list)}
+    whole = [n for n, value in given.items() if n in PROJECT or not isinstance(value, list)]
+    general = {name: given.pop(name) for name in whole}
     problems = {name: "given more than once" for name, texts in given.items() if len(texts) > 1}
     misspelt = {_name_of(text): "" for text in unknown if text.startswith("--")}
     if unknown and not misspelt:

@@ -41,7 +41,8 @@ class Console:
         self.level, self.as_json = level, as_json
         log = logging.getLogger("toolbox")
         log.handlers = [_Handler(self.message)]
-        log.setLevel(LEVELS[level])
+        log.handlers[0].setLevel(LEVELS[level])
+        log.setLevel(min(LEVELS[level], logging.WARNING))  # reports hold warnings also when quiet
         log.propagate = False
 
     @contextmanager

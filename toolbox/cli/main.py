@@ -25,7 +25,7 @@ from toolbox.cli.console import Console, Events, Unwritable, exit_code
 from toolbox.cli.stopping import stoppable
 from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.json_text import json_text
-from toolbox.shown import SHOWN
+from toolbox.shown import PAGE, SHOWN
 from toolbox.tiles.tiling import Tiling
 
 CLOSED_PIPE = 141  # the exit code that shells give a program that writes to nobody: 128 + SIGPIPE
@@ -217,7 +217,7 @@ def _batch(said: list[str]) -> int:
             raise ParameterError("batch: which table? batch ID TABLE.csv ...")
         result, rest = _result(said[1:] if said[1].startswith("-") else said[2:])
         values, general = arguments.read(described, rest)
-        if shown := SHOWN & general.keys():
+        if shown := (SHOWN | arguments.PROJECT.keys()) & general.keys():
             problems = dict.fromkeys(sorted(shown), "would be written by each row")
             raise ParameterError("batch", problems)
         pipe, params = _params(general)
@@ -329,10 +329,35 @@ def _work(
     shown = {name: general[name] for name in sorted(SHOWN & general.keys())}
     return run(
         id,
-        {**values, **shown},
+        _titled(id, {**values, **shown}, arguments.of_project(general)),
         overwrite="overwrite" in general,
         assume_crs=general.get("assume_crs"),
         tiling=Tiling.parse(general),
         resume="resume" in general,
         ctx=ctx,
     )
+
+
+def _titled(id: str, values: dict[str, Any], project: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a run with what is said of the project for each report that is written.
+
+    Raises
+    ------
+    ParameterError
+        It is said, and no report is written.
+    """
+    described = catalog.describe(id)
+    fields = {**described["outputs"], **described.get("between", {})}
+    reports = {PAGE, *(n for n, f in fields.items() if _is_report(f["schema"]))} & values.keys()
+    if project and not reports:
+        problems = dict.fromkeys(project, "is for a report, and none is written; give --page")
+        raise ParameterError(id, problems)
+    for name in reports:
+        given = values[name]
+        own = given if isinstance(given, Mapping) else {"path": given}
+        values[name] = {**project, **own} if project else given
+    return values
+
+
+def _is_report(schema: Mapping[str, Any]) -> bool:
+    return bool(schema.get("contentMediaType") == "text/html")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
+import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -11,9 +12,11 @@ from typing import Any
 
 from toolbox import __version__, catalog
 from toolbox.context import QUIET, Context, log
+from toolbox.data import Report
 from toolbox.data.crs import describe_crs, same_crs
 from toolbox.data.layer import Layer
 from toolbox.data.reading import file_hash
+from toolbox.declare.kinds import find
 from toolbox.errors import DataError
 from toolbox.execute import run
 from toolbox.runs import lineage, provenance
@@ -23,6 +26,8 @@ from toolbox.runs.target import Target, kind_of
 from toolbox.shown import PAGE, PICTURE, SHOWN
 from toolbox.tiles.tiling import Tiling
 
+_REPORT = find(Report)
+_LOOKS = re.compile(rb"<style>.*?</style>\s*|<img class=\"logo\"[^>]*>\s*", re.S)
 FIND, COMPARE = 0.05, 0.9  # of the progress, when inputs are found and comparison begins
 
 
@@ -176,8 +181,9 @@ def _same_bytes(one: Path, other: Path) -> bool:
 
 
 def _differences(path: Path, made: Path, record: Record, tool: str) -> Iterator[str]:
-    if record.output in (PICTURE, PAGE):
-        yield f"the {record.output} differs"
+    if record.output in (PICTURE, PAGE) or kind_of(record.output, catalog.load(tool)) is _REPORT:
+        if not _same_but_for_looks(path, made):
+            yield f"the {record.output} differs"
         return
     for name, options in {record.output: record.options, **record.layers}.items():
         kind = kind_of(name, catalog.load(tool))
@@ -186,6 +192,13 @@ def _differences(path: Path, made: Path, record: Record, tool: str) -> Iterator[
         old, new = (source.open(kind) for source in sources)
         for text in _differences_of(old, new):
             yield f"{name}, {text}" if record.layers else text
+
+
+def _same_but_for_looks(path: Path, made: Path) -> bool:
+    """Whether HTML reports differ in nothing but stylesheets and logo, which no record keeps."""
+    texts = [each.read_bytes() for each in (path, made)]
+    plain = [_LOOKS.sub(b"", text) for text in texts]
+    return path.suffix.lower() == ".html" and plain[0] == plain[1]
 
 
 def _differences_of(old: Layer, new: Layer) -> Iterator[str]:

@@ -344,6 +344,23 @@ def describe_crs(crs: CRS | None) -> str:
     return f"{code} {crs.name}" if code else crs.name
 
 
+def height_system(crs: CRS) -> str:
+    """What heights refer to, in words.
+
+    Examples
+    --------
+    >>> height_system(CRS("EPSG:2154+5720")), height_system(CRS(2154))
+    ('NGF-IGN69 height', 'not stated by the data')
+    """
+    parts = _components(crs)
+    if len(parts) > 1:
+        return str(parts[1].name)
+    if is_local(crs):
+        return "as in the data, no datum"
+    flat = len(parts[0].axis_info) < 3
+    return "not stated by the data" if flat else "above the ellipsoid"
+
+
 def crs_text(crs: CRS | None) -> str:
     """A text that :func:`parse_crs` reads as the same CRS: a code, "local", WKT; "" of none.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -21,7 +22,7 @@ from toolbox.errors import DataError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from toolbox.data.report import Section
+    from toolbox.data.report import Column, Section
 
 Inside = Callable[[NDArray[np.float64], int], NDArray[np.bool_]]
 """Which coordinates along an axis, 0 for x and 1 for y, are those of a tile."""
@@ -123,8 +124,15 @@ class Layer(Protocol):
         """The size in words, for a page that does not list what is in the layer; else ""."""
         return ""
 
-    def page_sections(self, title: str, help: str) -> tuple[Section, ...]:
-        """How a page lists what is in the layer; nothing where there is too much of it."""
+    def page_sections(
+        self, title: str, help: str, columns: Mapping[str, Column] = MappingProxyType({})
+    ) -> tuple[Section, ...]:
+        """How a page lists what is in the layer; nothing where there is too much of it.
+
+        Parameters
+        ----------
+        columns : how columns are shown, by name
+        """
         return ()
 
     def differences(self, now: Self) -> Iterator[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -34,6 +35,9 @@ from toolbox.data.paths import LAS, TEXT, Paths, PointFiles, suffix_of
 from toolbox.data.reading import Reading
 from toolbox.data.record import own_side_car, with_record, write_beside
 from toolbox.errors import DataError, nearest
+
+_EPOCH = datetime(1980, 1, 6, tzinfo=UTC) - timedelta(seconds=18)  # leap seconds since 2017
+_FIRST_TIME = -7.0e8  # adjusted standard GPS time, in July 1989: before there were such surveys
 
 
 class PointCloud(Layer):
@@ -389,6 +393,18 @@ class PointCloud(Layer):
         else:
             low, high = self.xyz.min(axis=0), self.xyz.max(axis=0)
         return (*low.tolist(), *high.tolist())
+
+    def days(self) -> tuple[date, date] | None:
+        """First and last day on which points were measured, UTC; None if the data do not tell.
+
+        GPS time tells the day if the file says that it is adjusted standard time: seconds since
+        6 January 1980, less a billion (LAS 1.4 R15, 2.4, global encoding bit 0).
+        """
+        if self._metadata is None or "gps_time" not in self:
+            return None
+        if not self._metadata.header.global_encoding.gps_time_type:
+            return None
+        return days_of(self["gps_time"])
 
     @property
     def extent(self) -> tuple[float, ...]:
@@ -768,6 +784,15 @@ class PointCloud(Layer):
 
     def __repr__(self) -> str:
         return f"<PointCloud {self.name or 'in memory'}: {len(self)} points>"
+
+
+def days_of(times: NDArray[Any]) -> tuple[date, date] | None:
+    """First and last day of adjusted standard GPS times; None if none is a time of a survey."""
+    known = times[np.isfinite(times) & (times > _FIRST_TIME)]
+    if not len(known):
+        return None
+    low, high = (_EPOCH + timedelta(seconds=float(t) + 1e9) for t in (known.min(), known.max()))
+    return low.date(), high.date()
 
 
 def _coordinates(xyz: ArrayLike) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from datetime import date
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -25,6 +26,7 @@ from toolbox.data.reading import CHANGED, Reading, errors_named, state
 from toolbox.data.record import own_side_car, write_beside
 from toolbox.errors import DataError
 
+_DATED = 20  # files that are asked for the day of the survey
 _BATCH = 1_000_000  # points that are read at a time to find their bounds
 
 Bounds = tuple[float, float, float, float, float, float]
@@ -381,6 +383,19 @@ class Survey(Layer):
     def paths(self) -> tuple[Path, ...]:
         """The files that hold the points."""
         return tuple(file.path for file in self.files)
+
+    def days(self) -> tuple[date, date] | None:
+        """First and last day of the points that stand first and last in each of the first files.
+
+        See `PointCloud.days`; None if the data do not tell.
+        """
+        found = []
+        for file in self.files[:_DATED]:
+            ranges = file.ranges(_BATCH)
+            for start, stop in dict.fromkeys([*ranges[:1], *ranges[-1:]]):
+                found.append(file.read(start, stop).days())
+        known = [span for span in found if span]
+        return (min(a for a, _ in known), max(b for _, b in known)) if known else None
 
     def size(self, inside: Inside | None = None) -> int | None:
         """Number of points; None for a tile, since nothing is read."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -21,7 +22,7 @@ from toolbox.errors import DataError
 if TYPE_CHECKING:  # of which most tools have no need; it takes long to import
     import pandas as pd
 
-    from toolbox.data.report import Section
+    from toolbox.data.report import Column, Section
 
 
 _NULLABLE = {"Int64": np.dtype("int64"), "boolean": np.dtype("bool")}  # as pandas names them
@@ -189,11 +190,13 @@ class Table(Layer):
         """The rows as a text."""
         yield "table", text_array(self.frame.to_csv(index=False))
 
-    def page_sections(self, title: str, help: str) -> tuple[Section, ...]:
+    def page_sections(
+        self, title: str, help: str, columns: Mapping[str, Column] = MappingProxyType({})
+    ) -> tuple[Section, ...]:
         """The first rows."""
         from toolbox.data.report import Rows, Section
 
-        return (Section(title, [Rows(self, help)]),)
+        return (Section(title, [Rows(self, help, columns=columns)]),)
 
     def differences(self, now: Table) -> Iterator[str]:
         """What differs in another table, in words."""

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -42,7 +43,7 @@ from toolbox.errors import DataError
 if TYPE_CHECKING:
     import geopandas
 
-    from toolbox.data.report import Section
+    from toolbox.data.report import Column, Section
 
 _DRIVERS = {
     ".gpkg": "GPKG",
@@ -52,7 +53,6 @@ _DRIVERS = {
     ".kml": "LIBKML",
 }
 _WGS84 = CRS.from_epsg(4326)
-_MOST_FEATURES = 50  # whose attributes a page lists
 
 
 class Vector(Layer):
@@ -342,12 +342,34 @@ class Vector(Layer):
         """Geometries and attributes as a text."""
         yield "table", text_array(self.frame.to_wkb(hex=True).to_csv(index=False))
 
-    def page_sections(self, title: str, help: str) -> tuple[Section, ...]:
-        """The attributes of the first features."""
+    def page_sections(
+        self, title: str, help: str, columns: Mapping[str, Column] = MappingProxyType({})
+    ) -> tuple[Section, ...]:
+        """The attributes of the first features, and where they are."""
         from toolbox.data.report import Rows, Section
 
-        attributes = Table(self.frame.drop(columns=self._frame.geometry.name))
-        return (Section(title, [Rows(attributes, help, _MOST_FEATURES)]),)
+        return (Section(title, [Rows(self.listed(), help, columns=columns)]),)
+
+    def listed(self) -> Table:
+        """The attributes of the features, and a place in each: in the CRS, and on the Earth."""
+        import pandas as pd
+        import shapely
+
+        attributes = self.frame.drop(columns=self._frame.geometry.name)
+        shapes = self._frame.geometry.to_numpy()
+        inside = shapely.point_on_surface(shapely.force_2d(shapes))
+        single = shapely.get_type_id(shapes) == 0
+        on_the_earth = self.crs is not None and not is_local(self.crs)
+        x, y, z = ("easting", "northing", "elevation") if on_the_earth else ("x", "y", "z")
+        added = {x: shapely.get_x(inside), y: shapely.get_y(inside)}
+        if single.any() and self._frame.has_z.any():
+            added[z] = shapely.get_z(np.where(single, shapes, None))
+        if self.crs is not None and on_the_earth:
+            plane = self._frame.set_geometry(inside, crs=horizontal_crs(self.crs))
+            on_earth = plane.geometry.to_crs(_WGS84)
+            added |= {"latitude": on_earth.y.to_numpy(), "longitude": on_earth.x.to_numpy()}
+        places = pd.DataFrame({n: v for n, v in added.items() if n not in attributes.columns})
+        return Table(pd.concat([attributes, places], axis=1))
 
     def differences(self, now: Vector) -> Iterator[str]:
         """What differs in another layer, in words."""

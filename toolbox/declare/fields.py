@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal, cast
 
 from toolbox import __version__
+from toolbox.data.report import Column
 from toolbox.declare.kinds import CHOICE, OPTIONS, Kind
 from toolbox.declare.show import Show
 from toolbox.declare.values import Range
@@ -43,6 +44,7 @@ class Field:
     show : how an output is shown in a plot
     label : its title, where the words of the name are not those of its users
     words : what a choice is called, where its own words do not say enough
+    columns : how the columns of an output are shown in a report, by name
     """
 
     name: str
@@ -60,6 +62,7 @@ class Field:
     show: tuple[Show, ...] = ()
     label: str = ""
     words: Mapping[Any, str] = dataclasses.field(default_factory=dict)
+    columns: Mapping[str, Column] = dataclasses.field(default_factory=dict)
 
     @property
     def title(self) -> str:

@@ -172,6 +172,23 @@ def _crs_text(value: Any) -> str:
     return str(value)
 
 
+def _fields(value: Any) -> dict[str, str]:
+    """Names and texts, from a mapping or from texts such as "Contract=2026-17"."""
+    if isinstance(value, Mapping):
+        return {str(name): str(text) for name, text in value.items()}
+    texts = [value] if isinstance(value, str) else list(value)
+    pairs = [str(text).partition("=") for text in texts]
+    if wrong := [name for name, sign, _ in pairs if not (sign and name.strip())]:
+        raise ValueError(f"is written Name=text, got {wrong[0]!r}")
+    return {name.strip(): text.strip() for name, _, text in pairs}
+
+
+def _path(value: Any) -> Path:
+    if not isinstance(value, str | Path) or not Path(value).is_file():
+        raise ValueError(f"there is no file {value}")
+    return Path(value)
+
+
 OPTIONS: Mapping[str, Option] = {
     "columns": Option(
         "Names of the columns of a text file, such as x,y,z,intensity",
@@ -185,6 +202,12 @@ OPTIONS: Mapping[str, Option] = {
     "version": Option("Version of LAS to write, 1.0 to 1.4; that of the data by default", _version),
     "format": Option("Point format of LAS to write, 0 to 10; that of the data by default", _format),
     "cog": Option("Write a cloud-optimised GeoTIFF", _boolean),
+    "title": Option("Title of the report", _text),
+    "client": Option("For whom the report is made", _text),
+    "fields": Option("More of the head of the report, such as Contract=2026-17", _fields),
+    "date": Option("Date of the report; today if it is not given", _text),
+    "style": Option("CSS file whose rules come after those of the toolbox", _path),
+    "logo": Option("Image for the head of the report: PNG, SVG or JPEG", _path),
 }
 
 

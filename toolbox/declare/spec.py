@@ -17,11 +17,13 @@ import sys
 import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any, Literal, TypeVar, cast, dataclass_transform
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data.crs import crs_conflict, length_problem
 from toolbox.data.layer import Layer
+from toolbox.data.report import Column
 from toolbox.declare import kinds
 from toolbox.declare.expression import Expression
 from toolbox.declare.fields import MEETS, METRE_POWERS, UNITS, Field, Spec
@@ -34,6 +36,7 @@ T = TypeVar("T", bound=type)
 REGISTRY: dict[str, Spec] = {}
 RESERVED = {"assume_crs", "events", "help", "json", "overwrite", "params", *SHOWN}
 RESERVED |= {"quiet", "result", "verbose", "tile", "workers", "scheduler", "memory", "resume"}
+RESERVED |= {"client", "date", "field", "logo", "style", "title"}  # of reports
 RESERVED |= {"tool", "when", "repeat"}  # words of a step in a model
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 TITLE = re.compile(r"[A-Z][^`*<>]*")
@@ -99,6 +102,7 @@ def sink(
     unit: str | None = None,
     show: Show | tuple[Show, ...] = (),
     label: str = "",
+    columns: Mapping[str, Column] = MappingProxyType({}),
 ) -> Any:
     """Declare a layer, number or text that the tool returns.
 
@@ -107,6 +111,8 @@ def sink(
     help : one sentence without a full stop
     unit, label : as of a parameter
     show : how a layer is shown in a plot, see `toolbox.declare.show`; several make several panels
+    columns : heading, unit and digits of the columns of a table or of features, in reports; those
+        of other names are shown by their names
 
     Examples
     --------
@@ -114,7 +120,7 @@ def sink(
     """
     shows = show if isinstance(show, tuple) else (show,)
     meta = {"role": "sink", "help": help, "unit": unit, "show": shows, "label": label}
-    return dataclasses.field(metadata=meta)
+    return dataclasses.field(metadata=meta | {"columns": columns})
 
 
 @dataclass_transform(
@@ -122,6 +128,10 @@ def sink(
 )
 def outputs(cls: T) -> T:
     """Make the class `Outputs` inside a tool, whose fields are the results of the tool.
+
+    It may have ``in_words()``, the result as a paragraph for the summary of a report, and
+    ``not_looked_at()``, texts on what the tool did not look at or did not see. Both use nothing but
+    the fields.
 
     Examples
     --------

@@ -12,6 +12,7 @@ from toolbox.declare.show import Classes, Values
 from toolbox.pictures.images import OTHER, Key, Ramp, ramp_of
 
 _MOST_WORDS = 12
+_RANGES = 6  # of numbers, as classes
 _UNKNOWN = "#9a9a9a"
 
 Coloured = tuple[Vector, Classes | Values | None]
@@ -34,6 +35,42 @@ def feature_key(features: Coloured) -> Key | None:
             return {code: own.get(w) or show.looks[w] for code, w in enumerate(words)}
         case _:
             return None
+
+
+def feature_classes(features: Coloured) -> list[tuple[str, str, NDArray[np.bool_]]]:
+    """Name, colour and features of each class; ranges of numbers are classes too.
+
+    Features without a value are a class of their own. Nothing is given where all have one colour.
+    """
+    from matplotlib.colors import to_hex
+
+    key = feature_key(features)
+    if key is None:
+        return []
+    layer, show = features
+    assert show is not None
+    if isinstance(key, Ramp):
+        values = layer.frame[show.attribute].to_numpy(float)
+        edges = np.linspace(key.low, key.high, _RANGES + 1)
+        which = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, _RANGES - 1)
+        colours = [to_hex(key.colour_map()((k + 0.5) / _RANGES)) for k in range(_RANGES)]
+        classes = [
+            (f"{key.label}: {edges[k]:.3g} to {edges[k + 1]:.3g}", colour, which == k)
+            for k, colour in enumerate(colours)
+        ]
+        known = np.isfinite(values)
+        classes = [(name, colour, own & known) for name, colour, own in classes]
+    else:
+        words = layer.frame[show.attribute]
+        found = sorted(str(word) for word in words.dropna().unique())
+        texts = words.astype(str).to_numpy(str)
+        known = words.notna().to_numpy()
+        classes = [
+            (name, colour, (texts == word) & known)
+            for word, (name, colour) in zip(found, key.values(), strict=True)
+        ]
+    classes.append(("not known", _UNKNOWN, ~known))
+    return [(name, colour, own) for name, colour, own in classes if own.any()]
 
 
 def feature_colours(features: Coloured, key: Key) -> NDArray[Any]:

@@ -183,13 +183,44 @@ def cloud_image(cloud: PointCloud, show: Show | None = None) -> Image:
             return Image(_colours(shown, ramp), lattice.bounds, ramp)
     if "classification" in cloud and np.any(cloud["classification"]):
         return _classed(cloud, "classification", POINT_CLASSES)
-    if np.ptp(cloud.xyz[:, 2]) == 0 and "intensity" in cloud:
-        lattice, shown = _from_above(cloud, cloud["intensity"])
-        ramp = Ramp.over(shown, "gray", "Intensity")
-        return Image(_colours(shown, ramp), lattice.bounds, ramp)
+    if np.ptp(cloud.xyz[:, 2]) == 0 and (flat := intensity_image(cloud)):
+        return flat
     lattice, height = _from_above(cloud, cloud.xyz[:, 2])
     label = _label("Elevation", vertical_unit(cloud.crs))
     return _relief(height, lattice.cell, lattice.bounds, label)
+
+
+def intensity_image(cloud: PointCloud) -> Image | None:
+    """Image of the intensity of a cloud from above; None if it has none that differ."""
+    if "intensity" not in cloud or not np.ptp(cloud["intensity"]):
+        return None
+    lattice, shown = _from_above(cloud, cloud["intensity"])
+    ramp = Ramp.over(shown, "gray", "Intensity")
+    return Image(_colours(shown, ramp), lattice.bounds, ramp)
+
+
+def point_key(cloud: PointCloud, show: Show | None = None) -> tuple[Array, Key]:
+    """The value of each point that its colour tells, and the key of the colours.
+
+    Unless `show` says otherwise, classes, else the elevation, or the intensity where it is flat.
+    """
+    match show:
+        case Classes():
+            values = cloud[show.attribute].astype(np.float64)
+            return values, _table(_codes(values), show.looks)
+        case Planes():
+            return cloud[show.attribute].astype(np.float64), _looks_of_planes(cloud, show)
+        case Values():
+            values = cloud[show.attribute].astype(np.float64)
+            return values, ramp_of(show, values, cloud.crs)
+    if "classification" in cloud and np.any(cloud["classification"]):
+        values = cloud["classification"].astype(np.float64)
+        return values, _table(_codes(values), POINT_CLASSES)
+    if np.ptp(cloud.xyz[:, 2]) == 0 and "intensity" in cloud:
+        values = cloud["intensity"].astype(np.float64)
+        return values, Ramp.over(values, "gray", "Intensity")
+    heights = cloud.xyz[:, 2]
+    return heights, Ramp.over(heights, RELIEF, _label("Elevation", vertical_unit(cloud.crs)))
 
 
 def _from_front(cloud: PointCloud, planes: str, attribute: str, looks: Looks) -> Image:

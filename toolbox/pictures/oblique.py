@@ -11,9 +11,36 @@ from toolbox.data import PointCloud
 
 _MOST, _SOME = 10, 2000  # planes that are looked at, and points of each
 _UPRIGHT = math.sin(math.radians(10.0))  # third part of the normal of a wall, at most
+_ROUND = 0.4  # variance across to that along of a scene that has no length
 _ASIDE, _ABOVE = math.radians(25.0), math.radians(20.0)  # where the eye is, seen from the wall
 
 Floats = NDArray[np.float64]
+
+
+def direction_of(cloud: PointCloud, planes: str = "") -> Floats:
+    """Unit vector to an eye that sees a scene well: before its largest wall, or across its length.
+
+    Parameters
+    ----------
+    planes : attribute with the number of the plane of each point, 0 for none; "" for none
+    """
+    xyz = cloud.xyz - cloud.xyz[0]
+    wall = _wall(xyz, cloud[planes]) if planes and planes in cloud else None
+    if wall is not None:
+        normal, centre = wall
+        side = 1.0 if np.median((xyz - centre) @ normal) >= 0 else -1.0
+        return _lifted(math.atan2(side * normal[1], side * normal[0]) + _ASIDE, _ABOVE)
+    some = xyz[:: 1 + len(xyz) // (_MOST * _SOME), :2]
+    sizes, ways = np.linalg.eigh(np.cov(some.T) if len(some) > 2 else np.eye(2))
+    if sizes[0] > _ROUND * sizes[1]:
+        return _lifted(math.radians(-125.0), math.radians(35.0))  # from the south-west
+    across = ways[:, 0] if ways[1, 0] < 0 else -ways[:, 0]  # from the south
+    return _lifted(math.atan2(across[1], across[0]) + _ASIDE, math.radians(25.0))
+
+
+def _lifted(heading: float, height: float) -> Floats:
+    level = math.cos(height)
+    return np.array([level * math.cos(heading), level * math.sin(heading), math.sin(height)])
 
 
 def oblique(cloud: PointCloud, planes: str) -> PointCloud | None:

@@ -15,11 +15,9 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-import logging
 import os
 import pickle
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -28,7 +26,7 @@ from typing import Any, BinaryIO
 from weakref import WeakKeyDictionary
 
 from toolbox import files
-from toolbox.context import Context, log
+from toolbox.context import Context, listening, log
 from toolbox.data.layer import Layer
 from toolbox.data.reading import file_hash
 from toolbox.declare.fields import Field, Spec
@@ -96,7 +94,7 @@ class Cache:
             ctx.progress(1.0)
             found: Any = SimpleNamespace(**kept["values"])
         else:
-            with _listening() as warnings:
+            with listening() as warnings:
                 found = job.run(ctx)
         layers = dict(_outputs(job.spec, found))
         # A tool may hand on a layer that it was given, which has its key already.
@@ -169,19 +167,6 @@ class Cache:
                 return
             path.unlink(missing_ok=True)
             total -= stat.st_size
-
-
-@contextmanager
-def _listening() -> Iterator[list[str]]:
-    """The warnings that are logged meanwhile, which belong to the result."""
-    texts: list[str] = []
-    ear = logging.Handler(logging.WARNING)
-    ear.emit = lambda record: texts.append(record.getMessage())  # type: ignore[method-assign]
-    log.addHandler(ear)
-    try:
-        yield texts
-    finally:
-        log.removeHandler(ear)
 
 
 def _own(path: str, flags: int) -> int:

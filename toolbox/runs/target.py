@@ -17,11 +17,12 @@ from toolbox.data.crs import describe_crs, is_local
 from toolbox.data.layer import Layer
 from toolbox.data.paths import LAS
 from toolbox.data.record import foreign_side_car
+from toolbox.data.report.document import LOOKS, today
 from toolbox.declare.fields import Spec
 from toolbox.declare.kinds import Kind, find, parsed_options
 from toolbox.errors import DataError
 from toolbox.pictures.draw import draw, drawable
-from toolbox.runs.page import page
+from toolbox.reports.page import Told, framed, page
 from toolbox.runs.provenance import Record
 from toolbox.shown import COUNTS, PAGE, PICTURE, SHOWN
 
@@ -79,8 +80,14 @@ class Target:
 
     @property
     def how(self) -> dict[str, Any]:
-        """The options, parsed for the layer's `save`."""
-        return parsed_options(self.options, self.known)
+        """The options, parsed for the layer's `save`; a report without a date is of today."""
+        given = {"date": today(), **self.options} if "date" in self.known else self.options
+        return parsed_options(given, self.known)
+
+    @property
+    def recorded(self) -> dict[str, Any]:
+        """The options that a record keeps: not those of mere looks, which name other files."""
+        return {name: value for name, value in self.how.items() if name not in LOOKS}
 
     @property
     def is_las(self) -> bool:
@@ -226,6 +233,7 @@ def write(
     *,
     more: More = More(),
     record: Record | None = None,
+    told: Told | None = None,
     overwrite: bool,
     ctx: Context,
 ) -> dict[str, Any]:
@@ -238,6 +246,7 @@ def write(
     targets : where to write it, by name, and under "picture", "page" and "counts" where to show it
     more : what is written with it
     record : how it was made, which each file carries
+    told : what else the run has told, for its report
 
     Returns
     -------
@@ -253,7 +262,10 @@ def write(
     if PICTURE in targets:
         shown[PICTURE] = drawable(found, spec.results)
     if PAGE in targets:
-        shown[PAGE] = page(spec, found, record and record.of(PAGE, None, {}))
+        shown[PAGE] = page(spec, found, record and record.of(PAGE, None, {}), told)
+    for name in targets:
+        if isinstance(report := found.get(name), Report):
+            shown[name] = framed(report, spec, record, told)
     if COUNTS in targets and record:
         shown[COUNTS] = Table.from_rows(map(dataclasses.asdict, record.counts))
     pieces = _pieces(spec.id, {**found, **shown}, targets, overwrite=overwrite)
@@ -313,9 +325,9 @@ def _save_all(
 ) -> None:
     """Save one file, with several layers if it is a GeoPackage."""
     first, *others = group
-    layers = {piece.output: piece.target.how for piece in others}
-    how = first.target.how
-    own = record and record.of(first.output, first.layer, how, first.number, layers=layers)
+    layers = {piece.output: piece.target.recorded for piece in others}
+    how, kept = first.target.how, first.target.recorded
+    own = record and record.of(first.output, first.layer, kept, first.number, layers=layers)
     made = own.to_json() if own else ""
     for piece in group:
         how = piece.target.how if piece is first else {**piece.target.how, "add": True}

@@ -36,6 +36,7 @@ from toolbox.data.reading import Reading
 from toolbox.declare.fields import Spec
 from toolbox.errors import DataError, ParameterError
 from toolbox.models.model import Model, resolved
+from toolbox.reports.page import Told
 from toolbox.runs.cache import code_of
 from toolbox.runs.lineage import read_files
 from toolbox.runs.provenance import Record
@@ -71,6 +72,7 @@ def run(
     overwrite: bool,
     resume: bool,
     assume_crs: CRS | None,
+    told: Told | None = None,
     ctx: Context,
 ) -> dict[str, Any]:
     """Run a tool or model in tiles.
@@ -86,6 +88,7 @@ def run(
     overwrite : whether products may replace files
     resume : whether to continue an earlier run that was stopped
     assume_crs : CRS of sources that state none
+    told : what else the run tells, for its report
 
     Returns
     -------
@@ -142,7 +145,7 @@ def run(
         if reading:
             of_others = (source.files for items in others.values() for source in items)
             reading.check_unchanged(read_files(itertools.chain(*of_others)))
-        return _finish(spec, crew, products, targets, record, overwrite, ctx.part(DONE, 1))
+        return _finish(spec, crew, products, targets, record, told, overwrite, ctx.part(DONE, 1))
 
 
 def _products(plan: TilePlan, targets: Mapping[str, Target], survey: Survey) -> list[Product]:
@@ -194,6 +197,7 @@ def _finish(
     products: list[Product],
     targets: Mapping[str, Target],
     record: Record | None,
+    told: Told | None,
     overwrite: bool,
     ctx: Context,
 ) -> dict[str, Any]:
@@ -221,7 +225,9 @@ def _finish(
 
     more = More({p.resolved: p.target.own_files for p in products}, write_products)
     part = ctx.part(0.9, 1)
-    found |= write(spec, found, others, more=more, record=made, overwrite=overwrite, ctx=part)
+    found |= write(
+        spec, found, others, more=more, record=made, told=told, overwrite=overwrite, ctx=part
+    )
     crew.report()
     return found | {p.output: targets[p.output].path for p in products}
 

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from algorithms.corridor import _columns as columns
 from algorithms.corridor._clearance.counted import ZONE_COLUMNS
 from algorithms.corridor._clearance.coverage import Coverage
 from algorithms.corridor._clearance.drawing import Drawing
@@ -20,7 +21,8 @@ from algorithms.corridor._clearance.sag import Conductor, State
 from algorithms.corridor._clearance.surroundings import LineStates, Object, Surroundings
 from algorithms.corridor._curves.catenary import Catenary
 from toolbox.context import QUIET, Context
-from toolbox.data import Figure, Report, Rows, Section, Table
+from toolbox.data import Figure, Report, Rows, Section, Table, Vector
+from toolbox.data.report import Head
 
 MOST_PROFILES, MOST_OBJECTS, MOST_SPANS, MOST_NUMBERS = 100, 200, 400, 30
 PROFILE_BESIDE = 20.0  # metres to both sides of a span that its profile shows
@@ -67,34 +69,27 @@ LISTED = (
     "may_be_wire",
 )
 LIST_CAPTION = (
-    "Lengths in metres, places as in the data. clearance_low and clearance_high: between which "
-    "values the clearance lies at other temperatures, in the wind of the survey, see there; sd is "
-    "the standard deviation of the clearance; falls is by how much a tree reaches beyond the wire "
-    "when it falls towards it, below 0; "
-    "may_be_wire: its points have the shape of a wire that was not found"
+    "Where each object is closest. The clearance at other temperatures is that in the wind of the "
+    "survey, see there. Shape of a wire: its points may be a wire that was not found"
 )
 SPAN_CAPTION = (
-    "Least distances in space to what is near the wires in plan, m. clearance: to the nearest "
-    "object, line: to a conductor of another line, ground_at: metres along the span where the "
-    "ground is nearest; _low and _high: between which values these lie at other temperatures, see "
-    "there. conductors and expected: "
-    "found, and as in neighbouring spans, a bundle as one; seen_share: of the conductor that was "
-    "seen least; wire_like: m of points beside it in the shape of a wire, which are none"
+    "Least distances in space to what is near the wires in plan. Clearance: to the nearest object. "
+    "At other temperatures: see there. A bundle counts as one conductor. Wire-like points have the "
+    "shape of a wire, and are none"
 )
 KIND_CAPTION = (
-    "Least distances in space to what is near the wires in plan, m; numbers of objects that are "
-    "too close, that reach a wire if they fall towards it and are not too close else (rule "
-    "falling), and that are near and have no rule; numbers of points at 0 to 20 m and at 20 to 30 "
-    "m from the wires; and the rules of each kind. line: conductors of another line"
+    "Least distances in space to what is near the wires in plan; numbers of objects that are too "
+    "close, that reach a wire if they fall towards it and are not too close else, and that are "
+    "near and have no rule; points by their distance from the wires. line: conductors of another "
+    "line"
 )
 ZONE_CAPTION = (
     "Numbers of points of objects, by their distance in space from the nearest wire as surveyed; "
     "the ground, and plants that are too low, do not count"
 )
 CROSSING_CAPTION = (
-    "Lengths in metres. Where conductors of two lines come near each other: the two states in "
-    "which they are closest. clearance_low and clearance_high: between which values the distance "
-    "lies if each line has any temperature that it may have"
+    "Where conductors of two lines come near each other: the two states in which they are closest, "
+    "and between which values the distance lies if each line has any temperature that it may have"
 )
 WIRE_COLOUR, WIRE_DASHES = "#0040a0", ("", "6 3", "1 3", "6 3 1 3")  # of wires, by state
 
@@ -128,18 +123,16 @@ def report_of(
     across = _Across.of(surroundings, line)
     sections = [
         missing,
-        Section(
-            "Kinds and their rules", [Rows(coverage.kinds, KIND_CAPTION)] if line.spans else []
-        ),
+        Section("Kinds and their rules", _kind_list(coverage) if line.spans else []),
         Section("Objects, the most urgent first", _list(listed)),
-        Section("Map", _map(across, line, rules, objects, ctx.part(0.0, 0.3))),
+        Section("Map with numbers", _map(across, line, rules, objects, ctx.part(0.0, 0.3))),
         Section("Crossing lines", _crossing_list(crossings)),
-        Section("Spans", [Rows(_span_list(spans), SPAN_CAPTION, MOST_SPANS)]),
+        Section("Spans", _span_list(spans)),
         Section("Points near the wires", _zone_list(spans)),
         Section("Temperature of the wires", [_rest_text(line, rest, conductor)]),
         Section("Profiles", _profiles(across, line, rules, objects, ctx.part(0.3, 1.0))),
         Section("Rules", [Rows(_rule_table(rules), "Distances in metres")]),
-        Section("Wires", [_wires_text(line, conductor)]),
+        Section("States of the wires", [_wires_text(line, conductor)]),
         Section(
             "Points that take no part", [_left_out(surroundings)] if surroundings.left_out else []
         ),
@@ -147,7 +140,31 @@ def report_of(
     shown = [section for section in sections if section.blocks]
     summary = _summary(surroundings, line, rules, objects, coverage, spans)
     summary += _may_break(surroundings, rest) if line.spans else ""
-    return Report("Clearances of a power line", shown, summary=summary, name="clearance")
+    head = Head(unseen=_unseen(surroundings, line, coverage, missing))
+    title = "Clearances of a power line"
+    return Report(title, shown, summary=summary, head=head, name="clearance")
+
+
+def _unseen(
+    surroundings: Surroundings, line: LineStates, coverage: Coverage, missing: Section
+) -> list[str]:
+    """What was not looked at: kinds without a rule, wires not seen, ends of the data, points."""
+    if not line.spans:
+        return []
+    kinds = coverage.kinds.frame
+    unruled = [kind for kind, rule in zip(kinds["kind"], kinds["rule"], strict=True) if _none(rule)]
+    told = [f"No rule holds for: {', '.join(unruled)}."] if unruled else []
+    told += [text for block in missing.blocks for text in str(block).split("\n")[1:]]
+    if line.open_spans:
+        spans = ", ".join(map(str, line.open_spans))
+        told.append(f"Spans that go on beyond the data: {spans}.")
+    told += [f"{count} points {why}." for why, count in surroundings.left_out.items() if count]
+    return told
+
+
+def _none(rule: str) -> bool:
+    """Whether a kind has no rule at all."""
+    return rule.startswith("no rule")
 
 
 def _summary(
@@ -192,16 +209,15 @@ def _without_rule(coverage: Coverage) -> str:
 def _list(listed: pd.DataFrame) -> list[Rows | str]:
     if not len(listed):
         return ["Nothing breaks a rule."]
-    frame = pd.DataFrame(listed[list(LISTED)])
-    for axis in "xyz":
-        frame[axis] = getattr(listed.geometry, axis)
-    return [Rows(_rounded(frame), LIST_CAPTION, MOST_OBJECTS)]
+    places = Vector(listed[[*LISTED, "geometry"]]).listed()
+    return [Rows(places, LIST_CAPTION, MOST_OBJECTS, columns.OBJECTS, "objects")]
 
 
 def _crossing_list(crossings: pd.DataFrame) -> list[Rows | str]:
     if not len(crossings):
         return []
-    return [Rows(_rounded(crossings.drop(columns="geometry")), CROSSING_CAPTION, MOST_OBJECTS)]
+    table = Vector(crossings).listed()
+    return [Rows(table, CROSSING_CAPTION, MOST_OBJECTS, columns.CROSSINGS, "crossings")]
 
 
 def _as_surveyed(spans: Table) -> pd.DataFrame:
@@ -215,7 +231,7 @@ def _zone_list(spans: Table) -> list[Rows]:
         return []
     frame = _as_surveyed(spans)[["span_id", *ZONE_COLUMNS]].astype({"span_id": str})
     total = pd.DataFrame([{"span_id": "all", **frame[list(ZONE_COLUMNS)].sum()}])
-    return [Rows(Table(pd.concat([frame, total])), ZONE_CAPTION, MOST_SPANS)]
+    return [Rows(Table(pd.concat([frame, total])), ZONE_CAPTION, MOST_SPANS, columns.SPANS)]
 
 
 def _rest_text(line: LineStates, rest: AtRest, conductor: Conductor | None) -> str:
@@ -269,15 +285,14 @@ def _may_break(surroundings: Surroundings, rest: AtRest) -> str:
     )
 
 
-def _span_list(spans: Table) -> Table:
-    """Table of spans without its empty columns, and without what is in a table of its own."""
-    frame = spans.frame.drop(columns=list(ZONE_COLUMNS))
-    return _rounded(frame.drop(columns=[name for name in frame if frame[name].isna().all()]))
+def _kind_list(coverage: Coverage) -> list[Rows]:
+    return [Rows(coverage.kinds, KIND_CAPTION, columns=columns.KINDS)]
 
 
-def _rounded(frame: pd.DataFrame) -> Table:
-    """Table with lengths rounded to centimetres."""
-    return Table(frame.round(dict.fromkeys(frame.select_dtypes("float").columns, 2)))
+def _span_list(spans: Table) -> list[Rows]:
+    """Table of spans without what is in a table of its own."""
+    table = Table(spans.frame.drop(columns=list(ZONE_COLUMNS)))
+    return [Rows(table, SPAN_CAPTION, MOST_SPANS, columns.SPANS, "spans")]
 
 
 def _rule_table(rules: Sequence[Rule]) -> Table:

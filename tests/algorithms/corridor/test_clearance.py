@@ -850,7 +850,7 @@ def test_objects_without_a_rule_are_drawn_and_written_for_cad(tmp_path: Path) ->
     assert marked.dxf.layer == "other"
     assert "severity=no rule" in [text for _, text in marked.get_xdata("LIDAR-TOOLBOX")[1:]]
     sections = {section.title: section.blocks for section in found["report"].sections}
-    for title in ("Map", "Profiles"):
+    for title in ("Map with numbers", "Profiles"):
         assert b'fill="#d01c8b"' in sections[title][0].content
     rules = sections["Rules"][0].table.frame.set_index("kind")
     assert rules.confirmed["tree"] == "yes"
@@ -1015,7 +1015,7 @@ def test_the_page_shows_a_long_line_in_sheets_and_every_span() -> None:
     curves = [replace(LEVEL, x=300.0 * k) for k in range(12)]
     page = run(cloud(blob(3150, 0, 20), 5), *curves, distance=5.0)["report"]
     blocks = {section.title: section.blocks for section in page.sections}
-    captions = [block.caption for block in blocks["Map"]]
+    captions = [block.caption for block in blocks["Map with numbers"]]
     assert [text[-31:] for text in captions] == [
         f"sheet {k} of 5, from west to east"[-31:] for k in range(1, 6)
     ]

@@ -30,8 +30,8 @@ def test_page_of_numbers_and_tables(points: Path) -> None:
     written = toolbox.run("compare.classes", {**values, "page": place})
     assert written["page"] == place
     text = place.read_text()
-    assert "<td>Agreement beyond chance (Cohen)</td><td>1</td>" in text
-    assert "<h2>confusion</h2>" in text
+    assert 'Agreement beyond chance (Cohen)</td><td class="short">1</td>' in text
+    assert "<h2>Confusion</h2>" in text
     assert "points: a.laz" in text
     assert replay(place) == []
 
@@ -41,7 +41,7 @@ def test_page_with_a_map(points: Path) -> None:
     place = points.with_suffix(".html")
     toolbox.run("surface.grid", {"points": points, "page": place})
     text = place.read_text()
-    assert text.count("<img ") == 1
+    assert text.count('<figure class="plot"') == text.count("<img src=") == 2
     assert "50 rows, 50 columns" in text
 
 

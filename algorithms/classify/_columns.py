@@ -1,0 +1,28 @@
+"""Headings and units of the columns of buildings and trees, as reports show them."""
+
+from __future__ import annotations
+
+from toolbox.data.report import Column
+
+BUILDINGS = {
+    "id": Column("Building"),
+    "area": Column("Area", "unit²", 1),
+    "perimeter": Column("Perimeter", "unit", 1),
+    "points": Column("Points"),
+    "ground": Column("Elevation of the ground", "unit", 2),
+    "eave": Column("Elevation of the eave", "unit", 2),
+    "ridge": Column("Elevation of the ridge", "unit", 2),
+    "mean": Column("Mean elevation of the roof", "unit", 2),
+    "height": Column("Height", "unit", 1),
+    "form": Column("Form of the roof"),
+    "confidence": Column("Confidence", "%", 0, 100.0),
+    "squared": Column("Right angles"),
+}
+TREES = {
+    "id": Column("Tree"),
+    "height": Column("Height", "unit", 1),
+    "elevation": Column("Elevation of the top", "unit", 2),
+    "crown_area": Column("Area of the crown", "unit²", 1),
+    "crown_diameter": Column("Diameter of the crown", "unit", 1),
+    "points": Column("Points"),
+}

@@ -1,0 +1,128 @@
+"""Headings and units of the columns of corridors, as reports show them."""
+
+from __future__ import annotations
+
+from algorithms.corridor._extraction.layers import COVARIANCES
+from toolbox.data.report import Column
+
+_HIDDEN = Column("")  # in files only
+
+LENGTHS = {
+    "clearance": Column("Clearance", "m", 2),
+    "clearance_low": Column("Clearance, least at other temperatures", "m", 2),
+    "clearance_high": Column("Clearance, greatest at other temperatures", "m", 2),
+    "required": Column("Required", "m", 2),
+    "distance": Column("Distance in space", "m", 2),
+    "vertical": Column("Below the wire", "m", 2),
+    "horizontal": Column("Beside the wire", "m", 2),
+    "chainage": Column("Along the span", "m", 1),
+}
+
+OBJECTS = {
+    **LENGTHS,
+    "object_id": Column("Object"),
+    "severity": Column("Severity"),
+    "kind": Column("Kind"),
+    "rule": Column("Rule"),
+    "sd": Column("Standard deviation", "m", 2),
+    "probability": Column("Probability that the rule is broken", "", 2),
+    "falls": Column("Reaches beyond the wire when it falls (below 0)", "m", 1),
+    "height": Column("Height above the ground", "m", 1),
+    "state": Column("State of the wires"),
+    "may_be_wire": Column("Shape of a wire"),
+    "points": Column("Points"),
+}
+
+SPANS = {
+    **LENGTHS,
+    "temperature": Column("Temperature", "°C", 0),
+    "wind": Column("Wind", "m/s", 1),
+    "state": Column("State of the wires"),
+    "from_tower": Column("From tower"),
+    "to_tower": Column("To tower"),
+    "conductors": Column("Conductors found", "", 0),
+    "expected": Column("Conductors as in neighbouring spans", "", 0),
+    "seen_share": Column("Seen of the conductor seen least", "%", 0, 100.0),
+    "wire_like": Column("Wire-like points beside it", "m", 0),
+    "length": Column("Length", "m", 1),
+    "sag": Column("Sag", "m", 2),
+    "swing": Column("Swing", "°", 1),
+    "clearance_sd": Column("Standard deviation of the clearance", "m", 2),
+    **{
+        kind: Column(f"To {word}", "m", 2)
+        for kind, word in {
+            "tree": "trees",
+            "building": "buildings",
+            "other": "other objects",
+            "unclassified": "what has no class",
+            "ground": "the ground",
+            "water": "water",
+            "rail": "rails",
+            "road": "roads",
+            "line": "another line",
+        }.items()
+    },
+    "ground_at": Column("Nearest ground, along the span", "m", 0),
+    "ground_low": Column("To the ground, least at other temperatures", "m", 2),
+    "ground_high": Column("To the ground, greatest at other temperatures", "m", 2),
+    "points_0_20": Column("Points at 0 to 20 m"),
+    "points_20_30": Column("Points at 20 to 30 m"),
+    "objects": Column("Objects"),
+}
+
+KINDS = {
+    "kind": Column("Kind"),
+    "nearest": Column("Nearest", "m", 2),
+    "too close": Column("Too close"),
+    "may fall": Column("May fall on a wire"),
+    "near, no rule": Column("Near without a rule"),
+    "points_0_20": SPANS["points_0_20"],
+    "points_20_30": SPANS["points_20_30"],
+    "rule": Column("Rules"),
+}
+
+CROSSINGS = {
+    **LENGTHS,
+    "crossing_id": Column("Crossing"),
+    "other_span": Column("Other span"),
+    "other_wire": Column("Other wire"),
+    "other_state": Column("State of the other wire"),
+    "other_chainage": Column("Along the other span", "m", 1),
+}
+
+WIRES = {
+    **dict.fromkeys((*COVARIANCES, "x0", "y0", "u0", "z0", "v0", "v1"), _HIDDEN),
+    **dict.fromkeys(("curvature", "sd_c", "sd_u0", "sd_z0", "bundle_id"), _HIDDEN),
+    "from_tower": SPANS["from_tower"],
+    "to_tower": SPANS["to_tower"],
+    "azimuth": Column("Azimuth", "°", 1),
+    "span": Column("Span length", "m", 1),
+    "c": Column("Catenary constant", "m", 0),
+    "swing": SPANS["swing"],
+    "sag": SPANS["sag"],
+    "length": Column("Length of the wire", "m", 1),
+    "rms": Column("Root mean square error", "m", 3),
+    "seen_from": Column("Seen from", "m", 0),
+    "seen_to": Column("Seen to", "m", 0),
+    "seen_share": Column("Seen", "%", 0, 100.0),
+    "longest_gap": Column("Longest gap", "m", 1),
+    "conductors": SPANS["conductors"],
+    "expected": SPANS["expected"],
+    "z_start": Column("Elevation at the start", "m", 2),
+    "z_end": Column("Elevation at the end", "m", 2),
+    "sd_sag": Column("Standard deviation of the sag", "m", 3),
+}
+
+TOWERS = {
+    "tower_id": Column("Tower"),
+    "kind": Column("Kind"),
+    "height": Column("Height", "m", 1),
+    "top": Column("Elevation of the top", "m", 2),
+    "low_wire": Column("Lowest wire", "m", 2),
+    "high_wire": Column("Highest wire", "m", 2),
+    "azimuth": Column("Azimuth", "°", 0),
+    "width": Column("Width", "m", 1),
+    "arms": Column("Arms"),
+    "string": Column("Length of strings", "m", 1),
+    "body": Column("Width of the body", "m", 1),
+}

@@ -1,0 +1,49 @@
+"""Headings and units of the columns of planes, fronts and openings, as reports show them."""
+
+from __future__ import annotations
+
+from toolbox.data.report import Column
+
+PLANES = {
+    "plane_id": Column("Plane"),
+    **{f"normal_{axis}": Column("") for axis in "xyz"},
+    "offset": Column(""),
+    "height": Column(""),
+    "tilt": Column("Tilt", "°", 1),
+    "azimuth": Column("Azimuth", "°", 1),
+    "rms": Column("Root mean square error", "unit", 3),
+    "standard_error": Column("Standard error", "unit", 4),
+    "area": Column("Area", "unit²", 2),
+    "length": Column("Length", "unit", 2),
+    "width": Column("Width", "unit", 2),
+    "lowest": Column("Lowest", "unit", 2),
+    "highest": Column("Highest", "unit", 2),
+    "front_id": Column("Front"),
+    "relief": Column("Relief", "unit", 3),
+}
+FRONTS = {
+    "front_id": Column("Front"),
+    "planes": Column("Planes"),
+    "azimuth": Column("Azimuth", "°", 1),
+    "length": Column("Length", "unit", 2),
+    "height": Column("Height", "unit", 2),
+    "area": Column("Area", "unit²", 2),
+    "relief_from": Column("Relief from", "unit", 3),
+    "relief_to": Column("Relief to", "unit", 3),
+}
+OPENINGS = {
+    "opening_id": Column("Opening"),
+    "front_id": Column("Front"),
+    "kind": Column("Kind"),
+    "width": Column("Width", "unit", 2),
+    "height": Column("Height", "unit", 2),
+    "area": Column("Area", "unit²", 2),
+    "sill": Column("Sill above the foot", "unit", 2),
+    "set_back": Column("Set back", "unit", 2),
+    "seen": Column("Points behind"),
+    "edge_seen": Column("Edge seen", "%", 0, 100.0),
+    "hidden": Column("Sides not seen"),
+    "rectangle": Column("Rectangle"),
+    "found_by": Column("Found by"),
+    "certainty": Column("Certainty", "%", 0, 100.0),
+}

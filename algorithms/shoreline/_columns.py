@@ -1,0 +1,46 @@
+"""Headings and units of the columns of waters, as reports show them."""
+
+from __future__ import annotations
+
+from toolbox.data.report import Column
+
+WATER = {
+    "body": Column("Body"),
+    "level": Column("Level", "unit", 3),
+    "level_error": Column("Standard error of the level", "unit", 3),
+    "level_interval": Column("Half of its 95 % interval", "unit", 3),
+    "slope": Column("Slope of the level", "", 6),
+    "area": Column("Area", "m²", 0),
+    "area_error": Column("Standard error of the area", "m²", 0),
+    "perimeter": Column("Perimeter", "m", 0),
+    "open_length": Column("Edge of the data in it", "m", 0),
+    "islands": Column("Islands"),
+    "uncertainty": Column("Standard error of the shore", "m", 2),
+    "density": Column("Points on the water", "1/m²", 2),
+    "returned": Column("Share of pulses that are lost", "%", 0, 100.0),
+    "darkness": Column("Darkness against the shore, 0 to 1", "", 2),
+    "evidence": Column("What tells that it is water"),
+}
+SHORELINE = {
+    "body": WATER["body"],
+    "kind": Column("Kind"),
+    "level": WATER["level"],
+    "length": Column("Length", "m", 1),
+}
+VERTICES = {
+    "body": WATER["body"],
+    "sigma": Column("Standard deviation", "m", 2),
+    "data_edge": Column("Edge of the data"),
+}
+CURVE = {
+    "level": Column("Level", "", 2),
+    "unit": Column("Unit of levels"),
+    "level_m": Column("Level", "m", 2),
+    "area_m2": Column("Area", "m²", 0),
+    "volume_m3": Column("Volume", "m³", 0),
+    "area_gain_m2": Column("Gain of area", "m²", 0),
+    "volume_gain_m3": Column("Gain of volume", "m³", 0),
+    "apart_m2": Column("Area apart, not filled", "m²", 0),
+    "open": Column("Reaches the edge of the data"),
+    "heights": Column("Heights"),
+}

@@ -1,0 +1,223 @@
+"""Reports in a real browser: nothing is loaded, nothing fails, tables sort, maps answer.
+
+The browser is the chromium of the system, as the library that drives it has none of its own. Where
+there is none the tests skip, unless TOOLBOX_TEST_BROWSER is "required".
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import numpy as np
+import pytest
+import shapely
+
+import toolbox
+from toolbox.data import PointCloud, Vector
+from toolbox.data.crs import parse_crs
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+REQUIRED = os.environ.get("TOOLBOX_TEST_BROWSER") == "required"
+WEBGL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+CRS = parse_crs("EPSG:32635+3855")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not CHROMIUM and not REQUIRED, reason="there is no chromium"),
+]
+
+
+def squares(sizes: list[float], shift: float) -> Vector:
+    shapes = [shapely.box(40 * k + shift, 0, 40 * k + shift + s, s) for k, s in enumerate(sizes)]
+    moved = shapely.transform(np.array(shapes), lambda xy: xy + np.array([5e5, 4.4e6]))
+    frame = geopandas.GeoDataFrame({"name": [f"{s:g} m" for s in sizes]}, geometry=moved, crs=CRS)
+    return Vector(frame, name="areas.gpkg")
+
+
+def house() -> PointCloud:
+    """Ground, and a house of 20 m by 12 m with a flat roof 6 m above it, points 0.5 m apart."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(0, 60, 0.5), np.arange(0, 40, 0.5)))
+    roof = (x > 20) & (x < 40) & (y > 14) & (y < 26)
+    noise = np.random.default_rng(1).normal(0, 0.02, len(x))
+    xyz = np.column_stack([x + 500_000, y + 4_400_000, 100 + 6.0 * roof + noise])
+    classes = np.where(roof, 6, 2)
+    more = {"classification": classes, "intensity": np.where(roof, 90, 40) + (x % 7).astype(int)}
+    return PointCloud(xyz, more, crs=CRS, name="house.laz")
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The pages of several tools, by name."""
+    folder = tmp_path_factory.mktemp("pages")
+    sizes = [8.0 + k for k in range(14)]
+    given: dict[str, tuple[str, dict[str, Any]]] = {
+        "areas": ("compare.areas", {"areas": squares(sizes, 2), "reference": squares(sizes, 0)}),
+        "planes": ("planes.extract", {"points": house()}),
+        "grid": ("surface.grid", {"points": house()}),
+        "info": ("points.info", {"points": house()}),
+    }
+    made = {name: folder / f"{name}.html" for name in given}
+    for name, (tool, values) in given.items():
+        toolbox.run(tool, {**values, "page": made[name]})
+    return made
+
+
+@pytest.fixture(scope="module")
+def driver() -> Iterator[Any]:
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as found:
+        yield found.chromium
+
+
+class Opened:
+    """A page in the browser, with all that it said and asked for."""
+
+    def __init__(self, driver: Any, path: Path, *args: str, width: int = 1200) -> None:
+        self.browser = driver.launch(executable_path=CHROMIUM, args=["--no-sandbox", *args])
+        self.page = self.browser.new_page(viewport={"width": width, "height": 900})
+        self.errors: list[str] = []
+        self.asked: list[str] = []
+        self.page.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else 0)
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.goto(path.as_uri())
+
+    def __enter__(self) -> Opened:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.browser.close()
+
+    def drawn(self, kind: str) -> Any:
+        """The plot of a kind, once it is drawn."""
+        self.page.locator(f"figure[data-kind={kind}]").first.scroll_into_view_if_needed()
+        figure = self.page.locator(f"figure.drawn[data-kind={kind}]").first
+        figure.wait_for(timeout=60_000)
+        return figure
+
+
+@pytest.mark.parametrize("name", ["areas", "planes", "grid", "info"])
+def test_pages_ask_for_nothing_and_report_no_error(
+    name: str, pages: dict[str, Path], driver: Any
+) -> None:
+    with Opened(driver, pages[name], *WEBGL) as opened:
+        for kind in ("map", "space"):
+            if opened.page.locator(f"figure[data-kind={kind}]").count():
+                opened.drawn(kind)
+        assert opened.errors == []
+        outside = [url for url in opened.asked if not url.startswith(("data:", "blob:"))]
+        assert outside == [pages[name].as_uri()]
+    assert pages[name].stat().st_size < 8e6
+
+
+def test_tables_sort_and_unfold(pages: dict[str, Path], driver: Any) -> None:
+    with Opened(driver, pages["areas"]) as opened:
+        table = opened.page.locator("section#polygons table")
+        rows = table.locator("tbody tr")
+        assert rows.count() == 28
+        assert table.locator("tbody tr:visible").count() == 10
+        opened.page.locator("section#polygons .unfold").click()
+        assert table.locator("tbody tr:visible").count() == 28
+        heads = [text.strip() for text in table.locator("th").all_inner_texts()]
+        column = next(k for k, text in enumerate(heads) if text.startswith("Area"))
+        for order in ("ascending", "descending"):
+            table.locator("th button").nth(column).click()
+            texts = table.locator(f"tbody td:nth-child({column + 1})").all_inner_texts()
+            numbers = [float(text) for text in texts]
+            assert numbers == sorted(numbers, reverse=order == "descending")
+            assert table.locator("th").nth(column).get_attribute("aria-sort") == order
+
+
+def test_the_map_answers_clicks_and_shows_what_a_row_links_to(
+    pages: dict[str, Path], driver: Any
+) -> None:
+    with Opened(driver, pages["areas"]) as opened:
+        figure = opened.drawn("map")
+        link = opened.page.locator("section#difference a.place").nth(3)
+        row = (
+            opened.page.locator("section#difference tbody tr")
+            .nth(3)
+            .locator("td")
+            .all_inner_texts()
+        )
+        link.click()
+        asked = figure.locator(".asked")
+        assert row[1] in asked.inner_text()
+        opened.page.evaluate("document.querySelector('.asked').hidden = true")
+        box = figure.locator(".nsewdrag").first.bounding_box()
+        opened.page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        assert asked.is_visible()
+        before = opened.page.evaluate("document.querySelector('.canvas').layout.xaxis.range")
+        figure.get_by_role("button", name="Zoom in").click()
+        opened.page.wait_for_timeout(300)
+        after = opened.page.evaluate("document.querySelector('.canvas').layout.xaxis.range")
+        assert after[1] - after[0] == pytest.approx((before[1] - before[0]) / 2)
+        assert "m" in figure.locator(".bar").inner_text()
+
+
+def colours(picture: bytes) -> int:
+    import io
+
+    from PIL import Image
+
+    with Image.open(io.BytesIO(picture)) as image:
+        return len(image.convert("RGB").quantize(64).getcolors() or [])
+
+
+def test_the_view_in_space_draws_and_turns(pages: dict[str, Path], driver: Any) -> None:
+    with Opened(driver, pages["planes"], *WEBGL) as opened:
+        figure = opened.drawn("space")
+        canvas = figure.locator(".gl-container canvas").first
+        opened.page.wait_for_timeout(1000)
+        first = canvas.screenshot()
+        assert colours(first) > 5
+        figure.get_by_role("application").focus()
+        opened.page.keyboard.press("ArrowLeft")
+        opened.page.wait_for_timeout(1000)
+        assert canvas.screenshot() != first
+
+
+def test_without_webgl_the_picture_stays(pages: dict[str, Path], driver: Any) -> None:
+    with Opened(driver, pages["planes"], "--disable-3d-apis") as opened:
+        figure = opened.page.locator("figure[data-kind=space]")
+        figure.scroll_into_view_if_needed()
+        opened.page.get_by_text("this browser cannot draw the plot").wait_for(timeout=30_000)
+        assert figure.locator("> img").is_visible()
+        assert opened.errors == []
+
+
+@pytest.mark.parametrize("name", ["areas", "planes"])
+def test_pages_fit_a_phone(name: str, pages: dict[str, Path], driver: Any) -> None:
+    with Opened(driver, pages[name], *WEBGL, width=380) as opened:
+        opened.drawn("map")
+        assert opened.page.evaluate("document.scrollingElement.scrollWidth") <= 380
+
+
+@pytest.mark.parametrize("writer", ["toolbox", "browser"])
+def test_paper_holds_the_last_column_and_every_row(
+    writer: str, pages: dict[str, Path], driver: Any, tmp_path: Path
+) -> None:
+    place = tmp_path / "page.pdf"
+    if writer == "toolbox":
+        sizes = [8.0 + k for k in range(14)]
+        values = {"areas": squares(sizes, 2), "reference": squares(sizes, 0), "page": place}
+        toolbox.run("compare.areas", values)
+    else:
+        with Opened(driver, pages["areas"]) as opened:
+            opened.drawn("map")
+            opened.page.pdf(path=place, prefer_css_page_size=True)
+    text = subprocess.run(
+        ["pdftotext", "-layout", place, "-"], capture_output=True, text=True, check=True
+    ).stdout
+    html = pages["areas"].read_text()
+    last = html.partition('id="difference"')[2].partition("</tbody>")[0].count("<tr id=")
+    assert last > 10
+    longitudes = [word for word in text.split() if word.startswith(("26.99", "27.00"))]
+    assert len(longitudes) >= last
+    assert "Longitude" in text.replace("-\n", "")

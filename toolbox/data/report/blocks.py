@@ -1,0 +1,172 @@
+"""What a report is made of: its head, and sections with texts, tables, images and plots."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+from toolbox.data.report.columns import Column, column_of
+from toolbox.data.table import Table, is_number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_MOST_ROWS = 500  # of a table; all of them are in the file of the layer
+_SHORT = 10  # rows that are shown before all are asked for
+_WIDE = 9  # columns; a table of more is printed on a page of its own, across
+
+
+@dataclass(frozen=True)
+class Figure:
+    """An image in a report.
+
+    Attributes
+    ----------
+    content : of a PNG or SVG file
+    caption : what it shows, which is also read to those who cannot see it
+
+    Examples
+    --------
+    >>> Figure(b"<svg/>", "An empty drawing").source
+    'data:image/svg+xml;base64,PHN2Zy8+'
+    """
+
+    content: bytes
+    caption: str
+
+    @property
+    def source(self) -> str:
+        """The image as a data URL, so that the report is one file."""
+        kind = "png" if self.content.startswith(b"\x89PNG") else "svg+xml"
+        return f"data:image/{kind};base64," + base64.b64encode(self.content).decode()
+
+
+@dataclass(frozen=True)
+class Rows:
+    """A table in a report, of which the first rows are shown.
+
+    Attributes
+    ----------
+    caption : what it shows
+    most : rows to show
+    columns : how columns are shown, by name; others by their names, see `Column`
+    layer : name of the layer on the map of which each row is a feature; "" for none
+
+    Examples
+    --------
+    >>> rows = Rows(Table.from_rows([{"class": 2}, {"class": 6}]), most=1)
+    >>> rows.cells, rows.left_out
+    ([['2']], 1)
+    """
+
+    table: Table
+    caption: str = ""
+    most: int = _MOST_ROWS
+    columns: Mapping[str, Column] = field(default_factory=dict)
+    layer: str = ""
+    short: int = _SHORT
+
+    @property
+    def _shown(self) -> pd.DataFrame:
+        """The rows without the columns that reports leave out, and those that hold nothing."""
+        frame = self.table.frame
+        hidden = [n for n in frame if (c := self.columns.get(str(n))) and not c.heading]
+        empty = [n for n in frame if len(frame) and frame[n].isna().all()]
+        return frame.drop(columns=[*hidden, *empty])
+
+    @property
+    def left_out(self) -> int:
+        """Number of rows that are not shown."""
+        return max(len(self.table) - self.most, 0)
+
+    @property
+    def folded(self) -> int:
+        """Number of rows that are shown when they are asked for; a few more are shown at once."""
+        shown = min(len(self.table), self.most)
+        return shown - self.short if shown > self.short + 2 else 0
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether it has too many columns for an upright page."""
+        return len(self.headings) > _WIDE
+
+    @property
+    def headings(self) -> list[tuple[Column, bool]]:
+        """How each column is shown, and whether it holds numbers."""
+        return [
+            (column_of(str(name), values, self.columns), is_number(values))
+            for name, values in self._shown.items()
+        ]
+
+    @property
+    def cells(self) -> list[list[str]]:
+        """The texts of the cells of each row that is shown."""
+        frame = self._shown.head(self.most)
+        texts = [
+            ["" if absent else how.text(value) for value, absent in zip(values, gone, strict=True)]
+            for (how, _), (_, values), (_, gone) in zip(
+                self.headings, frame.items(), frame.isna().items(), strict=True
+            )
+        ]
+        return [list(row) for row in zip(*texts, strict=True)]
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A map or a view in space that can be moved and asked.
+
+    Attributes
+    ----------
+    kind : "map" from above, "space" to be turned
+    data : what is drawn, as JSON values; see `toolbox.reports`
+    picture : what is shown where the plot cannot be, as on paper
+    """
+
+    kind: Literal["map", "space"]
+    data: Mapping[str, Any]
+    picture: Figure
+
+
+Block = str | Rows | Figure | Plot
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading of a report with texts, tables and images under it.
+
+    Attributes
+    ----------
+    folded : shown when it is asked for, and on paper
+
+    Examples
+    --------
+    >>> Section("Points", ["There are 42.", Rows(Table.from_rows([{"class": 2}]))]).title
+    'Points'
+    """
+
+    title: str
+    blocks: Sequence[Block]
+    folded: bool = False
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether it begins with a table that is printed on a page across."""
+        return bool(self.blocks) and isinstance(first := self.blocks[0], Rows) and first.is_wide
+
+
+@dataclass(frozen=True)
+class Head:
+    """The head of a report: what it is about, and what must be known before all else.
+
+    Attributes
+    ----------
+    facts : such as ("Client", "City of Delft"), in the order of reading
+    warnings : of the run
+    unseen : what was not looked at
+    """
+
+    facts: Sequence[tuple[str, str]] = ()
+    warnings: Sequence[str] = ()
+    unseen: Sequence[str] = ()

@@ -1,0 +1,100 @@
+"""Columns of tables as people read them: headings in words, units, digits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from toolbox.data.table import cell_text, is_number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_SUFFIXES = {"_m2": "m²", "_m3": "m³", "_m": "m", "_deg": "°", "_kv": "kV"}
+_MOST_DIGITS = 4
+_WHOLE = 1000  # numbers from this on have no digits after the point, unless they are said
+_YES = {True: "yes", False: "no"}
+
+
+@dataclass(frozen=True)
+class Column:
+    """How a column of a table is shown to people.
+
+    Attributes
+    ----------
+    heading : in words; "" for a column that reports leave out, and files hold
+    unit : behind the heading, such as "m"; "unit" and "unit²" stand for that of the data, as
+        heights and areas of features have; of a share that is shown as percent "%"
+    digits : after the decimal point; by the size of the numbers unless given
+    factor : that makes numbers in this unit of those in the table
+
+    Examples
+    --------
+    >>> Column("Length of the span", "m", 1).text(284.6253)
+    '284.6'
+    """
+
+    heading: str
+    unit: str = ""
+    digits: int | None = None
+    factor: float = 1.0
+
+    def text(self, value: Any) -> str:
+        """A value of the column as it is shown."""
+        if isinstance(value, bool | np.bool_):
+            return _YES[bool(value)]
+        if not isinstance(value, float | np.floating) or self.digits is None:
+            return cell_text(value)
+        return f"{float(value) * self.factor:.{self.digits}f}" if math.isfinite(value) else ""
+
+
+COMMON: Mapping[str, Column] = {
+    **{name: Column(name, "", 2) for name in ("x", "y", "z")},
+    **{name: Column(name.capitalize(), "", 2) for name in ("easting", "northing", "elevation")},
+    "latitude": Column("Latitude", "°", 6),
+    "longitude": Column("Longitude", "°", 6),
+    "id": Column("Number"),
+    "span_id": Column("Span"),
+    "wire_id": Column("Wire"),
+    "object_id": Column("Object"),
+    "plane_id": Column("Plane"),
+    "front_id": Column("Front"),
+    "tower_id": Column("Tower"),
+    "points": Column("Points"),
+    "kind": Column("Kind"),
+    "rms": Column("Root mean square error", "", 3),
+    "sd": Column("Standard deviation", "", 3),
+}
+"""What several tools call the same; a tool declares its own columns with its sink."""
+
+
+def column_of(name: str, values: pd.Series[Any], declared: Mapping[str, Column]) -> Column:
+    """How a column is shown: as declared, else by its name and its numbers."""
+    found = declared.get(name) or COMMON.get(name) or _by_name(name)
+    if found.digits is None and is_number(values) and values.dtype.kind == "f":
+        return Column(found.heading, found.unit, _digits(values, found.factor), found.factor)
+    return found
+
+
+def _by_name(name: str) -> Column:
+    """A heading out of the name of a column, and its unit where the name ends with one."""
+    stem, unit = name, ""
+    for suffix, text in _SUFFIXES.items():
+        if name.lower().endswith(suffix):
+            stem, unit = name[: -len(suffix)], text
+            break
+    words = stem.replace("_", " ").strip() or name
+    return Column(words[0].upper() + words[1:], unit)
+
+
+def _digits(values: pd.Series[Any], factor: float) -> int:
+    """So many that the largest number has four digits that tell something."""
+    sizes = np.abs(values.to_numpy(float)) * factor
+    largest = float(np.max(sizes, where=np.isfinite(sizes), initial=0.0))
+    if largest == 0 or largest >= _WHOLE:
+        return 0 if largest >= 100 * _WHOLE or largest == 0 else 1
+    return min(max(3 - math.floor(math.log10(largest)), 0), _MOST_DIGITS)

@@ -1,0 +1,1 @@
+"""Reports of runs: what a tool or model gave, as a document for people."""

@@ -1,0 +1,86 @@
+"""The facts in the head of a report: survey, inputs, CRS, heights, settings, version."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from pyproj import CRS
+
+from toolbox import __version__
+from toolbox.data import PointCloud, Survey
+from toolbox.data.crs import describe_crs, height_system, is_local
+from toolbox.data.layer import Layer
+from toolbox.declare.fields import Spec
+from toolbox.reports import words
+
+if TYPE_CHECKING:
+    from toolbox.runs.provenance import Record
+
+_ALWAYS = ("cell", "rules", "voltage")  # settings that are told also at their defaults
+_MOST_FILES = 4  # that are named
+
+
+def facts_of(
+    spec: Spec, found: Mapping[str, Any], record: Record | None, given: Mapping[str, Any]
+) -> tuple[tuple[str, str], ...]:
+    """What the head of a report says of a run, as pairs of name and text."""
+    layers = [layer for value in (*given.values(), *found.values()) for layer in _each(value)]
+    facts = [("Date of the survey", survey_date(layers)), *_places(layers)]
+    facts += [("Input", text) for text in _inputs(record)]
+    facts += [("Settings", text) for text in [_chosen(spec, record)] if text]
+    facts += [("Made with", f"lidar-toolbox {__version__}, {spec.id}")]
+    return tuple((name, text) for name, text in facts if text)
+
+
+def _each(value: Any) -> Iterator[Layer]:
+    for item in value if isinstance(value, tuple | list) else (value,):
+        if isinstance(item, Layer):
+            yield item
+
+
+def survey_date(layers: list[Layer]) -> str:
+    """The days on which points were measured, by their GPS time; "" if no layer holds points."""
+    clouds = [layer for layer in layers if isinstance(layer, PointCloud | Survey)]
+    if not clouds:
+        return ""
+    spans = [span for cloud in clouds[:1] if (span := cloud.days())]
+    if not spans:
+        return "not known: the points have no GPS time that tells the day"
+    first, last = min(a for a, _ in spans), max(b for _, b in spans)
+    beginning = f"{first.isoformat()}"
+    return beginning if first == last else f"{beginning} to {last.isoformat()}"
+
+
+def _places(layers: list[Layer]) -> list[tuple[str, str]]:
+    """CRS and height system of the first layer that has a place."""
+    crs: CRS | None = next((x.crs for x in layers if x.is_spatial and x.crs is not None), None)
+    if crs is None:
+        return []
+    text = describe_crs(crs)
+    named = "local coordinates, no position on the Earth" if is_local(crs) else text
+    return [("Coordinates", named), ("Heights", height_system(crs))]
+
+
+def _inputs(record: Record | None) -> Iterator[str]:
+    if record is None:
+        return
+    for name, items in record.inputs.items():
+        files = [f"{i.file} ({i.files} files)" if i.files > 1 else i.file for i in items]
+        more = f" and {len(files) - _MOST_FILES} more" if len(files) > _MOST_FILES else ""
+        if files:
+            yield f"{words.title_of(name)}: {', '.join(files[:_MOST_FILES])}{more}"
+
+
+def _chosen(spec: Spec, record: Record | None) -> str:
+    """The settings that differ from their defaults, and those that must always be told."""
+    if record is None:
+        return ""
+    parts = []
+    for name, value in record.parameters.items():
+        field = spec.inputs[name]
+        default = None if field.required else field.to_json(field.default)
+        if value is not None and (value != default or name in _ALWAYS):
+            unit = words.unit_text(field.unit)
+            parts.append(f"{field.title} {words.setting_text(value)} {unit}".strip())
+    return "; ".join(parts)

@@ -1,0 +1,266 @@
+"""The map of a report: images below, layers above, as JSON values that the page draws."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import shapely
+
+from toolbox.data import Figure, PointCloud, Raster, Vector
+from toolbox.data.crs import crs_conflict, is_local, length_problem, vertical_unit
+from toolbox.data.layer import Layer
+from toolbox.data.report import Plot
+from toolbox.declare.fields import Spec
+from toolbox.declare.show import Classes, Show, Values
+from toolbox.pictures.draw import Shown, drawable, png
+from toolbox.pictures.features import feature_classes
+from toolbox.pictures.images import (
+    LENGTHS,
+    Bounds,
+    Image,
+    Ramp,
+    cloud_image,
+    intensity_image,
+    raster_image,
+)
+from toolbox.reports import words
+
+_MOST_BASES, _QUALITY = 6, 82  # images that can lie below, and of these in WebP
+_MOST_FEATURES, _MOST_CORNERS = 3000, 60_000  # of all layers together
+_CROWDED = 500  # points of a layer, such as corners of outlines, that would hide all others
+_FINEST = 20_000  # steps of coordinates in the width of the map
+_MARGIN = 0.04  # around what is drawn
+_BRIGHT = (Values("intensity", "Intensity"),)
+_COLOURS = ("#0b5fa5", "#d7261e", "#8e3fa8", "#e08a00", "#00806b", "#b0306a", "#5a6b00", "#6b4a2f")
+"""Of layers that say none; each is seen on light and on dark, and none comes twice."""
+
+
+Base = tuple[str, Image, Layer, tuple[Show, ...]]
+"""Title, image, layer, and how it is shown."""
+
+
+def maps_of(
+    spec: Spec, found: Mapping[str, Any], given: Mapping[str, Any]
+) -> Iterator[tuple[str, Plot]]:
+    """The maps of what a tool gave above what it was given, with their titles.
+
+    Layers that lie elsewhere than the first, such as a drawing in a plane, have a map of
+    their own.
+    """
+    shown = drawable(found, spec.results)
+    bases = list(_bases(shown, given))
+    waiting: dict[str, Shown] = {
+        n: (v, ()) for n, v in given.items() if isinstance(v, Vector) and len(v)
+    }
+    waiting |= {n: pair for n, pair in shown.items() if isinstance(pair[0], Vector)}
+    if bases:
+        together = _together(bases[0][1].bounds, bases[0][2], waiting)
+        yield "Map", _map(bases, together)
+        waiting = {n: pair for n, pair in waiting.items() if n not in together}
+    while waiting:
+        name, (layer, _) = next(iter(waiting.items()))
+        together = {name: waiting[name]} | _together(layer.bounds, layer, waiting)
+        waiting = {n: pair for n, pair in waiting.items() if n not in together}
+        if np.isfinite(layer.bounds).all():
+            title = f"Drawing: {words.title_of(name).lower()}" if bases else "Map"
+            yield title, _map([], together)
+
+
+def _together(extent: Bounds, first: Layer, layers: Mapping[str, Shown]) -> dict[str, Shown]:
+    """The layers that can lie on one map with the first."""
+    return {
+        name: pair
+        for name, pair in layers.items()
+        if _meets(pair[0], extent) and crs_conflict(first.crs, pair[0].crs, heights=False) is None
+    }
+
+
+def _map(bases: Sequence[Base], layers: Mapping[str, Shown]) -> Plot:
+    first = bases[0][2] if bases else next(iter(layers.values()))[0]
+    crs = first.crs
+    x0, y0, x1, y1 = (float(v) for v in (bases[0][1].bounds if bases else first.bounds))
+    west, south, east, north = _with_margin((x0, y0, x1, y1))
+    origin = math.floor(west), math.floor(south)
+    step = max(east - west, north - south) / _FINEST
+    overlays, left_out = _overlays(layers, origin, step)
+    unit = LENGTHS.get(vertical_unit(crs), "") if crs is not None else ""
+    names = ("x", "y") if crs is None or is_local(crs) else ("Easting", "Northing")
+    data = {
+        "x0": origin[0],
+        "y0": origin[1],
+        "bounds": _relative((west, south, east, north), origin),
+        "metre": first.metre if length_problem(crs) is None else None,
+        "north": crs is not None and not is_local(crs),
+        "axes": [f"{name} [{unit}]" if unit else name for name in names],
+        "bases": [_base(name, image, origin) for name, image, _, _ in bases],
+        "layers": overlays,
+    }
+    picture = Figure(_picture(bases, layers), _caption(bases, layers, left_out))
+    return Plot("map", data, picture)
+
+
+def _bases(shown: Mapping[str, Shown], given: Mapping[str, Any]) -> Iterator[Base]:
+    """The images of rasters and points, of the results first, at most so many."""
+    made: list[Base] = []
+    for name, (layer, shows) in shown.items():
+        if isinstance(layer, Raster):
+            made.append((words.title_of(name), raster_image(layer), layer, ()))
+        elif isinstance(layer, PointCloud):
+            image = cloud_image(layer, shows[0] if shows else None)
+            if image.above and _covers(layer, given):
+                made.append((words.title_of(name), image, layer, shows))
+    for name, layer in given.items():
+        if isinstance(layer, Raster):
+            made.append((f"{words.title_of(name)} (input)", raster_image(layer), layer, ()))
+        if isinstance(layer, PointCloud) and len(layer):
+            if brightness := intensity_image(layer):
+                made.append(
+                    (f"{words.title_of(name)} (input): intensity", brightness, layer, _BRIGHT)
+                )
+            made.append((f"{words.title_of(name)} (input)", cloud_image(layer), layer, ()))
+    yield from made[:_MOST_BASES]
+
+
+def _covers(layer: PointCloud, given: Mapping[str, Any]) -> bool:
+    """Whether points are many enough to be an image below; few are drawn as dots in space."""
+    sizes = [len(other) for other in given.values() if isinstance(other, PointCloud)]
+    return len(layer) >= 0.05 * max(sizes, default=0)
+
+
+def _base(name: str, image: Image, origin: tuple[int, int]) -> dict[str, Any]:
+    from matplotlib.colors import to_hex
+
+    if isinstance(key := image.key, Ramp):
+        map_of_colours = key.colour_map()
+        ramp = [to_hex(map_of_colours(share)) for share in np.linspace(0, 1, 9)]
+        ends = {"low": f"{key.low:.4g}", "high": f"{key.high:.4g}"}
+        told: Any = {"ramp": ramp, **ends, "label": key.label}
+    else:
+        told = {"classes": [[text, colour] for text, colour in key.values()]}
+    bounds = _relative(image.bounds, origin)
+    return {"name": name, "source": _webp(image.rgba), "bounds": bounds, "key": told}
+
+
+def _webp(rgba: Any) -> str:
+    """An image as a data URL, a fifth of its size as PNG."""
+    from PIL import Image as Pillow
+
+    made = io.BytesIO()
+    pixels = np.round(np.clip(rgba, 0, 1) * 255).astype(np.uint8)
+    Pillow.fromarray(pixels, "RGBA").save(made, "WEBP", quality=_QUALITY, method=4)
+    return "data:image/webp;base64," + base64.b64encode(made.getvalue()).decode()
+
+
+def _overlays(
+    layers: Mapping[str, Shown], origin: tuple[int, int], step: float
+) -> tuple[list[dict[str, Any]], int]:
+    """The layers as JSON values, and the number of features for which there is no room."""
+    total = sum(len(layer) for layer, _ in layers.values())
+    corners = sum(
+        int(shapely.get_num_coordinates(layer.frame.geometry.to_numpy()).sum())
+        for layer, _ in layers.values()
+    )
+    coarse = step * max(1.0, corners / _MOST_CORNERS) * 2
+    share = min(1.0, _MOST_FEATURES / max(total, 1))
+    made, colours, left_out = [], iter(_COLOURS * 4), 0
+    for name, (layer, shows) in layers.items():
+        kept = math.ceil(len(layer) * share)
+        left_out += len(layer) - kept
+        show = next((s for s in shows if isinstance(s, Classes | Values)), None)
+        groups = [
+            {
+                "name": text,
+                "colour": colour or next(colours),
+                "shape": shape,
+                "features": features,
+            }
+            for text, colour, own in _classes(layer, show, words.title_of(name))
+            for shape, features in _features(layer, own[own < kept], origin, step, coarse).items()
+        ]
+        if groups:
+            table = words.anchor_of(name)
+            hidden = kept > _CROWDED and {g["shape"] for g in groups} == {"point"}
+            title = words.title_of(name)
+            made.append({"name": title, "table": table, "groups": groups, "hidden": hidden})
+    return made, left_out
+
+
+def _classes(
+    layer: Vector, show: Classes | Values | None, name: str
+) -> Iterator[tuple[str, str, Any]]:
+    """Name, colour and rows of each class of features; all alike where nothing is said."""
+    found = feature_classes((layer, show)) if show else None
+    if not found:
+        yield name, "", np.arange(len(layer))
+        return
+    for text, colour, own in found:
+        yield text, colour, np.flatnonzero(own)
+
+
+def _features(
+    layer: Vector, rows: Any, origin: tuple[int, int], step: float, coarse: float
+) -> dict[str, list[Any]]:
+    """Features by shape, each with its row and the corners of its parts."""
+    shapes = shapely.force_2d(layer.frame.geometry.to_numpy())
+    digits = max(0, math.ceil(-math.log10(step)))
+    made: dict[str, list[Any]] = {}
+    for row in rows.tolist():
+        shape = shapes[row]
+        if shape is None or shape.is_empty:
+            continue
+        dimension = shapely.get_dimensions(shape)
+        if dimension:
+            shape = shapely.simplify(shape, coarse)
+        parts = [_corners(ring, origin, digits) for ring in _rings(shape)]
+        made.setdefault(("point", "line", "area")[dimension], []).append([row, parts])
+    return made
+
+
+def _rings(shape: Any) -> Iterator[Any]:
+    """The points, lines and rings of a shape; holes turn the other way, so that they stay empty."""
+    for part in shapely.get_parts(shape):
+        if shapely.get_dimensions(part) < 2:
+            yield part
+        elif not part.is_empty:
+            turned = shapely.orient_polygons(part)
+            yield from (turned.exterior, *turned.interiors)
+
+
+def _corners(ring: Any, origin: tuple[int, int], digits: int) -> list[float]:
+    return [float(v) for v in np.round(shapely.get_coordinates(ring) - origin, digits).ravel()]
+
+
+def _meets(layer: Vector, extent: Bounds) -> bool:
+    box = layer.bounds
+    across = box[0] <= extent[2] and box[2] >= extent[0]
+    return bool(np.isfinite(box).all() and across and box[1] <= extent[3] and box[3] >= extent[1])
+
+
+def _with_margin(bounds: Bounds) -> Bounds:
+    west, south, east, north = bounds
+    margin = _MARGIN * max(east - west, north - south) or 1.0
+    return west - margin, south - margin, east + margin, north + margin
+
+
+def _relative(bounds: Bounds, origin: tuple[int, int]) -> list[float]:
+    return [round(value - origin[k % 2], 4) for k, value in enumerate(bounds)]
+
+
+def _picture(bases: Sequence[Base], layers: Mapping[str, Shown]) -> bytes:
+    """The map on paper: the first image with all layers, or the layers alone."""
+    below = {name: (layer, shows) for name, _, layer, shows in bases[:1]}
+    return png(below | {words.title_of(name): pair for name, pair in layers.items()})
+
+
+def _caption(bases: Sequence[Any], layers: Mapping[str, Any], left_out: int) -> str:
+    names = [words.title_of(name) for name in layers]
+    below = [name for name, _, _, _ in bases[:1]]
+    text = f"Map: {', '.join([*names, *below])}"
+    return text + (
+        f"; {left_out} features have no room on it, and are in the files" * bool(left_out)
+    )

@@ -1,0 +1,189 @@
+"""The report of a run: result in words, warnings, map, view in space, tables, how it was made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from toolbox.data import Figure, Report, Rows, Section, Table
+from toolbox.data.layer import Layer
+from toolbox.data.report import Block, Head
+from toolbox.declare.fields import Field, Spec
+from toolbox.pictures.draw import drawable, png
+from toolbox.reports import words
+from toolbox.reports.facts import facts_of
+from toolbox.reports.maps import maps_of
+from toolbox.reports.space import space_of
+
+if TYPE_CHECKING:
+    from toolbox.runs.provenance import Record
+
+
+@dataclass
+class Told:
+    """What a run tells beside its results.
+
+    Attributes
+    ----------
+    given : the layers that were read, by name of the source
+    warnings : in the order of the run
+    words : the result in words, of each step that says it
+    unseen : what was not looked at
+    """
+
+    given: Mapping[str, Any] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    words: list[str] = field(default_factory=list)
+    unseen: list[str] = field(default_factory=list)
+
+
+def page(
+    spec: Spec, found: Mapping[str, Any], record: Record | None, told: Told | None = None
+) -> Report:
+    """The report of a run.
+
+    Parameters
+    ----------
+    spec : of the tool
+    found : what it gave, by name
+    record : how that was made
+    told : what else the run has told
+    """
+    told = told or Told()
+    reports = [value for value in found.values() if isinstance(value, Report)]
+    layers = _layers(spec, found)
+    plots = [Section(title, [plot]) for title, plot in maps_of(spec, found, told.given)]
+    if view := space_of(spec, found, told.given):
+        plots.insert(1, Section("3-D view", [view]))
+    own = [section for report in reports for section in report.sections]
+    listed = {b.layer for section in own for b in section.blocks if isinstance(b, Rows)}
+    sections = [
+        *_results(spec, found),
+        *(plots or _pictures(found, spec)),
+        *own,
+        *_charts(found, spec),
+        *(
+            section
+            for name, layer in layers.items()
+            if name not in listed and not isinstance(layer, Report) and layer.size() != 0
+            for section in _of_layer(spec.results[name], layer)
+        ),
+        *_sizes(spec, layers),
+        *_settings(spec, record),
+        *([Section("How it was made", [record.text()], folded=True)] if record else []),
+    ]
+    summaries = [report.summary for report in reports if report.summary]
+    summary = "\n".join(summaries or told.words) or words.generic(spec, found)
+    unseen = [*told.unseen, *(text for report in reports for text in report.head.unseen)]
+    facts = facts_of(spec, found, record, told.given)
+    head = Head(facts, _once(told.warnings), _once(unseen))
+    return Report(spec.title, sections, summary=summary, head=head, name=spec.id)
+
+
+def framed(report: Report, spec: Spec, record: Record | None, told: Told | None) -> Report:
+    """The report that a tool has made, with the facts and the warnings of the run in its head.
+
+    It is the same whether the run was in tiles or not, as it shows none of the other results.
+    """
+    facts = facts_of(spec, {}, record, {})
+    head = Head(facts, _once(told.warnings if told else ()), report.head.unseen)
+    sections = [*report.sections, *_settings(spec, record)]
+    return Report(report.title, sections, summary=report.summary, head=head, name=report.name)
+
+
+def _once(texts: Sequence[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(texts))
+
+
+def _results(spec: Spec, found: Mapping[str, Any]) -> list[Section]:
+    """Section with a row for each number or text among the results."""
+    fields = spec.results
+    rows = [
+        {
+            "Result": fields[name].help,
+            "Value": words.value_text(value, fields[name].unit),
+            "Unit": words.unit_text(fields[name].unit),
+        }
+        for name, value in found.items()
+        if value is not None and not fields[name].kind.is_layer
+    ]
+    return [Section("Results", [Rows(Table.from_rows(rows), short=len(rows))])] if rows else []
+
+
+def _layers(spec: Spec, found: Mapping[str, Any]) -> dict[str, Layer]:
+    """The single layers among the results by name, without tuples of repeated steps."""
+    return {
+        name: value
+        for name, value in found.items()
+        if spec.results[name].kind.is_layer and not (value is None or isinstance(value, tuple))
+    }
+
+
+def _of_layer(declared: Field, layer: Layer) -> Iterator[Section]:
+    """The sections that list what is in a layer, whose rows are found on the map."""
+    title = words.title_of(declared.name)
+    columns = words.columns_in(declared.columns, layer)
+    for section in layer.page_sections(title, declared.help, columns):
+        blocks: list[Block] = [
+            replace(block, layer=words.anchor_of(declared.name))
+            if isinstance(block, Rows) and layer.is_spatial
+            else block
+            for block in section.blocks
+        ]
+        yield Section(section.title, blocks, section.folded)
+
+
+def _pictures(found: Mapping[str, Any], spec: Spec) -> list[Section]:
+    """A picture of what cannot be put on a map."""
+    layers = {n: s for n, s in drawable(found, spec.results).items() if not isinstance(s[0], Table)}
+    if not layers:
+        return []
+    names = ", ".join(words.title_of(name) for name in layers)
+    return [Section("Picture", [Figure(png(layers), names)])]
+
+
+def _charts(found: Mapping[str, Any], spec: Spec) -> list[Section]:
+    """The tables that are shown as charts."""
+    charts = {n: s for n, s in drawable(found, spec.results).items() if isinstance(s[0], Table)}
+    return [
+        Section(f"Chart: {words.title_of(name).lower()}", [Figure(png({name: shown}), help)])
+        for name, shown in charts.items()
+        for help in [spec.results[name].help if name in spec.results else name]
+    ]
+
+
+def _sizes(spec: Spec, layers: Mapping[str, Layer]) -> list[Section]:
+    """Section with the size of each layer that is not listed."""
+    rows = [
+        {"Layer": name, "Holds": spec.results[name].help, "Size": layer.size_text()}
+        for name, layer in layers.items()
+        if layer.size_text()
+    ]
+    return [Section("Layers", [Rows(Table.from_rows(rows))], folded=True)] if rows else []
+
+
+def _settings(spec: Spec, record: Record | None) -> list[Section]:
+    """Section with all settings, those that were chosen first."""
+    if record is None:
+        return []
+    rows = [
+        {
+            "Setting": field.title,
+            "Meaning": field.help,
+            "Value": words.setting_text(record.parameters[name]),
+            "Unit": words.unit_text(field.unit),
+            "Name": name,
+        }
+        for name, field in spec.inputs.items()
+        if name in record.parameters
+    ]
+    return [Section("Settings", [Rows(Table.from_rows(rows))], folded=True)] if rows else []
+
+
+def told_by(spec: Spec, result: Any) -> tuple[Sequence[str], Sequence[str]]:
+    """What the outputs of a tool say in words, and what was not looked at; see `outputs`."""
+    declared = getattr(spec.make, "Outputs", None)
+    said = getattr(declared, "in_words", None)
+    unseen = getattr(declared, "not_looked_at", None)
+    return ([said(result)] if said else []), (list(unseen(result)) if unseen else [])

@@ -1,0 +1,296 @@
+"""The view in space of a report: thinned points, lines, marks and areas as JSON values."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from toolbox.data import Figure, PointCloud, Raster, Vector
+from toolbox.data.crs import crs_conflict, is_local, vertical_unit
+from toolbox.data.layer import Layer
+from toolbox.data.report import Plot
+from toolbox.declare.fields import Spec
+from toolbox.declare.show import Classes, Planes, Show, Values
+from toolbox.pictures.draw import drawable
+from toolbox.pictures.features import feature_classes
+from toolbox.pictures.images import LENGTHS, Ramp, point_key
+from toolbox.pictures.oblique import direction_of
+from toolbox.pictures.views import Item, view_png
+from toolbox.reports import words
+
+_MOST, _MOST_MARKED = 120_000, 20_000  # points of the scene, and of a layer above it
+_MOST_FEATURES, _MOST_CORNERS = 2000, 60_000
+_CROWDED = 500  # marks of a layer that would hide all others
+_STEPS = 32_000  # of a coordinate to both sides of the middle, as 16 bits have
+_MOST_CLASSES = 12
+_COLOURS = ("#0b5fa5", "#d7261e", "#8e3fa8", "#e08a00", "#00806b", "#b0306a", "#5a6b00", "#6b4a2f")
+_OTHERS = "#b9bec5"
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """The cloud that is seen, and where it lies."""
+
+    name: str
+    cloud: PointCloud
+    show: Show | None
+    origin: Floats
+
+    @classmethod
+    def of(cls, shown: Mapping[str, Any], given: Mapping[str, Any]) -> _Scene | None:
+        """The largest cloud among the results or else the inputs, or the cells of a raster."""
+        clouds = [(n, c, s) for n, (c, s) in shown.items() if isinstance(c, PointCloud) and len(c)]
+        inputs = [(n, c, ()) for n, c in given.items() if isinstance(c, PointCloud) and len(c)]
+        most = max((len(c) for _, c, _ in [*clouds, *inputs]), default=0)
+        large = [entry for entry in [*clouds, *inputs] if len(entry[1]) >= 0.5 * most]
+        if not large:
+            rasters = [(n, c) for n, (c, _) in shown.items()] + list(given.items())
+            large = [(n, _cells(c), ()) for n, c in rasters if isinstance(c, Raster)][:1]
+        if not large or not len(large[0][1]):
+            return None
+        name, cloud, shows = large[0]
+        low, high = np.reshape(cloud.bounds, (2, 3))
+        return cls(name, cloud, shows[0] if shows else None, np.floor((low + high) / 2))
+
+
+def space_of(spec: Spec, found: Mapping[str, Any], given: Mapping[str, Any]) -> Plot | None:
+    """The view in space; None if there are no points and no raster of heights."""
+    shown = drawable(found, spec.results)
+    scene = _Scene.of(shown, given)
+    if scene is None:
+        return None
+    items = list(_points(scene.name, scene.cloud, scene.show, scene.origin, most=_MOST, size=1.6))
+    for name, (layer, shows) in shown.items():
+        if isinstance(layer, PointCloud) and len(layer) < 0.5 * len(scene.cloud):
+            show = shows[0] if shows else None
+            items += _points(name, layer, show, scene.origin, most=_MOST_MARKED, size=3.5)
+    colours = iter(_COLOURS * 4)
+    for name, (layer, shows) in shown.items():
+        if isinstance(layer, Vector) and _belongs(layer, scene.cloud):
+            items += _features(name, layer, shows, scene.origin, colours)
+    towards = direction_of(scene.cloud, _planes(scene.show))
+    span = np.concatenate([item.xyz for item in items if item.kind == "points"])
+    step = max(float(np.abs(span).max()) / _STEPS, 0.001)
+    unit = LENGTHS.get(vertical_unit(scene.cloud.crs), "")
+    labels = ("x", "y", "z") if is_local_or_none(scene.cloud) else ("East", "North", "Up")
+    data = {
+        "origin": scene.origin.tolist(),
+        "middle": [0, 0, 0],
+        "step": step,
+        "eye": _eye(towards, span),
+        "axes": [f"{name} [{unit}]" if unit else name for name in labels],
+        "clouds": [_cloud_json(item, step) for item in items if item.kind == "points"],
+        "lines": [_line_json(item) for item in items if item.kind in ("lines", "marks")],
+        "meshes": [_mesh_json(item) for item in items if item.kind == "areas"],
+    }
+    names = ", ".join(dict.fromkeys(item.name for item in items))
+    origin = ", ".join(f"{value:.0f}" for value in scene.origin)
+    shown_points = sum(len(item.xyz) for item in items if item.kind == "points")
+    caption = f"View in space: {names}. {shown_points} points are shown; lengths from {origin}"
+    return Plot("space", data, Figure(view_png(items, towards), caption))
+
+
+def is_local_or_none(layer: Layer) -> bool:
+    """Whether the axes of a layer do not point to the east and north."""
+    return layer.crs is None or is_local(layer.crs)
+
+
+def _cells(raster: Raster) -> PointCloud:
+    """The cells of a raster as points, so many as are shown."""
+    step = max(1, math.ceil(math.sqrt(raster.shape[0] * raster.shape[1] / _MOST)))
+    band = raster.band(1)[::step, ::step]
+    west, _, _, north = raster.bounds
+    row, col = np.nonzero(np.isfinite(band))
+    x, y = west + (col * step + 0.5) * raster.cell, north - (row * step + 0.5) * raster.cell
+    return PointCloud(np.column_stack([x, y, band[row, col]]), crs=raster.crs)
+
+
+def _belongs(layer: Vector, cloud: PointCloud) -> bool:
+    """Whether features have heights, and lie where the points are."""
+    if not len(layer) or not layer.frame.has_z.any():
+        return False
+    if crs_conflict(cloud.crs, layer.crs, heights=False) is not None:
+        return False
+    a, b = layer.bounds, cloud.bounds
+    return bool(a[0] <= b[3] and a[2] >= b[0] and a[1] <= b[4] and a[3] >= b[1])
+
+
+def _planes(show: Show | None) -> str:
+    match show:
+        case Planes():
+            return show.attribute
+        case Classes():
+            return show.front_of
+        case _:
+            return ""
+
+
+def _thinned(cloud: PointCloud, most: int) -> PointCloud:
+    """So many points, drawn by chance that is the same each time; in their order."""
+    if len(cloud) <= most:
+        return cloud
+    chosen = np.random.default_rng(0).choice(len(cloud), most, replace=False, shuffle=False)
+    return cloud.select(np.sort(chosen))
+
+
+def _points(
+    name: str, cloud: PointCloud, show: Show | None, origin: Floats, *, most: int, size: float
+) -> Iterator[Item]:
+    """The points of a layer, an item for each class."""
+    some = _thinned(cloud, most)
+    xyz = some.xyz - origin
+    values, key = point_key(some, show if not isinstance(show, Values) or len(some) else None)
+    title = words.title_of(name)
+    if isinstance(key, Ramp):
+        share = np.nan_to_num(np.clip((values - key.low) / (key.high - key.low), 0, 1))
+        yield Item("points", title, "", xyz, size=size, share=share, ramp=key)
+        return
+    largest = sorted(key, key=lambda code: -int(np.count_nonzero(values == code)))[:_MOST_CLASSES]
+    for code, (text, colour) in key.items():
+        if code in largest and (own := values == code).any():
+            yield Item("points", text, colour, xyz[own], size=size)
+    rest = ~np.isin(values, largest)
+    if rest.any():
+        yield Item("points", f"{title}: others", _OTHERS, xyz[rest], size=size)
+
+
+def _features(
+    name: str, layer: Vector, shows: Any, origin: Floats, colours: Iterator[str]
+) -> Iterator[Item]:
+    """The features of a layer, an item for each class and shape."""
+    title, table = words.title_of(name), words.anchor_of(name)
+    show = next((s for s in shows if isinstance(s, Classes | Values)), None)
+    shapes = layer.frame.geometry.to_numpy()
+    classes = (feature_classes((layer, show)) if show else None) or [
+        (title, next(colours), np.ones(len(layer), bool))
+    ]
+    for text, colour, own in classes:
+        named = text if text == title else f"{title}: {text}"
+        rows = np.flatnonzero(own)[:_MOST_FEATURES]
+        for kind, dimension in (("marks", 0), ("lines", 1), ("areas", 2)):
+            parts, numbers = _parts(shapes, rows, dimension, origin)
+            if not parts or (kind == "marks" and len(parts) > _CROWDED):
+                continue
+            corners = np.concatenate(parts)
+            keep = max(1, math.ceil(len(corners) / _MOST_CORNERS))
+            parts = [np.concatenate([p[:-1:keep], p[-1:]]) if len(p) > 2 else p for p in parts]
+            yield Item(
+                "marks" if kind == "marks" else "lines",
+                named,
+                colour,
+                corners,
+                size=2.0,
+                parts=parts,
+                rows=numbers,
+                table=table,
+            )
+            if kind == "areas":
+                mesh = [_triangles(part) for part in parts]
+                xyz = np.concatenate([p for p, _ in mesh])
+                starts = np.concatenate([[0], np.cumsum([len(p) for p, _ in mesh])[:-1]])
+                corner = [t + s for (_, t), s in zip(mesh, starts.tolist(), strict=True)]
+                if sum(map(len, corner)):
+                    yield Item(
+                        "areas", f"{named}, filled", colour, xyz, triangles=np.concatenate(corner)
+                    )
+
+
+def _parts(
+    shapes: Any, rows: Any, dimension: int, origin: Floats
+) -> tuple[list[Floats], list[int]]:
+    """Corners of the points, lines or outlines of features, and the row of each."""
+    parts, numbers = [], []
+    for row in rows.tolist():
+        if shapes[row] is None:
+            continue
+        for part in shapely.get_parts(shapes[row]):
+            if part.is_empty or not part.has_z or shapely.get_dimensions(part) != dimension:
+                continue
+            ring = part.exterior if dimension == 2 else part
+            parts.append(shapely.get_coordinates(ring, include_z=True) - origin)
+            numbers.append(row)
+    return parts, numbers
+
+
+def _triangles(ring: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    """Triangles that fill a flat outline in space, whichever way it faces."""
+    corners = ring[:-1]
+    none = corners[:0], np.zeros((0, 3), np.int64)
+    if len(corners) < 3:
+        return none
+    centre = corners.mean(axis=0)
+    axes = np.linalg.svd(corners - centre, full_matrices=False)[2][:2]
+    flat = shapely.make_valid(shapely.Polygon((corners - centre) @ axes.T))
+    made = shapely.get_parts(shapely.constrained_delaunay_triangles(flat))
+    if not len(made):
+        return none
+    uv = shapely.get_coordinates(made).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
+    normal = np.cross(axes[0], axes[1])
+    # heights of the corners come back from the outline itself, which may be a little bent
+    from scipy.spatial import cKDTree
+
+    _, nearest = cKDTree((corners - centre) @ axes.T).query(uv)
+    off = ((corners - centre) @ normal)[nearest]
+    xyz = centre + uv @ axes + off[:, None] * normal
+    return xyz, np.arange(len(xyz)).reshape(-1, 3)
+
+
+def _eye(towards: Floats, span: Floats) -> dict[str, float]:
+    """The place of the eye for plotly: in lengths of the scene's mean edge."""
+    size = np.ptp(span, axis=0) + 1e-6
+    mean = float(np.prod(size)) ** (1 / 3)
+    far = 0.85 * float(np.hypot(size[0], size[1])) / mean + 0.4
+    return dict(zip("xyz", np.round(towards * far, 3).tolist(), strict=True))
+
+
+def _cloud_json(item: Item, step: float) -> dict[str, Any]:
+    from matplotlib.colors import to_hex
+
+    steps = np.rint(item.xyz / step).astype("<i2")
+    made: dict[str, Any] = {"name": item.name, "size": item.size, "xyz": _packed(steps)}
+    if item.ramp is None:
+        return made | {"colour": item.colour}
+    colours = item.ramp.colour_map()
+    ramp = [to_hex(colours(share)) for share in np.linspace(0, 1, 9)]
+    codes = np.rint(item.share * 255).astype(np.uint8)
+    return made | {"colour": ramp[4], "codes": _packed(codes), "ramp": ramp}
+
+
+def _packed(values: NDArray[Any]) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode()
+
+
+def _rounded(values: Floats) -> list[float]:
+    return [float(value) for value in np.round(values, 3).ravel()]
+
+
+def _line_json(item: Item) -> dict[str, Any]:
+    parts = [_rounded(part) for part in item.parts]
+    return {
+        "name": item.name,
+        "colour": item.colour,
+        "marks": item.kind == "marks",
+        "parts": parts,
+        "table": item.table,
+        "rows": list(item.rows),
+    }
+
+
+def _mesh_json(item: Item) -> dict[str, Any]:
+    triangles = [int(corner) for corner in item.triangles.ravel()]
+    return {
+        "name": item.name,
+        "colour": item.colour,
+        "opacity": 0.45,
+        "xyz": _rounded(item.xyz),
+        "triangles": triangles,
+    }

@@ -1,0 +1,90 @@
+"""Numbers, units and names as people read them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from toolbox.data.crs import vertical_unit
+from toolbox.data.layer import Layer
+from toolbox.data.report import Column
+from toolbox.declare.fields import Spec
+from toolbox.labels import in_words
+from toolbox.pictures.images import LENGTHS
+
+_UNITS = {"1": "", "m2": "m²", "m3": "m³", "1/m": "1/m", "1/m2": "1/m²", "degC": "°C", "deg": "°"}
+_UNITS |= {"W/m2": "W/m²"}
+_SHARE = re.compile(r"share|ratio", re.I)
+
+
+def unit_text(unit: str | None) -> str:
+    """A unit with its raised numbers; "" of a ratio or count."""
+    return _UNITS.get(unit or "", unit or "")
+
+
+def value_text(value: Any, unit: str | None) -> str:
+    """A number with the digits that tell something: millimetres of lengths, whole square metres."""
+    if isinstance(value, tuple):
+        return ", ".join(value_text(item, unit) for item in value)
+    if not isinstance(value, float):
+        return str(value)
+    if unit == "m":
+        return f"{value:.3f}"
+    if unit in ("m2", "m3") and abs(value) >= 100:
+        return f"{value:.0f}"
+    return f"{value:.4g}" if abs(value) < 1000 else f"{value:.1f}"
+
+
+def setting_text(value: Any) -> str:
+    """The value of a setting, from its JSON."""
+    if value is None:
+        return "not given"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list):
+        return ", ".join(setting_text(item) for item in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def title_of(name: str) -> str:
+    """The name of an output as a heading.
+
+    Examples
+    --------
+    >>> title_of("tree_tops"), title_of("ground.classified")
+    ('Tree tops', 'Ground: classified')
+    """
+    first, *others = (in_words(part) for part in name.split("."))
+    return ": ".join([first, *(other[:1].lower() + other[1:] for other in others)])
+
+
+def anchor_of(name: str) -> str:
+    """The name of a layer in links."""
+    return re.sub(r"[^A-Za-z0-9]+", "_", name)
+
+
+def columns_in(columns: Mapping[str, Column], layer: Layer) -> dict[str, Column]:
+    """Columns in the unit of a layer where they say "unit" or "unit²"."""
+    unit = LENGTHS.get(vertical_unit(layer.crs), "") if layer.crs is not None else ""
+    own = {"unit": unit, "unit²": f"{unit}²" if unit else ""}
+    return {n: replace(c, unit=own.get(c.unit, c.unit)) for n, c in columns.items()}
+
+
+def generic(spec: Spec, found: Mapping[str, Any]) -> str:
+    """A sentence made of the numbers that a tool gave, for one that says none itself."""
+    parts = []
+    for name, value in found.items():
+        field = spec.results[name]
+        if field.kind.is_layer or value is None:
+            continue
+        unit = unit_text(field.unit)
+        text = value_text(value, field.unit)
+        if field.unit == "1" and isinstance(value, float) and _SHARE.search(field.help):
+            text, unit = f"{value * 100:.1f}", "%"
+        parts.append(f"{field.help[:1].lower()}{field.help[1:]}: {text} {unit}".rstrip())
+    if not parts:
+        return f"{spec.title}: the results are on the map and in the tables below."
+    said = "; ".join(parts)
+    return f"{said[:1].upper()}{said[1:]}."

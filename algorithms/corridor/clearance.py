@@ -58,6 +58,7 @@ from algorithms.corridor._clearance.rules import (
     reach_of,
     rule_set,
     rules_of,
+    shipped,
     single,
     unknown_set,
     why_none,
@@ -69,6 +70,7 @@ from algorithms.corridor._clearance.sag import (
     conductor_of,
     conductor_temperature,
     in_state,
+    shipped_conductors,
 )
 from algorithms.corridor._clearance.surroundings import (
     LineStates,
@@ -176,7 +178,9 @@ class CorridorClearance:
     conductor_table: Table | None = source(
         "Conductors of your own", default=None, label="Own conductors"
     )
-    rules: str = param("Name of a rule table of the toolbox", default="thesis", label="Rule set")
+    rules: str = param(
+        "Name of a rule table of the toolbox", default="thesis", label="Rule set", offers=shipped()
+    )
     distance: float | None = param(
         "One distance in space that all must keep, in place of rules",
         default=None,
@@ -231,7 +235,9 @@ class CorridorClearance:
         default=True,
         label="Trees that may fall",
     )
-    conductor: str | None = param("Name of the conductor, such as Drake", default=None)
+    conductor: str | None = param(
+        "Name of the conductor, such as Drake", default=None, offers=shipped_conductors()
+    )
     survey_temperature: float | None = param(
         "Temperature of the conductors in the survey", default=None, unit="degC", ge=-60.0, le=250.0
     )

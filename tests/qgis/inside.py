@@ -23,6 +23,7 @@ from qgis.core import (
     NULL,
     QgsApplication,
     QgsCoordinateReferenceSystem,
+    QgsCoordinateTransform,
     QgsFeature,
     QgsGeometry,
     QgsProcessingContext,
@@ -421,6 +422,9 @@ def check_names_of_attributes_are_offered() -> None:
     layer = square("offered")
     QgsProject.instance().addMapLayer(layer)
     assert parameters.suggestions(layer.id()) == ["severity"]
+    clearance = provider.algorithm("corridorclearance").create()
+    assert "thesis" in clearance.parameterDefinition("RULES").offers
+    assert "Drake" in clearance.parameterDefinition("CONDUCTOR").clone().offers
     plain = FOLDER / "no header.xyz"
     plain.write_text("1 2 3\n")
     for nothing in (None, "", str(plain), "/no/file.laz", str(FOLDER)):
@@ -436,6 +440,42 @@ def check_points_are_picked_by_all_endings_that_are_read() -> None:
             assert ending in filters, filters
     assert made.checkValueIsAcceptable([CLOUD, CLOUD])
     assert made.checkValueIsAcceptable(str(FOLDER))
+
+
+def check_features_in_another_crs_are_reprojected() -> None:
+    layer = QgsVectorLayer("Polygon?crs=EPSG:4326&field=severity:string", "degrees", "memory")
+    feature = QgsFeature(layer.fields())
+    feature.setGeometry(QgsGeometry.fromRect(QgsRectangle(27.0001, 40.65, 27.0003, 40.6502)))
+    assert layer.dataProvider().addFeature(feature)
+    QgsProject.instance().addMapLayer(layer)
+    got = read(POINTCLOUD=CLOUD, VECTOR=layer.id())
+    made = QgsVectorLayer(got["vector"])
+    assert made.crs().authid() == "EPSG:32635", made.crs().authid()
+    assert abs(made.extent().xMinimum() - 500008.5) < 1, made.extent()
+    assert got["said"] == ["vector: reprojected from EPSG:4326 to EPSG:32635"], got
+    same = square("same")
+    QgsProject.instance().addMapLayer(same)
+    assert read(POINTCLOUD=CLOUD, VECTOR=same.id())["said"] == []
+    assert read(VECTOR=layer.id())["said"] == []
+    # of one place with a name of heights, as LAS files state it
+    plain, compound = (QgsCoordinateReferenceSystem(f"EPSG:{n}") for n in (28992, 7415))
+    way = QgsCoordinateTransform(plain, compound, QgsProject.instance())
+    assert not parameters.moves(way, QgsRectangle(121000, 486000, 122000, 487000))
+
+
+def check_save_dialogs_offer_what_can_be_written() -> None:
+    for tool, name, offered, other in (
+        ("compareclasses", "TABLE", "*.csv", "dxf"),
+        ("shorelinealphashape", "OUTLINES", "*.dxf", "*.json"),
+        ("surfacegrid", "SURFACE", "*.tif", "png"),
+        ("pointsfilter", "KEPT", "*.laz", "e57"),
+    ):
+        algorithm = provider.algorithm(tool).create()
+        made = algorithm.parameterDefinition(name)
+        for copy in (made, made.clone()):
+            filters = copy.createFileFilter()
+            assert offered in filters, (tool, filters)
+            assert other not in filters, (tool, filters)
 
 
 def check_a_style_of_the_user_stays() -> None:

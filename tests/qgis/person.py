@@ -28,6 +28,7 @@ from qgis.PyQt.QtWidgets import (
     QLineEdit,
     QMessageBox,
     QTabWidget,
+    QToolButton,
     QTreeView,
     QWidget,
 )
@@ -231,6 +232,25 @@ def play_first_raster() -> Play:
     yield lambda: time.monotonic() > end
     picture("canvas")
     SAYS.setdefault("notes", {})["first raster"] = layer.name()
+
+
+def play_save_dialog() -> Play:
+    """The dialog in which a result is saved offers what it can be written as."""
+    yield from opened("Alpha shapes", "hull")
+    dialog = named("AlgorithmDialog")
+    place = row_of(dialog, "OUTLINES").findChild(QToolButton)
+    place.menu().aboutToShow.emit()
+    action = next(a for a in place.menu().actions() if "Save to File" in a.text())
+    QTimer.singleShot(0, action.trigger)
+    yield lambda: windows(QFileDialog)
+    chooser = windows(QFileDialog)[0]
+    picture("save dialog", chooser)
+    filters = chooser.nameFilters()
+    assert any("*.dxf" in text for text in filters), filters
+    assert not any("*.json" in text for text in filters), filters
+    QTimer.singleShot(0, chooser.reject)
+    yield lambda: not windows(QFileDialog)
+    yield from over(dialog)
 
 
 def play_scan_without_crs() -> Play:

@@ -43,6 +43,7 @@ class Field:
     any_crs : whether the tool itself looks at the CRS of a source
     show : how an output is shown in a plot
     label : its title, where the words of the name are not those of its users
+    offers : texts that dialogs offer, besides which others are valid
     words : what a choice is called, where its own words do not say enough
     columns : how the columns of an output are shown in a report, by name
     """
@@ -61,6 +62,7 @@ class Field:
     any_crs: bool = False
     show: tuple[Show, ...] = ()
     label: str = ""
+    offers: tuple[str, ...] = ()
     words: Mapping[Any, str] = dataclasses.field(default_factory=dict)
     columns: Mapping[str, Column] = dataclasses.field(default_factory=dict)
 

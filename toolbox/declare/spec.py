@@ -73,6 +73,7 @@ def param(
     of: str | None = None,
     label: str = "",
     words: Mapping[Any, str] | None = None,
+    offers: tuple[str, ...] = (),
     **limits: float,
 ) -> Any:
     """Declare a number, switch, word or other value; without a default it must be given.
@@ -84,6 +85,8 @@ def param(
     of : the source to which an `Attribute` or `Expression` refers
     label : its title in dialogs, where the words of its name are not those of its users
     words : what dialogs call each choice, where its own words do not say enough
+    offers : texts that dialogs offer, such as names of what the toolbox brings along; others may
+        be given
     limits : gt, ge, lt, le
 
     Examples
@@ -92,7 +95,7 @@ def param(
     >>> method: Literal["mean", "median"] = param("What a cell holds", default="mean")
     """
     meta: dict[str, Any] = {"role": "param", "help": help, "unit": unit, "limits": limits, "of": of}
-    meta |= {"label": label, "words": words or {}}
+    meta |= {"label": label, "words": words or {}, "offers": offers}
     return dataclasses.field(default=default, metadata=meta)
 
 

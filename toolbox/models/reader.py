@@ -321,5 +321,6 @@ def _labelled(inputs: Mapping[str, Field], steps: Mapping[str, Step]) -> dict[st
             if f"{INPUTS}.{name}" in named and theirs.kind is ours.kind:
                 words = {} if theirs.choices != ours.choices else theirs.words
                 label, words = ours.label or theirs.label, ours.words or words
-                found[name] = dataclasses.replace(ours, label=label, words=words)
+                offers = theirs.offers
+                found[name] = dataclasses.replace(ours, label=label, words=words, offers=offers)
     return found

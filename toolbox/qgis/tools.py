@@ -115,6 +115,7 @@ def field(f: Field) -> dict[str, Any]:
         classes = next((show for show in f.show if isinstance(show, Classes)), None)
         return made | ({"classes": _classes(classes)} if classes else {})
     made |= {"of": f.of} if f.of and f.kind.word == "attribute" else {}
+    made |= {"offers": list(f.offers)} if f.offers else {}
     made |= {"reads": [*READABLE, VPC]} if made["type"] == "pointcloud" else {}
     made |= {"required": f.required, "nullable": f.optional, "rule": f.rule(), **f.limits}
     if f.kind is CHOICE:

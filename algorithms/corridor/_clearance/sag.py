@@ -12,6 +12,7 @@ IEEE Std 738-2012. Calculating the current-temperature relationship of bare over
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -64,6 +65,12 @@ class Conductor:
     source: str = ""
     confirmed: bool = True
     note: str = ""
+
+
+def shipped_conductors() -> tuple[str, ...]:
+    """Names of the conductors of the toolbox."""
+    with CONDUCTORS_FILE.open(encoding="utf-8", newline="") as file:
+        return tuple(row["name"] for row in csv.DictReader(file))
 
 
 def conductor_of(name: str, table: Table | None = None) -> Conductor:

@@ -358,6 +358,9 @@ def test_names_for_people_are_stated_or_made_of_those_in_the_code() -> None:
     assert spec.text.startswith(f"{spec.summary}.\n\n")
     mode = spec.inputs["mode"]
     assert (mode.title, mode.choice_title("fast")) == ("Mode", "Fast")
+    assert declare({"a": str}, a=param("X", default="b", offers=("b", "c"))).spec.inputs[
+        "a"
+    ].offers == ("b", "c")
     said = {"label": "How carefully", "words": {"fast": "Quickly"}}
     stated = param("A word", default="fast", **said)
     made = declare({"manner": Literal["fast", "exact"]}, manner=stated).spec.inputs["manner"]

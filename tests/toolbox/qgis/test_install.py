@@ -70,6 +70,13 @@ def test_the_plugin_imports_qgis_and_the_standard_library_alone() -> None:
                 assert str(node.module).partition(".")[0] in allowed, path.name
 
 
+def test_each_group_has_an_icon() -> None:
+    """A simple drawing, toolbox/qgis/plugin/icons/GROUP.svg, for a new group too."""
+    groups = {tool["group_id"] for tool in qgis_tools.listing()["tools"]}
+    assert {path.stem for path in (SOURCE / "icons").iterdir()} == groups
+    assert all(f"icons/{group}.svg" in qgis_install.contents() for group in groups)
+
+
 def test_a_package_brings_a_wheel_with_hashes(tmp_path: Path, capsys: Capture) -> None:
     path, wheel = tmp_path / "plugin.zip", tmp_path / f"lidar_toolbox-{__version__}-py3-any.whl"
     wheel.write_bytes(b"a wheel")

@@ -12,12 +12,16 @@ import qgis.core
 from qgis.core import (
     NULL,
     QgsCoordinateReferenceSystem,
+    QgsCoordinateTransform,
+    QgsCsException,
     QgsProcessing,
     QgsProcessingException,
     QgsProcessingParameterDefinition,
     QgsProcessingParameterFile,
+    QgsProcessingUtils,
     QgsProject,
     QgsUnitTypes,
+    QgsVectorFileWriter,
     QgsVectorLayer,
 )
 from qgis.PyQt.QtCore import QUrl
@@ -30,6 +34,7 @@ UNSET = object()
 POINTS_AS_LAYERS = hasattr(qgis.core, "QgsProcessingParameterPointCloudDestination")  # 3.24
 INFINITE = 1.7976931348623157e308
 LARGEST = 2147483647
+SAME_PLACE = 1e-9  # of coordinates: millimetres in those of a map
 FORMATS = ["gpkg", "shp", "geojson", "fgb"]  # of vector layers that a tool reads as they are
 TYPES = {
     "pointcloud": QgsProcessing.TypePointCloud,
@@ -104,6 +109,7 @@ class Suggested(_Cloned, _parameter("String")):  # type: ignore[misc]
     """A text, for which the names of attributes or bands of a layer are offered."""
 
     source = ""  # the parameter of the layer
+    offers: Any = ()  # or texts that are always offered
 
 
 class Source(_PathMixin, _parameter("FeatureSource")):  # type: ignore[misc]
@@ -112,6 +118,34 @@ class Source(_PathMixin, _parameter("FeatureSource")):  # type: ignore[misc]
 
 class Layers(_PathMixin, _parameter("MultipleLayers")):  # type: ignore[misc]
     """Several layers of one type."""
+
+
+class _Saved(_Cloned):
+    """A result whose file dialog offers the formats that this one can be written in."""
+
+    filters = ""
+
+    def createFileFilter(self) -> str:
+        return self.filters
+
+
+class _Raster(_Saved, _parameter("RasterDestination")):  # type: ignore[misc]
+    """A raster."""
+
+
+class _Features(_Saved, _parameter("VectorDestination")):  # type: ignore[misc]
+    """Features or rows."""
+
+
+DESTINATIONS: dict[str, Any] = {"raster": _Raster, "vector": _Features, "table": _Features}
+"""The class of a result that QGIS shows as a layer, by type."""
+
+if POINTS_AS_LAYERS:
+
+    class _Points(_Saved, _parameter("PointCloudDestination")):  # type: ignore[misc]
+        """Points."""
+
+    DESTINATIONS["pointcloud"] = _Points
 
 
 def is_path(value: Any) -> bool:
@@ -197,11 +231,11 @@ def _crs(field: dict[str, Any], name: str, label: str, default: Any, empty: bool
 
 
 def _text(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
-    """A text; where it names an attribute of a layer, those that this has are offered."""
-    if not field.get("of"):
+    """A text; names of attributes of a layer, or of what the toolbox has, are offered."""
+    if not (field.get("of") or field.get("offers")):
         return _parameter("String")(name, label, default, False, empty)
     made = Suggested(name, label, default, False, empty)
-    made.source = field["of"].upper()
+    made.source, made.offers = field.get("of", "").upper(), field.get("offers", [])
     return made
 
 
@@ -266,16 +300,15 @@ def _destination(field: dict[str, Any]) -> Any:
     first = bool(field.get("first"))
     if field["many"]:
         return _parameter("FolderDestination")(name, label, None, True, first)
-    if type == "raster":
-        return _parameter("RasterDestination")(name, label, None, True, first)
-    if type in ("vector", "table"):
-        return _parameter("VectorDestination")(name, label, TYPES[type], None, True, first)
-    if type == "pointcloud" and POINTS_AS_LAYERS:
-        return _parameter("PointCloudDestination")(name, label, None, True, first)
     patterns = (f"*{suffix}" for suffix in field["suffixes"])
     word = WORDS.get(type) or f"{field['suffixes'][0][1:].upper()} files"
     filters = ";;".join(f"{word} ({pattern})" for pattern in patterns)
-    return _parameter("FileDestination")(name, label, filters, None, True, first)
+    if type not in DESTINATIONS:
+        return _parameter("FileDestination")(name, label, filters, None, True, first)
+    what = [TYPES[type]] if type in ("vector", "table") else []
+    made = DESTINATIONS[type](name, label, *what, None, True, first)
+    made.filters = filters
+    return made
 
 
 # Values --------------------------------------------------------------------------------------
@@ -311,7 +344,8 @@ class Reader:
             cleared = name in self.parameters and field["nullable"] and "default" in field
             return None if cleared else UNSET
         if type in TYPES:
-            return self._layers(field) if field["many"] else self._layer(name, type, raw)
+            given = self._layers(field) if field["many"] else self._layer(name, type, raw)
+            return self._in_crs_of_data(field, given) if type == "vector" else given
         return getattr(self, f"_{type}")(field, name, raw)
 
     def _as(self, kind: str, name: str, *more: Any) -> Any:
@@ -386,9 +420,9 @@ class Reader:
             )
         return self.crs
 
-    def _data_crs(self) -> QgsCoordinateReferenceSystem:
-        """The CRS of the first given layer that states one."""
-        for field in (f for f in self.inputs if f["type"] in TYPES):
+    def _data_crs(self, types: Any = TYPES) -> QgsCoordinateReferenceSystem:
+        """The CRS of the first given layer of these types that states one."""
+        for field in (f for f in self.inputs if f["type"] in types):
             name = field["name"].upper()
             raw = self.parameters.get(name)
             raw = raw[0] if isinstance(raw, (list, tuple)) and raw else raw
@@ -433,6 +467,32 @@ class Reader:
         if layer is None:
             raise QgsProcessingException(f"{name}: {raw} is no layer and no file")
         return source_of(layer)
+
+    def _in_crs_of_data(self, field: dict[str, Any], given: Any) -> Any:
+        """Features in the CRS of the points or raster, as tools of QGIS take them.
+
+        A file of them in another is written anew. One that the tool would refuse stays as it is.
+        """
+        source = f"{given['path']}|layername={given['layer']}" if is_layer(given) else given
+        target = self._data_crs(("pointcloud", "raster"))
+        if not (is_path(source) and target.isValid()):
+            return given
+        layer = QgsVectorLayer(source, field["name"], "ogr")
+        if not (layer.isValid() and layer.isSpatial() and layer.crs().isValid()):
+            return given
+        way = QgsCoordinateTransform(layer.crs(), target, self.context.transformContext())
+        if not moves(way, layer.extent()):
+            return given
+        options = QgsVectorFileWriter.SaveVectorOptions()
+        options.driverName, options.ct = "GPKG", way
+        path = QgsProcessingUtils.generateTempFilename(f"{field['name']}.gpkg")
+        rules = self.context.transformContext()
+        error, said, *_ = QgsVectorFileWriter.writeAsVectorFormatV3(layer, path, rules, options)
+        if error != QgsVectorFileWriter.NoError:
+            raise QgsProcessingException(f"{field['label']} cannot be reprojected: {said}")
+        names = [crs.authid() or crs.description() for crs in (layer.crs(), target)]
+        self.feedback.pushInfo(f"{field['label']}: reprojected from {names[0]} to {names[1]}")
+        return path
 
     def _features(self, name: str) -> Any:
         """The file of a layer; one in memory, filtered or selected is written to a file first."""
@@ -513,6 +573,25 @@ def source_of(layer: Any) -> Any:
         )
     names = [item[len("layername=") :] for item in more if item.startswith("layername=")]
     return {"path": path, "layer": names[0]} if names else path
+
+
+def is_layer(value: Any) -> bool:
+    """Whether a value is a layer of a file, and not the file."""
+    return isinstance(value, dict)
+
+
+def moves(way: Any, extent: Any) -> bool:
+    """Whether a transformation changes coordinates; one between names of one CRS does not."""
+    if way.isShortCircuited() or extent.isNull():
+        return False
+    corners = [(extent.xMinimum(), extent.yMinimum()), (extent.xMaximum(), extent.yMaximum())]
+    try:
+        there = [way.transform(x, y) for x, y in corners]
+    except QgsCsException:  # outside of where it holds; the tool says which CRS there are
+        return False
+    size = max(1.0, *(abs(number) for corner in corners for number in corner))
+    far = [(abs(p.x() - x), abs(p.y() - y)) for p, (x, y) in zip(there, corners)]
+    return max(max(pair) for pair in far) > SAME_PLACE * size
 
 
 def suggestions(value: Any) -> list[str]:

@@ -267,6 +267,9 @@ class SuggestedWidget(_Wrapper):
     def made(self, parameter: Any) -> Any:
         row = _Row(QComboBox())
         row.box.lineEdit().setClearButtonEnabled(True)
+        for text in parameter.offers:
+            row.box.addItem(text, text)
+        row.box.setCurrentIndex(-1)
         return row
 
     def postInitialize(self, wrappers: Any) -> None:

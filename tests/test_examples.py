@@ -22,7 +22,10 @@ ALIKE = {"algorithms.shared.parameters"}  # the module has an example that stand
 STEPS = {  # of find_terrain, each on what the one before gives
     f"algorithms.shared.terrain.{name}"
     for name in (
+        "add_planes",
+        "blocks_of",
         "ground_cells",
+        "near_surface",
         "planes_through",
         "raised_sections",
         "raised_share",

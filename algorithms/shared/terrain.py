@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,15 +32,18 @@ from scipy.ndimage import (
     uniform_filter,
 )
 
+from algorithms.shared.breaklines import taken_back
 from algorithms.shared.kernels import terrain as kernels
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import (
     blocks,
+    cells_of,
     lattice_around,
     lowest_points,
     require_finite,
     without_low_outliers,
 )
+from algorithms.shared.tolerance import share_with_points, tolerances
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice
 from toolbox.errors import DataError
@@ -68,6 +71,7 @@ ACROSS, GAPS = 0.1, 2  # share of the unseen border, and cells, that may lie opp
 RAISED = (10, 5000)  # cells of such a section, so that a halo holds it
 COARSE = ((4, 3.0), (3, 3.0), (2, 3.0))  # level and window of a surface, in cells of that level
 FINE = (*COARSE, (1, 3.0), (0, 3.0), (0, 1.5))
+BENDING = ((0, 3.0), (0, 1.5), (0, 1.0))  # what follows the edges that are known by then
 ENOUGH = 2.0  # points in a window
 STIFF_COARSE, STIFF = 0.25, 1.0  # how much a plane resists to tilt
 ROUNDS, ROUNDS_KNOWN = 5, 2  # the latter where the points are known to be ground
@@ -88,6 +92,9 @@ class Terrain:
     Attributes
     ----------
     heights : array of shape (rows, cols), in metres, NaN beyond FAR from any ground
+    bend : array of the same shape, how far they follow edges off a smooth surface, in metres
+    tolerance : array of shape (2, rows / 8, cols / 8), how far ground may lie above the terrain:
+        metres on level ground, and metres more per slope
     lattice : cells of a metre, in the unit of the coordinates
     metre : length of one metre in that unit
 
@@ -100,6 +107,8 @@ class Terrain:
     """
 
     heights: Cells
+    bend: Cells
+    tolerance: Cells
     lattice: Lattice
     metre: float
 
@@ -143,17 +152,34 @@ def find_terrain(
     z = np.where(lowest >= 0, xyz[:, 2][lowest] / metre, np.nan).astype(np.float32)
     candidates = np.isfinite(z) if known else ground_cells(z, ctx.part(0.15, 0.7))
     rounds = ROUNDS_KNOWN if known else ROUNDS
-    heights = robust_surface(z, candidates, FINE, STIFF, ctx.part(0.7, 1.0), rounds=rounds)
+    heights = robust_surface(z, candidates, FINE, STIFF, ctx.part(0.7, 0.9), rounds=rounds)
+    share = share_with_points(z)
+    ground = near_surface(z, candidates, heights)
+    ground |= taken_back(z, ground, candidates & ~ground, share, ctx.part(0.9, 0.95))
+    bend = np.zeros_like(heights)
+    add_planes(bend, z - heights, ground.astype(np.float32), BENDING, STIFF, ctx.part(0.95, 1.0))
+    heights += bend
     heights[distance_transform_edt(~candidates) > FAR] = np.nan
-    heights.flags.writeable = False
-    return Terrain(heights, lattice, metre)
+    widest = np.empty((2, *share.shape), np.float32)
+    widest[0], widest[1] = TOLERANCE, SLOPE_TOLERANCE
+    terrain = Terrain(heights, bend, widest, lattice, metre)
+    tolerance = tolerances(_residuals(xyz, terrain)[0], blocks_of(xyz, lattice), share)
+    for array in (heights, bend, tolerance):
+        array.flags.writeable = False
+    return replace(terrain, tolerance=tolerance)
+
+
+def blocks_of(xyz: Floats, lattice: Lattice) -> NDArray[np.int64]:
+    """The block of 8 x 8 cells of each point, counted row by row."""
+    row, col = np.divmod(cells_of(xyz, lattice), lattice.cols)
+    return np.asarray((row >> 3) * (lattice.cols >> 3) + (col >> 3))
 
 
 def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
     """True for points near the terrain, and the confidence of that.
 
-    Ground may lie above the terrain by the tolerance, which grows with slope, and below it by
-    three times that and a metre.
+    Ground may lie above the terrain by the tolerance, which follows the scatter of the ground and
+    grows with slope, and below it by three times that and a metre.
 
     Parameters
     ----------
@@ -163,8 +189,9 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
     Returns
     -------
     arrays of shape (n,)
-        The confidence goes from 0 at the limit to 1 on the terrain, and to 1 at twice the
-        tolerance above it. Where there is no terrain, there is no ground.
+        The confidence goes from 0 at the limit to 1 on the terrain, and to 1 as far above the
+        limit, or 0.3 m if that is more. Ground is the less sure the farther the terrain had to
+        bend to it, as at edges of terraces. Where there is no terrain, there is no ground.
 
     Raises
     ------
@@ -178,11 +205,14 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
     >>> ground.any()
     np.False_
     """
-    residual, allowed = _residuals(xyz, terrain)
+    residual, allowed, bend = _residuals(xyz, terrain)
     deepest = BELOW * allowed + 1.0
     ground = (residual <= allowed) & (residual >= -deepest)
     limit = np.where(residual > 0, allowed, deepest)
-    confidence = np.clip(np.abs(1 - np.abs(residual) / limit), 0, 1)
+    wide = np.maximum(allowed, TOLERANCE)
+    within = 1 - np.abs(residual) / limit - np.abs(bend) / wide
+    beyond = (np.abs(residual) - limit) / np.where(residual > 0, wide, limit)
+    confidence = np.clip(np.where(ground, within, beyond), 0, 1)
     return ground, np.where(np.isfinite(residual), confidence, 1.0)
 
 
@@ -213,11 +243,11 @@ def height_above(xyz: Floats, terrain: Terrain) -> Floats:
     return _residuals(xyz, terrain)[0]
 
 
-def _residuals(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats]:
-    """Heights of points above the terrain, and the tolerance for ground by its slope, in metres."""
+def _residuals(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats, Floats]:
+    """Heights of points above the terrain, the tolerance there, and its bend, in metres."""
     require_finite(xyz)
     cell = terrain.lattice.cell
-    residual, allowed = np.empty(len(xyz)), np.empty(len(xyz))
+    residual, allowed, bend = np.empty((3, len(xyz)))
     side_by_side(
         kernels.residuals,
         blocks(len(xyz), 10),
@@ -226,12 +256,13 @@ def _residuals(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats]:
         round(terrain.lattice.west / cell),
         round(terrain.lattice.north / cell),
         terrain.heights,
-        TOLERANCE,
-        SLOPE_TOLERANCE,
+        terrain.bend,
+        terrain.tolerance,
         residual,
         allowed,
+        bend,
     )
-    return residual, allowed
+    return residual, allowed, bend
 
 
 def aligned_lattice(xyz: Floats, metre: float) -> Lattice:
@@ -422,24 +453,48 @@ def robust_surface(
 def planes_through(z: Cells, weight: Cells, levels: Levels, stiff: float, ctx: Context) -> Cells:
     """Surface summed up from planes in windows of falling size, each fitted to the residuals."""
     surface = np.zeros_like(z)
+    add_planes(surface, z, weight, levels, stiff, ctx, everywhere=True)
+    return surface
+
+
+def add_planes(
+    surface: Cells,
+    z: Cells,
+    weight: Cells,
+    levels: Levels,
+    stiff: float,
+    ctx: Context,
+    *,
+    everywhere: bool = False,
+) -> None:
+    """Add planes in windows of falling size to a surface, each fitted to what it leaves.
+
+    With `everywhere` the first is used however few points there are.
+    """
     for k, (level, sigma) in enumerate(levels):
         rows, cols = z.shape[0] >> level, z.shape[1] >> level
         weights, residuals = np.empty((rows, cols)), np.empty((rows, cols))
         kernels.gathered(z, surface, weight, level, weights, residuals)
         heights = np.empty((rows, cols))
-        enough = ENOUGH if k else 1e-9  # the coarsest is used everywhere
+        first = everywhere and not k
         side_by_side(
             kernels.planes,
             blocks(rows, 10 * cols),
             weights,
             residuals,
             sigma,
-            enough,
+            1e-9 if first else ENOUGH,
             stiff,
             heights,
             ctx=ctx.part(k / len(levels), (k + 1) / len(levels)),
         )
-        if k:
+        if not first:
             np.nan_to_num(heights, copy=False)
         kernels.add_bilinear(surface, heights, level)
-    return surface
+
+
+def near_surface(z: Cells, candidates: NDArray[np.bool_], surface: Cells) -> NDArray[np.bool_]:
+    """True for candidates that have at least half their weight: they are within the tolerance."""
+    weight = np.empty_like(z)
+    kernels.reweighted(z, candidates, surface, TOLERANCE, SLOPE_TOLERANCE, BELOW, weight)
+    return np.asarray(weight >= 0.5)

@@ -14,7 +14,7 @@ from tests.bench.facades import facades
 from tests.bench.files import copc, damaged, memory, reading, reprojecting, roundtrip, startup
 from tests.bench.fingerprints import fingerprints
 from tests.bench.gridding import gridding
-from tests.bench.ground import cloth, filters, isprs, terrain
+from tests.bench.ground import cloth, filters, isprs, surveys, terrain
 from tests.bench.long_lines import long_lines
 from tests.bench.metamorphic import metamorphic
 from tests.bench.path import path
@@ -31,6 +31,7 @@ ALL = (
     memory,
     isprs,
     filters,
+    surveys,
     cloth,
     terrain,
     damaged,

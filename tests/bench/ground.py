@@ -20,6 +20,22 @@ CSF_GROUPS = {
     "54": (3, False, 3.18),
     "61": (1, True, 1.49),
 }
+SAMPLES = sorted([*CSF_GROUPS, "53"])
+
+# Modern surveys whose provider has told all of the ground from all else.
+SURVEYS = {
+    "town 1": "ign_urban_50m/77050_627755.laz",
+    "town 2": "ign_urban_50m/77055_627755.laz",
+    "town 3": "ign_urban_50m/77060_627760.laz",
+    "Delft": "ahn3_delft_bgt/ahn3_cropped_2.laz",
+    "Amsterdam 1": "ahn_amsterdam/ahn3_2386_9702.laz",
+    "Amsterdam 2": "ahn_amsterdam/ahn4_2463_9714_rgb.laz",
+    "sparse": "ign_lidarhd_decimated_1km/0382_6565.laz",
+    "line 1": "powerline_ahn4/12AN2_20_as_published.laz",
+    "line 2": "powerline_ahn4/12BZ1_21_as_published.laz",
+}
+# Water, roads, bridges, structures and artefacts are neither ground nor objects.
+NOT_COUNTED = (7, 9, 10, 11, 14, 15, 17, 18, 26, 64, 65, 66, 67)
 
 
 def isprs() -> None:
@@ -52,19 +68,35 @@ def filters() -> None:
 
     from toolbox.data import PointCloud
 
-    samples, tiles = {}, {}
-    for name in CSF_GROUPS:
+    samples = {}
+    for name in SAMPLES:
         path = DATA / f"isprs_samples/samp{name}.txt.gz"
         cloud = PointCloud.open(path, columns=("x", "y", "z", "label")).with_crs(CRS(32632))
         samples[name] = cloud, cloud["label"] == 0
-    for path in sorted((DATA / "ign_urban_50m").glob("*.laz")):
-        cloud = PointCloud.open(path)
-        tiles[path.stem] = cloud, cloud["classification"] == 2
     for id, make in ground_filters().items():
         _errors(id, make, samples, {})
-        _errors(id, make, tiles, {})
     groups = {n: {"rigidness": r, "smooth_slopes": s} for n, (r, s, _) in CSF_GROUPS.items()}
-    _errors("ground.csf by group", ground_filters()["ground.csf"], samples, groups)
+    known = {name: samples[name] for name in CSF_GROUPS}
+    _errors("ground.csf by group", ground_filters()["ground.csf"], known, groups)
+
+
+def surveys() -> None:
+    """All ground filters with their defaults against the ground of the providers of surveys."""
+    import numpy as np
+    from pyproj import CRS
+
+    from toolbox.data import PointCloud
+
+    clouds = {}
+    for name, path in SURVEYS.items():
+        cloud = PointCloud.open(DATA / path)
+        cloud = cloud if cloud.crs else cloud.with_crs(CRS(28992))
+        clouds[name] = cloud, cloud["classification"] == 2
+    counted = {
+        name: ~np.isin(cloud["classification"], NOT_COUNTED) for name, (cloud, _) in clouds.items()
+    }
+    for id, make in ground_filters().items():
+        _errors(id, make, clouds, {}, counted)
 
 
 def ground_filters() -> dict[str, Any]:
@@ -74,15 +106,20 @@ def ground_filters() -> dict[str, Any]:
 
 
 def _errors(
-    title: str, make: Any, clouds: dict[str, Any], settings: dict[str, dict[str, Any]]
+    title: str,
+    make: Any,
+    clouds: dict[str, Any],
+    settings: dict[str, dict[str, Any]],
+    counted: dict[str, Any] | None = None,
 ) -> None:
-    """One line of errors per cloud, and their means."""
+    """One line of errors per cloud, and their means; of the points that count, if not of all."""
     from algorithms.compare._counts import Counts
 
     rows = []
     for name, (cloud, true) in clouds.items():
         found = make(points=cloud, **settings.get(name, {})).run().classified
-        counts = Counts.of(found["classification"] == 2, true)
+        part = counted[name] if counted else slice(None)
+        counts = Counts.of((found["classification"] == 2)[part], true[part])
         rows.append((counts.type_1, counts.type_2, counts.total_error, counts.kappa))
     means = tuple(statistics.mean(column) for column in zip(*rows, strict=True))
     for name, (type_1, type_2, total, kappa) in zip([*clouds, "mean"], [*rows, means], strict=True):

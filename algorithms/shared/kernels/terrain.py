@@ -316,21 +316,33 @@ def reweighted(z, candidate, surface, tolerance, slope_tolerance, below, weight)
                 weight[r, c] = 1.0 / (1.0 + (residual / limit) ** 4)
 
 
+@helper
+def _of_blocks(values, y, x):
+    """Value at row y and column x of a raster, bilinear from one per block of 8 x 8 cells."""
+    rows, cols = values.shape
+    y = min(max((y + 0.5) / 8 - 0.5, 0.0), rows - 1.0)
+    x = min(max((x + 0.5) / 8 - 0.5, 0.0), cols - 1.0)
+    return _between(values, y, x)[0]
+
+
 @njit(cache=True, nogil=True)
 def residuals(
-    first, last, xyz, metre, left, top, surface, tolerance, slope_tolerance, residual, allowed
+    first, last, xyz, metre, left, top, surface, bend, tolerance, residual, allowed, bent
 ):
-    """Height above the surface in metres, and the tolerance by the slope there; NaN outside.
+    """Height above the surface in metres, tolerance and bend of the surface there; NaN outside.
 
-    The raster begins `left` and `top` metres from the origin of the coordinates.
+    The rasters begin `left` and `top` metres from the origin of the coordinates. `tolerance` is
+    that of level ground and that per slope, of shape (2, rows / 8, cols / 8).
     """
     rows, cols = surface.shape
     for k in range(first, last):
         row, col = top - xyz[k, 1] / metre - 0.5, xyz[k, 0] / metre - left - 0.5
-        residual[k] = allowed[k] = np.nan
+        residual[k] = allowed[k] = bent[k] = np.nan
         if not (-1 < row < rows and -1 < col < cols):
             continue
         row, col = min(max(row, 0.0), rows - 1.0), min(max(col, 0.0), cols - 1.0)
         height, slope = _between(surface, row, col)
         residual[k] = xyz[k, 2] / metre - height
-        allowed[k] = tolerance + slope_tolerance * slope
+        level, more = _of_blocks(tolerance[0], row, col), _of_blocks(tolerance[1], row, col)
+        allowed[k] = level + more * slope
+        bent[k] = _between(bend, row, col)[0]

@@ -33,7 +33,7 @@ THREADS = numba.get_num_threads()
 FOOT = 0.3048
 
 # sample: total error in % that we reach with nothing set
-ISPRS = {12: 2.40, 21: 1.20, 23: 4.72, 31: 1.17, 42: 3.14, 51: 1.59, 54: 2.63, 61: 1.41}
+ISPRS = {12: 2.43, 21: 1.14, 23: 4.27, 31: 1.14, 42: 3.33, 51: 1.72, 53: 3.37, 54: 2.78, 61: 1.0}
 
 
 HOUSES: dict[Box, float] = {(15, 27, 15, 25): 4.0, (60, 80, 20, 50): 8.0, (30, 36, 80, 86): 3.0}
@@ -143,6 +143,27 @@ def test_the_edge_of_a_terrace_is_ground_on_both_levels() -> None:
     assert labels(xyz)[~inside(xyz, (59, 62.5, -9, 999))].all()
 
 
+def test_noise_widens_the_tolerance() -> None:
+    """Of 16 points per cell the lowest lies 9 cm under the ground if these scatter by 5 cm."""
+    xyz = plane(side=60, spacing=0.25)
+    xyz[:, 2] += np.random.default_rng(8).normal(0, 0.05, len(xyz))
+    assert labels(xyz).mean() > 0.99
+    low = plane(side=60, spacing=0.25)
+    plants = inside(low, (20, 40, 20, 40)) & (np.arange(len(low)) % 5 == 0)
+    low[plants, 2] += 0.27  # which such noise would hide, but here there is none
+    np.testing.assert_array_equal(labels(low), ~plants)
+
+
+@pytest.mark.parametrize(("spacing", "lost"), [(1.0, 0.007), (1.5, 0.002)])
+def test_the_edges_of_a_quarry_are_ground(spacing: float, lost: float) -> None:
+    """Round benches, 12 m wide, with faces of 5 m; a smooth surface alone lost three times more."""
+    xyz = towns.plane(160.0, spacing, jitter=0.7 * spacing, tilt=0.0)
+    away = np.hypot(xyz[:, 0] - EAST - 80, xyz[:, 1] - NORTH - 80)
+    bench, part = np.divmod(np.clip((away - 15) / 12, 0, 3.999), 1)
+    xyz[:, 2] = 300 + 5 * (bench + np.clip(8 * part, 0, 1))
+    assert (~labels(xyz)).mean() < lost
+
+
 def test_of_the_face_of_a_terrace_the_upper_part_is_not_ground() -> None:
     """A wall below a terrace of 4 m, scanned on its face; the smooth surface climbs along it."""
     rng = np.random.default_rng(2)
@@ -225,7 +246,10 @@ def test_far_from_all_points_there_is_no_terrain() -> None:
 def flat(tilt: float = 0.0) -> Terrain:
     """32 x 48 m of terrain at (1000, 2000), at 10 m in the middle of its first column."""
     heights = np.tile(10 + tilt * np.arange(48, dtype=np.float32), (32, 1))
-    return Terrain(heights, Lattice(1000, 2000, 1.0, 32, 48), 1.0)
+    tolerance = np.stack([np.full((4, 6), 0.3), np.ones((4, 6))]).astype(np.float32)
+    return Terrain(
+        heights, np.zeros_like(heights), tolerance, Lattice(1000, 2000, 1.0, 32, 48), 1.0
+    )
 
 
 @pytest.mark.parametrize(
@@ -828,8 +852,9 @@ def test_isprs_samples_stay_at_the_error_we_reached(data: Callable[[str], Path])
         errors[sample] = 100 * float((ground != truth).mean())
         kappas.append(kappa(ground, truth))
     assert errors == pytest.approx(ISPRS, abs=0.3)
-    assert np.mean(list(errors.values())) <= 2.3
-    assert np.mean(kappas) >= 92
+    assert np.mean(list(errors.values())) <= 2.4
+    assert np.mean(kappas) >= 89  # 62 of sample 53, a quarry of which 4 % is not ground
+    assert np.mean(np.delete(kappas, list(ISPRS).index(53))) >= 92
 
 
 @pytest.mark.slow

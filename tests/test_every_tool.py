@@ -107,6 +107,7 @@ DIFFER = {  # parameters that are declared in several ways, and why
     "crs": "one is stated, the other is that of the result",
     "features": "a map learns from few features, features.local gives many",
     "ground_classes": "corridor.extract finds the ground unless it is told",
+    "keep": "points are inside or outside, features are cut",
     "iterations": "each method goes round in its own way",
     "max_distance": "how far is far depends on what is compared",
     "max_gap": "the terrain of a model closes gaps below houses, a grid all of them",
@@ -362,6 +363,8 @@ SPECIAL: dict[str, dict[str, Callable[[PointCloud], Any]]] = {  # layers that ne
     "corridor.surroundings": {"wires": wire},  # takes lines alone
     "corridor.label": {"line": extracted_line},  # its points are among those of the cloud
     "points.clip": {"polygons": shapes},  # asks for these or an extent
+    "points.sample_raster": {"raster": greenness},  # values that are no heights
+    "vectors.clip": {"polygons": shapes},  # asks for these or an extent
 }
 
 
@@ -371,6 +374,8 @@ def values(layer: Any) -> Any:
         return {"xyz": layer.xyz} | {name: layer[name] for name in layer.names}
     if isinstance(layer, Report):
         return layer.html()
+    if isinstance(layer, Survey):
+        return np.array([(file.count, *file.bounds) for file in layer.files])
     if hasattr(layer, "frame"):
         return layer.frame.to_dict()
     return getattr(layer, "values", layer)

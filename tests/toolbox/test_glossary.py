@@ -20,6 +20,7 @@ ALLOWED = {
     ("station", "docs/explanation/ground-filters.md"): "the same",
     ("heap", "algorithms/shoreline/_basin_kernels.py"): "a priority queue in an array",
     ("collection", "toolbox/data/paths.py"): "STAC has item collections",
+    ("collection", "toolbox/data/vpc.py"): "the same",
 }
 """Words that mean something else in some files: word, pattern of paths, reason."""
 

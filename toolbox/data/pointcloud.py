@@ -459,6 +459,29 @@ class PointCloud(Layer):
         cloud._descriptions = self._descriptions | dict(descriptions or {})
         return cloud
 
+    def without_attributes(self, names: Iterable[str]) -> PointCloud:
+        """The same points without attributes that LAS does not know (extra bytes).
+
+        Raises
+        ------
+        DataError
+            An attribute belongs to the point format, or there is no such one.
+        """
+        dropped = set(names)
+        cloud = self._copy()
+        cloud._columns = {n: v for n, v in self._columns.items() if n not in dropped}
+        if self._metadata is not None and self._packed is not None:
+            extras = {extra.name for extra in self._metadata.extras}
+            if dropped & extras:
+                made = las_points.without_extras(self._metadata, self._packed, dropped & extras)
+                cloud._metadata, cloud._packed = made[0], _frozen(made[1])
+        if left := dropped & set(cloud.names):
+            raise DataError(f"{', '.join(sorted(left))} belongs to the point format")
+        if unknown := sorted(dropped - set(self.names)):
+            raise DataError(self._unknown(unknown[0]))
+        cloud._descriptions = {n: t for n, t in self._descriptions.items() if n not in dropped}
+        return cloud
+
     def with_xyz(self, xyz: ArrayLike) -> PointCloud:
         """The same points with other coordinates, of shape (n, 3)."""
         moved = _coordinates(xyz)

@@ -331,6 +331,22 @@ def converted(
     return points
 
 
+def without_extras(
+    metadata: LasMetadata, packed: Array, dropped: Collection[str]
+) -> tuple[LasMetadata, Array]:
+    """Metadata and point records without some extra bytes; all else stays, bit for bit."""
+    kept = [
+        ExtraBytesParams(extra.name, extra.dtype, extra.description, extra.offsets, extra.scales)
+        for extra in metadata.extras
+        if extra.name not in dropped
+    ]
+    header = metadata.header.copy()
+    old = header.point_format
+    header.point_format = point_format(old.id, kept, metadata.spare)
+    points = converted(packed, old, header.point_format, ())
+    return with_description(replace(metadata, header=header), ()), points.array
+
+
 def _steps(degrees: Array) -> NDArray[np.float64]:
     """Scan angles in degrees as steps of 0.006 degrees, as in point formats 6-10."""
     return np.asarray(np.rint(degrees / SCAN_ANGLE), np.float64)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Raster
-from toolbox.data.las.points import STANDARD
 from toolbox.declare import outputs, param, sink, source, tool
 
 LONGEST = 32  # bytes of a name in LAS
@@ -88,7 +87,7 @@ class PointsSampleRaster:
         if len(names) != len(numbers):
             yield "names", f"{len(names)} names for {len(numbers)} bands"
         for name in names:
-            if name in STANDARD or not 0 < len(name.encode()) <= LONGEST:
+            if name in PointCloud.OF_LAS or not 0 < len(name.encode()) <= LONGEST:
                 yield "names", f"{name!r} is an attribute of LAS, or too long; give other names"
         if len(set(names)) < len(names):
             yield "names", f"must differ, got {', '.join(names)}"

@@ -74,6 +74,7 @@ class PointCloud(Layer):
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".laz", ".las", ".csv", ".xyz", ".txt", ".ply")
     SUFFIXES += (".csv.gz", ".xyz.gz", ".txt.gz", ".copc.laz")
+    OF_LAS: ClassVar[frozenset[str]] = las_points.STANDARD  # attributes of some point format
     is_spatial: ClassVar[bool] = True
     tools: ClassVar[str] = "points"
     axes: ClassVar[tuple[str, ...]] = ("x", "y", "z")

@@ -51,6 +51,12 @@ NUMBERS = [(s, f) for s in TOOLS for f in s.inputs.values() if f.kind.word in ("
 LIMITED = [(s, f) for s, f in NUMBERS if f.limits]
 POINT_TOOLS = [s for s in TOOLS if cloud_name(s)]
 FAST: dict[str, dict[str, Any]] = {  # settings that make a tool quick
+    "classify.train": {
+        "trees": 2,
+        "per_class": 100,
+        "folds": 2,
+        "features": ["intensity", "planarity@2", "height_range@2"],
+    },
     "samples.scene": {"size": 50.0, "density": 2.0},
     "surface.cross_validation": {"folds": 3},
     # settings that must be given
@@ -106,9 +112,11 @@ DIFFER = {  # parameters that are declared in several ways, and why
     "cell": "edges of roofs and points of a scan ask for finer cells than terrain",
     "crs": "one is stated, the other is that of the result",
     "features": "a map learns from few features, features.local gives many",
+    "folds": "of single points, and of blocks of ground",
     "ground_classes": "corridor.extract finds the ground unless it is told",
     "keep": "points are inside or outside, features are cut",
     "iterations": "each method goes round in its own way",
+    "labels": "a map takes labels if there are any, training needs them",
     "max_distance": "how far is far depends on what is compared",
     "max_gap": "the terrain of a model closes gaps below houses, a grid all of them",
     "max_trials": "many planes take more draws than one",
@@ -352,7 +360,26 @@ def trained() -> Table:
     return made
 
 
+@functools.cache
+def learnt() -> Table:
+    """A model of ground, trees and a roof, of points as dense as the strip."""
+    rng = np.random.default_rng(3)
+    n = 6000
+    xyz = rng.uniform((0, 0, 0), (60, 60, 0.05), (n, 3))
+    codes = np.full(n, 2, np.uint8)
+    xyz[: n // 3, 2], codes[: n // 3] = rng.uniform(2, 12, n // 3), 5
+    roof = slice(n // 3, n // 2)
+    xyz[roof] = rng.uniform((20, 20, 6), (40, 40, 6.05), (n // 2 - n // 3, 3))
+    codes[roof] = 6
+    attributes = columns(rng, n) | {"classification": codes}
+    cloud = PointCloud(xyz, attributes, crs=CRS(32635))
+    settings = {"features": ("height_above_ground", "planarity@2", "height_range@2", "intensity")}
+    made = catalog.load("classify.train").make(points=cloud, trees=5, per_class=200, **settings)
+    return cast(Table, made.run().model)
+
+
 SPECIAL: dict[str, dict[str, Callable[[PointCloud], Any]]] = {  # layers that need certain content
+    "classify.apply": {"model": lambda points: learnt()},  # reads what classify.train gives
     "classify.ndvi": {"image": two_bands},  # finds the bands by their names
     "classify.som_apply": {"map": lambda points: trained()},  # reads the columns of classify.som
     "classify.vegetation_by_ndvi": {"image": greenness},  # unless the points have a colour

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from toolbox.errors import DataError
 
 Floats = NDArray[np.float64]
-Counts = NDArray[np.int64]
+Counts = NDArray[np.int64] | NDArray[np.float64]
 Measure = Callable[[Floats], Mapping[str, Floats]]
 
 WANTED = 100  # blocks, if nothing is said of their size: percentiles need dozens

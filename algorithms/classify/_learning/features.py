@@ -1,0 +1,201 @@
+"""Features of points by name, each the same whatever part of a survey is looked at.
+
+Beside those of :mod:`algorithms.classify._evidence` and any attribute of the points there are, as
+``name@radius`` with a radius in metres, the features of :mod:`algorithms.shared.covariance`, which
+features.local gives, and the height above the lowest and below the highest point around. Larger
+radii take coarser points, one for each voxel of a quarter of the radius: so that each radius costs
+about the same.
+
+References
+----------
+Hackel, T., Wegner, J. D. and Schindler, K. (2016). Fast semantic segmentation of 3D point clouds
+with strongly varying density. ISPRS Annals III-3, 177-184: coarser points for larger radii.
+Weinmann, M. et al. (2015). Semantic point cloud interpretation based on optimal neighborhoods,
+relevant features and efficient classifiers. ISPRS Journal 105, 286-304.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from algorithms.classify._evidence import MADE, PointFeatures
+from algorithms.shared.covariance import FEATURES, covariance_features
+from algorithms.shared.returns import NAMES as RETURNS
+from algorithms.shared.returns import has_numbers
+from toolbox.context import QUIET, Context
+from toolbox.data import PointCloud
+from toolbox.errors import DataError, nearest
+
+PER_RADIUS = 4  # voxels along a radius
+FINE = float(1 << 20)  # steps of a voxel in which positions are summed up, so that sums are exact
+MOST = 1 << 20  # voxels, and cells, along an axis
+LARGEST = 10.0  # metres, of a radius
+BORDER = (
+    0.00037  # metres: borders lie here, where no coordinate does that is written in millimetres
+)
+DIGITS = 4  # of features, so that what arithmetic rounds otherwise makes no other tree
+PLANE_RADIUS, CONTEXT = 1.0, 3.0  # metres, of the features of classify.som
+COLUMN = ("above_lowest", "below_highest")
+LOCAL = (
+    *("linearity", "planarity", "sphericity", "surface_variation", "eigenentropy", "omnivariance"),
+    *("verticality", "height_range", "height_deviation", "roughness", "surface_density"),
+    *COLUMN,
+)
+SINGLE = ("height_above_ground", "ground", "planarity", "roughness", "returns")
+
+Floats = NDArray[np.float64]
+
+
+def usual(cloud: PointCloud, radii: Sequence[float]) -> tuple[str, ...]:
+    """Names of the features that are taken if none are named, of those that the points can have."""
+    single = [name for name in SINGLE if name != "returns" or has_numbers(cloud)]
+    given = [
+        name
+        for name in ("return_number", "number_of_returns", "intensity")
+        if name in cloud and np.ptp(cloud[name]) > 0
+    ]
+    return (*single, *given, *(f"{name}@{radius:g}" for radius in radii for name in LOCAL))
+
+
+def split(name: str) -> tuple[str, float | None]:
+    """The feature and the radius of a name; None without one.
+
+    >>> split("planarity@0.5"), split("intensity")
+    (('planarity', 0.5), ('intensity', None))
+
+    Raises
+    ------
+    ValueError
+        The radius is no number from above 0 to LARGEST.
+    """
+    base, _, text = name.partition("@")
+    if not text:
+        return name, None
+    radius = float(text)
+    if not 0 < radius <= LARGEST:
+        raise ValueError(f"the radius must be above 0 and at most {LARGEST:g} m")
+    return base, radius
+
+
+def problem(names: Sequence[str], cloud: PointCloud) -> str:
+    """What is wrong with the names of features, for these points; empty if nothing is."""
+    for name in names:
+        try:
+            base, radius = split(name)
+        except ValueError as error:
+            return f"{name!r}: {error}"
+        known = (*FEATURES, *COLUMN) if radius else (*MADE, *cloud.names)
+        if base not in known:
+            text = (
+                "no feature of a radius"
+                if radius
+                else f"no attribute of {cloud.name or 'the points'}"
+            )
+            return f"{name!r} is {text}{nearest(base, known)}"
+        if base == "returns" and radius is None and not has_numbers(cloud):
+            return f"returns needs the attributes {' and '.join(RETURNS)}"
+    return ""
+
+
+def described(
+    cloud: PointCloud, names: Sequence[str], *, ctx: Context = QUIET
+) -> NDArray[np.float32]:
+    """Features of points in metres, array of shape (n, f); NaN where a point has none.
+
+    Raises
+    ------
+    DataError
+        The points extend over too many voxels.
+    """
+    made = np.empty((len(cloud), len(names)), np.float32)
+    metre = cloud.metre
+    single = PointFeatures(cloud, PLANE_RADIUS * metre, CONTEXT * metre, ctx.part(0.0, 0.5))
+    for k, name in enumerate(names):
+        if split(name)[1] is None:
+            made[:, k] = single.feature(name)
+    radii = sorted({radius for name in names if (radius := split(name)[1]) is not None})
+    for done, radius in enumerate(radii):
+        part = ctx.part(0.5 + 0.5 * done / len(radii), 0.5 + 0.5 * (done + 1) / len(radii))
+        wanted = [(k, split(name)[0]) for k, name in enumerate(names) if split(name)[1] == radius]
+        for k, values in _of_radius(cloud.xyz / metre, radius, wanted, part):
+            made[:, k] = values
+    ctx.progress(1.0)
+    return np.round(made, DIGITS)
+
+
+def _of_radius(
+    xyz: Floats, radius: float, wanted: Sequence[tuple[int, str]], ctx: Context
+) -> list[tuple[int, NDArray[np.floating]]]:
+    """Features of one radius with their columns, of points in metres."""
+    local = [name for name in FEATURES if name in {base for _, base in wanted}]
+    found: dict[str, NDArray[np.floating]] = {}
+    if local and len(xyz):
+        coarse, place = voxel_means(xyz, radius / PER_RADIUS)
+        made = covariance_features(coarse, neighbours=None, radius=radius, names=local, ctx=ctx)
+        found |= {name: values[place] for name, values in made.items()}
+    if any(base in COLUMN for _, base in wanted) and len(xyz):
+        found |= dict(zip(COLUMN, _in_column(xyz, radius), strict=True))
+    return [(k, found[base]) for k, base in wanted if base in found]
+
+
+def voxel_means(xyz: Floats, side: float) -> tuple[Floats, NDArray[np.int64]]:
+    """Mean position of the points in each voxel, and for each point the number of its voxel.
+
+    The voxels begin at the origin of the coordinates and sums are exact, so that neither other
+    voxels nor the order of the points matter.
+
+    Raises
+    ------
+    DataError
+        There are more than MOST voxels along an axis.
+    """
+    place = (xyz + BORDER) / side
+    index = np.floor(place)
+    inside = np.rint((place - index) * FINE)
+    keys = _keys(index.astype(np.int64))
+    _, first, number, count = np.unique(
+        keys, return_index=True, return_inverse=True, return_counts=True
+    )
+    means = np.column_stack([np.bincount(number, column) for column in inside.T]) / FINE
+    return (index[first] + means / count[:, None]) * side - BORDER, number
+
+
+def _in_column(xyz: Floats, radius: float) -> tuple[Floats, Floats]:
+    """How far points are above the lowest and below the highest one in nine cells around them."""
+    cell = np.floor((xyz[:, :2] + BORDER) / radius).astype(np.int64)
+    cell -= cell.min(axis=0)
+    shape = cell.max(axis=0) + 1
+    if shape.max() >= MOST or np.prod(shape) > 1 << 28:
+        raise DataError("points: they extend too far for these radii: remove stray points")
+    at, z = (cell[:, 0], cell[:, 1]), xyz[:, 2]
+    low, high = np.full(shape, np.inf), np.full(shape, -np.inf)
+    np.minimum.at(low, at, z)
+    np.maximum.at(high, at, z)
+    lowest = minimum_filter(low, 3, mode="constant", cval=np.inf)
+    highest = maximum_filter(high, 3, mode="constant", cval=-np.inf)
+    return z - lowest[at], highest[at] - z
+
+
+def _keys(index: NDArray[np.int64]) -> NDArray[np.int64]:
+    """One number for each voxel, from its three numbers."""
+    index = index - index.min(axis=0)
+    if index.max(initial=0) >= MOST:
+        raise DataError(f"points: more than {MOST} voxels along an axis: remove stray points")
+    return np.asarray((index[:, 0] * MOST + index[:, 1]) * MOST + index[:, 2])
+
+
+def density(xyz: Floats) -> float:
+    """Points per square metre where there are any, counted in cells of one metre; 0 for none.
+
+    >>> density(np.array([[0.1, 0.1, 0], [0.2, 0.2, 0], [5.0, 5.0, 0]]))
+    1.5
+    """
+    if not len(xyz):
+        return 0.0
+    cells = np.floor(xyz[:, :2]).astype(np.int64)
+    cells -= cells.min(axis=0)
+    return len(xyz) / len(np.unique(cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]))

@@ -1,0 +1,329 @@
+"""classify.train and classify.apply: models, their files, training, honesty and drift."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import numpy as np
+import pandas
+import pytest
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from algorithms.classify._learning import drift
+from algorithms.classify._learning import features as names_of
+from algorithms.classify._learning.model import softmax
+from algorithms.classify._learning.training import (
+    Kind,
+    Labelled,
+    Settings,
+    folds_of,
+    temperature,
+    trained,
+)
+from algorithms.classify.apply import ClassifyApply
+from algorithms.classify.train import ClassifyTrain, drawn
+from algorithms.shared.covariance import covariance_features
+from toolbox.data import PointCloud, Table, Vector
+from toolbox.declare import Attribute, ClassList
+from toolbox.errors import DataError, ParameterError
+
+UTM = CRS(32635)
+QUICK: dict[str, Any] = {"trees": 10, "per_class": 400, "folds": 3}
+NAMES = ("height_above_ground", "planarity@2", "sphericity@2", "height_range@1", "intensity")
+
+
+def yard(seed: int = 0, size: float = 60.0, density: float = 4.0) -> PointCloud:
+    """Ground (2) with houses (6) and trees (5) in a raster of 20 m, moved about by chance."""
+    rng = np.random.default_rng(seed)
+    count = int(size * size * density)
+    xyz = np.column_stack([rng.uniform(0, size, (count, 2)), rng.normal(0, 0.02, count)])
+    codes = np.full(count, 2)
+    for number, (west, south) in enumerate(np.ndindex(int(size / 20), int(size / 20))):
+        middle = np.array([west, south]) * 20 + 10 + rng.uniform(-3, 3, 2)
+        if number % 2:
+            on = np.abs(xyz[:, :2] - middle).max(axis=1) < 5
+            xyz[on, 2] += 6
+            codes[on] = 6
+        else:
+            on = np.hypot(*(xyz[:, :2] - middle).T) < 4
+            xyz[on, 2] += rng.uniform(1, 9, on.sum())
+            codes[on] = 5
+    columns = {"classification": codes.astype(np.uint8)}
+    columns["intensity"] = (rng.normal(300, 30, count) + 100 * (codes == 6)).astype(np.uint16)
+    xyz += np.array([500_000, 4_600_000, 50])
+    return PointCloud(xyz, columns, crs=UTM, name="yard.laz")
+
+
+def rows_and_labels(seed: int, classes: int) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    rng = np.random.default_rng(seed)
+    label = rng.integers(0, classes, 600)
+    data = rng.normal(label[:, None] * [1.0, -0.5, 0.0], 1.0, (600, 3)).astype(np.float32)
+    data[:60, 1] = np.nan
+    return data, label
+
+
+def settings(classes: int, kind: Kind) -> Settings:
+    codes = [2, 5, 6, 9][:classes]
+    return Settings(kind, 8, False, 0, {"kind": kind, "classes": codes, "features": list("abc")})
+
+
+@pytest.mark.parametrize("classes", [2, 3])
+@pytest.mark.parametrize("kind", ["boosting", "forest"])
+def test_trees_give_the_probabilities_of_scikit_learn(kind: Kind, classes: int) -> None:
+    from sklearn.ensemble import HistGradientBoostingClassifier, RandomForestClassifier
+
+    data, label = rows_and_labels(0, classes)
+    points = Labelled(data, label, np.ones(600), np.arange(600) % 9)
+    made = trained(points, settings(classes, kind))
+    theirs = (
+        HistGradientBoostingClassifier(max_iter=8, early_stopping=False, random_state=0)
+        if kind == "boosting"
+        else RandomForestClassifier(8, min_samples_leaf=5, random_state=0, max_depth=20)
+    ).fit(data, label, np.ones(600))
+    fresh = rows_and_labels(1, classes)[0]
+    expected = np.maximum(theirs.predict_proba(fresh), 1e-6)
+    expected /= expected.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(made.probabilities(fresh), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("classes", [2, 3])
+def test_logistic_regression_finds_what_is_linear(classes: int) -> None:
+    data, label = rows_and_labels(0, classes)
+    points = Labelled(data, label, np.ones(600), np.arange(600) % 9)
+    made = trained(points, settings(classes, "logistic"))
+    right = made.probabilities(data).argmax(axis=1) == label
+    assert right.mean() > {2: 0.65, 3: 0.55}[classes]
+    assert np.isfinite(made.probabilities(np.full((2, 3), np.nan, np.float32))).all()
+
+
+@pytest.fixture(scope="module")
+def made() -> Any:
+    return ClassifyTrain(points=yard(), features=NAMES, **QUICK).run()
+
+
+def test_learnt_in_one_yard_it_holds_in_another(made: Any, tmp_path: Path) -> None:
+    assert made.overall_accuracy > 97
+    assert {row["verdict"] for row in made.report.rows()} <= {"ok", "look at it"}
+    assert made.importance.rows()[0]["feature"] == "height_above_ground"
+    made.model.save(tmp_path / "model.csv")
+    model = Table.open(tmp_path / "model.csv")
+    other = yard(1)
+    out = ClassifyApply(points=other, model=model).run()
+    right = out.classified["classification"] == other["classification"]
+    assert right.mean() > 0.97
+    sure = out.classified["probability"]
+    assert sure.mean() == pytest.approx(right.mean(), abs=0.03)
+    assert (out.classified["second_class"] != out.classified["classification"]).all()
+    direct = ClassifyApply(points=other, model=made.model).run()
+    np.testing.assert_array_equal(direct.classified["probability"], sure)
+
+
+def test_the_order_of_the_points_does_not_matter(made: Any) -> None:
+    cloud = yard()
+    order = np.random.default_rng(5).permutation(len(cloud))
+    again = ClassifyTrain(points=cloud.select(order), features=NAMES, **QUICK).run()
+    assert again.model.rows() == made.model.rows()
+    assert again.accuracy.rows() == made.accuracy.rows()
+
+
+def test_points_that_are_not_probable_enough_are_unknown(made: Any) -> None:
+    other = yard(2)
+    every = ClassifyApply(points=other, model=made.model).run()
+    out = ClassifyApply(points=other, model=made.model, min_probability=0.9).run()
+    unsure = every.classified["probability"] < 0.9
+    assert out.unknown == unsure.sum() > 0
+    np.testing.assert_array_equal(out.classified["classification"] == 1, unsure)
+
+
+def test_drift_tells_another_sensor_from_another_place(
+    made: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    other = yard(3)
+    alike = ClassifyApply(points=other, model=made.model).run()
+    assert [row for row in alike.drift.rows() if row["verdict"] == "unlike"] == []
+    assert alike.outside < 0.02
+    brighter = other.with_attributes({"intensity": other["intensity"] * np.uint16(5)})
+    out = ClassifyApply(points=brighter, model=made.model).run()
+    first = out.drift.rows()[0]
+    assert (first["feature"], first["verdict"]) == ("intensity", "unlike")
+    assert first["outside"] > 90
+    assert out.outside > 0.9
+    assert "unlike the training, most of all intensity" in caplog.text
+
+
+def test_other_densities_and_lacking_features_are_refused(made: Any) -> None:
+    dense = yard(4, density=40.0)
+    with pytest.raises(
+        DataError, match=r"points: yard.laz has .* the model was trained with 4\.\d"
+    ):
+        ClassifyApply(points=dense, model=made.model).run()
+    assert ClassifyApply(points=dense, model=made.model, any_density=True).run().unknown == 0
+    plain = PointCloud(dense.xyz, {}, crs=UTM)
+    with pytest.raises(DataError, match="points: 'intensity' is no attribute"):
+        ClassifyApply(points=plain, model=made.model)
+
+
+def about(change: Callable[[dict[str, Any]], Any]) -> Callable[[pandas.DataFrame], None]:
+    def apply(frame: pandas.DataFrame) -> None:
+        said = json.loads(frame.loc[0, "about"])
+        change(said)
+        frame.loc[0, "about"] = json.dumps(said)
+
+    return apply
+
+
+def cell(column: str, value: Any, row: int = 1) -> Callable[[pandas.DataFrame], None]:
+    def apply(frame: pandas.DataFrame) -> None:
+        frame.loc[row, column] = value
+
+    return apply
+
+
+@pytest.mark.parametrize(
+    ("damage", "text"),
+    [
+        (cell("about", "{}", 0), "is no model of classify.train, or damaged"),
+        (cell("about", "[1", 0), "is no model of classify.train, or damaged"),
+        (cell("left", 0), "a branch leads to no node"),
+        (cell("right", 10**9), "a branch leads to no node"),
+        (cell("feature", 99), "a branch leads to no node"),
+        (cell("feature", -7), "a branch leads to no node"),
+        (cell("tree", 5), "a branch leads to no node"),
+        (cell("threshold", np.nan), "a number is missing or not finite"),
+        (cell("value_1", np.inf), "a number is missing or not finite"),
+        (about(lambda said: said.update(format=2)), "it is of format 2, this version reads 1"),
+        (about(lambda said: said.update(temperature=0)), "must be above zero"),
+        (about(lambda said: said.update(classes=[2, 5])), "baseline is not as many numbers"),
+        (about(lambda said: said.update(classes=[2, 5, 300])), "no codes from 0 to 255"),
+        (about(lambda said: said["features"].pop()), "usual is not as many numbers"),
+        (about(lambda said: said["quantiles"].pop()), "quantiles"),
+        (about(lambda said: said.update(kind="pickle")), "its kind is unknown"),
+        (lambda frame: frame.pop("left"), "no column 'left'"),
+    ],
+)
+def test_a_damaged_model_is_refused(made: Any, damage: Any, text: str) -> None:
+    frame = made.model.frame.copy()
+    frame = frame.astype(dict.fromkeys(("threshold",), float))
+    damage(frame)
+    with pytest.raises(DataError, match=text):
+        ClassifyApply(points=yard(), model=Table(frame))
+
+
+def test_polygons_on_the_map_are_labels() -> None:
+    """Squares of one metre whose points are all of one class."""
+    cloud = yard()
+    points = PointCloud(cloud.xyz, {"intensity": cloud["intensity"]}, crs=UTM)
+    frame = pandas.DataFrame(np.floor(cloud.xyz[:, :2]), columns=["x", "y"])
+    kinds = frame.assign(code=cloud["classification"]).groupby(["x", "y"])["code"].agg(set)
+    pure = [(x, y, min(kind)) for (x, y), kind in kinds.items() if len(kind) == 1]
+    shapes = [shapely.box(x, y, x + 0.99, y + 0.99) for x, y, _ in pure]
+    columns = {"code": [code for _, _, code in pure]}
+    layer = Vector(geopandas.GeoDataFrame(columns, geometry=shapes, crs=UTM), name="a.gpkg")
+    job: dict[str, Any] = {"points": points, "features": NAMES, "class_attribute": "code", **QUICK}
+    out = ClassifyTrain(**job, areas=layer).run()
+    assert [row["class"] for row in out.by_class.rows()] == [2, 5, 6]
+    assert out.overall_accuracy > 95
+    clash = geopandas.GeoDataFrame({"code": [9]}, geometry=shapes[:1], crs=UTM)
+    both = Vector(pandas.concat([layer.frame, clash]), name="b.gpkg")
+    with pytest.raises(DataError, match="areas: no point lies in polygons of class 9 alone"):
+        ClassifyTrain(**job, areas=both).run()
+
+
+def test_sampling_is_by_place_and_says_what_each_point_stands_for() -> None:
+    cloud = yard()
+    label = cloud["classification"].astype(np.int64)
+    chosen, weight = drawn(cloud.xyz, label, [2, 6], 100, seed=1)
+    for code, own in ((2, slice(0, 100)), (6, slice(100, 200))):
+        assert (label[chosen[own]] == code).all()
+        assert weight[own].sum() == pytest.approx((label == code).sum())
+    order = np.random.default_rng(0).permutation(len(cloud))
+    shuffled, _ = drawn(cloud.xyz[order], label[order], [2, 6], 100, seed=1)
+    np.testing.assert_array_equal(order[shuffled], chosen)
+
+
+def test_folds_keep_whole_blocks_back() -> None:
+    block = np.repeat(np.arange(20), 30)
+    kept = np.zeros(len(block), int)
+    for own, away in folds_of(block, 4):
+        assert not np.isin(block[away], block[own]).any()
+        kept[away] += 1
+    assert (kept == 1).all()
+
+
+def test_the_temperature_makes_probabilities_honest() -> None:
+    rng = np.random.default_rng(0)
+    scores = rng.normal(0, 1.5, (8000, 3))
+    label = np.array([rng.choice(3, p=p) for p in softmax(scores)])
+    points = Labelled(np.zeros((8000, 1), np.float32), label, np.ones(8000), label)
+    assert temperature(scores, points) == pytest.approx(1.0, abs=0.06)
+    assert temperature(4 * scores, points) == pytest.approx(4.0, abs=0.25)
+
+
+def test_one_point_per_voxel_has_the_features_of_features_local() -> None:
+    """Sparse points are not thinned, so the numbers are those of the shared implementation."""
+    rng = np.random.default_rng(0)
+    index = rng.permutation(20**3)[:900]
+    xyz = np.stack(np.unravel_index(index, (20, 20, 20)), axis=1) + rng.uniform(0.2, 0.8, (900, 3))
+    cloud = PointCloud(xyz, {}, crs=UTM)
+    names = ("planarity@4", "linearity@4", "height_range@4")
+    found = names_of.described(cloud, names)
+    bases = [names_of.split(name)[0] for name in names]
+    expected = covariance_features(xyz, neighbours=None, radius=4.0, names=bases)  # type: ignore[arg-type]
+    for k, base in enumerate(bases):
+        np.testing.assert_allclose(found[:, k], expected[base], atol=1e-4)  # type: ignore[index]
+
+
+def test_voxels_are_the_same_whatever_else_there_is() -> None:
+    rng = np.random.default_rng(0)
+    xyz = rng.uniform(0, 10, (4000, 3)) + np.array([500_000, 4_600_000, 0])
+    means, place = names_of.voxel_means(xyz, 0.7)
+    part = np.flatnonzero(np.floor(xyz[:, 0] / 0.7) > np.floor(500_005 / 0.7))[::-1]
+    own, own_place = names_of.voxel_means(xyz[part], 0.7)
+    np.testing.assert_array_equal(own[own_place], means[place[part]])
+
+
+def test_heights_in_columns() -> None:
+    xyz = np.array([[0.5, 0.5, 2.0], [1.5, 0.5, 5.0], [9.5, 0.5, 1.0]])
+    found = names_of.described(PointCloud(xyz, {}, crs=UTM), ("above_lowest@1", "below_highest@1"))
+    np.testing.assert_allclose(found, [[0, 3], [3, 0], [0, 0]])
+
+
+def test_stability_index_counts_within_classes() -> None:
+    """More of one class is no drift; a class that looks otherwise is."""
+    rng = np.random.default_rng(0)
+    label = rng.integers(0, 2, 4000)
+    values = rng.normal(10.0 * label, 1.0).astype(np.float32)
+    edges = np.array([np.quantile(values[label == c], drift.LEVELS) for c in (0, 1)])
+    many = np.concatenate([np.flatnonzero(label == 1), np.flatnonzero(label == 0)[:100]])
+    assert drift.unlike(edges, values[many], label[many]) < 0.05
+    moved = (values + 2 * (label == 1)).astype(np.float32)
+    assert drift.unlike(edges, moved, label) > drift.MAJOR
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        (
+            {"leave_out": ClassList([5, 6])},
+            r"the points must be of two classes at least, got \[2\]",
+        ),
+        ({"labels": Attribute("intensity")}, "must hold classes from 0 to 255"),
+        ({"block": 30.0}, "block: 4 blocks hold labels, 6 are needed for 3 folds"),
+        ({"features": ("intensity", "colour")}, "features: 'colour' is no attribute of yard.laz"),
+        ({"features": ("planar@1",)}, "features: 'planar@1' is no feature of a radius"),
+        ({"features": ("planarity@99",)}, "the radius must be above 0 and at most 10 m"),
+        ({"features": ("intensity", "intensity")}, "features: a name is given twice"),
+        ({"features": ("returns",)}, "returns needs the attributes"),
+        ({"labels": Attribute("truth")}, "labels: no attribute 'truth'; there are"),
+        ({"class_attribute": "code"}, "class_attribute: is for areas; give both or none"),
+    ],
+)
+def test_what_cannot_be_learnt(given: dict[str, Any], text: str) -> None:
+    with pytest.raises((DataError, ParameterError), match=text):
+        ClassifyTrain(**{"points": yard(), "features": ("intensity",), **QUICK, **given}).run()

@@ -1,0 +1,179 @@
+"""Classes that are learnt: on tiles and surveys that nothing was learnt from, and what it costs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.bench.measuring import DATA, say
+
+TILES = (
+    *(f"ign_urban_50m/{name}.laz" for name in ("77050_627755", "77055_627755", "77060_627760")),
+    "cir_ign_20cm/split_west.laz",
+)
+AHN3 = ("ahn3_delft_bgt/ahn3_cropped_2.laz", "ahn_amsterdam/ahn3_2386_9702.laz")
+AHN4 = "ahn_amsterdam/ahn4_2463_9714_rgb.laz"
+LINES = tuple(f"powerline_ahn4/{name}_as_published.laz" for name in ("12BZ1_21", "12AN2_20"))
+CLASSES, RADII = (2, 3, 4, 5, 6), (0.5, 1.0, 2.0, 4.0)
+MERGED = np.array([0, 1, 2, 5, 5, 5, 6, *range(7, 256)])  # low to high vegetation are one
+OBJECTS = np.array([0, 1, 2, 1, 1, 1, 6, *range(7, 256)])  # what AHN has: ground, building, rest
+
+Codes = NDArray[np.int64]
+
+
+def learning() -> None:
+    """Leave one tile out; from one survey to another; wires and towers; time against reading."""
+    from toolbox.data import PointCloud
+
+    tiles = {name: _opened(name) for name in (*TILES, *AHN3, AHN4)}
+    _left_out({name: tiles[name] for name in TILES})
+    french = _model([tiles[name] for name in TILES], CLASSES)
+    for name in (*AHN3, AHN4):
+        _elsewhere(f"IGN to {name}", french, tiles[name], OBJECTS)
+    dutch = _model([tiles[name] for name in (*AHN3, AHN4)], (1, 2, 6))
+    for name in TILES:
+        _elsewhere(f"AHN to {name}", dutch, tiles[name], OBJECTS)
+    clouds = [_opened(name) for name in LINES]
+    codes = (1, 2, 5, 14, 15)
+    lines = _model(clouds[:1], codes)
+    _elsewhere(f"wires: {LINES[0]} to {LINES[1]}", lines, clouds[1], np.arange(256))
+    path = DATA / TILES[0]
+    cloud = tiles[TILES[0]]
+    million = 1e6 / len(cloud)
+    read = _seconds(lambda: PointCloud.open(path).xyz) * million
+    data = _described(cloud, french.features)
+    describe = _seconds(lambda: _described(cloud, french.features)) * million
+    predict = _seconds(lambda: french.probabilities(data)) * million
+    say(
+        f"learning  a million points, processor: read {read:.2f} s, "
+        f"{len(french.features)} features {describe:.1f} s ({describe / read:.1f} reads), "
+        f"probabilities {predict:.1f} s ({predict / read:.1f} reads)"
+    )
+
+
+def _opened(name: str) -> Any:
+    from pyproj import CRS
+
+    from toolbox.data import PointCloud
+
+    cloud = PointCloud.open(DATA / name)
+    return cloud if cloud.crs else cloud.with_crs(CRS(28992))
+
+
+def _left_out(tiles: Mapping[str, Any]) -> None:
+    """Each tile by a model of the other ones, and all of them together."""
+    true, said = [], []
+    for name, cloud in tiles.items():
+        made = _model([other for key, other in tiles.items() if key != name], CLASSES)
+        label, given, _ = _applied(made, cloud)
+        known = np.isin(label, CLASSES)
+        true.append(label[known])
+        said.append(given[known])
+        _say(f"others to {name}", true[-1], said[-1])
+    _say("all four, each left out", np.concatenate(true), np.concatenate(said))
+
+
+def _say(title: str, true: Codes, said: Codes) -> None:
+    from sklearn.metrics import accuracy_score, f1_score, jaccard_score
+
+    three = MERGED[true], MERGED[said]
+    iou = jaccard_score(*three, average=None, labels=[2, 5, 6])
+    f1 = f1_score(true, said, average=None, labels=CLASSES)
+    say(
+        f"learning  {title:40} three classes {100 * accuracy_score(*three):5.2f} %, "
+        f"IoU of ground, vegetation, building {_percents(iou)}; "
+        f"five classes {100 * accuracy_score(true, said):5.2f} %, F1 {_percents(f1)}"
+    )
+
+
+def _elsewhere(title: str, made: Any, cloud: Any, merged: Codes) -> None:
+    """A model on another survey, with what the drift report says of it."""
+    from sklearn.metrics import accuracy_score, f1_score
+
+    from algorithms.classify._learning import drift
+
+    label, given, data = _applied(made, cloud)
+    number = np.searchsorted(made.classes, given)
+    rows = list(drift.rows(made, data, number))
+    known = np.isin(merged[label], merged[made.classes])
+    true, said = merged[label[known]], merged[given[known]]
+    codes = np.unique(true)
+    f1 = f1_score(true, said, average=None, labels=codes, zero_division=0)
+    unlike = [row["feature"] for row in rows if row["verdict"] == "unlike"]
+    chance = made.probabilities(data).max(axis=1).mean()
+    say(
+        f"learning  {title:60} {100 * accuracy_score(true, said):5.2f} % where "
+        f"{100 * chance:.1f} % are expected, F1 of {codes.tolist()} {_percents(f1)}; "
+        f"{len(unlike)} of {len(rows)} features unlike, first {', '.join(unlike[:3]) or 'none'}; "
+        f"outside {100 * drift.beyond(made, data).mean():.1f} %"
+    )
+
+
+def _applied(made: Any, cloud: Any) -> tuple[Codes, Codes, Any]:
+    """Label and given class of each point, and its features."""
+    data = _described(cloud, made.features)
+    given = made.classes[made.probabilities(data).argmax(axis=1)].astype(np.int64)
+    return cloud["classification"].astype(np.int64), given, data
+
+
+def _described(cloud: Any, names: Any) -> Any:
+    from algorithms.classify._learning.features import described
+
+    return described(cloud, names)
+
+
+def _model(clouds: list[Any], codes: tuple[int, ...]) -> Any:
+    """A model of 15,000 points of each class of all clouds, as classify.train makes it."""
+    import dataclasses
+
+    from algorithms.classify._learning import drift
+    from algorithms.classify._learning.features import usual
+    from algorithms.classify._learning.training import (
+        Labelled,
+        Settings,
+        folds_of,
+        kept_back,
+        temperature,
+        trained,
+    )
+    from algorithms.classify.train import drawn
+    from algorithms.shared.accuracy.blocks import blocks
+
+    names = [name for name in usual(clouds[0], RADII) if all(_has(c, name) for c in clouds)]
+    parts = []
+    for cloud in clouds:
+        label = cloud["classification"].astype(np.int64)
+        here = [code for code in codes if (label == code).any()]
+        chosen, weight = drawn(cloud.xyz, label, here, 15_000 // len(clouds), 0)
+        data = _described(cloud, names)[chosen]
+        parts.append((data, np.searchsorted(codes, label[chosen]), weight, cloud.xyz[chosen, :2]))
+    data, label, weight, xy = (np.concatenate(column) for column in zip(*parts, strict=True))
+    points = Labelled(data, label, weight, blocks(xy, 10.0)[0])
+    about = {"kind": "boosting", "classes": list(codes), "features": names, "density": 1.0}
+    how = Settings("boosting", 50, False, 0, about)
+    made, folds = trained(points, how), folds_of(points.block, 2)
+    heat = {"temperature": temperature(kept_back(points, 2, how), points)}
+    more = heat | drift.learnt(points, folds, len(codes))
+    return dataclasses.replace(made, about={**made.about, **more})
+
+
+def _has(cloud: Any, name: str) -> bool:
+    from algorithms.classify._learning.features import usual
+
+    return name in usual(cloud, RADII)
+
+
+def _percents(values: Any) -> str:
+    return " ".join(f"{100 * value:.1f}" for value in values)
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    """Processor time of a call, after one that compiles and reads."""
+    work()
+    start = time.process_time()
+    work()
+    return time.process_time() - start

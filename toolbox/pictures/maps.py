@@ -221,7 +221,7 @@ def _show_scale(axes: Axes, panel: Panel) -> None:
     from matplotlib.patches import Rectangle
 
     width = panel.bounds[2] - panel.bounds[0]
-    length = _round_length(width / 4.5)
+    length = round_length(width / 4.5)
     unit = LENGTHS.get(vertical_unit(panel.crs), "units")
     text = f"{length / 1000:g} km" if unit == "m" and length >= 1000 else f"{length:g} {unit}"
     share, inch = length / width, 1 / panel.height
@@ -243,14 +243,15 @@ def _show_scale(axes: Axes, panel: Panel) -> None:
 
 def _round_ticks(low: float, high: float) -> list[float]:
     """Two to five round numbers between limits, away from the corners, where texts would meet."""
-    step = _round_length((high - low) / 2.5)
+    step = round_length((high - low) / 2.5)
     first, last = math.ceil(low / step), math.floor(high / step)
     margin = 0.07 * (high - low)
     ticks = [count * step for count in range(first, last + 1)]
     return [tick for tick in ticks if low + margin <= tick <= high - margin]
 
 
-def _round_length(length: float) -> float:
+def round_length(length: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that is not longer."""
     power = 10.0 ** math.floor(math.log10(length))
     return next(f for f in (5, 2, 1) if f * power <= length * (1 + 1e-9)) * power
 

@@ -17,7 +17,7 @@ from toolbox.data.layer import Layer
 from toolbox.data.report import Plot
 from toolbox.declare.fields import Spec
 from toolbox.declare.show import Classes, Show, Values
-from toolbox.pictures.draw import Shown, drawable, png
+from toolbox.pictures.draw import Shown, drawable
 from toolbox.pictures.features import feature_classes
 from toolbox.pictures.images import (
     LENGTHS,
@@ -29,9 +29,10 @@ from toolbox.pictures.images import (
     raster_image,
 )
 from toolbox.reports import words
+from toolbox.reports.map_picture import map_png
 
 _MOST_BASES, _QUALITY = 6, 82  # images that can lie below, and of these in WebP
-_MOST_FEATURES, _MOST_CORNERS = 3000, 60_000  # of all layers together
+_MOST_FEATURES, _MOST_CORNERS = 3000, 60_000  # of a layer, and of all layers together
 _CROWDED = 500  # points of a layer, such as corners of outlines, that would hide all others
 _FINEST = 20_000  # steps of coordinates in the width of the map
 _MARGIN = 0.04  # around what is drawn
@@ -100,7 +101,9 @@ def _map(bases: Sequence[Base], layers: Mapping[str, Shown]) -> Plot:
         "bases": [_base(name, image, origin) for name, image, _, _ in bases],
         "layers": overlays,
     }
-    picture = Figure(_picture(bases, layers), _caption(bases, layers, left_out))
+    picture = Figure(
+        map_png(data, bases[0][1] if bases else None), _caption(bases, layers, left_out)
+    )
     return Plot("map", data, picture)
 
 
@@ -160,16 +163,14 @@ def _overlays(
     layers: Mapping[str, Shown], origin: tuple[int, int], step: float
 ) -> tuple[list[dict[str, Any]], int]:
     """The layers as JSON values, and the number of features for which there is no room."""
-    total = sum(len(layer) for layer, _ in layers.values())
     corners = sum(
         int(shapely.get_num_coordinates(layer.frame.geometry.to_numpy()).sum())
         for layer, _ in layers.values()
     )
     coarse = step * max(1.0, corners / _MOST_CORNERS) * 2
-    share = min(1.0, _MOST_FEATURES / max(total, 1))
     made, colours, left_out = [], iter(_COLOURS * 4), 0
     for name, (layer, shows) in layers.items():
-        kept = math.ceil(len(layer) * share)
+        kept = min(len(layer), _MOST_FEATURES)
         left_out += len(layer) - kept
         show = next((s for s in shows if isinstance(s, Classes | Values)), None)
         groups = [
@@ -249,12 +250,6 @@ def _with_margin(bounds: Bounds) -> Bounds:
 
 def _relative(bounds: Bounds, origin: tuple[int, int]) -> list[float]:
     return [round(value - origin[k % 2], 4) for k, value in enumerate(bounds)]
-
-
-def _picture(bases: Sequence[Base], layers: Mapping[str, Shown]) -> bytes:
-    """The map on paper: the first image with all layers, or the layers alone."""
-    below = {name: (layer, shows) for name, _, layer, shows in bases[:1]}
-    return png(below | {words.title_of(name): pair for name, pair in layers.items()})
 
 
 def _caption(bases: Sequence[Any], layers: Mapping[str, Any], left_out: int) -> str:

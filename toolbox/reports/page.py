@@ -98,16 +98,12 @@ def _once(texts: Sequence[str]) -> tuple[str, ...]:
 
 def _results(spec: Spec, found: Mapping[str, Any]) -> list[Section]:
     """Section with a row for each number or text among the results."""
-    fields = spec.results
-    rows = [
-        {
-            "Result": fields[name].help,
-            "Value": words.value_text(value, fields[name].unit),
-            "Unit": words.unit_text(fields[name].unit),
-        }
-        for name, value in found.items()
-        if value is not None and not fields[name].kind.is_layer
-    ]
+    rows = []
+    for name, value in found.items():
+        field = spec.results[name]
+        if value is not None and not field.kind.is_layer:
+            text, unit = words.result_text(value, field.unit, field.help)
+            rows.append({"Result": field.help, "Value": text, "Unit": unit})
     return [Section("Results", [Rows(Table.from_rows(rows), short=len(rows))])] if rows else []
 
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from toolbox.data import Figure, PointCloud, Raster, Vector
@@ -19,15 +18,13 @@ from toolbox.data.report import Plot
 from toolbox.declare.fields import Spec
 from toolbox.declare.show import Classes, Planes, Show, Values
 from toolbox.pictures.draw import drawable
-from toolbox.pictures.features import feature_classes
 from toolbox.pictures.images import LENGTHS, Ramp, point_key
 from toolbox.pictures.oblique import direction_of
 from toolbox.pictures.views import Item, view_png
 from toolbox.reports import words
+from toolbox.reports.shapes import items_of
 
 _MOST, _MOST_MARKED = 120_000, 20_000  # points of the scene, and of a layer above it
-_MOST_FEATURES, _MOST_CORNERS = 2000, 60_000
-_CROWDED = 500  # marks of a layer that would hide all others
 _STEPS = 32_000  # of a coordinate to both sides of the middle, as 16 bits have
 _MOST_CLASSES = 12
 _COLOURS = ("#0b5fa5", "#d7261e", "#8e3fa8", "#e08a00", "#00806b", "#b0306a", "#5a6b00", "#6b4a2f")
@@ -76,7 +73,7 @@ def space_of(spec: Spec, found: Mapping[str, Any], given: Mapping[str, Any]) -> 
     colours = iter(_COLOURS * 4)
     for name, (layer, shows) in shown.items():
         if isinstance(layer, Vector) and _belongs(layer, scene.cloud):
-            items += _features(name, layer, shows, scene.origin, colours)
+            items += items_of(name, layer, shows, scene.origin, colours)
     towards = direction_of(scene.cloud, _planes(scene.show))
     span = np.concatenate([item.xyz for item in items if item.kind == "points"])
     step = max(float(np.abs(span).max()) / _STEPS, 0.001)
@@ -163,92 +160,11 @@ def _points(
         yield Item("points", f"{title}: others", _OTHERS, xyz[rest], size=size)
 
 
-def _features(
-    name: str, layer: Vector, shows: Any, origin: Floats, colours: Iterator[str]
-) -> Iterator[Item]:
-    """The features of a layer, an item for each class and shape."""
-    title, table = words.title_of(name), words.anchor_of(name)
-    show = next((s for s in shows if isinstance(s, Classes | Values)), None)
-    shapes = layer.frame.geometry.to_numpy()
-    classes = (feature_classes((layer, show)) if show else None) or [
-        (title, next(colours), np.ones(len(layer), bool))
-    ]
-    for text, colour, own in classes:
-        named = text if text == title else f"{title}: {text}"
-        rows = np.flatnonzero(own)[:_MOST_FEATURES]
-        for kind, dimension in (("marks", 0), ("lines", 1), ("areas", 2)):
-            parts, numbers = _parts(shapes, rows, dimension, origin)
-            if not parts or (kind == "marks" and len(parts) > _CROWDED):
-                continue
-            corners = np.concatenate(parts)
-            keep = max(1, math.ceil(len(corners) / _MOST_CORNERS))
-            parts = [np.concatenate([p[:-1:keep], p[-1:]]) if len(p) > 2 else p for p in parts]
-            yield Item(
-                "marks" if kind == "marks" else "lines",
-                named,
-                colour,
-                corners,
-                size=2.0,
-                parts=parts,
-                rows=numbers,
-                table=table,
-            )
-            if kind == "areas":
-                mesh = [_triangles(part) for part in parts]
-                xyz = np.concatenate([p for p, _ in mesh])
-                starts = np.concatenate([[0], np.cumsum([len(p) for p, _ in mesh])[:-1]])
-                corner = [t + s for (_, t), s in zip(mesh, starts.tolist(), strict=True)]
-                if sum(map(len, corner)):
-                    yield Item(
-                        "areas", f"{named}, filled", colour, xyz, triangles=np.concatenate(corner)
-                    )
-
-
-def _parts(
-    shapes: Any, rows: Any, dimension: int, origin: Floats
-) -> tuple[list[Floats], list[int]]:
-    """Corners of the points, lines or outlines of features, and the row of each."""
-    parts, numbers = [], []
-    for row in rows.tolist():
-        if shapes[row] is None:
-            continue
-        for part in shapely.get_parts(shapes[row]):
-            if part.is_empty or not part.has_z or shapely.get_dimensions(part) != dimension:
-                continue
-            ring = part.exterior if dimension == 2 else part
-            parts.append(shapely.get_coordinates(ring, include_z=True) - origin)
-            numbers.append(row)
-    return parts, numbers
-
-
-def _triangles(ring: Floats) -> tuple[Floats, NDArray[np.int64]]:
-    """Triangles that fill a flat outline in space, whichever way it faces."""
-    corners = ring[:-1]
-    none = corners[:0], np.zeros((0, 3), np.int64)
-    if len(corners) < 3:
-        return none
-    centre = corners.mean(axis=0)
-    axes = np.linalg.svd(corners - centre, full_matrices=False)[2][:2]
-    flat = shapely.make_valid(shapely.Polygon((corners - centre) @ axes.T))
-    made = shapely.get_parts(shapely.constrained_delaunay_triangles(flat))
-    if not len(made):
-        return none
-    uv = shapely.get_coordinates(made).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
-    normal = np.cross(axes[0], axes[1])
-    # heights of the corners come back from the outline itself, which may be a little bent
-    from scipy.spatial import cKDTree
-
-    _, nearest = cKDTree((corners - centre) @ axes.T).query(uv)
-    off = ((corners - centre) @ normal)[nearest]
-    xyz = centre + uv @ axes + off[:, None] * normal
-    return xyz, np.arange(len(xyz)).reshape(-1, 3)
-
-
 def _eye(towards: Floats, span: Floats) -> dict[str, float]:
     """The place of the eye for plotly: in lengths of the scene's mean edge."""
     size = np.ptp(span, axis=0) + 1e-6
     mean = float(np.prod(size)) ** (1 / 3)
-    far = 0.85 * float(np.hypot(size[0], size[1])) / mean + 0.4
+    far = 1.05 * float(np.hypot(size[0], size[1])) / mean + 0.4
     return dict(zip("xyz", np.round(towards * far, 3).tolist(), strict=True))
 
 

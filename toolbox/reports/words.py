@@ -16,7 +16,7 @@ from toolbox.pictures.images import LENGTHS
 
 _UNITS = {"1": "", "m2": "m²", "m3": "m³", "1/m": "1/m", "1/m2": "1/m²", "degC": "°C", "deg": "°"}
 _UNITS |= {"W/m2": "W/m²"}
-_SHARE = re.compile(r"share|ratio", re.I)
+_SHARE = re.compile(r"\bshare\b", re.I)
 
 
 def unit_text(unit: str | None) -> str:
@@ -35,6 +35,19 @@ def value_text(value: Any, unit: str | None) -> str:
     if unit in ("m2", "m3") and abs(value) >= 100:
         return f"{value:.0f}"
     return f"{value:.4g}" if abs(value) < 1000 else f"{value:.1f}"
+
+
+def result_text(value: Any, unit: str | None, help: str) -> tuple[str, str]:
+    """A result and its unit as they are shown; shares in percent.
+
+    Examples
+    --------
+    >>> result_text(0.3773, "1", "Share of points that are ground")
+    ('37.7', '%')
+    """
+    if unit == "1" and isinstance(value, float) and _SHARE.search(help):
+        return f"{value * 100:.1f}", "%"
+    return value_text(value, unit), unit_text(unit)
 
 
 def setting_text(value: Any) -> str:
@@ -79,10 +92,7 @@ def generic(spec: Spec, found: Mapping[str, Any]) -> str:
         field = spec.results[name]
         if field.kind.is_layer or value is None:
             continue
-        unit = unit_text(field.unit)
-        text = value_text(value, field.unit)
-        if field.unit == "1" and isinstance(value, float) and _SHARE.search(field.help):
-            text, unit = f"{value * 100:.1f}", "%"
+        text, unit = result_text(value, field.unit, field.help)
         parts.append(f"{field.help[:1].lower()}{field.help[1:]}: {text} {unit}".rstrip())
     if not parts:
         return f"{spec.title}: the results are on the map and in the tables below."

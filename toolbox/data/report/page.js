@@ -100,7 +100,7 @@
     if (group.shape === "point") return { ...made, mode: "markers", marker: { size: group.features.length > 500 ? 5 : 9, color: group.colour, line: { width: 1, color: "#fff" } } };
     const line = { color: group.colour, width: 2 };
     if (group.shape === "line") return { ...made, mode: "lines", line };
-    return { ...made, mode: "lines", line, fill: "toself", fillcolor: group.colour + "55" };
+    return { ...made, mode: "lines", line, fill: "toself", fillcolor: group.colour + "33" };
   };
   const keyOf = (key) => {
     const list = make("ul", { className: "key" });

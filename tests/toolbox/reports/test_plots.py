@@ -1,0 +1,109 @@
+"""Maps and views of reports hold the layers as they are."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import geopandas
+import numpy as np
+import shapely
+
+from toolbox import catalog
+from toolbox.data import PointCloud, Vector
+from toolbox.data.crs import parse_crs
+from toolbox.reports.maps import maps_of
+from toolbox.reports.space import space_of
+
+CRS = parse_crs("EPSG:32635+3855")
+SPEC = catalog.load("shoreline.extract")
+ORIGIN = np.array([500_000.0, 4_400_000.0, 0.0])
+
+
+def layer(shapes: list[Any], **columns: list[Any]) -> Vector:
+    moved = shapely.transform(np.array(shapes), lambda xyz: xyz + ORIGIN, include_z=True)
+    return Vector(geopandas.GeoDataFrame(columns, geometry=moved, crs=CRS))
+
+
+def cloud() -> PointCloud:
+    xyz = np.random.default_rng(2).uniform(0, 100, (5000, 3)) * (1, 1, 0.1)
+    more = {"intensity": np.arange(5000) % 200}
+    return PointCloud(xyz + ORIGIN, more, crs=CRS, name="points")
+
+
+def found() -> dict[str, Any]:
+    ring = shapely.Polygon(
+        [(10, 10, 3), (90, 10, 3), (90, 90, 3), (10, 90, 3)],
+        [[(40, 40, 3), (60, 40, 3), (60, 60, 3), (40, 60, 3)]],
+    )
+    edge = shapely.LineString([(10, 10, 3), (90, 10, 3)])
+    shore = shapely.LineString([(90, 10, 3), (90, 90, 3)])
+    corners = [shapely.Point(k / 100, 10, 3) for k in range(3500)]
+    return {
+        "water": layer([ring], body=[1]),
+        "shoreline": layer([edge, shore], kind=["data edge", "shore"]),
+        "vertices": layer(corners),
+    }
+
+
+def test_a_large_layer_takes_no_features_from_a_small_one() -> None:
+    ((title, plot),) = maps_of(SPEC, found(), {"points": cloud()})
+    assert title == "Map"
+    water, shoreline, vertices = plot.data["layers"]
+    assert {g["name"]: len(g["features"]) for g in shoreline["groups"]} == {
+        "edge of the data, no shore": 1,
+        "shore": 1,
+    }
+    assert len(vertices["groups"][0]["features"]) == 3000
+    assert "500 features have no room" in plot.picture.caption
+    assert (water["hidden"], vertices["hidden"]) == (False, True)
+    colours = [g["colour"] for part in plot.data["layers"] for g in part["groups"]]
+    assert len(set(colours)) == len(colours) == 4
+
+
+def test_holes_turn_the_other_way_so_that_they_stay_empty() -> None:
+    ((_, plot),) = maps_of(SPEC, found(), {})
+    ((row, (outer, hole)),) = plot.data["layers"][0]["groups"][0]["features"]
+    origin = np.array([plot.data["x0"], plot.data["y0"]])
+    turns = [shapely.LinearRing(np.reshape(ring, (-1, 2))).is_ccw for ring in (outer, hole)]
+    assert row == 0
+    assert turns[0] != turns[1]
+    assert np.allclose(np.reshape(outer, (-1, 2)).min(axis=0) + origin, ORIGIN[:2] + 10)
+
+
+def test_layers_that_lie_elsewhere_have_a_map_of_their_own() -> None:
+    drawing = Vector(geopandas.GeoDataFrame(geometry=[shapely.box(0, 0, 5, 3)]))
+    made = dict(maps_of(SPEC, {**found(), "vertices": drawing}, {"points": cloud()}))
+    assert list(made) == ["Map", "Drawing: vertices"]
+    assert made["Drawing: vertices"].data["bases"] == []
+    assert not made["Drawing: vertices"].data["north"]
+
+
+def test_the_view_holds_points_to_a_centimetre_and_fills_areas() -> None:
+    plot = space_of(SPEC, found(), {"points": cloud()})
+    assert plot is not None
+    data = plot.data
+    (points,) = data["clouds"]
+    steps = np.frombuffer(base64.b64decode(points["xyz"]), "<i2").reshape(-1, 3)
+    xyz = steps * data["step"] + data["origin"]
+    assert np.abs(xyz - cloud().xyz).max() < 0.01
+    (water,) = data["meshes"]
+    corners = np.reshape(water["xyz"], (-1, 3))[np.reshape(water["triangles"], (-1, 3))]
+    area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    assert area.sum() / 2 == 80 * 80 - 20 * 20
+    names = [line["name"] for line in data["lines"]]
+    assert names == ["Water", "Shoreline: edge of the data, no shore", "Shoreline: shore"]
+
+
+def test_the_same_layers_make_the_same_plots() -> None:
+    given = {"points": cloud()}
+    one, other = (list(maps_of(SPEC, found(), given)) for _ in range(2))
+    assert one == other
+    assert space_of(SPEC, found(), given) == space_of(SPEC, found(), given)
+
+
+def test_there_is_no_plot_where_nothing_has_a_place() -> None:
+    assert list(maps_of(SPEC, {"level": 3.0}, {})) == []
+    assert space_of(SPEC, {"level": 3.0}, {}) is None

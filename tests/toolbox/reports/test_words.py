@@ -1,0 +1,150 @@
+"""What reports say in words: results, settings, the head, and what was not looked at."""
+
+from __future__ import annotations
+
+from datetime import date
+from pathlib import Path
+
+import geopandas
+import numpy as np
+import pytest
+import shapely
+
+import toolbox
+from toolbox import catalog
+from toolbox.cli.main import main
+from toolbox.cli.replay import replay
+from toolbox.data import PointCloud, Rows, Table, Vector
+from toolbox.data.crs import parse_crs
+from toolbox.data.report import Column
+from toolbox.reports import words
+from toolbox.reports.page import page
+
+CRS = parse_crs("EPSG:28992+5709")
+SECONDS = 1.0e9  # adjusted standard GPS time is less by so many
+
+
+def gps(day: date) -> float:
+    """Adjusted standard GPS time of noon on a day."""
+    return (day - date(1980, 1, 6)).days * 86400.0 + 43200.0 - SECONDS
+
+
+def cloud(times: np.ndarray | None = None) -> PointCloud:
+    xyz = np.random.default_rng(1).uniform(0, 50, (400, 3)) + np.array([1e5, 4e5, 0])
+    return PointCloud(xyz, {} if times is None else {"gps_time": times}, crs=CRS)
+
+
+def facts(tmp_path: Path, points: PointCloud, **options: object) -> dict[str, str]:
+    points.save(tmp_path / "a.laz")
+    place = tmp_path / "a.html"
+    toolbox.run("surface.grid", {"points": tmp_path / "a.laz", "page": {"path": place, **options}})
+    text = place.read_text().partition('<dl class="facts">')[2].partition("</dl>")[0]
+    cells = [part.partition("</d")[0] for part in text.replace("<dd>", "<dt>").split("<dt>")[1:]]
+    return dict(zip(cells[::2], cells[1::2], strict=True))
+
+
+@pytest.mark.slow
+def test_the_head_tells_project_survey_and_reference_system(tmp_path: Path) -> None:
+    times = np.linspace(gps(date(2021, 5, 27)), gps(date(2021, 5, 28)), 400)
+    project = {"client": "City", "fields": {"Contract": "7 < 8"}, "date": "2026-01-02"}
+    found = facts(tmp_path, cloud(times), title="Terrain of the city", **project)
+    assert found["Client"] == "City"
+    assert found["Contract"] == "7 &lt; 8"
+    assert found["Date of the report"] == "2026-01-02"
+    assert found["Date of the survey"] == "2021-05-27 to 2021-05-28"
+    assert found["Coordinates"].startswith("EPSG:28992+5709")
+    assert found["Heights"] == "NAP height"
+    assert found["Input"] == "Points: a.laz"
+    assert "Cell size 1 m" in found["Settings"] or "Cell 1 m" in found["Settings"]
+    text = (tmp_path / "a.html").read_text()
+    assert "<h1>Terrain of the city</h1>" in text
+    assert replay(tmp_path / "a.html") == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [None, np.linspace(100.0, 600.0, 400)])
+def test_a_survey_that_does_not_tell_its_date_is_said_so(
+    times: np.ndarray | None, tmp_path: Path
+) -> None:
+    """Seconds of a week do not tell which week."""
+    assert facts(tmp_path, cloud(times))["Date of the survey"].startswith("not known")
+
+
+@pytest.mark.slow
+def test_style_and_logo_do_not_change_what_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1767225600")
+    (tmp_path / "own.css").write_text(":root { --accent: #7a1f3d; } </style><b>")
+    (tmp_path / "logo.svg").write_text("<svg xmlns='http://www.w3.org/2000/svg'/>")
+    looks = {"style": tmp_path / "own.css", "logo": tmp_path / "logo.svg"}
+    assert facts(tmp_path, cloud(), **looks)["Date of the report"] == "2026-01-01"
+    text = (tmp_path / "a.html").read_text()
+    assert "--accent: #7a1f3d; } <\\/style>" in text
+    assert '<img class="logo" src="data:image/svg+xml;base64,' in text
+    assert replay(tmp_path / "a.html") == []
+
+
+def test_project_words_need_a_report(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "surface.grid", "--points", "a.laz", "--title", "A"]) == 2
+    assert "title: is for a report, and none is written" in capsys.readouterr().err
+
+
+def test_every_warning_of_a_run_is_on_its_report(tmp_path: Path) -> None:
+    """Also where the command line is told to be quiet."""
+    points = cloud().with_crs(parse_crs("local"))
+    points.save(tmp_path / "a.csv")
+    place = tmp_path / "a.html"
+    said = ["--points", str(tmp_path / "a.csv"), "--assume-crs", "local", "--page", str(place)]
+    assert main(["run", "shoreline.extract", *said, "--quiet"]) == 0
+    warned = place.read_text().partition('id="warnings"')[2].partition("</ul>")[0]
+    assert "no water was found" in warned
+
+
+def test_numbers_are_made_a_sentence_where_a_tool_says_none() -> None:
+    spec = catalog.load("compare.planes")
+    found = {"count": 3} if "count" in spec.outputs else {}
+    made = page(spec, found, None)
+    assert made.summary.endswith(".")
+    assert all(str(value) in made.summary for value in found.values())
+
+
+def test_what_was_not_looked_at_is_told_by_the_outputs() -> None:
+    outputs = catalog.load("shoreline.extract").make.Outputs
+    row = {"body": 1, "open_length": 40.0, "perimeter": 100.0, "geometry": shapely.Point(0, 0)}
+    water = Vector(geopandas.GeoDataFrame([row], geometry="geometry", crs=CRS))
+    numbers = {"level": 3.5, "level_error": 0.01, "level_interval": 0.02, "area": 900.0, "count": 1}
+    made = outputs(water=water, shoreline=water, vertices=water, **numbers)
+    assert made.in_words() == (
+        "One water body of 900 m² in all; its level is 3.500 m, ± 0.020 m (95 % interval)."
+    )
+    (unseen,) = made.not_looked_at()
+    assert "40 of 100 m of its outline is the edge of the data" in unseen
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [(0.25, "1", "0.25"), (-0.2597, "m", "-0.260"), (102431.4, "m2", "102431"), (7, "1", "7")],
+)
+def test_values_have_digits_that_tell_something(value: float, unit: str, text: str) -> None:
+    assert words.value_text(value, unit) == text
+
+
+def test_columns_are_shown_as_declared() -> None:
+    table = Table.from_rows([{"clearance": 1.2345, "seen": 0.5, "cov": 3.0, "gone": None}])
+    columns = {
+        "clearance": Column("Clearance", "m", 2),
+        "seen": Column("Seen", "%", 0, 100.0),
+        "cov": Column(""),
+    }
+    rows = Rows(table, columns=columns)
+    assert [column.heading for column, _ in rows.headings] == ["Clearance", "Seen"]
+    assert rows.cells == [["1.23", "50"]]
+
+
+def test_features_are_listed_with_places_in_both_systems() -> None:
+    frame = geopandas.GeoDataFrame({"n": [1]}, geometry=[shapely.Point(155000, 463000, 5)], crs=CRS)
+    (row,) = Vector(frame).listed().rows()
+    assert (row["easting"], row["northing"], row["elevation"]) == (155000, 463000, 5)
+    assert row["latitude"] == pytest.approx(52.15517, abs=1e-4)  # the tower of Amersfoort
+    assert row["longitude"] == pytest.approx(5.38721, abs=1e-4)

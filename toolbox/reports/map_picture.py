@@ -1,0 +1,138 @@
+"""The map of a report on paper: the same image, layers and colours as on the screen, with a key."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from toolbox.pictures.images import Image, Ramp
+from toolbox.pictures.maps import INK, round_length
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_DPI, _WIDTH = 130, 7.2  # inches
+_TALLEST, _FLATTEST = 1.25, 0.35  # height to width
+_ROOM = "#e9edf1"
+
+
+def map_png(data: Mapping[str, Any], image: Image | None) -> bytes:
+    """The map as a PNG.
+
+    Parameters
+    ----------
+    data : as the page draws it, see `toolbox.reports.maps`
+    image : what lies below; None for nothing
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    west, south, east, north = _in_proportion(data["bounds"])
+    x0, y0 = data["x0"], data["y0"]
+    shape = (north - south) / (east - west)
+    tall = _WIDTH * shape + 0.5
+    figure = Figure(figsize=(_WIDTH, tall), facecolor="white")
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.08, 0.45 / tall, 0.9, 0.9 * _WIDTH * shape / tall))
+    axes.set_facecolor(_ROOM)
+    if image is not None:
+        left, bottom, right, top = image.bounds
+        axes.imshow(image.rgba, extent=(left, right, bottom, top), interpolation="auto")
+    for layer in data["layers"]:
+        for group in layer["groups"] if not layer["hidden"] else ():
+            _draw(axes, group, x0, y0)
+    axes.set(xlim=(x0 + west, x0 + east), ylim=(y0 + south, y0 + north), aspect="equal")
+    axes.set_xlabel(data["axes"][0], fontsize=7, color=INK)
+    axes.set_ylabel(data["axes"][1], fontsize=7, color=INK)
+    axes.ticklabel_format(useOffset=False, style="plain")
+    axes.locator_params(nbins=5)
+    axes.tick_params(labelsize=6.5, colors=INK, length=2.5, width=0.5)
+    _scale(axes, data, east - west)
+    if handles := [*_of_layers(data["layers"]), *_of_image(image)]:
+        key = axes.legend(handles=handles, loc="upper left", ncols=3, fontsize=7, frameon=False)
+        key.set_bbox_to_anchor((0, -0.45 / (_WIDTH * shape)))
+    made = io.BytesIO()
+    how: dict[str, Any] = {"bbox_inches": "tight", "metadata": {"Software": None}}
+    figure.savefig(made, dpi=_DPI, format="png", **how)
+    return made.getvalue()
+
+
+def _in_proportion(bounds: Sequence[float]) -> tuple[float, float, float, float]:
+    """Bounds that are neither too flat nor too tall for a page."""
+    west, south, east, north = bounds
+    width = max(east - west, (north - south) / _TALLEST)
+    height = max(north - south, width * _FLATTEST)
+    x, y = (west + east) / 2, (south + north) / 2
+    return x - width / 2, y - height / 2, x + width / 2, y + height / 2
+
+
+def _draw(axes: Axes, group: Mapping[str, Any], x0: float, y0: float) -> None:
+    from matplotlib.collections import LineCollection, PathCollection
+    from matplotlib.path import Path
+
+    origin = np.array([x0, y0])
+    features = [
+        [np.reshape(part, (-1, 2)) + origin for part in parts] for _, parts in group["features"]
+    ]
+    flat = [part for parts in features for part in parts]
+    colour = group["colour"]
+    if group["shape"] == "point":
+        x, y = np.concatenate(flat).T
+        axes.scatter(x, y, s=22, c=colour, edgecolors="white", linewidths=0.7, zorder=4)
+        return
+    if group["shape"] == "area":
+        areas = [Path.make_compound_path(*(Path(p, closed=True) for p in f)) for f in features]
+        axes.add_collection(PathCollection(areas, facecolor=f"{colour}33", edgecolor="none"))
+    axes.add_collection(LineCollection(flat, colors=colour, linewidths=1.3, zorder=3))
+
+
+def _scale(axes: Axes, data: Mapping[str, Any], width: float) -> None:
+    """A scale bar, and an arrow to the north."""
+    how: dict[str, Any] = {"transform": axes.transAxes, "color": INK, "zorder": 6}
+    if data["metre"]:
+        length = round_length(width / data["metre"] / 5)
+        share = length * data["metre"] / width
+        axes.plot([0.03, 0.03 + share], [0.03, 0.03], lw=2.5, **how)
+        text = f"{length / 1000:g} km" if length >= 1000 else f"{length:g} m"
+        box = {"facecolor": "#ffffffd8", "edgecolor": "none", "pad": 1.5}
+        axes.text(0.03, 0.04, text, fontsize=7, bbox=box, va="bottom", **how)
+    if data["north"]:
+        axes.text(0.97, 0.03, "▲\nN", fontsize=8, ha="center", va="bottom", **how)
+
+
+def _of_layers(layers: Sequence[Mapping[str, Any]]) -> Iterator[Any]:
+    """The key of the layers."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    for layer in layers:
+        for group in layer["groups"] if not layer["hidden"] else ():
+            name, colour = group["name"], group["colour"]
+            label = name if name == layer["name"] else f"{layer['name']}: {name}"
+            if group["shape"] == "point":
+                dot: dict[str, Any] = {"ls": "none", "marker": "o", "markeredgecolor": "white"}
+                yield Line2D([], [], color=colour, label=label, **dot)
+            elif group["shape"] == "line":
+                yield Line2D([], [], color=colour, lw=1.5, label=label)
+            else:
+                yield Patch(facecolor=f"{colour}33", edgecolor=colour, label=label)
+
+
+def _of_image(image: Image | None) -> Iterator[Any]:
+    """The key of the image; of continuous colours the ends and the middle."""
+    from matplotlib.patches import Patch
+
+    if image is None:
+        return
+    looks: list[tuple[str, Any]]
+    if isinstance(key := image.key, Ramp):
+        colours, span = key.colour_map(), key.high - key.low
+        shares = (0.0, 0.5, 1.0)
+        looks = [(f"{key.label}: {key.low + s * span:.4g}", colours(s)) for s in shares]
+    else:
+        looks = list(key.values())
+    for name, colour in looks:
+        yield Patch(facecolor=colour, edgecolor="#00000033", label=name)

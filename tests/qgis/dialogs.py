@@ -99,6 +99,7 @@ def differences(algorithm: Any, given: dict[str, str]) -> list[str]:
 def check() -> None:
     cloud, raster, features, folder = WORDS
     layers = {"pointcloud": cloud, "raster": raster, "vector": features, "table": features}
+    layers |= {"crs": "EPSG:32635"}
     found = {}
     for each in provider.algorithms():
         algorithm = each.create()

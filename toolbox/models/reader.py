@@ -281,13 +281,14 @@ class _ModelFile:
                 self.problems[f"outputs.{name}"] = problem
             elif isinstance(link, Reference) and not any(map(self._excused, link.names)):
                 first = known[link.names[0]]
+                theirs = first.label if first.name.rpartition(".")[2] == name else ""
                 sure = is_sure(link.names, None, known, steps)
                 returns[name] = link
                 outs[name] = dataclasses.replace(
                     first,
                     name=name,
                     help=str(help or first.help),
-                    label=str(label or (first.label if first.name == name else "")),
+                    label=str(label or theirs),
                     optional=not sure,
                 )
         return returns, outs

@@ -227,7 +227,7 @@ def _points(field: dict[str, Any], name: str, label: str, default: Any, empty: b
 def _crs(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
     """A CRS; that of files which state none may be none at all."""
     made = AnyCrs if field.get("option") else _parameter("Crs")
-    return made(name, label, default, True)
+    return made(name, label, default, not field["required"])
 
 
 def _text(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:

@@ -16,6 +16,7 @@ from qgis.core import (
     QgsCoordinateReferenceSystem,
     QgsMapLayerType,
     QgsProcessingModelChildParameterSource,
+    QgsProcessingParameterDefinition,
     QgsProject,
     QgsSettings,
 )
@@ -52,7 +53,7 @@ class _Row(QWidget):
         super().__init__()
         self.box = box
         box.setEditable(True)
-        box.setSizeAdjustPolicy(QComboBox.AdjustToMinimumContentsLengthWithIcon)
+        box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         box.setMinimumContentsLength(12)
         self.row = QHBoxLayout(self)
         self.row.setContentsMargins(0, 0, 0, 0)
@@ -252,7 +253,7 @@ class ChoiceWidget(_Wrapper):
     def made(self, parameter: Any) -> Any:
         row = _Row(QComboBox())
         row.box.setEditable(False)
-        if parameter.flags() & parameter.FlagOptional:
+        if parameter.flags() & QgsProcessingParameterDefinition.FlagOptional:
             row.box.addItem("", None)
         for word, name in zip(parameter.shown, parameter.options()):
             row.box.addItem(word, name)

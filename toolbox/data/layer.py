@@ -8,6 +8,7 @@ framework asks of which class a layer is.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from html import escape
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkable
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context
+from toolbox.data.crs import describe_crs
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
@@ -134,6 +136,22 @@ class Layer(Protocol):
         columns : how columns are shown, by name
         """
         return ()
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a small table of size, CRS, bounds and attributes."""
+        count = self.size()
+        rows = {"size": self.size_text() or ("" if count is None else f"{count:,}")}
+        if self.is_spatial:
+            rows["CRS"] = describe_crs(self.crs)
+            rows["bounds"] = ", ".join(f"{value:.10g}" for value in self.bounds)
+        rows["attributes"] = ", ".join(self.names)
+        body = "".join(
+            f"<tr><th>{title}</th><td>{escape(text)}</td></tr>"
+            for title, text in rows.items()
+            if text
+        )
+        name = escape(getattr(self, "name", "") or "in memory")
+        return f"<table><caption>{type(self).__name__} {name}</caption>{body}</table>"
 
     def differences(self, now: Self) -> Iterator[str]:
         """What differs in a later version of the layer, apart from the CRS, in words."""

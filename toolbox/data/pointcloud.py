@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,6 +38,10 @@ from toolbox.errors import DataError, nearest
 
 _EPOCH = datetime(1980, 1, 6, tzinfo=UTC) - timedelta(seconds=18)  # leap seconds since 2017
 _FIRST_TIME = -7.0e8  # adjusted standard GPS time, in July 1989: before there were such surveys
+
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class PointCloud(Layer):
@@ -103,6 +107,60 @@ class PointCloud(Layer):
         self._columns = _columns(attributes or {}, self._size)
         self._descriptions = dict(descriptions or {})
         self.crs, self.name = crs, name
+
+    @classmethod
+    def from_arrays(
+        cls,
+        x: ArrayLike,
+        y: ArrayLike,
+        z: ArrayLike,
+        *,
+        crs: CRS | None = None,
+        name: str = "",
+        **attributes: ArrayLike,
+    ) -> PointCloud:
+        """Points of three arrays of coordinates, with attributes by name.
+
+        Raises
+        ------
+        DataError
+            The arrays are of different lengths, or hold no numbers.
+
+        Examples
+        --------
+        >>> PointCloud.from_arrays([0, 1], [0, 0], [5, 6], classification=[2, 6])["z"]
+        array([5., 6.])
+        """
+        axes = [np.asarray(axis, np.float64) for axis in (x, y, z)]
+        if len({axis.shape for axis in axes}) > 1 or axes[0].ndim != 1:
+            shapes = ", ".join(str(axis.shape) for axis in axes)
+            raise DataError(f"x, y and z must be three arrays of one length, got {shapes}")
+        return cls(np.column_stack(axes), attributes, crs=crs, name=name)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A table of pandas with x, y, z and all attributes, one row per point.
+
+        An attribute of several elements becomes several columns, `name_0`, `name_1`, ...; the CRS
+        is in `attrs["crs"]` of the table, as a text.
+
+        Examples
+        --------
+        >>> PointCloud([[0, 0, 5.0]], {"classification": [2]}).to_dataframe()
+             x    y    z  classification
+        0  0.0  0.0  5.0               2
+        """
+        import pandas as pd
+
+        columns: dict[str, NDArray[Any]] = {axis: self[axis] for axis in self.axes}
+        for name in self.names:
+            values = self[name]
+            if values.ndim == 1:
+                columns[name] = values
+            else:
+                columns |= {f"{name}_{k}": values[:, k] for k in range(values.shape[1])}
+        frame = pd.DataFrame(columns)
+        frame.attrs["crs"] = crs_to_json(self.crs)
+        return frame
 
     @classmethod
     def open(

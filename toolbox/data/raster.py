@@ -396,6 +396,39 @@ class Raster(Layer):
         """Length of one metre in the unit of the coordinates; 1.0 without a CRS."""
         return 1 / metres_per_unit(self.crs)
 
+    def to_xarray(self) -> Any:
+        """The raster as a DataArray of xarray, with the dimensions band, y and x.
+
+        Coordinates are those of the centres of cells; `spatial_ref` says the CRS as rioxarray and
+        CF have it. Integers keep their type, and what marks cells without a value.
+
+        Raises
+        ------
+        DataError
+            xarray is not installed.
+        """
+        try:
+            import xarray
+        except ImportError as error:
+            raise DataError("xarray is not installed: pip install lidar-toolbox[xarray]") from error
+        x, y = Lattice.of(self).centres()
+        place = " ".join(map(repr, self.transform.to_gdal()))
+        reference = {"GeoTransform": place} | (
+            {"crs_wkt": self.crs.to_wkt(), "spatial_ref": self.crs.to_wkt()} if self.crs else {}
+        )
+        texts = {"long_name": self.descriptions, "units": self.units}
+        said: dict[str, Any] = {name: text for name, text in texts.items() if any(text)}
+        if self.nodata is not None and self.values.dtype.kind != "f":
+            said["_FillValue"] = self.nodata
+        numbers = np.arange(1, len(self.values) + 1)
+        return xarray.DataArray(
+            self.values,
+            dims=("band", "y", "x"),
+            coords={"band": numbers, "y": y, "x": x, "spatial_ref": ((), 0, reference)},
+            name=self.name or None,
+            attrs=said,
+        )
+
     def band(self, i: int = 1) -> NDArray[np.float64]:
         """Band i, counted from 1, as a new array of shape (rows, cols) with NaN for nodata.
 

@@ -108,3 +108,15 @@ def test_what_has_no_file_format_is_not_written() -> None:
 
     with pytest.raises(DataError, match=r"a\.txt: a Strange is not written"):
         Strange().save("a.txt")
+
+
+def test_a_notebook_shows_a_table() -> None:
+    points = PointCloud([[1.0, 2.0, 3.0]], {"own": [1]}, crs=CRS(32635), name="a<b>.laz")
+    html = points._repr_html_()
+    assert html.startswith("<table><caption>PointCloud a&lt;b&gt;.laz</caption>")
+    assert "<td>1 points</td>" in html
+    assert "<td>EPSG:32635 WGS 84 / UTM zone 35N</td>" in html
+    assert "<td>1, 2, 3, 1, 2, 3</td>" in html
+    assert "<td>own</td>" in html
+    for layer in (CELLS, Table(pd.DataFrame({"a": [1]}))):
+        assert layer._repr_html_().startswith(f"<table><caption>{type(layer).__name__} in memory")

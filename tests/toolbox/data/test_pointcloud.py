@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pyproj import CRS
 
 from toolbox.data import PointCloud
 from toolbox.data.crs import parse_crs
@@ -217,3 +218,15 @@ def test_attributes_that_only_some_clouds_got(
     assert not caplog.text  # nobody lacks it
     with pytest.raises(DataError, match="has no LAS records"):
         cloud.like(las)
+
+
+def test_as_a_data_frame() -> None:
+    several = np.arange(6).reshape(2, 3)
+    points = PointCloud.from_arrays([0, 1], [2, 3], [4, 5], crs=CRS(32635), rgb=several, own=[7, 8])
+    frame = points.to_dataframe()
+    assert list(frame) == ["x", "y", "z", "rgb_0", "rgb_1", "rgb_2", "own"]
+    assert frame["rgb_1"].tolist() == [1, 4]
+    assert frame["y"].tolist() == [2.0, 3.0]
+    assert frame.attrs["crs"] == "EPSG:32635"
+    with pytest.raises(DataError, match=r"three arrays of one length, got \(2,\), \(1,\), \(2,\)"):
+        PointCloud.from_arrays([0, 1], [2], [4, 5])

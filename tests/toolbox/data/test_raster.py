@@ -447,3 +447,18 @@ def test_band_on_the_way_into_a_tool(tmp_path: Path) -> None:
         toolbox.run("surface.hillshade", {"surface": tmp_path / "a.tif"})
     shade = toolbox.run("surface.hillshade", {"surface": {"path": tmp_path / "a.tif", "band": "2"}})
     assert np.nanmean(shade["hillshade"].values) < 230
+
+
+def test_as_xarray() -> None:
+    values = np.array([[1, 2], [3, 255]], np.uint8)
+    lattice = Lattice(500_000, 4_600_000, 2.0, 2, 2)
+    raster = Raster.from_lattice(
+        values, lattice, crs=CRS(32635), nodata=255, descriptions=["class"], units=[""]
+    )
+    array = raster.to_xarray()
+    assert array.dtype == np.uint8
+    assert array.sel(band=1, x=500_003, y=4_599_999).item() == 2
+    assert array.attrs == {"long_name": ("class",), "_FillValue": 255}
+    reference = array.spatial_ref.attrs
+    assert CRS(reference["crs_wkt"]) == CRS(32635)
+    assert reference["GeoTransform"] == "500000.0 2.0 0.0 4600000.0 0.0 -2.0"

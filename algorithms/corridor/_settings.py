@@ -42,15 +42,11 @@ class Points:
     company_side: float = surveyed(
         2.0, "m", "side in plan of a box in which a point has others, or is an error"
     )
-    company_height: float = surveyed(1.0, "m", "height of that box")
     company_share: float = tried(
         0.9, "1", "share of the points with such company, from which the others are errors"
     )
     plane_points: int = tried(
         8, "points", "of the ground, through which the plane under a support is laid"
-    )
-    seen_cell: float = surveyed(
-        2.0, "m", "side of the cells that tell where anything was seen, and how densely"
     )
     area_cells: int = tried(
         6, "cells", "of the eight around one that hold points where points lie in an area"
@@ -66,11 +62,10 @@ class Trace:
 
     crowd_voxel: float = tried(1.0, "m", "side of the voxels in which points are crowded")
     crowd_reach: int = tried(2, "voxels", "to each side that may crowd a wire")
-    uncrowded_wires: float = built(6.0, "wires", "side by side that leave a voxel uncrowded")
-    least_eighths: float = surveyed(7.0, "voxels / 8", "that one wire fills in 5 m, at least")
-    most_eighths: float = surveyed(14.0, "voxels / 8", "that one wire fills in 5 m, at most")
+    least_eighths: float = surveyed(42.0, "voxels / 8", "that wires fill in 5 m, at least")
+    most_eighths: float = surveyed(84.0, "voxels / 8", "that wires fill in 5 m, at most")
     eighths_per_density: float = surveyed(
-        1.5, "voxels / 8 m2", "that one wire fills in 5 m, per point / m2"
+        9.0, "voxels / 8 m2", "that six wires side by side fill in 5 m, per point / m2"
     )
     shortest_curve: float = tried(10.0, "m", "length of a curve that is kept")
     seed_reach: float = tried(
@@ -79,16 +74,12 @@ class Trace:
     steepest: float = built(0.7, "m / m", "rise over run of a wire")
     least_seed: float = tried(3.5, "m", "of the straight piece with points, where a wire may begin")
     look_share: float = tried(0.4, "1", "share of what is known of a wire by which one looks ahead")
-    look_least: float = tried(
-        3.0, "m", "by which one looks ahead at least; at most by the straight piece"
-    )
     usual_bend: float = built(
         1e-4, "1 / m", "second coefficient of the offset along a wire, by a wind from the side"
     )
     usual_sag: float = built(
         3e-3, "1 / m", "second coefficient of the height along a wire, by its weight"
     )
-    least_rms: float = surveyed(0.04, "m", "scatter of points about a curve, at least")
     widest: float = tried(2.5, "tolerances", "where a curve is extrapolated far")
     resuming_share: float = tried(
         0.3, "1", "share of the usual number of points that must be found after a gap"
@@ -99,7 +90,6 @@ class Trace:
 class Fit:
     """How a catenary is fitted to points."""
 
-    least_sigma: float = surveyed(0.005, "m", "scatter of the points of a wire, at least")
     known_curvature: float = built(
         0.1, "1", "standard deviation of a curvature known of other wires, as a share of it"
     )
@@ -115,12 +105,10 @@ class Curves:
         "1",
         "share of a curve along which it stands out from its surroundings, of what may be wire",
     )
-    sure_share: float = tried(0.7, "1", "the same of a wire by itself")
     sure_length: float = tried(30.0, "m", "length from which a curve is a wire by itself")
     fine_length: float = tried(18.0, "m", "the same of a clean curve")
     fine_points: int = tried(20, "points", "of a clean curve")
     fine_rms: float = tried(0.3, "tolerances", "scatter of a clean curve")
-    fewest_points: int = unlikely(7, "points", "of a curve")
     roughest: float = tried(0.8, "tolerances", "scatter of anything that may be wire")
     largest_c: float = built(5000.0, "m", "most tension over weight of a wire")
     smallest_c: float = built(30.0, "m", "least tension over weight of a wire")
@@ -131,9 +119,6 @@ class Curves:
     alone_share: float = tried(
         0.2, "1", "share of a wire along which there is no clutter, at least"
     )
-    isolated_step: float = tried(
-        2.0, "m", "along a curve, for which its surroundings are looked at"
-    )
     isolated_share: float = tried(
         0.55, "1", "share of a curve with points, and nothing around it, of a sure wire"
     )
@@ -141,7 +126,6 @@ class Curves:
     own_radius: float = tried(2.0, "tolerances", "around a wire that are its own")
     hanger_width: float = surveyed(0.3, "m", "half width of what hangs from a curve")
     hanger_depth: float = built(5.0, "m", "depth of what hangs from a curve")
-    hanger_step: float = built(5.0, "m", "along a curve, for which hangers are counted")
     hanger_share: float = tried(
         0.4, "1", "share of the steps with hangers, from which a curve carries something"
     )
@@ -151,10 +135,6 @@ class Curves:
 class Roofs:
     """Which curves are ridges or edges of roofs."""
 
-    length: float = tried(4.0, "m", "of the cells beside a curve")
-    width: float = tried(0.25, "m", "of the cells beside a curve")
-    columns: int = tried(6, "cells", "to each side of a curve")
-    filled: float = tried(0.6, "1", "share of these with a surface, at least")
     open: float = tried(0.2, "1", "share of these with points below the surface, at most")
     slope: float = built(2.0, "m / m", "rise over run of the steepest roof")
     share: float = tried(0.4, "1", "share of a curve: more of it is the ridge or edge of a roof")
@@ -166,10 +146,11 @@ class Network:
 
     join_gap: float = built(14.0, "m", "along, between wires that meet at a support")
     join_aside: float = built(3.0, "m", "aside, between wires that meet at a support")
-    join_height: float = built(1.5, "m", "up, between wires that meet at a support")
     parallel: float = built(6.0, "degrees", "between wires of one line")
-    same_curve: float = tried(0.25, "m", "from a curve, within which what runs beside it is itself")
     line_width: float = built(15.0, "m", "aside, and up, to the other wires of a line")
+    telling_length: float = tried(
+        8.0, "m", "along which two wires are beside each other, or one passes a support, to tell so"
+    )
     longest_missing: float = tried(60.0, "m", "of a wire that may be missing")
     bundle_width: float = built(0.6, "m", "within which conductors form a bundle")
 
@@ -189,9 +170,9 @@ class Structures:
     contact_aside: float = built(
         0.5, "m", "from a messenger wire aside to its contact wire, at most"
     )
-    contact_gap: float = built(0.25, "m", "between these two, at least")
     contact_step: float = tried(3.0, "m", "along these two, for which both are looked for")
-    contact_share: float = tried(0.6, "1", "share of the steps along which both are seen")
+    fewest: int = unlikely(5, "1", "points, steps or crossings by which something is known")
+    filled: float = tried(0.6, "1", "share of steps or cells with points, where something goes on")
     contact_scatter: float = surveyed(0.12, "m", "of both from parabolas")
     contact_bend: float = built(
         0.35, "1", "share of the curvature of the messenger wire: the contact wire has less"
@@ -205,9 +186,7 @@ class Structures:
     messenger_height: float = built(
         10.0, "m", "above the rails: 6.5 of the contact wire, and what holds it"
     )
-    fewest_steps: int = unlikely(5, "steps", "with both, through which parabolas are laid")
     contact_span: float = built(70.0, "m", "longest span of a contact line")
-    contact_piece: float = tried(30.0, "m", "pieces in which a longer curve is looked at")
     level_share: float = tried(
         0.3, "1", "share of these pieces that hold something level; some lie at masts"
     )
@@ -217,24 +196,21 @@ class Structures:
     carrier_long: float = built(4.0, "m", "length of it along the rope")
     carrier_size: float = built(0.5, "m", "across it, more than wires are thick")
     carrier_room: float = built(2.0, "m", "of empty air around it")
-    carrier_points: int = unlikely(5, "points", "of one carrier")
-    carrier_gap: float = surveyed(1.0, "m", "along the rope between points of one carrier")
+    body_gap: float = surveyed(1.0, "m", "between points of one body, a carrier or a deck, at most")
     carrier_end: float = built(
         6.0, "m", "from the ends of a rope, where there are insulators and jumpers"
     )
     bridge_span: float = built(50.0, "m", "shortest span of a cable of a bridge")
     bridge_sag: float = built(1 / 15, "1", "share of its span: more than wires sag")
-    deck_below: float = built(4.0, "m", "from the lowest point of a cable down to the deck")
-    deck_aside: float = built(4.0, "m", "from the lowest point of a cable aside to the deck")
+    deck_room: float = built(
+        4.0, "m", "from the lowest point of a cable down and aside to the deck"
+    )
     deck_along: float = built(
         0.1, "1", "share of the span, to both sides of the lowest point, where the deck is"
     )
-    deck_cell: float = surveyed(1.0, "m", "side of the cells in which the deck shows")
-    deck_filled: float = tried(0.6, "1", "share of these cells with points")
     mesh_height: float = built(0.4, "m", "up, between wires that are tied")
     mesh_gap: float = built(12.0, "m", "between two crossings of a wire in a mesh, at most")
     mesh_least: float = built(1.0, "m", "between two crossings of a wire in a mesh, at least")
-    mesh_crossings: int = tried(5, "crossings", "one after another, of a wire in a mesh")
     tied_crossings: int = tried(2, "crossings", "of wires in a mesh, for which another one is too")
     mesh_angle: float = built(30.0, "degrees", "between wires that cross")
 
@@ -248,9 +224,6 @@ class Structures:
 class Tracks:
     """How curves become one track per wire."""
 
-    height_jump: float = tried(
-        2.0, "tolerances", "by which heights jump where a curve changes over to another wire"
-    )
     hole: float = tried(2.0, "m", "without points, where it may")
     chain_gap: float = tried(25.0, "m", "along, between tracks of one wire")
     chain_aside: float = tried(
@@ -260,7 +233,6 @@ class Tracks:
     chain_overlap: float = tried(
         0.7, "tolerances", "aside and up, between tracks of one wire that overlap"
     )
-    end: float = tried(15.0, "m", "at the end of a track, that tell where it goes on")
     end_points: int = tried(12, "points", "at the end of a track, that tell where it goes on")
 
 
@@ -271,25 +243,16 @@ class Lanes:
     sparse: float = tried(
         1.0, "points / m", "of a track, from which each wire is followed by itself"
     )
-    least_overlap: float = tried(
-        8.0, "m", "of two tracks beside each other that tell their distance"
-    )
     straight_gap: float = built(
         15.0, "m", "between two points of a track, between which it is straight"
     )
     same: float = tried(0.4, "m", "aside and up, within which two tracks are of one lane")
     wander: float = tried(0.15, "m", "median by which the distance of two tracks varies")
-    half_width: float = tried(0.3, "m", "from the middle of a lane, of what may be wire")
-    clutter: float = tried(
-        0.9, "m", "from the middle of a wire that is expected, of what may crowd it"
-    )
     tie: float = surveyed(
         0.05, "m", "a point is of more than one lane where these lie above each other"
     )
     ahead: float = built(200.0, "m", "before and behind an alignment that are looked at")
-    aside: float = built(60.0, "m", "to the sides of an alignment that are looked at")
     offset_step: float = tried(10.0, "m", "of an alignment for which one offset is taken")
-    end: float = tried(60.0, "m", "at the end of an alignment that tell where it goes on")
     rounds: int = tried(
         2, "rounds", "lanes that were not seen beside others may be, once these go on"
     )
@@ -322,7 +285,6 @@ class Arcs:
         "scatter of a wire that locates supports, and of what surely is on a wire",
     )
     coarse_bins: int = tried(3, "bins", "put together to find the common curvature")
-    tried_ratio: float = tried(1.3, "1", "ratio of the curvatures that are tried one after another")
     least_tried: float = built(1 / 3000, "1 / m", "least curvature that is tried")
     most_tried: float = built(1 / 100, "1 / m", "largest curvature that is tried")
     curvature_spread: float = built(
@@ -330,7 +292,6 @@ class Arcs:
     )
     shortest_span: float = built(20.0, "m", "between two supports")
     least_scatter: float = surveyed(0.03, "m", "of a point, at least")
-    offset_blur: float = tried(0.15, "m", "scatter of the mean offset of many points, at least")
     wander_length: float = surveyed(
         25.0,
         "m",
@@ -353,15 +314,10 @@ class Arcs:
     )
     arm_aside: float = built(1.0, "m", "aside of the wires that arms may reach")
     arm_above: float = built(1.2, "m", "above the wires that arms may reach")
-    arm_below: float = built(0.3, "m", "below the wires that arms may reach")
     tree_below: float = tried(2.6, "m", "below the wires, from where trees are seen to come up")
     column_width: float = tried(0.1, "m", "across the line, of what hangs from one wire")
     ring_inner: float = tried(0.5, "m", "from an arm, where its surroundings begin")
-    ring_middle: float = tried(1.5, "m", "from an arm, where trees around it end")
     ring_outer: float = tried(6.0, "m", "from an arm, where what is usual around it ends")
-    longest_stub: float = built(
-        12.0, "m", "a piece that goes on so far beyond the outermost support is none"
-    )
     meeting_sd: float = tried(0.1, "m", "by which arcs may miss each other at a support")
     least_kink: float = built(
         0.03, "1", "share of the bend between two level spans, of a support that shows no arm"
@@ -384,11 +340,9 @@ class Spans:
     group_radius: float = tried(
         1.2, "tolerances", "of points of one wire in the cross-section of a span"
     )
-    rough: float = tried(0.5, "tolerances", "scatter of a wire that is not held at both ends")
     short_share: float = tried(
         0.5, "1", "share of a span, below which a wire is not known by what was followed of it"
     )
-    sag_tolerance: float = built(0.3, "1", "share of the sag by which wires of a span may differ")
     on_wire: float = unlikely(
         2.6, "sigmas", "of the scatter of a wire, within which points are on it"
     )
@@ -398,7 +352,6 @@ class Spans:
     square: float = built(
         0.7, "cosine", "below which a wire runs along the arms of its support rather than across"
     )
-    continued_gap: float = built(3.0, "m", "between a wire and its continuation at a support")
     section_blur: float = surveyed(0.07, "m", "of points in the cross-section of a bundle")
     subconductor_gap: float = built(0.2, "m", "between two subconductors of a bundle, at least")
     section_points: int = unlikely(
@@ -420,14 +373,10 @@ class Continued:
     share: float = tried(
         0.05, "1", "share of the points that others of the span have, that it has at least"
     )
-    vague_curvature: float = tried(
-        0.1, "1", "standard deviation to be improved, as a share of the curvature"
-    )
     loose_end: float = tried(0.05, "m", "standard deviation of the height of an end to be improved")
     lost_end: float = tried(
         0.5, "m", "standard deviation of the height of an end that is not known"
     )
-    most_extended: float = tried(10.0, "m", "that a wire goes on as those beside it do")
 
 
 @dataclass(frozen=True)
@@ -440,9 +389,6 @@ class Supports:
         1.5, "1", "times the usual distance across between wires, that of wires of one support"
     )
     column_gap: float = built(1.0, "m", "across between wires that do not hang above each other")
-    passing_length: float = tried(
-        8.0, "m", "a wire that goes on for longer on both sides passes a support"
-    )
     enough_body: float = tried(0.4, "1", "share of its height at which a support shows points")
     much_body_pole: float = tried(0.5, "1", "the same of a pole where nothing else tells of it")
     much_body_tower: float = tried(0.75, "1", "the same of a tower")
@@ -450,8 +396,6 @@ class Supports:
     settled_slack: float = tried(
         1.0, "m", "along the wires that the body may be off where wires are held"
     )
-    unsettled_slack: float = tried(5.0, "m", "the same where they only end")
-    top_half_depth: float = built(1.5, "m", "along the line, to each side, of the top of a support")
     least_bend: float = built(0.02, "m / m", "change of slope, or of heading, at a support")
 
 
@@ -460,7 +404,6 @@ class Towers:
     """Points of towers, and insulators."""
 
     base_lattice: float = surveyed(1.0, "m", "above the ground that are left to it under a lattice")
-    base_pole: float = surveyed(0.8, "m", "above the ground that are left to it under a pole")
     lattice_width: float = built(0.5, "m", "half width from which a body is a lattice")
     splay_lattice: float = built(0.12, "m / m", "by which a lattice widens downwards")
     splay_pole: float = built(0.02, "m / m", "by which a pole widens downwards")
@@ -475,9 +418,7 @@ class Towers:
     jumper_width: float = built(
         1.3, "1", "times the part of a jumper that is clear of its wire, by its parabola"
     )
-    radius: float = built(30.0, "m", "around a support, of what may be its arms")
     arm_depth: float = built(0.04, "1", "share of the height of a tower: half depth of an arm")
-    arm_level: float = built(0.02, "1", "share of the height: half of what is level with a wire")
     arm_reach: float = built(0.05, "1", "share of the height: reach above what is level")
     arm_clear: float = built(0.5, "m", "aside of a wire, clear of the peak")
     arm_end: float = built(1.5, "m", "aside of a wire, clear of the next arm")
@@ -487,34 +428,13 @@ class Towers:
     known_by_points: int = unlikely(
         4, "points", "by which a jumper, arms, a neck or a waist are known"
     )
-    enough_beam: float = tried(
-        0.7, "1", "share of the metres between two legs in which the beam of a frame shows points"
+    string_reach: float = built(
+        0.15, "1", "share of the height: how far from the tower strings end"
     )
-    arms_depth: tuple[float, float, float] = built(
-        (0.12, 1.2, 5.0),
-        "of the height; m; m",
-        "half depth of the space of the arms: share, least, most",
+    arms_room: float = built(
+        0.1, "1", "share of the height: half depth of the arms, reach beyond and below the wires"
     )
-    arms_drop: tuple[float, float, float] = built(
-        (0.08, 0.8, 4.0),
-        "of the height; m; m",
-        "how far below the lowest wire it begins: share, least, most",
-    )
-    arms_out: tuple[float, float, float] = built(
-        (0.1, 0.5, 4.0),
-        "of the height; m; m",
-        "how far it goes beyond the outermost wires: share, least, most",
-    )
-    arms_peak: tuple[float, float, float] = built(
-        (0.4, 1.5, 20.0),
-        "of the height; m; m",
-        "how far it goes above the highest wire: share, least, most",
-    )
-    string_reach: tuple[float, float, float] = built(
-        (0.15, 0.0, 9.0),
-        "of the height; m; m",
-        "how far from the tower strings end: share, least, most",
-    )
+    arms_peak: float = built(0.4, "1", "share of the height: reach of strings and peaks above them")
 
 
 @dataclass(frozen=True)
@@ -530,15 +450,8 @@ class Lines:
         1.1, "1", "times the length of wires, for which a larger tolerance is taken"
     )
     fewest_points: int = unlikely(30, "points", "fewer lie in arcs by chance in a wood")
-    short_rms: float = surveyed(
-        0.2, "m", "scatter of a wire of which little is seen; that of an arm is more"
-    )
     fewest_carriers: int = unlikely(3, "bodies", "below the wires of a ropeway")
     carriers_per_wire: float = built(0.5, "bodies", "below each wire of a ropeway")
-    structure_share: float = tried(
-        0.3, "1", "share of the wires of a line that are of a railway or trellis"
-    )
-    same_support: float = tried(3.0, "m", "between the supports of two lines that are one")
 
 
 @dataclass(frozen=True)

@@ -149,7 +149,7 @@ def cut_up(corridor: Corridor, alignment: Alignment, piece: Piece, number: int) 
         stub = (
             len(alignment.cuts) > 0
             and k in (0, len(alignment.cuts))
-            and edges[k + 1] - edges[k] < SETTINGS.arcs.longest_stub
+            and edges[k + 1] - edges[k] < 2 * SETTINGS.trace.seed_reach
         )
         points = piece.points[arc == k]
         curve = fit(corridor.wires.xyz[points], spread=2 * corridor.tolerance)
@@ -174,7 +174,7 @@ def binned(corridor: Corridor, alignment: Alignment, together: int, wander: floa
             table[:, k] = np.bincount(cell, values, steps) / count
         for table, values, blur in (
             (bins.tall, xyz[:, 2], wander * math.sqrt(SETTINGS.arcs.wander_length / step)),
-            (bins.flat, v, SETTINGS.arcs.offset_blur),
+            (bins.flat, v, SETTINGS.lanes.wander),
         ):
             variance = scatter(u, values) ** 2
             table[:, k] = np.where(count > 0.5, count / (variance + count * blur**2), 0.0)
@@ -248,7 +248,8 @@ def hardware(corridor: Corridor, alignment: Alignment, bins: Binned, chainages: 
             | (u > along[-1] + 1)
         )
     around, among = (
-        columns(u[rows], v[rows]) for rows in (stray, stray & (z > low - SETTINGS.arcs.arm_below))
+        columns(u[rows], v[rows])
+        for rows in (stray, stray & (z > low - SETTINGS.arcs.arm_half_width))
     )
 
     def count(u: Floats, a: float, b: float) -> Floats:
@@ -260,8 +261,8 @@ def hardware(corridor: Corridor, alignment: Alignment, bins: Binned, chainages: 
         np.full(len(chainages), SETTINGS.arcs.least_usual),
     )
     for u, a, b in (
-        (around, SETTINGS.arcs.ring_inner, SETTINGS.arcs.ring_middle),
-        (among, SETTINGS.arcs.ring_middle, SETTINGS.arcs.ring_outer),
+        (around, SETTINGS.arcs.ring_inner, SETTINGS.curves.clutter_radius),
+        (among, SETTINGS.curves.clutter_radius, SETTINGS.arcs.ring_outer),
     ):
         beside = np.maximum(count(u, -b, -a), count(u, a, b))
         usual = np.maximum(usual, beside * 2 * SETTINGS.arcs.arm_half_width / (b - a))
@@ -307,9 +308,9 @@ def cuts_of(corridor: Corridor, alignment: Alignment) -> tuple[Floats, Binned, f
 def usual_bend(bins: Binned) -> float:
     """The curvature that the arcs of a line have in common, 1 / metre."""
     usual = usual_price(bins)
-    bends = SETTINGS.arcs.least_tried * SETTINGS.arcs.tried_ratio ** np.arange(
+    bends = SETTINGS.arcs.least_tried * (1 + SETTINGS.arcs.curvature_spread) ** np.arange(
         math.log(SETTINGS.arcs.most_tried / SETTINGS.arcs.least_tried)
-        / math.log(SETTINGS.arcs.tried_ratio)
+        / math.log(1 + SETTINGS.arcs.curvature_spread)
     )
     return float(min(bends, key=lambda bend: solved(bins, bend, usual)[0]))
 

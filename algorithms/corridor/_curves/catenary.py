@@ -252,7 +252,7 @@ def fit(
         spread,
         curvature or 0.0,
         SETTINGS.fit.known_curvature,
-        SETTINGS.fit.least_sigma,
+        SETTINGS.arcs.least_wander,
         sways,
         SETTINGS.fit.swaying_sag,
         shape,

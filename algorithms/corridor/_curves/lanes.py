@@ -71,7 +71,7 @@ class Lanes:
         offset = np.interp(u, self.u, self.v)
         for end, way in ((0, -1), (-1, 1)):
             beyond = (u - self.u[end]) * way > 0
-            leg = np.abs(self.u - self.u[end]) < SETTINGS.lanes.end
+            leg = np.abs(self.u - self.u[end]) < SETTINGS.network.longest_missing
             slope = np.polyfit(self.u[leg], self.v[leg], 1)[0] if np.count_nonzero(leg) > 1 else 0
             offset[beyond] = self.v[end] + slope * (u[beyond] - self.u[end])
         return offset
@@ -122,7 +122,8 @@ def placed(tracks: Sequence[Floats]) -> dict[int, Floats]:
 def abreast(one: Floats, other: Floats) -> bool:
     """Whether two tracks overlap in chainage, and so belong to different wires."""
     return bool(
-        min(one[-1, 0], other[-1, 0]) - max(one[0, 0], other[0, 0]) > SETTINGS.lanes.least_overlap
+        min(one[-1, 0], other[-1, 0]) - max(one[0, 0], other[0, 0])
+        > SETTINGS.network.telling_length
     )
 
 
@@ -132,7 +133,7 @@ def beside(one: Floats, other: Floats) -> Floats | None:
     inner = (after > 0) & (after < len(one))
     after = after[inner]
     own = other[inner][one[after, 0] - one[after - 1, 0] < SETTINGS.lanes.straight_gap]
-    if len(own) < 3 or np.ptp(own[:, 0]) < SETTINGS.lanes.least_overlap:
+    if len(own) < 3 or np.ptp(own[:, 0]) < SETTINGS.network.telling_length:
         return None
     step = np.column_stack([own[:, k] - np.interp(own[:, 0], one[:, 0], one[:, k]) for k in (1, 2)])
     middle = np.median(step, axis=0)
@@ -173,7 +174,7 @@ def followed(
     source, lane, places = moved(corridor, alignment, lanes)
     air = Airborne.of(places)
     source, lane = source[air.order], lane[air.order]
-    may = corridor.may[source] & (np.abs(air.xyz[:, 1]) < SETTINGS.lanes.half_width)
+    may = corridor.may[source] & (np.abs(air.xyz[:, 1]) < 2 * SETTINGS.lanes.wander)
     one = Corridor(
         air, corridor.height[source], may, corridor.tolerance, corridor.ground, corridor.seen
     )
@@ -198,12 +199,12 @@ def moved(corridor: Corridor, alignment: Alignment, lanes: Lanes) -> tuple[Ints,
     """Points in the air near lanes, their lanes, and their positions moved to the first lane."""
     u, v = alignment.along(corridor.air.xyz)
     near = (u > lanes.u[0] - SETTINGS.lanes.ahead) & (u < lanes.u[-1] + SETTINGS.lanes.ahead)
-    box = np.flatnonzero(near & (np.abs(v - np.median(lanes.v)) < SETTINGS.lanes.aside))
+    box = np.flatnonzero(near & (np.abs(v - np.median(lanes.v)) < 4 * SETTINGS.network.line_width))
     u, z = u[box], corridor.air.xyz[box, 2]
     v = v[box] - lanes.middle(u)
     away = np.abs(v[:, None] - lanes.aside)
     point, lane = np.nonzero(
-        (away < SETTINGS.lanes.clutter) & (away < away.min(axis=1)[:, None] + SETTINGS.lanes.tie)
+        (away < 6 * SETTINGS.lanes.wander) & (away < away.min(axis=1)[:, None] + SETTINGS.lanes.tie)
     )
     places = np.column_stack([u[point], v[point] - lanes.aside[lane], z[point] - lanes.up[lane]])
     return box[point], lane, places

@@ -118,11 +118,7 @@ def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list
         length = curve[kernels.CURVE_HIGH] - curve[kernels.CURVE_LOW]
         clear = clearness(corridor, curve, len(points))
         slope = abs(curve[kernels.CURVE_Z + 1]) / curve[kernels.CURVE_HALF]
-        if (
-            clear < SETTINGS.curves.clear_share
-            or slope > SETTINGS.trace.steepest
-            or len(points) < SETTINGS.curves.fewest_points
-        ):
+        if clear < SETTINGS.curves.clear_share or slope > SETTINGS.trace.steepest:
             continue
         catenary = fit(corridor.wires.xyz[points], spread=2 * corridor.tolerance)
         if catenary is not None and roofed(corridor, catenary) < SETTINGS.roofs.share:
@@ -131,9 +127,7 @@ def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list
                 and len(points) >= SETTINGS.curves.fine_points
                 and clear >= 0.9
             )
-            sure = clear >= SETTINGS.curves.sure_share and length >= (
-                SETTINGS.curves.fine_length if fine else SETTINGS.curves.sure_length
-            )
+            sure = length >= (SETTINGS.curves.fine_length if fine else SETTINGS.curves.sure_length)
             found.append(Piece(points, catenary, sure))
     return isolated(corridor, untied(corridor, found))
 
@@ -156,7 +150,8 @@ def roofed(corridor: Corridor, curve: Catenary) -> float:
     """
     if corridor.floor is None:
         return 0.0
-    length, width, columns = SETTINGS.roofs.length, SETTINGS.roofs.width, SETTINGS.roofs.columns
+    length, width = SETTINGS.curves.clutter_step, SETTINGS.lines.tolerances[0]
+    columns = round(SETTINGS.curves.clutter_radius / width)
     steps = max(1, round(curve.length / length))
     surface, low = np.zeros((2, steps, 2 * columns), bool)
     own = np.zeros(steps, bool)
@@ -178,7 +173,7 @@ def roofed(corridor: Corridor, curve: Catenary) -> float:
     shares = []
     for side in (slice(0, columns), slice(columns, 2 * columns)):
         filled, open_ = surface[:, side].sum(axis=1), low[:, side].sum(axis=1)
-        roof = (filled >= SETTINGS.roofs.filled * columns) & (
+        roof = (filled >= SETTINGS.structures.filled * columns) & (
             open_ <= SETTINGS.roofs.open * columns
         )
         shares.append(int(roof.sum()) / max(1, int((roof | own).sum())))
@@ -198,7 +193,7 @@ def isolated(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:
         taken[corridor.wires.order[piece.points]] = True
     found = []
     for piece in pieces:
-        on_it, beside = by_step(corridor, piece.curve, taken, SETTINGS.curves.isolated_step)
+        on_it, beside = by_step(corridor, piece.curve, taken, SETTINGS.tracks.hole)
         clear = np.mean((on_it > 0) & (beside == 0)) > SETTINGS.curves.isolated_share
         sure = piece.sure or (bool(clear) and len(piece.points) >= SETTINGS.curves.isolated_points)
         found.append(replace(piece, sure=sure))
@@ -308,7 +303,7 @@ def carries(corridor: Corridor, curve: Catenary, straight: Sequence[Catenary]) -
     width, depth, step = (
         SETTINGS.curves.hanger_width,
         SETTINGS.curves.hanger_depth,
-        SETTINGS.curves.hanger_step,
+        SETTINGS.curves.hanger_depth,
     )
     for other in straight:
         u, _ = curve.along(other.points(np.array([0.0, other.length])))
@@ -365,7 +360,7 @@ def goes_on(one: Piece, other: Piece) -> bool:
         meet = [p.curve.height(p.curve.along(halfway[None])[0])[0] for p in (one, other)]
         if (
             aside < SETTINGS.network.join_aside
-            and abs(meet[1] - meet[0]) < SETTINGS.network.join_height
+            and abs(meet[1] - meet[0]) < SETTINGS.network.join_aside / 2
         ):
             return True
     return False
@@ -383,7 +378,7 @@ def runs_beside(one: Piece, other: Piece) -> bool:
         0 <= u <= length
         and abs(v) < SETTINGS.network.line_width
         and abs(z) < SETTINGS.network.line_width
-        and (math.hypot(v, z) > SETTINGS.network.same_curve)
+        and (math.hypot(v, z) > SETTINGS.lines.tolerances[0])
     )
 
 

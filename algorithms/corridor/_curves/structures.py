@@ -44,7 +44,7 @@ def holds_level(air: Airborne, above: Floats, curve: Catenary) -> bool:
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, step, air.xyz[near, 2][plane])
     np.maximum.at(high, step, air.xyz[near, 2][plane])
-    width = round(SETTINGS.structures.contact_piece / SETTINGS.structures.contact_step)
+    width = round(SETTINGS.curves.sure_length / SETTINGS.structures.contact_step)
     pieces = [slice(0, count)]
     if curve.length > SETTINGS.structures.contact_span:
         pieces = [slice(k, k + width) for k in range(0, count - width + 1, width // 2)]
@@ -54,11 +54,11 @@ def holds_level(air: Airborne, above: Floats, curve: Catenary) -> bool:
 
 def _levelled(low: Floats, high: Floats) -> bool:
     """Whether of two wires at equal steps the lower one is straight and the upper one sags."""
-    both = (high - low > SETTINGS.structures.contact_gap) & (
+    both = (high - low > SETTINGS.lines.tolerances[0]) & (
         high - low < SETTINGS.structures.contact_depth
     )
     if np.count_nonzero(both) < max(
-        SETTINGS.structures.fewest_steps, SETTINGS.structures.contact_share * len(low)
+        SETTINGS.structures.fewest, SETTINGS.structures.filled * len(low)
     ):
         return False
     middle = SETTINGS.structures.contact_step * np.flatnonzero(both).astype(np.float64)
@@ -105,11 +105,9 @@ def carriers(air: Airborne, height: Floats, curve: Catenary) -> int:
     own = np.flatnonzero((np.abs(v) < SETTINGS.structures.carrier_half) & (z > -bottom))
     own = own[np.argsort(u[own], kind="stable")]
     found = 0
-    for body in np.split(
-        own, np.flatnonzero(np.diff(u[own]) > SETTINGS.structures.carrier_gap) + 1
-    ):
+    for body in np.split(own, np.flatnonzero(np.diff(u[own]) > SETTINGS.structures.body_gap) + 1):
         if (
-            len(body) < SETTINGS.structures.carrier_points
+            len(body) < SETTINGS.structures.fewest
             or np.ptp(u[body]) > SETTINGS.structures.carrier_long
         ):
             continue
@@ -138,24 +136,24 @@ def carries_deck(air: Airborne, curve: Catenary) -> bool:
     reach = SETTINGS.structures.deck_along * curve.length
     low, high = max(lowest - reach, 0.0), min(lowest + reach, curve.length)
     near, _ = air.around(
-        curve, SETTINGS.structures.deck_below + SETTINGS.structures.deck_aside, low, high
+        curve, SETTINGS.structures.deck_room + SETTINGS.structures.deck_room, low, high
     )
     u, v, z = curve.residuals(air.xyz[near])
     inside = (
-        (z > -SETTINGS.structures.deck_below - curve.sag * 0.1)
+        (z > -SETTINGS.structures.deck_room - curve.sag * 0.1)
         & (z < -0.5)
-        & (np.abs(v) < SETTINGS.structures.deck_aside)
+        & (np.abs(v) < SETTINGS.structures.deck_room)
     )
-    cells = np.floor(np.column_stack([u - low, v])[inside] / SETTINGS.structures.deck_cell).astype(
+    cells = np.floor(np.column_stack([u - low, v])[inside] / SETTINGS.structures.body_gap).astype(
         np.int64
     )
     filled = [len(np.unique(cells[side], axis=0)) for side in (cells[:, 1] < 0, cells[:, 1] >= 0)]
     return (
         max(filled)
-        > SETTINGS.structures.deck_filled
+        > SETTINGS.structures.filled
         * (high - low)
-        * SETTINGS.structures.deck_aside
-        / SETTINGS.structures.deck_cell**2
+        * SETTINGS.structures.deck_room
+        / SETTINGS.structures.body_gap**2
     )
 
 
@@ -191,7 +189,7 @@ def _often(places: Sequence[float]) -> bool:
     close = np.count_nonzero(
         (steps > SETTINGS.structures.mesh_least) & (steps < SETTINGS.structures.mesh_gap)
     )
-    return bool(close >= SETTINGS.structures.mesh_crossings - 1)
+    return bool(close >= SETTINGS.structures.fewest - 1)
 
 
 @dataclass(frozen=True)

@@ -173,7 +173,7 @@ def uncrowded(points: Airborne, density: float) -> tuple[Mask, Ints]:
     side_by_side(
         lambda first, last: kernels.crowding(keys, masks, offsets, first, last, crowd), ranges
     )
-    most = SETTINGS.trace.uncrowded_wires * float(
+    most = float(
         np.clip(
             SETTINGS.trace.eighths_per_density * density,
             SETTINGS.trace.least_eighths,
@@ -209,11 +209,11 @@ def following() -> kernels.Following:
     """The numbers by which wires are followed, for the kernels."""
     return kernels.Following(
         SETTINGS.trace.look_share,
-        SETTINGS.trace.look_least,
+        SETTINGS.trace.seed_reach / 2,
         2 * SETTINGS.trace.seed_reach,
         SETTINGS.trace.usual_bend,
         SETTINGS.trace.usual_sag,
-        SETTINGS.trace.least_rms,
+        SETTINGS.arcs.least_scatter,
         SETTINGS.trace.widest,
         SETTINGS.trace.resuming_share,
     )

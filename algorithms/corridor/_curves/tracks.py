@@ -125,15 +125,15 @@ def tracks_of(corridor: Corridor, piece: Piece) -> Iterator[Piece]:
     u, _, z = piece.curve.residuals(corridor.wires.xyz[points])
     order = np.argsort(u, kind="stable")
     points, u, z = points[order], u[order], z[order]
-    edges, jump = [0], SETTINGS.tracks.height_jump * corridor.tolerance
+    edges, jump = [0], SETTINGS.curves.own_radius * corridor.tolerance
     for k in (
         np.flatnonzero((np.abs(np.diff(z)) > jump / 2) | (np.diff(u) > SETTINGS.tracks.hole)) + 1
     ).tolist():
         before = np.arange(max(k - SETTINGS.tracks.end_points, edges[-1]), k)
         after = np.arange(k, min(k + SETTINGS.tracks.end_points, len(u)))
         before, after = (
-            before[u[before] > u[k - 1] - SETTINGS.tracks.end],
-            after[u[after] < u[k] + SETTINGS.tracks.end],
+            before[u[before] > u[k - 1] - SETTINGS.lanes.straight_gap],
+            after[u[after] < u[k] + SETTINGS.lanes.straight_gap],
         )
         if min(len(before), len(after)) < 3:
             continue
@@ -168,7 +168,7 @@ def chained(corridor: Corridor, alignment: Alignment) -> list[Piece]:
             aside, up = np.abs(beside(other, middle) - beside(own, middle))
             near = (
                 SETTINGS.tracks.chain_aside
-                if begin > end - SETTINGS.tracks.end
+                if begin > end - SETTINGS.lanes.straight_gap
                 else SETTINGS.tracks.chain_overlap
             )
             near *= corridor.tolerance
@@ -187,7 +187,7 @@ def chained(corridor: Corridor, alignment: Alignment) -> list[Piece]:
 def beside(track: Floats, u: float) -> Floats:
     """Offset and height of a track at a chainage, from the points nearest to it."""
     near = track[np.argsort(np.abs(track[:, 0] - u), kind="stable")[: SETTINGS.tracks.end_points]]
-    near = near[np.abs(near[:, 0] - u) < np.abs(near[0, 0] - u) + SETTINGS.tracks.end]
+    near = near[np.abs(near[:, 0] - u) < np.abs(near[0, 0] - u) + SETTINGS.lanes.straight_gap]
     if len(near) < 3:
         return np.asarray(near[:, 1:].mean(axis=0))
     return at_zero(near[:, 0] - u, near[:, 1:])

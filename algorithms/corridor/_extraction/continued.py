@@ -105,7 +105,7 @@ def expected(
     guess = hung(places, near.curve)
     if any(apart_wires(guess, wire.curve) < SETTINGS.continued.same_wire for wire in own):
         return None
-    xyz = points_of(corridor, guess, SETTINGS.lanes.clutter, own)
+    xyz = points_of(corridor, guess, 6 * SETTINGS.lanes.wander, own)
     inner = xyz[guess.away(xyz) < SETTINGS.continued.same_wire]
     usual = float(np.median([wire.curve.count for wire in own]))
     few = len(inner) < max(
@@ -197,15 +197,15 @@ def stiffened(
     """
     beside = [other for other in wires if other.span == wire.span and other is not wire]
     mean, sigma = usual_curvature(chains[wire.wire])
-    if sigma > SETTINGS.continued.vague_curvature * mean:
+    if sigma > SETTINGS.fit.known_curvature * mean:
         numbers = {other.wire for other in (wire, *beside)}
         mean, sigma = usual_curvature([w for number in sorted(numbers) for w in chains[number]])
     ends = wire.curve.height_sigma(np.array([0.0, wire.curve.length]))
     clear = (
         ends.max() < SETTINGS.continued.loose_end
-        and wire.curve.variance_of_curvature < (SETTINGS.continued.vague_curvature * mean) ** 2
+        and wire.curve.variance_of_curvature < (SETTINGS.fit.known_curvature * mean) ** 2
     )
-    if clear or sigma > SETTINGS.continued.vague_curvature * mean:
+    if clear or sigma > SETTINGS.fit.known_curvature * mean:
         return wire
     xyz = points_of(corridor, wire.curve, SETTINGS.continued.same_wire, beside)
     anchors = [
@@ -234,8 +234,8 @@ def as_far(wire: Wire, wires: Sequence[Wire]) -> Wire:
     u, _ = wire.curve.along(np.array(ends))  # its own among them
     low, high = 0.0, wire.curve.length
     if wire.supports[0] < 0:
-        low = max(float(u.min()), -SETTINGS.continued.most_extended)
+        low = max(float(u.min()), -SETTINGS.supports.along)
     if wire.supports[1] < 0:
-        high = min(float(u.max()), high + SETTINGS.continued.most_extended)
+        high = min(float(u.max()), high + SETTINGS.supports.along)
     known = (wire.known[0] - low, wire.known[1] - low)
     return replace(wire, curve=wire.curve.between(low, high), known=known)

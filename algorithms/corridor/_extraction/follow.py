@@ -145,7 +145,10 @@ class Line:
             return True
         points = sum(wire.curve.count for wire in self.wires)
         long = max(wire.seen_length for wire in self.wires) >= SETTINGS.curves.sure_length
-        thin = min(wire.curve.rms for wire in self.wires) < SETTINGS.lines.short_rms
+        thin = (
+            min(wire.curve.rms for wire in self.wires)
+            < SETTINGS.curves.roughest * SETTINGS.lines.tolerances[0]
+        )
         return points >= SETTINGS.lines.fewest_points and (
             long or (thin and self.length >= 2 * SETTINGS.trace.seed_reach)
         )
@@ -163,7 +166,7 @@ class Line:
             for wire, in_it in zip(self.wires, tied, strict=True)
             if in_it or holds_level(corridor.air, corridor.height, wire.curve)
         ]
-        return sum(held) > SETTINGS.lines.structure_share * self.length
+        return sum(held) > SETTINGS.structures.level_share * self.length
 
     def points(self, corridor: Corridor) -> NDArray[np.int64]:
         """Indices of the points on its wires."""
@@ -226,7 +229,7 @@ def shared(wires: Sequence[Wire], supports: Sequence[Support]) -> tuple[list[Wir
     if not supports:
         return list(wires), []
     place = np.array([(support.x, support.y) for support in supports])
-    near = np.hypot(*(place[:, None] - place[None]).T) < SETTINGS.lines.same_support
+    near = np.hypot(*(place[:, None] - place[None]).T) < SETTINGS.network.join_aside
     count, label = connected_components(coo_array(near), directed=False)
     found = []
     for number in range(count):

@@ -67,7 +67,7 @@ def accompanied(xyz: Floats, metre: float) -> NDArray[np.bool_]:
                 (
                     SETTINGS.points.company_side,
                     SETTINGS.points.company_side,
-                    SETTINGS.points.company_height,
+                    SETTINGS.points.company_side / 2,
                 )
             )
             * metre

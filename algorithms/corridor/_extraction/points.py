@@ -77,7 +77,7 @@ class CorridorPoints:
         else:
             index, stands_for = candidates(cloud.xyz, height, use, metre=cloud.metre)
         xyz, height = cloud.xyz[index], height[index]
-        size, origin = SETTINGS.points.seen_cell * cloud.metre, np.zeros(3)
+        size, origin = SETTINGS.points.company_side * cloud.metre, np.zeros(3)
         if len(xyz):
             lattice_around(xyz, size)  # which says so if a stray point is too far away
             origin = np.floor(xyz.min(axis=0) / size) * size
@@ -123,7 +123,7 @@ def footprint(
     if (
         enough
         and min(
-            share_beside(occupied(xy + shift)) for shift in (0.0, SETTINGS.points.seen_cell / 2)
+            share_beside(occupied(xy + shift)) for shift in (0.0, SETTINGS.points.company_side / 2)
         )
         < SETTINGS.points.area_share
     ):
@@ -133,15 +133,18 @@ def footprint(
         )
 
     def seen(x: float, y: float) -> bool:
-        i, j = int(x // SETTINGS.points.seen_cell) + 1, int(y // SETTINGS.points.seen_cell) + 1
+        i, j = (
+            int(x // SETTINGS.points.company_side) + 1,
+            int(y // SETTINGS.points.company_side) + 1,
+        )
         return bool(table[max(i - 1, 0) : max(i + 2, 0), max(j - 1, 0) : max(j + 2, 0)].any())
 
-    return seen, of_cell / SETTINGS.points.seen_cell**2
+    return seen, of_cell / SETTINGS.points.company_side**2
 
 
 def occupied(xy: Floats) -> NDArray[np.bool_]:
     """True for cells with points, with one row and column of empty cells on all sides."""
-    cell = np.floor(xy / SETTINGS.points.seen_cell).astype(np.int64) + 1
+    cell = np.floor(xy / SETTINGS.points.company_side).astype(np.int64) + 1
     table = np.zeros(cell.max(axis=0, initial=0) + 2, bool)
     table[cell[:, 0], cell[:, 1]] = True
     return table

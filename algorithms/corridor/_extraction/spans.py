@@ -92,7 +92,7 @@ def spans_of(
         [
             wire
             for wire in wires
-            if min(wire.supports) >= 0 or wire.curve.length > SETTINGS.arcs.longest_stub
+            if min(wire.supports) >= 0 or wire.curve.length > 2 * SETTINGS.trace.seed_reach
         ]
         for wires in spans
     ]
@@ -160,7 +160,7 @@ def are_wires(wires: Sequence[Wire], tolerance: float) -> bool:
     if not may_be_wires(wires, tolerance):
         return False
     mean, sigma = usual_curvature(wires)
-    thin = min(wire.curve.rms for wire in wires) < SETTINGS.spans.rough * tolerance
+    thin = min(wire.curve.rms for wire in wires) < SETTINGS.arcs.smooth * tolerance
     held = any(min(wire.supports) >= 0 for wire in wires)
     alone = any(wire.sure for wire in wires)
     return mean > SETTINGS.curves.certain_sigmas * sigma and (held or (thin and alone))
@@ -318,7 +318,7 @@ def alike(wires: list[Wire], tolerance: float) -> list[Wire]:
         curve, best = wire.curve, (found or order)[0].curve
         short = wire.seen_length < 0.5 * best.length
         off = abs(curve.curvature / best.curvature - 1) * best.sag
-        odd = off > SETTINGS.spans.sag_tolerance * best.sag + 3 * curve.sigma("sag")
+        odd = off > SETTINGS.arcs.curvature_spread * best.sag + 3 * curve.sigma("sag")
         if short and (odd or curve.rms > roughest(best, tolerance)):
             continue
         if short and any(
@@ -332,7 +332,7 @@ def alike(wires: list[Wire], tolerance: float) -> list[Wire]:
 def roughest(best: Catenary, tolerance: float) -> float:
     """Scatter that a wire beside the best known one may have, metres."""
     return min(
-        max(SETTINGS.spans.rough * tolerance, 1.5 * best.rms), SETTINGS.curves.roughest * tolerance
+        max(SETTINGS.arcs.smooth * tolerance, 1.5 * best.rms), SETTINGS.curves.roughest * tolerance
     )
 
 
@@ -412,7 +412,7 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
         # Above and below: at the sides there may be other wires.
         ring = 2 * shell_of(corridor, made, radius)
         eighths = len(np.unique((8 * u[inner] / curve.length).astype(np.int64)))
-        spare = SETTINGS.spans.sag_tolerance * curve.sag + 3 * made.sigma("sag")
+        spare = SETTINGS.arcs.curvature_spread * curve.sag + 3 * made.sigma("sag")
         same_shape = abs(made.curvature * curve.c - 1) * curve.sag < spare
         same_shape &= made.rms < roughest(curve, corridor.tolerance)
         enough = max(SETTINGS.spans.found_points, SETTINGS.spans.found_share * curve.count)
@@ -585,9 +585,9 @@ def matched(
     """Pairs of wires that continue each other at a support."""
     a, b = (np.array([wires[k].curve.ends[e] for k, e in side]) for side in (here, there))
     away = np.linalg.norm(a[:, None] - b[None], axis=2)
-    rows, columns = linear_sum_assignment(np.minimum(away, 10 * SETTINGS.spans.continued_gap))
+    rows, columns = linear_sum_assignment(np.minimum(away, 10 * SETTINGS.network.join_aside))
     for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
-        if away[i, j] < SETTINGS.spans.continued_gap:
+        if away[i, j] < SETTINGS.network.join_aside:
             yield here[i][0], there[j][0]
 
 

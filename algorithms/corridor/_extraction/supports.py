@@ -185,7 +185,7 @@ def support_of(
     low, high = float(place[:, 2].min()), float(place[:, 2].max())
     bottom = float(corridor.ground(spot[0], spot[1]))
     certain = any(hint.held for hint in group)
-    slack = SETTINGS.supports.settled_slack if certain else SETTINGS.supports.unsettled_slack
+    slack = SETTINGS.supports.settled_slack if certain else SETTINGS.arcs.most_shift
     body, spot = body_at(corridor, spot, mean, (side.min(), side.max()), high - bottom, slack)
     certain |= pairs >= 2 or (
         pairs == 1
@@ -226,13 +226,12 @@ def topped(corridor: Corridor, spot: Floats, mean: Floats, side: Floats, high: f
     away = np.abs((corridor.air.xyz[near, :2] - spot) @ mean)
     z = corridor.air.xyz[near, 2]
     away = away[(z > high - 2) & (z < high + 4)]
-    here = np.count_nonzero(away < SETTINGS.supports.top_half_depth)
+    here = np.count_nonzero(away < SETTINGS.curves.clutter_radius)
     return bool(
         here >= 3
         and here
         > np.count_nonzero(
-            (away > SETTINGS.supports.top_half_depth)
-            & (away < 3 * SETTINGS.supports.top_half_depth)
+            (away > SETTINGS.curves.clutter_radius) & (away < 3 * SETTINGS.curves.clutter_radius)
         )
     )
 
@@ -241,9 +240,9 @@ def passes(piece: Piece, centre: Floats, across: Floats, side: Floats, heights: 
     """Whether a wire passes a supposed support without being held there."""
     u, _ = piece.curve.along(np.array([[*centre, 0.0]]))
     if (
-        not SETTINGS.supports.passing_length
+        not SETTINGS.network.telling_length
         < u[0]
-        < piece.curve.length - SETTINGS.supports.passing_length
+        < piece.curve.length - SETTINGS.network.telling_length
     ):
         return False
     x, y, z = piece.curve.points(u)[0]

@@ -45,12 +45,6 @@ class Tower:
         return self.width > SETTINGS.towers.lattice_width
 
 
-def scaled(rule: tuple[float, float, float], height: float) -> float:
-    """A length in proportion to the height of a tower, between limits."""
-    share, least, most = rule
-    return min(max(share * height, least), most)
-
-
 def strings_of(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Support]) -> Floats:
     """Length in metres of the tension strings at the ends of each wire, 0 where it is suspended.
 
@@ -68,9 +62,11 @@ def strings_of(corridor: Corridor, wires: Sequence[Wire], supports: Sequence[Sup
     """
     found = np.zeros((len(wires), 2))
     for number, support in enumerate(supports):
-        near = corridor.air.within(np.array([support.x, support.y]), SETTINGS.towers.radius)
-        xyz = corridor.air.xyz[near[corridor.free[near]]]
         height = support.high - support.ground
+        left, right = sides_of(support)
+        reach = max(-left, right) + SETTINGS.towers.string_reach * height + SETTINGS.towers.arm_end
+        near = corridor.air.within(np.array([support.x, support.y]), reach)
+        xyz = corridor.air.xyz[near[corridor.free[near]]]
         ends = [
             (k, e) for k, wire in enumerate(wires) for e in (0, 1) if wire.supports[e] == number
         ]
@@ -98,7 +94,7 @@ def arms_at(along: Floats, v: Floats, z: Floats, height: float) -> tuple[int, in
         share * height
         for share in (
             SETTINGS.towers.arm_depth,
-            SETTINGS.towers.arm_level,
+            SETTINGS.towers.arm_depth / 2,
             SETTINGS.towers.arm_reach,
         )
     )
@@ -127,7 +123,7 @@ def by_jumpers(around: Sequence[tuple[Floats, Floats, Floats]], height: float) -
     )
     for along, v, z in around:
         loop = (z < -below) & (z > -deepest) & (np.abs(v) < aside)
-        loop &= (along > 0.8) & (along < scaled(SETTINGS.towers.string_reach, height))
+        loop &= (along > 0.8) & (along < SETTINGS.towers.string_reach * height)
         if np.count_nonzero(loop) >= SETTINGS.towers.known_by_points:
             found.append(SETTINGS.towers.jumper_width * float(np.quantile(along[loop], 0.9)))
     return float(np.median(found)) if len(found) >= 2 else 0.0
@@ -136,7 +132,8 @@ def by_jumpers(around: Sequence[tuple[Floats, Floats, Floats]], height: float) -
 def centred(corridor: Corridor, support: Support) -> Support:
     """The support, moved along the line to its arms, and across it to the body below them."""
     height = support.high - support.ground
-    waist, half = support.low - scaled(SETTINGS.towers.arms_drop, height), 0.1 * height
+    half = SETTINGS.towers.arms_room * height
+    waist = support.low - half
     _, a, s, z = around_axis(corridor, support)
     level = level_with_arms(support, s, z)
     forth = 0.0
@@ -194,7 +191,7 @@ def legs_of(support: Support, s: Floats, z: Floats, waist: float, half: float) -
         found.append(float(np.median(s[own & (z < waist)])))
     beam = s[level_with_arms(support, s, z)]
     between = share_of_levels(beam, min(found), max(found))
-    return tuple(sorted(found)) if between >= SETTINGS.towers.enough_beam else ()
+    return tuple(sorted(found)) if between >= SETTINGS.structures.filled else ()
 
 
 def share_of_levels(values: Floats, low: float, high: float) -> float:
@@ -208,18 +205,16 @@ def tower_of(corridor: Corridor, support: Support) -> Tower:
     height = support.high - support.ground
     near, a, s, z = around_axis(corridor, support)
     above = corridor.height[near]
-    waist = support.low - scaled(SETTINGS.towers.arms_drop, height)
-    arms = level_with_arms(support, s, z) & (np.abs(a) < scaled(SETTINGS.towers.arms_depth, height))
+    waist = support.low - SETTINGS.towers.arms_room * height
+    arms = level_with_arms(support, s, z) & (np.abs(a) < SETTINGS.towers.arms_room * height)
     aside = np.abs(s[:, None] - support.legs).min(axis=1)
     away = np.maximum(np.abs(a), aside)
     width = waist_of(away, z, waist, height)
     lattice = width > SETTINGS.towers.lattice_width
-    slack, splay = (
-        (SETTINGS.towers.slack_lattice, SETTINGS.towers.splay_lattice)
-        if lattice
-        else (SETTINGS.towers.slack_pole, SETTINGS.towers.splay_pole)
-    )
-    body = (away < width + slack + splay * np.maximum(waist - z, 0)) & (z <= waist)
+    splay = SETTINGS.towers.splay_lattice if lattice else SETTINGS.towers.splay_pole
+    slack = SETTINGS.towers.slack_lattice if lattice else SETTINGS.towers.slack_pole
+    wide = width + slack + splay * np.maximum(waist - z, 0)
+    body = (away < wide) & (z <= waist)
     if lattice:  # down there it is hollow
         shin = away[
             body & (above > SETTINGS.towers.foot_height) & (above < 2 * SETTINGS.towers.foot_height)
@@ -229,7 +224,7 @@ def tower_of(corridor: Corridor, support: Support) -> Tower:
             (np.abs(away - foot) < SETTINGS.towers.leg_width)
             & (above > SETTINGS.towers.base_lattice)
         )
-    body &= above > SETTINGS.towers.base_pole
+    body &= above > 2 * SETTINGS.points.off_ground
     mine = near[arms | body]
     top = float(np.quantile(corridor.air.xyz[mine, 2], 0.995)) if len(mine) else support.high
     return Tower(support, mine, top, width)
@@ -241,11 +236,7 @@ def around_axis(corridor: Corridor, support: Support) -> tuple[Ints, Floats, Flo
     along = np.array([across[1], -across[0]])
     height = support.high - support.ground
     left, right = sides_of(support)
-    reach = (
-        max(-left, right)
-        + scaled(SETTINGS.towers.arms_out, height)
-        + scaled(SETTINGS.towers.arms_depth, height)
-    )
+    reach = max(-left, right) + 2 * SETTINGS.towers.arms_room * height
     near = corridor.air.within(np.array([support.x, support.y]), reach)
     near = near[corridor.free[near]]
     step = corridor.air.xyz[near, :2] - (support.x, support.y)
@@ -255,10 +246,10 @@ def around_axis(corridor: Corridor, support: Support) -> tuple[Ints, Floats, Flo
 def level_with_arms(support: Support, s: Floats, z: Floats) -> NDArray[np.bool_]:
     """True for points at offsets s across the line and heights z in the range of the arms."""
     height = support.high - support.ground
-    out, (left, right) = scaled(SETTINGS.towers.arms_out, height), sides_of(support)
+    out, (left, right) = SETTINGS.towers.arms_room * height, sides_of(support)
     low, high = (
-        support.low - scaled(SETTINGS.towers.arms_drop, height),
-        support.high + scaled(SETTINGS.towers.arms_peak, height),
+        support.low - SETTINGS.towers.arms_room * height,
+        support.high + SETTINGS.towers.arms_peak * height,
     )
     return (z > low) & (z < high) & (s > left - out) & (s < right + out)
 
@@ -270,7 +261,7 @@ def sides_of(support: Support) -> tuple[float, float]:
 
 def waist_of(away: Floats, z: Floats, waist: float, height: float) -> float:
     """Half width of a tower's body just below its arms."""
-    near = (z < waist) & (z > waist - 0.25 * height) & (away < 0.1 * height)
+    near = (z < waist) & (z > waist - 0.25 * height) & (away < SETTINGS.towers.arms_room * height)
     width = (
         float(np.quantile(away[near], 0.85))
         if near.sum() >= SETTINGS.towers.known_by_points

@@ -40,7 +40,7 @@ class Points:
         0.4, "m", "height above the ground from which a point can be of a tower"
     )
     company_side: float = surveyed(
-        2.0, "m", "side in plan of a box in which a point has others, or is an error"
+        2.0, "m", "side in plan of a cell, or box half as high, in which points have others"
     )
     company_share: float = tried(
         0.9, "1", "share of the points with such company, from which the others are errors"
@@ -91,7 +91,7 @@ class Fit:
     """How a catenary is fitted to points."""
 
     known_curvature: float = built(
-        0.1, "1", "standard deviation of a curvature known of other wires, as a share of it"
+        0.1, "1", "standard deviation of a curvature that is known of other wires, as a share of it"
     )
     swaying_sag: float = tried(0.5, "m", "sag from which a swing can be told from an azimuth")
 
@@ -114,8 +114,12 @@ class Curves:
     smallest_c: float = built(30.0, "m", "least tension over weight of a wire")
     certain_sigmas: float = unlikely(3.0, "sigmas", "from which something is certain")
     largest_swing: float = built(1.5, "tangent", "of the angle by which wind may lift a wire")
-    clutter_radius: float = tried(1.5, "m", "around a wire, of what may crowd it")
-    clutter_step: float = tried(4.0, "m", "along a wire, for which clutter is counted")
+    clutter_radius: float = tried(
+        1.5, "m", "around a wire, an arm or the top of a support, of what may crowd it"
+    )
+    clutter_step: float = tried(
+        4.0, "m", "along a wire, for which clutter, or a roof beside it, is counted"
+    )
     alone_share: float = tried(
         0.2, "1", "share of a wire along which there is no clutter, at least"
     )
@@ -123,9 +127,15 @@ class Curves:
         0.55, "1", "share of a curve with points, and nothing around it, of a sure wire"
     )
     isolated_points: int = unlikely(15, "points", "of such a wire")
-    own_radius: float = tried(2.0, "tolerances", "around a wire that are its own")
+    own_radius: float = tried(
+        2.0,
+        "tolerances",
+        "around a wire that are its own; where heights jump so far it is another wire",
+    )
     hanger_width: float = surveyed(0.3, "m", "half width of what hangs from a curve")
-    hanger_depth: float = built(5.0, "m", "depth of what hangs from a curve")
+    hanger_depth: float = built(
+        5.0, "m", "depth of what hangs from a curve, and step along it for which that is counted"
+    )
     hanger_share: float = tried(
         0.4, "1", "share of the steps with hangers, from which a curve carries something"
     )
@@ -145,13 +155,17 @@ class Network:
     """Which curves belong together."""
 
     join_gap: float = built(14.0, "m", "along, between wires that meet at a support")
-    join_aside: float = built(3.0, "m", "aside, between wires that meet at a support")
+    join_aside: float = built(
+        3.0, "m", "aside between wires that meet at a support, and between supports that are one"
+    )
     parallel: float = built(6.0, "degrees", "between wires of one line")
     line_width: float = built(15.0, "m", "aside, and up, to the other wires of a line")
     telling_length: float = tried(
         8.0, "m", "along which two wires are beside each other, or one passes a support, to tell so"
     )
-    longest_missing: float = tried(60.0, "m", "of a wire that may be missing")
+    longest_missing: float = tried(
+        60.0, "m", "of a wire that may be missing, and of its end that tells where it goes on"
+    )
     bundle_width: float = built(0.6, "m", "within which conductors form a bundle")
 
     @property
@@ -172,7 +186,9 @@ class Structures:
     )
     contact_step: float = tried(3.0, "m", "along these two, for which both are looked for")
     fewest: int = unlikely(5, "1", "points, steps or crossings by which something is known")
-    filled: float = tried(0.6, "1", "share of steps or cells with points, where something goes on")
+    filled: float = tried(
+        0.6, "1", "share of steps, cells or metres with points, where something goes on"
+    )
     contact_scatter: float = surveyed(0.12, "m", "of both from parabolas")
     contact_bend: float = built(
         0.35, "1", "share of the curvature of the messenger wire: the contact wire has less"
@@ -188,7 +204,9 @@ class Structures:
     )
     contact_span: float = built(70.0, "m", "longest span of a contact line")
     level_share: float = tried(
-        0.3, "1", "share of these pieces that hold something level; some lie at masts"
+        0.3,
+        "1",
+        "share of pieces, or of the wires of a line, that hold something level; some lie at masts",
     )
     carrier_top: float = built(0.8, "m", "below a rope, where what it carries begins")
     carrier_bottom: float = built(8.0, "m", "below a rope, where what it carries ends")
@@ -224,7 +242,7 @@ class Structures:
 class Tracks:
     """How curves become one track per wire."""
 
-    hole: float = tried(2.0, "m", "without points, where it may")
+    hole: float = tried(2.0, "m", "of a curve in which there should be points")
     chain_gap: float = tried(25.0, "m", "along, between tracks of one wire")
     chain_aside: float = tried(
         1.6, "tolerances", "aside and up, between tracks of one wire that follow each other"
@@ -244,10 +262,12 @@ class Lanes:
         1.0, "points / m", "of a track, from which each wire is followed by itself"
     )
     straight_gap: float = built(
-        15.0, "m", "between two points of a track, between which it is straight"
+        15.0, "m", "along a track that is straight: between two points, and at its end"
     )
     same: float = tried(0.4, "m", "aside and up, within which two tracks are of one lane")
-    wander: float = tried(0.15, "m", "median by which the distance of two tracks varies")
+    wander: float = tried(
+        0.15, "m", "by which offsets of wires wander; half the half width of a lane"
+    )
     tie: float = surveyed(
         0.05, "m", "a point is of more than one lane where these lie above each other"
     )
@@ -288,17 +308,17 @@ class Arcs:
     least_tried: float = built(1 / 3000, "1 / m", "least curvature that is tried")
     most_tried: float = built(1 / 100, "1 / m", "largest curvature that is tried")
     curvature_spread: float = built(
-        0.3, "1", "share of the curvature of a line, by which wires and spans differ"
+        0.3, "1", "share of the curvature or sag by which wires and spans differ"
     )
     shortest_span: float = built(20.0, "m", "between two supports")
-    least_scatter: float = surveyed(0.03, "m", "of a point, at least")
+    least_scatter: float = surveyed(0.03, "m", "of a point about a curve, at least")
     wander_length: float = surveyed(
         25.0,
         "m",
         "along a wire over which it wanders from its arc, and all points of a strip err alike",
     )
     least_wander: float = surveyed(
-        0.006, "m", "by which wires wander from their arcs in clean surveys"
+        0.006, "m", "by which wires wander from their arcs, or points from wires, in clean surveys"
     )
     wander_margin: float = tried(
         1.1, "1", "times what was learned before, below which how far wires wander is learned"
@@ -308,7 +328,9 @@ class Arcs:
     certain_arm: float = unlikely(15.0, "sigmas2", "evidence for an arm that is certain")
     most_paid: float = tried(1.4, "1", "share of its part of the price, paid by a wire among many")
     off_wires: float = tried(0.6, "tolerances", "off all wires, of a point of an arm")
-    arm_half_width: float = built(0.3, "m", "along the line, of an arm")
+    arm_half_width: float = built(
+        0.3, "m", "along the line, of an arm; so far below the wires it may reach"
+    )
     least_usual: float = unlikely(
         0.25, "points", "the number that is usual around an arm is not below"
     )
@@ -325,7 +347,11 @@ class Arcs:
     least_arm_share: float = tried(
         0.75, "1", "share of the price of a cut, above which no arm is seen"
     )
-    most_shift: float = tried(5.0, "m", "by which a cut may be moved to where arcs meet")
+    most_shift: float = tried(
+        5.0,
+        "m",
+        "by which a cut may be moved to where arcs meet, or a support to where its body stands",
+    )
 
 
 @dataclass(frozen=True)
@@ -383,7 +409,9 @@ class Continued:
 class Supports:
     """Where supports stand."""
 
-    along: float = built(10.0, "m", "along the wires between what belongs to one support")
+    along: float = built(
+        10.0, "m", "along the wires between what belongs to one support, or to one end of the data"
+    )
     across: float = built(12.0, "m", "across the wires between what belongs to one support")
     alike_gaps: float = built(
         1.5, "1", "times the usual distance across between wires, that of wires of one support"
@@ -418,7 +446,9 @@ class Towers:
     jumper_width: float = built(
         1.3, "1", "times the part of a jumper that is clear of its wire, by its parabola"
     )
-    arm_depth: float = built(0.04, "1", "share of the height of a tower: half depth of an arm")
+    arm_depth: float = built(
+        0.04, "1", "share of the height of a tower: half depth of an arm, and twice the half height"
+    )
     arm_reach: float = built(0.05, "1", "share of the height: reach above what is level")
     arm_clear: float = built(0.5, "m", "aside of a wire, clear of the peak")
     arm_end: float = built(1.5, "m", "aside of a wire, clear of the next arm")
@@ -444,7 +474,7 @@ class Lines:
     tolerances: tuple[float, float] = surveyed(
         (0.25, 0.625),
         "m",
-        "how far points may lie from wires: clean single ones, and bundles and noisy ones",
+        "from wires within which are their points: of clean single ones, of bundles and noisy ones",
     )
     much_more: float = tried(
         1.1, "1", "times the length of wires, for which a larger tolerance is taken"

@@ -80,6 +80,7 @@ class Trace:
     usual_sag: float = built(
         3e-3, "1 / m", "second coefficient of the height along a wire, by its weight"
     )
+    least_rms: float = surveyed(0.04, "m", "scatter of points about what is followed, at least")
     widest: float = tried(2.5, "tolerances", "where a curve is extrapolated far")
     resuming_share: float = tried(
         0.3, "1", "share of the usual number of points that must be found after a gap"

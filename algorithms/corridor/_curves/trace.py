@@ -213,7 +213,7 @@ def following() -> kernels.Following:
         2 * SETTINGS.trace.seed_reach,
         SETTINGS.trace.usual_bend,
         SETTINGS.trace.usual_sag,
-        SETTINGS.arcs.least_scatter,
+        SETTINGS.trace.least_rms,
         SETTINGS.trace.widest,
         SETTINGS.trace.resuming_share,
     )

@@ -30,22 +30,20 @@ _CLASS_OF_REFERENCE = np.array([1, 14, 15], np.uint8)  # of the attribute: other
 def corridor_settings(*options: str) -> None:
     """Wires, towers and spans with each number of the extraction halved, and doubled.
 
-    Options: --only GROUP,GROUP.NUMBER (all), --cases quick|none|all (quick: scenes of lines, and
-    pieces of real ones; none: scenes without a line)
+    Options: --only GROUP,GROUP.NUMBER (all), --cases quick|none|all|NAME,NAME (quick: scenes of
+    lines, and pieces of real ones; none: scenes without a line; or some of these)
     """
     from algorithms.corridor._settings import SETTINGS, changed, names
 
     parser = argparse.ArgumentParser("corridor_settings", allow_abbrev=False)
     parser.add_argument("--only", default="", help="groups, or group.number (default all)")
-    parser.add_argument("--cases", choices=("quick", "none", "all"), default="quick")
+    parser.add_argument("--cases", default="quick", help="quick, none, all or names of cases")
     given = parser.parse_args(options)
     logging.getLogger("toolbox").setLevel(logging.ERROR)
-    of_lines = [*(_scene(name) for name in LINES), *(_real(*one) for one in REAL.items())]
-    cases = {
-        "quick": lambda: of_lines,
-        "none": lambda: [_scene(name) for name in NO_LINES],
-        "all": lambda: [*of_lines, *(_scene(name) for name in (*NO_LINES, *MORE))],
-    }[given.cases]()
+    quick = (*LINES, *REAL)
+    chosen = {"quick": quick, "none": NO_LINES, "all": (*quick, *NO_LINES, *MORE)}
+    wanted = chosen.get(given.cases) or given.cases.split(",")
+    cases = [_real(name, REAL[name]) if name in REAL else _scene(name) for name in wanted]
     usual = [case.row() for case in cases]
     for case, row in zip(cases, usual, strict=True):
         say(f"settings {case.name:26} {row}")

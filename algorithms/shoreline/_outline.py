@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from algorithms.shared.lowest import cells_of
 from algorithms.shoreline._bodies import CellGrid, window
 from algorithms.shoreline._returns import Returns
-from algorithms.shoreline._shore import BAND, Shore, area_of, shore
+from algorithms.shoreline._shore import BAND, INSIDE, Shore, area_of, shore
 from algorithms.shoreline._smooth import smooth_part
 from algorithms.shoreline._water import Water
 from toolbox.context import QUIET, Context
@@ -27,6 +27,7 @@ Row = dict[str, Any]
 
 SPACINGS, LEAST_SMOOTHING = 2.0, 1.0  # of points, and m: zigzag that is taken out by itself
 ALIKE = 20.0  # m of a shore along which errors are taken to be alike
+COMMON = 0.5  # of them, which is alike along all of the shore: banks have one form
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,8 @@ class Outline:
             at_shore = np.where(is_open, 0.0, length)
             total = max(float(at_shore.sum()), 1e-9)
             error = float(np.sqrt((sigma**2 * at_shore).sum() / total))
-            alike = float(np.sqrt(total / (ALIKE * metre)))
+            alike = min(1.0, float(np.sqrt(ALIKE * metre / total)))
+            of_area = error * total * float(np.hypot(COMMON, alike))
             yield (
                 polygon,
                 {
@@ -77,7 +79,7 @@ class Outline:
                     "level_interval": round(level.interval, 4),
                     "slope": round(float(np.hypot(*level.gradient)), 6),
                     "area": round(polygon.area / metre**2, 2),
-                    "area_error": round(error * total / metre**2 / max(alike, 1.0), 2),
+                    "area_error": round(of_area / metre**2, 2),
                     "perimeter": round(polygon.length / metre, 2),
                     "open_length": round(float(length[is_open].sum()) / metre, 2),
                     "islands": len(part) - 1,
@@ -226,7 +228,7 @@ def _band(
     for one in water:
         (top, left), wet = window(cells.lattice, one.body.cells, BAND + 1)
         near = ndimage.binary_dilation(wet, square, iterations=BAND)
-        near &= ~ndimage.binary_erosion(wet, square, iterations=BAND, border_value=1)
+        near &= ~ndimage.binary_erosion(wet, square, iterations=INSIDE, border_value=1)
         band[top : top + wet.shape[0], left : left + wet.shape[1]] |= near
     found, index = [np.zeros((0, 3))], [np.zeros(0, np.int64)]
     strip = [np.zeros(0, np.uint16)]

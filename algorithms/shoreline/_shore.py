@@ -27,7 +27,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-BAND = 4  # cells on each side of the edge of a body
+BAND = 4  # cells outside of the edge of a body
+INSIDE = 12  # and inside: so far the cells of a flat bank may be taken for water
 NEAR = 20  # points around one that tell whether it stands on the ground
 FIRM = 0.6  # share of those above the water that must lie on one plane with it
 ROUGH = 0.1  # m off the plane
@@ -38,7 +39,9 @@ HIDDEN = 4.0  # mean spacings from the last point of water to the farthest shore
 FINEST = 0.25  # of the spacing of points, to which a shore can be told at best
 LAND_REACH = 6.0  # mean spacings from a position on water to land that tells how deep it is
 ALONE = (2, 8)  # a point on land has more than so many others on land among the nearest ones
-PLANE = 16  # land points that a plane is put through
+PLANE = 4.0  # m2, the land whose points a plane is put through: banks are narrow
+PLANE_POINTS = (8, 32)  # but at least so many of them, and no more
+TURNS = 3  # of which each takes more points low on the bank for land
 SURE = 2.5  # standard deviations of water points above which there is land
 ISLAND = 5.0  # the same, that an island must reach: waves do not
 LEAST_STEP = 0.05  # m, of that height
@@ -120,9 +123,10 @@ def places(
     (top, left), wet = window(lattice, body, BAND + 1)
     square = np.ones((3, 3), bool)
     near = ndimage.binary_dilation(wet, square, iterations=BAND)
-    band = near & ~ndimage.binary_erosion(wet, square, iterations=BAND, border_value=1)
+    amid = ndimage.binary_erosion(wet, square, iterations=INSIDE, border_value=1)
+    band = near & ~amid
     touched = ndimage.binary_dilation(wet, square)
-    r, c = np.nonzero(band)
+    r, c = np.nonzero(band | (amid & ndimage.binary_dilation(band, square)))
     index = (r + top) * lattice.cols + c + left
     xs, ys = lattice.centres()
     middle = np.column_stack([xs[c + left], ys[r + top]])
@@ -144,8 +148,7 @@ def places(
     height[foreign] = step  # lower ground elsewhere, or other water: not of this body
     kind = np.where(low & ~foreign, WATER, LAND)
 
-    empty = cells.count.ravel()[index] == 0
-    hole = empty & wet[r, c]
+    hole = amid[r, c] | (wet[r, c] & (cells.count.ravel()[index] == 0))
     beyond = ~cells.inside.ravel()[index] & ndimage.binary_dilation(wet, square)[r, c]
     low_corner, high_corner = middle.min(axis=0), middle.max(axis=0)
     margin = 10 * (high_corner - low_corner).max()
@@ -159,7 +162,7 @@ def places(
     )
     height = np.concatenate([height, np.zeros(hole.sum()), np.full(len(outside), step)])
     slope = np.full(len(xy), np.nan)
-    _expect_ground(xy, height, kind, slope, step, cells.density, ctx.part(0.5, 1.0))
+    _expect_ground(xy, height, kind, slope, step, cells, ctx.part(0.5, 1.0))
     other = np.concatenate([low & foreign_water, np.zeros(len(xy) - len(low), bool)])
     return Places(xy, height, kind, slope, other)
 
@@ -257,30 +260,103 @@ def _expect_ground(
     kind: NDArray[np.uint8],
     slope: Floats,
     step: float,
-    density: float,
+    cells: CellGrid,
     ctx: Context,
 ) -> None:
     """Extrapolate the ground below water positions from the land near by (in place)."""
-    land, wet = np.flatnonzero(kind == LAND), np.flatnonzero(kind != LAND)
-    wet = wet[kind[wet] != OUTSIDE]
-    if len(land) < PLANE:
+    wet = np.flatnonzero((kind != LAND) & (kind != OUTSIDE))
+    count = int(np.clip(PLANE * cells.metre**2 * cells.density, *PLANE_POINTS))
+    land = _high_ground(xy, height, kind, step, count // 2)
+    if land.sum() < count:
         height[wet] = -step
         return
-    tree, reach = cKDTree(xy[land]), LAND_REACH / np.sqrt(density)
-    for some in _blocks(wet, ctx):
-        away, near = (np.asarray(a) for a in tree.query(xy[some], PLANE))
+    seen, high = kind[wet] == WATER, land[wet]
+    for turn in range(TURNS):
+        part = ctx.part(turn / TURNS, (turn + 1) / TURNS)
+        plane = _planes(xy, height, np.flatnonzero(land), wet, step, count, part)
+        above = _nearer_the_plane(xy[wet], height[wet], plane.there, seen, count)
+        near = (plane.steep > 0) & (plane.away <= LAND_REACH / np.sqrt(cells.density))
+        known = near & ((plane.there < 0) | (above > np.where(high, -step / SURE, 0.0)))
+        land[wet] = seen & near & (plane.there > 0) & (above > step / SURE)  # low on the bank
+    expected = np.where(known, plane.there, plane.deep)
+    expected = np.where(seen, expected, np.minimum(expected, plane.deep / 10))
+    height[wet], slope[wet] = expected, np.where(known, plane.steep, np.nan)
+
+
+def _high_ground(
+    xy: Floats, height: Floats, kind: NDArray[np.uint8], step: float, count: int
+) -> Mask:
+    """Points of which most of the nearest ones are surely above the water.
+
+    Single points would be chosen for their errors, and a plane through these is too flat.
+    """
+    some = np.flatnonzero((kind == LAND) | (kind == WATER))
+    land = np.zeros(len(xy), bool)
+    if len(some) >= count:
+        _, near = cKDTree(xy[some]).query(xy[some], range(1, count + 1))
+        land[some] = np.median(height[some][near], axis=1) >= step
+    return land
+
+
+@dataclass(frozen=True)
+class _Planes:
+    """Planes of the land next to some positions; arrays of shape (n,).
+
+    Attributes
+    ----------
+    there : height of the plane at the position
+    steep : slope
+    away : distance of the nearest point of land
+    deep : as far below the level as that point is above: with it, the shore is half way
+    """
+
+    there: Floats
+    steep: Floats
+    away: Floats
+    deep: Floats
+
+
+def _planes(
+    xy: Floats, height: Floats, land: Ints, wet: Ints, step: float, count: int, ctx: Context
+) -> _Planes:
+    """Planes through the `count` points of land next to each position."""
+    tree, made = cKDTree(xy[land]), _Planes(*np.zeros((4, len(wet))))
+    for some in _blocks(np.arange(len(wet)), ctx):
+        at = wet[some]
+        far, near = (np.asarray(a) for a in tree.query(xy[at], count))
         d = np.concatenate(
-            [xy[land][near] - xy[some][:, None], height[land][near][..., None]], axis=2
+            [xy[land][near] - xy[at][:, None], height[land][near][..., None]], axis=2
         )
-        there, gx, gy = fit_planes(d, np.ones(near.shape)).T
-        steep = np.hypot(gx, gy)
-        # A point that lies nearer to the level than to the plane is not on land beyond the plane.
-        known = (steep > 0) & ((there < 0) | (height[some] > there / 2)) & (away[:, 0] <= reach)
-        deep = -np.maximum(d[:, 0, 2], step)  # as far below as land is above: half way
-        expected = np.where(known, there, deep)
-        hole = kind[some] == HOLE
-        expected[hole] = np.minimum(expected[hole], deep[hole] / 10)
-        height[some], slope[some] = expected, np.where(known, steep, np.nan)
+        made.there[some], gx, gy = fit_planes(d, _nearer(far)).T
+        made.steep[some], made.away[some] = np.hypot(gx, gy), far[:, 0]
+        made.deep[some] = -np.maximum(d[:, 0, 2], step)
+    return made
+
+
+def _nearer(away: Floats) -> Floats:
+    """Weights by rising distances, from one to nearly none: banks are steepest at the water."""
+    first, last = away[:, :1], away[:, -1:]
+    return np.asarray(1.001 - ((away - first) / np.maximum(last - first, 1e-9)) ** 2)
+
+
+def _nearer_the_plane(xy: Floats, height: Floats, there: Floats, seen: Mask, count: int) -> Floats:
+    """By how much the points around a position are nearer to the plane of the land than to water.
+
+    All of them tell together, where the plane is above the water: single points scatter, and where
+    the plane comes down to the water they would tell nothing.
+
+    Returns
+    -------
+    array of shape (n,)
+        Positive for the plane; it scatters as a single point on the water does.
+    """
+    if not seen.any():
+        return np.full(len(xy), -np.inf)
+    tree = cKDTree(xy[seen])
+    _, near = tree.query(xy, range(1, min(2 * count, tree.n) + 1))
+    plane, z = np.maximum(there[seen], 0.0)[near], height[seen][near]
+    sums = (plane * (z - plane / 2)).sum(axis=1)
+    return np.asarray(sums / np.maximum(np.sqrt((plane**2).sum(axis=1)), 1e-9))
 
 
 def outline(where: Places, level: Level, cells: CellGrid, ctx: Context) -> Shore:

@@ -86,6 +86,7 @@ class _Found(NamedTuple):
     ----------
     iou : of each true body, 0 where it is lost
     off, interval : error of each level found and half of its 95 % interval, m
+    area_off, area_error : error of each area found and its standard deviation, m2
     invented : areas of bodies that are none, m2
     overlap : largest area that two bodies share, m2
     """
@@ -94,6 +95,8 @@ class _Found(NamedTuple):
     iou: list[float]
     off: list[float]
     interval: list[float]
+    area_off: list[float]
+    area_error: list[float]
     invented: list[float]
     overlap: float
 
@@ -114,12 +117,14 @@ def _summed(rows: list[_Found]) -> str:
     off = np.array([v for row in rows for v in row.off])
     interval = np.array([v for row in rows for v in row.interval])
     invented = [v for row in rows for v in row.invented]
+    of_area = [pair for row in rows for pair in zip(row.area_off, row.area_error, strict=True)]
     here = iou[iou > 0.5]
     text = f"{len(rows)} scenes, {len(here)} of {len(iou)} bodies found"
     if len(here):
         text += (
             f", IoU mean {here.mean():.3f}, worst {here.min():.3f}, below 0.9 {(here < 0.9).sum()}"
-            f"; {(abs(off) <= interval).sum()} of {len(off)} intervals hold"
+            f"; {(abs(off) <= interval).sum()} of {len(off)} intervals of levels and "
+            f"{sum(abs(a) <= 1.96 * e for a, e in of_area)} of areas hold"
         )
     overlap = max((row.overlap for row in rows), default=0.0)
     return f"{text}; {len(invented)} invented, of {sum(invented):.0f} m2; overlap {overlap:.2f} m2"
@@ -136,7 +141,7 @@ def _waters(kind: str, seed: int) -> _Found:
     water = ShorelineExtract(points=made.points, bodies="all", sloped=True).run().water.frame
     shapes = shapely.force_2d(water.geometry.to_numpy()) if len(water) else np.zeros(0, object)
     true = [pair for pair in zip(made.outlines, made.waters, strict=True) if pair[0].area >= 100]
-    iou, off, interval = [], [], []
+    iou, off, interval, area_off, area_error = [], [], [], [], []
     for outline, known in true:
         shared = shapely.area(shapely.intersection(shapes, outline))
         best = int(np.argmax(shared)) if len(shapes) else -1
@@ -147,11 +152,14 @@ def _waters(kind: str, seed: int) -> _Found:
             truth -= known.fall * float(np.mean(corners[:, 0] - ORIGIN[0]))
             off.append(float(corners[:, 2].mean() - truth))
             interval.append(float(water.level_interval.iloc[best]))
+            area_off.append(float(water.area.iloc[best] - outline.area))
+            area_error.append(float(water.area_error.iloc[best]))
     all_water = shapely.union_all([outline.buffer(3) for outline, _ in true])
     dry = [s.area for s in shapes if s.intersection(all_water).area < s.area / 2]
     pairs = ((a, b) for k, a in enumerate(shapes) for b in shapes[:k])
     overlap = max((a.intersection(b).area for a, b in pairs), default=0.0)
-    return _Found(kind, iou, off, interval, [a for a in dry if a >= 100], overlap)
+    invented = [a for a in dry if a >= 100]
+    return _Found(kind, iou, off, interval, area_off, area_error, invented, overlap)
 
 
 def water_levels() -> None:

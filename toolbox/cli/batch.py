@@ -193,7 +193,8 @@ def _names_of(described: Mapping[str, Any], section: str) -> Iterator[str]:
 
 def _is_points(says: Mapping[str, Any]) -> bool:
     """Whether an input is a point cloud, which can be read from several files."""
-    return {"role": "type", "value": arguments.SEVERAL} in says.get("metadata", ())
+    types = [meta["value"] for meta in says.get("metadata", ()) if meta["role"] == "type"]
+    return any(kind in arguments.SEVERAL for kind in types)
 
 
 def _message(err: Exception) -> str:

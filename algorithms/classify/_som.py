@@ -31,6 +31,7 @@ from toolbox.context import QUIET, Context
 Shape = Literal["hexagonal", "square"]
 Neighbourhood = Literal["gaussian", "linear"]
 Method = Literal["batch", "online"]
+Initial = Literal["plane", "random"]
 FINE = float(1 << 24)  # steps of a weighted feature in which sums are made, so that they are exact
 HALF = 4096.0
 FINAL = 0.4  # radius of the neighbourhood in the end, in steps of the lattice
@@ -70,7 +71,9 @@ class Training:
     start : radius in the first pass; None for half the longer side of the lattice
     final : radius in the last pass, with those between on a straight line
     rate, final_rate : of learning with the online rule, in the same way
-    seed : for the order of points of the online rule
+    seed : for the order of points of the online rule, and for random weights
+    initial : weights to begin with: in the principal plane of the data, or "random" between its
+        lowest and highest values, as in the study
     """
 
     iterations: int = 200
@@ -81,6 +84,7 @@ class Training:
     rate: float = RATE
     final_rate: float = FINAL_RATE
     seed: int = 0
+    initial: Initial = "plane"
 
     def pull(self, away: Floats, step: int) -> Floats:
         """How far each neuron follows each winner in a pass, from 0 to 1, array of shape (m, m).
@@ -122,7 +126,12 @@ def train(data: Floats, place: Floats, how: Training, ctx: Context = QUIET) -> F
     largest = float(np.abs(data).max())
     fine = FINE / 2.0 ** np.ceil(np.log2(largest)) if largest > 0 else FINE
     steps = np.rint(data * fine).astype(np.int64)
-    weights = spread_out(steps, place) / fine
+    if how.initial == "random":
+        low, high = data.min(axis=0), data.max(axis=0)
+        chance = np.random.default_rng(how.seed).random((len(place), data.shape[1]))
+        weights = low + chance * (high - low)
+    else:
+        weights = spread_out(steps, place) / fine
     if how.method == "online":
         return _online(data, weights, distances(place), how, ctx)
     return _batch(data, steps, fine, weights, distances(place), how, ctx)

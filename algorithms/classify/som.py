@@ -15,12 +15,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.classify import _evidence, _som
-from algorithms.classify._evidence import features_of, missing_feature, no_point_has_all
+from algorithms.classify._evidence import GROUND, features_of, missing_feature, no_point_has_all
 from algorithms.classify._feature_map import (
     NO_NEURON,
     FeatureMap,
@@ -72,7 +73,8 @@ class ClassifySom:
     or building (6). With `labels`, the classes of some points are the evidence instead, and all
     their classes can be found. Clusters of which more than `max_impurity` of the known points are
     of another class are split by a second map. With `search`, the map grows from two neurons until
-    no more than `max_impurity` of all points are astray, or until it has `rows` and `columns`.
+    no more than `max_impurity` of the points of any cluster, and so of all, are astray, or until it
+    has `rows` and `columns`; `sizes` has the errors of each size.
 
     `map` is the trained map, which classify.som_apply applies to other data and to tiles. Train it
     on a part of a large survey. Cars, walls and wires are none of the three and become one of them.
@@ -110,6 +112,9 @@ class ClassifySom:
         words={"batch": "From all points at once", "online": "From one after the other"},
     )
     iterations: int = param("Passes over all points", default=200, unit="1", ge=1, le=100_000)
+    initial: _som.Initial = param(
+        "Weights to begin with: in the principal plane of the data, or random", default="plane"
+    )
     final_radius: float = param(
         "Radius of the neighbourhood in the last pass, in steps of the lattice",
         default=_som.FINAL,
@@ -123,7 +128,7 @@ class ClassifySom:
         label="Grow the map",
     )
     max_impurity: float = param(
-        "Share of points of another class that a cluster, or a map that grows, may have",
+        "Share of points of another class that a cluster may have",
         default=0.2,
         unit="1",
         ge=0,
@@ -158,6 +163,7 @@ class ClassifySom:
             label="Classified points",
         )
         map: Table = sink("The trained map: one row per neuron, for classify.som_apply")
+        sizes: Table = sink("Errors of each size of the map that was tried: one row per size")
         planes: Raster = sink("Pictures of the map: the U-matrix and each feature, from 0 to 1")
         neurons: int = sink("Clusters that the points were put into", unit="1")
         astray: float = sink("Share of known points whose cluster is of another class", unit="1")
@@ -208,12 +214,13 @@ class ClassifySom:
         known = self._known(features)
         able = np.flatnonzero(np.isfinite(values).all(axis=1))
         chosen = able[drawn(features.xyz[able], self.sample, self.seed)]
-        made = self._map(names, values[chosen], known[chosen], ctx.part(0.4, 0.9))
+        made, sizes = self._map(names, values[chosen], known[chosen], ctx.part(0.4, 0.9))
         best, away = made.neurons(values, ctx.part(0.9, 1.0))
         first = made.stage_one(values[chosen])
         return self.Outputs(
             classified=with_classes(self.points, part, made, best, away),
             map=made.table(),
+            sizes=Table.from_rows(sizes),
             planes=made.planes(),
             neurons=int(np.count_nonzero(made.leaves)),
             astray=share_astray(made, best, known),
@@ -235,14 +242,19 @@ class ClassifySom:
 
     def _map(
         self, names: tuple[str, ...], values: Floats, known: Bytes, ctx: Context
-    ) -> FeatureMap:
-        """Train a map of one size or of growing sizes, and split its mixed clusters."""
+    ) -> tuple[FeatureMap, list[dict[str, Any]]]:
+        """Train a map of one size or of growing sizes, and split its mixed clusters.
+
+        Returns the map, and the errors of each size that was tried.
+        """
+        tried: list[dict[str, Any]] = []
         how = _som.Training(
             iterations=self.iterations,
             neighbourhood=self.neighbourhood,
             method=self.method,
             final=self.final_radius,
             seed=self.seed,
+            initial=self.initial,
         )
         low, high = values.min(axis=0), values.max(axis=0)
         for name in np.array(names)[low == high]:
@@ -273,7 +285,8 @@ class ClassifySom:
             made = trained(values, empty, (*size, self.lattice), how, part)
             best, _ = made.neurons(values)
             made = named(made, best, known)
-            if share_astray(made, best, known) <= self.max_impurity:
+            tried.append(errors_of_size(size, made, best, known))
+            if tried[-1]["worst_cluster"] <= self.max_impurity:  # and so is the error of the whole
                 break
         else:
             if self.search:
@@ -283,7 +296,7 @@ class ClassifySom:
         if self.parts > 1:
             made = split(made, values, best, self.max_impurity, self.parts, how, ctx.part(0.8, 1.0))
             made = named(made, made.neurons(values)[0], known)
-        return made
+        return made, tried
 
     def _weights(self, names: tuple[str, ...]) -> Floats:
         if self.weights is not None:
@@ -320,6 +333,26 @@ def growing(rows: int, columns: int) -> Iterator[tuple[int, int]]:
             return
         wider = size[1] < columns and (size[1] <= size[0] + 1 or size[0] == rows)
         size = (size[0], size[1] + 1) if wider else (size[0] + 1, size[1])
+
+
+def errors_of_size(
+    size: tuple[int, int], made: FeatureMap, best: Ints, known: Bytes
+) -> dict[str, Any]:
+    """Row of the table of sizes: shares of points of known class that are on the wrong side.
+
+    `filtering_error` is that between ground and all else (Sithole and Vosselman), `astray` that of
+    all classes, `worst_cluster` that of the neuron with the largest share.
+    """
+    told = (known > 0) & (best != NO_NEURON)
+    ground, given = known[told] == GROUND, made.classes[best[told]] == GROUND
+    return {
+        "rows": size[0],
+        "columns": size[1],
+        "neurons": len(made.values),
+        "filtering_error": float(np.mean(ground != given)) if told.any() else 0.0,
+        "astray": share_astray(made, best, known),
+        "worst_cluster": float(made.astray.max()),
+    }
 
 
 def share_astray(made: FeatureMap, best: Ints, known: Bytes) -> float:

@@ -15,7 +15,7 @@ from tests.bench.files import copc, damaged, memory, reading, reprojecting, roun
 from tests.bench.fingerprints import fingerprints
 from tests.bench.gridding import gridding
 from tests.bench.ground import cloth, filters, isprs, surveys, terrain
-from tests.bench.learning import learning
+from tests.bench.learning import learning, learning_speed
 from tests.bench.long_lines import long_lines
 from tests.bench.metamorphic import metamorphic
 from tests.bench.path import path
@@ -48,6 +48,7 @@ ALL = (
     corridor_real,
     corridor_settings,
     learning,
+    learning_speed,
     long_lines,
     facades,
     fingerprints,

@@ -26,9 +26,7 @@ Codes = NDArray[np.int64]
 
 
 def learning() -> None:
-    """Leave one tile out; from one survey to another; wires and towers; time against reading."""
-    from toolbox.data import PointCloud
-
+    """Leave one tile out; from one survey to another; wires and towers."""
     tiles = {name: _opened(name) for name in (*TILES, *AHN3, AHN4)}
     _left_out({name: tiles[name] for name in TILES})
     french = _model([tiles[name] for name in TILES], CLASSES)
@@ -41,16 +39,22 @@ def learning() -> None:
     codes = (1, 2, 5, 14, 15)
     lines = _model(clouds[:1], codes)
     _elsewhere(f"wires: {LINES[0]} to {LINES[1]}", lines, clouds[1], np.arange(256))
-    path = DATA / TILES[0]
-    cloud = tiles[TILES[0]]
+
+
+def learning_speed() -> None:
+    """Time of features and probabilities against reading, of a model of one tile."""
+    from toolbox.data import PointCloud
+
+    path, cloud = DATA / TILES[0], _opened(TILES[0])
+    made = _model([cloud], CLASSES)
     million = 1e6 / len(cloud)
     read = _seconds(lambda: PointCloud.open(path).xyz) * million
-    data = _described(cloud, french.features)
-    describe = _seconds(lambda: _described(cloud, french.features)) * million
-    predict = _seconds(lambda: french.probabilities(data)) * million
+    data = _described(cloud, made.features)
+    describe = _seconds(lambda: _described(cloud, made.features)) * million
+    predict = _seconds(lambda: made.probabilities(data)) * million
     say(
         f"learning  a million points, processor: read {read:.2f} s, "
-        f"{len(french.features)} features {describe:.1f} s ({describe / read:.1f} reads), "
+        f"{len(made.features)} features {describe:.1f} s ({describe / read:.1f} reads), "
         f"probabilities {predict:.1f} s ({predict / read:.1f} reads)"
     )
 

@@ -234,6 +234,26 @@ def test_the_map_grows_until_the_tolerance_is_met() -> None:
     assert loose.neurons == 2
     assert loose.neurons < close.neurons < 20
     assert close.astray <= 0.05
+    sizes = close.sizes.rows()
+    assert [(row["rows"], row["columns"]) for row in sizes[:3]] == [(1, 2), (1, 3), (2, 3)]
+    assert sizes[-1]["neurons"] == close.neurons
+    assert [row["worst_cluster"] <= 0.05 for row in sizes] == [False] * (len(sizes) - 1) + [True]
+    for row in sizes:
+        assert row["filtering_error"] <= row["astray"] <= row["worst_cluster"] + 1e-9
+
+
+def test_a_map_that_begins_with_random_weights_ends_near_the_other() -> None:
+    """The seed decides; the order of the points does not."""
+    cloud = park()
+    backwards = cloud.select(np.arange(len(cloud))[::-1])
+    plane = ClassifySom(points=cloud).run()
+    first, again, other = (
+        ClassifySom(points=points, initial="random", seed=seed).run()
+        for points, seed in [(cloud, 1), (backwards, 1), (cloud, 2)]
+    )
+    assert first.map.rows() == again.map.rows()
+    assert first.map.rows() != other.map.rows()
+    assert first.quantisation_error == pytest.approx(plane.quantisation_error, rel=0.5)
 
 
 def test_mixed_clusters_are_split() -> None:

@@ -30,6 +30,7 @@ from algorithms.shared import parameters
 from algorithms.shared.ground import is_withheld
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
+from toolbox.data.crs import local_like
 from toolbox.declare import Share, outputs, param, show, sink, source, tool
 
 NAME, FRONT = "plane_id", "front_id"
@@ -170,7 +171,7 @@ class PlanesExtract:
         )
         elevation: Vector = sink(
             "Outlines seen square to the largest upright plane, in its plane",
-            show=show.Classes("kind"),
+            show=show.Classes("kind", apart=True),
             columns=columns.PLANES,
         )
         count: int = sink("Planes", unit="1")
@@ -234,7 +235,9 @@ class PlanesExtract:
             ),
             planes=Vector(planes.set_crs(cloud.crs), name="planes", geometry_type="Polygon Z"),
             fronts=self._fronts(fronts, list(planes.geometry)),
-            elevation=Vector(shown, name="elevation", geometry_type="Polygon"),
+            elevation=Vector(
+                shown.set_crs(local_like(cloud.crs)), name="elevation", geometry_type="Polygon"
+            ),
             count=len(found.planes),
             front_count=len(fronts),
             share=Share.of_points(ids > 0, cloud.core),

@@ -25,6 +25,7 @@ from algorithms.shared.plane_fit import Plane
 from algorithms.shared.plane_numbers import plane_numbers
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Vector
+from toolbox.data.crs import local_like
 from toolbox.declare import Attribute, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
@@ -138,7 +139,8 @@ class PlanesOpenings:
             columns=columns.OPENINGS,
         )
         elevation: Vector = sink(
-            "Each front and its openings, in its own coordinates", show=show.Classes("kind")
+            "Each front and its openings, in its own coordinates",
+            show=show.Classes("kind", apart=True),
         )
         dropped: Vector = sink("Gaps that are no openings, with the reason")
         planes: Vector = sink("Outlines of the planes that are left")
@@ -318,7 +320,7 @@ class PlanesOpenings:
         names = ["opening_id", "front_id", *COLUMNS]
         layers = (
             geopandas.GeoDataFrame(rows, columns=names, geometry=solid, crs=crs),
-            geopandas.GeoDataFrame(shown, geometry=flat),
+            geopandas.GeoDataFrame(shown, geometry=flat, crs=local_like(crs)),
             geopandas.GeoDataFrame(reasons, columns=["front_id", "reason"], geometry=gaps, crs=crs),
         )
         return (

@@ -253,6 +253,20 @@ def local_crs(text: str) -> CRS | None:
     return next((crs for word, crs in LOCALS.items() if text in (word, crs.name)), None)
 
 
+def local_like(crs: CRS | None) -> CRS | None:
+    """Local coordinates in the unit of a CRS, as of a drawing in a plane; None if none is known.
+
+    Examples
+    --------
+    >>> str(local_like(CRS(32635)).name), local_like(None)
+    ('Local coordinates in metres', None)
+    """
+    if crs is None or length_problem(crs) is not None:
+        return None
+    metres = metres_per_unit(crs)
+    return next((local for local in LOCALS.values() if metres_per_unit(local) == metres), None)
+
+
 def crs_conflict(a: CRS | None, b: CRS | None, *, heights: bool, tools: str = "") -> str | None:
     """Say why a layer in CRS `a` cannot be used with one in `b`, and what to do; None if it can.
 

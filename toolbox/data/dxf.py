@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 APPLICATION = "LIDAR-TOOLBOX"
 LAYER, KIND = "layer", "kind"
+_COLOURS = 1, 5, 3, 30, 6, 4, 200, 8  # of layers in turn, as numbers of AutoCAD
 _LONGEST, _MOST = 255, 16_000  # bytes of a text, and of all at one entity
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # an end of line begins another entity
 _UNITS = {
@@ -76,6 +77,8 @@ def _drawing(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> Drawing:
     rows = frame.drop(columns=frame.geometry.name).to_dict("records")
     for row, geometry in zip(rows, frame.geometry, strict=True):
         how = {"layer": _layer_name(row, layer, path)}
+        if how["layer"] not in drawing.layers:  # a colour each, in their order
+            drawing.layers.add(how["layer"], color=_COLOURS[len(drawing.layers) % len(_COLOURS)])
         texts = _texts(row, path)
         for piece in shapely.get_parts(geometry):
             for entity in _draw(space, piece, how):

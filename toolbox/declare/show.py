@@ -44,6 +44,8 @@ class Classes(_ByAttribute):
     front_of : attribute with the number of the plane of each point, 0 for none: where the largest
         plane is upright, the points are seen from its front
     optional : nothing is said where the attribute is missing
+    apart : features are in coordinates of their own, as a drawing of a wall is, and never lie on
+        a map of other layers
     """
 
     layers: ClassVar[tuple[Any, ...]] = (PointCloud, Vector)
@@ -51,6 +53,7 @@ class Classes(_ByAttribute):
     looks: Mapping[Any, Look] = field(default_factory=dict)
     front_of: str = ""
     optional: bool = False
+    apart: bool = False
 
     @property
     def numbers(self) -> tuple[str, ...]:

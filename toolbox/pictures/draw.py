@@ -176,13 +176,24 @@ def _add(panels: list[Drawn], title: str, layer: Any, shows: Sequence[Show]) -> 
             panels += [_of_image(title, layer.crs, cloud_image(layer, way)) for way in ways]
         case Vector():
             colours = (show for show in shows if isinstance(show, Classes | Values))
-            _add_vector(panels, title, (layer, next(colours, None)))
+            coloured = layer, next(colours, None)
+            if is_apart(shows):
+                alone: list[Drawn] = []
+                _add_vector(alone, title, coloured)
+                panels += alone
+            else:
+                _add_vector(panels, title, coloured)
             made = [Sections.of(title, layer, s) for s in shows if isinstance(s, Profile)]
             panels += [chart for chart in made if chart]
         case Table():
             panels += [chart for show in shows if (chart := _chart(title, layer, show))]
         case _:
             raise DataError(f"{title}: a {type(layer).__name__} cannot be drawn")
+
+
+def is_apart(shows: Sequence[Show]) -> bool:
+    """Whether features are in coordinates of their own, and have a map of their own."""
+    return any(isinstance(show, Classes) and show.apart for show in shows)
 
 
 def _chart(title: str, table: Table, show: Show) -> Bars | Curves | Square | None:

@@ -17,7 +17,7 @@ from toolbox.data.layer import Layer
 from toolbox.data.report import Plot
 from toolbox.declare.fields import Spec
 from toolbox.declare.show import Classes, Show, Values
-from toolbox.pictures.draw import Shown, drawable
+from toolbox.pictures.draw import Shown, drawable, is_apart
 from toolbox.pictures.features import feature_classes
 from toolbox.pictures.images import (
     LENGTHS,
@@ -77,7 +77,9 @@ def _together(extent: Bounds, first: Layer, layers: Mapping[str, Shown]) -> dict
     return {
         name: pair
         for name, pair in layers.items()
-        if _meets(pair[0], extent) and crs_conflict(first.crs, pair[0].crs, heights=False) is None
+        if not is_apart(pair[1])
+        and _meets(pair[0], extent)
+        and crs_conflict(first.crs, pair[0].crs, heights=False) is None
     }
 
 

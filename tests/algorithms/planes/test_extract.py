@@ -111,7 +111,7 @@ def test_outlines_lie_in_their_planes_and_the_elevation_in_that_of_the_wall() ->
         away = corners @ np.array([row.normal_x, row.normal_y, row.normal_z]) - row.offset
         assert np.abs(away).max() < 1e-6
     shown = out.elevation.frame.set_index("plane_id")
-    assert out.elevation.crs is None
+    assert out.elevation.crs == parse_crs("local")
     assert list(shown.kind) == ["facade"]  # nothing else faces north or south upright
     assert shown.geometry[2].bounds == pytest.approx((0, 0, 8, 3), abs=0.05)
 

@@ -19,7 +19,7 @@ from algorithms.planes.extract import PlanesExtract
 from algorithms.planes.openings import PlanesOpenings
 from algorithms.samples.scene import scene
 from toolbox.data import PointCloud
-from toolbox.data.crs import LOCAL
+from toolbox.data.crs import LOCAL, parse_crs
 from toolbox.errors import DataError, ParameterError
 
 UTM = CRS(32635)
@@ -99,7 +99,7 @@ def test_the_elevation_has_the_openings_as_holes_from_the_left() -> None:
     wall = shown.geometry["facade"]
     assert wall.area == pytest.approx(40 - 1.2 * 1.4 - 2.1, rel=0.01)  # a shadow is wall
     assert not wall.contains(shown.geometry["window"].centroid)
-    assert out.elevation.crs is None
+    assert out.elevation.crs == parse_crs("local")
 
 
 def test_curtains_are_left_out_and_panes_stay() -> None:

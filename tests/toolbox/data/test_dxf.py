@@ -63,6 +63,9 @@ def test_kinds_are_layers(tmp_path: Path) -> None:
     columns = {"layer": ["a", None, None], "kind": ["door", "door", None]}
     drawing = drawn(tmp_path / "front.dxf", shapes, **columns)
     assert [e.dxf.layer for e in drawing.modelspace()] == ["a", "door", "front"]
+    listed = {layer.dxf.name: layer.dxf.color for layer in drawing.layers}
+    assert {"a", "door", "front"} <= listed.keys()
+    assert len({listed[name] for name in ("a", "door", "front")}) == 3
 
 
 @pytest.mark.parametrize(

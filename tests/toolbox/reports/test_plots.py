@@ -79,6 +79,17 @@ def test_layers_that_lie_elsewhere_have_a_map_of_their_own() -> None:
     assert not made["Drawing: vertices"].data["north"]
 
 
+def test_a_drawing_in_its_own_coordinates_lies_on_no_other_map() -> None:
+    """Although it has the same local coordinates as the points, and meets them."""
+    local = parse_crs("local")
+    spec = catalog.load("planes.extract")
+    points = cloud().with_xyz(cloud().xyz - ORIGIN).with_crs(local)
+    front = geopandas.GeoDataFrame({"kind": ["facade"]}, geometry=[shapely.box(0, 0, 9, 5)])
+    made = {"elevation": Vector(front.set_crs(local))}
+    titles = [title for title, _ in maps_of(spec, made, {"points": points})]
+    assert titles == ["Map", "Drawing: elevation"]
+
+
 def test_the_view_holds_points_to_a_centimetre_and_fills_areas() -> None:
     plot = space_of(SPEC, found(), {"points": cloud()})
     assert plot is not None

@@ -23,7 +23,11 @@ UNKNOWN = 1  # class of points of which the model is not sure enough
 DENSITIES = 4.0  # times denser or sparser than in training
 
 
-@tool("classify.apply")
+@tool(
+    "classify.apply",
+    title="Classify (trained model)",
+    tags=("classify", "predict", "machine-learning", "random", "forest", "model"),
+)
 class ClassifyApply:
     """Classify points with a model that classify.train has made.
 

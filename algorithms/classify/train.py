@@ -50,7 +50,11 @@ RADII = (0.5, 1.0, 2.0, 4.0)
 Ints = NDArray[np.int64]
 
 
-@tool("classify.train")
+@tool(
+    "classify.train",
+    title="Train a classifier",
+    tags=("classify", "train", "learn", "machine-learning", "random", "forest", "model"),
+)
 class ClassifyTrain:
     """Learn classes from points that have them, or that lie in polygons with classes.
 

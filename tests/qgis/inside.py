@@ -672,6 +672,8 @@ def check_a_tool_of_each_group_and_all_kinds_of_output() -> None:
         WORKERS=1,
         RESUME=True,
     )
+    projected = out("projected.gpkg")
+    go("vectors.reproject", FEATURES=layer.id(), CRS="EPSG:32636", REPROJECTED=projected)
     go("surface.contours", SURFACE=out("s.tif"), INTERVAL=0.5, CONTOURS=out("c.gpkg"))
     go(
         "shoreline.alpha_shape",

@@ -429,8 +429,8 @@ class Reader:
             if is_missing(raw):
                 continue
             found = QgsCoordinateReferenceSystem()
-            if isinstance(raw, str) and os.path.isfile(raw):
-                found.createFromUserInput(las_crs(raw))
+            if isinstance(raw, str) and os.path.isfile(raw) and (stated := las_crs(raw)):
+                found.createFromUserInput(stated)
             layer = None if found.isValid() else self._loaded(field, name)
             if layer is not None:
                 found = layer.crs()

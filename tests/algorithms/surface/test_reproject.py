@@ -70,6 +70,9 @@ def test_elevations_change_where_heights_do() -> None:
     other = SurfaceReproject(surface=feet, crs=CRS(26918), values="other").run().reprojected
     assert np.nanmax(other.band()) == pytest.approx(np.nanmax(feet.band()), rel=0.02)
     assert other.units == ("US survey foot",)
+    lengths = SurfaceReproject(surface=feet, crs=CRS(26918), values="lengths").run().reprojected
+    np.testing.assert_allclose(lengths.band(), other.band() * 1200 / 3937, rtol=1e-9)
+    assert lengths.units == ("metre",)
 
 
 def test_a_geoid_is_for_elevations() -> None:

@@ -14,7 +14,7 @@ from tests.bench.facades import facades
 from tests.bench.files import copc, damaged, memory, reading, reprojecting, roundtrip, startup
 from tests.bench.fingerprints import fingerprints
 from tests.bench.gridding import gridding
-from tests.bench.ground import cloth, filters, isprs, surveys, terrain
+from tests.bench.ground import cloth, filters, grounds, isprs, surveys, terrain
 from tests.bench.learning import learning, learning_speed
 from tests.bench.long_lines import long_lines
 from tests.bench.metamorphic import metamorphic
@@ -33,6 +33,7 @@ ALL = (
     isprs,
     filters,
     surveys,
+    grounds,
     cloth,
     terrain,
     damaged,
@@ -55,7 +56,7 @@ ALL = (
     metamorphic,
     path,
 )
-WITH_OPTIONS = (corridor_presets, corridor_real, corridor_settings, metamorphic, waters)
+WITH_OPTIONS = (grounds, corridor_presets, corridor_real, corridor_settings, metamorphic, waters)
 BENCHES = {b.__name__: b for b in ALL}
 
 names = list(itertools.takewhile(lambda word: not word.startswith("-"), sys.argv[1:]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import statistics
 import time
@@ -99,6 +100,29 @@ def surveys() -> None:
         _errors(id, make, clouds, {}, counted)
 
 
+def grounds(*options: str) -> None:
+    """ground.classify on scenes with bridges, banks, dams, terraces, ramps and steep woods.
+
+    The options `--seeds FIRST LAST` and `--filter ID` tell which; nothing was chosen on any seed.
+    """
+    from pyproj import CRS
+
+    from tests.scenes.ground import KINDS, draw
+    from toolbox.data import PointCloud
+
+    reader = argparse.ArgumentParser("grounds")
+    reader.add_argument("--seeds", type=int, nargs=2, default=(100, 102))
+    reader.add_argument("--filter", choices=ground_filters(), default="ground.classify")
+    chosen = reader.parse_args(options)
+    first, last = chosen.seeds
+    for kind in KINDS:
+        clouds = {}
+        for seed in range(first, last + 1):
+            survey = draw(kind, seed)
+            clouds[f"{kind} {seed}"] = PointCloud(survey.xyz, crs=CRS(32635)), survey.ground
+        _errors(chosen.filter, ground_filters()[chosen.filter], clouds, {})
+
+
 def ground_filters() -> dict[str, Any]:
     from toolbox import catalog
 
@@ -124,7 +148,7 @@ def _errors(
     means = tuple(statistics.mean(column) for column in zip(*rows, strict=True))
     for name, (type_1, type_2, total, kappa) in zip([*clouds, "mean"], [*rows, means], strict=True):
         say(
-            f"filters  {title:28} {name:12} Type I {type_1:6.2f}  Type II {type_2:6.2f}  "
+            f"filters  {title:28} {name:16} Type I {type_1:6.2f}  Type II {type_2:6.2f}  "
             f"total {total:5.2f} %  kappa {100 * kappa:5.1f}"
         )
 

@@ -40,7 +40,8 @@ class ClassifyApply:
     is a major change, beside the largest that folds of the training have (`usual`). Points with a
     feature outside of all that was seen are counted in `outside`. A cloud that lacks a feature, or
     is four times as dense or as sparse as the training, is refused; with `any_density` it is
-    classified with a warning. Points that take no part keep their class.
+    classified with a warning. In tiles there is no table of drift, but a warning of each tile.
+    Points that take no part keep their class.
     """
 
     points: PointCloud = source("Points to classify")

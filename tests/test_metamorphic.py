@@ -26,22 +26,33 @@ from toolbox.errors import Cancelled, DataError
 RUNS, PARTS = 100, 4  # of which workers take one each
 CASE = {case.name: case for case in CASES}
 WITHOUT = {  # tools that no change of a single cloud tells anything about
+    "classify.apply": "needs a model of other points",
     "classify.ndvi": "reads images",
     "classify.som_apply": "needs a map of other points",
+    "classify.train": "gives a model, whose draws change with the order of blocks",
     "classify.vegetation_by_ndvi": "needs an image",
     "compare.areas": "compares layers",
     "compare.lines": "compares layers",
     "compare.planes": "compares layers",
+    "compare.rasters": "compares layers",
     "compare.spans": "compares layers",
     "compare.surfaces": "compares layers",
     "corridor.clearance": "is a step of models.power_line_clearance",
     "corridor.label": "is a step of models.power_line_clearance",
     "corridor.surroundings": "is a step of models.power_line_clearance",
     "planes.openings": "needs the number of a plane, which changes with the points",
+    "points.assign_crs": "needs points without a CRS",
+    "points.index": "lists files",
     "points.merge": "joins files",
+    "points.normalise": "gives the heights of points.height_above_ground",
+    "points.reproject": "needs places on the Earth, which turning and shifting change",
+    "points.sample_raster": "needs an image",
     "samples.scene": "reads nothing",
     "shoreline.storage_curve": "needs a basin",
     "surface.difference": "compares layers",
+    "surface.reproject": "reads rasters",
+    "vectors.clip": "reads features",
+    "vectors.reproject": "reads features",
 }
 
 

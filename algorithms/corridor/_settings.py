@@ -106,6 +106,8 @@ class Curves:
         "1",
         "share of a curve along which it stands out from its surroundings, of what may be wire",
     )
+    sure_share: float = tried(0.7, "1", "the same, of a curve that is a wire by itself")
+    fewest_points: int = unlikely(7, "points", "of a curve")
     sure_length: float = tried(30.0, "m", "length from which a curve is a wire by itself")
     fine_length: float = tried(18.0, "m", "the same of a clean curve")
     fine_points: int = tried(20, "points", "of a clean curve")

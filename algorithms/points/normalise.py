@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from algorithms.points.height_above_ground import height_above_ground
 from algorithms.shared import parameters
+from algorithms.shared.above_ground import height_above_ground
 from algorithms.shared.ground import is_withheld
 from algorithms.shared.heights import HEIGHT
 from toolbox.context import QUIET, Context

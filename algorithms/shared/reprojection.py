@@ -36,6 +36,22 @@ def chosen(
     ------
     DataError
         There is none; see :func:`toolbox.data.operation.operation`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> cloud = PointCloud(np.array([[5e5, 0.0, 0.0]]), {}, crs=CRS(32631))
+    >>> way = chosen(
+    ...     "points",
+    ...     cloud,
+    ...     CRS(4326),
+    ...     heights=False,
+    ...     geoid=None,
+    ...     epoch=None,
+    ...     missing_grid="refuse",
+    ... )
+    >>> way.accuracy
+    0.0
     """
     bounds = layer.extent if isinstance(layer, PointCloud) else layer.bounds
     try:
@@ -58,7 +74,14 @@ def chosen(
 
 
 def operation_table(way: Operation, geoid: str | None) -> Table:
-    """One row per property of an operation."""
+    """One row per property of an operation.
+
+    Examples
+    --------
+    >>> way = operation(CRS(32631), CRS(32632), (5e5, 0.0, 5e5, 0.0), heights=False)
+    >>> operation_table(way, None).frame["property"].tolist()
+    ['from', 'to', 'operation', 'accuracy', 'heights']
+    """
     rows: list[dict[str, Any]] = [
         {"property": "from", "value": describe_crs(way.source), "unit": ""},
         {"property": "to", "value": describe_crs(way.target), "unit": ""},

@@ -20,6 +20,12 @@ def strips_of(
     Returns
     -------
     array of shape (n,)
+
+    Examples
+    --------
+    >>> cloud = PointCloud(np.zeros((3, 3)), {"point_source_id": np.array([4, 4, 7], np.uint16)})
+    >>> strips_of(cloud, np.array([0, 2]))
+    array([4, 7], dtype=uint16)
     """
     if "point_source_id" in cloud:
         return np.asarray(cloud["point_source_id"][which], np.uint16)

@@ -319,6 +319,9 @@ PROMISES: Mapping[str, Promise] = {
 """Of all tools that are not among the EXCEPTIONS; other transformations promise nothing."""
 
 EXCEPTIONS: Mapping[tuple[str, str], Promise | None] = {
+    ("classify.som", "in-feet"): Promise(
+        0.01, 0.03, "heights above other ground, of a point or two, lead to another map"
+    ),
     ("surface.contours", "turned"): Promise(
         0.0, 0.25, "lines end at the gaps of a grid whose cells lie elsewhere", counted=2.0
     ),

@@ -20,7 +20,7 @@ from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Table
 from toolbox.declare import outputs, show, sink, source, tool
 
-@tool("acme.count")
+@tool("acme.count", title="Count points")
 class AcmeCount:
     """Count points.
 

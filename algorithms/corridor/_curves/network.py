@@ -118,7 +118,11 @@ def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list
         length = curve[kernels.CURVE_HIGH] - curve[kernels.CURVE_LOW]
         clear = clearness(corridor, curve, len(points))
         slope = abs(curve[kernels.CURVE_Z + 1]) / curve[kernels.CURVE_HALF]
-        if clear < SETTINGS.curves.clear_share or slope > SETTINGS.trace.steepest:
+        if (
+            clear < SETTINGS.curves.clear_share
+            or slope > SETTINGS.trace.steepest
+            or len(points) < SETTINGS.curves.fewest_points
+        ):
             continue
         catenary = fit(corridor.wires.xyz[points], spread=2 * corridor.tolerance)
         if catenary is not None and roofed(corridor, catenary) < SETTINGS.roofs.share:
@@ -127,7 +131,9 @@ def curves_of(corridor: Corridor, curves: Sequence[tuple[Floats, Ints]]) -> list
                 and len(points) >= SETTINGS.curves.fine_points
                 and clear >= 0.9
             )
-            sure = length >= (SETTINGS.curves.fine_length if fine else SETTINGS.curves.sure_length)
+            sure = clear >= SETTINGS.curves.sure_share and length >= (
+                SETTINGS.curves.fine_length if fine else SETTINGS.curves.sure_length
+            )
             found.append(Piece(points, catenary, sure))
     return isolated(corridor, untied(corridor, found))
 

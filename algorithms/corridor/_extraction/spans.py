@@ -410,7 +410,7 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
         off = np.hypot(dv, dz)
         inner = off < radius
         # Above and below: at the sides there may be other wires.
-        ring = 2 * shell_of(corridor, made, radius)
+        ring = 2 * np.count_nonzero((off > radius) & (off < 3 * radius) & (np.abs(dz) > np.abs(dv)))
         eighths = len(np.unique((8 * u[inner] / curve.length).astype(np.int64)))
         spare = SETTINGS.arcs.curvature_spread * curve.sag + 3 * made.sigma("sag")
         same_shape = abs(made.curvature * curve.c - 1) * curve.sag < spare
@@ -430,13 +430,6 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
         return []
     on_wires = corridor.on(one.curve for one in (*wires, *found))
     return [one for one in found if stands_alone(corridor, one, on_wires)]
-
-
-def shell_of(corridor: Corridor, curve: Catenary, radius: float) -> int:
-    """Number of points in the air above and below a curve, from one to three radii away."""
-    near, away = corridor.air.around(curve, 3 * radius)
-    _, v, z = curve.residuals(corridor.air.xyz[near[away > radius]])
-    return int(np.count_nonzero(np.abs(z) > np.abs(v)))
 
 
 def stands_alone(corridor: Corridor, wire: Wire, taken: NDArray[np.bool_]) -> bool:

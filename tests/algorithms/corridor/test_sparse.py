@@ -10,7 +10,6 @@ from scipy.spatial import cKDTree
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._curves.sparse import groups, lonely
 from algorithms.corridor._curves.trace import Airborne
-from algorithms.corridor._extraction.spans import shell_of
 from algorithms.corridor._settings import SETTINGS
 from algorithms.corridor.extract import CorridorExtract
 from toolbox.context import QUIET
@@ -83,12 +82,3 @@ def test_points_with_company_do_not_stand_alone() -> None:
     on_wire = corridor.wires.xyz[own, 1] < 2
     assert on_wire.sum() > 0.9 * sum(map(len, wires))
     assert (~on_wire).sum() < 0.1 * len(crown)
-
-
-def test_leaves_around_a_wire_count_where_they_are_too_dense_to_be_wires() -> None:
-    curve, points = wire(*SPAN, C, 1.0)
-    leaves = points + np.array([0.0, 0.0, 0.6])
-    air = Airborne.of(np.vstack([points, leaves]))
-    may = np.isin(np.arange(len(air.xyz)), np.flatnonzero(air.order < len(points)))
-    corridor = Corridor(air, air.xyz[:, 2], may, 0.25, lambda x, y: 0.0, lambda x, y: True)
-    assert shell_of(corridor, curve, 0.3) > 0.8 * len(leaves)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from scipy.interpolate import LinearNDInterpolator
 
-from algorithms.points.height_above_ground import PointsHeightAboveGround, height_above_ground
+from algorithms.points.height_above_ground import PointsHeightAboveGround
+from algorithms.shared.above_ground import height_above_ground
 from toolbox.data import PointCloud
 from toolbox.declare import ClassList
 from toolbox.errors import DataError, ParameterError

@@ -53,7 +53,7 @@ LAYERS: list[tuple[Callable[[], Any], str, dict[str, Any]]] = [
 layers = pytest.mark.parametrize(
     ("make", "suffix", "how"), LAYERS, ids=[f"{m.__name__}{s}" for m, s, _ in LAYERS]
 )
-INSIDE = (".laz", ".las", ".tif", ".TIFF", ".gpkg")
+INSIDE = (".laz", ".copc.laz", ".las", ".tif", ".TIFF", ".gpkg")
 
 
 def contents(folder: Path) -> dict[str, bytes]:

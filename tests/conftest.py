@@ -37,9 +37,13 @@ def data() -> Callable[[str], Path]:
 
 @pytest.fixture(autouse=True)
 def _log_as_it_was() -> Iterator[None]:
-    """A console takes the log over for its process; the next test must not find it so."""
-    log = logging.getLogger("toolbox")
-    handlers, level, propagate = log.handlers, log.level, log.propagate
+    """A console takes the log over for its process; no test, or fixture of many, may find it so."""
+    _reset_log()
     yield
-    log.handlers, log.propagate = handlers, propagate
-    log.setLevel(level)
+    _reset_log()
+
+
+def _reset_log() -> None:
+    log = logging.getLogger("toolbox")
+    log.handlers, log.propagate = [], True
+    log.setLevel(logging.NOTSET)

@@ -68,20 +68,8 @@ class ClassifyUrban:
 
     points: PointCloud = source("Points with classified ground and buildings")
     water: Vector | None = source("Polygons of water, as of shoreline.extract", default=None)
-    low: float = param(
-        "Vegetation below this height is low",
-        default=0.5,
-        unit="m",
-        ge=0,
-        label="Low vegetation ends at",
-    )
-    high: float = param(
-        "Vegetation from this height on is high",
-        default=1.5,
-        unit="m",
-        ge=0,
-        label="High vegetation begins at",
-    )
+    low: float = parameters.low_ends()
+    high: float = parameters.high_begins()
     planarity: float = param(
         "Least share of points on planes around what is no vegetation",
         default=0.1,

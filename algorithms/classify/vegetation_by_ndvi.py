@@ -82,20 +82,8 @@ class ClassifyVegetationByNdvi:
         ge=0,
         label="Lowest vegetation",
     )
-    low: float = param(
-        "Vegetation below this height is low",
-        default=0.5,
-        unit="m",
-        ge=0,
-        label="Low vegetation ends at",
-    )
-    high: float = param(
-        "Vegetation from this height on is high",
-        default=1.5,
-        unit="m",
-        ge=0,
-        label="High vegetation begins at",
-    )
+    low: float = parameters.low_ends()
+    high: float = parameters.high_begins()
     ignore: ClassList | None = parameters.ignore()
     keep_classes: ClassList | None = parameters.keep_classes()
 

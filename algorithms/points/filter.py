@@ -43,20 +43,7 @@ class PointsFilter:
 
     points: PointCloud = source("Points to choose from")
     classes: ClassList | None = parameters.classes()
-    returns: ReturnKind = param(
-        "Returns to use",
-        default="all",
-        label="Returns used",
-        words={
-            "all": "All returns",
-            "first": "First returns",
-            "last": "Last returns",
-            "only": "Only returns",
-            "intermediate": "Between first and last",
-            "first_of_many": "First of several returns",
-            "last_of_many": "Last of several returns",
-        },
-    )
+    returns: ReturnKind = parameters.returns()
     where: Expression | None = param(
         "Condition over attributes that must be met", default=None, of="points", label="Condition"
     )

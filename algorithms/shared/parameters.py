@@ -58,6 +58,46 @@ def classes() -> Any:
     return param("Classes to use; all by default", default=None, label="Classes used")
 
 
+def returns() -> Any:
+    """Declare the returns of the pulses that a tool reads: ``ReturnKind``."""
+    return param(
+        "Returns to use",
+        default="all",
+        label="Returns used",
+        words={
+            "all": "All returns",
+            "first": "First returns",
+            "last": "Last returns",
+            "only": "Only returns",
+            "intermediate": "Between first and last",
+            "first_of_many": "First of several returns",
+            "last_of_many": "Last of several returns",
+        },
+    )
+
+
+def low_ends() -> Any:
+    """Declare the height at which low vegetation ends: ``float``, metres."""
+    return param(
+        "Vegetation below this height is low",
+        default=0.5,
+        unit="m",
+        ge=0,
+        label="Low vegetation ends at",
+    )
+
+
+def high_begins() -> Any:
+    """Declare the height from which vegetation is high: ``float``, metres."""
+    return param(
+        "Vegetation from this height on is high",
+        default=1.5,
+        unit="m",
+        ge=0,
+        label="High vegetation begins at",
+    )
+
+
 def ground_returns() -> Any:
     """Declare the returns among which a filter looks for ground: ``Returns``."""
     return param(

@@ -138,20 +138,7 @@ class SurfaceGrid:
     extent: Extent | None = param("Rectangle to work in; that of the data by default", default=None)
     attribute: Attribute = param("Attribute to grid", default=Attribute("z"), of="points")
     classes: ClassList | None = parameters.classes()
-    returns: ReturnKind = param(
-        "Returns to use",
-        default="all",
-        label="Returns used",
-        words={
-            "all": "All returns",
-            "first": "First returns",
-            "last": "Last returns",
-            "only": "Only returns",
-            "intermediate": "Between first and last",
-            "first_of_many": "First of several returns",
-            "last_of_many": "Last of several returns",
-        },
-    )
+    returns: ReturnKind = parameters.returns()
     where: Expression | None = param(
         "Condition over attributes that must be met", default=None, of="points", label="Condition"
     )

@@ -322,8 +322,8 @@ class Survey(Layer):
 
     @classmethod
     def own_files(cls, path: str | Path) -> tuple[Path, ...]:
-        """The index at a path, and the provenance record that an earlier run has put beside it."""
-        return Path(path), *own_side_car(path)
+        """The index at a path, the tiles made with it, and the record that stands beside it."""
+        return Path(path), *own_side_car(path), *vpc.own_files(Path(path))
 
     def save(
         self,

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from toolbox.data.survey import SurveyFile
 
 SUFFIX = ".vpc"
+_OWN = "lidar_toolbox:files_belong_to_index"
+_MOST = 2**28  # bytes of an index that is asked for its own files
 _EXTENSIONS = [
     "https://stac-extensions.github.io/pointcloud/v1.0.0/schema.json",
     "https://stac-extensions.github.io/projection/v1.1.0/schema.json",
@@ -32,17 +34,36 @@ _EXTENSIONS = [
 _KINDS = {"f": "floating", "i": "signed", "u": "unsigned", "b": "unsigned"}
 
 
-def text_of(files: Sequence[SurveyFile], place: Path) -> str:
+def text_of(files: Sequence[SurveyFile], place: Path, *, own: bool = False) -> str:
     """The text of a virtual point cloud.
 
     Parameters
     ----------
     files : what their headers say
     place : path of the virtual point cloud, to which the paths of the files are relative
+    own : whether the files, which stand beside it, were made with it; see :func:`own_files`
     """
     ids = _ids([file.path.name for file in files])
     items = [_item(file, id, place.parent) for file, id in zip(files, ids, strict=True)]
-    return json.dumps({"type": "FeatureCollection", "features": items}, indent=1) + "\n"
+    head: dict[str, Any] = {"type": "FeatureCollection"} | ({_OWN: True} if own else {})
+    return json.dumps({**head, "features": items}, indent=1) + "\n"
+
+
+def own_files(path: Path) -> list[Path]:
+    """The files beside a virtual point cloud that were made with it, and so are replaced with it.
+
+    None of an index of files that were there before.
+    """
+    try:
+        if path.stat().st_size > _MOST:
+            return []
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if found.get(_OWN) is not True:
+            return []
+        links = [item["assets"]["data"]["href"].removeprefix("./") for item in found["features"]]
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return []  # no index of ours
+    return [path.with_name(link) for link in links if Path(link).name == link]
 
 
 def _ids(names: Sequence[str]) -> list[str]:

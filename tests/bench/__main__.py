@@ -6,6 +6,7 @@ import itertools
 import sys
 
 from tests.bench.accuracy import accuracy
+from tests.bench.chains import chains
 from tests.bench.corridor import corridor
 from tests.bench.corridor_presets import corridor_presets
 from tests.bench.corridor_real import corridor_real
@@ -39,6 +40,7 @@ ALL = (
     damaged,
     roundtrip,
     speed,
+    chains,
     structures,
     gridding,
     shorelines,
@@ -56,7 +58,15 @@ ALL = (
     metamorphic,
     path,
 )
-WITH_OPTIONS = (grounds, corridor_presets, corridor_real, corridor_settings, metamorphic, waters)
+WITH_OPTIONS = (
+    chains,
+    grounds,
+    corridor_presets,
+    corridor_real,
+    corridor_settings,
+    metamorphic,
+    waters,
+)
 BENCHES = {b.__name__: b for b in ALL}
 
 names = list(itertools.takewhile(lambda word: not word.startswith("-"), sys.argv[1:]))

@@ -28,7 +28,7 @@ from algorithms.corridor._extraction.layers import wire_layer
 from algorithms.corridor._extraction.spans import Wire
 from toolbox import catalog, reference
 from toolbox.context import Context
-from toolbox.data import Lattice, PointCloud, Raster, Report, Survey, Table, Vector
+from toolbox.data import Drawing, Lattice, PointCloud, Raster, Report, Survey, Table, Vector
 from toolbox.data.crs import vertical_unit
 from toolbox.declare import outputs, sink, source, tool
 from toolbox.declare.fields import Field, Spec
@@ -315,6 +315,13 @@ def extracted_line(points: PointCloud) -> PointCloud:
     return points.select(on_line).with_attributes({**ids, "confidence": sure, NUMBER: on_line})
 
 
+def axis(points: PointCloud) -> Vector:
+    """A bent line among the points."""
+    line = np.array([[500_010, 4_600_010], [500_200, 4_600_015], [500_400, 4_600_012]])
+    shapes = [shapely.LineString(line * points.metre)]
+    return Vector(geopandas.GeoDataFrame(geometry=shapes, crs=points.crs), name="axis.gpkg")
+
+
 def greenness(points: PointCloud) -> Raster:
     """An NDVI that changes eastwards."""
     lattice = Lattice.cover(edges(points), 7 * points.metre)
@@ -392,6 +399,7 @@ SPECIAL: dict[str, dict[str, Callable[[PointCloud], Any]]] = {  # layers that ne
     "corridor.surroundings": {"wires": wire},  # takes lines alone
     "corridor.label": {"line": extracted_line},  # its points are among those of the cloud
     "points.clip": {"polygons": shapes},  # asks for these or an extent
+    "points.profile": {"line": axis},  # takes lines alone
     "points.sample_raster": {"raster": greenness},  # values that are no heights
     "vectors.clip": {"polygons": shapes},  # asks for these or an extent
 }
@@ -403,6 +411,8 @@ def values(layer: Any) -> Any:
         return {"xyz": layer.xyz} | {name: layer[name] for name in layer.names}
     if isinstance(layer, Report):
         return layer.html()
+    if isinstance(layer, Drawing):
+        return np.concatenate([np.sort(found, axis=None) for _, found in layer.contents()])
     if isinstance(layer, Survey):
         return np.array([(file.count, *file.bounds) for file in layer.files])
     if hasattr(layer, "frame"):
@@ -684,8 +694,9 @@ def test_description_is_an_ogc_process(spec: Spec) -> None:
             assert not Draft202012Validator(field["schema"]).is_valid(value)
 
 
-READ = {  # types of layers by their words; a report is only written
-    kind.word: hint for hint, kind in KINDS.items() if kind.is_layer and kind.word != "Report"
+WRITTEN = ("Report", "Drawing")  # and never read
+READ = {  # types of layers by their words
+    kind.word: hint for hint, kind in KINDS.items() if kind.is_layer and kind.word not in WRITTEN
 }
 
 

@@ -46,6 +46,7 @@ WITHOUT = {  # tools that no change of a single cloud tells anything about
     "points.merge": "joins files",
     "points.normalise": "gives the heights of points.height_above_ground",
     "points.retile": "writes the points as they are",
+    "points.profile": "needs a line",
     "points.reproject": "needs places on the Earth, which turning and shifting change",
     "points.sample_raster": "needs an image",
     "samples.scene": "reads nothing",

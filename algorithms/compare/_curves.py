@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from algorithms.compare._routes import IndexedRoute, Route, farthest
+from algorithms.shared.routes import IndexedRoute, Route, farthest
 from toolbox.errors import DataError
 
 Array = NDArray[np.float64]

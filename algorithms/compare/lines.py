@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from algorithms.compare._curves import curve_rows
 from algorithms.compare._frechet import frechet
-from algorithms.compare._routes import Array, Feet, IndexedRoute, Route, farthest, routes
 from algorithms.compare._shapes import AREAS, LINES, layer_problem
+from algorithms.shared.routes import Array, Feet, IndexedRoute, Route, farthest, routes
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector
 from toolbox.data.crs import crs_conflict

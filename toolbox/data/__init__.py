@@ -1,5 +1,6 @@
 """Layers: points, rasters, vectors, tables and reports, in memory and in files."""
 
+from toolbox.data.drawing import Drawing
 from toolbox.data.lattice import Lattice
 from toolbox.data.pointcloud import PointCloud
 from toolbox.data.raster import Raster
@@ -9,6 +10,7 @@ from toolbox.data.table import Table
 from toolbox.data.vector import Vector
 
 __all__ = [
+    "Drawing",
     "Figure",
     "Lattice",
     "PointCloud",

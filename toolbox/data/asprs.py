@@ -33,3 +33,32 @@ CLASSES: Mapping[int, str] = MappingProxyType(
     }
 )
 """Name of each class: LAS 1.4 R15 (ASPRS 2019), table 17, with 8 and 12 as of LAS 1.2."""
+
+COLOURS: Mapping[int, str] = MappingProxyType(
+    {
+        0: "#c9c9c9",
+        1: "#a3a3a3",
+        2: "#c2a477",
+        3: "#b5d78f",
+        4: "#74b356",
+        5: "#2f7d3b",
+        6: "#d0533f",
+        7: "#e0399f",
+        8: "#8a6036",
+        9: "#4a90d0",
+        10: "#4f4a52",
+        11: "#7f828c",
+        12: "#ddd0b4",
+        13: "#f2d04b",
+        14: "#f09d1a",
+        15: "#7f3f98",
+        16: "#b98bd0",
+        17: "#e6955f",
+        18: "#ff5ac8",
+        19: "#a5688f",
+        20: "#e0cfa6",
+        21: "#dff0f8",
+        22: "#c3c2dc",
+    }
+)
+"""Colour of each class in plots, drawings and QGIS."""

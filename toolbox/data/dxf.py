@@ -9,13 +9,16 @@ but no CRS.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
+from pyproj import CRS
 
 from toolbox.data.crs import length_problem, metres_per_unit
 from toolbox.errors import DataError
@@ -68,10 +71,59 @@ def _without_times() -> Iterator[None]:
         options.write_fixed_meta_data_for_testing = before
 
 
+@dataclass(frozen=True, eq=False)
+class Entity:
+    """A point, line or text of a drawing in the plane.
+
+    Attributes
+    ----------
+    layer : its name
+    xy : of shape (k, 2): one place for a point or text, more for a line
+    text : to write at the place, of this `height`; "" for a point or line
+    """
+
+    layer: str
+    xy: NDArray[np.float64]
+    text: str = ""
+    height: float = 0.0
+
+
+def write_entities(
+    path: Path, entities: Iterable[Entity], crs: CRS | None, colours: Mapping[str, str]
+) -> None:
+    """Write a drawing in the unit of a CRS; the same entities make the same bytes.
+
+    Parameters
+    ----------
+    colours : of layers, as #rrggbb; others are black or white
+    """
+    from ezdxf.filemanagement import new
+
+    with _without_times():
+        drawing = new("R2010", units=_unit(crs))
+        space = drawing.modelspace()
+        for entity in entities:
+            name = re.sub(r'[<>/\\":;?*|=`,]', " ", entity.layer)
+            if name not in drawing.layers:
+                layer = drawing.layers.add(name)
+                if colour := colours.get(entity.layer):
+                    red, green, blue = bytes.fromhex(colour[1:])
+                    layer.rgb = red, green, blue
+            how = {"layer": name}
+            if entity.text:
+                made = space.add_text(entity.text, height=entity.height, dxfattribs=how)
+                made.set_placement(tuple(entity.xy[0] - (0, 2 * entity.height)))
+            elif len(entity.xy) == 1:
+                space.add_point(tuple(entity.xy[0]), how)
+            else:
+                space.add_lwpolyline(entity.xy, dxfattribs=how)
+        drawing.saveas(path)
+
+
 def _drawing(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> Drawing:
     from ezdxf.filemanagement import new
 
-    drawing = new("R2010", units=_unit(frame))
+    drawing = new("R2010", units=_unit(frame.crs))
     drawing.appids.add(APPLICATION)
     space = drawing.modelspace()
     rows = frame.drop(columns=frame.geometry.name).to_dict("records")
@@ -86,9 +138,9 @@ def _drawing(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> Drawing:
     return drawing
 
 
-def _unit(frame: geopandas.GeoDataFrame) -> int:
-    known = frame.crs is not None and length_problem(frame.crs) is None
-    metres = metres_per_unit(frame.crs) if known else 0.0
+def _unit(crs: CRS | None) -> int:
+    known = crs is not None and length_problem(crs) is None
+    metres = metres_per_unit(crs) if known else 0.0
     return next((code for size, code in _UNITS.items() if np.isclose(size, metres, rtol=1e-9)), 0)
 
 

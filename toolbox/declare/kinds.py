@@ -14,7 +14,7 @@ from typing import Any
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context
-from toolbox.data import PointCloud, Raster, Report, Survey, Table, Vector
+from toolbox.data import Drawing, PointCloud, Raster, Report, Survey, Table, Vector
 from toolbox.data.crs import parse_crs
 from toolbox.data.las.versions import VERSIONS
 from toolbox.data.paths import Paths, PointFiles
@@ -316,4 +316,5 @@ KINDS: Mapping[Any, Kind] = _scalars() | {
     Vector: _layer(Vector, "application/geopackage+sqlite3"),
     Table: _layer(Table, "text/csv"),
     Report: _layer(Report, "text/html"),
+    Drawing: _layer(Drawing, "application/pdf"),
 }

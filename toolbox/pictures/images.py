@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox.data import Lattice, PointCloud, Raster
-from toolbox.data.asprs import CLASSES
+from toolbox.data.asprs import CLASSES, COLOURS
 from toolbox.data.crs import vertical_unit
 from toolbox.declare.show import Classes, Planes, Show, Values
 from toolbox.pictures.oblique import oblique
@@ -22,32 +22,7 @@ Looks: TypeAlias = Mapping[int, tuple[str, Colour]]
 Bounds: TypeAlias = tuple[float, float, float, float]
 Array: TypeAlias = NDArray[np.float64]
 
-_OF_CLASSES = {
-    0: "#c9c9c9",
-    1: "#a3a3a3",
-    2: "#c2a477",
-    3: "#b5d78f",
-    4: "#74b356",
-    5: "#2f7d3b",
-    6: "#d0533f",
-    7: "#e0399f",
-    8: "#8a6036",
-    9: "#4a90d0",
-    10: "#4f4a52",
-    11: "#7f828c",
-    12: "#ddd0b4",
-    13: "#f2d04b",
-    14: "#f09d1a",
-    15: "#7f3f98",
-    16: "#b98bd0",
-    17: "#e6955f",
-    18: "#ff5ac8",
-    19: "#a5688f",
-    20: "#e0cfa6",
-    21: "#dff0f8",
-    22: "#c3c2dc",
-}
-POINT_CLASSES: Looks = {code: (name, _OF_CLASSES[code]) for code, name in CLASSES.items()}
+POINT_CLASSES: Looks = {code: (name, COLOURS[code]) for code, name in CLASSES.items()}
 """Name and colour of the point classes."""
 
 OTHER = ("#5b8def", "#e5a93c", "#58b2a3", "#c46bb0", "#93b245", "#d9755b", "#7a72c9", "#9c8567")

@@ -19,8 +19,8 @@ from pyproj import CRS
 
 from algorithms.compare import _frechet as leash
 from algorithms.compare._frechet import can_walk, frechet
-from algorithms.compare._routes import IndexedRoute, Route, farthest
 from algorithms.compare.lines import CompareLines
+from algorithms.shared.routes import IndexedRoute, Route, farthest
 from toolbox import run
 from toolbox.context import Context
 from toolbox.data import Vector

@@ -9,7 +9,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from algorithms.compare._shapes import Shapes
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
 from toolbox.errors import DataError
@@ -19,6 +18,7 @@ MOST_NODES = 20_000_000  # more are taken for a mistake in the step
 AT_END = 1e-9  # share of a segment: a foot this close to its end is at the vertex
 
 Array = NDArray[np.float64]
+Shapes = NDArray[Any]  # of shapely geometries
 Indices = NDArray[np.int64]
 
 

@@ -4,7 +4,7 @@ BIN := .venv/bin
 OUT := demo-out
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check format docs bench clean
+.PHONY: help demo test check format docs gallery links bench clean
 
 help: ## print the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 10
@@ -35,13 +35,20 @@ format: .venv/installed ## format the code
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-docs: .venv/installed ## rewrite metadata/tools and docs/tools from the declarations, and the page of rules
+docs: .venv/installed ## rewrite what is made from the declarations, and build the site (build/site)
 	$(BIN)/python -m toolbox.reference
 	PYTHONPATH=. $(BIN)/python docs/make_clearance_rules.py
+	PYTHONPATH=. $(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -d build/doctrees docs build/site
+
+links: .venv/installed ## ask every address that the documentation names; needs the network
+	PYTHONPATH=. $(BIN)/sphinx-build --quiet -b linkcheck -d build/doctrees docs build/links
+
+gallery: .venv/installed ## run the examples of all tools and draw the gallery; some minutes
+	PYTHONPATH=. $(BIN)/python docs/make_tool_pictures.py
 
 bench: .venv/installed ## measure speed and memory; needs TOOLBOX_TEST_DATA
 	$(BIN)/python -m tests.bench
 
 clean: ## remove what the targets made, compiled loops too
-	rm -rf .venv $(OUT)
+	rm -rf .venv $(OUT) build
 	find algorithms -name '*.nb[ic]' -delete

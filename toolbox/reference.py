@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
+import shlex
 from collections.abc import Iterator, Mapping
+from itertools import groupby
 from pathlib import Path
 from typing import Any
+
+import yaml
 
 from toolbox import catalog
 from toolbox.declare.fields import Spec
@@ -14,28 +19,38 @@ from toolbox.models.diagram import markdown
 from toolbox.models.model import Model
 
 ROOT = catalog.METADATA.parent
+EXAMPLES = ROOT / "docs" / "examples.yaml"
+PICTURES = ROOT / "docs" / "images" / "tools"
 
 
 def files() -> Iterator[tuple[Path, str]]:
     """The path and text of every generated file."""
     specs = [catalog.load(id) for id in catalog.own_ids()]
     described = [spec.describe() for spec in specs]
+    shown = examples()
     for spec, tool in zip(specs, described, strict=True):
         yield catalog.METADATA / "tools" / f"{spec.id}.json", as_json(tool)
-        yield ROOT / "docs" / "tools" / f"{spec.id}.md", page(tool, steps(spec))
-    yield ROOT / "docs" / "tools" / "index.md", index(described)
+        more = [steps(spec), columns(spec), in_tiles(spec), in_use(spec, shown.get(spec.id))]
+        yield ROOT / "docs" / "tools" / f"{spec.id}.md", page(tool, *more)
+    yield ROOT / "docs" / "tools" / "index.md", index(specs)
+
+
+def examples() -> dict[str, list[dict[str, Any]]]:
+    """The values of the runs that docs/examples.yaml shows, by tool."""
+    read = yaml.safe_load(EXAMPLES.read_text(encoding="utf-8"))
+    return {id: runs if isinstance(runs, list) else [runs] for id, runs in read.items()}
 
 
 def as_json(tool: Mapping[str, Any]) -> str:
     return json.dumps(tool, indent=2, ensure_ascii=False) + "\n"
 
 
-def index(tools: list[dict[str, Any]]) -> str:
-    """The list of all tools."""
-    lines = ["# Tools", "", "| tool | title | what it does |", "| --- | --- | --- |"]
-    for tool in tools:
-        says = tool["description"].partition("\n")[0].rstrip(".")
-        lines.append(f"| [`{tool['id']}`]({tool['id']}.md) | {tool['title']} | {says} |")
+def index(specs: list[Spec]) -> str:
+    """The list of all tools, by group."""
+    lines = ["# Tools", "", "```{toctree}", ":hidden:", ":glob:", "", "*.*", "```"]
+    for group, members in groupby(specs, lambda spec: spec.group):
+        lines += ["", f"## {group}", "", "| tool | title | what it does |", "| --- | --- | --- |"]
+        lines += [f"| [`{s.id}`]({s.id}.md) | {s.title} | {s.summary} |" for s in members]
     return "\n".join([*lines, ""])
 
 
@@ -48,9 +63,63 @@ def steps(spec: Spec) -> str:
     return f"## Steps\n\n{text} `--{first}`.\n\n{markdown(spec)}"
 
 
-def page(tool: Mapping[str, Any], steps: str = "") -> str:
-    """The reference page of one tool, with a section on its steps if it is a model."""
+def columns(spec: Spec) -> str:
+    """The sections of a page on the columns of tables and features that name theirs."""
+    parts = []
+    for name, field in spec.outputs.items():
+        rows = [
+            f"| `{key}` | {column.heading or 'for programs'} | {column.unit} |"
+            for key, column in field.columns.items()
+        ]
+        if rows:
+            head = [f"## Columns of {name}", "", "| column | what | unit |", "| --- | --- | --- |"]
+            parts.append("\n".join([*head, *rows]))
+    return "\n\n".join(parts)
+
+
+def in_tiles(spec: Spec) -> str:
+    """The section of a page on what a tile reads; empty for a tool that reads no layers."""
+    if not spec.sources:
+        return ""
+    reach = spec.halo({})
+    if math.isinf(reach):
+        says = "Needs the whole of its data at once with these defaults."
+    elif reach:
+        says = f"Reads {reach:.4g} m around each tile with these defaults."
+    else:
+        says = "Reads nothing around a tile."
+    return f"## In tiles\n\n{says}"
+
+
+def in_use(spec: Spec, runs: list[dict[str, Any]] | None) -> str:
+    """The section of a page with a run in the shell and in Python."""
+    runs = runs or [{n: f"{n}" for n, field in spec.inputs.items() if field.required}]
+    shown = [{k: v for k, v in run.items() if not k.startswith("$")} for run in runs]
+    shell = "\n".join(f"python -m toolbox run {spec.id} {as_words(run)}".strip() for run in shown)
+    values = json.dumps(shown[0], ensure_ascii=False)
+    python = f'import toolbox\n\nresult = toolbox.run("{spec.id}", {values})'
+    return f"## Example\n\n```sh\n{shell}\n```\n\n```python\n{python}\n```"
+
+
+def as_words(values: Mapping[str, Any]) -> str:
+    """Values as options of the command line.
+
+    >>> as_words({"points": ["a.laz", "b.laz"], "where": "z > 2", "denoise": False})
+    "--points a.laz b.laz --where 'z > 2' --denoise false"
+    """
+    words = []
+    for name, value in values.items():
+        items = value if isinstance(value, list) else [value]
+        texts = [str(v).lower() if isinstance(v, bool) else str(v) for v in items]
+        words += [f"--{name}", *map(shlex.quote, texts)]
+    return " ".join(words)
+
+
+def page(tool: Mapping[str, Any], *sections: str) -> str:
+    """The reference page of one tool, with sections after those on inputs and outputs."""
     lines = [f"# {tool['id']}: {tool['title']}", "", tool["description"], ""]
+    if (PICTURES / f"{tool['id']}.webp").exists():
+        lines += [f"![{tool['title']}](../images/tools/{tool['id']}.webp)", ""]
     lines += [
         "## Inputs",
         "",
@@ -64,8 +133,8 @@ def page(tool: Mapping[str, Any], steps: str = "") -> str:
         unit = f" [{says['unit']}]" if says.get("unit", "1") != "1" else ""
         text = labelled(name, field["title"], field["description"])
         lines.append(f"| `{name}` | {says['type']} | {text}{unit} |")
-    if steps:
-        lines += ["", steps.rstrip()]
+    for section in filter(None, sections):
+        lines += ["", section.rstrip()]
     group = tool["id"].partition(".")[0]
     lines += ["", f"Declared in `algorithms/{group}/{catalog.own_files()[tool['id']].name}`.", ""]
     return "\n".join(lines)

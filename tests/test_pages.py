@@ -1,0 +1,72 @@
+"""The commands of the pages for beginners and of the jobs run, in the order of the page."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from toolbox import catalog, reference
+from toolbox.cli import arguments
+from toolbox.cli.main import main
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PAGES = sorted([*(DOCS / "start").glob("*.md"), *(DOCS / "jobs").glob("*.md")])
+BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+def commands(page: Path) -> list[list[str]]:
+    """The commands of all shell blocks of a page, each as its words."""
+    text = "\n".join(BLOCK.findall(page.read_text("utf-8"))).replace("\\\n", " ")
+    return [words for line in text.splitlines() if (words := shlex.split(line, comments=True))]
+
+
+def test_a_command_may_take_several_lines_and_end_with_a_comment(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("```sh\nrun a \\\n    --b 'c d'  # why\n```\n\n```console\nnot this\n```\n")
+    assert commands(page) == [["run", "a", "--b", "c d"]]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+def test_commands_of_a_page_run(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TOOLBOX_HISTORY", str(tmp_path / "history.jsonl"))
+    for words in commands(page):
+        if words[0] == "mkdir":
+            Path(words[-1]).mkdir(parents=True, exist_ok=True)
+        elif words[0] == "cp":
+            (tmp_path / words[2] / words[1]).write_bytes(Path(words[1]).read_bytes())
+        else:
+            assert words[:3] == ["python", "-m", "toolbox"]
+            assert main(words[3:]) == 0, (words, capsys.readouterr().err)
+
+
+EXAMPLES = [(id, run) for id, runs in reference.examples().items() for run in runs]
+
+
+@pytest.mark.parametrize(("id", "run"), EXAMPLES, ids=lambda value: str(value)[:30])
+def test_an_example_gives_what_its_tool_takes(id: str, run: dict[str, object]) -> None:
+    given = {name: value for name, value in run.items() if not name.startswith("$")}
+    words = shlex.split(reference.as_words(given))
+    values, general = arguments.read(catalog.describe(id), words)
+    spec = catalog.load(id)
+    inputs = {name: value for name, value in values.items() if name in spec.inputs}
+    layers = [name for name in inputs if spec.inputs[name].role == "source"]
+    settings = {name: value for name, value in inputs.items() if name not in layers}
+    assert not general
+    assert values.keys() <= spec.inputs.keys() | spec.results.keys()
+    assert spec.parse(settings, present=layers)[1] == {}
+
+
+def test_every_tool_of_the_examples_is_one() -> None:
+    assert reference.examples().keys() <= set(catalog.own_ids())
+
+
+def test_an_example_that_is_not_written_shows_what_a_tool_needs() -> None:
+    text = reference.in_use(catalog.load("points.assign_crs"), None)
+    assert "python -m toolbox run points.assign_crs --points points --crs crs" in text

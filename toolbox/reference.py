@@ -20,6 +20,7 @@ from toolbox.models.model import Model
 
 ROOT = catalog.METADATA.parent
 EXAMPLES = ROOT / "docs" / "examples.yaml"
+LINE = 100  # characters
 PICTURES = ROOT / "docs" / "images" / "tools"
 
 
@@ -96,9 +97,21 @@ def in_use(spec: Spec, runs: list[dict[str, Any]] | None) -> str:
     runs = runs or [{n: f"{n}" for n, field in spec.inputs.items() if field.required}]
     shown = [{k: v for k, v in run.items() if not k.startswith("$")} for run in runs]
     shell = "\n".join(f"python -m toolbox run {spec.id} {as_words(run)}".strip() for run in shown)
-    values = json.dumps(shown[0], ensure_ascii=False)
-    python = f'import toolbox\n\nresult = toolbox.run("{spec.id}", {values})'
-    return f"## Example\n\n```sh\n{shell}\n```\n\n```python\n{python}\n```"
+    return f"## Example\n\n```sh\n{shell}\n```\n\n```python\n{_as_call(spec.id, shown[0])}\n```"
+
+
+def _as_call(id: str, values: Mapping[str, Any]) -> str:
+    """A run in Python, laid out as a formatter would."""
+    pairs = [f"{_literal(name)}: {_literal(value)}" for name, value in values.items()]
+    line = f'result = toolbox.run("{id}", {{{", ".join(pairs)}}})'
+    if len(line) > LINE:
+        inside = "".join(f"        {pair},\n" for pair in pairs)
+        line = f'result = toolbox.run(\n    "{id}",\n    {{\n{inside}    }},\n)'
+    return f"import toolbox\n\n{line}"
+
+
+def _literal(value: Any) -> str:
+    return repr(value) if isinstance(value, bool) else json.dumps(value, ensure_ascii=False)
 
 
 def as_words(values: Mapping[str, Any]) -> str:

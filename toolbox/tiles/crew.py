@@ -172,6 +172,9 @@ class Crew:
             self.done.add(number)
         if one.rest and not self.failures:
             self.found |= self._run_rest(number, ctx.part(0.7, 1))
+        if not self.failures:
+            for name in self.plan.spent(number):
+                tile_products.remove(self.folder(self.plan.keep[name]), name)
 
     def _shared(self, number: int) -> Any:
         """The job of a pass, handed to the workers."""

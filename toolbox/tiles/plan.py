@@ -20,6 +20,8 @@ from toolbox.runs.provenance import Count
 from toolbox.runs.source import Source, Sources, check_place
 
 ALONE = "tool"  # the step of a model that stands for a tool
+APART = 20.0  # metres that both of two steps must look for the second to begin another pass: for
+# less, storing the points between them costs more than the surroundings that it saves
 
 
 def as_model(spec: Spec) -> Model:
@@ -63,18 +65,22 @@ class Pass:
 class TilePlan:
     """The passes in which a model is run on tiles.
 
-    A local step that needs the result of a step on the whole survey runs in the pass after it.
+    A local step that needs the result of a step on the whole survey runs in the pass after it, and
+    so does one that looks far around itself and takes points from another one that does: the
+    surroundings of a tile are those of one step then, not of all together.
 
     Attributes
     ----------
     passes : in the order in which they are run
     stored : for each output that comes from a local step, its step.output
+    wanted : the results that are asked for, by step.output
     """
 
     model: Model
     settings: Mapping[str, Any]
     passes: tuple[Pass, ...]
     stored: Mapping[str, str]
+    wanted: frozenset[str]
 
     @classmethod
     def of(cls, model: Model, settings: Mapping[str, Any], targets: Iterable[str]) -> TilePlan:
@@ -99,13 +105,12 @@ class TilePlan:
         if not wanted:
             raise ParameterError(model.id, {"tile": "say which output to write"})
         needed = {name: active[name] for name in leading_steps(active, wanted)}
-        turns = _Turns(model, active)
-        for step in needed.values():
-            turns.add(step, model.step_halo(step, settings))
+        halos = {name: model.step_halo(step, settings) for name, step in needed.items()}
+        turns = _Turns.of(model, active, needed, halos)
         if not turns.reach:
             raise ParameterError(model.id, {"tile": _whole(model, model.reach(settings))})
         stored = {n: full for n, full in returned.items() if full.partition(".")[0] in turns.reach}
-        return cls(model, settings, tuple(turns.passes(needed, wanted)), stored)
+        return cls(model, settings, tuple(turns.passes(needed, wanted)), stored, frozenset(wanted))
 
     @property
     def halo(self) -> float:
@@ -116,6 +121,13 @@ class TilePlan:
     def keep(self) -> dict[str, int]:
         """The number of the pass that makes each stored result of local steps, by step.output."""
         return {name: number for number, one in enumerate(self.passes) for name in one.keep}
+
+    def spent(self, number: int) -> frozenset[str]:
+        """The stored results that nobody needs when this pass is done, by step.output."""
+        later = [name for one in self.passes[number + 1 :] for name in (*one.local, *one.rest)]
+        used = {need for name in later for need in self.model.steps[name].needs}
+        there = {name for one in self.passes[: number + 1] for name in one.keep}
+        return frozenset(there - used - self.wanted)
 
     @property
     def gives_rasters(self) -> bool:
@@ -133,14 +145,48 @@ class _Turns:
 
     Attributes
     ----------
+    least : the first pass that a step may run in, where that is not 0
     turn : number of the pass of each step added so far
     reach : of each local step, metres that it looks into the points given to its pass
+    halos : of each local step, metres that it looks around by itself
     """
 
-    def __init__(self, model: Model, active: Mapping[str, Step]) -> None:
-        self.model, self.active = model, active
+    def __init__(
+        self, model: Model, active: Mapping[str, Step], least: Mapping[str, int] | None = None
+    ) -> None:
+        self.model, self.active, self.least = model, active, least or {}
         self.turn: dict[str, int] = {}
         self.reach: dict[str, float] = {}
+        self.halos: dict[str, float] = {}
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        active: Mapping[str, Step],
+        steps: Mapping[str, Step],
+        halos: Mapping[str, float],
+    ) -> _Turns:
+        """Assign steps, given in their order, of which each looks some metres around.
+
+        A step that looks hardly around itself, and whose raster a later pass uses, runs in that
+        one: there the cells are at hand, else all of them would have to be in memory.
+        """
+        least: dict[str, int] = {}
+        while True:
+            turns = cls(model, active, least)
+            for step in steps.values():
+                turns.add(step, halos[step.name])
+            late = {
+                maker: turns.turn[name]
+                for name, step in steps.items()
+                for maker in turns._gridders(step)
+                if name in turns.reach and turns.turn[maker] < turns.turn[name]
+                if turns.halos[maker] < APART
+            }
+            if not late:
+                return turns
+            least |= late
 
     def add(self, step: Step, halo: float) -> None:
         """Find the pass of a step, after those of the steps that it needs."""
@@ -151,9 +197,27 @@ class _Turns:
             self.turn[step.name] = after
             return
         whole = max((self.turn[name] + 1 for name in makers - local), default=0)
-        self.turn[step.name] = turn = max(after, whole)
-        same = (self.reach[name] for name in local if self.turn[name] == turn)
-        self.reach[step.name] = halo + max(same, default=0.0)
+        turn = max(after, whole, self.least.get(step.name, 0))
+        behind = max((self.reach[name] for name in local if self.turn[name] == turn), default=0.0)
+        # What is stored between the two needs no surroundings; but rasters would come whole.
+        if min(halo, behind) >= APART and all(
+            self.halos[name] < APART for name in self._gridders(step, deep=True)
+        ):
+            turn, behind = turn + 1, 0.0
+        self.turn[step.name], self.reach[step.name] = turn, halo + behind
+        self.halos[step.name] = halo
+
+    def _gridders(self, step: Step, *, deep: bool = False) -> set[str]:
+        """The local steps whose rasters a step needs; with `deep`, also whose these need."""
+        grids = [name for name in step.needs if self._is_grid(name)]
+        found = {name.partition(".")[0] for name in grids} & self.reach.keys()
+        for name in list(found) if deep else ():
+            found |= self._gridders(self.active[name], deep=True)
+        return found
+
+    def _is_grid(self, name: str) -> bool:
+        field = self.model.between.get(name)
+        return field is not None and field.kind.is_gridded
 
     def _is_local(self, step: Step) -> bool:
         """Whether a step can run on tiles: it takes points, and no number that tiles give.

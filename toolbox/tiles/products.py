@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from toolbox.data.survey import SurveyFile
 from toolbox.runs.provenance import Record
 from toolbox.runs.target import Target
 from toolbox.tiles import store as tile_store
-from toolbox.tiles.work import TileJob
+from toolbox.tiles.work import EXACT, TileJob
 
 WINDOW = 1_000_000  # points that are written at a time
 
@@ -59,6 +60,13 @@ def pieces_of(folder: Path, name: str) -> list[Path]:
     folders = [path for path in done if (path / name / tile_store.LAYER).exists()]
     tiles = {tuple(map(int, path.name.split("_"))): path / name for path in folders}
     return [tiles[tile] for tile in sorted(tiles)]
+
+
+def remove(folder: Path, name: str) -> None:
+    """Remove the stored pieces of a result; the tiles themselves stay done."""
+    for piece in pieces_of(folder, name):
+        shutil.rmtree(piece)
+        shutil.rmtree(piece.with_name(name + EXACT), ignore_errors=True)
 
 
 def read(folder: Path, name: str) -> Any:

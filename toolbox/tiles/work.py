@@ -39,6 +39,7 @@ from toolbox.tiles.plan import ALONE, as_model
 from toolbox.tiles.store import FileBlock, TileGrid
 
 Tile = tuple[int, int]
+EXACT = " exact"  # after the name of points that a LAS file would round: for the steps that follow
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ def run_tile(job: TileJob, tile: Tile, blocks: tuple[FileBlock, ...]) -> Result:
         if f"{INPUTS}.{name}" in needs
     }
     pieces = {name: _earlier(job, tile, made_in, name) for name, made_in in job.before.items()}
-    first = clouds.get(job.first, next(iter(pieces.values()), None))
+    first = clouds.get(job.first, next((c for c in pieces.values() if c is not None), None))
     with _said() as said, tile_store.whole(path) as draft:
         values = dict.fromkeys(model.sources) | dict(job.settings) | job.layers | clouds
         counts: list[Count] = []
@@ -186,7 +187,10 @@ def _earlier(job: TileJob, tile: Tile, folder: Path, name: str) -> PointCloud | 
     """The points that an earlier pass made in a tile and its neighbourhood; None without any."""
     reach = math.ceil(job.halo / job.grid.size)
     rows, cols = (range(k - reach, k + reach + 1) for k in tile)
-    folders = [folder / "tiles" / name_of(near) / name for near in itertools.product(rows, cols)]
+    tiles = [folder / "tiles" / name_of(near) for near in itertools.product(rows, cols)]
+    folders = [
+        tile / (name + EXACT if (tile / (name + EXACT)).exists() else name) for tile in tiles
+    ]
     cloud = tile_store.joined([f for f in folders if f.exists()], job.grid.bounds(tile, job.halo))
     if cloud is None or cloud.origin is None:
         return cloud
@@ -231,10 +235,20 @@ def _result(tool: Any, ctx: Context) -> Any:
 
 
 def _store(folder: Path, layer: Layer, inside: Inside, *, las: bool) -> None:
-    """Store the piece of a layer in a tile, if there is any; points as LAS would hold them."""
+    """Store the piece of a layer in a tile, if there is any; points as LAS would hold them.
+
+    Where LAS would round them, as those of a text file, steps that follow take them unrounded.
+    """
     piece: Any = layer.cropped(inside)
-    if piece is not None:
-        tile_store.save_layer(folder, piece.read_back() if las else piece)
+    if piece is None:
+        return
+    if not las:
+        tile_store.save_layer(folder, piece)
+        return
+    held = piece.read_back()
+    tile_store.save_layer(folder, held)
+    if not np.array_equal(held.xyz, piece.xyz):
+        tile_store.save_layer(folder.with_name(folder.name + EXACT), piece)
 
 
 @contextmanager

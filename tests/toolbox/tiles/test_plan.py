@@ -1,0 +1,118 @@
+"""Which steps run together on a tile, and what its surroundings are then."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import toolbox
+from toolbox import PointCloud, Raster, catalog
+from toolbox.models.model import Model
+from toolbox.tiles.plan import APART, TilePlan
+from toolbox.tiles.tiling import Tiling
+
+
+def plan(id: str, *targets: str, **settings: object) -> TilePlan:
+    spec = catalog.load(id)
+    assert isinstance(spec, Model)
+    defaults = {name: field.default for name, field in spec.inputs.items() if not field.required}
+    return TilePlan.of(spec, defaults | settings, targets)
+
+
+def test_steps_that_look_far_run_in_passes_of_their_own() -> None:
+    found = plan("models.terrain", "classified", "dtm", "dsm", "ndsm", "intensity").passes
+    grids = ("top", "bottom", "heights", "brightness")
+    assert [one.local for one in found] == [("clean",), ("ground",), grids]
+    # 80 m, 200 m and twice max_gap, not their sum; and half a cell to the highest point
+    assert [one.halo for one in found] == pytest.approx([80, 200, 50.5], abs=0.01)
+    # No raster waits for another pass, where all of its cells would have to be in memory.
+    assert not any(name.endswith(".surface") for one in found[:2] for name in one.keep)
+
+
+def test_what_nobody_needs_any_more_is_known() -> None:
+    rasters = plan("models.terrain", "dtm")
+    assert [set(rasters.spent(number)) for number in range(3)] == [
+        set(),
+        {"clean.clean"},
+        {"clean.clean", "ground.classified", "ground.ground"},
+    ]
+    assert "ground.classified" not in plan("models.terrain", "classified", "dtm").spent(2)
+
+
+CHAIN = """
+id: my.chain
+title: Two steps
+inputs: {{points: {{type: PointCloud, help: Points}}}}
+steps:
+  clean: {{tool: points.denoise, points: {{from: inputs.points}}, reach: {reach}}}
+  low: {{tool: points.filter, points: {{from: clean.clean}}, where: z > -100}}
+  top: {{tool: surface.grid, points: {{from: {points}}}, max_gap: {gap}}}
+outputs:
+  clean: {{from: clean.clean}}
+  dtm: {{from: top.surface}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("reach", "gap", "passes"),
+    [
+        (APART / 4, APART / 2, [("clean", "low"), ("top",)]),
+        (APART / 4 - 0.1, APART / 2, [("clean", "low", "top")]),
+        (APART / 4, APART / 2 - 0.1, [("clean", "low", "top")]),
+    ],
+)
+def test_passes_begin_where_both_steps_look_far(
+    reach: float, gap: float, passes: list[tuple[str, ...]], tmp_path: Path
+) -> None:
+    path = tmp_path / "chain.yaml"
+    path.write_text(CHAIN.format(reach=reach, gap=gap, points="low.kept"))
+    assert [one.local for one in plan(str(path), "dtm").passes] == passes
+
+
+CELLS = """
+id: my.cells
+title: A raster that looks far, and what takes it
+inputs: {points: {type: PointCloud, help: Points}}
+steps:
+  near: {tool: surface.grid, points: {from: inputs.points}, max_gap: 30}
+  clean: {tool: points.denoise, points: {from: inputs.points}, reach: 20}
+  again:
+    tool: surface.grid
+    points: {from: clean.clean}
+    max_gap: 30
+    template: {from: near.surface}
+outputs:
+  dtm: {from: again.surface}
+"""
+
+
+def test_a_raster_that_looks_far_stays_with_those_that_take_it(tmp_path: Path) -> None:
+    path = tmp_path / "cells.yaml"
+    path.write_text(CELLS)
+    (one,) = plan(str(path), "dtm").passes
+    assert one.local == ("near", "clean", "again")
+    assert one.halo == pytest.approx(80 + 60, abs=0.01)
+
+
+@pytest.mark.slow
+def test_points_that_las_would_round_are_not_rounded_between_passes(
+    tmp_path: Path,
+) -> None:
+    """A text file keeps digits that LAS loses; the raster must be that of the whole."""
+    rng = np.random.default_rng(4)
+    x, y = rng.uniform(0, 120, (2, 6000))
+    z = 0.05 * x + rng.uniform(0, 1e-4, 6000)
+    xyz = np.column_stack([x + 500_000, y + 4_600_000, z])
+    source = tmp_path / "a.txt"
+    np.savetxt(source, xyz, fmt="%.9f")
+    chain = tmp_path / "chain.yaml"
+    chain.write_text(CHAIN.format(reach=APART / 4, gap=APART / 2, points="clean.clean"))
+    run = functools.partial(toolbox.run, str(chain), assume_crs="EPSG:32635")
+    whole = run({"points": source})
+    paths = {"clean": tmp_path / "b.laz", "dtm": tmp_path / "b.tif"}
+    run({"points": source, **paths}, tiling=Tiling(60.0, workers=1))
+    assert not np.array_equal(PointCloud.open(paths["clean"]).xyz, whole["clean"].xyz)
+    np.testing.assert_array_equal(Raster.open(paths["dtm"]).values, whole["dtm"].values)

@@ -22,13 +22,13 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import (
     distance_transform_edt,
     maximum_filter,
-    minimum_filter,
     uniform_filter,
 )
 
@@ -163,7 +163,7 @@ def find_terrain(
     widest = np.empty((2, *share.shape), np.float32)
     widest[0], widest[1] = TOLERANCE, SLOPE_TOLERANCE
     terrain = Terrain(heights, bend, widest, lattice, metre)
-    tolerance = tolerances(_residuals(xyz, terrain)[0], blocks_of(xyz, lattice), share)
+    tolerance = tolerances(height_above(xyz, terrain), blocks_of(xyz, lattice), share)
     for array in (heights, bend, tolerance):
         array.flags.writeable = False
     return replace(terrain, tolerance=tolerance)
@@ -171,8 +171,9 @@ def find_terrain(
 
 def blocks_of(xyz: Floats, lattice: Lattice) -> NDArray[np.int64]:
     """The block of 8 x 8 cells of each point, counted row by row."""
-    row, col = np.divmod(cells_of(xyz, lattice), lattice.cols)
-    return np.asarray((row >> 3) * (lattice.cols >> 3) + (col >> 3))
+    found = np.empty(len(xyz), np.int64)
+    kernels.blocks_of(cells_of(xyz, lattice), lattice.cols, found)
+    return found
 
 
 def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
@@ -205,15 +206,20 @@ def verdict(xyz: Floats, terrain: Terrain) -> tuple[NDArray[np.bool_], Floats]:
     >>> ground.any()
     np.False_
     """
-    residual, allowed, bend = _residuals(xyz, terrain)
-    deepest = BELOW * allowed + 1.0
-    ground = (residual <= allowed) & (residual >= -deepest)
-    limit = np.where(residual > 0, allowed, deepest)
-    wide = np.maximum(allowed, TOLERANCE)
-    within = 1 - np.abs(residual) / limit - np.abs(bend) / wide
-    beyond = (np.abs(residual) - limit) / np.where(residual > 0, wide, limit)
-    confidence = np.clip(np.where(ground, within, beyond), 0, 1)
-    return ground, np.where(np.isfinite(residual), confidence, 1.0)
+    require_finite(xyz)
+    ground, confidence = np.empty(len(xyz), bool), np.empty(len(xyz))
+    side_by_side(
+        kernels.verdicts,
+        blocks(len(xyz), 10),
+        *_placed(xyz, terrain),
+        terrain.bend,
+        terrain.tolerance,
+        TOLERANCE,
+        BELOW,
+        ground,
+        confidence,
+    )
+    return ground, confidence
 
 
 def height_above(xyz: Floats, terrain: Terrain) -> Floats:
@@ -240,29 +246,17 @@ def height_above(xyz: Floats, terrain: Terrain) -> Floats:
     >>> round(float(np.median(height)))
     5
     """
-    return _residuals(xyz, terrain)[0]
-
-
-def _residuals(xyz: Floats, terrain: Terrain) -> tuple[Floats, Floats, Floats]:
-    """Heights of points above the terrain, the tolerance there, and its bend, in metres."""
     require_finite(xyz)
+    height = np.empty(len(xyz))
+    side_by_side(kernels.heights_above, blocks(len(xyz), 10), *_placed(xyz, terrain), height)
+    return height
+
+
+def _placed(xyz: Floats, terrain: Terrain) -> tuple[Any, ...]:
+    """What kernels need to find the height of the terrain at points."""
+    left, top = terrain.lattice.west, terrain.lattice.north
     cell = terrain.lattice.cell
-    residual, allowed, bend = np.empty((3, len(xyz)))
-    side_by_side(
-        kernels.residuals,
-        blocks(len(xyz), 10),
-        xyz,
-        terrain.metre,
-        round(terrain.lattice.west / cell),
-        round(terrain.lattice.north / cell),
-        terrain.heights,
-        terrain.bend,
-        terrain.tolerance,
-        residual,
-        allowed,
-        bend,
-    )
-    return residual, allowed, bend
+    return xyz, terrain.metre, round(left / cell), round(top / cell), terrain.heights
 
 
 def aligned_lattice(xyz: Floats, metre: float) -> Lattice:
@@ -346,23 +340,18 @@ def raised_share(
 ) -> Cells:
     """Share of the eight sectors in which each cell drops abruptly to cells of `ground`."""
     low = np.where(ground, z, np.float32(np.inf))
-    lows, lowest = [], []
+    lows = []
     for _ in range(LEVELS):
         lows.append(np.pad(low, LOOK, constant_values=np.inf))
-        lowest.append(minimum_filter(low, 2 * LOOK + 1, mode="constant", cval=np.inf))
         low = low.reshape(len(low) // 2, 2, -1, 2).min(axis=(1, 3))
-    far = np.empty(lowest[-1].shape, np.int64)
-    kernels.sectors_seen(lows[-1], LOOK, sectors()[-1], far)
     share = np.empty_like(z)
     side_by_side(
         kernels.raised,
         blocks(len(z), 20 * z.shape[1]),
         z,
         tuple(lows),
-        tuple(lowest),
-        far,
         LOOK,
-        sectors(),
+        *sectors(),
         slope,
         step,
         FALL,
@@ -375,24 +364,33 @@ def raised_share(
 
 
 @functools.cache
-def sectors() -> NDArray[np.int64]:
-    """Offsets at which a cell looks, shape (levels, k, 3): rows down, columns right, sector 0 to 7.
+def sectors() -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+    """Offsets at which a cell looks, sector by sector, and how near they may be.
 
-    The coarser levels begin where the finer ones end, so they skip the middle; their rows are
-    filled up with the last offset.
+    Returns
+    -------
+    offsets : array of shape (levels, k, 3), rows down, columns right, sector 0 to 7; the coarser
+        levels begin where the finer ones end, so they skip the middle, and end in zeros
+    starts : array of shape (levels, 9), the first offset of each sector, and their number
+    nearest : array of shape (levels, 8), least distance in metres from any place in a cell of a
+        level to the middle of a cell of the sector
     """
-    found = []
+    offsets = np.zeros((LEVELS, (2 * LOOK + 1) ** 2, 3), np.int64)
+    starts, nearest = np.zeros((LEVELS, 9), np.int64), np.full((LEVELS, 8), np.inf)
     for level in range(LEVELS):
-        near = LOOK / 2 if level else 0
+        near, size = LOOK / 2 if level else 0, 1 << level
         ring = [
-            (down, right, int(8 * ((math.atan2(down, right) / math.tau + 1.0 - 1e-9) % 1.0)))
+            (int(8 * ((math.atan2(down, right) / math.tau + 1.0 - 1e-9) % 1.0)), down, right)
             for down in range(-LOOK, LOOK + 1)
             for right in range(-LOOK, LOOK + 1)
             if near < math.hypot(down, right) <= LOOK
         ]
-        found.append(ring)
-    longest = max(map(len, found))
-    return np.array([ring + ring[-1:] * (longest - len(ring)) for ring in found])
+        for k, (sector, down, right) in enumerate(sorted(ring)):
+            offsets[level, k] = down, right, sector
+            starts[level, sector + 1 :] = k + 1
+            away = [max(0.0, abs(way) * size - (size - 1) / 2) for way in (down, right)]
+            nearest[level, sector] = min(nearest[level, sector], math.hypot(*away))
+    return offsets, starts, nearest * (1 - 1e-9)  # whatever the rounding
 
 
 def votes_of_planes(z: Cells, votes: Cells, ctx: Context) -> Cells:

@@ -32,48 +32,50 @@ def steps(z, first, last, reach, slope, out):
             out[r, c] = deepest
 
 
-@njit(cache=True, nogil=True)
-def sectors_seen(low, look, offsets, out):
-    """Bits of the sectors around each cell of a level that hold data; see `_falls`."""
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            out[i, j] = 0
-            for k in range(len(offsets)):
-                if low[i + look + offsets[k, 0], j + look + offsets[k, 1]] < np.inf:
-                    out[i, j] |= 1 << offsets[k, 2]
+@helper
+def _sector_minima(low, row, look, offsets, stop, minima):
+    """Lowest value in each sector around the cells of a row of a level, shape (8, cols)."""
+    cols = low.shape[1] - 2 * look
+    minima[:, :cols] = np.inf
+    for k in range(stop):  # along the row without a branch, which the processor does in parallel
+        here = low[row + look + offsets[k, 0], look + offsets[k, 1] :]
+        lowest = minima[offsets[k, 2]]
+        for c in range(cols):
+            lowest[c] = here[c] if here[c] < lowest[c] else lowest[c]
 
 
 @helper
-def _falls(r, c, highest, slope, lows, lowest, seen, look, offsets, way):
+def _falls(r, c, highest, slope, lows, minima, look, offsets, starts, nearest, limit, way):
     """Bits of the 8 sectors around a cell with data, and of those with a cell below `highest`.
 
     Of each such sector `way` receives where the cell is whose cone with `slope` is lowest here, in
-    rows and columns, and its height. `lows` have a margin of `look` cells, `lowest` are their
-    minima over all cells that are looked at, `seen` are the sectors with data at the coarsest
-    level, and `offsets` hold, for each level, rows down, columns right and the sector.
+    rows and columns, and its height. `lows` have a margin of `look` cells, `minima` are those of
+    the sectors by level, `offsets` hold, for each level, rows down, columns right and the sector,
+    sector by sector, each beginning at its `starts`, and no cell of a sector is nearer than
+    `nearest`. `limit` is scratch for 8 heights.
     """
-    falls = 0
-    limit = np.full(8, highest)
+    seen = falls = 0
+    limit[:] = highest
     for level in range(len(lows) - 1, -1, -1):
         low, size = lows[level], 1 << level
         i, j = (r >> level) + look, (c >> level) + look
-        # All cells of the coarser levels are farther away than this; most ground needs no look.
-        nearest = 3 * size if level else 0
-        if seen == 255 and lowest[level][i - look, j - look] + slope * nearest >= highest:
-            continue
-        for k in range(offsets.shape[1]):
-            sector = offsets[level, k, 2]
-            height = low[i + offsets[level, k, 0], j + offsets[level, k, 1]]
-            if height < np.inf:
+        for sector in range(8):
+            least = minima[level, sector, j - look]
+            if least < np.inf:
                 seen |= 1 << sector
-            if height < limit[sector]:  # else its cone is no lower either
-                row = (i + offsets[level, k, 0] - look + 0.5) * size - 0.5
-                col = (j + offsets[level, k, 1] - look + 0.5) * size - 0.5
-                cone = height + slope * math.sqrt((row - r) ** 2 + (col - c) ** 2)
-                if cone < limit[sector]:
-                    limit[sector] = cone
-                    way[sector, 0], way[sector, 1], way[sector, 2] = row - r, col - c, height
-                    falls |= 1 << sector
+            # No cone is lower than this; most ground needs no look.
+            if not least + slope * nearest[level, sector] < limit[sector]:
+                continue
+            for k in range(starts[level, sector], starts[level, sector + 1]):
+                height = low[i + offsets[level, k, 0], j + offsets[level, k, 1]]
+                if height < limit[sector]:  # else its cone is no lower either
+                    row = (i + offsets[level, k, 0] - look + 0.5) * size - 0.5
+                    col = (j + offsets[level, k, 1] - look + 0.5) * size - 0.5
+                    cone = height + slope * math.sqrt((row - r) ** 2 + (col - c) ** 2)
+                    if cone < limit[sector]:
+                        limit[sector] = cone
+                        way[sector, 0], way[sector, 1], way[sector, 2] = row - r, col - c, height
+                        falls |= 1 << sector
     return seen, falls
 
 
@@ -89,29 +91,29 @@ def _is_abrupt(step, r, c, south, east, least):
 
 
 @njit(cache=True, nogil=True)
-def raised(first, last, z, lows, lowest, far, look, offsets, slope, step, fall, least, share, out):
+def raised(
+    first, last, z, lows, look, offsets, starts, nearest, slope, step, fall, least, share, out
+):
     """Share of the sectors with data in which the terrain falls off abruptly from each cell.
 
-    At least half the sectors are counted as having data. `far` are those with data at the coarsest
-    level; `least` and `share` (of the whole way down) say how much of the fall must be in one step.
+    At least half the sectors are counted as having data. `least` and `share` (of the whole way
+    down) say how much of the fall must be in one step; for the others see `_falls`.
     """
-    way, top = np.empty((8, 3)), len(lows) - 1
+    way, limit = np.empty((8, 3)), np.empty(8)
+    minima = np.empty((len(lows), 8, z.shape[1]), np.float32)
     for r in range(first, last):
+        for level in range(len(lows)):
+            if r == first or not r & ((1 << level) - 1):
+                _sector_minima(
+                    lows[level], r >> level, look, offsets[level], starts[level, 8], minima[level]
+                )
         for c in range(z.shape[1]):
             out[r, c] = 0.0
             if math.isnan(z[r, c]):
                 continue
+            highest, steep = z[r, c] - fall, slope[r, c]
             seen, falls = _falls(
-                r,
-                c,
-                z[r, c] - fall,
-                slope[r, c],
-                lows,
-                lowest,
-                far[r >> top, c >> top],
-                look,
-                offsets,
-                way,
+                *(r, c, highest, steep, lows, minima, look, offsets, starts, nearest, limit, way)
             )
             count, votes = 0, 0
             for k in range(8):
@@ -126,18 +128,22 @@ def raised(first, last, z, lows, lowest, far, look, offsets, slope, step, fall, 
 def levelled(first, last, votes, z, reach, step, slope, out):
     """Mean of the votes around each cell, over cells at about the same height."""
     rows, cols = z.shape
+    total, count = np.empty(cols), np.empty(cols)
     for r in range(first, last):
+        total[:], count[:] = 0.0, 0.0
+        for i in range(max(0, r - reach), min(rows, r + reach + 1)):
+            for right in range(-reach, reach + 1):
+                away = math.sqrt((i - r) ** 2 + right**2)
+                if away > reach:
+                    continue
+                limit, start = step + slope * away, max(0, -right)
+                for c in range(start, min(cols, cols - right)):
+                    # A comparison with NaN is false: cells without data never count.
+                    same = abs(z[i, c + right] - z[r, c]) <= limit
+                    total[c] += votes[i, c + right] if same else 0.0
+                    count[c] += 1.0 if same else 0.0
         for c in range(cols):
-            total, count = 0.0, 0
-            if not math.isnan(z[r, c]):
-                for i in range(max(0, r - reach), min(rows, r + reach + 1)):
-                    for j in range(max(0, c - reach), min(cols, c + reach + 1)):
-                        away = math.sqrt((i - r) ** 2 + (j - c) ** 2)
-                        # A comparison with NaN is false: cells without data never count.
-                        if away <= reach and abs(z[i, j] - z[r, c]) <= step + slope * away:
-                            total += votes[i, j]
-                            count += 1
-            out[r, c] = total / count if count else 0.0
+            out[r, c] = total[c] / count[c] if count[c] else 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -325,24 +331,63 @@ def _of_blocks(values, y, x):
     return _between(values, y, x)[0]
 
 
+@helper
+def _place(xyz, k, metre, left, top, shape):
+    """Row and column of a point on rasters of this shape; NaN outside."""
+    row, col = top - xyz[k, 1] / metre - 0.5, xyz[k, 0] / metre - left - 0.5
+    if not (-1 < row < shape[0] and -1 < col < shape[1]):
+        return np.nan, np.nan
+    return min(max(row, 0.0), shape[0] - 1.0), min(max(col, 0.0), shape[1] - 1.0)
+
+
 @njit(cache=True, nogil=True)
-def residuals(
-    first, last, xyz, metre, left, top, surface, bend, tolerance, residual, allowed, bent
+def heights_above(first, last, xyz, metre, left, top, surface, height):
+    """Height above the surface in metres; NaN outside.
+
+    The surface begins `left` and `top` metres from the origin of the coordinates.
+    """
+    for k in range(first, last):
+        row, col = _place(xyz, k, metre, left, top, surface.shape)
+        height[k] = np.nan
+        if not math.isnan(row):
+            height[k] = xyz[k, 2] / metre - _between(surface, row, col)[0]
+
+
+@njit(cache=True, nogil=True)
+def verdicts(
+    first, last, xyz, metre, left, top, surface, bend, tolerance, least, below, ground, confidence
 ):
-    """Height above the surface in metres, tolerance and bend of the surface there; NaN outside.
+    """Whether points are ground, and how sure that is; see :func:`terrain.verdict`.
 
     The rasters begin `left` and `top` metres from the origin of the coordinates. `tolerance` is
-    that of level ground and that per slope, of shape (2, rows / 8, cols / 8).
+    that of level ground and that per slope, of shape (2, rows / 8, cols / 8), in metres; `least` is
+    that beside which bends and heights beyond the limit count, `below` how many times as deep
+    ground may lie.
     """
-    rows, cols = surface.shape
     for k in range(first, last):
-        row, col = top - xyz[k, 1] / metre - 0.5, xyz[k, 0] / metre - left - 0.5
-        residual[k] = allowed[k] = bent[k] = np.nan
-        if not (-1 < row < rows and -1 < col < cols):
+        row, col = _place(xyz, k, metre, left, top, surface.shape)
+        ground[k], confidence[k] = False, 1.0
+        if math.isnan(row):
             continue
-        row, col = min(max(row, 0.0), rows - 1.0), min(max(col, 0.0), cols - 1.0)
         height, slope = _between(surface, row, col)
-        residual[k] = xyz[k, 2] / metre - height
+        residual = xyz[k, 2] / metre - height
+        if not math.isfinite(residual):
+            continue
         level, more = _of_blocks(tolerance[0], row, col), _of_blocks(tolerance[1], row, col)
-        allowed[k] = level + more * slope
-        bent[k] = _between(bend, row, col)[0]
+        allowed = level + more * slope
+        deepest, wide = below * allowed + 1.0, max(allowed, least)
+        limit = allowed if residual > 0 else deepest
+        if -deepest <= residual <= allowed:
+            bent = _between(bend, row, col)[0]
+            ground[k], sure = True, 1 - abs(residual) / limit - abs(bent) / wide
+        else:
+            sure = (abs(residual) - limit) / (wide if residual > 0 else limit)
+        confidence[k] = min(max(sure, 0.0), 1.0)
+
+
+@njit(cache=True, nogil=True)
+def blocks_of(cells, cols, out):
+    """The block of 8 x 8 cells of each cell of a raster with `cols` columns, counted by row."""
+    for k in range(len(cells)):
+        row = cells[k] // cols
+        out[k] = (row >> 3) * (cols >> 3) + ((cells[k] - row * cols) >> 3)

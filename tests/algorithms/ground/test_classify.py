@@ -433,14 +433,28 @@ def test_raised_is_what_falls_off_in_all_directions(steepness: float) -> None:
 
 def test_a_cell_looks_into_eight_sectors_without_gaps() -> None:
     """Fine cells near by, coarser ones where those end; a quarter turn is two sectors."""
-    for level, ring in enumerate(finding.sectors().tolist()):
-        sector = {(down, right): k for down, right, k in ring}
+    offsets, starts, nearest = finding.sectors()
+    for level, ring in enumerate(offsets.tolist()):
+        sector = {(down, right): k for down, right, k in ring[: starts[level, 8]]}
         near = {(i, j) for i, j, away in around(8) if away > (4 if level else 0)}
         assert set(sector) == near
         assert set(sector.values()) == set(range(8))
         for (down, right), k in sector.items():
             assert sector[right, -down] == (k + 2) % 8
             assert sector.get((2 * down, 2 * right), k) == k
+            assert (down, right, k) in map(tuple, ring[starts[level, k] : starts[level, k + 1]])
+        # No cell of a sector is nearer than told, wherever in its own cell of the level one stands.
+        size = 1 << level
+        for k in range(8):
+            ways = [
+                math.hypot(down * size + (size - 1) / 2 - r, right * size + (size - 1) / 2 - c)
+                for (down, right), of in sector.items()
+                for r in range(size)
+                for c in range(size)
+                if of == k
+            ]
+            assert nearest[level, k] == pytest.approx(min(ways))
+            assert nearest[level, k] < min(ways)
 
 
 def test_cells_on_one_plane_vote_alike() -> None:

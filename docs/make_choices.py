@@ -22,13 +22,13 @@ WALL = {"kind": "facade", "points": "wall.laz"}
 def filters() -> list[Panel]:
     """The terrain under one right and two wrong choices."""
     given = {"points": "town.laz"}
-    wrong = given | {"max_building_size": 6}
+    wrong = given | {"max_building_size": 10}
     toolbox.run("ground.classify", given | {"classified": "right.laz"})
     toolbox.run("ground.ptd", wrong | {"classified": "roofs.laz"})
     toolbox.run("ground.csf", given | {"class_threshold": 2.0, "classified": "shrubs.laz"})
     says = {
         "right": "right: ground.classify",
-        "roofs": "wrong: ptd, max_building_size 6",
+        "roofs": "wrong: ptd, max_building_size 10",
         "shrubs": "wrong: csf, class_threshold 2",
     }
     shaded = {"classes": 2, "cell": 0.5}

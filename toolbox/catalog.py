@@ -19,6 +19,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from toolbox import renamed
 from toolbox.errors import DataError, ParameterError, nearest
 
 if TYPE_CHECKING:
@@ -63,6 +64,7 @@ def describe(id: str) -> dict[str, Any]:
     ParameterError
         No tool has this id.
     """
+    id = renamed.tool(id)
     path = METADATA / "tools" / f"{id}.json"
     if id in own_ids() and path.is_file():
         return dict(json.loads(path.read_text(encoding="utf-8")))
@@ -100,6 +102,8 @@ def load(id: str, running: tuple[Path, ...] = ()) -> Spec:
     """
     from toolbox.declare.spec import REGISTRY
 
+    renamed.warn(id)
+    id = renamed.tool(id)
     path = own_files().get(id)
     if id.endswith(MODEL) or (path and path.suffix in MODEL):
         return _model(Path(os.path.realpath(path or id)), running)

@@ -10,7 +10,7 @@ from typing import Any
 
 from pyproj import CRS
 
-from toolbox import catalog
+from toolbox import catalog, renamed
 from toolbox.context import QUIET, Context, listening, log
 from toolbox.data.crs import parse_crs
 from toolbox.data.reading import Reading
@@ -108,6 +108,7 @@ def _run(
 ) -> dict[str, Any]:
     """Run a tool; what it tells is noted."""
     spec = catalog.load(id)
+    values = renamed.values(spec.id, values)
     values = {**values, PICTURE: picture} if picture is not None else values
     results = spec.results.keys() | SHOWN
     given = {name: value for name, value in values.items() if name not in results}

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, NoReturn
 
+from toolbox import renamed
 from toolbox.errors import ParameterError
 from toolbox.labels import labelled
 from toolbox.models import documents
@@ -161,7 +162,8 @@ def read(described: Description, arguments: Iterable[str]) -> tuple[dict[str, An
     ParameterError
         An option is repeated, or a word belongs to no option.
     """
-    found, unknown = parser(described).parse_known_args(_joined(arguments))
+    said = _joined(renamed.words(described["id"], arguments))
+    found, unknown = parser(described).parse_known_args(said)
     given = vars(found)
     whole = [n for n, value in given.items() if n in PROJECT or not isinstance(value, list)]
     general = {name: given.pop(name) for name in whole}

@@ -1,4 +1,4 @@
-"""The command line: list, describe, run, batch, model, qgis, info, history, provenance, replay.
+"""The command line: demo, list, describe, run, batch, model, qgis, info, history, and so on.
 
 All that comes before a run is read from the process descriptions, so that `list`, `describe` and
 `--help` answer at once and import no numerical library.
@@ -43,7 +43,7 @@ def main(argv: list[str] | None = None) -> int:
         return ParameterError.exit_code
     said = sys.argv[1:] if argv is None else argv
     try:
-        first = {"run": _run, "batch": _batch}.get(said[0] if said else "")
+        first = {"run": _run, "batch": _batch, "demo": _demo}.get(said[0] if said else "")
         code = first(said[1:]) if first else _other(said)
         sys.stdout.flush()
         return code
@@ -86,6 +86,7 @@ def _parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"lidar-toolbox {__version__}")
     verbs = top.add_subparsers(dest="verb", required=True)
     help_of = {
+        "demo": "make a small survey, classify it, grid it, and say how good the result is",
         "list": "show all tools",
         "describe": "show what a tool takes and gives",
         "run": "run a tool: run ID --name value ...",
@@ -101,6 +102,7 @@ def _parser() -> argparse.ArgumentParser:
         verb: verbs.add_parser(verb, help=text, description=text, allow_abbrev=False)
         for verb, text in help_of.items()
     }
+    made["demo"].add_argument("--folder", type=Path, default=Path("demo-out"), help="for its files")
     made["describe"].add_argument("id")
     made["info"].add_argument("file", nargs="+")
     made["history"].add_argument("--limit", type=int, default=20, help="number of runs (20)")
@@ -109,7 +111,7 @@ def _parser() -> argparse.ArgumentParser:
     made["replay"].add_argument("--inputs", help="folder of the inputs, if not beside the file")
     model_cli.declare(made["model"])
     qgis_cli.declare(made["qgis"])
-    for verb in made.keys() - {"run", "batch", "model", "qgis"}:
+    for verb in made.keys() - {"run", "batch", "demo", "model", "qgis"}:
         made[verb].add_argument("--json", action="store_true", help="print JSON")
     return top
 
@@ -205,6 +207,16 @@ def _need_tool(verb: str, said: list[str]) -> None:
         if {"-h", "--help"} & set(said):
             _parser().parse_args([verb, "--help"])
         raise ParameterError(f"{verb}: which tool? 'list' shows them all")
+
+
+def _demo(said: list[str]) -> int:
+    from toolbox.cli import demo
+
+    folder = _parser().parse_args(["demo", *said]).folder
+    try:
+        return demo.show(folder, _run)
+    except OSError as err:
+        return Console().error(ParameterError("demo", {"folder": f"cannot be made: {err}"}))
 
 
 def _batch(said: list[str]) -> int:

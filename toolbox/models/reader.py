@@ -14,6 +14,7 @@ from graphlib import CycleError
 from pathlib import Path
 from typing import Any
 
+from toolbox import renamed
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.spec import NAME, RESERVED
 from toolbox.errors import ParameterError, nearest
@@ -152,6 +153,7 @@ class _ModelFile:
         says = {str(key): value for key, value in says.items()}  # {ignore: 7,18} has a number too
         try:
             spec = self.find(says["tool"])
+            says = renamed.values(spec.id, says)
         except ParameterError as err:
             self.problems[f"{name}.tool"] = str(err).replace("\n", "\n  ")
             return None

@@ -26,6 +26,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared.cells import SortedCells
 from algorithms.shared.kernels import covariance as kernels
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.neighbours import PointTree
@@ -56,6 +57,7 @@ Name = Literal[
 FEWEST = 3  # points in a neighbourhood that have a shape
 
 Floats = NDArray[np.float64]
+Made = dict[Name, NDArray[np.float32]]
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,7 @@ def covariance_features(
     radius: float | None = None,
     names: Sequence[Name] = ("linearity", "planarity", "sphericity"),
     ctx: Context = QUIET,
-) -> dict[Name, NDArray[np.float32]]:
+) -> Made:
     """Features of the neighbourhood of every point, to which the point itself belongs.
 
     Parameters
@@ -171,25 +173,50 @@ def covariance_features(
     """
     if neighbours is None and radius is None:
         raise ValueError("give neighbours, a radius or both")
-    tree = PointTree.of(xyz, ctx=ctx.part(0.0, 0.2))
     made = {name: np.empty(len(xyz), np.float32) for name in names}
-    reach = np.inf if radius is None else float(radius)
+    if neighbours is None:
+        _of_all_within(xyz, float(radius or 0.0), made, ctx)
+    else:
+        reach = np.inf if radius is None else float(radius)
+        _of_the_nearest(xyz, neighbours, reach, made, ctx)
+    return made
 
-    def describe(first_leaf: int, last_leaf: int) -> None:
-        """Compute the features of the points in leaves first_leaf..last_leaf."""
-        some = slice(*((leaf * len(xyz)) >> tree.depth for leaf in (first_leaf, last_leaf)))
+
+def _of_all_within(xyz: Floats, reach: float, made: Made, ctx: Context) -> None:
+    """Fill in the features of neighbourhoods of all points within reach."""
+    cells = SortedCells.of(xyz, reach)
+
+    def describe(first: int, last: int) -> None:
+        """Compute the features of the points in cells first..last."""
+        some = slice(cells.start[first], cells.start[last])
         found = np.empty((kernels.ROWS, some.stop - some.start))
-        leaves = (first_leaf, last_leaf, tree.xyz, tree.boxes, tree.depth)
-        if neighbours is None:
-            kernels.within(*leaves, reach, found)
-        else:
-            kernels.nearest(*leaves, neighbours, reach, found)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            for name, values in made.items():
-                values[tree.order[some]] = _values(FEATURES[name], found)
+        layout = (cells.xyz, cells.key, cells.start, cells.stride)
+        kernels.within(first, last, *layout, reach, found)
+        _fill(made, cells.order[some], found)
+
+    ctx.progress(0.2)
+    side_by_side(describe, cells.runs, ctx=ctx.part(0.2, 1.0))
+
+
+def _of_the_nearest(xyz: Floats, neighbours: int, reach: float, made: Made, ctx: Context) -> None:
+    """Fill in the features of neighbourhoods of the nearest points within reach."""
+    tree = PointTree.of(xyz, ctx=ctx.part(0.0, 0.2))
+
+    def describe(first: int, last: int) -> None:
+        """Compute the features of the points in leaves first..last."""
+        some = slice(*((leaf * len(xyz)) >> tree.depth for leaf in (first, last)))
+        found = np.empty((kernels.ROWS, some.stop - some.start))
+        kernels.nearest(first, last, tree.xyz, tree.boxes, tree.depth, neighbours, reach, found)
+        _fill(made, tree.order[some], found)
 
     side_by_side(describe, tree.leaves, ctx=ctx.part(0.2, 1.0))
-    return made
+
+
+def _fill(made: Made, index: NDArray[np.int64], found: Floats) -> None:
+    """Write the features of some points."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for name, values in made.items():
+            values[index] = _values(FEATURES[name], found)
 
 
 def _values(feature: Feature, found: Floats) -> Floats:

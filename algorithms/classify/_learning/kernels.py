@@ -1,10 +1,22 @@
-"""Compiled loops of :mod:`algorithms.classify._learning.model`."""
+"""Compiled loops of :mod:`algorithms.classify._learning.model`.
+
+References
+----------
+Lucchese, C. et al. (2015). QuickScorer: a fast algorithm to rank documents with additive ensembles
+of regression trees. SIGIR, 73-82: leaves that cannot be reached as bits.
+"""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
+
+from algorithms.shared.kernels.compiling import helper
+
+MOST_LEAVES = 32  # of a tree whose leaves are the bits of a number
+TOGETHER = 128  # points that take each branch together, so that their features stay at hand
 
 
 @njit(cache=True, nogil=True)
@@ -27,3 +39,64 @@ def scores(
             else:
                 for k in range(values.shape[1]):
                     found[i, k] += values[node, k]
+
+
+@njit(cache=True, nogil=True)
+def scores_of_small(first, last, data, row, threshold, kept, begin, leaf, column, values, found):
+    """The same as :func:`scores`, for trees of at most MOST_LEAVES leaves.
+
+    A point to the right of a branch cannot reach the leaves to its left. All branches are asked,
+    for many points at once and without a jump, and the first leaf that remains is the one reached.
+
+    Parameters
+    ----------
+    row, threshold, kept : of each branch, those of a tree after each other: feature (plus the
+        number of features if points without it go right), its limit, and the leaves that points
+        to the right may reach, as bits
+    begin : first branch of each tree, and their number
+    leaf, column : first leaf of each tree in `values`, and its class
+    values : of all leaves from left to right
+    """
+    count = data.shape[1]
+    asked = np.empty((2 * count, TOGETHER), np.float32)
+    may = np.empty(TOGETHER, np.uint32)
+    everything = np.uint32(0xFFFFFFFF)
+    for start in range(first, last, TOGETHER):
+        size = min(TOGETHER, last - start)
+        for i in range(size):
+            for f in range(count):
+                x = data[start + i, f]
+                asked[f, i] = x
+                asked[count + f, i] = np.float32(np.inf) if math.isnan(x) else x
+        for t in range(len(leaf)):
+            may[:] = everything
+            for branch in range(begin[t], begin[t + 1]):
+                x, limit, rest = asked[row[branch]], threshold[branch], kept[branch]
+                for i in range(TOGETHER):
+                    may[i] &= rest if x[i] > limit else everything
+            for i in range(size):
+                found[start + i, column[t]] += values[leaf[t] + _lowest_bit(np.int64(may[i]))]
+
+
+@helper
+def _lowest_bit(number):
+    """Index of the lowest bit that is set: how many are below it."""
+    below = (number & -number) - 1
+    below -= (below >> 1) & 0x55555555
+    below = (below & 0x33333333) + ((below >> 2) & 0x33333333)
+    below = (below + (below >> 4)) & 0x0F0F0F0F
+    return ((below * 0x01010101) >> 24) & 0xFF
+
+
+@njit(cache=True, nogil=True)
+def leaves(feature, left, right, held, before):
+    """Fill in the number of leaves below each node, and how many are to the left in its tree.
+
+    Nodes come after those that lead to them; `before` is 0 for roots.
+    """
+    for node in range(len(feature) - 1, -1, -1):
+        held[node] = 1 if feature[node] < 0 else held[left[node]] + held[right[node]]
+    for node in range(len(feature)):
+        if feature[node] >= 0:
+            before[left[node]] = before[node]
+            before[right[node]] = before[node] + held[left[node]]

@@ -16,6 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from algorithms.classify._learning import kernels
+from algorithms.classify._learning.kernels import MOST_LEAVES
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks
 from toolbox.context import QUIET, Context
@@ -27,6 +28,7 @@ FIXED = ("about", "tree", "feature", "threshold", "left", "right", "missing_left
 MOST_CLASSES, MOST_NODES = 64, 20_000_000
 LEAF = -1  # feature of a node without branches
 FAR = 1e300  # threshold above all values, in place of infinity
+FLOAT = float(np.finfo(np.float32).max)
 COST = 2000  # points in a run of the kernel are as many less as nodes are visited
 KINDS = ("boosting", "forest", "logistic")
 
@@ -80,24 +82,42 @@ class Trained:
             return np.asarray(scaled @ self.values + np.array(self.about["baseline"]))
         found = np.tile(np.array(self.about["baseline"], float), (len(data), 1))
         roots = np.flatnonzero(np.diff(self.tree, prepend=-1))
-        side_by_side(
-            kernels.scores,
-            blocks(len(data), COST),
-            np.ascontiguousarray(data),
-            roots,
-            self._columns(roots),
-            self.feature,
-            self.threshold,
-            self.left,
-            self.right,
-            self.missing_left,
-            np.ascontiguousarray(self.values),
-            found,
-            ctx=ctx,
-        )
+        column, rows = self._columns(roots), np.ascontiguousarray(data)
+        if (column >= 0).all() and np.bincount(
+            self.tree[self.feature == LEAF]
+        ).max() <= MOST_LEAVES:
+            packed = self._packed(roots, column)
+            kernel, arguments = kernels.scores_of_small, packed
+        else:
+            nodes = self.feature, self.threshold, self.left, self.right, self.missing_left
+            values = np.ascontiguousarray(self.values)
+            kernel, arguments = kernels.scores, (roots, column, *nodes, values)
+        side_by_side(kernel, blocks(len(data), COST), rows, *arguments, found, ctx=ctx)
         if self.about["kind"] == "forest":
             return np.asarray(np.log(np.maximum(found / len(roots), 1e-6)))
         return found
+
+    def _packed(self, roots: Ints, column: Ints) -> tuple[NDArray[Any], ...]:
+        """Trees of few leaves as :func:`kernels.scores_of_small` takes them."""
+        count, inner = len(self.tree), self.feature != LEAF
+        held, before = np.empty(count, np.int64), np.zeros(count, np.int64)
+        kernels.leaves(self.feature, self.left, self.right, held, before)
+        branch = np.flatnonzero(inner)
+        row = self.feature[branch] + np.where(self.missing_left[branch], 0, len(self.features))
+        limit = self.threshold[branch].clip(-FLOAT, FLOAT).astype(np.float32)
+        above = limit > self.threshold[branch]  # by rounding, which would move points of that value
+        limit[above] = np.nextafter(limit[above], np.float32(-np.inf))
+        left = self.left[branch]
+        hidden = ((np.uint64(1) << held[left].astype(np.uint64)) - np.uint64(1)) << before[
+            left
+        ].astype(np.uint64)
+        kept = (~hidden & np.uint64(0xFFFFFFFF)).astype(np.uint32)
+        begin = np.searchsorted(self.tree[branch], np.arange(len(roots) + 1))
+        first = np.cumsum(held[roots]) - held[roots]
+        values, leaf = np.empty(held[roots].sum()), np.flatnonzero(~inner)
+        own = self.tree[leaf]
+        values[first[own] + before[leaf]] = self.values[leaf, column[own]]
+        return row, limit, kept, begin, first, column, values
 
     def _columns(self, roots: Ints) -> Ints:
         """The only class to whose score each tree adds, -1 if there are several."""
@@ -171,6 +191,8 @@ class Trained:
             forward = bool(((child > inner) & (child < count)).all())
             known = known and forward and bool((self.tree[child] == self.tree[inner]).all())
         steps = np.diff(self.tree, prepend=-1)
+        led_to = np.bincount(np.r_[self.left[inner], self.right[inner]].clip(0), minlength=count)
+        known = known and bool((led_to[:count] == (steps == 0)).all())  # each node but roots once
         if not known or not np.isin(steps, (0, 1)).all():
             raise DataError(f"model: {name} is damaged: a branch leads to no node")
 

@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
+from algorithms.shared.kernels import cells
 from algorithms.shared.kernels import neighbours as tree
 from algorithms.shared.kernels.compiling import helper
 
@@ -18,6 +19,8 @@ from algorithms.shared.kernels.compiling import helper
 COUNT, REACH, LARGE, MIDDLE, SMALL, NX, NY, NZ, OFF_PLANE, RISE, SPREAD = range(11)
 ROWS = 11
 FINE = 1 << 20  # steps of rounding in the reach: 8 million squares of them have an exact sum
+PART = 1 << 13  # points whose squares have an exact sum in a double, too
+OUTSIDE = 1e9  # offset of points that are no neighbours, above FINE
 LINE = 1e-12  # share of the largest eigenvalue below which the others are those of a line
 SEEN = 16  # points noted while searching, for each one that is wanted
 
@@ -83,57 +86,103 @@ def _farthest(squared, count):
 
 
 @njit(cache=True, nogil=True)
-def within(first_leaf, last_leaf, xyz, box, depth, reach, found):
+def within(first_cell, last_cell, xyz, key, start, stride, reach, found):
     """Fill in the moments and axes of all neighbours of points within `reach`.
 
-    `found` has the shape (ROWS, points of the leaves).
+    The points of the cells around are brought together once for all points of a cell; `found` has
+    the shape (ROWS, points of the cells).
     """
-    n, limit = len(xyz), reach * reach
-    leaves, near = np.empty(64, np.int64), np.empty(0, np.int64)
-    held = np.empty(tree.DEEPEST, np.int64)
-    begin, largest = tree.first(first_leaf, depth, n), (n >> depth) + 1
-    for leaf in range(first_leaf, last_leaf):
-        leaves, count = _leaves_near(box, depth, leaf, limit, leaves, held)
-        if len(near) < count * largest:
-            near = np.empty(2 * count * largest, np.int64)
-        for own in range(tree.first(leaf, depth, n), tree.first(leaf + 1, depth, n)):
-            x, y, z = xyz[own, 0], xyz[own, 1], xyz[own, 2]
-            used = 0
-            for j in range(count):
-                if tree.away(box, leaves[j], x, y, z) >= limit:
-                    continue
-                other = leaves[j] - (1 << depth)
-                for i in range(tree.first(other, depth, n), tree.first(other + 1, depth, n)):
-                    dx, dy, dz = xyz[i, 0] - x, xyz[i, 1] - y, xyz[i, 2] - z
-                    near[used] = i
-                    used += dx * dx + dy * dy + dz * dz < limit and i != own
-            _describe(xyz, own, near, used, reach, found[:, own - begin])
+    step, at = cells.columns(stride, key)
+    first, last = np.empty(cells.COLUMNS, np.int64), np.empty(cells.COLUMNS, np.int64)
+    near_x, near_y, near_z = np.empty(64), np.empty(64), np.empty(64)
+    away = np.empty(PART), np.empty(PART), np.empty(PART), np.empty(PART, np.int32)
+    if first_cell < last_cell:
+        cells.begin(key, first_cell, step, at)
+    for cell in range(first_cell, last_cell):
+        total = cells.around(key, start, cell, step, at, first, last)
+        if len(near_x) < total:
+            near_x, near_y, near_z = np.empty(2 * total), np.empty(2 * total), np.empty(2 * total)
+        _bring(xyz, first, last, near_x, near_y, near_z)
+        near = near_x[:total], near_y[:total], near_z[:total]
+        for own in range(start[cell], start[cell + 1]):
+            row = found[:, own - start[first_cell]]
+            _describe_within(near, xyz[own], reach, away, row)
 
 
 @helper
-def _leaves_near(box, depth, leaf, limit, leaves, held):
-    """Nodes of the leaves that may hold points near those of a leaf, and their number."""
-    own = box[(1 << depth) + leaf]
-    held[0], waiting, count = 1, 1, 0
-    while waiting > 0:
-        waiting -= 1
-        here = held[waiting]
-        gap = 0.0
-        for a in range(3):
-            gap += max(box[here, a] - own[3 + a], 0.0, own[a] - box[here, 3 + a]) ** 2
-        if gap >= limit:
-            continue
-        if here >> depth:
-            if count == len(leaves):
-                longer = np.empty(2 * count, np.int64)
-                longer[:count] = leaves
-                leaves = longer
-            leaves[count] = here
-            count += 1
-        else:
-            held[waiting], held[waiting + 1] = 2 * here, 2 * here + 1
-            waiting += 2
-    return leaves, count
+def _bring(xyz, first, last, near_x, near_y, near_z):
+    """Copy runs of points, so that their coordinates are side by side."""
+    used = 0
+    for c in range(len(first)):
+        for i in range(first[c], last[c]):
+            near_x[used], near_y[used], near_z[used] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+            used += 1
+
+
+@helper
+def _describe_within(near, own, reach, away, row):
+    """Fill in the row of a point; those points that are nearer than `reach` are its neighbours.
+
+    They are taken a part at a time, for whose whole numbers a double is exact.
+    """
+    (x, y, z), (away_x, away_y, away_z, rise) = near, away
+    count = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = lowest = highest = np.int64(0)
+    for begin in range(0, len(x), PART):
+        end = min(begin + PART, len(x))
+        _offsets(x[begin:end], y[begin:end], z[begin:end], own, reach, away_x, away_y, away_z, rise)
+        n, a, b, c, aa, ab, ac, bb, bc, cc = _sums(away_x[: end - begin], away_y, away_z)
+        low, high = _range(rise[: end - begin])
+        count, sx, sy, sz = (
+            count + np.int64(n),
+            sx + np.int64(a),
+            sy + np.int64(b),
+            sz + np.int64(c),
+        )
+        sxx, sxy, sxz = sxx + np.int64(aa), sxy + np.int64(ab), sxz + np.int64(ac)
+        syy, syz, szz = syy + np.int64(bb), syz + np.int64(bc), szz + np.int64(cc)
+        lowest, highest = min(lowest, np.int64(low)), max(highest, np.int64(high))
+    most = highest - lowest
+    _axes(count, sx, sy, sz, sxx, sxy, sxz, syy, syz, szz, most, reach, row)
+
+
+@helper
+def _offsets(x, y, z, own, reach, away_x, away_y, away_z, rise):
+    """Offsets of points in steps, rounded; far beyond all others for those not within reach."""
+    east, north, up = own[0], own[1], own[2]
+    fine, limit = FINE / reach, reach * reach
+    for j in range(len(x)):
+        dx, dy, dz = x[j] - east, y[j] - north, z[j] - up
+        inside = dx * dx + dy * dy + dz * dz < limit
+        away_x[j] = np.rint(dx * fine) if inside else OUTSIDE
+        away_y[j], away_z[j] = np.rint(dy * fine), np.rint(dz * fine)
+        rise[j] = np.int32(away_z[j]) if inside else np.int32(0)
+
+
+# All numbers are whole and their sums exact, so that these may be made in any order at once.
+@njit(
+    nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath={"reassoc", "nnan", "nsz"}
+)
+def _sums(away_x, away_y, away_z):
+    """Number of the neighbours, sums and products of their offsets."""
+    n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
+    for j in range(len(away_x)):
+        x, y, z = away_x[j], away_y[j], away_z[j]
+        one = 1.0 if x < OUTSIDE else 0.0
+        x, y, z = x * one, y * one, z * one
+        n, sx, sy, sz = n + one, sx + x, sy + y, sz + z
+        sxx, sxy, sxz = sxx + x * x, sxy + x * y, sxz + x * z
+        syy, syz, szz = syy + y * y, syz + y * z, szz + z * z
+    return n, sx, sy, sz, sxx, sxy, sxz, syy, syz, szz
+
+
+@helper
+def _range(rise):
+    """Lowest and highest of some whole numbers and 0; a loop of its own is faster."""
+    low = high = np.int32(0)
+    for j in range(len(rise)):
+        low = rise[j] if rise[j] < low else low
+        high = rise[j] if rise[j] > high else high
+    return low, high
 
 
 # Axes --------------------------------------------------------------------------------------
@@ -154,13 +203,20 @@ def _describe(xyz, own, near, count, reach, row):
         sxx, sxy, sxz = sxx + ix * ix, sxy + ix * iy, sxz + ix * iz
         syy, syz, szz = syy + iy * iy, syz + iy * iz, szz + iz * iz
         lowest, highest = min(lowest, iz), max(highest, iz)
-    size, step = count + 1.0, reach / FINE
+    rise = highest - lowest
+    _axes(count + 1, sx, sy, sz, sxx, sxy, sxz, syy, syz, szz, rise, reach, row)
+
+
+@helper
+def _axes(count, sx, sy, sz, sxx, sxy, sxz, syy, syz, szz, rise, reach, row):
+    """Fill in the row of a point from the sums of the offsets of all of its neighbourhood."""
+    size, step = float(count), reach / FINE
     x, y, z = sx / size, sy / size, sz / size
     xx, yy, zz = sxx / size - x * x, syy / size - y * y, max(szz / size - z * z, 0.0)
     xy, xz, yz = sxy / size - x * y, sxz / size - x * z, syz / size - y * z
     large, middle, small, a, b, c = eigen(xx, xy, xz, yy, yz, zz)
     row[COUNT], row[REACH] = size, reach
-    row[RISE], row[SPREAD] = (highest - lowest) * step, math.sqrt(zz) * step
+    row[RISE], row[SPREAD] = rise * step, math.sqrt(zz) * step
     square = step * step
     row[LARGE], row[MIDDLE], row[SMALL] = large * square, middle * square, small * square
     if middle <= LINE * large:  # a line or a single place lies in many planes

@@ -15,7 +15,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from algorithms.classify._learning import drift
+from algorithms.classify._learning import drift, model
 from algorithms.classify._learning import features as names_of
 from algorithms.classify._learning.model import softmax
 from algorithms.classify._learning.training import (
@@ -90,6 +90,32 @@ def test_trees_give_the_probabilities_of_scikit_learn(kind: Kind, classes: int) 
     expected = np.maximum(theirs.predict_proba(fresh), 1e-6)
     expected /= expected.sum(axis=1, keepdims=True)
     np.testing.assert_allclose(made.probabilities(fresh), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("classes", [2, 3])
+def test_small_trees_asked_at_once_give_the_scores_of_one_after_another(
+    classes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To the last bit, also without a feature and at the very thresholds."""
+    data, label = rows_and_labels(0, classes)
+    points = Labelled(data, label, np.ones(600), np.arange(600) % 9)
+    made = trained(points, settings(classes, "boosting"))
+    asked = rows_and_labels(1, classes)[0]
+    asked[::5] = np.nan
+    asked[1], asked[2] = np.inf, -np.inf
+    inner = np.flatnonzero(made.feature >= 0)
+    at = made.threshold[inner].astype(np.float32)
+    for step in (
+        np.float32(-np.inf),
+        at,
+        np.float32(np.inf),
+    ):  # beside the threshold that is rounded, and on it
+        rows = np.zeros((len(inner), 3), np.float32)
+        rows[np.arange(len(inner)), made.feature[inner]] = np.nextafter(at, step)
+        asked = np.vstack([asked, rows])
+    found = made.scores(asked)
+    monkeypatch.setattr(model, "MOST_LEAVES", 0)
+    np.testing.assert_array_equal(found, made.scores(asked))
 
 
 @pytest.mark.parametrize("classes", [2, 3])
@@ -192,6 +218,10 @@ def cell(column: str, value: Any, row: int = 1) -> Callable[[pandas.DataFrame], 
         (cell("about", "[1", 0), "is no model of classify.train, or damaged"),
         (cell("left", 0), "a branch leads to no node"),
         (cell("right", 10**9), "a branch leads to no node"),
+        (
+            lambda frame: frame.loc.__setitem__((1, "left"), frame.loc[1, "right"]),
+            "leads to no node",
+        ),
         (cell("feature", 99), "a branch leads to no node"),
         (cell("feature", -7), "a branch leads to no node"),
         (cell("tree", 5), "a branch leads to no node"),

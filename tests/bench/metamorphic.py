@@ -244,6 +244,7 @@ CASES: tuple[Case, ...] = (
     Case("points.thin", {"cell": 1.0}),
     Case("points.thin", {"method": "duplicates"}, label="points.thin-duplicates"),
     Case("points.clip", others=disc),
+    Case("points.cluster", {"classes": "5"}, themes=LAND, before=(GROUND, HOUSES, TOWN)),
     Case("points.denoise", {"action": "label"}, keeps="clean"),
     Case("points.height_above_ground", themes=OUTSIDE, before=(GROUND,), keeps="heights"),
     Case("features.local", keeps="described"),

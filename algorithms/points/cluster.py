@@ -156,7 +156,7 @@ def without_small(label: Ints, least: int) -> Ints:
     >>> without_small(np.array([1, 2, 2, 0, 3, 3]), 2).tolist()
     [0, 1, 1, 0, 2, 2]
     """
-    large = np.bincount(label) >= least
+    large = np.bincount(label, minlength=1) >= least
     large[0] = False
     return np.where(large, np.cumsum(large), 0)[label]
 

@@ -83,16 +83,16 @@ class Trained:
         found = np.tile(np.array(self.about["baseline"], float), (len(data), 1))
         roots = np.flatnonzero(np.diff(self.tree, prepend=-1))
         column, rows = self._columns(roots), np.ascontiguousarray(data)
+        runs = blocks(len(data), COST)
         if (column >= 0).all() and np.bincount(
             self.tree[self.feature == LEAF]
         ).max() <= MOST_LEAVES:
             packed = self._packed(roots, column)
-            kernel, arguments = kernels.scores_of_small, packed
+            side_by_side(kernels.scores_of_small, runs, rows, *packed, found, ctx=ctx)
         else:
             nodes = self.feature, self.threshold, self.left, self.right, self.missing_left
             values = np.ascontiguousarray(self.values)
-            kernel, arguments = kernels.scores, (roots, column, *nodes, values)
-        side_by_side(kernel, blocks(len(data), COST), rows, *arguments, found, ctx=ctx)
+            side_by_side(kernels.scores, runs, rows, roots, column, *nodes, values, found, ctx=ctx)
         if self.about["kind"] == "forest":
             return np.asarray(np.log(np.maximum(found / len(roots), 1e-6)))
         return found

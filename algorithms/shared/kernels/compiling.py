@@ -1,4 +1,4 @@
-"""The decorator for compiled functions that only other compiled functions call."""
+"""Decorators for compiled functions that only other compiled functions call."""
 
 from __future__ import annotations
 
@@ -8,4 +8,13 @@ from numba import njit
 # a sixth of the time of compiling. What Python calls, a kernel, has @njit(cache=True, nogil=True).
 helper = njit(  # type: ignore[call-overload]  # numba's own stubs know only some of its options
     nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
+)
+
+# A helper that only adds up whole numbers, whose sums are exact: so they may be made in any order,
+# several at once, which rounding would forbid otherwise.
+exact_sums = njit(  # type: ignore[call-overload]
+    nogil=True,
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    fastmath={"reassoc", "nsz"},
 )

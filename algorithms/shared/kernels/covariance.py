@@ -13,7 +13,7 @@ from numba import njit
 
 from algorithms.shared.kernels import cells
 from algorithms.shared.kernels import neighbours as tree
-from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.kernels.compiling import exact_sums, helper
 
 # What is known of a neighbourhood, by row of `found`.
 COUNT, REACH, LARGE, MIDDLE, SMALL, NX, NY, NZ, OFF_PLANE, RISE, SPREAD = range(11)
@@ -158,10 +158,7 @@ def _offsets(x, y, z, own, reach, away_x, away_y, away_z, rise):
         rise[j] = np.int32(away_z[j]) if inside else np.int32(0)
 
 
-# All numbers are whole and their sums exact, so that these may be made in any order at once.
-@njit(
-    nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath={"reassoc", "nnan", "nsz"}
-)
+@exact_sums
 def _sums(away_x, away_y, away_z):
     """Number of the neighbours, sums and products of their offsets."""
     n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0

@@ -93,7 +93,7 @@ class GroundClassify:
         return self.Outputs(
             classified=classified,
             surface=Raster.from_lattice(
-                terrain.heights * np.float32(cloud.metre),
+                (terrain.heights * cloud.metre).astype(np.float32),
                 terrain.lattice,
                 crs=cloud.crs,
                 descriptions=("terrain",),

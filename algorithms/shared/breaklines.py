@@ -34,6 +34,7 @@ HALF_DISC = 10  # cells of ground that a half disc holds if all of its points ar
 RADIUS = (3.0, 8.0)  # metres between which it has to be
 LEAST, STIFF = 4, 0.006  # cells in a half disc; share of the square of its radius
 STEPS = (0.15, 0.3, 0.45, 0.6, 0.9)  # metres off the continuation that are tried
+MORE = (1 / 2, 5 / 9)  # share of points within a step from which on it counts in part, and in full
 AROUND = 40.0  # metres, standard deviation of the window in which it is learned what is ground
 BLOCK = 16  # metres of the blocks in which that is counted
 ROUNDS = 3  # times that points are taken back, each time from farther beyond the bend
@@ -141,6 +142,7 @@ def learned(off: Cells) -> Floats:
 
     Ground is dense about its continuation, and plants and roofs are not. So from the least step on
     each is allowed as long as more points lie within it than from there to twice as far above.
+    Where they are little more, part of it is allowed, so that no single point far away decides.
 
     Returns
     -------
@@ -154,10 +156,12 @@ def learned(off: Cells) -> Floats:
     array([0.3, 0.3])
     """
     allowed = np.zeros((len(off) // BLOCK, off.shape[1] // BLOCK))
-    possible = np.ones(allowed.shape, bool)
+    possible, last = np.ones(allowed.shape), 0.0
     for step in STEPS:
         within = window_sums(np.abs(off) <= step, BLOCK, AROUND)
-        beyond = window_sums((off > step) & (off <= 2 * step), BLOCK, AROUND)
-        possible &= within >= beyond + 1
-        allowed[possible] = step
+        beyond = window_sums((off > step) & (off <= 2 * step), BLOCK, AROUND) + 1
+        more = np.clip((within / (within + beyond) - MORE[0]) / (MORE[1] - MORE[0]), 0, 1)
+        possible = np.minimum(possible, more)
+        allowed += (step - last) * possible
+        last = step
     return allowed

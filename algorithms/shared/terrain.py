@@ -69,7 +69,7 @@ LEVEL, DROP = 0.3, 1.0  # metres: within a section, and of a step beside it beyo
 ALL_ROUND, MOST_ROUND = 0.7, 0.4  # share of the seen and of the whole border that are steps
 ACROSS, GAPS = 0.1, 2  # share of the unseen border, and cells, that may lie opposite each other
 RAISED = (10, 5000)  # cells of such a section, so that a halo holds it
-COARSE = ((4, 3.0), (3, 3.0), (2, 3.0))  # level and window of a surface, in cells of that level
+COARSE = ((4, 2.0), (3, 3.0), (2, 3.0))  # level and window of a surface, in cells of that level
 FINE = (*COARSE, (1, 3.0), (0, 3.0), (0, 1.5))
 BENDING = ((0, 3.0), (0, 1.5), (0, 1.0))  # what follows the edges that are known by then
 ENOUGH = 2.0  # points in a window
@@ -106,9 +106,9 @@ class Terrain:
     True
     """
 
-    heights: Cells
-    bend: Cells
-    tolerance: Cells
+    heights: Floats
+    bend: Floats
+    tolerance: Floats
     lattice: Lattice
     metre: float
 
@@ -160,7 +160,7 @@ def find_terrain(
     add_planes(bend, z - heights, ground.astype(np.float32), BENDING, STIFF, ctx.part(0.95, 1.0))
     heights += bend
     heights[distance_transform_edt(~candidates) > FAR] = np.nan
-    widest = np.empty((2, *share.shape), np.float32)
+    widest = np.empty((2, *share.shape))
     widest[0], widest[1] = TOLERANCE, SLOPE_TOLERANCE
     terrain = Terrain(heights, bend, widest, lattice, metre)
     tolerance = tolerances(height_above(xyz, terrain), blocks_of(xyz, lattice), share)
@@ -406,7 +406,7 @@ def votes_of_planes(z: Cells, votes: Cells, ctx: Context) -> Cells:
     return votes
 
 
-def slopes(surface: Cells) -> tuple[Cells, Cells]:
+def slopes(surface: Floats) -> tuple[Cells, Cells]:
     """Slope of a surface, and its mean in a square window of RELIEF cells on each side."""
     south, east = np.gradient(surface)
     slope = np.nan_to_num(np.hypot(east, south)).astype(np.float32)
@@ -421,7 +421,7 @@ def robust_surface(
     ctx: Context,
     *,
     rounds: int = ROUNDS,
-) -> Cells:
+) -> Floats:
     """Robust surface through candidates: those far from it lose weight.
 
     Coarse planes first, finer ones through what they leave; then points far above get little
@@ -448,16 +448,16 @@ def robust_surface(
     return surface
 
 
-def planes_through(z: Cells, weight: Cells, levels: Levels, stiff: float, ctx: Context) -> Cells:
+def planes_through(z: Cells, weight: Cells, levels: Levels, stiff: float, ctx: Context) -> Floats:
     """Surface summed up from planes in windows of falling size, each fitted to the residuals."""
-    surface = np.zeros_like(z)
+    surface = np.zeros(z.shape)
     add_planes(surface, z, weight, levels, stiff, ctx, everywhere=True)
     return surface
 
 
 def add_planes(
-    surface: Cells,
-    z: Cells,
+    surface: Floats,
+    z: Floats | Cells,
     weight: Cells,
     levels: Levels,
     stiff: float,
@@ -491,7 +491,7 @@ def add_planes(
         kernels.add_bilinear(surface, heights, level)
 
 
-def near_surface(z: Cells, candidates: NDArray[np.bool_], surface: Cells) -> NDArray[np.bool_]:
+def near_surface(z: Cells, candidates: NDArray[np.bool_], surface: Floats) -> NDArray[np.bool_]:
     """True for candidates that have at least half their weight: they are within the tolerance."""
     weight = np.empty_like(z)
     kernels.reweighted(z, candidates, surface, TOLERANCE, SLOPE_TOLERANCE, BELOW, weight)

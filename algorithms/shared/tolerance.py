@@ -17,6 +17,7 @@ from algorithms.shared.windows import window_sums
 
 BLOCK = 8  # metres, of the blocks for which this is learned
 BIN, REACH = 0.02, 0.5  # metres: the classes of heights about the terrain, and where they end
+PEAK = 8  # power of the counts by which classes of heights have a say where most points lie
 AROUND = 15.0  # metres, standard deviation of the window from which points count
 LEAST, SPREAD = 0.05, 3.0  # metres; standard deviations of the points above the densest height
 MOST, MOST_SLOPE = 0.3, 1.0  # metres above the densest height; metres per slope
@@ -43,7 +44,7 @@ def share_with_points(z: Cells) -> Floats:
     return share
 
 
-def tolerances(above: Floats, blocks: Ints, share: Floats) -> Cells:
+def tolerances(above: Floats, blocks: Ints, share: Floats) -> Floats:
     """Heights above the terrain up to which points are ground, by blocks.
 
     The height at which most points lie is that of the ground. What is below scatters as the
@@ -67,16 +68,34 @@ def tolerances(above: Floats, blocks: Ints, share: Floats) -> Cells:
     array([0.2, 0.5], dtype=float32)
     """
     counts = histograms(above, blocks, share.shape)
-    height = BIN * (np.arange(counts.shape[2]) + 0.5) - REACH
-    densest = height[gaussian_filter(counts, (0, 0, 1)).argmax(axis=2)]
-    lower = np.where(height < densest[..., None], counts, 0)
-    square = (lower * (height - densest[..., None]) ** 2).sum(axis=2)
+    height = BIN * (np.arange(counts.shape[2], dtype=np.float64) + 0.5) - REACH
+    densest = densest_heights(counts, height)
+    below = densest[..., None] - height
+    lower = counts * np.clip(below / BIN + 0.5, 0, 1)
+    square = (lower * below**2).sum(axis=2)
     spread = np.sqrt(square / np.maximum(lower.sum(axis=2), 1e-9))
     level = densest + np.minimum(LEAST + SPREAD * spread, MOST)
     known = counts.sum(axis=2)
     level = (known * level + FEW * MOST) / (known + FEW)
     slope = np.minimum(0.5 / np.sqrt(share), MOST_SLOPE)
-    return np.stack([level, slope]).astype(np.float32)
+    return np.stack([level, slope])
+
+
+def densest_heights(counts: Floats, height: Floats) -> Floats:
+    """Height at which most points lie: a mean in which the fullest classes count by far the most.
+
+    The fullest class alone would leap to another one for a single point more.
+
+    Examples
+    --------
+    >>> densest_heights(np.array([0.0, 9, 9, 0, 0, 0, 5, 0]), np.arange(8.0)).round(2)
+    np.float64(1.52)
+    """
+    smooth = gaussian_filter(counts, (*(0,) * (counts.ndim - 1), 1))
+    fullest = smooth.max(axis=-1, keepdims=True)
+    share = (smooth / np.maximum(fullest, 1e-9)) ** PEAK
+    densest: Floats = (share * height).sum(axis=-1) / np.maximum(share.sum(axis=-1), 1e-9)
+    return densest
 
 
 def histograms(above: Floats, blocks: Ints, shape: tuple[int, ...]) -> Floats:
@@ -88,12 +107,15 @@ def histograms(above: Floats, blocks: Ints, shape: tuple[int, ...]) -> Floats:
     array([0., 1., 1., 0.])
     """
     classes = round(2 * REACH / BIN)
+    place = (above + REACH) / BIN - 0.5  # a point between the middles of two classes is of both
     with np.errstate(invalid="ignore"):
-        there = np.abs(above) < REACH
-    found = np.minimum(((above[there] + REACH) / BIN).astype(np.int64), classes - 1)
-    counts = np.bincount(blocks[there] * classes + found, minlength=math.prod(shape) * classes)
+        there = (place > 0) & (place < classes - 1)
+    lower = place[there].astype(np.int64)
+    upper = place[there] - lower
+    index, size = blocks[there] * classes + lower, math.prod(shape) * classes
+    counts = np.bincount(index, 1 - upper, size) + np.bincount(index + 1, upper, size)
     wide = AROUND / BLOCK
     mean: Floats = gaussian_filter(
-        counts.reshape(*shape, classes).astype(float), (wide, wide, 0), mode="constant", truncate=3
+        counts.reshape(*shape, classes), (wide, wide, 0), mode="constant", truncate=3
     )
     return mean * (math.tau * wide * wide)

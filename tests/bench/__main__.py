@@ -15,7 +15,7 @@ from tests.bench.facades import facades
 from tests.bench.files import copc, damaged, memory, reading, reprojecting, roundtrip, startup
 from tests.bench.fingerprints import fingerprints
 from tests.bench.gridding import gridding
-from tests.bench.ground import cloth, filters, grounds, isprs, surveys, terrain
+from tests.bench.ground import cloth, filters, grounds, halos, isprs, surveys, terrain
 from tests.bench.learning import learning, learning_speed
 from tests.bench.long_lines import long_lines
 from tests.bench.metamorphic import metamorphic
@@ -35,6 +35,7 @@ ALL = (
     filters,
     surveys,
     grounds,
+    halos,
     cloth,
     terrain,
     damaged,

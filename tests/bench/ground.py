@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 import statistics
 import time
@@ -121,6 +122,43 @@ def grounds(*options: str) -> None:
             survey = draw(kind, seed)
             clouds[f"{kind} {seed}"] = PointCloud(survey.xyz, crs=CRS(32635)), survey.ground
         _errors(chosen.filter, ground_filters()[chosen.filter], clouds, {})
+
+
+HALOS = (64.0, 100.0, 150.0, 200.0, 250.0)  # metres
+
+
+def halos() -> None:
+    """ground.classify on tiles with halos of several widths: labels that differ from the whole.
+
+    Each sample is cut in two, in both ways; each half with its halo is a tile. The change of the
+    terrain is the mean over the points within 32 m of the cut.
+    """
+    import numpy as np
+
+    from algorithms.shared.terrain import find_terrain, height_above, verdict
+    from toolbox.data import PointCloud
+
+    rows: dict[float, list[tuple[int, float]]] = {halo: [] for halo in HALOS}
+    for name in ("51", "53", "61"):
+        path = DATA / f"isprs_samples/samp{name}.txt.gz"
+        xyz = PointCloud.open(path, columns=("x", "y", "z", "label")).xyz
+        terrain = find_terrain(xyz)
+        whole, above = verdict(xyz, terrain)[0], height_above(xyz, terrain)
+        for axis, sign, halo in itertools.product((0, 1), (-1, 1), HALOS):
+            ahead = sign * (xyz[:, axis] - xyz[:, axis].min() - np.ptp(xyz[:, axis]) / 2)
+            tile, core = ahead >= -halo, ahead >= 0
+            if tile.all():
+                continue
+            part = find_terrain(xyz[tile])
+            found, edge = verdict(xyz[tile], part)[0], core & (ahead < 32)
+            moved = np.abs(height_above(xyz[edge], part) - above[edge])
+            rows[halo].append((int((found != whole[tile])[core[tile]].sum()), np.nanmean(moved)))
+    for halo, tiles in rows.items():
+        differ, moved = zip(*tiles, strict=True)
+        say(
+            f"halos    {halo:3.0f} m: {sum(differ)} labels differ in {len(tiles)} tiles, "
+            f"terrain at the edge by {statistics.mean(moved):.1e} m"
+        )
 
 
 def ground_filters() -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -629,11 +630,11 @@ def test_on_a_slope_a_fall_is_steeper_and_more_must_fall_off(
         return np.full_like(z, 0.6)
 
     monkeypatch.setattr("algorithms.shared.terrain.raised_share", votes)
-    z = np.tile(np.float32(tilt) * np.arange(96, dtype=np.float32), (64, 1))
+    z = np.tile(np.float32(tilt) * np.arange(192, dtype=np.float32), (128, 1))
     assert (finding.ground_cells(z, QUIET) == stays).all()
     np.testing.assert_allclose(slopes[0], 0.5)
     for slope in slopes[1:]:
-        np.testing.assert_allclose(slope[20:-20, 20:-20], fall, atol=0.02)
+        np.testing.assert_allclose(slope[32:-32, 32:-32], fall, atol=0.02)
 
 
 # What must not matter
@@ -780,7 +781,7 @@ def test_the_tool_gives_classes_share_and_surface() -> None:
     np.testing.assert_array_equal(out.classified["classification"], np.where(ground, 2, 1))
     assert out.classified["classification"].dtype == np.uint8
     assert out.ground_share == ground.mean()
-    np.testing.assert_array_equal(out.surface.band(), find_terrain(xyz).heights)
+    np.testing.assert_array_equal(out.surface.band(), find_terrain(xyz).heights.astype(np.float32))
     assert (out.surface.crs, out.surface.units) == (UTM, ("metre",))
     assert out.surface.cell == 1.0
 
@@ -905,6 +906,28 @@ def test_a_dense_town_is_classified_as_its_producer_did(data: Callable[[str], Pa
         wrong += int(((found == 2) != (points["classification"] == 2)).sum())
         total += len(points)
     assert wrong / total <= 0.03
+
+
+@pytest.mark.slow
+def test_tiles_with_their_halo_have_the_labels_of_the_whole(data: Callable[[str], Path]) -> None:
+    """Wide data cut in two in both ways; a halo of 64 m is noticed."""
+    differ = dict.fromkeys((64.0, finding.HALO, 240.0), 0)
+    worst = 0.0
+    for sample, axes in ((53, (0, 1)), (61, (0, 1)), (51, (1,))):
+        xyz, _ = isprs(data(f"isprs_samples/samp{sample}.txt.gz"))
+        whole, sure = verdict(xyz, find_terrain(xyz))
+        for axis, halo in itertools.product(axes, differ):
+            ahead = xyz[:, axis] - xyz[:, axis].min() - 0.6 * np.ptp(xyz[:, axis])
+            tile = ahead >= -halo
+            assert not tile.all()
+            found, confidence = verdict(xyz[tile], find_terrain(xyz[tile]))
+            core = ahead[tile] >= 0
+            differ[halo] += int((found != whole[tile])[core].sum())
+            if halo >= finding.HALO:
+                worst = max(worst, float(np.abs(confidence - sure[tile])[core].max()))
+    assert differ.pop(64.0) > 0
+    assert set(differ.values()) == {0}
+    assert worst < 1e-3
 
 
 def test_a_stray_point_along_one_axis_is_refused() -> None:

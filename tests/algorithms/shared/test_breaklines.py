@@ -114,3 +114,13 @@ def test_how_far_off_ground_may_be_is_learned(mixed: list[float], allowed: float
     off = np.resize(np.array(mixed, np.float32), (64, 64))
     assert learned(off)[2, 2] == pytest.approx(allowed)
     assert learned(np.full((64, 64), np.inf, np.float32)).max() == 0
+
+
+def test_a_single_point_changes_what_is_learned_by_little() -> None:
+    """Within and beyond a step are as many: a point more beyond, or one less, decides nothing."""
+    off = np.resize(np.array([0.1] * 9 + [0.25] * 8, np.float32), (64, 64))
+    found = learned(off)
+    assert 0.01 < found[2, 2] < 0.8
+    for height in (0.1, 0.25):
+        off[32, 32] = height
+        np.testing.assert_allclose(learned(off), found, rtol=0, atol=0.02)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from algorithms.shared.tolerance import share_with_points, tolerances
+from algorithms.shared.tolerance import densest_heights, share_with_points, tolerances
 from algorithms.shared.windows import spread, window_sums
 
 ALL = np.ones((9, 9))
@@ -31,7 +31,7 @@ def test_tolerance_follows_the_scatter_of_the_ground(
 
 def test_where_little_is_known_the_tolerance_is_the_widest() -> None:
     nothing = tolerances(np.array([np.nan, 7.0]), np.array([MIDDLE, MIDDLE]), ALL)
-    assert (nothing[0] == np.float32(0.3)).all()
+    np.testing.assert_allclose(nothing[0], 0.3, rtol=1e-12)
     few = tolerances(np.zeros(40), np.full(40, MIDDLE), ALL)
     assert 0.1 < few[0, 4, 4] < 0.25
 
@@ -60,3 +60,24 @@ def test_windows_count() -> None:
     assert counts[16, 16] == pytest.approx(2 * np.pi * 256, rel=0.01)
     assert counts[0, 16] < 0.6 * counts[16, 16]  # nothing lies beyond the edge
     np.testing.assert_array_equal(spread(np.array([[1.0], [2.0]]), 2)[:, 0], [1, 1, 2, 2])
+
+
+def test_a_single_point_changes_the_tolerance_by_little() -> None:
+    """Two heights are as dense; a point moved by a micrometre, or one more, decides nothing."""
+    rng = np.random.default_rng(2)
+    above = np.concatenate([rng.normal(0, 0.02, 500), rng.normal(0.2, 0.02, 500)])
+    blocks = np.full(len(above), MIDDLE)
+    found = tolerances(above, blocks, ALL)
+    for lift in (1e-6, -1e-6):
+        moved = tolerances(above + lift, blocks, ALL)
+        np.testing.assert_allclose(moved, found, rtol=0, atol=2e-5)
+    for one in (0.0, 0.2):
+        more = tolerances(np.append(above, one), np.append(blocks, MIDDLE), ALL)
+        np.testing.assert_allclose(more, found, rtol=0, atol=2e-3)
+
+
+def test_the_densest_height_is_between_two_that_are_as_dense_and_else_that_of_the_denser() -> None:
+    height = np.arange(20.0)
+    counts = np.zeros((2, 20))
+    counts[:, 5], counts[:, 14] = 10, (10, 5)
+    np.testing.assert_allclose(densest_heights(counts, height), [9.5, 5.0], atol=0.05)

@@ -20,6 +20,7 @@ from tests.bench.learning import learning, learning_speed
 from tests.bench.long_lines import long_lines
 from tests.bench.metamorphic import metamorphic
 from tests.bench.path import path
+from tests.bench.remote import remote
 from tests.bench.shorelines import shorelines, water_levels, waters
 from tests.bench.speed import speed
 from tests.bench.structures import structures
@@ -30,6 +31,7 @@ ALL = (
     reading,
     copc,
     reprojecting,
+    remote,
     memory,
     isprs,
     filters,

@@ -13,7 +13,8 @@ import pandas as pd
 from toolbox.context import QUIET, Context
 from toolbox.data import Raster, Table, Vector, drivers
 from toolbox.data.crs import describe_crs
-from toolbox.data.paths import Paths, absent_text, missing
+from toolbox.data.paths import Paths, missing
+from toolbox.data.remote.address import as_path
 from toolbox.data.text import standard_names
 from toolbox.errors import ParameterError, memory_named
 from toolbox.execute import run
@@ -45,8 +46,8 @@ def describe_file(paths: Paths, ctx: Context = QUIET) -> Table:
     """
     items = [paths] if isinstance(paths, str | Path) else list(paths)
     if absent := missing(items):
-        raise ParameterError(absent_text(absent))
-    path = Path(items[0])
+        raise ParameterError(f"there is no file {', '.join(absent)}")
+    path = as_path(items[0])
     if len(items) > 1 or not path.is_file():
         return _points(items, ctx)
     suffix = path.suffix.lower()

@@ -10,15 +10,19 @@ from __future__ import annotations
 
 import glob
 import json
-import os
+import re
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
+from toolbox.context import QUIET, Context
 from toolbox.data.reading import errors_named
+from toolbox.data.remote.address import Address, as_path, is_remote
+from toolbox.data.remote.stream import whole
 from toolbox.errors import DataError
 
 Paths = str | Path | Sequence[str | Path]
@@ -28,6 +32,7 @@ LAS = (".las", ".laz")
 TEXT = (".xyz", ".txt", ".csv", ".pts", ".asc")
 READABLE = (*LAS, *TEXT, *(f"{suffix}.gz" for suffix in TEXT), ".ply", ".ply.gz", ".pcd", ".e57")
 VPC = ".vpc"
+_OF_SEVERAL = (".shp", ".tab", ".mif")
 _DATA = "data"  # name and role of what holds the points in an item of a VPC
 
 
@@ -87,41 +92,63 @@ class PointFiles:
         problems += [] if problems else _twice(found)
         if problems:
             raise DataError("\n    ".join(problems))
-        first = Path(items[0]).resolve().name
+        first = as_path(items[0]).resolve().name
         name = f"{first} and {len(items) - 1} more" if len(items) > 1 else first
         return cls(tuple(sorted(found)), name, tuple(remarks))
 
 
 def missing(paths: Paths) -> list[str]:
-    """The paths that do not exist, and the patterns that no file matches, as they were given."""
-    items = [paths] if isinstance(paths, str | Path) else paths
-    return [str(item) for item in items if not (Path(item).exists() or _matches(str(item)))]
+    """The paths that do not exist, and the patterns that no file matches, as they were given.
 
-
-def absent_text(paths: Sequence[str | Path]) -> str:
-    """Say that files are not there; of addresses on the web, that these are not read.
-
-    >>> absent_text(["a.laz", "b.laz"])
-    'there is no file a.laz, b.laz'
-    >>> absent_text(["https://example.org/a.laz"])
-    'https://example.org/a.laz is on the web, where nothing is read; download it first'
+    Raises
+    ------
+    OSError
+        A server does not answer, or refuses.
     """
-    if remote := [str(path) for path in paths if _is_remote(path)]:
-        return f"{', '.join(remote)} is on the web, where nothing is read; download it first"
-    return f"there is no file {', '.join(map(str, paths))}"
+    items = [paths] if isinstance(paths, str | Path) else paths
+    return [str(as_path(item)) for item in items if not _is_there(item)]
 
 
-def local(path: str | Path) -> Path:
-    """The path of a file on this computer.
+def _is_there(item: str | Path) -> bool:
+    return as_path(item).exists() or (not is_remote(item) and _matches(str(item)))
+
+
+def local(path: str | Path, ctx: Context = QUIET) -> Path:
+    """The path of a file on this computer; of one on the web, that of a copy.
 
     Raises
     ------
     DataError
-        It is an address on the web.
+        It cannot be had, or consists of several files.
     """
-    if _is_remote(path):
-        raise DataError(absent_text([path]))
-    return Path(path)
+    found = as_path(path)
+    if not isinstance(found, Address):
+        return found
+    if found.suffix.lower() in _OF_SEVERAL:
+        raise DataError(f"{found} is one of several files of a layer; download all of them first")
+    try:
+        return whole(found, ctx)
+    except OSError as error:
+        raise DataError(f"{found} cannot be read: {error.strerror or error}") from error
+
+
+@contextmanager
+def named_as_given(path: str | Path) -> Iterator[None]:
+    """Name an address in the messages of errors, and not the copy that was read.
+
+    Raises
+    ------
+    DataError
+        As the code within does.
+    """
+    try:
+        yield
+    except DataError as error:
+        found = as_path(path)
+        if not isinstance(found, Address):
+            raise
+        text = re.sub(rf"\S*{re.escape(found.name)}", lambda _: str(found), str(error), count=1)
+        raise DataError(text) from error
 
 
 def _matches(pattern: str) -> bool:
@@ -131,15 +158,13 @@ def _matches(pattern: str) -> bool:
 def _files(item: str | Path, remarks: list[str]) -> list[Path]:
     if not str(item):
         raise DataError("an empty path names no file")
-    path = Path(item)
+    path = as_path(item)
     try:
         if path.is_dir():
             return _in_folder(path, remarks)
         if path.exists():
             return _in_vpc(path) if suffix_of(path) == VPC else [path]
-        if _is_remote(item):
-            raise DataError(absent_text([item]))
-        if glob.has_magic(str(item)):
+        if not is_remote(item) and glob.has_magic(str(item)):
             return _matching(str(item), remarks)
     except OSError as error:
         raise DataError(f"{item} cannot be read: {error.strerror or error}") from error
@@ -199,12 +224,13 @@ def _in_vpc(path: Path) -> list[Path]:
         links = [link for feature in features for link in _links(feature)]
     if not links:
         raise DataError(f"{path} names no files of points")
-    remote = [link for link in links if _scheme(link) not in ("", "file")]
-    if remote:
-        listed = ", ".join(remote)
-        raise DataError(f"{path} names remote files, which must be downloaded first: {listed}")
-    found = [_target(path.parent, link) for link in links]
-    if missing := [str(target) for target in found if not target.exists()]:
+    if isinstance(path, Address):
+        if inside := [link for link in links if _scheme(link) == "file"]:
+            raise DataError(f"{path} is on the web, and names files of this computer: {inside[0]}")
+        return [path.joined(link) for link in links]
+    found = [Address(link) if is_remote(link) else _target(path.parent, link) for link in links]
+    here = [target for target in found if not isinstance(target, Address)]
+    if missing := [str(target) for target in here if not target.exists()]:
         raise DataError(f"{path} names files that are not there: {', '.join(missing)}")
     return found
 
@@ -222,10 +248,6 @@ def _target(folder: Path, link: str) -> Path:
     return folder / (url2pathname(urlsplit(link).path) if _scheme(link) == "file" else link)
 
 
-def _is_remote(path: str | Path) -> bool:
-    return "://" in str(path) and _scheme(str(path)) != "file"
-
-
 def _scheme(link: str) -> str:
     """The scheme of a URL; "" of a path, also with the letter of a drive."""
     scheme = urlsplit(link).scheme
@@ -236,7 +258,7 @@ def _twice(paths: Sequence[Path]) -> Iterator[str]:
     """Say which files are given more than once, also under another name."""
     seen: dict[tuple[int, int], Path] = {}
     for path in paths:
-        status = os.stat(path)
+        status = path.stat()
         first = seen.setdefault((status.st_dev, status.st_ino), path)
         if first is not path:
             same = "" if first == path else f" (as {first})"

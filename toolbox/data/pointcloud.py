@@ -31,9 +31,18 @@ from toolbox.data.las.joint import in_layout, joint_metadata, with_layout
 from toolbox.data.las.read import read_las
 from toolbox.data.las.write import las_sink, metadata_bytes, metadata_of, write_las
 from toolbox.data.layer import Inside, Layer
-from toolbox.data.paths import LAS, TEXT, Paths, PointFiles, suffix_of
+from toolbox.data.paths import (
+    LAS,
+    TEXT,
+    Paths,
+    PointFiles,
+    local,
+    named_as_given,
+    suffix_of,
+)
 from toolbox.data.reading import Reading
 from toolbox.data.record import own_side_car, with_record, write_beside
+from toolbox.data.remote.address import Address
 from toolbox.errors import DataError, nearest
 
 _EPOCH = datetime(1980, 1, 6, tzinfo=UTC) - timedelta(seconds=18)  # leap seconds since 2017
@@ -234,25 +243,28 @@ class PointCloud(Layer):
         if suffix in LAS:
             found = read_las(path, bounds=bounds, point_range=point_range, reading=reading, ctx=ctx)
             return cls._of_las(*found, path.name)
+        here = local(path, ctx)
+        known = None if isinstance(path, Address) else reading  # its version is noted
         crs = None
-        if suffix in TEXT:
-            from toolbox.data.text import read_text
+        with named_as_given(path):
+            if suffix in TEXT:
+                from toolbox.data.text import read_text
 
-            xyz, attributes = read_text(
-                path, columns=columns, separator=separator, reading=reading, ctx=ctx
-            )
-        elif suffix == ".ply":
-            from toolbox.data.ply import read_ply
+                xyz, attributes = read_text(
+                    here, columns=columns, separator=separator, reading=known, ctx=ctx
+                )
+            elif suffix == ".ply":
+                from toolbox.data.ply import read_ply
 
-            xyz, attributes, crs = read_ply(path, reading)
-        elif suffix == ".pcd":
-            from toolbox.data.pcd import read_pcd
+                xyz, attributes, crs = read_ply(here, known)
+            elif suffix == ".pcd":
+                from toolbox.data.pcd import read_pcd
 
-            xyz, attributes = read_pcd(path, reading)
-        else:
-            from toolbox.data.e57 import read_e57
+                xyz, attributes = read_pcd(here, known)
+            else:
+                from toolbox.data.e57 import read_e57
 
-            xyz, attributes, crs = read_e57(path, ctx=ctx)
+                xyz, attributes, crs = read_e57(here, ctx=ctx)
         cloud = cls(xyz, attributes, crs=crs, name=path.name)
         return cloud.select(np.arange(*point_range)) if point_range else cloud
 

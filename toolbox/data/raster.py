@@ -28,9 +28,10 @@ from toolbox.data.crs import (
 from toolbox.data.drivers import raster_driver
 from toolbox.data.lattice import Lattice
 from toolbox.data.layer import Inside, Layer
-from toolbox.data.paths import local
+from toolbox.data.paths import local, named_as_given
 from toolbox.data.reading import errors_named, need_memory
 from toolbox.data.record import ITEM, checked
+from toolbox.data.remote.address import as_path
 from toolbox.errors import DataError
 
 STRIP = 256  # rows that are written at a time; one row of tiles of the file
@@ -168,13 +169,12 @@ class Raster(Layer):
         """
         import rasterio
 
-        driver = raster_driver(path := local(path))
-        with (
-            errors_named(f"{path} cannot be read as a raster"),
-            _position_unchecked(),
-            rasterio.open(path, driver=driver) as source,
-        ):
-            raster = _read(source, path.name)
+        path = as_path(path)
+        here = local(path, ctx)
+        with named_as_given(path), errors_named(f"{here} cannot be read as a raster"):
+            driver = raster_driver(here)
+            with _position_unchecked(), rasterio.open(here, driver=driver) as source:
+                raster = _read(source, path.name)
         ctx.progress(1.0)
         return raster if band is None else raster._alone(band)
 

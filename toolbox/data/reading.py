@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import psutil
 
 from toolbox.context import QUIET, Context
+from toolbox.data.remote.address import Address
 from toolbox.errors import DataError, MemoryShort, ToolboxError
 
 if TYPE_CHECKING:
@@ -127,7 +128,8 @@ class Reading:
             It cannot be read.
         """
         if path not in self.hashes:
-            self.hashes[path], self.sizes[path] = _hashed(path, ctx)
+            known = _version(path) if isinstance(path, Address) else _hashed(path, ctx)
+            self.hashes[path], self.sizes[path] = known
         return self.hashes[path]
 
     def check_unchanged(self, paths: Iterable[Path] | None = None) -> None:
@@ -158,6 +160,8 @@ class Reading:
         if state(now) != state(before):
             return True
         same = (now.st_ino, now.st_ctime_ns) == (before.st_ino, before.st_ctime_ns)
+        if isinstance(path, Address):
+            return False
         return not same and path in self.hashes and file_hash(path) != self.hashes[path]
 
 
@@ -184,6 +188,10 @@ def opened(
     DataError
         The file was changed meanwhile.
     """
+    if isinstance(path, Address):
+        with path.open("rb") as stream:
+            yield stream
+        return
     with path.open("rb", buffering=0) as file:  # stays open if the reader closes what it is given
         before = state(os.fstat(file.fileno()))
         if reading is None or path in reading.hashes:
@@ -197,6 +205,29 @@ def opened(
         if reading is not None and path not in reading.hashes:
             reading.hashes[path], reading.sizes[path] = found
             reading.states.pop(path, None)  # all of it is read: what becomes of it is no matter
+
+
+def _version(address: Address) -> tuple[str, int]:
+    """What stands for the hash of a file on the web, of which not all is read; and its size."""
+    try:
+        found = address.stat()
+    except OSError as error:
+        raise DataError(f"{address} cannot be read: {error.strerror or error}") from error
+    says = f"{address} {found.st_mtime_ns} {found.st_size}"
+    return f"version {hashlib.sha256(says.encode()).hexdigest()}", found.st_size
+
+
+def announced(stream: BinaryIO, ranges: Iterable[tuple[int, int]], ctx: Context = QUIET) -> None:
+    """Tell which ranges (start, size) will be read, so that a stream on the web fetches them.
+
+    Raises
+    ------
+    OSError, DataError
+        They cannot be had.
+    """
+    fetch = getattr(getattr(stream, "raw", None), "prefetch", None)
+    if fetch is not None:
+        fetch(ranges, ctx)
 
 
 def room(path: Path) -> int:

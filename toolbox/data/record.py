@@ -30,7 +30,9 @@ from pathlib import Path
 
 from toolbox.data.drivers import raster_driver
 from toolbox.data.las.header import LasMetadata, Vlr, parse_metadata
+from toolbox.data.paths import local
 from toolbox.data.reading import errors_named
+from toolbox.data.remote.address import as_path
 from toolbox.errors import DataError
 
 MEMBER = "lidar-toolbox"
@@ -101,7 +103,8 @@ def read_record(path: str | Path) -> str:
     DataError
         The file is missing, or is not what its suffix says.
     """
-    path = Path(path)
+    path = as_path(path)
+    path = path if path.suffix.lower() in _LAS else local(path)
     if not path.is_file():
         raise DataError(f"{path}: no such file")
     readers = dict.fromkeys(_LAS, _of_las) | dict.fromkeys(_TIFF, _of_tiff)

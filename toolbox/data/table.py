@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from toolbox.context import QUIET, Context
 from toolbox.data import differences, geopackage
 from toolbox.data.layer import Inside, Layer, text_array
-from toolbox.data.paths import local
+from toolbox.data.paths import local, named_as_given
 from toolbox.data.reading import errors_named
 from toolbox.data.record import own_side_car, side_car, write_beside, write_into_geopackage
+from toolbox.data.remote.address import as_path
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:  # of which most tools have no need; it takes long to import
@@ -114,13 +115,14 @@ class Table(Layer):
         """
         from toolbox.data import table_files
 
-        path = local(path)
+        path = as_path(path)
         if path.suffix.lower() not in cls.SUFFIXES:
             raise DataError(f"{path}: tables are read from {', '.join(cls.SUFFIXES)}")
-        if not path.exists():
+        here = local(path, ctx)
+        if not here.exists():
             raise DataError(f"{path}: no such file")
-        with errors_named(f"{path} cannot be read as a table"):
-            table = cls(plain(table_files.read(path, layer)), name=path.name)
+        with named_as_given(path), errors_named(f"{here} cannot be read as a table"):
+            table = cls(plain(table_files.read(here, layer)), name=path.name)
         ctx.progress(1.0)
         return table
 

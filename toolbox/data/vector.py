@@ -29,7 +29,7 @@ from toolbox.data.crs import (
 )
 from toolbox.data.drivers import check_vector
 from toolbox.data.layer import Inside, Layer, refuse_zero_bytes, text_array
-from toolbox.data.paths import local
+from toolbox.data.paths import local, named_as_given
 from toolbox.data.reading import errors_named
 from toolbox.data.record import (
     own_side_car,
@@ -37,6 +37,7 @@ from toolbox.data.record import (
     write_beside,
     write_into_geopackage,
 )
+from toolbox.data.remote.address import as_path
 from toolbox.data.table import Table, need_pyarrow
 from toolbox.errors import DataError
 
@@ -134,11 +135,12 @@ class Vector(Layer):
         DataError
             The file is missing or cannot be read.
         """
-        path = local(path)
-        if not path.exists():
+        path = as_path(path)
+        here = local(path)
+        if not here.exists():
             raise DataError(f"{path}: no such file")
-        with errors_named(f"{path} cannot be read as a vector layer"):
-            return _layer_names(path)
+        with named_as_given(path), errors_named(f"{here} cannot be read as a vector layer"):
+            return _layer_names(here)
 
     @classmethod
     def open(
@@ -165,16 +167,17 @@ class Vector(Layer):
             The file is missing or unreadable, has no geometry, or has several layers and none
             was named.
         """
-        path = local(path)
-        if not path.exists():
+        path = as_path(path)
+        here = local(path, ctx)
+        if not here.exists():
             raise DataError(f"{path}: no such file")
-        with errors_named(f"{path} cannot be read as a vector layer"):
+        with named_as_given(path), errors_named(f"{here} cannot be read as a vector layer"):
             if path.suffix.lower() == ".parquet":
-                vector = cls(_read_parquet(path), name=path.name)
+                vector = cls(_read_parquet(here), name=path.name)
             elif path.suffix.lower() == feature_table.SUFFIX:
-                vector = cls(feature_table.read(path), name=path.name)
+                vector = cls(feature_table.read(here), name=path.name)
             else:
-                vector = _read(path, layer)
+                vector = _read(here, layer)
         ctx.progress(1.0)
         return vector if reproject is None else vector._reprojected(reproject)
 

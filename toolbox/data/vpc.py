@@ -20,6 +20,7 @@ from pyproj import CRS, Transformer
 
 from toolbox.data.crs import is_local
 from toolbox.data.operation import plane
+from toolbox.data.remote.address import Address
 
 if TYPE_CHECKING:
     from toolbox.data.survey import SurveyFile
@@ -116,6 +117,8 @@ def _schema(attribute: tuple[str, str, tuple[int, ...]]) -> dict[str, Any]:
 
 def _href(path: Path, folder: Path) -> str:
     """The relative path, as QGIS has it; a URL where none leads there, as to another drive."""
+    if isinstance(path, Address):
+        return str(path)
     try:
         return f"./{Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()}"
     except ValueError:

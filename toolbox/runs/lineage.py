@@ -21,6 +21,7 @@ from toolbox.data import shapefile
 from toolbox.data.crs import crs_text
 from toolbox.data.layer import Inside, Layer, text_array
 from toolbox.data.reading import Reading, file_hash
+from toolbox.data.remote.address import Address
 from toolbox.declare.fields import Field, Spec
 from toolbox.errors import DataError
 from toolbox.models.model import Model, Runner, leading_steps, run_tool
@@ -203,9 +204,14 @@ def _described(
     for place, part in enumerate(parts):
         share = ctx.part(place / len(parts), (place + 1) / len(parts))
         hashes[part] = reading.hash_of(part, share)
-    name = paths[0].name if len(paths) == 1 else _pattern(paths)
+    name = _pattern(paths) if len(paths) > 1 else _shown(paths[0])
     size = sum(reading.sizes[part] for part in parts)
     return Input(name, joint_hash(hashes), size, len(parts), options)
+
+
+def _shown(path: Path) -> str:
+    """The name of a file; of one on the web its address, without what must stay secret."""
+    return str(path) if isinstance(path, Address) else path.name
 
 
 def describe_files(paths: Sequence[Path], ctx: Context = QUIET) -> Input:

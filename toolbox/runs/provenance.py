@@ -25,6 +25,7 @@ import numpy as np
 from toolbox.data.crs import crs_text
 from toolbox.data.reading import Reading
 from toolbox.data.record import MEMBER, read_record
+from toolbox.data.remote.address import as_path
 from toolbox.errors import DataError
 
 LONGEST = 60_000  # bytes of a record; a VLR of a LAS file holds 65 535
@@ -206,7 +207,7 @@ def read(path: str | Path, reading: Reading | None = None) -> Record | None:
     DataError
         The file is missing or damaged, or its record is.
     """
-    known = reading.records.get(Path(path)) if reading else None
+    known = reading.records.get(as_path(path)) if reading else None
     text = read_record(path) if known is None else known
     try:
         return Record.from_json(text) if text else None

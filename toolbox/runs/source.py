@@ -14,8 +14,9 @@ from toolbox.context import QUIET, Context, log
 from toolbox.data.area_of_use import misplaced
 from toolbox.data.crs import describe_crs, same_crs
 from toolbox.data.layer import Layer
-from toolbox.data.paths import PointFiles, absent_text, missing
+from toolbox.data.paths import PointFiles, missing
 from toolbox.data.reading import Reading
+from toolbox.data.remote.address import as_path
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import Kind, parsed_options
 from toolbox.errors import DataError, ToolboxError
@@ -81,11 +82,11 @@ class Source:
         DataError
             They cannot be found.
         """
-        return self.points.paths if self.several else tuple(map(Path, self.paths))
+        return self.points.paths if self.several else tuple(map(as_path, self.paths))
 
     def absolute(self) -> Source:
         """The same source with absolute paths, for a process with another working folder."""
-        return replace(self, paths=tuple(Path(path).absolute() for path in self.paths))
+        return replace(self, paths=tuple(as_path(path).absolute() for path in self.paths))
 
     def open(
         self,
@@ -136,8 +137,8 @@ def _problem(kind: Kind, paths: Sequence[Any], value: Any) -> str | None:
         return f"must be a path or a {kind.word}, got {value!r}"
     if len(paths) != 1 and not (kind.several and paths):
         return f"takes one {kind.word}, got {len(paths)}"
-    absent = missing(paths) if kind.several else [p for p in paths if not Path(p).exists()]
-    return absent_text(absent) if absent else None
+    absent = missing(paths) if kind.several else [p for p in paths if not as_path(p).exists()]
+    return f"there is no file {', '.join(map(str, absent))}" if absent else None
 
 
 def of_run(given: Mapping[str, Any], spec: Spec) -> dict[str, tuple[Source, ...]]:

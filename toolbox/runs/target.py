@@ -17,6 +17,7 @@ from toolbox.data.crs import describe_crs, is_local
 from toolbox.data.layer import Layer
 from toolbox.data.paths import LAS
 from toolbox.data.record import foreign_side_car
+from toolbox.data.remote.address import Address
 from toolbox.data.report.document import LOOKS, today
 from toolbox.declare.fields import Spec
 from toolbox.declare.kinds import Kind, find, parsed_options
@@ -177,7 +178,7 @@ def problems(
         {name: target.resolved for name, target in good.items() if target.resolved},
         {name: target.suffixes for name, target in good.items()},
         {name: target.own_files for name, target in good.items()},
-        reads,
+        [path for path in reads if not isinstance(path, Address)],
         overwrite=overwrite,
     )
 

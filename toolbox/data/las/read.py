@@ -29,7 +29,7 @@ from toolbox.data.las.copc import copc_chunks
 from toolbox.data.las.crs import read_crs
 from toolbox.data.las.header import Chunk, LasMetadata, demand, parse_metadata
 from toolbox.data.las.points import MIXED_WAVEFORMS, box_of, waveform_channels
-from toolbox.data.reading import Reading, errors_named, opened
+from toolbox.data.reading import Reading, announced, errors_named, opened
 from toolbox.data.record import record_in
 from toolbox.errors import DataError
 
@@ -157,6 +157,7 @@ def _read_points(
     ahead = 0
     if point_range:
         chunks, ahead = _covering(chunks, start, stop)
+    announced(stream, [(start, size) for start, size, _ in chunks], ctx)
     _check_chunks(stream, metadata, chunks)
     packed = _read_chunks(stream, metadata, chunks, ctx)
     return packed[ahead : ahead + stop - start] if point_range else packed

@@ -27,11 +27,12 @@ from numpy.typing import NDArray
 from algorithms.compare._curves import curve_rows
 from algorithms.compare._frechet import frechet
 from algorithms.compare._shapes import AREAS, LINES, layer_problem
-from algorithms.shared.routes import Array, Feet, IndexedRoute, Route, farthest, routes
+from algorithms.shared.routes import Array, Feet, IndexedRoute, Route, farthest, routes, within
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector
 from toolbox.data.crs import crs_conflict
-from toolbox.declare import outputs, param, show, sink, source, tool
+from toolbox.declare import Extent, outputs, param, show, sink, source, tool
+from toolbox.errors import DataError
 
 ROUNDING = 1e-7  # of the largest value: how far a quantile may be wrong
 WITHIN = 1e-4  # metres: how far Hausdorff and Fréchet distances may be wrong
@@ -71,6 +72,9 @@ class CompareLines:
     another of the same direction ends are one line. Fréchet asks for one line on each side; the
     second may be walked either way, and a closed one from anywhere.
 
+    With `coverage` or `extent` both layers are cut, and only what is within is compared. Near the
+    new ends the nearest place may have been cut off: take the area wide enough.
+
     `compare_heights` compares Z too, at the nearest places. `polynomial` also fits y as a
     polynomial of x to the vertices of each side, and tells how far these curves are apart. Tables
     are in metres, layers in the unit of the data.
@@ -78,6 +82,10 @@ class CompareLines:
 
     lines: Vector = source("Lines to judge, or polygons for their outlines")
     reference: Vector = source("Reference lines, or polygons for their outlines")
+    coverage: Vector | None = source(
+        "Polygons within which is compared", default=None, label="Area to compare in"
+    )
+    extent: Extent | None = param("Rectangle to work in; that of the data by default", default=None)
     buffer: float = param("Distance at which a line counts as found", default=1.0, unit="m", gt=0)
     spacing: float = param(
         "Longest distance along a line between two positions that are compared",
@@ -137,6 +145,11 @@ class CompareLines:
                 yield name, f"{_named(layer)} has no lines"
             elif self.compare_heights and not _has_heights(layer):
                 yield name, f"{_named(layer)} has no heights (Z) to compare"
+        if self.coverage is not None:
+            if text := layer_problem(self.coverage, AREAS, "polygons"):
+                yield "coverage", text
+            elif not len(self.coverage):
+                yield "coverage", f"{_named(self.coverage)} has no polygons"
         text = crs_conflict(self.reference.crs, self.lines.crs, heights=True, tools="vectors")
         if self.compare_heights and text:
             yield "compare_heights", f"{_named(self.reference)} {text} of {_named(self.lines)}"
@@ -148,7 +161,7 @@ class CompareLines:
     def run(self, ctx: Context = QUIET) -> CompareLines.Outputs:
         """Measure distances in both directions, and sum up."""
         metre = self.lines.metre
-        own, other = (Route.of(routes(_shapes(layer))) for layer in (self.lines, self.reference))
+        own, other = self._route("lines"), self._route("reference")
         to, back = IndexedRoute(other), IndexedRoute(own)
         places, returns = own.divided(self.spacing), other.divided(self.spacing)
         feet = to.feet(places.nodes[:, :2], ctx.part(0.0, 0.3))
@@ -176,6 +189,7 @@ class CompareLines:
             rows += spread_rows(there.weighted(height), "height_", "Z of lines minus reference")
         curves = None
         if self.polynomial is not None:
+            _warn_of_rings(own, other)
             vertices, known = own.nodes[:, :2] / metre, other.nodes[:, :2] / metre
             curves = Table.from_rows(curve_rows(vertices, known, self.polynomial))
         ctx.progress(1.0)
@@ -192,6 +206,28 @@ class CompareLines:
             correctness=100 * found.lines / found.length,
             completeness=100 * found.reference / found.reference_length,
         )
+
+    def _route(self, name: str) -> Route:
+        """The lines of a layer, as far as they are compared.
+
+        Raises
+        ------
+        DataError
+            None of them is.
+        """
+        found = routes(_shapes(getattr(self, name)))
+        areas: list[Any] = [shapely.box(*self.extent)] if self.extent else []
+        if self.coverage is not None:
+            areas.append(shapely.union_all(_shapes(self.coverage)))
+        if areas:
+            whole = Route.of(found).length
+            found = within(found, shapely.intersection_all(areas))
+            if not found:
+                where = "coverage" if self.coverage is not None else "extent"
+                raise DataError(f"{where}: nothing of the {name} lies within")
+            share = 100 * Route.of(found).length / whole
+            log.info("%s: %.3g %% of the length is compared", name, share)
+        return Route.of(found)
 
     def _frechet(
         self, own: Route, other: Route, least: float, ctx: Context
@@ -228,6 +264,21 @@ class CompareLines:
             columns, geometry=shapely.points(places.nodes[:, :width]), crs=self.lines.crs
         )
         return Vector(frame)
+
+
+def _warn_of_rings(own: Route, other: Route) -> None:
+    """Warn of closed lines, which no polynomial y of x can follow."""
+    names = [
+        n
+        for n, route in (("the lines are", own), ("the reference is", other))
+        if route.closed.any()
+    ]
+    if names:
+        log.warning(
+            "polynomial: %s closed, so that an x has more than one y; compare a reach "
+            "of them, with extent or coverage",
+            " and ".join(names),
+        )
 
 
 def _named(layer: Vector) -> str:

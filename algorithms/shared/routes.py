@@ -122,6 +122,56 @@ def routes(shapes: Shapes) -> list[Array]:
     return found
 
 
+def within(lines: Sequence[Array], region: Any) -> list[Array]:
+    """The parts of lines, of shape (n, 3) each, that lie in a region; they run as before.
+
+    Segments are cut one by one: GEOS would part a line where it crosses itself, and turn parts. A
+    closed line may begin anywhere.
+
+    Examples
+    --------
+    >>> line = np.array([[0, 0, 5.0], [10, 0, 7.0]])
+    >>> within([line], shapely.box(5, -1, 20, 1))
+    [array([[ 5.,  0.,  6.],
+           [10.,  0.,  7.]])]
+    """
+    shapely.prepare(region)
+    return [part for line in lines for part in _cut(line, region)]
+
+
+def _cut(line: Array, region: Any) -> list[Array]:
+    starts, ways = line[:-1], np.diff(line, axis=0)
+    segments = shapely.linestrings(np.stack([starts[:, :2], line[1:, :2]], axis=1))
+    found, number = shapely.get_parts(shapely.intersection(segments, region), return_index=True)
+    whole = (shapely.get_dimensions(found) == 1) & (shapely.length(found) > 0)
+    found, number = found[whole], number[whole]  # no points where a segment only touches
+    if not len(found):
+        return []
+    ends = np.stack(
+        [shapely.get_coordinates(shapely.get_point(found, end)) for end in (0, -1)], axis=1
+    )
+    way = ways[number, None, :2]
+    share = ((ends - starts[number, None, :2]) * way).sum(axis=2) / (way**2).sum(axis=2)
+    share = np.sort(share, axis=1)
+    share[share < AT_END], share[share > 1 - AT_END] = 0.0, 1.0
+    order = np.lexsort((share[:, 0], number))
+    number, share = number[order], share[order]
+    follows = (share[1:, 0] == share[:-1, 1]) & (number[1:] == number[:-1])
+    follows |= (share[:-1, 1] == 1) & (share[1:, 0] == 0) & (number[1:] == number[:-1] + 1)
+    breaks = np.flatnonzero(~follows) + 1
+    parts = []
+    for numbers, shares in zip(np.split(number, breaks), np.split(share, breaks), strict=True):
+        ends_there = starts[numbers] + shares[:, 1:] * ways[numbers]
+        first = starts[numbers[0]] + shares[0, 0] * ways[numbers[0]]
+        part = np.vstack([first, ends_there])
+        part[1:][shares[:, 1] == 1] = line[numbers[shares[:, 1] == 1] + 1]  # without rounding
+        parts.append(part)
+    ring = (line[0, :2] == line[-1, :2]).all() and len(parts) > 1
+    if ring and (parts[0][0, :2] == line[0, :2]).all() and (parts[-1][-1] == line[-1])[:2].all():
+        parts[0] = np.vstack([parts.pop(), parts[0][1:]])
+    return parts
+
+
 class Feet(NamedTuple):
     """Nearest positions on a route (feet of perpendiculars); arrays of shape (n,).
 

@@ -20,10 +20,11 @@ from pyproj import CRS
 from algorithms.compare import _frechet as leash
 from algorithms.compare._frechet import can_walk, frechet
 from algorithms.compare.lines import CompareLines
-from algorithms.shared.routes import IndexedRoute, Route, farthest
+from algorithms.shared.routes import IndexedRoute, Route, farthest, within
 from toolbox import run
 from toolbox.context import Context
 from toolbox.data import Vector
+from toolbox.declare import Extent
 from toolbox.errors import Cancelled, DataError, ParameterError
 
 UTM, FEET = CRS(32635), CRS(2263)
@@ -390,3 +391,76 @@ def test_files_and_picture(tmp_path: Path) -> None:
     assert frame["offset"].isna().any()
     assert frame["distance"].min() == pytest.approx(1, abs=0.1)
     assert (tmp_path / "o.png").exists()
+
+
+# A reach of the lines --------------------------------------------------------------------------
+
+
+def reach(west: float, south: float, east: float, north: float) -> Extent:
+    return Extent(EAST + west, NORTH + south, EAST + east, NORTH + north)
+
+
+def test_only_the_reach_within_an_extent_is_compared() -> None:
+    own = line((0, 1), (50, 1), (50, 7), (100, 7))
+    other = line((0, 0), (50, 0), (50, 0.5), (100, 0.5))
+    whole = compare(own, other)
+    part = compare(own, other, extent=reach(10, -9, 40, 9))
+    assert whole.hausdorff > 6
+    assert part.mean == pytest.approx(1)
+    assert part.bias == pytest.approx(1)
+    assert measures(part)["length"] == pytest.approx(30)
+    assert part.offsets.frame["chainage"].max() == pytest.approx(30)
+
+
+def test_coverage_and_extent_are_both_kept_to() -> None:
+    own, other = line((0, 1), (100, 1)), line((0, 0), (100, 0))
+    box = shapely.box(EAST + 20, NORTH - 9, EAST + 60, NORTH + 9)
+    hole = shapely.box(EAST + 30, NORTH - 9, EAST + 35, NORTH + 9)
+    how: dict[str, Any] = {"coverage": layer(shapely.difference(box, hole))}
+    out = compare(own, other, **how)
+    assert measures(out)["length"] == pytest.approx(35)
+    assert out.frechet is None  # two lines each
+    out = compare(own, other, **how, extent=reach(0, -9, 25, 9))
+    assert measures(out)["length"] == pytest.approx(5)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_cut_line_runs_as_before(seed: int) -> None:
+    """Or left and right would change sides."""
+    rng = np.random.default_rng(seed)
+    vertices = np.column_stack([rng.uniform(0, 100, (12, 2)), np.arange(12.0)])
+    region = shapely.Point(50, 50).buffer(30)
+    parts = within([vertices], region)
+    whole = shapely.LineString(vertices[:, :2])
+    length = sum(shapely.LineString(part[:, :2]).length for part in parts)
+    assert length == pytest.approx(whole.intersection(region).length)
+    for part in parts:
+        assert (np.diff(part[:, 2]) > -1e-9).all()  # heights rise along the line
+
+
+def test_a_ring_is_cut_to_one_reach_of_its_outline() -> None:
+    """The edge of the extent is no part of it, and the ring may begin within."""
+    ring = shapely.Point(EAST + 50, NORTH).buffer(40, quad_segs=64)
+    out = compare(ring, ring.buffer(1, quad_segs=64), extent=reach(60, -50, 95, 50))
+    half = np.arccos(10 / 40) * 40
+    assert measures(out)["length"] == pytest.approx(2 * half, rel=1e-3)
+    assert out.frechet is not None
+    assert out.bias == pytest.approx(1, abs=0.05)  # the inside is on the left
+
+
+def test_a_reach_without_lines_is_told() -> None:
+    own, other = line((0, 1), (100, 1)), line((0, 0), (40, 0))
+    with pytest.raises(DataError, match="extent: nothing of the reference lies within"):
+        compare(own, other, extent=reach(50, -9, 90, 9))
+    with pytest.raises(DataError, match=r"coverage: .*has no polygons"):
+        compare(own, other, coverage=layer())
+
+
+def test_polynomials_of_closed_lines_are_warned_of(caplog: pytest.LogCaptureFixture) -> None:
+    ring = shapely.Point(EAST, NORTH).buffer(40)
+    compare(ring, line((-40, 0), (0, 40), (40, 0)), polynomial=2)
+    assert "polynomial: the lines are closed" in caplog.text
+    caplog.clear()
+    out = compare(ring, ring, polynomial=2, extent=reach(-60, 5, 60, 60))
+    assert "closed" not in caplog.text
+    assert out.curves is not None

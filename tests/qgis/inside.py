@@ -155,6 +155,7 @@ FIELDS = [
     field("boolean", default=False, nullable=False),
     field("choice", choices=["a", "b"], default="b"),
     field("text"),
+    field("classes", known=[[2, "Ground"]]),
     field("range"),
     field("extent"),
     field("position"),
@@ -184,7 +185,7 @@ def read(**values: object) -> dict[str, object]:
 
 def check_values_of_every_type() -> None:
     given = {"NUMBER": "2.5", "INTEGER": 5.5, "LENGTH": 12, "BOOLEAN": "no", "CHOICE": "a"}
-    given |= {"TEXT": "2,9,14-16", "RANGE": "0,0.2", "EXTENT": "1,3,2,4", "POSITION": "5,6"}
+    given |= {"CLASSES": "2,9,14-16", "TEXT": "a, b", "RANGE": "0,0.2", "EXTENT": "1,3,2,4", "POSITION": "5,6"}
     given |= {"CRS": "EPSG:2154", "TEXTS": " a ; b;", "CHOICES": ["a", "c"], "FILE": CLOUD}
     got = read(**given)
     assert got == {
@@ -193,7 +194,8 @@ def check_values_of_every_type() -> None:
         "length": 12.0,
         "boolean": "no",
         "choice": "a",
-        "text": "2,9,14-16",
+        "text": "a, b",
+        "classes": "2,9,14-16",
         "range": [0.0, 0.2],
         "extent": [1.0, 2.0, 3.0, 4.0],
         "position": [5.0, 6.0],

@@ -311,6 +311,29 @@ def play_folder_and_several_files() -> Play:
     yield from over(dialog)
 
 
+def play_classes_by_name() -> Play:
+    """Classes are ticked in a list; one that has no name, typed before, stays."""
+    yield from opened("Grid points to a raster", "idw")
+    dialog = named("AlgorithmDialog")
+    write(row_of(dialog, "POINTS").box.lineEdit(), SAYS["cloud"])
+    classes = row_of(dialog, "CLASSES")
+    write(classes.box.lineEdit(), "6,70-71")
+    click_later(button(classes, "Choose"))
+    yield lambda: named("ClassesDialog")
+    chooser = named("ClassesDialog")
+    picture("classes", chooser)
+    assert chooser.ticked() == [6, 70, 71], chooser.ticked()
+    names = [chooser.list.item(n).text() for n in range(chooser.list.count())]
+    ground = chooser.list.item(names.index("2  Ground"))
+    ground.setCheckState(Qt.Checked)
+    QTimer.singleShot(0, lambda: click(button(chooser, "OK")))
+    yield lambda: not named("ClassesDialog")
+    assert dialog.mainWidget().wrappers["CLASSES"].widgetValue() == "2,6,70,71"
+    yield from run(dialog)
+    assert "Execution completed" in log(dialog), log(dialog)
+    yield from over(dialog)
+
+
 def play_cancel() -> Play:
     yield from opened("Make a sample survey", "sample")
     dialog = named("AlgorithmDialog")

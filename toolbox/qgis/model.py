@@ -296,6 +296,7 @@ def _parameter_type(f: Mapping[str, Any], point_layers: bool) -> tuple[str, dict
         "length": ("distance", number | {"parent": "", "default_unit": 0}),
         "choice": ("enum", {"allow_multiple": many, "uses_static_strings": True}),
         "text": ("string", {"multiline": False}),
+        "classes": ("string", {"multiline": False}),
         "range": ("range", {"data_type": 1}),
         "position": ("point", {}),
     }

@@ -95,12 +95,19 @@ def _tags(spec: Spec) -> list[str]:
 
 
 def _inputs(spec: Spec) -> list[dict[str, Any]]:
-    made = [field(f) for f in spec.inputs.values()]
+    made = [field(f) | _offered_of(f, spec) for f in spec.inputs.values()]
     made = [f | {"advanced": n >= SHOWN_AT_ONCE and not f["required"]} for n, f in enumerate(made)]
     options = general(spec)
     crs = [f for f in options if f["name"] == ASSUME_CRS]
     after = 1 + next((n for n, f in enumerate(made) if f["type"] in LAYERS.values()), -1)
     return [*made[:after], *crs, *made[after:], *(f for f in options if f not in crs)]
+
+
+def _offered_of(f: Field, spec: Spec) -> dict[str, str]:
+    """The layer whose attributes the dialog offers: the one stated, or else the first."""
+    if f.kind.word != "attribute":
+        return {}
+    return {"of": f.of or next(iter(spec.sources))}
 
 
 def field(f: Field) -> dict[str, Any]:
@@ -114,8 +121,9 @@ def field(f: Field) -> dict[str, Any]:
         made |= {"suffixes": list(f.kind.suffixes)} if f.kind.is_layer else {}
         classes = next((show for show in f.show if isinstance(show, Classes)), None)
         return made | ({"classes": _classes(classes)} if classes else {})
-    made |= {"of": f.of} if f.of and f.kind.word == "attribute" else {}
     made |= {"offers": list(f.offers)} if f.offers else {}
+    if made["type"] == "classes":
+        made["known"] = [[code, name] for code, (name, _) in POINT_CLASSES.items()]
     made |= {"reads": [*READABLE, VPC]} if made["type"] == "pointcloud" else {}
     made |= {"required": f.required, "nullable": f.optional, "rule": f.rule(), **f.limits}
     if f.kind is CHOICE:
@@ -134,6 +142,8 @@ def _type(f: Field) -> str:
         return LAYERS.get(f.kind.word, "file")
     if f.kind is CHOICE:
         return "choice"
+    if f.kind.word == "class list" and not f.many:
+        return "classes"
     if f.kind.word not in SCALARS or f.choices or (f.many and f.role == "param"):
         return "text"
     return "length" if f.unit == "m" and f.kind.word == "number" else f.kind.word.lower()
@@ -150,7 +160,7 @@ def _default(f: Field) -> Any:
     values = [v if v in f.choices else f.kind.to_json(v) for v in f.items(f.default)]
     if f.kind is CHOICE:
         return [str(v) for v in values] if f.many else str(values[0])
-    if _type(f) == "text":
+    if _type(f) in ("text", "classes"):
         texts = (",".join(map(str, v)) if isinstance(v, list) else str(v) for v in values)
         return SEPARATOR.join(texts)
     return values[0]

@@ -45,7 +45,11 @@ def test_fields_say_which_widget_they_need(listed: dict[str, dict[str, object]])
     assert field("shoreline.alpha_shape", "alpha")["type"] == "text"  # a length or "auto"
     assert field("points.thin", "dimensions")["choices"] == ["3", "2"]
     assert field("features.local", "features")["many"] is True
-    assert field("surface.grid", "classes")["type"] == "text"
+    classes = field("surface.grid", "classes")
+    assert classes["type"] == "classes"
+    assert [2, "Ground"] in classes["known"]  # type: ignore[operator]
+    assert field("compare.classes", "attribute")["of"] == "points"
+    assert field("compare.areas", "label")["of"] == "areas"  # the first layer, as none is stated
     assert field("points.clip", "extent")["type"] == "extent"
     assert field("points.merge", "points")["type"] == "pointcloud"
     assert field("compare.classes", "table", "outputs")["type"] == "table"

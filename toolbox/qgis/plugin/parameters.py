@@ -112,6 +112,12 @@ class Suggested(_Cloned, _parameter("String")):  # type: ignore[misc]
     offers: Any = ()  # or texts that are always offered
 
 
+class Classes(_Cloned, _parameter("String")):  # type: ignore[misc]
+    """Classes of points, such as 2,9,14-16, which can be chosen by their names."""
+
+    known: Any = ()  # code and name of each
+
+
 class Source(_PathMixin, _parameter("FeatureSource")):  # type: ignore[misc]
     """Features or rows."""
 
@@ -239,6 +245,12 @@ def _text(field: dict[str, Any], name: str, label: str, default: Any, empty: boo
     return made
 
 
+def _classes(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
+    made = Classes(name, label, default, False, empty)
+    made.known = field["known"]
+    return made
+
+
 def _range(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
     double = _parameter("Number").Double
     return _parameter("Range")(name, label, double, _listed(default), True)
@@ -283,6 +295,7 @@ MAKERS: dict[str, Any] = {
     "length": _number,
     "boolean": lambda f, *args: _parameter("Boolean")(*args),
     "choice": _choice,
+    "classes": _classes,
     "range": _range,
     "extent": _extent,
     "position": lambda f, n, label, default, _: _parameter("Point")(
@@ -378,6 +391,8 @@ class Reader:
         if not field["many"]:
             return text
         return [item.strip() for item in text.split(";") if item.strip()]
+
+    _classes = _text
 
     def _file(self, field: dict[str, Any], name: str, raw: Any) -> Any:
         return self._as("File", name)

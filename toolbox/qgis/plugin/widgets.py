@@ -2,12 +2,13 @@
 
 Points are a layer, a file, several files or a folder, of which QGIS itself need not be able to open
 any. A CRS may be one that is none, for scans. Choices are shown in words and kept by their names.
-Names of attributes and bands are offered, and may be typed.
+Names of attributes and bands are offered, and may be typed. Classes are ticked in a list.
 """
 
 from __future__ import annotations
 
 import os
+import re
 from typing import Any
 
 import qgis.core
@@ -21,13 +22,25 @@ from qgis.core import (
     QgsSettings,
 )
 from qgis.gui import QgsFileWidget, QgsProjectionSelectionDialog
-from qgis.PyQt.QtCore import pyqtSignal
-from qgis.PyQt.QtWidgets import QComboBox, QFileDialog, QHBoxLayout, QPushButton, QWidget
+from qgis.PyQt.QtCore import Qt, pyqtSignal
+from qgis.PyQt.QtWidgets import (
+    QComboBox,
+    QDialog,
+    QDialogButtonBox,
+    QFileDialog,
+    QHBoxLayout,
+    QListWidget,
+    QListWidgetItem,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
 
 from .parameters import (
     WIDGETS,
     AnyCrs,
     Choice,
+    Classes,
     PointCloud,
     Suggested,
     is_missing,
@@ -162,6 +175,55 @@ class CrsRow(_Row):
         return super().shown() or None
 
 
+class ClassesRow(_Row):
+    """Classes of points as a text, or ticked in a list of their names."""
+
+    def __init__(self, known: list[tuple[int, str]]) -> None:
+        super().__init__(QComboBox())
+        self.known = dict(known)
+        self.box.lineEdit().setClearButtonEnabled(True)
+        self.button("Choose…", "Tick classes by their names", self.pick)
+
+    def pick(self) -> None:
+        dialog = ClassesDialog(self, self.known, codes_in(self.box.currentText()))
+        if dialog.exec():
+            self.box.setEditText(",".join(map(str, dialog.ticked())))
+
+
+class ClassesDialog(QDialog):
+    """A list of classes to tick; it also has those that are given and have no name."""
+
+    def __init__(self, parent: QWidget, known: dict[int, str], given: set[int]) -> None:
+        super().__init__(parent)
+        self.setWindowTitle("Classes")
+        self.list = QListWidget()
+        for code in sorted({*known, *given}):
+            item = QListWidgetItem(f"{code}  {known.get(code, 'of the user')}", self.list)
+            item.setData(Qt.ItemDataRole.UserRole, code)
+            item.setCheckState(Qt.CheckState.Checked if code in given else Qt.CheckState.Unchecked)
+        ok, cancel = QDialogButtonBox.StandardButton.Ok, QDialogButtonBox.StandardButton.Cancel
+        buttons = QDialogButtonBox(ok | cancel)
+        buttons.accepted.connect(self.accept)
+        buttons.rejected.connect(self.reject)
+        within = QVBoxLayout(self)
+        within.addWidget(self.list)
+        within.addWidget(buttons)
+        self.resize(360, 520)
+
+    def ticked(self) -> list[int]:
+        items = map(self.list.item, range(self.list.count()))
+        role, ticked = Qt.ItemDataRole.UserRole, Qt.CheckState.Checked
+        return [item.data(role) for item in items if item.checkState() == ticked]
+
+
+def codes_in(text: str) -> set[int]:
+    """The classes in a text such as 2,9,14-16; what is no class is passed over."""
+    found: set[int] = set()
+    for first, last in re.findall(r"(\d{1,3})(?:\s*-\s*(\d{1,3}))?", text):
+        found.update(range(int(first), int(last or first) + 1))
+    return found
+
+
 def _named(crs: Any) -> str:
     return f"{crs.authid()} - {crs.description()}" if crs.authid() else str(crs.description())
 
@@ -260,6 +322,18 @@ class ChoiceWidget(_Wrapper):
         return row
 
 
+class ClassesWidget(_Wrapper):
+    """Classes of points."""
+
+    inputs = (qgis.core.QgsProcessingParameterString,)
+
+    def made(self, parameter: Any) -> Any:
+        return ClassesRow(parameter.known)
+
+    def value(self) -> Any:
+        return self.row.shown() or None
+
+
 class SuggestedWidget(_Wrapper):
     """A text, for which names in the layer are offered."""
 
@@ -301,6 +375,7 @@ def use() -> None:
             PointCloud: PointsWidget,
             AnyCrs: CrsWidget,
             Choice: ChoiceWidget,
+            Classes: ClassesWidget,
             Suggested: SuggestedWidget,
         }
     )

@@ -185,7 +185,13 @@ def read(**values: object) -> dict[str, object]:
 
 def check_values_of_every_type() -> None:
     given = {"NUMBER": "2.5", "INTEGER": 5.5, "LENGTH": 12, "BOOLEAN": "no", "CHOICE": "a"}
-    given |= {"CLASSES": "2,9,14-16", "TEXT": "a, b", "RANGE": "0,0.2", "EXTENT": "1,3,2,4", "POSITION": "5,6"}
+    given |= {
+        "CLASSES": "2,9,14-16",
+        "TEXT": "a, b",
+        "RANGE": "0,0.2",
+        "EXTENT": "1,3,2,4",
+        "POSITION": "5,6",
+    }
     given |= {"CRS": "EPSG:2154", "TEXTS": " a ; b;", "CHOICES": ["a", "c"], "FILE": CLOUD}
     got = read(**given)
     assert got == {

@@ -65,6 +65,7 @@ def _other(said: list[str]) -> int:
     verbs |= {
         "provenance": _provenance,
         "replay": _replay,
+        "warm": _warm,
         "model": model_cli.run,
         "qgis": qgis_cli.run,
     }
@@ -97,6 +98,7 @@ def _parser() -> argparse.ArgumentParser:
         "history": "show the runs of this user",
         "provenance": "show how a file was made",
         "replay": "make a file again, and say whether it is the same",
+        "warm": "compile ahead, so that no later command waits for it: once after installing",
     }
     made = {
         verb: verbs.add_parser(verb, help=text, description=text, allow_abbrev=False)
@@ -182,6 +184,19 @@ def _replay(args: argparse.Namespace, console: Console) -> None:
         raise DataError(f"{args.file} is not what its record makes now:{listed}")
     if not args.json:
         print(f"{args.file}: the same")
+
+
+def _warm(args: argparse.Namespace, console: Console) -> None:
+    def work(ctx: Any) -> None:
+        from toolbox.cli.warm import warm
+
+        warm(ctx)
+
+    start = time.perf_counter()
+    with console.progress() as report:
+        stoppable(work, report, farewell=lambda: console.error(Cancelled()))
+    seconds = round(time.perf_counter() - start, 1)
+    print(json_text({"seconds": seconds}) if args.json else f"compiled in {seconds} s")
 
 
 def _run(said: list[str]) -> int:

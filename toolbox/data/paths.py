@@ -30,7 +30,16 @@ Paths = str | Path | Sequence[str | Path]
 
 LAS = (".las", ".laz")
 TEXT = (".xyz", ".txt", ".csv", ".pts", ".asc")
-READABLE = (*LAS, *TEXT, *(f"{suffix}.gz" for suffix in TEXT), ".ply", ".ply.gz", ".pcd", ".e57")
+READABLE = (
+    *LAS,
+    *TEXT,
+    *(f"{suffix}.gz" for suffix in TEXT),
+    ".ply",
+    ".ply.gz",
+    ".pcd",
+    ".e57",
+    ".ptx",
+)
 VPC = ".vpc"
 _OF_SEVERAL = (".shp", ".tab", ".mif")
 _DATA = "data"  # name and role of what holds the points in an item of a VPC

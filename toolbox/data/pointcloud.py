@@ -86,7 +86,7 @@ class PointCloud(Layer):
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".laz", ".las", ".csv", ".xyz", ".txt", ".ply")
-    SUFFIXES += (".csv.gz", ".xyz.gz", ".txt.gz", ".copc.laz")
+    SUFFIXES += (".csv.gz", ".xyz.gz", ".txt.gz", ".copc.laz", ".parquet")
     OF_LAS: ClassVar[frozenset[str]] = las_points.STANDARD  # attributes of some point format
     is_spatial: ClassVar[bool] = True
     tools: ClassVar[str] = "points"
@@ -188,9 +188,9 @@ class PointCloud(Layer):
 
         Parameters
         ----------
-        path : of a .las, .laz, .ply, .pcd, .e57 or a text file (.xyz .txt .csv .pts .asc); text
-            and PLY also compressed, with .gz behind. Or a folder of such files, a pattern such as
-            ``tiles/*.laz``, a virtual point cloud (.vpc), or a list of these, whose points come
+        path : of a .las, .laz, .ply, .pcd, .e57, .ptx or a text file (.xyz .txt .csv .pts .asc);
+            text and PLY also compressed, with .gz behind. Or a folder of such files, a pattern such
+            as ``tiles/*.laz``, a virtual point cloud (.vpc), or a list of these, whose points come
             in the order of the sorted paths; see :class:`toolbox.data.Survey`
         columns : names of the columns of a text file, with x, y and z among them
         separator : between the columns of a text file; found out unless given
@@ -261,6 +261,10 @@ class PointCloud(Layer):
                 from toolbox.data.pcd import read_pcd
 
                 xyz, attributes = read_pcd(here, known)
+            elif suffix == ".ptx":
+                from toolbox.data.ptx import read_ptx
+
+                xyz, attributes = read_ptx(here, known, ctx)
             else:
                 from toolbox.data.e57 import read_e57
 
@@ -756,6 +760,7 @@ class PointCloud(Layer):
         if not path.name.lower().endswith(self.SUFFIXES):
             raise DataError(f"{path}: points are written as {', '.join(self.SUFFIXES)}")
         holds_local = suffix == ".ply" and self.crs is not None and is_local(self.crs)
+        holds_local |= suffix == ".parquet"
         if suffix not in LAS and self.crs is not None and not holds_local:
             log.info("%s: the format holds no CRS (%s)", path.name, describe_crs(self.crs))
         try:
@@ -768,6 +773,10 @@ class PointCloud(Layer):
                 from toolbox.data.ply import write_ply
 
                 write_ply(path, self)
+            elif suffix == ".parquet":
+                from toolbox.data.geoparquet import write_geoparquet
+
+                write_geoparquet(path, self, ctx=ctx)
             else:
                 from toolbox.data.text import write_text
 

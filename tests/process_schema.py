@@ -89,7 +89,16 @@ PROCESS: dict[str, Any] = {
         },
         "inputs": named(field(is_input=True)),
         "outputs": named(field(is_input=False)),
-        # Ours, of models: what each step gives, by step.output.
+        # Ours, of models: the files that are handed over, and what each step gives, by step.output.
+        "deliver": {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "required": ["file", "output", "description"],
+                "additionalProperties": False,
+                "properties": {"file": TEXT, "output": TEXT, "description": TEXT},
+            },
+        },
         "between": named(field(is_input=False), pattern=r"^[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*$"),
     },
 }

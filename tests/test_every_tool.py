@@ -29,7 +29,7 @@ from algorithms.corridor._extraction.spans import Wire
 from toolbox import catalog, reference
 from toolbox.context import Context
 from toolbox.data import Drawing, Lattice, PointCloud, Raster, Report, Survey, Table, Vector
-from toolbox.data.crs import vertical_unit
+from toolbox.data.crs import local_like, vertical_unit
 from toolbox.declare import outputs, sink, source, tool
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import KINDS
@@ -70,7 +70,9 @@ OF_CRS = {"points.assign_crs", "points.reproject"}
 REFERENCE: dict[str, dict[str, Any]] = {  # settings that a tool needs
     "compare.classes": {"reference_attribute": "truth"},
     "compare.planes": {"attribute": "classification", "reference_attribute": "truth"},
+    "models.facade": {"plane": 1},
     "planes.openings": {"attribute": "classification", "plane": 2},
+    "surface.flatten_water": {"level": 20.0},
 }
 WEST, TILE = 500_002.0, 300.0  # metres, three tiles in the strip; no cell begins where they do
 IN_STRIP: dict[str, dict[str, Any]] = {  # settings that suit the strip
@@ -329,6 +331,20 @@ def greenness(points: PointCloud) -> Raster:
     return Raster.from_lattice(ndvi, lattice, crs=points.crs)
 
 
+def elevation(points: PointCloud) -> Vector:
+    """A front that looks south along the middle of the points, with one opening."""
+    m = points.metre
+    ids = {"kind": ["facade", "window"], "front_id": [1, 1], "opening_id": [0, 1]}
+    sizes = {"width": [None, 2 * m], "height": [None, 2 * m], "sill": [None, 1 * m]}
+    place = np.array([[500_000, 4_600_020, 0], [1, 0, 0], [0, 0, 1]], float)
+    place[0] *= m
+    names = [f"{name}_{axis}" for name in ("corner", "right", "up") for axis in "xyz"]
+    where = {name: [value, None] for name, value in zip(names, place.ravel(), strict=True)}
+    boxes = [shapely.box(0, 0, 40 * m, 9 * m), shapely.box(3 * m, m, 5 * m, 3 * m)]
+    frame = geopandas.GeoDataFrame(ids | sizes | where, geometry=boxes, crs=local_like(points.crs))
+    return Vector(frame, name="elevation")
+
+
 def two_bands(points: PointCloud) -> Raster:
     """An image in near infrared and red."""
     values = np.stack([np.eye(4), 2 + np.eye(4)])
@@ -398,6 +414,8 @@ SPECIAL: dict[str, dict[str, Callable[[PointCloud], Any]]] = {  # layers that ne
     "corridor.clearance": {"wires": wire},  # reads the columns of corridor.extract
     "corridor.surroundings": {"wires": wire},  # takes lines alone
     "corridor.label": {"line": extracted_line},  # its points are among those of the cloud
+    "planes.drawing": {"elevation": elevation},  # reads what planes.openings gives
+    "planes.orthophoto": {"elevation": elevation},  # reads what planes.openings gives
     "points.clip": {"polygons": shapes},  # asks for these or an extent
     "points.profile": {"line": axis},  # takes lines alone
     "points.sample_raster": {"raster": greenness},  # values that are no heights

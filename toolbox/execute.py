@@ -16,8 +16,9 @@ from toolbox.data.crs import parse_crs
 from toolbox.data.reading import Reading
 from toolbox.declare.fields import Spec
 from toolbox.errors import ParameterError, memory_named
-from toolbox.models.model import ModelRun, Runner
+from toolbox.models.model import Model, ModelRun, Runner
 from toolbox.reports.page import Told, told_by
+from toolbox.runs import delivery
 from toolbox.runs import source as sources
 from toolbox.runs import target as targets
 from toolbox.runs.cache import Cache
@@ -114,7 +115,9 @@ def _run(
     given = {name: value for name, value in values.items() if name not in results}
     wanted = {n: v for n, v in values.items() if n in results and v is not None}
     reads = sources.of_run(given, spec)
-    writes = targets.of_run(wanted, spec)
+    writes = delivery.of_run(wanted, spec)
+    if isinstance(spec, Model):
+        spec = spec.wanting(target.output for target in writes.values())
     settings = _checked(spec, given, reads, writes, tiling, overwrite=overwrite)
     for name in spec.idle(settings):
         if given.get(name) is not None:
@@ -127,21 +130,22 @@ def _run(
     if tiling:
         from toolbox.tiles import engine as tiles
 
-        return tiles.run(
-            id,
-            spec,
-            settings,
-            reads,
-            writes,
-            tiling,
-            reading=reading,
-            record=describe(reading, ctx=ctx.part(0, HASH)) if reading else None,
-            overwrite=overwrite,
-            resume=resume,
-            assume_crs=crs,
-            told=told,
-            ctx=ctx.part(HASH if writes else 0, 1),
-        )
+        with delivery.folder_of(writes):
+            return tiles.run(
+                id,
+                spec,
+                settings,
+                reads,
+                writes,
+                tiling,
+                reading=reading,
+                record=describe(reading, ctx=ctx.part(0, HASH)) if reading else None,
+                overwrite=overwrite,
+                resume=resume,
+                assume_crs=crs,
+                told=told,
+                ctx=ctx.part(HASH if writes else 0, 1),
+            )
     layers = sources.opened(spec, reads, crs, reading, ctx.part(0, READ - HASH))
     given_layers = (layer for n, value in layers.items() for layer in spec.sources[n].items(value))
     targets.check_crs(spec.id, writes, given_layers)
@@ -149,7 +153,7 @@ def _run(
     if reading:
         reading.check_unchanged()
     job = spec.build(settings | layers)
-    asked = writes.keys() & spec.between.keys()
+    asked = {target.output for target in writes.values()} & spec.between.keys()
     counts: list[Count] = []
     runner = Cache().runner(counting(counts)) if resume else counting(counts)
     runner = _telling(told, runner)
@@ -161,10 +165,12 @@ def _run(
     found = {name: getattr(result, name) for name in [*spec.outputs, *asked]}
     record = record and replace(record, counts=tuple(counts))
     part = ctx.part(WRITE, 1)
-    done = targets.write(
-        spec, found, writes, record=record, told=told, overwrite=overwrite, ctx=part
-    )
-    return found | done
+    with delivery.folder_of(writes):
+        done = delivery.write(
+            spec, found, writes, record=record, told=told, overwrite=overwrite, ctx=part
+        )
+    shown = {n: value for n, value in found.items() if n in spec.outputs or n in writes}
+    return shown | done
 
 
 def _telling(told: Told, inner: Runner) -> Runner:
@@ -206,7 +212,8 @@ def _checked(
     found |= sources.problems(reads, spec)
     if tiling and PICTURE in writes:
         found[PICTURE] = "is not drawn of tiles; draw the products with the tool that reads them"
-    single = {n: target for n, target in writes.items() if not (tiling and target.folder)}
+    single = {n: t for n, t in writes.items() if not ((tiling and t.folder) or t.delivered)}
+    found |= delivery.problems(writes, sources.paths(reads), overwrite=overwrite)
     found |= targets.problems(single, sources.paths(reads), overwrite=overwrite)
     if found:
         raise ParameterError(spec.id, dict(sorted(found.items())))

@@ -146,6 +146,9 @@ def page(tool: Mapping[str, Any], *sections: str) -> str:
         unit = f" [{says['unit']}]" if says.get("unit", "1") != "1" else ""
         text = labelled(name, field["title"], field["description"])
         lines.append(f"| `{name}` | {says['type']} | {text}{unit} |")
+    if files := tool.get("deliver"):
+        lines += ["", "## Files of `--deliver FOLDER`", "", "| file | holds |", "| --- | --- |"]
+        lines += [f"| `{one['file']}` | {one['description']} |" for one in files]
     for section in filter(None, sections):
         lines += ["", section.rstrip()]
     group = tool["id"].partition(".")[0]

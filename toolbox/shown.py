@@ -3,4 +3,5 @@
 PICTURE = "picture"  # a PNG of all layers
 PAGE = "page"  # all results as HTML
 COUNTS = "counts"  # a table of how much each step read and gave
-SHOWN = frozenset({PICTURE, PAGE, COUNTS})
+DELIVER = "deliver"  # the folder of the set that is handed over; only where one is declared
+SHOWN = frozenset({PICTURE, PAGE, COUNTS, DELIVER})

@@ -47,3 +47,14 @@ OPENINGS = {
     "found_by": Column("Found by"),
     "certainty": Column("Certainty", "%", 0, 100.0),
 }
+SCHEDULE = {
+    "front_id": OPENINGS["front_id"],
+    "opening_id": OPENINGS["opening_id"],
+    "kind": OPENINGS["kind"],
+    "width_mm": Column("Width", "mm", 0),
+    "height_mm": Column("Height", "mm", 0),
+    "sill_mm": Column("Sill above the foot", "mm", 0),
+    "set_back": Column("Set back", "m", 2),
+    "hidden": OPENINGS["hidden"],
+    "certainty": OPENINGS["certainty"],
+}

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from algorithms.planes import _columns as columns
 from algorithms.planes._fronts import STOREY, UPRIGHT, Front, fronts_of, outside
 from algorithms.planes._openings import COLUMNS, Openings, marked, openings
-from algorithms.planes._outlines import drawn
+from algorithms.planes._outlines import View, drawn
 from algorithms.planes._relief import Relief, relief_of
 from algorithms.planes._segment import parts_of
 from algorithms.shared.plane_fit import Plane
@@ -79,7 +79,8 @@ class PlanesOpenings:
     and reveals have opening_id, and keep their plane.
 
     The elevation shows each front and its openings in its own coordinates, to the right and upwards
-    from its lower left corner, one front beside the other.
+    from its lower left corner, one front beside the other. Where each is in space stands in the
+    attributes of its facade: corner is the place of (0, 0), right and up are the directions.
     """
 
     points: PointCloud = source("Points with the number of their plane")
@@ -303,7 +304,8 @@ class PlanesOpenings:
             left, _, right, _ = wall.bounds
             shift = np.array([aside - left if front_id > 1 else 0.0, 0.0])
             hole = shapely.difference(wall, shapely.union_all(shapes)) if shapes else wall
-            shown.append({"opening_id": 0, "kind": "facade", "plane_id": one.number})
+            whole = {"opening_id": 0, "kind": "facade", "plane_id": one.number}
+            shown.append(whole | {"front_id": front_id} | _place(one.relief.view, shift))
             flat.append(_moved(hole, shift))
             for opening in one.made.found:
                 row = {"opening_id": len(rows) + 1, "front_id": front_id}
@@ -347,6 +349,12 @@ class _Seen(NamedTuple):
     near: Ints
     relief: Relief
     made: Openings
+
+
+def _place(view: View, shift: Floats) -> dict[str, float]:
+    """Where a front of the elevation is in space: its corner, and its directions right and up."""
+    vectors = {"corner": view.solid(-shift[None])[0], "right": view.axes[0], "up": view.axes[1]}
+    return {f"{n}_{axis}": float(v[k]) for n, v in vectors.items() for k, axis in enumerate("xyz")}
 
 
 def _moved(shape: Any, shift: Floats) -> Any:

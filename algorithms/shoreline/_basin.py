@@ -175,7 +175,7 @@ class RasterBasin:
         self, heights: Array, lattice: Lattice, outline: Polygon | None, *, ctx: Context = QUIET
     ) -> None:
         if min(heights.shape) < 2:
-            raise DataError("a raster needs two rows and two columns to be a surface")
+            raise DataError("a raster needs two rows and two columns of points to be a surface")
         self._x, self._y = lattice.centres()
         self._cell, self._heights = lattice.cell, np.ascontiguousarray(heights, np.float64)
         there = _at_all_corners(np.isfinite(self._heights))
@@ -218,6 +218,12 @@ class RasterBasin:
         first = _first(low)
         self.lowest = float(low.flat[first])
         self._joined = self._flooded(first, ctx.part(0.5, 1))
+        ctx.progress(1.0)
+
+    def rise(self, start: int, *, ctx: Context = QUIET) -> None:
+        """Find the water connected with that of the cell `start`, as it rises from there."""
+        self.lowest = float(self._heights.flat[start])
+        self._joined = self._flooded(start, ctx)
         ctx.progress(1.0)
 
     def opens(self) -> float:
@@ -431,7 +437,7 @@ def _fans(rings: NDArray[Any], parent: NDArray[np.int64], xy: Array, z: Array) -
 def no_ground(outline: Polygon | None) -> DataError:
     """The error that there is no ground."""
     where = "" if outline is None else " within the outline"
-    return DataError(f"there is no ground{where}")
+    return DataError(f"neither points nor cells: there is no ground{where}")
 
 
 def share_missing(covered: float, wanted: float) -> float:

@@ -6,7 +6,7 @@ The rules, and how exact the figures are: docs/explanation/storage-curves.md.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Literal
 
 import numpy as np
@@ -33,6 +33,8 @@ MOST_LEVELS = 100_000  # more are taken for a mistake in the step
 DIGITS = 9  # of a level after the point, so that three times 0.1 is 0.3
 ROUNDING = 1e-9  # steps
 GROUND = 2  # class
+FILM = 1e-6  # steps of water on a lake, so that its own area counts
+NINETY_FIVE = 1.96  # standard errors on each side of 95 % of a normal distribution
 
 
 @tool(
@@ -66,6 +68,15 @@ class ShorelineStorageCurve:
     level on the column open is true, and the figures are lower limits. Ground under water that the
     survey could not see does not count as depth.
 
+    With a `lake`, and a terrain into which its water was laid by surface.flatten_water, the curve
+    is that of this lake: it begins at its level, and water rises from there, into side valleys as
+    it gets there. The last level is by default the one at which it would run over the rim, or reach
+    the edge of the data; what lies beyond a dam, lower, does not count below that.
+
+    With `height_error`, a standard error that all heights have in common, as that of a level or of
+    a survey, the table has the limits between which area and volume lie with 95 %: the figures of
+    water that much lower and higher. Errors of single heights cancel out beside it.
+
     The table has the level in the unit of the heights, and in metres; areas and volumes are in
     square and cubic metres. Gains are those from the level before. The column heights names the
     height system that the levels refer to. Lengths to set are metres.
@@ -90,7 +101,7 @@ class ShorelineStorageCurve:
         label="First level",
     )
     highest: float | None = param(
-        "Last level; that of the highest ground by default",
+        "Last level; by the ground unless given",
         default=None,
         unit="m",
         label="Last level",
@@ -102,6 +113,19 @@ class ShorelineStorageCurve:
         words={"connected": "What is joined to the seed point", "all": "All below the level"},
     )
     seed_point: Position | None = param("A position on the water", default=None)
+    lake: Vector | None = source(
+        "Water of which the level is to rise, the largest polygon of several",
+        default=None,
+        label="Lake of the basin",
+    )
+    height_error: float | None = param(
+        "Standard error that all heights have in common, for limits of area and volume",
+        default=None,
+        unit="m",
+        gt=0,
+        le=10,
+        label="Common error of heights",
+    )
     classes: ClassList | None = parameters.classes()
     max_gap: float | None = param(
         "Leave empty what lies farther than this from any point",
@@ -117,7 +141,12 @@ class ShorelineStorageCurve:
             "Level, area and volume with gains, area apart, and whether open",
             show=show.Curve(
                 show.Axis("level", "level", unit_in="unit"),
-                (show.Axis("area_m2", "area", "m²"), show.Axis("volume_m3", "volume", "m³")),
+                (
+                    show.Axis("area_m2", "area", "m²", limits=("area_low_m2", "area_high_m2")),
+                    show.Axis(
+                        "volume_m3", "volume", "m³", limits=("volume_low_m3", "volume_high_m3")
+                    ),
+                ),
                 upright=True,
                 shaded="open",
             ),
@@ -166,6 +195,10 @@ class ShorelineStorageCurve:
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """There is one source of ground, and only settings that go with it."""
+        if self.lake is not None and (self.seed_point or self.fill == "all"):
+            yield "lake", "is for connected water, and in place of a seed point"
+        if self.lake is not None and self.terrain is None:
+            yield "lake", "is for a terrain, into which surface.flatten_water has laid the water"
         if (self.points is None) == (self.terrain is None):
             yield "points", "give points or a terrain, one of both"
             return
@@ -191,15 +224,32 @@ class ShorelineStorageCurve:
         highest = basin.highest if self.highest is None else self.highest
         if self.fill == "connected":
             self._fill(basin, highest, ctx.part(0.6, 0.8))
-        first, opens = self._first(basin.lowest, highest), basin.opens()
+        opens = basin.opens()
+        if self.lake is not None and self.highest is None and basin.lowest < opens < math.inf:
+            highest = opens
+        first = self._first(basin.lowest, highest)
+        if self.lake is not None:
+            first = max(first, basin.lowest)  # a level given in more digits than the raster has
         levels = levels_between(first, highest, self.step)
-        area, volume, everything = storage(basin.pieces(), levels, ctx=ctx.part(0.8, 1.0))
+        if (
+            self.lake is not None
+            and (next_one := whole(first + self.step / 100, self.step)) < highest
+        ):
+            levels = np.append(first, levels_between(next_one, highest, self.step))
+        filled = levels
+        if self.lake is not None:  # level ground counts above its height, and the lake is level
+            filled = np.append(levels[0] + FILM * self.step, levels[1:])
+        area, volume, everything = storage(basin.pieces(), filled, ctx=ctx.part(0.8, 0.9))
+        made = table(levels, area, volume, everything, opens, ground)
+        if self.height_error:
+            made = with_limits(made, basin.pieces, filled, NINETY_FIVE * self.height_error, ground)
+        ctx.progress(1.0)
         if opens < highest:
             log.warning(
                 "above %.9g the water reaches the edge of the data: figures are lower limits", opens
             )
         return self.Outputs(
-            curve=table(levels, area, volume, everything, opens, ground),
+            curve=made,
             lowest_ground=basin.lowest,
             opens=opens if math.isfinite(opens) else None,
             area=float(area[-1]),
@@ -236,14 +286,22 @@ class ShorelineStorageCurve:
 
     def _fill(self, basin: PointBasin | RasterBasin, highest: float, ctx: Context) -> None:
         """Find the connected water, from the seed point or from the lowest ground."""
-        if self.seed_point is None:
+        name, place = "seed_point", self.seed_point
+        if self.lake is not None:
+            name, place = "lake", place_in(self.lake)
+            if place is None:
+                log.warning("there is no lake: the basin is that of the lowest ground")
+        if place is None:
             basin.fill(None, highest, ctx=ctx)
             return
         try:
-            basin.fill(basin.at(*self.seed_point), highest, ctx=ctx)
+            if name == "lake" and isinstance(basin, RasterBasin):
+                basin.rise(basin.at(*place), ctx=ctx)
+            else:
+                basin.fill(basin.at(*place), highest, ctx=ctx)
         except DataError as err:
-            x, y = self.seed_point
-            raise DataError(f"seed_point: {x:.12g}, {y:.12g} {err}") from err
+            x, y = place
+            raise DataError(f"{name}: {x:.12g}, {y:.12g} {err}") from err
 
     def _first(self, ground: float, highest: float) -> float:
         """The first level, checked against the ground and the last level."""
@@ -255,6 +313,45 @@ class ShorelineStorageCurve:
         if highest < first:
             raise DataError(f"lowest: {first:.9g} is above the highest ground, {highest:.9g}")
         return first
+
+
+def whole(level: float, step: float) -> float:
+    """The next whole multiple of a step above a level.
+
+    Examples
+    --------
+    >>> whole(499.98, 1.0), whole(500.0, 0.5)
+    (500.0, 500.5)
+    """
+    return (math.floor(level / step + ROUNDING) + 1) * step
+
+
+def place_in(lake: Vector) -> Position | None:
+    """A position well inside the largest polygon of a layer; None if it holds none."""
+    shapes = polygons(lake, "lake")
+    if not len(shapes):
+        return None
+    largest = shapely.force_2d(shapes[int(np.argmax(shapely.area(shapes)))])
+    inside = shapely.maximum_inscribed_circle(largest)
+    x, y = shapely.get_coordinates(inside)[0].tolist()
+    return Position(x, y)
+
+
+def with_limits(
+    made: Table, pieces: Callable[[], Iterable[Pieces]], levels: Array, reach: float, ground: Any
+) -> Table:
+    """A storage curve with columns for the least and greatest area and volume.
+
+    Ground that is all too high or too low by `reach`, in the unit of the heights, is the same as
+    water that is as much lower or higher. The surveyed water is there: no area is less than the
+    first.
+    """
+    frame = made.frame
+    for name, shift in (("low", -reach), ("high", reach)):
+        area, volume, _ = storage(pieces(), levels + shift)
+        frame[f"area_{name}_m2"] = np.maximum(area / ground.metre**2, frame["area_m2"].iloc[0])
+        frame[f"volume_{name}_m3"] = volume / ground.metre**3
+    return Table(frame)
 
 
 def levels_between(first: float, last: float, step: float) -> Array:

@@ -5,16 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared.heights import heights_problem
+from algorithms.surface._smooth import smoothed
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster, Vector
 from toolbox.declare import outputs, param, sink, source, tool
 from toolbox.errors import DataError
+
+if TYPE_CHECKING:
+    import geopandas
 
 Array = NDArray[np.float64]
 MOST_LEVELS = 10_000  # more are taken for a mistake in the interval
@@ -46,7 +50,14 @@ class SurfaceContours:
     `interval` and `base` are metres. Every so many lines, counted from `base`, one is an index
     contour, whose attribute is_index is true.
 
-    Lines are not smoothed, since smoothed ones may cross: smooth the raster, or take larger cells.
+    Lines are not smoothed, since smoothed ones may cross. With `smooth_tolerance` the surface is
+    made as smooth as it can be without moving any height by more, and the lines are those of that
+    surface. With `min_length` shorter lines are left out, and their number is told: the noise of
+    a survey makes many around single cells.
+
+    `labels` has a position on index contours every `label_spacing` along them, at least one on
+    each that is half as long, with the text, and the angle in degrees, counterclockwise from the
+    direction of x, at which it can be read. In a drawing (.dxf) they are texts.
     """
 
     surface: Raster = source("Raster of heights")
@@ -62,10 +73,34 @@ class SurfaceContours:
         label="Lines per index contour",
     )
 
+    smooth_tolerance: float = param(
+        "How far heights may be moved so that lines are smooth",
+        default=0.0,
+        unit="m",
+        ge=0,
+        le=10,
+        label="Tolerance of smoothing",
+    )
+    min_length: float = param(
+        "Length below which lines are left out", default=0.0, unit="m", ge=0, label="Least length"
+    )
+    label_spacing: float = param(
+        "Distance along an index contour from one label to the next",
+        default=250.0,
+        unit="m",
+        gt=0,
+        label="Distance between labels",
+    )
+
     @outputs
     class Outputs:
         contours: Vector = sink("Lines with Z and the attributes elevation and is_index")
+        labels: Vector = sink("Where the heights of index contours are written: text, angle")
         levels: int = sink("Number of levels that have lines", unit="1", label="Number of levels")
+        left_out: int = sink("Lines shorter than min_length", unit="1", label="Lines left out")
+        largest_move: float = sink(
+            "Largest change of a height by smoothing", unit="m", label="Largest change"
+        )
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The heights have the unit in which the interval is given."""
@@ -81,10 +116,16 @@ class SurfaceContours:
         import geopandas
         import shapely
 
-        heights = self.surface.band()
+        surface = self.surface.band()
+        heights = surface
+        if self.smooth_tolerance:
+            heights = smoothed(surface, self.smooth_tolerance, ctx=ctx.part(0.0, 0.5))
+            ctx = ctx.part(0.5, 1.0)
         steps = steps_between(heights, self.interval, self.base)
         levels = [round(self.base + step * self.interval, DIGITS) for step in steps]
-        found = contours(heights, Lattice.of(self.surface), levels, ctx=ctx)
+        every = contours(heights, Lattice.of(self.surface), levels, ctx=ctx)
+        found = [[line for line in lines if length(line) >= self.min_length] for lines in every]
+        left_out = sum(map(len, every)) - sum(map(len, found))
         counts = np.array([len(lines) for lines in found], int)
         frame = geopandas.GeoDataFrame(
             {
@@ -101,10 +142,40 @@ class SurfaceContours:
         if frame.empty:
             why = "no height between cells is a multiple of the interval"
             log.warning("there are no lines: %s", why if len(steps) else "no cell has a value")
+        moves = np.abs(heights - surface)
         return self.Outputs(
             contours=Vector(frame, geometry_type="LineString Z"),
+            labels=labels_on(frame[frame["is_index"]], self.label_spacing),
             levels=int(np.count_nonzero(counts)),
+            left_out=left_out,
+            largest_move=float(np.max(moves, initial=0.0, where=np.isfinite(moves))),
         )
+
+
+def length(line: Array) -> float:
+    """Length of a line, array of shape (n, 2), in its own unit."""
+    return float(np.hypot(*np.diff(line, axis=0).T).sum())
+
+
+def labels_on(lines: geopandas.GeoDataFrame, spacing: float) -> Vector:
+    """Points with the text and angle of labels on lines, in the unit of their coordinates."""
+    import geopandas
+    import shapely
+
+    rows: dict[str, list[Any]] = {"elevation": [], "text": [], "angle": []}
+    places = []
+    for line, elevation in zip(lines.geometry, lines["elevation"], strict=True):
+        count = math.floor(line.length / spacing + 0.5)
+        for k in range(count):
+            along = (k + 0.5) / count * line.length
+            place, *around = (line.interpolate(along + d * spacing / 20) for d in (0, -1, 1))
+            dx, dy = around[1].x - around[0].x, around[1].y - around[0].y
+            places.append(shapely.Point(place.x, place.y, elevation))
+            rows["elevation"].append(elevation)
+            rows["text"].append(f"{elevation:.10g}")
+            rows["angle"].append((math.degrees(math.atan2(dy, dx)) + 90) % 180 - 90)
+    frame = geopandas.GeoDataFrame(rows, geometry=places, crs=lines.crs)
+    return Vector(frame, geometry_type="Point Z")
 
 
 def steps_between(heights: Array, interval: float, base: float) -> range:

@@ -56,7 +56,7 @@ def parser(described: Description) -> argparse.ArgumentParser:
             if is_layer(field["schema"]):
                 _add(kept, name, metavar="PATH", help=field["description"])
                 _add_options(kept, name, field)
-    _add_general(made.add_argument_group("how to run"))
+    _add_general(made.add_argument_group("how to run"), described.get("deliver", ()))
     return made
 
 
@@ -94,7 +94,7 @@ def _add(group: Any, name: str, *, help: str, **how: Any) -> None:
     group.add_argument(*names, dest=name, action="append", help=help.replace("%", "%%"), **how)
 
 
-def _add_general(group: Any) -> None:
+def _add_general(group: Any, delivered: Iterable[Description]) -> None:
     group.add_argument(
         "--assume-crs", "--assume_crs", metavar="CRS", help="CRS of files that state none, or local"
     )
@@ -104,6 +104,9 @@ def _add_general(group: Any) -> None:
     group.add_argument(
         "--page", metavar="FILE", help="write a report of all results: .html or .pdf"
     )
+    if names := dict.fromkeys(one["file"] for one in delivered):
+        text = f"write the set that is handed over: {', '.join(names)}, README.txt"
+        group.add_argument("--deliver", metavar="FOLDER", help=text)
     _add_project(group)
     group.add_argument(
         "--counts", metavar="TABLE", help="write how much each step read and gave, as a table"

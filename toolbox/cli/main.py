@@ -25,7 +25,7 @@ from toolbox.cli.console import Console, Events, Unwritable, exit_code
 from toolbox.cli.stopping import stoppable
 from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.json_text import json_text
-from toolbox.shown import PAGE, SHOWN
+from toolbox.shown import DELIVER, PAGE, SHOWN
 from toolbox.tiles.tiling import Tiling
 
 CLOSED_PIPE = 141  # the exit code that shells give a program that writes to nobody: 128 + SIGPIPE
@@ -375,7 +375,11 @@ def _titled(id: str, values: dict[str, Any], project: Mapping[str, Any]) -> dict
     """
     described = catalog.describe(id)
     fields = {**described["outputs"], **described.get("between", {})}
-    reports = {PAGE, *(n for n, f in fields.items() if _is_report(f["schema"]))} & values.keys()
+    reports = {
+        PAGE,
+        DELIVER,
+        *(n for n, f in fields.items() if _is_report(f["schema"])),
+    } & values.keys()
     if project and not reports:
         problems = dict.fromkeys(project, "is for a report, and none is written; give --page")
         raise ParameterError(id, problems)

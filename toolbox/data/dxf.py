@@ -1,9 +1,10 @@
 """Vector layers as DXF drawings, for CAD.
 
-Points become POINT, lines and rings of polygons LWPOLYLINE, or POLYLINE where they have heights.
-An attribute `layer`, or else `kind`, names the layer of each; all attributes stand at the entity as
-extended data of the application LIDAR-TOOLBOX, one text `name=value` each. A drawing has a unit,
-but no CRS.
+Points become POINT, or TEXT where they have an attribute `text` (its size is `text_height`, its
+turn `angle`, in degrees counterclockwise), lines and rings of polygons LWPOLYLINE, or POLYLINE
+where they have heights. An attribute `layer`, or else `kind`, names the layer of each; all
+attributes stand at the entity as extended data of the application LIDAR-TOOLBOX, one text
+`name=value` each. A drawing has a unit, but no CRS.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 APPLICATION = "LIDAR-TOOLBOX"
 LAYER, KIND = "layer", "kind"
+TEXT, ANGLE, SIZE = "text", "angle", "text_height"
+_CROSS, _SHARE = 35, -1.5  # points are shown as circles with a cross, in percent of the view
+_SIZE = 2.0  # of texts that say none, in the unit of the drawing
 _COLOURS = 1, 5, 3, 30, 6, 4, 200, 8  # of layers in turn, as numbers of AutoCAD
 _LONGEST, _MOST = 255, 16_000  # bytes of a text, and of all at one entity
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # an end of line begins another entity
@@ -125,6 +129,7 @@ def _drawing(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> Drawing:
 
     drawing = new("R2010", units=_unit(frame.crs))
     drawing.appids.add(APPLICATION)
+    drawing.header["$PDMODE"], drawing.header["$PDSIZE"] = _CROSS, _SHARE
     space = drawing.modelspace()
     rows = frame.drop(columns=frame.geometry.name).to_dict("records")
     for row, geometry in zip(rows, frame.geometry, strict=True):
@@ -133,7 +138,7 @@ def _drawing(frame: geopandas.GeoDataFrame, path: Path, layer: str) -> Drawing:
             drawing.layers.add(how["layer"], color=_COLOURS[len(drawing.layers) % len(_COLOURS)])
         texts = _texts(row, path)
         for piece in shapely.get_parts(geometry):
-            for entity in _draw(space, piece, how):
+            for entity in _written(space, piece, how, row) or _draw(space, piece, how):
                 entity.set_xdata(APPLICATION, texts)
     return drawing
 
@@ -172,6 +177,26 @@ def _texts(row: Mapping[Any, Any], path: Path) -> list[tuple[int, str]]:
             "together; write a GeoPackage (.gpkg)"
         )
     return [(1000, text) for text in texts]
+
+
+def _written(space: Any, piece: Any, how: Mapping[str, str], row: Mapping[Any, Any]) -> list[Any]:
+    """Add the text of a point to a drawing, centred on it; none for what has no text."""
+    import pandas as pd
+    from ezdxf.enums import TextEntityAlignment
+
+    text = row.get(TEXT)
+    if shapely.get_dimensions(piece) != 0 or piece.is_empty or pd.isna(text):
+        return []
+    angle, height = (_number(row.get(name), usual) for name, usual in ((ANGLE, 0.0), (SIZE, _SIZE)))
+    (xyz,) = shapely.get_coordinates(piece, include_z=bool(piece.has_z))
+    made = space.add_text(str(text), height=height, rotation=angle, dxfattribs=how)
+    return [made.set_placement(xyz, align=TextEntityAlignment.MIDDLE_CENTER)]
+
+
+def _number(value: Any, usual: float) -> float:
+    import pandas as pd
+
+    return usual if pd.isna(value) else float(value)
 
 
 def _draw(space: Any, piece: Any, how: Mapping[str, str]) -> list[Any]:

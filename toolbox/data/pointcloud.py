@@ -728,6 +728,7 @@ class PointCloud(Layer):
         self,
         path: str | Path,
         *,
+        columns: Sequence[str] | None = None,
         version: str | None = None,
         format: int | None = None,
         record: str = "",
@@ -744,6 +745,7 @@ class PointCloud(Layer):
         Parameters
         ----------
         path : ends in one of SUFFIXES
+        columns : of text, such as x, y, z and classification; all unless given
         version, format : of LAS, such as "1.2" and 3; those that suit the data unless given
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
         ctx : told of progress, and asked whether to stop
@@ -764,6 +766,8 @@ class PointCloud(Layer):
         if suffix not in LAS and self.crs is not None and not holds_local:
             log.info("%s: the format holds no CRS (%s)", path.name, describe_crs(self.crs))
         try:
+            if columns is not None and suffix in (*LAS, ".ply"):
+                raise DataError(f"{path}: columns are for text, not for {suffix}")
             if suffix in LAS:
                 self._save_las(path, record, wanted, compress=suffix == ".laz", ctx=ctx)
                 return
@@ -780,7 +784,7 @@ class PointCloud(Layer):
             else:
                 from toolbox.data.text import write_text
 
-                write_text(path, self, ctx=ctx)
+                write_text(path, self, wanted=columns, ctx=ctx)
             write_beside(path, record)
         except OSError as error:
             raise DataError(f"{path} cannot be written: {error.strerror or error}") from error

@@ -365,19 +365,27 @@ def _compact(name: str, values: NDArray[Any]) -> NDArray[Any]:
     return values.astype(wanted) if fits else values
 
 
-def write_text(path: Path, cloud: Points, *, ctx: Context = QUIET) -> None:
+def write_text(
+    path: Path, cloud: Points, *, wanted: Sequence[str] | None = None, ctx: Context = QUIET
+) -> None:
     """Write points to a text file: a header line, and a line per point.
 
     Coordinates have the decimals that their LAS scale needs; other numbers the fewest digits that
     give the same number back. Commas separate the columns of .csv, blanks those of other files.
 
+    Parameters
+    ----------
+    wanted : columns to write, x, y and z first; all unless given
+
     Raises
     ------
     DataError
-        The name of an attribute cannot be the name of a column.
+        The name of an attribute cannot be the name of a column, or one that is wanted is none.
     """
     separator = "," if _suffix(path) == ".csv" else " "
     columns = dict(_named_columns(cloud))
+    if wanted is not None:
+        columns = _chosen(path, columns, wanted)
     for name in columns:
         if not re.fullmatch(r"(?![=+@-])[^\t\n\r,;#\"'/]+", name) or _is_number(name):
             raise DataError(f"{path}: {name!r} cannot be the name of a column; rename it")
@@ -396,6 +404,17 @@ def write_text(path: Path, cloud: Points, *, ctx: Context = QUIET) -> None:
                 *(_texts(values[block]) for values in columns.values()),
             ]
             sink.write("".join([form % row for row in zip(*cells, strict=True)]).encode())
+
+
+def _chosen(
+    path: Path, columns: dict[str, NDArray[Any]], wanted: Sequence[str]
+) -> dict[str, NDArray[Any]]:
+    """The columns beside x, y and z that are wanted, in their order."""
+    if list(wanted[:3]) != ["x", "y", "z"]:
+        raise DataError(f"{path}: columns begin with x,y,z, got {','.join(wanted)}")
+    if missing := [name for name in wanted[3:] if name not in columns]:
+        raise DataError(f"{path}: there is no column {missing[0]!r}, only {', '.join(columns)}")
+    return {name: columns[name] for name in wanted[3:]}
 
 
 def _named_columns(cloud: Points) -> Iterator[tuple[str, NDArray[Any]]]:

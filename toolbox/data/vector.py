@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
-from toolbox.data import differences, dxf, feature_table, geopackage, mesh, shapefile
+from toolbox.data import cityjson, differences, dxf, feature_table, geopackage, kmz, mesh, shapefile
 from toolbox.data.crs import (
     crs_from_json,
     crs_to_json,
@@ -74,8 +74,16 @@ class Vector(Layer):
     (1, ('name',), 1.0)
     """
 
-    SUFFIXES: ClassVar[tuple[str, ...]] = (*_DRIVERS, ".dxf", ".parquet", ".ply", ".csv")
-    NEEDING_CRS: ClassVar[tuple[str, ...]] = (".geojson", ".kml")  # one of the Earth
+    SUFFIXES: ClassVar[tuple[str, ...]] = (
+        *_DRIVERS,
+        ".kmz",
+        ".dxf",
+        ".parquet",
+        ".ply",
+        ".csv",
+        cityjson.SUFFIX,
+    )
+    NEEDING_CRS: ClassVar[tuple[str, ...]] = (".geojson", ".kml", ".kmz")  # one of the Earth
     is_spatial: ClassVar[bool] = True
     tools: ClassVar[str] = "vectors"
     name: str
@@ -214,17 +222,21 @@ class Vector(Layer):
     ) -> None:
         """Write the features to a file in the format that its suffix names.
 
-        The same layer makes the same bytes. GeoPackage is written in version 1.3, which older QGIS
-        reads too. GeoJSON keeps the CRS of the layer in its "crs" member, as GDAL does, although
-        RFC 7946 knows WGS 84 alone; an empty one keeps no columns. FlatGeobuf sorts its features in
-        space. KML is always in WGS 84, so that a layer is transformed to it, heights in metres;
-        points and lines are drawn at theirs, outlines on the ground. DXF has a unit, but no
-        CRS. PLY is a mesh of polygons with heights, CSV a table with x, y and z of points or the
-        WKT of others, both without a CRS. What a Shapefile cannot hold: `toolbox.data.shapefile`.
+        The same layer makes the same bytes. GeoPackage is written in version 1.3, which older
+        QGIS reads too. GeoJSON keeps the CRS of the layer in its "crs" member, as GDAL does,
+        although RFC 7946 knows WGS 84 alone; an empty one keeps no columns. FlatGeobuf sorts its
+        features in space. KML is always in WGS 84, so that a layer is transformed to it, heights
+        in metres; points and lines are drawn at theirs, outlines on the ground; KMZ is the same,
+        packed, with colours and folders. DXF has a unit, but no CRS. PLY is a mesh of polygons
+        with heights, CSV a table with x, y and z of points or the WKT of others, both without a
+        CRS. CityJSON makes blocks of outlines of buildings with the heights of ground and roof
+        (`toolbox.data.cityjson`). KMZ and CityJSON are not read again. What a Shapefile cannot
+        hold: `toolbox.data.shapefile`.
 
         Parameters
         ----------
-        path : ends in .gpkg, .geojson, .fgb, .parquet, .shp, .kml, .dxf, .ply or .csv
+        path : ends in .gpkg, .geojson, .fgb, .parquet, .shp, .kml, .kmz, .dxf, .ply, .csv or
+            .city.json
         layer : name of the layer in the file; the stem of the file name unless given
         add : keep the other layers of a GeoPackage
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
@@ -237,14 +249,14 @@ class Vector(Layer):
             geometry types, a value), or the file cannot be written.
         """
         path = Path(path)
-        suffix = path.suffix.lower()
+        suffix = _suffix_of(path)
         if suffix not in self.SUFFIXES:
             raise DataError(f"{path}: vector layers are written as {', '.join(self.SUFFIXES)}")
         local = self.crs if self.crs is not None and is_local(self.crs) else None
         if local is not None and suffix not in (geopackage.SUFFIX, ".parquet"):
             log.info("%s: the format holds no CRS (%s)", path.name, describe_crs(local))
         frame = self.frame if local is None else self.with_crs(None).frame
-        if suffix == ".kml":
+        if suffix in (".kml", kmz.SUFFIX):
             frame = _for_kml(frame, path)
         with errors_named(f"{path} cannot be written"):
             for old in () if add else self.own_files(path):  # or GDAL would add a layer to them
@@ -252,6 +264,8 @@ class Vector(Layer):
             if suffix in _DRIVERS:
                 said = local.name if local else ""
                 _write(frame, path, layer or path.stem, self.geometry_type, said)
+            elif suffix == kmz.SUFFIX:
+                kmz.write(frame, path, layer or path.stem)
             else:
                 self._write_otherwise(path, layer or path.stem)
             if side_car(path):
@@ -262,10 +276,12 @@ class Vector(Layer):
 
     def _write_otherwise(self, path: Path, layer: str) -> None:
         """Write a file without GDAL."""
-        suffix = path.suffix.lower()
+        suffix = _suffix_of(path)
         if suffix == ".parquet":
             need_pyarrow()
             self.frame.to_parquet(path)
+        elif suffix == cityjson.SUFFIX:
+            cityjson.write(self.frame, path)
         elif suffix == ".dxf":
             dxf.write(self.frame, path, layer)
         elif suffix == ".ply":
@@ -377,6 +393,12 @@ class Vector(Layer):
     def differences(self, now: Vector) -> Iterator[str]:
         """What differs in another layer, in words."""
         return differences.of_frames(self.frame, now.frame)
+
+
+def _suffix_of(path: Path) -> str:
+    """The ending of a file, of two parts for a city model."""
+    name = path.name.lower()
+    return cityjson.SUFFIX if name.endswith(cityjson.SUFFIX) else path.suffix.lower()
 
 
 @contextmanager

@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 import functools
 import operator
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, cast
 
 from toolbox import __version__
 from toolbox.data.report import Column
+from toolbox.declare.delivered import Delivered
 from toolbox.declare.kinds import CHOICE, OPTIONS, Kind
 from toolbox.declare.show import Show
 from toolbox.declare.values import Range
@@ -271,6 +272,11 @@ class Spec:
     def results(self) -> Mapping[str, Field]:
         """The fields of all that a run can write."""
         return {**self.outputs, **self.between}
+
+    @property
+    def deliver(self) -> Sequence[Delivered]:
+        """The files of the set that is handed over; only a model declares one."""
+        return ()
 
     def names_problems(self, names: Iterable[str]) -> dict[str, str]:
         """The problems of unknown and missing inputs, by name."""

@@ -197,6 +197,7 @@ class Axis:
     unit_in : column that states the unit instead
     factor : that makes numbers in this unit of those in the table
     from_zero : whether the axis begins at zero
+    limits : columns of the least and greatest value, drawn as a band if the table has them
     """
 
     column: str
@@ -205,6 +206,7 @@ class Axis:
     unit_in: str = ""
     factor: float = 1.0
     from_zero: bool = True
+    limits: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Any
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Survey
+from toolbox.declare.delivered import Delivered
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import find
 from toolbox.errors import DataError, ParameterError
@@ -109,11 +110,15 @@ class Model(Spec):
     ----------
     steps : by name, each after the steps that it refers to
     returns : the reference of each output
+    deliver : the files of the set that is handed over
+    extra : names of steps that run only where one of their results is asked for
     """
 
     make: Callable[..., ModelRun] = dataclasses.field(init=False, repr=False, compare=False)
     steps: Mapping[str, Step]
     returns: Mapping[str, Reference]
+    deliver: tuple[Delivered, ...] = ()
+    extra: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "make", self._run)
@@ -132,6 +137,13 @@ class Model(Spec):
         returns = {name: r for name, r in self.returns.items() if made & set(r.names)}
         outs = {name: self.outputs[name] for name in returns}
         return dataclasses.replace(self, steps=steps, returns=returns, outputs=outs)
+
+    def wanting(self, results: Iterable[str]) -> Model:
+        """The model with those extra steps only that some results (step.output) need."""
+        needed = leading_steps(self.steps, results)
+        left_out = self.extra.difference(needed)
+        steps = {name: step for name, step in self.steps.items() if name not in left_out}
+        return dataclasses.replace(self, steps=steps, extra=self.extra - left_out)
 
     def under(self, settings: Mapping[str, Any]) -> Model:
         """The model whose clouds are opened as surveys, where all steps that run can read these."""
@@ -202,7 +214,8 @@ class Model(Spec):
     def describe(self) -> dict[str, Any]:
         """The process description of the model, with the results of its steps under "between"."""
         between = {name: field.schema() for name, field in self.between.items()}
-        return super().describe() | {"between": between}
+        files = [{"file": d.file, "output": d.output, "description": d.help} for d in self.deliver]
+        return super().describe() | {"between": between} | ({"deliver": files} if files else {})
 
 
 def reads_batches(steps: Iterable[Step], name: str) -> bool:
@@ -319,7 +332,7 @@ class ModelRun:
         """Run the steps in order; each result is released after its last use."""
         found = {f"{INPUTS}.{name}": value for name, value in self.values.items()}
         found |= self.given
-        steps = _active(self.spec.steps, found)
+        steps = _active(self.spec.wanting(self.keep).steps, found)
         wanted = {name for r in self.spec.returns.values() for name in r.names} | self.keep
         for index, step in enumerate(steps):
             part = ctx.part(index / len(steps), (index + 1) / len(steps))

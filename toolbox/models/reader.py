@@ -15,7 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from toolbox import renamed
+from toolbox.declare.delivered import Delivered
 from toolbox.declare.fields import Field, Spec
+from toolbox.declare.kinds import OPTIONS
 from toolbox.declare.spec import NAME, RESERVED
 from toolbox.errors import ParameterError, nearest
 from toolbox.models import documents
@@ -24,8 +26,10 @@ from toolbox.models.inputs import parsed, short, word_problems
 from toolbox.models.links import condition_of, in_order, is_sure, link_of, misfit, of_inputs
 from toolbox.models.model import INPUTS, Condition, Link, Model, Reference, Step, references
 
-MODEL_WORDS = ("id", "title", "summary", "help", "tags", "inputs", "steps", "outputs")
+MODEL_WORDS = ("id", "title", "summary", "help", "tags", "inputs", "steps", "outputs", "deliver")
 NEEDED = ("id", "title", "steps", "outputs")
+DELIVER_WORDS = ("steps", "files")
+FILE_WORDS = ("file", "from", "help")  # of a file of the set, beside the options of writing it
 STEP_WORDS = ("tool", "when", "repeat")  # of a step, beside the parameters of its tool
 ID = re.compile(rf"{NAME.pattern}(\.{NAME.pattern})+")
 
@@ -72,17 +76,29 @@ class _ModelFile:
         inputs, problems = model_inputs.read(section)
         self.problems |= problems
         self.broken |= {f"{INPUTS}.{name}" for name in section.keys() - inputs.keys()}
-        steps = self._steps(self._section(text, "steps"), inputs)
+        deliver = self._section(text, "deliver")
+        self.problems |= word_problems("deliver", deliver, DELIVER_WORDS, needed=())
+        own, extra = self._section(text, "steps"), self._section(deliver, "steps")
+        steps = self._steps({**extra, **own}, inputs)
+        self._apart(own, extra, steps)
         inputs = _labelled(inputs, steps)
         returns, outs = self._returns(self._section(text, "outputs"), inputs, steps)
         self._unused(inputs, steps)
         self._ambiguous(inputs | outs, steps)
+        for name, link in returns.items():
+            if used := [full for full in link.names if full.partition(".")[0] in extra]:
+                self.problems[f"outputs.{name}"] = (
+                    f"{used[0]!r} is made only where it is handed over"
+                )
+        files = self._files(deliver.get("files") or [], outs, steps)
         tags = self._tags(text.get("tags"))
         if self.problems:
             raise ParameterError(str(self.path), self.problems)
         summary = str(text.get("summary", "")).rstrip(".")
         help = str(text.get("help", "")).strip() or f"{title}."
-        made = Model(id, title, help, inputs, outs, steps, returns, summary=summary, tags=tags)
+        how: dict[str, Any] = {"summary": summary, "tags": tags, "deliver": files}
+        how["extra"] = frozenset(extra)
+        made = Model(id, title, help, inputs, outs, steps, returns, **how)
         if problems := made.rules({}):
             raise ParameterError(str(self.path), problems)
         return made
@@ -99,6 +115,42 @@ class _ModelFile:
             elif key in RESERVED and name != "steps":
                 self.problems[f"{name}.{key}"] = "is an option of every run; choose another name"
         return {str(key): value for key, value in section.items()}
+
+    def _apart(
+        self, own: Mapping[str, Any], extra: Mapping[str, Any], steps: Mapping[str, Step]
+    ) -> None:
+        """Report steps of the set with names of others, and others that need steps of the set."""
+        for name in own.keys() & extra.keys():
+            self.problems[f"deliver.steps.{name}"] = "is the name of another step too"
+        for step in [steps[name] for name in own.keys() & steps.keys()]:
+            if used := [need for need in step.needs if need.partition(".")[0] in extra]:
+                self.problems[step.name] = f"{used[0]!r} is made only where it is handed over"
+
+    def _files(
+        self, said: Any, outs: Mapping[str, Field], steps: Mapping[str, Step]
+    ) -> tuple[Delivered, ...]:
+        """The files of the set that is handed over."""
+        if not isinstance(said, list) or not all(isinstance(one, Mapping) for one in said):
+            self.problems["deliver.files"] = "must be a list of {file: ..., from: ..., help: ...}"
+            return ()
+        known = dict(outs) | {
+            n: field for step in steps.values() for n, field in step.outputs.items()
+        }
+        kinds = {name: field.kind for name, field in known.items()}
+        made: list[Delivered] = []
+        for number, one in enumerate(said, start=1):
+            where = f"deliver.files {number}"
+            if missing := word_problems(where, one, (*FILE_WORDS, *OPTIONS), needed=FILE_WORDS):
+                self.problems |= missing
+                continue
+            options = {name: value for name, value in one.items() if name not in FILE_WORDS}
+            file = Delivered(str(one["file"]), str(one["from"]), str(one["help"]), options)
+            if problem := None if self._excused(file.output) else file.problem(kinds):
+                self.problems[where] = problem
+            elif file.key in {other.key for other in made}:
+                self.problems[where] = f"{file.key!r} is declared twice"
+            made.append(file)
+        return tuple(made)
 
     def _tags(self, said: Any) -> tuple[str, ...]:
         """The words that people search for; none if nothing is said."""

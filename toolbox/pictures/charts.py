@@ -121,11 +121,12 @@ def _plain(axes: Axes, title: str) -> None:
 
 @dataclass(frozen=True)
 class Line:
-    """The values of an axis, and its label."""
+    """The values of an axis with their limits, if there are any, and its label."""
 
     values: Array
     label: str
     from_zero: bool = False
+    limits: tuple[Array, Array] | None = None
 
     @classmethod
     def of(cls, table: Table, axis: Axis, *, scaled: bool) -> Line:
@@ -142,7 +143,10 @@ class Line:
         if scaled and unit:
             size, word = next(s for s in reversed(_SIZES) if values.max() >= s[0] or s[0] == 1)
         label = f"{axis.label}, {word}{unit}" if unit else axis.label
-        return cls(values / size, label, axis.from_zero)
+        if axis.limits is None or not set(axis.limits) <= set(table.names):
+            return cls(values / size, label, axis.from_zero)
+        low, high = (table.frame[n].to_numpy(float) * axis.factor / size for n in axis.limits)
+        return cls(values / size, f"{label} (band: 95 %)", axis.from_zero, (low, high))
 
 
 @dataclass(frozen=True)
@@ -222,6 +226,9 @@ class Curves:
         dots = {"marker": "o", "ms": 3.0} if self.dots else {}
         pair = (line.values, self.over.values) if self.upright else (self.over.values, line.values)
         axes.plot(*pair, color=colour, lw=1.4, **dots)  # type: ignore[arg-type]
+        if line.limits is not None:
+            fill = axes.fill_betweenx if self.upright else axes.fill_between
+            fill(self.over.values, *line.limits, color=colour, alpha=0.2, lw=0)
         if line.from_zero:
             axes.set(xlim=(0, None)) if self.upright else axes.set(ylim=(0, None))
         (axes.set_xlabel if self.upright else axes.set_ylabel)(

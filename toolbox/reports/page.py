@@ -73,12 +73,23 @@ def page(
         *_settings(spec, record),
         *([Section("How it was made", [record.text()], folded=True)] if record else []),
     ]
+    summary, head = said(spec, found, record, told)
+    return Report(spec.title, sections, summary=summary, head=head, name=spec.id)
+
+
+def said(
+    spec: Spec, found: Mapping[str, Any], record: Record | None, told: Told
+) -> tuple[str, Head]:
+    """What a run says in words: its result, and the head of a report with facts and warnings.
+
+    A report among the results sums up all of them; else the steps say theirs one by one.
+    """
+    reports = [value for value in found.values() if isinstance(value, Report)]
     summaries = [report.summary for report in reports if report.summary]
     summary = "\n".join(summaries or told.words) or words.generic(spec, found)
     unseen = [*told.unseen, *(text for report in reports for text in report.head.unseen)]
     facts = facts_of(spec, found, record, told.given)
-    head = Head(facts, _once(told.warnings), _once(unseen))
-    return Report(spec.title, sections, summary=summary, head=head, name=spec.id)
+    return summary, Head(facts, _once(told.warnings), _once(unseen))
 
 
 def framed(report: Report, spec: Spec, record: Record | None, told: Told | None) -> Report:

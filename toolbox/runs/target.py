@@ -43,7 +43,9 @@ class Target:
     path : as it was given; None if the value does not name one
     resolved : the file to write, links followed; None if there is no usable path
     suffixes : endings that the output can have; none for a number, which is printed
+    output : the result that it is for
     folder : it is one, for one file per file of a survey
+    delivered : it belongs to the set of a folder, see `toolbox.runs.delivery`
     """
 
     path: Path | None
@@ -52,7 +54,9 @@ class Target:
     suffixes: tuple[str, ...]
     known: tuple[str, ...]
     own_files: files.OwnFiles
+    output: str = ""
     folder: bool = False
+    delivered: bool = False
 
     @classmethod
     def of(cls, name: str, value: Any, spec: Spec) -> Target:
@@ -65,7 +69,8 @@ class Target:
         folder = kind.several and (
             str(path).endswith(("/", os.sep)) or bool(resolved and _is_folder(resolved))
         )
-        return cls(given, resolved, how, kind.suffixes, kind.save_options, kind.own_files, folder)
+        own = kind.suffixes, kind.save_options, kind.own_files
+        return cls(given, resolved, how, *own, output=name, folder=folder)
 
     @property
     def layer(self) -> str | None:
@@ -78,6 +83,11 @@ class Target:
         ):
             return None
         return str(self.options.get("layer") or resolved.stem)
+
+    @property
+    def needs_crs(self) -> bool:
+        """Whether its format needs a CRS of the Earth."""
+        return bool(self.resolved and self.resolved.suffix.lower() in Vector.NEEDING_CRS)
 
     @property
     def how(self) -> dict[str, Any]:
@@ -198,7 +208,7 @@ def check_crs(id: str, targets: Mapping[str, Target], layers: Iterable[Layer]) -
     if problems := {
         name: f"{target.resolved.suffix} {text}; write a GeoPackage (.gpkg)"
         for name, target in targets.items()
-        if target.resolved and target.resolved.suffix.lower() in Vector.NEEDING_CRS
+        if target.resolved and target.needs_crs and not target.delivered
     }:
         raise DataError(id, problems)
 
@@ -227,12 +237,15 @@ class More:
     write: Callable[[Mapping[Path, Path]], None] = lambda staged: None
 
 
+NO_MORE = More()
+
+
 def write(
     spec: Spec,
     found: Mapping[str, Any],
     targets: Mapping[str, Target],
     *,
-    more: More = More(),
+    more: More = NO_MORE,
     record: Record | None = None,
     told: Told | None = None,
     overwrite: bool,
@@ -244,7 +257,7 @@ def write(
     ----------
     spec : of the tool
     found : what the tool gave, by name
-    targets : where to write it, by name, and under "picture", "page" and "counts" where to show it
+    targets : where to write it, also what shows it: "picture", "page" and "counts"
     more : what is written with it
     record : how it was made, which each file carries
     told : what else the run has told, for its report
@@ -260,14 +273,16 @@ def write(
         Something cannot be written; nothing was.
     """
     shown: dict[str, Any] = {}
-    if PICTURE in targets:
+    wanted = {target.output for target in targets.values()}
+    if PICTURE in wanted:
         shown[PICTURE] = drawable(found, spec.results)
-    if PAGE in targets:
-        shown[PAGE] = page(spec, found, record and record.of(PAGE, None, {}), told)
-    for name in targets:
+    if PAGE in wanted:
+        seen = {n: value for n, value in found.items() if _is_seen(n, spec, targets)}
+        shown[PAGE] = page(spec, seen, record and record.of(PAGE, None, {}), told)
+    for name in wanted:
         if isinstance(report := found.get(name), Report):
             shown[name] = framed(report, spec, record, told)
-    if COUNTS in targets and record:
+    if COUNTS in wanted and record:
         shown[COUNTS] = Table.from_rows(map(dataclasses.asdict, record.counts))
     pieces = _pieces(spec.id, {**found, **shown}, targets, overwrite=overwrite)
     groups: dict[Path, list[_Piece]] = {}  # of one file each
@@ -288,18 +303,28 @@ def write(
     for piece in pieces:
         path = piece.target.path
         several = isinstance(found.get(piece.output), tuple)
-        written[piece.output] = (*written.get(piece.output, ()), path) if several else path
+        written[piece.name] = (*written.get(piece.name, ()), path) if several else path
     return written
+
+
+def _is_seen(name: str, spec: Spec, targets: Mapping[str, Target]) -> bool:
+    """Whether a report shows a result: not what is made only to be handed over."""
+    return name in spec.outputs or name in targets
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """One layer and its target; for the picture, all layers by name."""
+    """One layer and its target, by the name of that; for the picture, all layers by name."""
 
-    output: str
+    name: str
     layer: Any
     target: Target
     number: int | None = None
+
+    @property
+    def output(self) -> str:
+        """The result that it is."""
+        return self.target.output
 
 
 def _pieces(
@@ -308,13 +333,14 @@ def _pieces(
     pieces: list[_Piece] = []
     numbered: dict[str, Target] = {}
     for name, target in targets.items():
-        layer = found[name]
+        layer = found[target.output]
         if not isinstance(layer, tuple):
             pieces += [_Piece(name, layer, target)] if layer is not None and layer != {} else []
         for number, item in enumerate(layer if isinstance(layer, tuple) else (), start=1):
             numbered[f"{name} {number}"] = target.numbered(number)
             pieces.append(_Piece(name, item, target.numbered(number), number))
-    for name in targets.keys() - {piece.output for piece in pieces}:
+    missing = [name for name in targets if name not in {piece.name for piece in pieces}]
+    for name in missing:
         log.warning("%s: there is nothing to write", name)
     if found_problems := problems(numbered, [], overwrite=overwrite):
         raise DataError(id, found_problems)

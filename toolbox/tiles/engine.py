@@ -38,10 +38,11 @@ from toolbox.errors import DataError, ParameterError
 from toolbox.models.model import Model, resolved
 from toolbox.reports.page import Told
 from toolbox.runs.cache import code_of
+from toolbox.runs.delivery import write
 from toolbox.runs.lineage import read_files
 from toolbox.runs.provenance import Record
 from toolbox.runs.source import Sources
-from toolbox.runs.target import More, Target, check_crs, write
+from toolbox.runs.target import More, Target, check_crs
 from toolbox.runs.target import problems as targets_problems
 from toolbox.shown import SHOWN
 from toolbox.tiles import store as tile_store
@@ -102,7 +103,8 @@ def run(
     """
     defaults = {name: f.default for name, f in spec.inputs.items() if not f.required}
     settings = {n: v for n, v in (defaults | dict(settings)).items() if n not in spec.sources}
-    plan = TilePlan.of(as_model(spec), settings, targets)
+    wanted = [target.output for target in targets.values()]
+    plan = TilePlan.of(as_model(spec), settings, wanted)
     surveys = surveys_of(spec, sources, assume_crs, ctx)
     if reading:
         reading.check_unchanged()  # since they were hashed; from now on the survey does so
@@ -124,7 +126,9 @@ def run(
         given={},
         before={},
         keep=frozenset(plan.keep),
-        las=frozenset(plan.stored[n] for n, t in targets.items() if n in plan.stored and t.is_las),
+        las=frozenset(
+            plan.stored[t.output] for t in targets.values() if t.output in plan.stored and t.is_las
+        ),
         halo=reach_of(plan.halo, metre),
         grid=TileGrid(size * metre),
     )
@@ -151,7 +155,8 @@ def run(
 def _products(plan: TilePlan, targets: Mapping[str, Target], survey: Survey) -> list[Product]:
     """The files to write from pieces; for a folder, one for each file of the survey."""
     found: list[Product] = []
-    for name, target in targets.items():
+    for target in targets.values():
+        name = target.output
         if (result := plan.stored.get(name)) is None or not _in_blocks(plan, name):
             continue
         if target.folder:
@@ -208,14 +213,15 @@ def _finish(
         products = [p for p in products if p.file in complete and plan.keep[p.result] in done]
     known = {n: w for n, w in plan.model.returns.items() if crew.found.keys() & set(w.names)}
     found = {n: resolved(link, crew.found) for n, link in known.items()}
-    found |= {n: value for n, value in crew.found.items() if n in targets}
+    wanted = {target.output for target in targets.values()}
+    found |= {n: value for n, value in crew.found.items() if n in wanted}
     if lost := [n for n, value in found.items() if value is None and n in plan.stored]:
         log.warning("not known from tiles: %s", ", ".join(lost))
         found = {n: value for n, value in found.items() if n not in lost}
-    at_once = [name for name in targets if name in plan.stored and not _in_blocks(plan, name)]
+    at_once = [name for name in wanted if name in plan.stored and not _in_blocks(plan, name)]
     found |= {name: crew.read(plan.stored[name]) for name in at_once}
     made = record and replace(record, counts=tuple(plan.ordered(crew.counts)))
-    others = {n: target for n, target in targets.items() if n in found or n in SHOWN}
+    others = {n: t for n, t in targets.items() if t.output in found or t.output in SHOWN}
     for folder in {product.resolved.parent for product in products}:
         folder.mkdir(exist_ok=True)
 
@@ -229,7 +235,10 @@ def _finish(
         spec, found, others, more=more, record=made, told=told, overwrite=overwrite, ctx=part
     )
     crew.report()
-    return found | {p.output: targets[p.output].path for p in products}
+    written = {product.output for product in products}
+    shown = written & {*spec.outputs, *targets}
+    paths = {t.output: t.path for t in reversed(list(targets.values())) if t.output in shown}
+    return found | paths | {n: t.path for n, t in targets.items() if n in shown}
 
 
 def suitable_size(survey: Survey, halo: float, tiling: Tiling) -> float:

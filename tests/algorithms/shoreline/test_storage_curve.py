@@ -19,7 +19,7 @@ from scenes.layers import NORTH, UTM, WEST, cloud, raster
 from algorithms.shoreline._basin import Pieces, RasterBasin, _of_any_square
 from algorithms.shoreline.storage_curve import ShorelineStorageCurve, height_system, storage
 from toolbox.context import Context
-from toolbox.data import Lattice, Raster, Vector
+from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.declare import ClassList, Position
 from toolbox.errors import Cancelled, DataError, NothingToDo, ParameterError
 
@@ -367,3 +367,45 @@ def test_cells_of_squares() -> None:
     squares = np.array([[True, False], [False, False]])
     wanted = [[1, 1, 0], [1, 1, 0], [0, 0, 0]]
     np.testing.assert_array_equal(_of_any_square(squares), np.array(wanted, bool))
+
+
+def dammed() -> tuple[Raster, Vector]:
+    """A lake at 10 m in a basin of 14 m with a gap at 11.5 m, and a valley of 5 m beyond."""
+    z = np.full((30, 30), 14.0)
+    z[5:15, 5:15] = 10.0
+    z[15:18, 9:11] = 11.5
+    z[18:30, 5:15] = 5.0
+    lattice = Lattice(500_000.0, 4_400_000.0, 1.0, 30, 30)
+    terrain = Raster.from_lattice(z, lattice, crs=CRS(32635))
+    box = shapely.box(500_005, 4_399_985, 500_015, 4_399_995)
+    return terrain, Vector(
+        geopandas.GeoDataFrame({"level": [10.0]}, geometry=[box], crs=CRS(32635))
+    )
+
+
+def test_the_curve_of_a_lake_begins_at_its_level_and_ends_where_it_runs_over() -> None:
+    terrain, lake = dammed()
+    found = ShorelineStorageCurve(terrain=terrain, lake=lake, lowest=10.0, step=0.5).run()
+    frame = found.curve.frame
+    assert found.lowest_ground == 10.0
+    assert found.opens == pytest.approx(11.5)
+    assert frame["level"].tolist() == [10.0, 10.5, 11.0, 11.5]
+    assert frame["area_m2"].iloc[0] == pytest.approx(81.0), "nothing of the valley"
+    other = ShorelineStorageCurve(terrain=terrain, lowest=10.0, step=0.5, highest=11.5).run()
+    assert other.lowest_ground == 5.0
+
+
+def test_limits_are_the_curve_of_water_lower_and_higher() -> None:
+    terrain, lake = dammed()
+    how = {"terrain": terrain, "lake": lake, "lowest": 10.0, "step": 0.1, "highest": 11.0}
+    frame = ShorelineStorageCurve(**how, height_error=0.1 / 1.96).run().curve.frame  # type: ignore[arg-type]
+    np.testing.assert_allclose(frame["volume_low_m3"][1:], frame["volume_m3"][:-1], atol=1e-4)
+    np.testing.assert_allclose(frame["volume_high_m3"][:-1], frame["volume_m3"][1:], atol=1e-4)
+    assert (frame["area_low_m2"] >= frame["area_m2"].iloc[0]).all()
+
+
+def test_a_lake_needs_a_terrain() -> None:
+    _, lake = dammed()
+    points = PointCloud(np.zeros((3, 3)), crs=CRS(32635))
+    with pytest.raises(DataError, match="lake: is for a terrain"):
+        ShorelineStorageCurve(points=points, lake=lake).run()

@@ -230,3 +230,57 @@ def test_bad_input_is_refused_by_name() -> None:
     with pytest.raises(ParameterError, match="interval: must be > 0"):
         SurfaceContours(surface=raster(cone()), interval=0.0)
     assert math.isinf(SurfaceContours(surface=raster(cone())).halo())
+
+
+def rough(seed: int = 1, size: int = 60) -> Any:
+    """A plane that rises 6 m to the east, with noise of 0.1 m."""
+    noise = np.random.default_rng(seed).normal(0, 0.1, (size, size))
+    return np.linspace(0, 6, size)[None, :] + noise
+
+
+def test_smoothing_moves_no_height_by_more_than_the_tolerance() -> None:
+    found = SurfaceContours(surface=raster(rough()), smooth_tolerance=0.25).run()
+    plain = SurfaceContours(surface=raster(rough())).run()
+    assert 0.1 < found.largest_move <= 0.25 + 1e-9
+    assert plain.largest_move == 0.0
+    smooth, crooked = (float(f.contours.frame.length.sum()) for f in (found, plain))
+    assert smooth < 0.85 * crooked
+    assert len(found.contours) < 0.5 * len(plain.contours)
+
+
+def test_lines_of_a_smoothed_surface_do_not_cross() -> None:
+    frame = (
+        SurfaceContours(surface=raster(rough(2)), interval=0.25, smooth_tolerance=0.1)
+        .run()
+        .contours.frame
+    )
+    tree = shapely.STRtree(frame.geometry)
+    one, other = tree.query(frame.geometry, predicate="crosses")
+    assert not (one != other).any()
+
+
+def test_gaps_stay_gaps_when_smoothed() -> None:
+    heights = rough()
+    heights[20:30, 20:30] = np.nan
+    found = SurfaceContours(surface=raster(heights), smooth_tolerance=0.25).run().contours.frame
+    hole = shapely.box(WEST + 20.5, NORTH - 29.5, WEST + 29.5, NORTH - 20.5)
+    assert not found.intersects(hole).any()
+
+
+def test_short_lines_are_left_out_and_counted() -> None:
+    every = SurfaceContours(surface=raster(rough())).run()
+    found = SurfaceContours(surface=raster(rough()), min_length=20.0).run()
+    assert found.contours.frame.length.min() >= 20.0
+    assert found.left_out == len(every.contours) - len(found.contours) > 0
+    assert every.left_out == 0
+
+
+def test_labels_stand_on_index_contours_and_can_be_read() -> None:
+    surface = raster(np.tile(np.linspace(0, 12, 100), (100, 1)))
+    found = SurfaceContours(surface=surface, label_spacing=50.0).run()
+    labels = found.labels.frame
+    assert sorted(labels["text"]) == ["0", "0", "10", "10", "5", "5"]
+    lines_there = found.contours.frame.geometry
+    assert all(lines_there.distance(place).min() < 1e-6 for place in labels.geometry)
+    assert labels["angle"].between(-90, 90).all()
+    np.testing.assert_allclose(labels["angle"].abs(), 90)

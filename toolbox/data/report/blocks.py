@@ -69,7 +69,7 @@ class Rows:
     short: int = _SHORT
 
     @property
-    def _shown(self) -> pd.DataFrame:
+    def shown(self) -> pd.DataFrame:
         """The rows without the columns that reports leave out, and those that hold nothing."""
         frame = self.table.frame
         hidden = [n for n in frame if (c := self.columns.get(str(n))) and not c.heading]
@@ -97,13 +97,13 @@ class Rows:
         """How each column is shown, and whether it holds numbers."""
         return [
             (column_of(str(name), values, self.columns), is_number(values))
-            for name, values in self._shown.items()
+            for name, values in self.shown.items()
         ]
 
     @property
     def cells(self) -> list[list[str]]:
         """The texts of the cells of each row that is shown."""
-        frame = self._shown.head(self.most)
+        frame = self.shown.head(self.most)
         texts = [
             ["" if absent else how.text(value) for value, absent in zip(values, gone, strict=True)]
             for (how, _), (_, values), (_, gone) in zip(

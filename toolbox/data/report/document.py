@@ -18,7 +18,7 @@ from toolbox.data.report.blocks import Head, Section
 from toolbox.data.report.columns import Column
 from toolbox.errors import DataError
 
-PDF = ".pdf"
+PDF, WORKBOOK = ".pdf", ".xlsx"
 LOOKS = frozenset({"style", "logo"})
 """Options that change how a report looks, and nothing that it says."""
 
@@ -44,7 +44,7 @@ class Report(Layer):
     True
     """
 
-    SUFFIXES: ClassVar[tuple[str, ...]] = (".html", PDF)
+    SUFFIXES: ClassVar[tuple[str, ...]] = (".html", PDF, WORKBOOK)
     crs: ClassVar[None] = None
     metre: ClassVar[float] = 1.0
     name: str
@@ -74,7 +74,7 @@ class Report(Layer):
 
     @classmethod
     def own_files(cls, path: str | Path) -> tuple[Path, ...]:
-        """The file at a path, and the record beside it if it is a PDF."""
+        """The file at a path, and the record beside it if it is no HTML."""
         return Path(path), *own_side_car(Path(path))
 
     # What every layer answers, see toolbox.data.layer ---------------------------------------------
@@ -135,11 +135,11 @@ class Report(Layer):
         record: str = "",
         ctx: Context = QUIET,
     ) -> None:
-        """Write an HTML file or a PDF; the same report makes the same bytes.
+        """Write HTML, PDF, or a workbook with its tables; the same report makes the same bytes.
 
         Parameters
         ----------
-        path : ends in .html or .pdf
+        path : ends in .html, .pdf or .xlsx
         title : in place of its own
         client : for whom it was made
         fields : more of that kind by name, such as {"Contract": "2026-17"}
@@ -162,6 +162,11 @@ class Report(Layer):
                 from toolbox.data.report.pdf import write_pdf
 
                 write_pdf(made, path, style=style, logo=logo)
+                write_beside(path, record)
+            elif path.suffix.lower() == WORKBOOK:
+                from toolbox.data.report.workbook import write_workbook
+
+                write_workbook(made, path)
                 write_beside(path, record)
             else:
                 text = made.html(record, style=style, logo=logo)

@@ -1,0 +1,261 @@
+"""Drawing of all fronts of a building: walls, openings, dimensions, title block."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any, Literal
+
+import geopandas
+import numpy as np
+import pandas as pd
+import shapely
+from numpy.typing import NDArray
+
+from algorithms.planes import _columns as columns
+from toolbox.context import QUIET, Context
+from toolbox.data import Table, Vector
+from toolbox.data.crs import is_local, parse_crs
+from toolbox.declare import outputs, param, sink, source, tool
+
+Floats = NDArray[np.float64]
+NEEDED = ("kind", "front_id", "opening_id", "width", "height", "sill")
+TICK = 0.6  # of the height of a text: half of the stroke that ends a dimension line
+OFF = 2.5  # heights of a text from the wall to the first line of dimensions, and to the next
+ROW = 1.8  # heights of a text from one line of the title block to the next
+MILLIMETRES = 1000.0  # in a metre
+
+
+@tool(
+    "planes.drawing",
+    title="Drawing of fronts",
+    tags=(
+        "facade",
+        "drawing",
+        "dxf",
+        "dimension",
+        "elevation",
+        "title block",
+        "window",
+        "schedule",
+    ),
+)
+class PlanesDrawing:
+    """Draw all fronts with their openings, dimensions and a title block.
+
+    Write it as .dxf: a layer each for walls, openings, dimensions, numbers and the title block, in
+    metres or millimetres as asked. Below each front stand the widths of the openings of its lowest
+    row and the piers between them, and its whole length; to the left sills and heads of the
+    openings, and its whole height; in each opening its number. All are rounded to `rounding`.
+
+    The table lists the openings with width, height and sill in millimetres, front by front.
+    """
+
+    elevation: Vector = source("Elevation by planes.openings")
+    unit: Literal["m", "mm"] = param(
+        "Unit of the drawing", default="m", words={"m": "Metres", "mm": "Millimetres"}
+    )
+    text_height: float = param("Height of the labels", default=0.2, unit="m", gt=0, le=100)
+    rounding: float = param(
+        "Step to which dimensions are rounded", default=0.01, unit="m", gt=0, le=1, label="Rounding"
+    )
+    subject: str | None = param(
+        "What is drawn, for the title block", default=None, label="Subject of the drawing"
+    )
+
+    @outputs
+    class Outputs:
+        drawing: Vector = sink("Walls, openings, dimensions and texts, with a layer each")
+        schedule: Table = sink(
+            "Openings with front, kind, width, height and sill", columns=columns.SCHEDULE
+        )
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """The elevation is one of planes.openings."""
+        if missing := [name for name in NEEDED if name not in self.elevation.names]:
+            yield (
+                "elevation",
+                f"has no attribute {', '.join(missing)}; take that of planes.openings",
+            )
+
+    def halo(self) -> float:
+        """Infinite, as all fronts are on one sheet."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> PlanesDrawing.Outputs:
+        """Draw front by front, then the title block."""
+        ctx.progress(0.0)
+        frame = self.elevation.frame
+        metre = self.elevation.metre
+        sheet = Sheet(
+            self.text_height, self.rounding, metre, 1 if self.unit == "m" else MILLIMETRES
+        )
+        walls = frame[frame["kind"] == "facade"]
+        for wall in walls.itertuples():
+            here = frame[(frame["front_id"] == wall.front_id) & (frame["kind"] != "facade")]
+            sheet.front(int(wall.front_id), wall.geometry, here)
+        if len(walls):
+            sheet.title_block(
+                self.subject or self.elevation.name or "Fronts", len(walls), self.unit
+            )
+        return self.Outputs(drawing=sheet.layer(self.elevation), schedule=schedule(frame, metre))
+
+
+class Sheet:
+    """A drawing in the making, in the unit of the elevation.
+
+    Parameters
+    ----------
+    size : height of texts
+    rounding : step of dimensions
+    metre : in the unit of the elevation
+    shown : numbers in dimensions are metres times this
+    """
+
+    def __init__(self, size: float, rounding: float, metre: float, shown: float) -> None:
+        self.size, self.rounding, self.metre, self.shown = size, rounding, metre, shown
+        self.rows: list[dict[str, Any]] = []
+        self.shapes: list[Any] = []
+
+    def front(self, number: int, wall: Any, openings: geopandas.GeoDataFrame) -> None:
+        """Draw a front with its openings and their dimensions."""
+        left, bottom, right, top = wall.bounds
+        outline = shapely.unary_union([wall, *openings.geometry])
+        for part in shapely.get_parts(outline):
+            self._add("walls", shapely.LineString(part.exterior.coords))
+        for one in openings.itertuples():
+            self._add("openings", shapely.LineString(one.geometry.exterior.coords))
+            self._text("numbers", f"{one.opening_id}", *_middle(one.geometry))
+        self._text("numbers", f"Front {number}", (left + right) / 2, top + OFF * self.size)
+        boxes = openings.geometry.bounds.to_numpy()
+        near = OFF * self.size
+        chains = [(piers(boxes, left, right), bottom, 0), (levels(boxes, bottom, top), left, 1)]
+        for places, edge, along in chains:
+            self._chain(places, edge - near, along=along)
+            if len(places) > 2:
+                self._chain(places[[0, -1]], edge - 2 * near, along=along)
+
+    def _chain(self, places: Floats, across: float, *, along: int) -> None:
+        """A line of dimensions, with a stroke at each place and the distances between."""
+        self._add(
+            "dimensions", shapely.LineString([_at(p, across, along) for p in places[[0, -1]]])
+        )
+        tick = TICK * self.size
+        for place in places:
+            x, y = _at(place, across, along)
+            self._add(
+                "dimensions", shapely.LineString([(x - tick, y - tick), (x + tick, y + tick)])
+            )
+        for one, other in pairwise(places):
+            x, y = _at(
+                (one + other) / 2, across + 0.8 * self.size * (1 if along == 0 else -1), along
+            )
+            self._text("dimensions", self._number(other - one), x, y, angle=90.0 * along)
+
+    def _number(self, length: float) -> str:
+        """A length as it stands in the drawing."""
+        value = round(length / self.rounding) * self.rounding / self.metre * self.shown
+        digits = max(0, math.ceil(-math.log10(self.rounding / self.metre * self.shown) - 1e-9))
+        return f"{value:.{digits}f}"
+
+    def title_block(self, subject: str, fronts: int, unit: str) -> None:
+        """A frame at the lower right with what is drawn, in which unit, and how exactly."""
+        west, south, east, _ = shapely.total_bounds(np.array(self.shapes, object))
+        step = self.rounding / self.metre * self.shown
+        lines = [
+            subject,
+            f"Elevation of {fronts} front{'s' if fronts != 1 else ''}, outside",
+            f"Dimensions in {unit}, rounded to {step:g} {unit}",
+            "From points of a laser scan; what was hidden is not drawn",
+        ]
+        width = 0.7 * self.size * max(map(len, lines)) + 2 * self.size
+        top, height = south - 2 * OFF * self.size, (len(lines) + 1) * ROW * self.size
+        right = max(east, west + width)
+        self._add(
+            "title",
+            shapely.LineString(
+                shapely.box(right - width, top - height, right, top).exterior.coords
+            ),
+        )
+        for number, text in enumerate(lines, start=1):
+            self._text("title", text, right - width / 2, top - number * ROW * self.size)
+
+    def _text(self, layer: str, text: str, x: float, y: float, *, angle: float = 0.0) -> None:
+        self._add(layer, shapely.Point(x, y), text=text, angle=angle, text_height=self.size)
+
+    def _add(self, layer: str, shape: Any, **more: Any) -> None:
+        self.rows.append({"layer": layer, **more})
+        self.shapes.append(shape)
+
+    def layer(self, elevation: Vector) -> Vector:
+        """The drawing in metres or millimetres, if the unit of the elevation is known."""
+        names = ["layer", "text", "angle", "text_height"]
+        frame = geopandas.GeoDataFrame(
+            pd.DataFrame(self.rows, columns=names), geometry=self.shapes, crs=elevation.crs
+        )
+        if elevation.crs is not None and is_local(elevation.crs):
+            factor = self.shown / self.metre
+            moved = shapely.transform(frame.geometry.to_numpy(), lambda xy: xy * factor)
+            crs = parse_crs("local" if self.shown == 1 else "local:mm")
+            frame = frame.assign(text_height=frame["text_height"] * factor)
+            frame = frame.set_geometry(moved).set_crs(crs, allow_override=True)
+        return Vector(frame, name="drawing", geometry_type="Unknown")
+
+
+def _at(place: float, across: float, along: int) -> tuple[float, float]:
+    return (place, across) if along == 0 else (across, place)
+
+
+def _middle(shape: Any) -> tuple[float, float]:
+    left, bottom, right, top = shape.bounds
+    return (left + right) / 2, (bottom + top) / 2
+
+
+def piers(boxes: Floats, left: float, right: float) -> Floats:
+    """Where openings of the lowest row begin and end along a front, with its ends.
+
+    Parameters
+    ----------
+    boxes : array of shape (n, 4), bounds of the openings; those count that reach into the height
+        of the one that is widest among the lowest
+    """
+    if not len(boxes):
+        return np.array([left, right])
+    lowest = boxes[np.argmin(boxes[:, 3])]
+    row = boxes[(boxes[:, 1] < lowest[3]) & (boxes[:, 3] > lowest[1])]
+    return np.unique(np.concatenate([[left, right], row[:, 0], row[:, 2]]))
+
+
+def levels(boxes: Floats, bottom: float, top: float) -> Floats:
+    """Heights of sills and heads of the openings farthest to the left, with foot and top.
+
+    Parameters
+    ----------
+    boxes : array of shape (n, 4), bounds of the openings
+    """
+    if not len(boxes):
+        return np.array([bottom, top])
+    first = boxes[np.argmin(boxes[:, 2])]
+    column = boxes[(boxes[:, 0] < first[2]) & (boxes[:, 2] > first[0])]
+    return np.unique(np.concatenate([[bottom, top], column[:, 1], column[:, 3]]))
+
+
+def schedule(frame: geopandas.GeoDataFrame, metre: float) -> Table:
+    """Table of the openings of an elevation, lengths in millimetres."""
+    found = frame[frame["kind"] != "facade"]
+    rows = pd.DataFrame(
+        {
+            "front_id": found["front_id"].astype("int64"),
+            "opening_id": found["opening_id"].astype("int64"),
+            "kind": found["kind"].astype(str),
+            **{
+                f"{n}_mm": (found[n] / metre * MILLIMETRES).round().astype("int64")
+                for n in ("width", "height", "sill")
+            },
+        }
+    )
+    more = [name for name in ("set_back", "hidden", "certainty") if name in found]
+    for name in more:
+        rows[name] = found[name] / metre if name == "set_back" else found[name]
+    return Table(rows)

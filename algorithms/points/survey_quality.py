@@ -1,0 +1,268 @@
+"""Quality of a survey from the air: density, voids, overlap of strips and how well they agree.
+
+References
+----------
+USGS (2024). Lidar Base Specification 2024 rev. A: density of first returns, voids wider than four
+times the spacing of pulses, and differences of strips on open ground with slopes below 10 degrees
+by single returns.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from algorithms.shared import parameters
+from toolbox.context import QUIET, Context, log
+from toolbox.data import Lattice, PointCloud, Raster, Table
+from toolbox.data.report import Column
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
+from toolbox.errors import NothingToDo
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+STRIP, GROUND = "point_source_id", 2
+SPACINGS = 4.0  # of pulses, in a void by the specification
+FLATTEST = math.tan(math.radians(10.0))  # steepest ground on which strips are compared
+FEWEST = 3  # points of a strip in a cell, for a mean height
+
+
+@tool(
+    "points.survey_quality",
+    title="Quality of a survey",
+    tags=("qa", "quality", "density", "overlap", "strip", "void", "nps", "interswath"),
+)
+class PointsSurveyQuality:
+    """Tell how dense a survey is, where it has voids, and how well its strips agree.
+
+    The density counts first returns, one per pulse; the spacing of pulses is one by its root.
+    Cells are four spacings wide unless a `cell` is given, so one without first returns is a void,
+    which water also makes. Strips are told by point_source_id, the flight line. Where strips
+    overlap, the mean heights of single returns are compared in cells with at least three points
+    of each, whose heights do not differ by more than on a slope of 10 degrees: roads and fields,
+    not bushes. Where the points have classes, those of ground (2) are compared alone, since two
+    strips may see a roof and the street below it in one cell. A strip that lies higher than
+    another everywhere shows as a mean difference.
+
+    Noise, and what else is in `ignore`, takes no part. Cells count that lie within the outline of
+    the data: between the first and the last cell with points of their row and of their column.
+    """
+
+    points: PointCloud = source("Points of a survey")
+    cell: float | Literal["auto"] = param(
+        "Size of the cells; by the density with auto",
+        default="auto",
+        unit="m",
+        gt=0,
+        le=100,
+        label="Cell size",
+    )
+    ignore: ClassList | None = parameters.ignore()
+
+    @outputs
+    class Outputs:
+        density: Raster = sink("First returns per square metre")
+        strips: Raster = sink("Number of strips in each cell; 0 for a void")
+        strip_difference: Raster = sink(
+            "Highest less lowest mean height of strips on flat ground, where they overlap",
+            label="Difference of strips",
+        )
+        pairs: Table = sink(
+            "One row per pair of strips: cells, mean, RMS and largest difference",
+            label="Pairs of strips",
+            columns={
+                "first": Column("Strip"),
+                "second": Column("Strip compared"),
+                "cells": Column("Cells"),
+                "mean_m": Column("Mean of second less first", "m", 3),
+                "rms_m": Column("Root mean square difference", "m", 3),
+                "largest_m": Column("Largest difference", "m", 3),
+            },
+        )
+        mean_density: float = sink("First returns per square metre of the survey", unit="1/m2")
+        spacing: float = sink("Spacing of pulses", unit="m", label="Spacing of pulses")
+        thin_share: float = sink(
+            "Share of cells with less than half of the mean density", unit="1", label="Thin share"
+        )
+        void_share: float = sink("Share of cells without a point", unit="1", label="Share of voids")
+        strip_count: int = sink("Strips", unit="1", label="Number of strips")
+        overlap_share: float = sink(
+            "Share of cells with points of more than one strip", unit="1", label="Overlap"
+        )
+        strip_rms: float | None = sink(
+            "Root mean square difference of strips on flat ground", unit="m", label="RMS of strips"
+        )
+
+        def in_words(self) -> str:
+            """Density, voids and strips."""
+            strips = (
+                "There is one strip, or the points do not tell."
+                if self.strip_count < 2
+                else f"{self.strip_count} strips overlap on {100 * self.overlap_share:.0f} % of it"
+                + (
+                    "."
+                    if self.strip_rms is None
+                    else f", and differ there by {self.strip_rms:.3f} m (RMS) on flat ground."
+                )
+            )
+            return (
+                f"The survey has {self.mean_density:.1f} pulses per square metre, "
+                f"{self.spacing:.2f} m apart; {100 * self.void_share:.2f} % of it are voids. "
+                f"{strips}"
+            )
+
+        def not_looked_at(self) -> Iterator[str]:
+            """What figures of strips do not say."""
+            if self.strip_count > 1 and self.strip_rms is None:
+                yield "Strips were not compared: nowhere is flat ground seen from two of them."
+            yield "Whether a void is water was not looked at."
+
+    def halo(self) -> float:
+        """Infinite, as the spacing of pulses is that of the whole survey."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> PointsSurveyQuality.Outputs:
+        """Count by cell, then compare strips by cell."""
+        ctx.progress(0.0)
+        cloud = self.points
+        taken = np.ones(len(cloud), bool)
+        if self.ignore and "classification" in cloud:
+            taken &= ~np.isin(cloud["classification"], list(self.ignore))
+        first_there = taken & (cloud["return_number"] <= 1) if "return_number" in cloud else taken
+        if not first_there.any():
+            raise NothingToDo("points: there are none")
+        xyz = cloud.xyz[taken]
+        first = _attribute(cloud, "return_number", taken, 1) <= 1
+        single = _attribute(cloud, "number_of_returns", taken, 1) <= 1
+        strip = _attribute(cloud, STRIP, taken, 0)
+        metre = cloud.metre
+        cell = self.cell if self.cell != "auto" else suitable_cell(xyz[first] / metre) * metre
+        lattice = Lattice.cover((*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0)), float(cell))
+        row, col = lattice.indices(xyz[:, 0], xyz[:, 1])
+        place = row.astype(np.int64) * lattice.cols + col
+        size = lattice.rows * lattice.cols
+        ctx.progress(0.3)
+        counts = np.bincount(place[first], minlength=size).reshape(lattice.shape)
+        inside = within_data(np.bincount(place, minlength=size).reshape(lattice.shape) > 0)
+        density = counts / (lattice.cell / metre) ** 2
+        numbers = strips_in(place, strip, size).reshape(lattice.shape)
+        ctx.progress(0.6)
+        classes = _attribute(cloud, "classification", taken, 0)
+        if (classes == GROUND).any():
+            single &= classes == GROUND
+        means = flat_means(place[single], strip[single], xyz[single, 2], lattice.cell * FLATTEST)
+        differences, pairs = compared(means, metre)
+        ctx.progress(0.9)
+        spread_of = np.full(size, np.nan)
+        spread_of[differences.index] = differences.to_numpy()
+        mean = float(density[inside].mean())
+        if len(np.unique(strip)) < 2:
+            log.warning("all points have one %s: strips are not told apart", STRIP)
+        rms = pairs.attrs["rms"]
+        return self.Outputs(
+            density=_raster(np.where(inside, density, np.nan), lattice, cloud, "density, 1/m2"),
+            strips=_raster(np.where(inside, numbers, np.nan), lattice, cloud, "strips"),
+            strip_difference=_raster(
+                spread_of.reshape(lattice.shape), lattice, cloud, "difference of strips"
+            ),
+            pairs=Table(pairs),
+            mean_density=mean / metre**2,
+            spacing=metre / math.sqrt(mean) if mean else math.inf,
+            thin_share=float((density[inside] < mean / 2).mean()),
+            void_share=float((counts[inside] == 0).mean()),
+            strip_count=len(np.unique(strip)),
+            overlap_share=float((numbers[inside] > 1).mean()),
+            strip_rms=rms,
+        )
+
+
+def _attribute(cloud: PointCloud, name: str, taken: NDArray[np.bool_], default: int) -> Ints:
+    """An attribute of the points that take part, or one value for all."""
+    if name not in cloud:
+        return np.full(int(taken.sum()), default, np.int64)
+    return cloud[name][taken].astype(np.int64)
+
+
+def _raster(values: Array, lattice: Lattice, cloud: PointCloud, says: str) -> Raster:
+    return Raster.from_lattice(
+        values.astype(np.float32), lattice, crs=cloud.crs, descriptions=(says,)
+    )
+
+
+def suitable_cell(xyz: Array) -> float:
+    """Four times the spacing of points in the cells of 10 by 10 spacings that hold any.
+
+    Parameters
+    ----------
+    xyz : array of shape (n, 3), first returns
+    """
+    side = np.ptp(xyz[:, :2], axis=0)
+    spacing = math.sqrt(max(float(side[0] * side[1]), 1e-6) / len(xyz))
+    cells = np.unique(np.floor(xyz[:, :2] / (10 * spacing)), axis=0)
+    spacing = math.sqrt(len(cells) * (10 * spacing) ** 2 / len(xyz))
+    return float(f"{SPACINGS * spacing:.2g}")
+
+
+def within_data(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The cells between the first and last cells with points of their row and of their column."""
+    inside = np.ones_like(there)
+    for axis in (0, 1):
+        ahead = np.maximum.accumulate(there, axis=axis)
+        behind = np.flip(np.maximum.accumulate(np.flip(there, axis), axis=axis), axis)
+        inside &= ahead & behind
+    return inside
+
+
+def strips_in(place: Ints, strip: Ints, size: int) -> Ints:
+    """Number of strips in each cell, array of shape (size,)."""
+    pairs = np.unique(np.column_stack([place, strip]), axis=0)
+    return np.bincount(pairs[:, 0], minlength=size)
+
+
+def flat_means(place: Ints, strip: Ints, z: Array, largest: float) -> pd.DataFrame:
+    """Mean height of each strip in cells that are flat.
+
+    Parameters
+    ----------
+    place, strip : arrays of shape (n,), cell and strip of each point
+    z : array of shape (n,)
+    largest : difference of heights within a strip and cell that counts as flat
+    """
+    groups = pd.DataFrame({"place": place, "strip": strip, "z": z}).groupby(["place", "strip"])["z"]
+    found = groups.agg(["count", "mean", "min", "max"]).reset_index()
+    flat = (found["max"] - found["min"] <= largest) & (found["count"] >= FEWEST)
+    return found.loc[flat, ["place", "strip", "mean"]]
+
+
+def compared(means: pd.DataFrame, metre: float) -> tuple[pd.Series[float], pd.DataFrame]:
+    """Highest less lowest mean by cell, and a table of all pairs of strips.
+
+    The attribute "rms" of the table is that of all differences, in the unit of the heights; None
+    without any.
+    """
+    both = means.merge(means, on="place", suffixes=("_1", "_2"))
+    both = both[both["strip_1"] < both["strip_2"]]
+    both["difference"] = both["mean_2"] - both["mean_1"]
+    widest = both["difference"].abs().groupby(both["place"]).max()
+    groups: Any = both.groupby(["strip_1", "strip_2"])["difference"]
+    rows = [
+        {
+            "first": int(first),
+            "second": int(second),
+            "cells": len(d),
+            "mean_m": float(d.mean()) / metre,
+            "rms_m": float(np.sqrt((d**2).mean())) / metre,
+            "largest_m": float(d.abs().max()) / metre,
+        }
+        for (first, second), d in groups
+    ]
+    names = ["first", "second", "cells", "mean_m", "rms_m", "largest_m"]
+    made = pd.DataFrame(rows, columns=names)
+    squares = both["difference"] ** 2
+    made.attrs["rms"] = float(np.sqrt(squares.mean())) if len(both) else None  # in the unit of z
+    return widest, made

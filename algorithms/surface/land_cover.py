@@ -1,0 +1,140 @@
+"""Land cover: the class of most points that look down on each cell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.shared import parameters
+from toolbox.context import QUIET, Context
+from toolbox.data import Lattice, PointCloud, Raster, Table
+from toolbox.data.asprs import CLASSES
+from toolbox.data.report import Column
+from toolbox.declare import ClassList, outputs, param, sink, source, tool
+from toolbox.errors import NothingToDo
+
+Ints = NDArray[np.int64]
+CODES = 256  # that a class of LAS may have
+NONE = 0  # value of cells without a class
+
+
+@tool(
+    "surface.land_cover",
+    title="Land cover",
+    tags=("land cover", "classification", "raster", "map", "classes", "majority"),
+)
+class SurfaceLandCover:
+    """Give each cell the class of most of its first returns.
+
+    First returns show what is seen from above: the crown of a tree, not the grass below. Of classes
+    with as many points the one with the higher number counts. Cells without points take the class
+    of the nearest one within `max_gap`. The values are the classes of LAS (2 ground, 3 to 5
+    vegetation, 6 building, 9 water), 0 for none; the table has the area of each.
+    """
+
+    points: PointCloud = source("Classified points")
+    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0, label="Cell size")
+    max_gap: float = param(
+        "Leave empty what lies farther than this from any point",
+        default=2.0,
+        unit="m",
+        ge=0,
+        label="Widest gap to fill",
+    )
+    ignore: ClassList | None = parameters.ignore()
+
+    @outputs
+    class Outputs:
+        cover: Raster = sink("Class of each cell, 0 for none", label="Land cover")
+        areas: Table = sink(
+            "Area and share of each class",
+            columns={
+                "class": Column("Class"),
+                "name": Column("Land cover"),
+                "area_m2": Column("Area", "m²", 0),
+                "share": Column("Share", "%", 1, 100.0),
+            },
+        )
+
+        def in_words(self) -> str:
+            """The shares of the classes."""
+            rows = sorted(self.areas.rows(), key=lambda row: -row["share"])
+            parts = [f"{row['name'].lower()} {100 * row['share']:.1f} %" for row in rows]
+            return f"Seen from above: {', '.join(parts)}."
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """The points have classes."""
+        if "classification" not in self.points:
+            yield "points", f"{self.points.name} has no classification; classify them first"
+
+    def halo(self) -> float:
+        """Infinite, as the table is of the whole."""
+        return math.inf
+
+    def run(self, ctx: Context = QUIET) -> SurfaceLandCover.Outputs:
+        """Count classes by cell, and fill small gaps."""
+        ctx.progress(0.0)
+        cloud = self.points
+        classes = cloud["classification"].astype(np.int64)
+        taken = ~np.isin(classes, list(self.ignore or ()))
+        if "return_number" in cloud:
+            taken &= cloud["return_number"] <= 1
+        if not taken.any():
+            raise NothingToDo("points: none takes part")
+        xy = cloud.xyz[taken, :2]
+        lattice = Lattice.cover((*xy.min(axis=0), *xy.max(axis=0)), self.cell)
+        row, col = lattice.indices(*xy.T)
+        found = most_frequent(row * lattice.cols + col, classes[taken], lattice.rows * lattice.cols)
+        ctx.progress(0.6)
+        cover = filled(found.reshape(lattice.shape), self.max_gap / lattice.cell)
+        raster = Raster.from_lattice(
+            cover.astype(np.uint8),
+            lattice,
+            crs=cloud.crs,
+            nodata=float(NONE),
+            descriptions=("land cover",),
+        )
+        return self.Outputs(cover=raster, areas=areas(cover, lattice.cell / cloud.metre))
+
+
+def most_frequent(place: Ints, classes: Ints, size: int) -> Ints:
+    """The most frequent class of each cell, the higher one of several; 0 without points.
+
+    Examples
+    --------
+    >>> most_frequent(np.array([0, 0, 0, 2, 2]), np.array([2, 6, 6, 5, 3]), 3).tolist()
+    [6, 0, 5]
+    """
+    keys, counts = np.unique(place * CODES + classes, return_counts=True)
+    order = np.argsort(counts, kind="stable")  # of equal ones the higher class stays the last
+    made = np.full(size, NONE, np.int64)
+    made[keys[order] // CODES] = keys[order] % CODES
+    return made
+
+
+def filled(cover: Ints, reach: float) -> Ints:
+    """Cells without a class with that of the nearest one within a number of cells."""
+    from scipy.ndimage import distance_transform_edt
+
+    empty = cover == NONE
+    if not empty.any() or empty.all():
+        return cover
+    distance, (row, col) = distance_transform_edt(empty, return_indices=True)
+    return np.where(distance <= reach, cover[row, col], NONE)
+
+
+def areas(cover: Ints, cell: float) -> Table:
+    """Area in square metres, and share, of each class of cells of some metres."""
+    numbers, counts = np.unique(cover[cover != NONE], return_counts=True)
+    return Table.from_rows(
+        {
+            "class": int(number),
+            "name": CLASSES.get(int(number), f"Class {number}"),
+            "area_m2": float(count) * cell**2,
+            "share": float(count) / float(counts.sum()),
+        }
+        for number, count in zip(numbers, counts, strict=True)
+    )

@@ -1,0 +1,82 @@
+"""points.survey_quality: density, voids, strips and their differences where they are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pyproj import CRS
+
+from algorithms.points.survey_quality import PointsSurveyQuality
+from toolbox.data import PointCloud
+
+
+def strip(number: int, west: float, east: float, height: float = 0.0, **more: int) -> PointCloud:
+    """Four points per square metre on a level field between two eastings, 40 m long."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(west, east, 0.5), np.arange(0, 40, 0.5)))
+    xyz = np.column_stack([x + 0.25, y + 0.25, np.full(len(x), 100.0 + height)])
+    values = {"point_source_id": number, "return_number": 1, "number_of_returns": 1, **more}
+    return PointCloud(
+        xyz,
+        {name: np.full(len(x), value, np.uint16) for name, value in values.items()},
+        crs=CRS(32635),
+    )
+
+
+def quality(*strips: PointCloud, **settings: float) -> PointsSurveyQuality.Outputs:
+    return PointsSurveyQuality(points=PointCloud.concat(strips), **settings).run()
+
+
+def test_density_and_spacing_of_pulses() -> None:
+    found = quality(strip(1, 0, 40), cell=2.0)
+    assert found.mean_density == pytest.approx(4.0)
+    assert found.spacing == pytest.approx(0.5)
+    assert (found.density.band() == 4.0).all()
+    assert found.void_share == found.overlap_share == 0.0
+    assert found.strip_rms is None
+
+
+def test_later_returns_are_no_pulses() -> None:
+    found = quality(strip(1, 0, 40), strip(1, 0, 40, -2.0, return_number=2), cell=2.0)
+    assert found.mean_density == pytest.approx(4.0)
+
+
+def test_cells_are_four_spacings_wide() -> None:
+    assert quality(strip(1, 0, 40)).density.cell == pytest.approx(2.0, rel=0.15)
+
+
+def test_a_hole_is_a_void() -> None:
+    cloud = strip(1, 0, 40)
+    x, y = cloud.xyz[:, 0], cloud.xyz[:, 1]
+    found = quality(cloud.select(~((x > 10) & (x < 14) & (y > 10) & (y < 14))), cell=2.0)
+    assert found.void_share == pytest.approx(4 / 400)
+    assert (found.strips.band() == 0).sum() == 4
+
+
+def test_strips_overlap_and_differ() -> None:
+    found = quality(strip(7, 0, 24), strip(9, 16, 40, 0.05), cell=2.0)
+    assert found.strip_count == 2
+    assert found.overlap_share == pytest.approx(8 / 40)
+    (row,) = found.pairs.rows()
+    assert (row["first"], row["second"], row["cells"]) == (7, 9, 80)
+    assert row["mean_m"] == pytest.approx(0.05)
+    assert found.strip_rms == pytest.approx(0.05)
+    assert np.nanmax(found.strip_difference.band()) == pytest.approx(0.05, abs=1e-6)
+
+
+def test_rough_cells_are_not_compared() -> None:
+    one, other = strip(1, 0, 24), strip(2, 16, 40)
+    rough = other.with_xyz(other.xyz + [0, 0, 1] * (np.arange(len(other)) % 2)[:, None])
+    assert quality(one, rough, cell=2.0).strip_rms is None
+
+
+def test_a_roof_that_one_strip_sees_is_not_compared_with_the_street() -> None:
+    street = strip(1, 0, 24, classification=2)
+    roof = strip(2, 16, 20, 6.0, classification=6)
+    more = strip(2, 20, 40, 0.02, classification=2)
+    assert quality(street, roof, more, cell=2.0).strip_rms == pytest.approx(0.02)
+
+
+def test_noise_takes_no_part() -> None:
+    noise = strip(1, 0, 40, 90.0, classification=18)
+    found = quality(strip(1, 0, 40, classification=2), noise, cell=2.0)
+    assert found.mean_density == pytest.approx(4.0)

@@ -1,0 +1,43 @@
+"""surface.land_cover: most first returns of a cell, small gaps, areas."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scenes.layers import NORTH, WEST, cloud
+
+from algorithms.surface.land_cover import SurfaceLandCover
+from toolbox.errors import DataError
+
+
+def at(*places: tuple[float, float]) -> list[tuple[float, float, float]]:
+    return [(WEST + x, NORTH - y, 0.0) for x, y in places]
+
+
+def test_a_cell_has_the_class_of_most_first_returns() -> None:
+    xyz = at((0.2, 0.5), (0.4, 0.5), (0.6, 0.5), (1.5, 0.5), (1.6, 0.5))
+    points = cloud(xyz, [2, 2, 6, 2, 5], return_number=np.array([1, 1, 1, 2, 1], np.uint8))
+    found = SurfaceLandCover(points=points).run()
+    assert found.cover.band().tolist() == [[2, 5]]
+    assert [(r["name"], r["area_m2"], r["share"]) for r in found.areas.rows()] == [
+        ("Ground", 1.0, 0.5),
+        ("High vegetation", 1.0, 0.5),
+    ]
+
+
+def test_small_gaps_take_the_nearest_class_and_wide_ones_stay() -> None:
+    points = cloud(at((0.5, 0.5), (9.5, 0.5)), [2, 6])
+    band = SurfaceLandCover(points=points, max_gap=2.0).run().cover.band()[0]
+    assert band[:3].tolist() == [2, 2, 2]
+    assert np.isnan(band[3:7]).all()
+    assert band[7:].tolist() == [6, 6, 6]
+
+
+def test_noise_takes_no_part() -> None:
+    points = cloud(at((0.5, 0.5), (0.6, 0.5), (0.7, 0.5)), [2, 7, 7])
+    assert SurfaceLandCover(points=points).run().cover.band().tolist() == [[2]]
+
+
+def test_points_need_classes() -> None:
+    with pytest.raises(DataError, match="has no classification"):
+        SurfaceLandCover(points=cloud(at((0, 0)))).run()

@@ -1,0 +1,72 @@
+"""Reports as workbooks: sheets with headings in words, numbers as numbers, nothing that runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import openpyxl
+import pytest
+
+from toolbox.data import Report, Rows, Section, Table
+from toolbox.data.report import Column
+from toolbox.data.report.blocks import Head
+
+ROWS = [
+    {"span_id": 1, "length": 84.25, "share": 0.5, "kind": "tree", "hidden": 3},
+    {"span_id": 2, "length": None, "share": 0.25, "kind": "=1+1", "hidden": 4},
+]
+COLUMNS = {
+    "length": Column("Length of the span", "m", 1),
+    "share": Column("Seen", "%", 0, 100.0),
+    "hidden": Column(""),
+}
+
+
+def report(*titles: str) -> Report:
+    table = Table.from_rows(ROWS)
+    sections = [Section(title, [Rows(table, columns=COLUMNS, most=1)]) for title in titles]
+    head = Head([("Client", "Grid Ltd")], ["Two wires are missing"], ["Rivers"])
+    return Report("Line 12", sections, summary="All is well.", head=head)
+
+
+def opened(made: Report, tmp_path: Path) -> Any:
+    made.save(tmp_path / "a.xlsx", date="2026-05-01")
+    return openpyxl.load_workbook(tmp_path / "a.xlsx")
+
+
+def test_a_sheet_has_all_rows_with_headings_in_words(tmp_path: Path) -> None:
+    book = opened(report("Spans"), tmp_path)
+    rows = list(book["Spans"].iter_rows(values_only=True))
+    assert rows[0] == ("Span", "Length of the span [m]", "Seen [%]", "Kind")
+    assert rows[1] == (1, 84.25, 50.0, "tree")
+    assert rows[2] == (2, None, 25.0, "'=1+1"), "all rows, and no formula"
+    assert book["Spans"]["B2"].number_format == "0.0"
+
+
+def test_the_first_sheet_says_what_must_be_known(tmp_path: Path) -> None:
+    rows = list(opened(report("Spans"), tmp_path)["Summary"].iter_rows(values_only=True))
+    assert rows[0][0] == "Line 12"
+    assert ("Client", "Grid Ltd") in rows
+    assert ("Result", "All is well.") in rows
+    assert ("Warning", "Two wires are missing") in rows
+    assert ("Not looked at", "Rivers") in rows
+    assert ("Date of the report", "2026-05-01") in rows
+
+
+def test_sheets_have_names_of_their_own(tmp_path: Path) -> None:
+    long = "A title that is longer than a sheet may be called"
+    book = opened(report(long, long, "a/b", "Summary"), tmp_path)
+    assert len({name.lower() for name in book.sheetnames}) == 5
+    assert max(map(len, book.sheetnames)) == 31
+    assert "a b" in book.sheetnames
+
+
+def test_the_same_report_is_the_same_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    report("Spans").save(tmp_path / "a.xlsx")
+    import time
+
+    now = time.time()
+    monkeypatch.setattr(time, "time", lambda: now + 90_000)
+    report("Spans").save(tmp_path / "b.xlsx")
+    assert (tmp_path / "a.xlsx").read_bytes() == (tmp_path / "b.xlsx").read_bytes()

@@ -1,0 +1,250 @@
+"""The set that a model hands over: all files or none, with a README that names each."""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import toolbox
+from toolbox import catalog
+from toolbox.cli.main import main
+from toolbox.cli.replay import replay
+from toolbox.data import PointCloud, Raster
+from toolbox.data.crs import parse_crs
+from toolbox.errors import DataError, ParameterError
+from toolbox.models.model import Model
+
+MODEL = """
+id: toy.hills
+title: Hills
+inputs:
+  points: {type: PointCloud, help: Points}
+  cell: {type: number, default: 2.0, unit: m, gt: 0, help: Size of the cells}
+  interval: {type: number, default: 1.0, unit: m, gt: 0, help: Height between two lines}
+steps:
+  top: {tool: surface.grid, points: {from: inputs.points}, method: max, cell: {from: inputs.cell}}
+outputs:
+  surface: {from: top.surface, help: Highest points}
+  share: {from: top.filled_share, help: Share of cells with a value}
+deliver:
+  steps:
+    lines: {tool: surface.contours, surface: {from: top.surface}, interval: {from: inputs.interval}}
+    named: {tool: vectors.merge, layers: [{from: lines.contours}], layer_names: [contours]}
+  files:
+    - {file: report.html, from: page, help: The report}
+    - {file: tables.xlsx, from: page, help: Its tables}
+    - {file: top.tif, from: surface, cog: true, help: Highest points}
+    - {file: lines.gpkg, from: lines.contours, layer: contours, help: Lines}
+    - {file: lines.kmz, from: named.merged, help: Lines for Google Earth}
+"""
+FILES = {"README.txt", "report.html", "tables.xlsx", "top.tif", "lines.gpkg", "lines.kmz"}
+
+
+def hill(crs: str = "EPSG:32635") -> PointCloud:
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(0, 40, 1.0), np.arange(0, 40, 1.0)))
+    xyz = np.column_stack(
+        [x + 5e5, y + 4.4e6, 100 + 8 * np.exp(-((x - 20) ** 2 + (y - 20) ** 2) / 99)]
+    )
+    return PointCloud(xyz, crs=parse_crs(crs), name="hill.laz")
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> str:
+    path = tmp_path / "hills.yaml"
+    path.write_text(MODEL)
+    return str(path)
+
+
+@pytest.fixture
+def points(tmp_path: Path) -> Path:
+    hill().save(tmp_path / "hill.laz")
+    return tmp_path / "hill.laz"
+
+
+def names(folder: Path) -> set[str]:
+    """The files of a folder, without the records beside those that hold none."""
+    return {
+        path.name
+        for path in folder.iterdir()
+        if not path.name.endswith((".kmz.json", ".xlsx.json"))
+    }
+
+
+def test_the_set_is_written_and_named_in_words(model: str, points: Path, tmp_path: Path) -> None:
+    head = {"title": "Hill of Delft", "client": "City", "fields": {"Contract": "2026-17"}}
+    found = toolbox.run(model, {"points": points, "deliver": {"path": tmp_path / "out", **head}})
+    assert names(tmp_path / "out") == FILES
+    assert found["deliver"] == tmp_path / "out"
+    assert set(found) == {"surface", "share", "deliver"}, "results of its own steps are not given"
+    text = (tmp_path / "out" / "README.txt").read_text()
+    for file in FILES - {"README.txt"}:
+        assert f"\n{file}  (" in text
+    for words in (
+        "Hill of Delft",
+        "City",
+        "2026-17",
+        "WGS 84 / UTM zone 35N",
+        "hill.laz",
+        "Lines [7]",
+    ):
+        assert words in text
+    assert "Hill of Delft" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_options_of_a_file_are_those_of_its_format(
+    model: str, points: Path, tmp_path: Path
+) -> None:
+    toolbox.run(model, {"points": points, "deliver": tmp_path / "out"})
+    import rasterio
+
+    with rasterio.open(tmp_path / "out" / "top.tif") as made:
+        assert made.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
+
+
+def test_its_steps_run_only_when_asked_for(model: str, points: Path, tmp_path: Path) -> None:
+    spec = catalog.load(model)
+    assert isinstance(spec, Model)
+    assert spec.extra == {"lines", "named"}
+    assert set(spec.wanting([]).steps) == {"top"}
+    assert set(spec.wanting(["lines.contours"]).steps) == {"top", "lines"}
+    toolbox.run(
+        model, {"points": points, "surface": tmp_path / "a.tif", "counts": tmp_path / "n.csv"}
+    )
+    assert set(pd.read_csv(tmp_path / "n.csv")["step"]) == {"top"}
+    toolbox.run(model, {"points": points, "lines.contours": tmp_path / "b.gpkg"})
+    assert (tmp_path / "b.gpkg").exists()
+
+
+def test_a_setting_of_its_steps_alone_is_told_to_be_idle(
+    model: str, points: Path, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    toolbox.run(model, {"points": points, "interval": 2.0})
+    assert "interval: is not used by any step that runs" in caplog.text
+    caplog.clear()
+    toolbox.run(model, {"points": points, "interval": 2.0, "deliver": tmp_path / "out"})
+    assert "interval" not in caplog.text
+
+
+def test_all_or_nothing(
+    model: str, points: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise DataError("the disk is full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Raster, "save", fail)
+        with pytest.raises(DataError, match="the disk is full"):
+            toolbox.run(model, {"points": points, "deliver": tmp_path / "out"})
+    assert not (tmp_path / "out").exists()
+
+
+def test_files_there_are_not_replaced(model: str, points: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "top.tif").write_text("mine")
+    values = {"points": points, "deliver": tmp_path / "out"}
+    with pytest.raises(ParameterError, match=r"deliver: top.tif exist.* --overwrite"):
+        toolbox.run(model, values)
+    assert (tmp_path / "out" / "top.tif").read_text() == "mine"
+    (tmp_path / "out" / "notes.txt").write_text("stay")
+    toolbox.run(model, values, overwrite=True)
+    assert names(tmp_path / "out") == FILES | {"notes.txt"}
+
+
+@pytest.mark.parametrize(
+    ("folder", "says"),
+    [
+        ("no/where/out", "there is no folder"),
+        ("hill.laz", "is a file, not a folder"),
+        ("", "path of a folder"),
+    ],
+)
+def test_bad_folders(model: str, points: Path, tmp_path: Path, folder: str, says: str) -> None:
+    path = tmp_path / folder if folder else ""
+    with pytest.raises(ParameterError, match=says):
+        toolbox.run(model, {"points": points, "deliver": path})
+
+
+def test_tools_without_a_set_say_so(points: Path, tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="declares no set of files"):
+        toolbox.run("surface.grid", {"points": points, "deliver": tmp_path / "out"})
+
+
+def test_what_needs_a_place_on_the_earth_is_left_out(model: str, tmp_path: Path) -> None:
+    hill("local").save(tmp_path / "hill.laz")
+    toolbox.run(
+        model, {"points": tmp_path / "hill.laz", "deliver": tmp_path / "out"}, assume_crs="local"
+    )
+    assert names(tmp_path / "out") == FILES - {"lines.kmz"}
+    text = (tmp_path / "out" / "README.txt").read_text()
+    assert "- lines.kmz: Lines for Google Earth. the data have no CRS of the Earth" in text
+
+
+def test_the_same_in_tiles(model: str, points: Path, tmp_path: Path) -> None:
+    from toolbox.tiles.tiling import Tiling
+
+    values = {"points": points, "page": tmp_path / "a.html"}
+    tiling = Tiling.parse({"tile": 20, "workers": 1})
+    toolbox.run(model, {**values, "deliver": tmp_path / "tiled"}, tiling=tiling)
+    toolbox.run(model, {"points": points, "deliver": tmp_path / "whole"})
+    assert names(tmp_path / "tiled") == FILES
+    tiled, whole = (Raster.open(tmp_path / name / "top.tif").band() for name in ("tiled", "whole"))
+    assert np.array_equal(tiled, whole, equal_nan=True)
+
+
+def test_the_same_bytes_again_and_by_replay(
+    model: str, points: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    for folder in ("a", "b"):
+        toolbox.run(model, {"points": points, "deliver": tmp_path / folder})
+    for file in FILES:
+        one, other = ((tmp_path / folder / file).read_bytes() for folder in ("a", "b"))
+        assert one == other, file
+    for file in ("top.tif", "lines.gpkg"):
+        assert replay(tmp_path / "a" / file, inputs=tmp_path) == []
+
+
+def test_kmz_has_folders_and_styles(model: str, points: Path, tmp_path: Path) -> None:
+    toolbox.run(model, {"points": points, "deliver": tmp_path / "out"})
+    with zipfile.ZipFile(tmp_path / "out" / "lines.kmz") as archive:
+        assert archive.namelist() == ["doc.kml"]
+        text = archive.read("doc.kml").decode()
+    assert "<name>contours</name>" in text
+    assert text.count("#style0") == text.count("<Placemark") == 7
+
+
+def test_command_line_and_help(
+    model: str, points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = os.fspath(tmp_path / "out")
+    assert main(["run", model, "--points", str(points), "--deliver", out, "--title", "A hill"]) == 0
+    assert f"deliver: {out}" in capsys.readouterr().out
+    assert (tmp_path / "out" / "README.txt").read_text().startswith("A hill\n======\n")
+    assert main(["describe", model]) == 0
+    assert "report.html, tables.xlsx, top.tif" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("file: top.tif", "file: top.gpkg", "'top.gpkg' cannot hold a Raster"),
+        ("from: surface,", "from: nothing,", "nothing called 'nothing'"),
+        ("cog: true", "layer: a", "no option 'layer'"),
+        ("cog: true", "colour: red", "unknown word"),
+        ("file: lines.kmz", "file: report.html", "cannot hold"),
+        ("file: tables.xlsx", "file: report.html", "'report.html' is declared twice"),
+        ("{from: top.filled_share", "{from: lines.levels", "made only where it is handed over"),
+        ("    lines: {", "    top: {", "is the name of another step too"),
+    ],
+)
+def test_mistakes_in_a_model(tmp_path: Path, old: str, new: str, says: str) -> None:
+    path = tmp_path / "hills.yaml"
+    assert old in MODEL
+    path.write_text(MODEL.replace(old, new))
+    with pytest.raises(ParameterError, match=says):
+        catalog.load(str(path))

@@ -1,0 +1,171 @@
+"""Outlines of buildings as blocks in a city model: CityJSON, level of detail 1.2.
+
+Each polygon is raised from the ground to the mean height of its roof: attributes `ground` and
+`mean`, or else `eave`, `ridge`, or `height` above the ground. Corners are rounded to thousandths of
+the unit.
+
+References
+----------
+OGC 20-072r5 (2023). CityJSON Community Standard 2.0.
+Biljecki, F., Ledoux, H. and Stoter, J. (2016). An improved LOD specification for 3D building
+models. Computers, Environment and Urban Systems 59, 25-37: LoD1.2, blocks with one height.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from toolbox.errors import DataError
+
+if TYPE_CHECKING:
+    import geopandas
+    from pyproj import CRS
+
+SUFFIX = ".city.json"
+GROUND, TOPS, HEIGHT = "ground", ("mean", "eave", "ridge"), "height"
+_SCALE = 0.001
+_SURFACES = ({"type": "GroundSurface"}, {"type": "RoofSurface"}, {"type": "WallSurface"})
+_FOOT, _ROOF, _WALL = range(3)
+
+
+def write(frame: geopandas.GeoDataFrame, path: Path) -> None:
+    """Write a city model with a building for each polygon.
+
+    Raises
+    ------
+    DataError
+        A feature is no polygon, or has no height of its ground and roof.
+    """
+    places = _Places(frame)
+    objects: dict[str, Any] = {}
+    names = [str(name) for name in frame.columns if name != frame.geometry.name]
+    for number, (shape, values) in enumerate(
+        zip(frame.geometry, frame[names].to_dict("records"), strict=True), start=1
+    ):
+        low, high = heights_of(values, path)
+        made = (places.solid(part, low, high) for part in _polygons(shape, path))
+        solids = [solid for solid in made if solid]
+        if solids:
+            objects[f"building-{number}"] = {
+                "type": "Building",
+                "attributes": {n: v for n, v in values.items() if _holds(v)},
+                "geometry": [_geometry(solids)],
+            }
+    model: dict[str, Any] = {"type": "CityJSON", "version": "2.0"}
+    model["transform"] = {"scale": [_SCALE] * 3, "translate": places.origin.tolist()}
+    model["metadata"] = _metadata(frame.crs, places)
+    model |= {"CityObjects": objects, "vertices": places.vertices}
+    path.write_text(json.dumps(model, ensure_ascii=False, default=_plain) + "\n", encoding="utf-8")
+
+
+def heights_of(values: Mapping[str, Any], path: Path) -> tuple[float, float]:
+    """Height of the ground and of the roof of a building."""
+    ground = values.get(GROUND)
+    if not _holds(ground):
+        raise DataError(f"{path}: a building has no attribute ground, its height there")
+    found = [float(values[name]) for name in TOPS if _holds(values.get(name))]
+    if not found and _holds(values.get(HEIGHT)):
+        found = [float(ground) + float(values[HEIGHT])]  # type: ignore[arg-type]
+    if not found:
+        raise DataError(f"{path}: a building has none of {', '.join(TOPS)} and {HEIGHT}")
+    return float(ground), found[0]  # type: ignore[arg-type]
+
+
+def _holds(value: Any) -> bool:
+    return value is not None and not (isinstance(value, float) and not np.isfinite(value))
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else str(value)
+
+
+def _polygons(shape: Any, path: Path) -> list[Any]:
+    parts: list[Any] = shapely.get_parts(shape).tolist()
+    if any(part.geom_type != "Polygon" for part in parts):
+        raise DataError(f"{path}: buildings are polygons, got a {shape.geom_type}")
+    return parts
+
+
+def _geometry(solids: list[tuple[list[Any], list[int]]]) -> dict[str, Any]:
+    """One solid, or several of one building."""
+    semantics = {"surfaces": list(_SURFACES)}
+    if len(solids) == 1:
+        ((shell, values),) = solids
+        whole = {"type": "Solid", "boundaries": [shell]}
+        return {**whole, "lod": "1.2", "semantics": {**semantics, "values": [values]}}
+    return {
+        "type": "MultiSolid",
+        "lod": "1.2",
+        "boundaries": [[shell] for shell, _ in solids],
+        "semantics": {**semantics, "values": [[values] for _, values in solids]},
+    }
+
+
+class _Places:
+    """The vertices of a model, each once, as whole numbers of steps from an origin."""
+
+    def __init__(self, frame: geopandas.GeoDataFrame) -> None:
+        low = np.nan_to_num(frame.total_bounds[:2]) if len(frame) else np.zeros(2)
+        self.origin = np.array([*np.floor(low), 0.0])
+        self.vertices: list[list[int]] = []
+        self._known: dict[tuple[int, int, int], int] = {}
+
+    def _number(self, x: float, y: float, z: float) -> int:
+        steps = np.rint((np.array([x, y, z]) - self.origin) / _SCALE).astype(int).tolist()
+        key = (steps[0], steps[1], steps[2])
+        if key not in self._known:
+            self._known[key] = len(self.vertices)
+            self.vertices.append(steps)
+        return self._known[key]
+
+    def solid(self, polygon: Any, low: float, high: float) -> tuple[list[Any], list[int]] | None:
+        """The shell of a block and the kind of each of its surfaces; None if it is too small.
+
+        The outer ring runs counterclockwise and holes clockwise, so all surfaces face outwards.
+        """
+        flat = shapely.orient_polygons(shapely.force_2d(polygon))
+        if high - low < _SCALE or flat.is_empty:
+            return None
+        rings = [self._ring(ring, low, high) for ring in (flat.exterior, *flat.interiors)]
+        if len(rings[0][0]) < 3:
+            return None
+        rings = [ring for ring in rings if len(ring[0]) >= 3]
+        shell = [[feet[::-1] for feet, _ in rings], [heads for _, heads in rings]]
+        kinds = [_FOOT, _ROOF]
+        for feet, heads in rings:
+            for k in range(len(feet)):
+                n = (k + 1) % len(feet)
+                shell.append([[feet[k], feet[n], heads[n], heads[k]]])
+                kinds.append(_WALL)
+        return shell, kinds
+
+    def _ring(self, ring: Any, low: float, high: float) -> tuple[list[int], list[int]]:
+        """The vertices of a ring at its foot and its head, no two of them at one place."""
+        xy = shapely.get_coordinates(ring)[:-1]
+        feet = [self._number(x, y, low) for x, y in xy]
+        keep = [k for k in range(len(feet)) if feet[k] != feet[k - 1]]
+        return [feet[k] for k in keep], [self._number(xy[k, 0], xy[k, 1], high) for k in keep]
+
+
+def _metadata(crs: CRS | None, places: _Places) -> dict[str, Any]:
+    """CRS by its EPSG code, and extent."""
+    made: dict[str, Any] = {}
+    code = crs.to_epsg() if crs is not None else None
+    if crs is not None and code is None and len(crs.sub_crs_list) == 2:
+        code = crs.sub_crs_list[0].to_epsg()
+    if code is not None:
+        made["referenceSystem"] = f"https://www.opengis.net/def/crs/EPSG/0/{code}"
+    if places.vertices:
+        corners = np.array(places.vertices)
+        low, high = (
+            (c * _SCALE + places.origin).round(6).tolist()
+            for c in (corners.min(axis=0), corners.max(axis=0))
+        )
+        made["geographicalExtent"] = [*low, *high]
+    return made

@@ -1,0 +1,150 @@
+"""The tables of a report as a workbook (.xlsx): headings in words, units, numbers as numbers."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from collections.abc import Iterator
+from datetime import datetime
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from toolbox.data.report.blocks import Rows
+from toolbox.data.report.columns import Column
+from toolbox.errors import DataError
+
+if TYPE_CHECKING:
+    from openpyxl.worksheet.worksheet import Worksheet
+
+    from toolbox.data.report.document import Report
+
+_EPOCH = datetime(1980, 1, 1)
+_MOST_ROWS = 1_048_575  # that a sheet holds below its head
+_LONGEST_NAME = 31  # characters of the name of a sheet
+_WIDEST = 48  # characters of a column
+_FORBIDDEN = re.compile(r"[\[\]:*?/\\]")
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f]")  # that a workbook cannot hold
+
+
+def write_workbook(report: Report, path: Path) -> None:
+    """Write a sheet with the head of a report, and one with all rows of each of its tables.
+
+    Raises
+    ------
+    DataError
+        A table has more rows than a sheet holds.
+    """
+    from openpyxl import Workbook
+
+    book = Workbook()
+    book.properties.creator = "lidar-toolbox"
+    book.properties.created = book.properties.modified = _EPOCH
+    first = book.active
+    first.title = "Summary"
+    for row in _head(report):
+        first.append([_plain(cell) for cell in row])
+    first.column_dimensions["A"].width, first.column_dimensions["B"].width = 24, 100
+    for title, rows in _tables(report):
+        if len(rows.table) > _MOST_ROWS:
+            raise DataError(f"{path}: {title} has {len(rows.table):,} rows; write it as CSV")
+        _fill(book.create_sheet(_name(title, book.sheetnames)), rows)
+    _save(book, path)
+
+
+def _head(report: Report) -> Iterator[tuple[str, ...]]:
+    yield report.title, ""
+    yield from report.head.facts
+    for name, texts in (
+        ("Result", report.summary.splitlines()),
+        ("Warning", report.head.warnings),
+        ("Not looked at", report.head.unseen),
+    ):
+        yield from ((name, text) for text in texts)
+
+
+def _tables(report: Report) -> Iterator[tuple[str, Rows]]:
+    for section in report.sections:
+        for block in section.blocks:
+            if isinstance(block, Rows) and len(block.table):
+                yield section.title, block
+
+
+def _name(title: str, taken: list[str]) -> str:
+    """A name for a sheet that no other has."""
+    name = _FORBIDDEN.sub(" ", title)[:_LONGEST_NAME]
+    number = 1
+    while name.lower() in {other.lower() for other in taken}:
+        number += 1
+        ending = f" {number}"
+        name = name[: _LONGEST_NAME - len(ending)] + ending
+    return name
+
+
+def _fill(sheet: Worksheet, rows: Rows) -> None:
+    from openpyxl.styles import Alignment, Font
+    from openpyxl.utils import get_column_letter
+
+    frame = rows.shown
+    headings = [column for column, _ in rows.headings]
+    sheet.append([_heading(column) for column in headings])
+    for cell in sheet[1]:
+        cell.font = Font(bold=True)
+        cell.alignment = Alignment(wrap_text=True, vertical="top")
+    columns = [
+        [_value(value, column) for value in frame[name]]
+        for name, column in zip(frame, headings, strict=True)
+    ]
+    for row in zip(*columns, strict=True):
+        sheet.append(row)
+    for number, (column, values) in enumerate(zip(headings, columns, strict=True), start=1):
+        letter = get_column_letter(number)
+        longest = max((len(str(v)) for v in values if isinstance(v, str)), default=0)
+        sheet.column_dimensions[letter].width = min(max(longest, 12), _WIDEST)
+        if column.digits is not None:
+            form = "0" if not column.digits else f"0.{'0' * column.digits}"
+            for cell in sheet[letter][1:]:
+                cell.number_format = form
+    sheet.freeze_panes = "B2"
+    sheet.auto_filter.ref = sheet.dimensions
+
+
+def _heading(column: Column) -> str:
+    return f"{column.heading} [{column.unit}]" if column.unit else column.heading
+
+
+def _value(value: Any, column: Column) -> Any:
+    """What a cell holds: numbers in the unit of the heading, texts, or None for nothing."""
+    if pd.isna(value):
+        return None
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float):
+        return value * column.factor if np.isfinite(value) else None
+    return value if isinstance(value, int) else _plain(str(value))
+
+
+def _plain(text: str) -> str:
+    """A text that no spreadsheet takes for a formula, without characters that XML has not."""
+    text = _CONTROL.sub(" ", text)
+    return f"'{text}" if text.startswith(("=", "+", "-", "@")) and len(text) > 1 else text
+
+
+def _save(book: Any, path: Path) -> None:
+    """Save with the same times always: openpyxl takes those of now for the files in the archive."""
+    draft = BytesIO()
+    book.save(draft)
+    with zipfile.ZipFile(draft) as made, zipfile.ZipFile(path, "w") as archive:
+        for item in made.infolist():
+            content = made.read(item)
+            if item.filename == "docProps/core.xml":
+                content = re.sub(
+                    rb"(<dcterms:modified[^>]*>)[^<]*", rb"\g<1>1980-01-01T00:00:00Z", content
+                )
+            entry = zipfile.ZipInfo(item.filename, _EPOCH.timetuple()[:6])
+            archive.writestr(entry, content, zipfile.ZIP_DEFLATED)

@@ -1,0 +1,141 @@
+"""The README of a set of files that is handed over: what was found, and what each file holds."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from toolbox.declare.fields import Spec
+from toolbox.reports.page import Told, said
+
+if TYPE_CHECKING:
+    from toolbox.runs.provenance import Record
+
+_WIDTH = 100  # characters of a line
+_OPENS = {
+    ".html": "a browser; it needs no network",
+    ".pdf": "a reader of PDF",
+    ".gpkg": "QGIS, ArcGIS and other GIS",
+    ".shp": "any GIS; the files .shx, .dbf, .prj and .cpg belong to it",
+    ".tif": "a GIS; cloud-optimised GeoTIFF",
+    ".kmz": "Google Earth and GIS",
+    ".kml": "Google Earth and GIS",
+    ".dxf": "CAD; coordinates as in the data",
+    ".csv": "a spreadsheet; comma between columns, point before decimals, UTF-8",
+    ".xlsx": "a spreadsheet",
+    ".laz": "programs for points; LAS, packed",
+    ".xyz": "programs for points; text with one line per point",
+    ".ifc": "BIM programs; IFC4",
+    ".png": "any program for images",
+    ".json": "a text editor",
+    ".city.json": "programs for CityJSON, such as ninja; QGIS and Blender with plug-ins",
+}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A file of the set, or a layer of one.
+
+    Attributes
+    ----------
+    layer : its name in a GeoPackage, else ""
+    size : points, features, rows or cells; None where nothing is counted
+    left_out : why it is not there; "" if it is
+    """
+
+    file: str
+    layer: str
+    help: str
+    size: int | None = None
+    left_out: str = ""
+
+
+def readme(
+    spec: Spec,
+    found: Mapping[str, Any],
+    record: Record | None,
+    told: Told,
+    entries: Sequence[Entry],
+    head: Mapping[str, Any],
+) -> str:
+    """The text of the README.
+
+    Parameters
+    ----------
+    spec : of the tool
+    found : what it gave, by name
+    record : how that was made
+    told : what else the run has told
+    entries : the files
+    head : title, client, fields and date, as reports have them
+    """
+    title = str(head.get("title") or spec.title)
+    own = {"Client": head.get("client"), **head.get("fields", {}), "Date": head.get("date")}
+    facts = [(name, str(text)) for name, text in own.items() if text]
+    given = {name: value for name, value in found.items() if name in spec.outputs}
+    summary, known = said(spec, given, record, told)
+    facts += known.facts
+    there = [entry for entry in entries if not entry.left_out]
+    lines = [title, "=" * len(title), "", *_pairs(facts)]
+    lines += _section("Result", [summary])
+    lines += _section("Warnings", known.warnings)
+    lines += _section("Not looked at", known.unseen)
+    lines += ["", "Files", "-----", *_files(there)]
+    absent = [
+        f"{entry.file}: {entry.help}. {entry.left_out}" for entry in entries if entry.left_out
+    ]
+    lines += _section("Left out", absent)
+    lines += ["", "How it was made", "---------------", *_how(spec)]
+    return "\n".join(lines) + "\n"
+
+
+def _pairs(pairs: Iterable[tuple[str, str]]) -> Iterator[str]:
+    pairs = list(pairs)
+    width = max((len(name) for name, _ in pairs), default=0) + 2
+    for name, text in pairs:
+        indent = " " * width
+        yield from textwrap.wrap(
+            text, _WIDTH, initial_indent=name.ljust(width), subsequent_indent=indent
+        ) or [name]
+
+
+def _section(title: str, texts: Iterable[str]) -> list[str]:
+    said = list(dict.fromkeys(line for text in texts for line in text.splitlines() if line.strip()))
+    made = [
+        line
+        for text in said
+        for line in textwrap.wrap(text, _WIDTH, initial_indent="- ", subsequent_indent="  ")
+    ]
+    return ["", title, "-" * len(title), *made] if made else []
+
+
+def _files(entries: Sequence[Entry]) -> Iterator[str]:
+    """Each file with what opens it, and its layers or what it holds."""
+    for file in dict.fromkeys(entry.file for entry in entries):
+        opens = _OPENS.get(_suffix(file), "")
+        yield f"{file}{f'  ({opens})' if opens else ''}"
+        for entry in [entry for entry in entries if entry.file == file]:
+            layer = f"{entry.layer}: " if entry.layer else ""
+            count = "" if entry.size is None else f" [{entry.size:,}]"
+            text = f"{layer}{entry.help}{count}"
+            yield from textwrap.wrap(
+                text, _WIDTH, initial_indent="    ", subsequent_indent="      "
+            )
+
+
+def _suffix(file: str) -> str:
+    name = file.lower()
+    return ".city.json" if name.endswith(".city.json") else name[name.rfind(".") :]
+
+
+def _how(spec: Spec) -> list[str]:
+    text = (
+        f"By `python -m toolbox run {spec.id} ... --deliver FOLDER`. Each file carries the record "
+        "of its inputs and settings: within it, or in the file beside it with .json after its "
+        "name. `python -m toolbox provenance FILE` shows it, `python -m toolbox replay FILE` makes "
+        "the file again and says whether it is the same. Numbers in [brackets] count points, "
+        "features, rows, or cells with a value."
+    )
+    return textwrap.wrap(text, _WIDTH)

@@ -1,0 +1,198 @@
+"""The set of files that a run hands over with ``--deliver FOLDER``: all of them, or none.
+
+Which results it holds, in which formats and under which names, is declared in the model, see
+`toolbox.declare.delivered`. A README names each file in words.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from toolbox.context import Context, log
+from toolbox.data.crs import is_local
+from toolbox.data.layer import Layer
+from toolbox.data.report.document import PDF, today
+from toolbox.declare.delivered import Delivered
+from toolbox.declare.fields import Spec
+from toolbox.errors import ParameterError
+from toolbox.reports.page import Told
+from toolbox.reports.readme import Entry, readme
+from toolbox.runs import target as targets
+from toolbox.runs.provenance import Record
+from toolbox.runs.target import More, Target
+from toolbox.shown import DELIVER, PAGE
+
+README = "README.txt"
+
+
+def of_run(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Target]:
+    """Targets of a run by name, and those of the set under names that no output has.
+
+    Raises
+    ------
+    ParameterError
+        A set is asked for, and none is declared.
+    """
+    others = {name: value for name, value in wanted.items() if name != DELIVER}
+    if DELIVER not in wanted:
+        return targets.of_run(others, spec)
+    if not spec.deliver:
+        raise ParameterError(spec.id, {DELIVER: "this tool declares no set of files to hand over"})
+    said = wanted[DELIVER]
+    head = dict(said) if isinstance(said, Mapping) else {"path": said}
+    folder = head.pop("path", None)
+    if not isinstance(folder, str | Path) or not str(folder):
+        raise ParameterError(spec.id, {DELIVER: "must be the path of a folder"})
+    made = {f"{DELIVER} {one.key}": _target(one, Path(folder), head, spec) for one in spec.deliver}
+    made[f"{DELIVER} {README}"] = Target(
+        Path(folder) / README,
+        Path(folder).resolve() / README,
+        head,
+        (".txt",),
+        targets.kind_of(PAGE, spec).save_options,
+        lambda path: (path,),
+        output=DELIVER,
+        delivered=True,
+    )
+    return {**targets.of_run(others, spec), **made}
+
+
+def _target(one: Delivered, folder: Path, head: Mapping[str, Any], spec: Spec) -> Target:
+    options = {**(head if one.output == PAGE else {}), **one.options}
+    made = Target.of(one.output, {"path": folder / one.file, **options}, spec)
+    return replace(made, delivered=True)
+
+
+def problems(
+    writes: Mapping[str, Target], reads: Iterable[Path], *, overwrite: bool
+) -> dict[str, str]:
+    """The problem of the folder of the set, by "deliver"; none if all is well."""
+    made = _of_set(writes)
+    if not made:
+        return {}
+    text = next(filter(None, (t.problem() for t in made.values())), None)
+    text = text or _folder_problem(_folder(made))
+    if text or not _folder(made).exists():
+        return {DELIVER: text} if text else {}
+    there = [t.resolved.name for t in made.values() if t.resolved and t.resolved.exists()]
+    if there and not overwrite:
+        more = f" and {len(set(there)) - 1} more" if len(set(there)) > 1 else ""
+        return {DELIVER: f"{there[0]}{more} exist in {_folder(made)}; allow it with --overwrite"}
+    found = targets.problems(made, reads, overwrite=overwrite)
+    return {DELIVER: next(iter(found.values()))} if found else {}
+
+
+def _folder_problem(folder: Path) -> str | None:
+    """Why nothing can be written in a folder that may have to be made; None if it can."""
+    if folder.exists():
+        return None if folder.is_dir() else f"{folder} is a file, not a folder"
+    if not folder.parent.is_dir():
+        return f"there is no folder {folder.parent}"
+    if not os.access(folder.parent, os.W_OK | os.X_OK):
+        return f"no permission to write in folder {folder.parent}"
+    return None
+
+
+def _of_set(writes: Mapping[str, Target]) -> dict[str, Target]:
+    return {name: target for name, target in writes.items() if target.delivered}
+
+
+def _folder(made: Mapping[str, Target]) -> Path:
+    """The folder of the set, links followed."""
+    first = next(iter(made.values()))
+    assert first.resolved is not None
+    return first.resolved.parent
+
+
+@contextmanager
+def folder_of(writes: Mapping[str, Target]) -> Iterator[None]:
+    """Make the folder of the set; it is removed again if nothing has been written into it."""
+    made = _of_set(writes)
+    new = bool(made) and not _folder(made).exists()
+    if new:
+        _folder(made).mkdir()
+    try:
+        yield
+    except BaseException:
+        if new:
+            with suppress(OSError):  # it holds what --resume needs
+                _folder(made).rmdir()
+        raise
+
+
+def write(
+    spec: Spec,
+    found: Mapping[str, Any],
+    writes: Mapping[str, Target],
+    *,
+    more: More = targets.NO_MORE,
+    record: Record | None = None,
+    told: Told | None = None,
+    overwrite: bool,
+    ctx: Context,
+) -> dict[str, Any]:
+    """Write the outputs that have a target, and the set with its README; see `targets.write`.
+
+    What cannot be written of the set, as KML without a place on the Earth, is left out with a
+    warning.
+    """
+    notes = next((t for t in writes.values() if t.output == DELIVER), None)
+    how: dict[str, Any] = {"record": record, "told": told, "overwrite": overwrite, "ctx": ctx}
+    if notes is None or notes.resolved is None:
+        return targets.write(spec, found, writes, more=more, **how)
+    others = {name: target for name, target in writes.items() if target is not notes}
+    left_out = {n: why for n, t in others.items() if t.delivered and (why := _why_not(t, found))}
+    for name, why in left_out.items():
+        log.warning("%s is left out: %s", name, why)
+    kept = {name: target for name, target in others.items() if name not in left_out}
+    readme_path = notes.resolved
+    made = {path.name for path in more.own_files} | {
+        t.resolved.name for t in kept.values() if t.resolved
+    }
+    more_files = {**more.own_files, readme_path: notes.own_files}
+
+    def write_more(staged: Mapping[Path, Path]) -> None:
+        more.write(staged)
+        entries = [_entry(one, found, left_out, made) for one in spec.deliver]
+        head = {"date": today(), **notes.how}
+        text = readme(spec, found, record, told or Told(), entries, head)
+        staged[readme_path].write_text(text, encoding="utf-8", newline="\n")
+
+    done = targets.write(spec, found, kept, more=More(more_files, write_more), **how)
+    assert notes.path is not None
+    made_of_set = {name: target for name, target in _of_set(writes).items() if name in done}
+    paths = {
+        t.output: t.path for t in reversed(list(made_of_set.values())) if t.output in spec.outputs
+    }
+    shown = {name: path for name, path in done.items() if name not in made_of_set}
+    return {**paths, **shown, DELIVER: notes.path.parent}
+
+
+def _why_not(target: Target, found: Mapping[str, Any]) -> str | None:
+    """Why a file of the set cannot be written; None if it can."""
+    if target.output == PAGE:
+        if target.resolved and target.resolved.suffix == PDF and find_spec("weasyprint") is None:
+            return "PDF needs WeasyPrint: pip install lidar-toolbox[pdf]"
+        return None
+    layer = found.get(target.output)
+    if layer is None or layer == ():
+        return "there is nothing to write"
+    crs = getattr(layer, "crs", None)
+    if target.needs_crs and (crs is None or is_local(crs)):
+        return "the data have no CRS of the Earth"
+    return None
+
+
+def _entry(
+    one: Delivered, found: Mapping[str, Any], left_out: Mapping[str, str], made: set[str]
+) -> Entry:
+    layer = found.get(one.output)
+    size = layer.size() if isinstance(layer, Layer) else None
+    reason = left_out.get(f"{DELIVER} {one.key}", "" if one.file in made else "not made in tiles")
+    return Entry(one.file, str(one.options.get("layer", "")), one.help, size, reason)

@@ -153,7 +153,7 @@ def stretched(values: Floats) -> NDArray[np.uint8]:
     share = (
         np.clip((values - low) / (high - low), 0, 1) if high > low else np.full(len(values), 0.5)
     )
-    return np.rint(BLACK + (WHITE - BLACK) * share).astype(np.uint8)
+    return np.asarray(np.rint(BLACK + (WHITE - BLACK) * share), np.uint8)
 
 
 def filled(image: NDArray[np.uint8], reach: int) -> NDArray[np.uint8]:

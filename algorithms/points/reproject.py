@@ -12,7 +12,7 @@ from algorithms.shared.reprojection import chosen, operation_table
 from toolbox.context import QUIET, Context
 from toolbox.data import PointCloud, Table, reprojecting
 from toolbox.data.operation import MissingGrid
-from toolbox.declare import outputs, sink, source, tool
+from toolbox.declare import DataFile, outputs, sink, source, tool
 
 
 @tool(
@@ -44,7 +44,7 @@ class PointsReproject:
 
     points: PointCloud = source("Points to reproject", any_crs=True)
     crs: CRS = parameters.target_crs()
-    geoid: str | None = parameters.geoid()
+    geoid: DataFile | None = parameters.geoid()
     epoch: float | None = parameters.epoch()
     missing_grid: MissingGrid = parameters.missing_grid()
 

@@ -242,7 +242,7 @@ def target_crs() -> Any:
 
 
 def geoid() -> Any:
-    """Declare the geoid model of the user: ``str | None``."""
+    """Declare the geoid model of the user: ``DataFile | None``."""
     return param(
         "File of a geoid model (.tif or .gtx) between heights above ellipsoid and geoid",
         default=None,

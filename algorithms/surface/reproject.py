@@ -21,7 +21,7 @@ from toolbox.data import Lattice, Raster, Table
 from toolbox.data.crs import length_problem, metres_per_height, vertical_unit
 from toolbox.data.operation import MissingGrid, Operation, plane
 from toolbox.data.reprojecting import unit_of_plan
-from toolbox.declare import outputs, param, sink, source, tool
+from toolbox.declare import DataFile, outputs, param, sink, source, tool
 from toolbox.errors import DataError
 
 ROWS = 256  # rows of the result that are made at a time
@@ -68,7 +68,7 @@ class SurfaceReproject:
     )
     method: Method = param("How a new cell gets its value", default="linear")
     values: Meaning | None = param("What the values are, if heights change", default=None)
-    geoid: str | None = parameters.geoid()
+    geoid: DataFile | None = parameters.geoid()
     epoch: float | None = parameters.epoch()
     missing_grid: MissingGrid = parameters.missing_grid()
 

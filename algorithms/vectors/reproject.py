@@ -15,7 +15,7 @@ from toolbox.data import Table, Vector, reprojecting
 from toolbox.data.crs import is_local
 from toolbox.data.operation import MissingGrid
 from toolbox.data.reprojecting import unit_of_plan
-from toolbox.declare import outputs, param, sink, source, tool
+from toolbox.declare import DataFile, outputs, param, sink, source, tool
 
 
 @tool(
@@ -43,7 +43,7 @@ class VectorsReproject:
     max_edge: float | None = param(
         "Longest edge; longer ones get vertices first", default=None, unit="m", gt=0
     )
-    geoid: str | None = parameters.geoid()
+    geoid: DataFile | None = parameters.geoid()
     epoch: float | None = parameters.epoch()
     missing_grid: MissingGrid = parameters.missing_grid()
 

@@ -6,6 +6,7 @@ from toolbox.declare.spec import outputs, param, sink, source, tool
 from toolbox.declare.values import (
     Attribute,
     ClassList,
+    DataFile,
     Direction,
     Extent,
     Position,
@@ -16,6 +17,7 @@ from toolbox.declare.values import (
 __all__ = [
     "Attribute",
     "ClassList",
+    "DataFile",
     "Direction",
     "Expression",
     "Extent",

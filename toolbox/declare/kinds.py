@@ -20,7 +20,16 @@ from toolbox.data.las.versions import VERSIONS
 from toolbox.data.paths import Paths, PointFiles
 from toolbox.data.reading import Reading
 from toolbox.declare.expression import Expression
-from toolbox.declare.values import Attribute, ClassList, Direction, Extent, Position, Range, whole
+from toolbox.declare.values import (
+    Attribute,
+    ClassList,
+    DataFile,
+    Direction,
+    Extent,
+    Position,
+    Range,
+    whole,
+)
 
 TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 
@@ -119,6 +128,10 @@ def _text(value: Any) -> str:
     return value
 
 
+def _file(value: Any) -> DataFile:
+    return DataFile(_text(str(value) if isinstance(value, Path) else value))
+
+
 def _is(*types: type) -> Callable[[Any], bool]:
     return lambda value: isinstance(value, types)
 
@@ -142,6 +155,7 @@ def _scalars() -> dict[Any, Kind]:
         **{cls: _several(cls) for cls in (Range, Position, Direction, Extent)},
         CRS: Kind("CRS", text, _is(CRS), parse_crs, lambda crs: crs.to_string()),
         Attribute: Kind("attribute", text, _is(Attribute), lambda v: Attribute(_text(v)), str),
+        DataFile: Kind("file", text, _is(DataFile), _file, str, plain=True),
         Expression: Kind("expression", text, _is(Expression), lambda v: Expression(_text(v)), str),
     }
 

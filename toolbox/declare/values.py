@@ -199,6 +199,18 @@ class Attribute(str):
     __slots__ = ()
 
 
+class DataFile(str):
+    """The path of a file that a tool reads itself, such as a grid; records hold its hash.
+
+    Examples
+    --------
+    >>> DataFile("geoid.tif")
+    'geoid.tif'
+    """
+
+    __slots__ = ()
+
+
 def whole(value: object) -> int:
     """Read a whole number from a text or from JSON, which does not tell 3 from 3.0.
 

@@ -65,6 +65,13 @@ def limit() -> float:
         raise ParameterError("resume", {LIMIT_VARIABLE: text}) from None
 
 
+def _setting(field: Field, value: Any) -> Any:
+    """A setting as JSON; of a file what it holds."""
+    if field.kind.word == "file" and value is not None and Path(value).is_file():
+        return file_hash(Path(value))
+    return field.to_json(value)
+
+
 @dataclass
 class Cache:
     """Results of earlier runs on disk, and the keys of the layers of this run."""
@@ -115,7 +122,7 @@ class Cache:
             "code": code_of(str(spec.make.__module__).partition(".")[0]),
             "tool": spec.id,
             "settings": {
-                n: f.to_json(values[n]) for n, f in spec.inputs.items() if f.role == "param"
+                n: _setting(f, values[n]) for n, f in spec.inputs.items() if f.role == "param"
             },
             "layers": {n: [*self._layers(f, values[n])] for n, f in spec.sources.items()},
         }

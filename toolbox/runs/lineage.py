@@ -29,6 +29,7 @@ from toolbox.runs.provenance import Count, Entry, Input, Record, plain, read
 from toolbox.runs.source import Source, Sources
 
 MANY = 100  # files of a source; of more the record keeps one hash instead of their names
+FILE = "file"  # the word of parameters that name a file
 IN_MEMORY = "in memory"  # what stands for the name of a file where there is none
 
 
@@ -53,6 +54,7 @@ def record_of(
     model : file of the model, unless it is part of the toolbox
     """
     inputs, ancestors, omitted = describe_inputs(spec, sources, reading, ctx)
+    inputs |= _of_settings(spec, settings, reading)
     return Record(
         version=__version__,
         tool=spec.id,
@@ -70,6 +72,27 @@ def record_of(
         ancestors=ancestors,
         omitted=omitted,
     )
+
+
+def _of_settings(
+    spec: Spec, settings: Mapping[str, Any], reading: Reading
+) -> dict[str, tuple[Input, ...]]:
+    """The files that parameters name.
+
+    Raises
+    ------
+    DataError
+        One cannot be read.
+    """
+    named = {n: settings.get(n) for n, f in spec.inputs.items() if f.kind.word == FILE}
+    try:
+        return {
+            name: (_described([Path(value)], {}, reading, QUIET),)
+            for name, value in named.items()
+            if value is not None
+        }
+    except DataError as error:
+        raise DataError(f"{spec.id}: {error}") from error
 
 
 def qgis_of(spec: Spec) -> str:
@@ -170,7 +193,9 @@ def counted(
 
 
 def _parameter(field: Field, value: Any) -> Any:
-    """A value as JSON, from which the field parses the same value again."""
+    """A value as JSON, from which the field parses the same value again; of files their names."""
+    if field.kind.word == FILE and value is not None:
+        return Path(value).name
     return plain(_numbers_as_floats(field.to_json(value), field.kind.schema))
 
 

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from pathlib import Path
+from typing import Any
 
 import laspy
 import numpy as np
 import pytest
+import rasterio
+from affine import Affine
 from pyproj import CRS
 from scenes.layers import cloud
 
 import toolbox
 from algorithms.points.assign_crs import PointsAssignCrs
 from algorithms.points.reproject import PointsReproject
+from toolbox.cli.replay import replay
 from toolbox.data import PointCloud, Survey
 from toolbox.data.crs import same_crs
+from toolbox.data.record import read_record
 from toolbox.errors import DataError
 from toolbox.tiles.tiling import Tiling
 
@@ -25,6 +32,42 @@ def scattered(count: int = 500, **more: object) -> PointCloud:
     rng = np.random.default_rng(4)
     xyz = rng.uniform((500_000, 4_600_000, 0), (500_900, 4_600_700, 80), (count, 3)).round(3)
     return cloud(xyz, 2, intensity=np.arange(count) % 60_000, **more)
+
+
+def test_the_record_tells_which_geoid_it_was(tmp_path: Path) -> None:
+    """By its hash, so that another file of its name is noticed."""
+    values = {"crs": "EPSG:32635+5773", "geoid": tmp_path / "geoid.tif"}
+    scattered(crs=CRS("EPSG:32635").to_3d()).save(tmp_path / "a.laz")
+    write_geoid(tmp_path / "geoid.tif", 30.0)
+    out = {"points": tmp_path / "a.laz", "reprojected": tmp_path / "b.laz"}
+    toolbox.run("points.reproject", {**values, **out})
+    record = json.loads(read_record(tmp_path / "b.laz"))
+    digest = hashlib.sha256((tmp_path / "geoid.tif").read_bytes()).hexdigest()
+    assert digest in json.dumps(record["inputs"])
+    assert record["parameters"]["geoid"] == "geoid.tif"
+    assert replay(tmp_path / "b.laz") == []
+    write_geoid(tmp_path / "geoid.tif", 31.0)
+    with pytest.raises(DataError, match=r"geoid\.tif .* has changed since"):
+        replay(tmp_path / "b.laz")
+
+
+def test_a_kept_result_is_of_the_same_geoid(tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setenv("TOOLBOX_CACHE", str(tmp_path / "cache"))
+    points = scattered(crs=CRS("EPSG:32635").to_3d())
+    values = {"points": points, "crs": "EPSG:32635+5773", "geoid": str(tmp_path / "geoid.tif")}
+    found = []
+    for height in (30.0, 31.0):
+        write_geoid(tmp_path / "geoid.tif", height)
+        found.append(toolbox.run("points.reproject", values, resume=True)["reprojected"]["z"])
+    np.testing.assert_allclose(found[0] - found[1], 1.0, atol=2e-3)
+
+
+def write_geoid(path: Path, height: float) -> None:
+    """The same height everywhere around 27 E and 41.5 N."""
+    profile = {"driver": "GTiff", "height": 30, "width": 30, "count": 1, "dtype": "float32"}
+    place = Affine(0.1, 0, 25.5, 0, -0.1, 43.0)
+    with rasterio.open(path, "w", **profile, crs="EPSG:4326", transform=place) as sink:
+        sink.write(np.full((30, 30), height, np.float32), 1)
 
 
 @pytest.mark.parametrize("crs", ["EPSG:32636", "EPSG:4326", "EPSG:3857", "EPSG:25835"])

@@ -301,8 +301,9 @@ class SurfaceGrid:
     ) -> tuple[Array, Array]:
         """Points near the cells, without those in exclusions and with those along breaklines."""
         reach, (west, south, east, north) = self.halo(), lattice.bounds
-        near_enough = (xy >= (west - reach, south - reach)) & (xy <= (east + reach, north + reach))
-        keep = near_enough.all(axis=1)
+        x, y = xy.T  # much faster than both at once
+        keep = (x >= west - reach) & (x <= east + reach)
+        keep &= (y >= south - reach) & (y <= north + reach)
         if len(excluded):
             keep &= ~shapes.holds(excluded, xy)
         if not keep.all():

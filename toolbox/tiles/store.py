@@ -61,7 +61,8 @@ class TileGrid:
 
     def holds(self, tile: tuple[int, int], xy: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Mask of the points, of shape (n, 2), in a tile; its west and south edges belong to it."""
-        return np.asarray((self.buckets(xy) // SIDE == tile).all(axis=1))
+        inside = self.inside(tile)
+        return inside(xy[:, 0], 0) & inside(xy[:, 1], 1)
 
     def inside(self, tile: tuple[int, int]) -> Inside:
         """Give a function that tells which coordinates along an axis are those of a tile."""

@@ -14,6 +14,7 @@ from toolbox.cli.main import main
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGES = sorted([*(DOCS / "start").glob("*.md"), *(DOCS / "jobs").glob("*.md")])
+PAGES += [DOCS / "howto" / "deliver.md"]
 BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from toolbox import __version__, catalog
-from toolbox.cli import arguments, history
+from toolbox.cli import arguments, history, listing
 from toolbox.cli import models as model_cli
 from toolbox.cli import qgis as qgis_cli
 from toolbox.cli.console import Console, Events, Unwritable, exit_code
@@ -42,6 +42,9 @@ def main(argv: list[str] | None = None) -> int:
         print(text, file=sys.stderr or sys.stdout)
         return ParameterError.exit_code
     said = sys.argv[1:] if argv is None else argv
+    if not said:
+        print(listing.GUIDE)
+        return 0
     try:
         first = {"run": _run, "batch": _batch, "demo": _demo}.get(said[0] if said else "")
         code = first(said[1:]) if first else _other(said)
@@ -88,7 +91,7 @@ def _parser() -> argparse.ArgumentParser:
     verbs = top.add_subparsers(dest="verb", required=True)
     help_of = {
         "demo": "make a small survey, classify it, grid it, and say how good the result is",
-        "list": "show all tools",
+        "list": "show all tools, or those that speak of a word: list dtm",
         "describe": "show what a tool takes and gives",
         "run": "run a tool: run ID --name value ...",
         "batch": "run a tool for each row: batch ID TABLE.csv [--result OUT.csv] --name value ...",
@@ -105,6 +108,8 @@ def _parser() -> argparse.ArgumentParser:
         for verb, text in help_of.items()
     }
     made["demo"].add_argument("--folder", type=Path, default=Path("demo-out"), help="for its files")
+    text = "show only tools that speak of it, such as dtm"
+    made["list"].add_argument("word", nargs="*", help=text)
     made["describe"].add_argument("id")
     made["info"].add_argument("file", nargs="+")
     made["history"].add_argument("--limit", type=int, default=20, help="number of runs (20)")
@@ -119,14 +124,13 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _list(args: argparse.Namespace, _: Console) -> None:
-    tools = catalog.summaries()
+    tools = listing.matching(catalog.summaries(), args.word)
     if args.json:
         print(json_text(tools, indent=2))
-        return
-    ids, titles = (max(len(tool[key]) for tool in tools) for key in ("id", "title"))
-    for tool in tools:
-        says = tool["description"].partition("\n")[0]
-        print(f"{tool['id']:{ids}}  {tool['title']:{titles}}  {says}".rstrip())
+    elif tools:
+        print("\n".join(listing.lines(tools, listing.width_of(sys.stdout))))
+    else:
+        raise ParameterError("list", {"word": f"no tool speaks of {' '.join(args.word)!r}"})
 
 
 def _describe(args: argparse.Namespace, _: Console) -> None:

@@ -1,0 +1,78 @@
+"""What the verb ``list`` prints: tools in groups, as wide as the terminal, or those of a search."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
+from typing import IO, Any
+
+Summary = Mapping[str, Any]
+
+GUIDE = """\
+Geoprocessing tools for LiDAR. For a beginning:
+
+  python -m toolbox list                 all tools
+  python -m toolbox list contour         tools that speak of contours
+  python -m toolbox info FILE            what a file holds
+  python -m toolbox run ID --help        what a tool takes and gives
+  python -m toolbox run samples.scene --points town.laz
+                                         a sample survey to try them on
+  python -m toolbox run models.terrain --points town.laz --dtm dtm.tif
+                                         a terrain model of it
+
+More: python -m toolbox --help"""
+
+_NARROWEST = 60  # columns; a terminal of less breaks lines as it likes
+_GAP = 2  # blanks between columns
+
+
+def matching(tools: Sequence[Summary], words: Sequence[str]) -> list[Summary]:
+    """The tools that speak of all words; first those whose id, title or tags do.
+
+    Examples
+    --------
+    >>> tools = [
+    ...     {"id": "a.b", "title": "Gaps", "description": "Of a DTM.", "keywords": []},
+    ...     {"id": "a.c", "title": "Grid", "description": "Cells.", "keywords": ["dtm"]},
+    ... ]
+    >>> [tool["id"] for tool in matching(tools, ["dtm"])]
+    ['a.c', 'a.b']
+    """
+    wanted = [word.lower() for word in words]
+
+    def of(tool: Summary, *keys: str) -> str:
+        return " ".join(str(tool[key]) for key in keys).lower()
+
+    names = "id", "title", "keywords"
+    named = [t for t in tools if all(word in of(t, *names) for word in wanted)]
+    told = [t for t in tools if all(word in of(t, *names, "description") for word in wanted)]
+    return named + [tool for tool in told if tool not in named]
+
+
+def width_of(stream: IO[str]) -> int | None:
+    """Columns of the terminal; None for a file or pipe, where lines may be of any length."""
+    return max(shutil.get_terminal_size().columns, _NARROWEST) if stream.isatty() else None
+
+
+def lines(tools: Sequence[Summary], width: int | None) -> Iterator[str]:
+    """A line for each tool below the name of its group: id, and what it does."""
+    ids = max(len(tool["id"]) for tool in tools) + _GAP
+    first = True
+    for group, members in groupby(tools, lambda tool: str(tool["id"]).partition(".")[0]):
+        yield f"{'' if first else chr(10)}{group}"
+        first = False
+        for tool in members:
+            says = tool["description"].partition("\n")[0].rstrip(".") or tool["title"]
+            yield cut(f"  {tool['id']:{ids}}{says}", width).rstrip()
+
+
+def cut(text: str, width: int | None) -> str:
+    """A text that fits into some columns, with dots where it does not.
+
+    Examples
+    --------
+    >>> cut("terrain and surface", 12), cut("terrain", None)
+    ('terrain a...', 'terrain')
+    """
+    return text if width is None or len(text) <= width else f"{text[: width - 3]}..."

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
 
 from algorithms.planes._fronts import Front
 from algorithms.planes._outlines import View
@@ -119,6 +120,9 @@ def relief_of(
     states, leaning = _states(place, behind, depth, walls.spread, step, least, shape)
     own &= ~(inside & leaning[row * inside, column * inside])
     on_wall = own | (inside & (np.abs(behind) <= step) & (ids == 0))
+    if SIGMAS * walls.spread > math.sqrt(PER_CELL) * least:
+        states = calmed(states)  # and points of panes in the depth of the wall are no edge of it
+        on_wall &= ~(inside & (states == BEHIND)[row * inside, column * inside])
     return Relief(view, uv, behind, on_wall, apart, step, side, states)
 
 
@@ -151,6 +155,28 @@ def _states(
     states = np.select([back, count[0] > 0, count[2] > 0], [BEHIND, WALL, HIDDEN])
     leaning &= count[1] <= count[0]
     return states.reshape(shape).astype(np.int8), np.asarray(leaning.reshape(shape))
+
+
+def calmed(states: NDArray[np.int8]) -> NDArray[np.int8]:
+    """States in which what most squares around are, WALL or BEHIND, replaces what one of them is.
+
+    Where the noise is so large that the few points of a square do not tell the least step.
+
+    Examples
+    --------
+    >>> states = np.full((5, 6), WALL, np.int8)
+    >>> states[:, 3:] = BEHIND
+    >>> noisy = states.copy()
+    >>> noisy[2, 1], noisy[3, 4] = BEHIND, WALL
+    >>> bool((calmed(noisy) == states).all())
+    True
+    """
+    back, wall = (
+        uniform_filter((states == one).astype(float), 3, mode="nearest") for one in (BEHIND, WALL)
+    )
+    seen = (states == BEHIND) | (states == WALL)
+    majority = np.where(back > wall, BEHIND, WALL).astype(np.int8)
+    return np.where(seen & (np.abs(back - wall) > 0.5 / 9), majority, states)
 
 
 def _cells(uv: Floats, side: float, shape: Any) -> tuple[Ints, Ints, Mask]:

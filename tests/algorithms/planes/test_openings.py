@@ -317,6 +317,23 @@ def _along(xyz: Floats) -> Any:
     return shapely.convex_hull(shapely.multipoints(xyz[:, 1:]))
 
 
+def test_edges_are_found_where_the_noise_mixes_panes_with_the_wall() -> None:
+    """With 5 cm noise many points of panes lie in the depth of the wall, but few in its plane."""
+    rng = np.random.default_rng(4)
+    boxes = [(left, 1.0, left + 1.2, 2.5) for left in (1.0, 3.5, 6.0, 8.5)]
+    u, v = rng.random((2, 45_000)) * [[11], [4]]
+    inside = [(u > a) & (u < c) & (v > b) & (v < d) for a, b, c, d in boxes]
+    depth = np.where(np.any(inside, axis=0), 0.15, 0.0) + rng.normal(0, 0.05, len(u))
+    columns = {"plane_id": (np.abs(depth) < 0.06).astype(np.int32)}
+    ground = np.column_stack([*(rng.random((2, 20_000)) * [[11], [-8]]), np.zeros(20_000)])
+    columns["plane_id"] = np.append(columns["plane_id"], np.full(len(ground), 2, np.int32))
+    xyz = np.vstack([np.column_stack([u, depth, v]), ground])
+    out = found(PointCloud(xyz + FAR, columns, crs=UTM))
+    assert out.count == 4
+    np.testing.assert_allclose(out.openings.frame.width, 1.2, atol=0.12)
+    np.testing.assert_allclose(out.openings.frame.height, 1.5, atol=0.12)
+
+
 @pytest.mark.slow
 def test_a_front_with_truth() -> None:
     """No curtain is left, all openings are found, edges in sight within 3 cm."""

@@ -18,6 +18,7 @@ from toolbox.declare import outputs, sink, source, tool
 
 PERCENTILES = (0, 1, 5, 25, 50, 75, 95, 99, 100)
 POINTS_PER_CELL = 10  # of the grid that tells covered ground from gaps
+WAVE = "wavepacket_index"  # attribute of points: the number of a descriptor, 0 without a waveform
 
 Row = dict[str, Any]
 
@@ -73,6 +74,7 @@ class PointsInfo:
             *_coverage(cloud, area),
             *_counts(cloud),
             *_intensity(cloud),
+            *_waveforms(cloud),
             *({"property": "warning", "value": text} for text in warnings(cloud)),
         ]
         ctx.progress(1.0)
@@ -132,6 +134,27 @@ def _general(cloud: PointCloud) -> Iterator[Row]:
         names = ("xmin", "ymin", "zmin", "xmax", "ymax", "zmax")
         for name, value in zip(names, cloud.bounds, strict=True):
             yield {"property": name, "value": value, "unit": unit if name[0] == "z" else ""}
+
+
+def _waveforms(cloud: PointCloud) -> Iterator[Row]:
+    """Where waveforms are, how many points have one, and how each kind is sampled."""
+    place, kinds = cloud.waveforms
+    if not (place or kinds):
+        return
+    yield {"property": "waveforms", "value": place or "not there, though they are described"}
+    used = np.zeros(0, np.uint8)
+    if WAVE in cloud:
+        used = cloud[WAVE]
+        count = int(np.count_nonzero(used))
+        yield {"property": "points with waveform", "value": count, "unit": "points"}
+    for kind in kinds:
+        says = f"{kind.samples} samples of {kind.bits} bits, {kind.spacing} ps apart"
+        says += ", compressed" if kind.compression else ""
+        yield {"property": f"waveforms of descriptor {kind.number}", "value": says}
+    if unknown := sorted(set(np.unique(used).tolist()) - {0, *(kind.number for kind in kinds)}):
+        numbers = ", ".join(map(str, unknown))
+        text = f"points have waveforms of descriptors that are not there: {numbers}"
+        yield {"property": "warning", "value": text}
 
 
 def _coverage(cloud: PointCloud, area: float) -> Iterator[Row]:

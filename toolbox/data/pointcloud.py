@@ -29,6 +29,7 @@ from toolbox.data.las.copc_write import copc_sink, is_copc, write_copc
 from toolbox.data.las.header import LasMetadata
 from toolbox.data.las.joint import in_layout, joint_metadata, with_layout
 from toolbox.data.las.read import read_las
+from toolbox.data.las.waveforms import WaveformDescriptor, descriptors, place_of
 from toolbox.data.las.write import las_sink, metadata_bytes, metadata_of, write_las
 from toolbox.data.layer import Inside, Layer
 from toolbox.data.paths import (
@@ -480,6 +481,13 @@ class PointCloud(Layer):
         if not self._metadata.header.global_encoding.gps_time_type:
             return None
         return days_of(self["gps_time"])
+
+    @property
+    def waveforms(self) -> tuple[str, tuple[WaveformDescriptor, ...]]:
+        """Where the packets of waveforms are, "" without any; and how they are sampled."""
+        if self._metadata is None:
+            return "", ()
+        return place_of(self._metadata), descriptors(self._metadata)
 
     @property
     def extent(self) -> tuple[float, ...]:

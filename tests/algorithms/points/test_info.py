@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+import laspy
 import numpy as np
 import pytest
 from pyproj import CRS
@@ -267,3 +269,32 @@ def test_real_survey(data: Callable[[str], Path]) -> None:
     assert found["hull area without files"] == 3750
     assert found["format LAZ 1.4, point format 8"] == 3
     assert warnings == []
+
+
+def scanned(path: Path, numbers: list[int], described: int = 1) -> PointCloud:
+    """Points with waveforms of these descriptors in a file beside, of which some are described."""
+    header = laspy.LasHeader(version="1.3", point_format=4)
+    header.global_encoding.waveform_data_packets_external = True
+    for number in range(1, described + 1):
+        data = struct.pack("<2B2I2d", 8, 0, 128 * number, 1000, 1.0, 0.0)
+        header.vlrs.append(laspy.VLR("LASF_Spec", 99 + number, "waveform", data))
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = np.random.default_rng(0).uniform(0, 9, (3, len(numbers)))
+    las.wavepacket_index = np.array(numbers, np.uint8)
+    las.write(path)
+    return PointCloud.open(path)
+
+
+def test_waveforms_are_listed(tmp_path: Path) -> None:
+    found, warned = report(scanned(tmp_path / "a.las", [0, 1, 2, 2, 1], described=2))
+    assert found["waveforms"] == "in a file .wdp beside it"
+    assert found["points with waveform"] == 4
+    assert found["waveforms of descriptor 2"] == "256 samples of 8 bits, 1000 ps apart"
+    assert not [text for text in warned if "descriptors" in text]
+
+
+def test_waveforms_without_a_descriptor_are_warned_of(tmp_path: Path) -> None:
+    _, warned = report(scanned(tmp_path / "a.las", [0, 1, 3]))
+    assert "points have waveforms of descriptors that are not there: 3" in warned
+    found, _ = report(grid())
+    assert not [name for name in found if "waveform" in name]

@@ -4,7 +4,7 @@ BIN := .venv/bin
 OUT := demo-out
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check format docs gallery links bench release release-check clean
+.PHONY: help demo test check format docs gallery links bench release release-check translations clean
 
 help: ## print the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 10
@@ -44,6 +44,9 @@ docs: .venv/installed ## rewrite what is made from the declarations, and build t
 
 links: .venv/installed ## ask every address that the documentation names; needs the network
 	PYTHONPATH=. $(BIN)/sphinx-build --quiet -b linkcheck -d build/doctrees docs build/links
+
+translations: .venv/installed ## bring the catalogues of translations up to date, and say what is missing
+	$(BIN)/python -m toolbox.translations
 
 gallery: .venv/installed ## run the examples of all tools and draw the gallery; some minutes
 	PYTHONPATH=. $(BIN)/python docs/make_tool_pictures.py

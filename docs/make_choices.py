@@ -16,7 +16,6 @@ WIDTH, HEAD, COLOURS = 360, 26, 96  # pixels of one picture and its heading; col
 Panel = tuple[str, str, dict[str, Any]]  # heading, tool, values
 
 TOWN = {"kind": "town", "size": 120, "seed": 5, "points": "town.laz"}
-WALL = {"kind": "facade", "points": "wall.laz"}
 
 
 def filters() -> list[Panel]:
@@ -46,16 +45,6 @@ def methods() -> list[Panel]:
     ]
 
 
-def tolerances() -> list[Panel]:
-    """Planes of a wall by the tolerance that suits its noise, and by two that do not."""
-    given = {"points": "wall.laz"}
-    return [
-        ("right: left to the tool", "planes.extract", given),
-        ("wrong: tolerance 0.003", "planes.extract", given | {"tolerance": 0.003}),
-        ("wrong: tolerance 0.3", "planes.extract", given | {"tolerance": 0.3}),
-    ]
-
-
 def draw(name: str, panels: list[Panel]) -> None:
     """Run the tools, and put their pictures side by side under headings."""
     pictures = []
@@ -76,14 +65,12 @@ def draw(name: str, panels: list[Panel]) -> None:
 
 
 def main() -> None:
-    """Draw all three."""
+    """Draw both."""
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         toolbox.run("samples.scene", TOWN)
-        toolbox.run("samples.scene", WALL)
         draw("choose-ground-filter", filters())
         draw("choose-gridding-method", methods())
-        draw("choose-tolerance", tolerances())
 
 
 if __name__ == "__main__":

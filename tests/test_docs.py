@@ -8,7 +8,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", ROOT / "SECURITY.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "README.tr.md",
+    ROOT / "SECURITY.md",
+    *sorted((ROOT / "docs").rglob("*.md")),
+]
 NOW = [page for page in PAGES if page.parent.name != "decisions"]  # these tell of their time
 FILES = re.compile(r"`((?:toolbox|algorithms|tests|docs|metadata)/[\w./-]*)`")
 LINKS = re.compile(r"\]\((?!https?:|mailto:|#)([^)#\s]+)")

@@ -13,7 +13,9 @@ from toolbox.cli import arguments
 from toolbox.cli.main import main
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-PAGES = sorted([*(DOCS / "start").glob("*.md"), *(DOCS / "jobs").glob("*.md")])
+PAGES = sorted(
+    page for room in ("start", "jobs", "choose", "tr") for page in (DOCS / room).glob("*.md")
+)
 PAGES += [DOCS / "howto" / "deliver.md"]
 BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, NoReturn
 
-from toolbox import renamed
+from toolbox import language, renamed
 from toolbox.errors import ParameterError
 from toolbox.labels import labelled
 from toolbox.models import documents
@@ -19,6 +19,7 @@ SHAPES = {  # placeholders in --help for values of several numbers
     "direction": "X,Y,Z",
     "range": "LOW,HIGH",
 }
+HELP = {"-h", "--help"}
 SEVERAL = ("PointCloud", "Survey")  # types of layers that can be read from several files
 
 
@@ -41,22 +42,23 @@ def parser(described: Description) -> argparse.ArgumentParser:
         allow_abbrev=False,  # else --windo would quietly be taken for --window
         argument_default=argparse.SUPPRESS,
     )
-    inputs = made.add_argument_group("inputs")
+    inputs = made.add_argument_group(language.text("inputs"))
     for name, field in described["inputs"].items():
         _add_input(inputs, name, field)
-    results = made.add_argument_group("outputs")
+    results = made.add_argument_group(language.text("outputs"))
     for name, field in described["outputs"].items():
         if is_layer(field["schema"]):
             text = labelled(name, field["title"], field["description"])
             _add(results, name, metavar="PATH", help=text)
             _add_options(results, name, field)
     if between := described.get("between"):
-        kept = made.add_argument_group("results of steps")
+        kept = made.add_argument_group(language.text("results of steps"))
         for name, field in between.items():
             if is_layer(field["schema"]):
                 _add(kept, name, metavar="PATH", help=field["description"])
                 _add_options(kept, name, field)
-    _add_general(made.add_argument_group("how to run"), described.get("deliver", ()))
+    general = made.add_argument_group(language.text("how to run"))
+    _add_general(general, described.get("deliver", ()))
     return made
 
 
@@ -96,37 +98,65 @@ def _add(group: Any, name: str, *, help: str, **how: Any) -> None:
 
 def _add_general(group: Any, delivered: Iterable[Description]) -> None:
     group.add_argument(
-        "--assume-crs", "--assume_crs", metavar="CRS", help="CRS of files that state none, or local"
+        "--assume-crs",
+        "--assume_crs",
+        metavar="CRS",
+        help=language.text("CRS of files that state none, or local"),
     )
-    group.add_argument("--params", metavar="FILE", help="values as JSON or YAML; - is stdin")
-    group.add_argument("--overwrite", action="store_true", help="let outputs replace files")
-    group.add_argument("--picture", metavar="PNG", help="draw a plot of the resulting layers")
     group.add_argument(
-        "--page", metavar="FILE", help="write a report of all results: .html or .pdf"
+        "--params", metavar="FILE", help=language.text("values as JSON or YAML; - is stdin")
+    )
+    group.add_argument(
+        "--overwrite", action="store_true", help=language.text("let outputs replace files")
+    )
+    group.add_argument(
+        "--picture", metavar="PNG", help=language.text("draw a plot of the resulting layers")
+    )
+    group.add_argument(
+        "--page", metavar="FILE", help=language.text("write a report of all results: .html or .pdf")
     )
     if names := dict.fromkeys(one["file"] for one in delivered):
-        text = f"write the set that is handed over: {', '.join(names)}, README.txt"
+        text = language.text("write the set that is handed over:")
+        text += f" {', '.join(names)}, README.txt"
         group.add_argument("--deliver", metavar="FOLDER", help=text)
     _add_project(group)
     group.add_argument(
-        "--counts", metavar="TABLE", help="write how much each step read and gave, as a table"
+        "--counts",
+        metavar="TABLE",
+        help=language.text("write how much each step read and gave, as a table"),
     )
-    group.add_argument("--tile", metavar="METRES", help="work in tiles of this size, or auto")
-    group.add_argument("--workers", metavar="N", help="processes that work on tiles (all cores)")
-    group.add_argument("--memory", metavar="SIZE", help="that each of them may use, such as 4GB")
-    group.add_argument("--scheduler", metavar="URL", help="Dask scheduler to use instead of them")
     group.add_argument(
-        "--resume", action="store_true", help="take over steps, or tiles, of earlier runs"
+        "--tile", metavar="METRES", help=language.text("work in tiles of this size, or auto")
     )
-    group.add_argument("--json", action="store_true", help="print the result as JSON")
-    group.add_argument("--events", choices=["jsonl"], help="one JSON line per event, for programs")
+    group.add_argument(
+        "--workers", metavar="N", help=language.text("processes that work on tiles (all cores)")
+    )
+    group.add_argument(
+        "--memory", metavar="SIZE", help=language.text("that each of them may use, such as 4GB")
+    )
+    group.add_argument(
+        "--scheduler", metavar="URL", help=language.text("Dask scheduler to use instead of them")
+    )
+    group.add_argument(
+        "--resume",
+        action="store_true",
+        help=language.text("take over steps, or tiles, of earlier runs"),
+    )
+    group.add_argument(
+        "--json", action="store_true", help=language.text("print the result as JSON")
+    )
+    group.add_argument(
+        "--events", choices=["jsonl"], help=language.text("one JSON line per event, for programs")
+    )
     loudness = group.add_mutually_exclusive_group()
     loudness.add_argument(
         "--quiet",
         action="store_true",
-        help="print errors only, and what --json or --events ask for",
+        help=language.text("print errors only, and what --json or --events ask for"),
     )
-    loudness.add_argument("--verbose", action="store_true", help="print details and tracebacks")
+    loudness.add_argument(
+        "--verbose", action="store_true", help=language.text("print details and tracebacks")
+    )
 
 
 PROJECT = {  # what the head of a report says of a project, by option: placeholder and help
@@ -142,7 +172,7 @@ PROJECT = {  # what the head of a report says of a project, by option: placehold
 def _add_project(group: Any) -> None:
     for name, (placeholder, help) in PROJECT.items():
         how = {"action": "append"} if name == "field" else {}
-        group.add_argument(f"--{name}", metavar=placeholder, help=help, **how)
+        group.add_argument(f"--{name}", metavar=placeholder, help=language.text(help), **how)
 
 
 def of_project(general: Mapping[str, Any]) -> dict[str, Any]:
@@ -166,6 +196,8 @@ def read(described: Description, arguments: Iterable[str]) -> tuple[dict[str, An
         An option is repeated, or a word belongs to no option.
     """
     said = _joined(renamed.words(described["id"], arguments))
+    if HELP & set(said):
+        described = language.described(described)
     found, unknown = parser(described).parse_known_args(said)
     given = vars(found)
     whole = [n for n, value in given.items() if n in PROJECT or not isinstance(value, list)]

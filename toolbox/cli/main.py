@@ -17,10 +17,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from toolbox import __version__, catalog
+from toolbox import __version__, catalog, language
 from toolbox.cli import arguments, history, listing
 from toolbox.cli import models as model_cli
 from toolbox.cli import qgis as qgis_cli
+from toolbox.cli import serve as serve_cli
 from toolbox.cli.console import Console, Events, Unwritable, exit_code
 from toolbox.cli.stopping import stoppable
 from toolbox.errors import Cancelled, DataError, ParameterError
@@ -71,6 +72,7 @@ def _other(said: list[str]) -> int:
         "warm": _warm,
         "model": model_cli.run,
         "qgis": qgis_cli.run,
+        "serve": serve_cli.run,
     }
     verb = verbs[args.verb]
     console = Console(as_json=args.json)
@@ -90,18 +92,27 @@ def _parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"lidar-toolbox {__version__}")
     verbs = top.add_subparsers(dest="verb", required=True)
     help_of = {
-        "demo": "make a small survey, classify it, grid it, and say how good the result is",
-        "list": "show all tools, or those that speak of a word: list dtm",
-        "describe": "show what a tool takes and gives",
-        "run": "run a tool: run ID --name value ...",
-        "batch": "run a tool for each row: batch ID TABLE.csv [--result OUT.csv] --name value ...",
-        "model": "check, show or begin a model",
-        "qgis": "put the tools into QGIS, pack the plugin, or see whether all is well",
-        "info": "show what a file holds, or all files of a survey of points",
-        "history": "show the runs of this user",
-        "provenance": "show how a file was made",
-        "replay": "make a file again, and say whether it is the same",
-        "warm": "compile ahead, so that no later command waits for it: once after installing",
+        "demo": language.text(
+            "make a small survey, classify it, grid it, and say how good the result is"
+        ),
+        "list": language.text("show all tools, or those that speak of a word: list dtm"),
+        "describe": language.text("show what a tool takes and gives"),
+        "run": language.text("run a tool: run ID --name value ..."),
+        "batch": language.text(
+            "run a tool for each row: batch ID TABLE.csv [--result OUT.csv] --name value ..."
+        ),
+        "model": language.text("check, show or begin a model"),
+        "qgis": language.text(
+            "put the tools into QGIS, pack the plugin, or see whether all is well"
+        ),
+        "serve": language.text("offer the tools as an OGC API - Processes"),
+        "info": language.text("show what a file holds, or all files of a survey of points"),
+        "history": language.text("show the runs of this user"),
+        "provenance": language.text("show how a file was made"),
+        "replay": language.text("make a file again, and say whether it is the same"),
+        "warm": language.text(
+            "compile ahead, so that no later command waits for it: once after installing"
+        ),
     }
     made = {
         verb: verbs.add_parser(verb, help=text, description=text, allow_abbrev=False)
@@ -118,6 +129,7 @@ def _parser() -> argparse.ArgumentParser:
     made["replay"].add_argument("--inputs", help="folder of the inputs, if not beside the file")
     model_cli.declare(made["model"])
     qgis_cli.declare(made["qgis"])
+    serve_cli.declare(made["serve"])
     for verb in made.keys() - {"run", "batch", "demo", "model", "qgis"}:
         made[verb].add_argument("--json", action="store_true", help="print JSON")
     return top
@@ -128,6 +140,7 @@ def _list(args: argparse.Namespace, _: Console) -> None:
     if args.json:
         print(json_text(tools, indent=2))
     elif tools:
+        tools = [language.summary(tool) for tool in tools]
         print("\n".join(listing.lines(tools, listing.width_of(sys.stdout))))
     else:
         raise ParameterError("list", {"word": f"no tool speaks of {' '.join(args.word)!r}"})
@@ -138,7 +151,7 @@ def _describe(args: argparse.Namespace, _: Console) -> None:
     if args.json:
         print(json_text(described, indent=2))
     else:
-        arguments.parser(described).print_help()
+        arguments.parser(language.described(described)).print_help()
 
 
 def _info(args: argparse.Namespace, console: Console) -> None:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from toolbox import __version__, catalog
+from toolbox import __version__, catalog, language
 from toolbox.context import log
 from toolbox.data import Report, Table
 from toolbox.data.paths import READABLE, VPC
@@ -78,10 +78,10 @@ def tool(spec: Spec) -> dict[str, Any]:
     return {
         "id": spec.id,
         "algorithm": algorithm(spec.id),
-        "title": spec.title,
-        "group": spec.group,
+        "title": language.text(spec.title),
+        "group": language.text(spec.group),
         "group_id": algorithm(spec.id.partition(".")[0]),
-        "summary": f"{spec.summary or spec.title}.",
+        "summary": f"{language.text(spec.summary or spec.title)}.",
         "help": help_page(spec),
         "tags": _tags(spec),
         "inputs": _inputs(spec),
@@ -112,8 +112,8 @@ def _offered_of(f: Field, spec: Spec) -> dict[str, str]:
 
 def field(f: Field) -> dict[str, Any]:
     """The entry of one input or output: its widget, and the rules of its values."""
-    label = f.title
-    made: dict[str, Any] = {"name": f.name, "type": _type(f), "help": f.help}
+    label = language.text(f.title)
+    made: dict[str, Any] = {"name": f.name, "type": _type(f), "help": language.text(f.help)}
     if f.unit and f.unit != "1" and made["type"] != "length":
         label += f" [{f.unit}]"
     made |= {"label": label, "many": f.many}
@@ -128,7 +128,7 @@ def field(f: Field) -> dict[str, Any]:
     made |= {"required": f.required, "nullable": f.optional, "rule": f.rule(), **f.limits}
     if f.kind is CHOICE:
         made["choices"] = [str(choice) for choice in f.choices]
-        made["words"] = [f.choice_title(choice) for choice in f.choices]
+        made["words"] = [language.text(f.choice_title(choice)) for choice in f.choices]
     if f.role == "param" and not f.required and f.default is not None:
         made["default"] = _default(f)
     return made

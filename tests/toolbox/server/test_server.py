@@ -1,0 +1,149 @@
+"""The server as a client that we did not write meets it (OWSLib), and when it is killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import requests
+from owslib.ogcapi.processes import Processes
+from pyproj import CRS
+
+from toolbox import catalog
+from toolbox.data import PointCloud
+
+pytestmark = pytest.mark.slow
+SLOW = {"kind": "town", "size": 400, "density": 20}  # a scene that takes long enough to be stopped
+
+
+class Server:
+    """A server process that can be killed and started again."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        self.url = f"http://127.0.0.1:{self.port}"
+
+    def start(self, *more: str) -> None:
+        where = ["--data", str(self.folder / "data"), "--state", str(self.folder / "state")]
+        argv = [sys.executable, "-m", "toolbox", "serve", *where, "--port", str(self.port), *more]
+        self.process = subprocess.Popen(argv, stdout=subprocess.DEVNULL)
+        for _ in range(600):
+            try:
+                requests.get(f"{self.url}/conformance?f=json", timeout=5)
+            except requests.ConnectionError:
+                time.sleep(0.1)
+            else:
+                return
+        raise TimeoutError
+
+    def kill(self) -> None:
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+
+    def execute(self, tool: str, inputs: dict[str, Any], *, wait: bool = True) -> requests.Response:
+        headers = {} if wait else {"Prefer": "respond-async"}
+        url = f"{self.url}/processes/{tool}/execution"
+        return requests.post(url, json={"inputs": inputs}, headers=headers, timeout=300)
+
+    def job(self, place: str) -> dict[str, Any]:
+        return dict(requests.get(f"{place}?f=json", timeout=30).json())
+
+    def until(self, place: str, found: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        for _ in range(1200):
+            if found(job := self.job(place)):
+                return job
+            time.sleep(0.1)
+        raise TimeoutError(job)
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Server]:
+    (tmp_path / "data").mkdir()
+    columns = {"classification": np.array([2, 5, 2], np.uint8)}
+    PointCloud(np.zeros((3, 3)), columns, crs=CRS(32635)).save(tmp_path / "data" / "a.laz")
+    made = Server(tmp_path)
+    made.start()
+    yield made
+    made.kill()
+
+
+def is_over(job: dict[str, Any]) -> bool:
+    return job["status"] not in ("accepted", "running")
+
+
+def test_owslib_lists_describes_and_runs(server: Server, tmp_path: Path) -> None:
+    client = Processes(server.url)
+    assert [tool["id"] for tool in client.processes()] == catalog.own_ids()
+    described = client.process("points.filter")
+    assert described["inputs"] == catalog.describe("points.filter")["inputs"]
+    assert "async-execute" in described["jobControlOptions"]
+    result = client.execute("points.filter", {"points": {"href": "a.laz"}, "classes": "2"})
+    (tmp_path / "kept.laz").write_bytes(requests.get(result["kept"]["href"], timeout=30).content)
+    assert len(PointCloud.open(tmp_path / "kept.laz")) == 2
+    assert result["removed_share"] == pytest.approx(1 / 3)
+
+
+def test_jobs_in_the_background_and_chains(server: Server) -> None:
+    reply = server.execute("points.filter", {"points": {"href": "a.laz"}}, wait=False)
+    assert reply.status_code == 201
+    place = reply.headers["Location"]
+    job = server.until(place, is_over)
+    assert (job["status"], job["progress"]) == ("successful", 100)
+    kept = requests.get(f"{place}/results?f=json", timeout=30).json()["kept"]
+    again = server.execute("points.filter", {"points": kept, "classes": "5"})
+    assert again.json()["removed_share"] == pytest.approx(2 / 3)
+    assert requests.delete(place, timeout=30).status_code == 200  # over: forgotten
+    assert requests.get(place, timeout=30).status_code == 404
+    assert requests.get(kept["href"], timeout=30).status_code == 404
+
+
+def test_wrong_requests_are_refused_in_words(server: Server) -> None:
+    reply = server.execute("points.filter", {"points": {"href": "../a.laz"}})
+    assert reply.status_code == 400
+    assert "is no file of the data" in reply.json()["description"]
+    reply = server.execute("surface.grid", {"points": {"href": "a.laz"}, "cell": -1})
+    assert reply.status_code == 400
+    assert "cell: must be > 0 m, got -1" in reply.json()["description"]
+
+
+def test_a_job_that_runs_can_be_dismissed(server: Server) -> None:
+    place = server.execute("samples.scene", SLOW, wait=False).headers["Location"]
+    server.until(place, lambda job: job["status"] == "running")
+    assert requests.delete(place, timeout=30).json()["status"] == "dismissed"
+    assert server.job(place)["status"] == "dismissed"
+    id = place.rpartition("/")[2]
+    assert not list((server.folder / "state" / "jobs" / id).glob("*.laz"))
+
+
+def test_nothing_is_lost_when_the_server_is_killed(server: Server) -> None:
+    inputs = {"points": {"href": "a.laz"}}
+    jobs = [server.execute("points.filter", inputs, wait=False) for _ in range(8)]
+    places = [job.headers["Location"] for job in jobs]
+    server.until(places[0], lambda job: job["status"] != "accepted")
+    server.kill()
+    server.start()
+    ended = [server.until(place, is_over) for place in places]
+    assert [(job["status"], job["message"]) for job in ended] == 8 * [("successful", "done")]
+
+
+def test_limits_of_time_and_jobs(server: Server) -> None:
+    server.kill()
+    server.start("--seconds", "1", "--waiting", "2")
+    first, second = (server.execute("samples.scene", SLOW, wait=False) for _ in range(2))
+    assert server.execute("samples.scene", SLOW, wait=False).status_code == 503
+    for reply in (first, second):
+        job = server.until(reply.headers["Location"], is_over)
+        assert (job["status"], job["message"]) == ("failed", "stopped after 1 s")
+    assert os.listdir(server.folder / "state" / "jobs") == ["jobs.sqlite"]

@@ -1,0 +1,101 @@
+"""Texts in other languages: which is chosen, what is translated, and that catalogues are whole."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import polib
+import pytest
+
+from toolbox import catalog, language, translations
+from toolbox.cli.main import main
+from toolbox.labels import LONGEST_TITLE
+
+LANGUAGES = sorted(path.name for path in language.FOLDER.iterdir())
+CATALOGUES = [(code, name) for code in LANGUAGES for name in ("tools.po", "messages.po")]
+
+
+def read(code: str, name: str) -> polib.POFile:
+    return polib.pofile(str(language.FOLDER / code / name), encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("variables", "code"),
+    [
+        ({}, "en"),
+        ({"TOOLBOX_LANG": "tr"}, "tr"),
+        ({"TOOLBOX_LANG": "en", "LANG": "tr_TR.UTF-8"}, "en"),
+        ({"LANG": "tr_TR.UTF-8"}, "tr"),
+        ({"LC_ALL": "C", "LANG": "tr_TR.UTF-8"}, "en"),
+        ({"TOOLBOX_LANG": "xx"}, "en"),
+        ({"TOOLBOX_LANG": "../translations/tr"}, "en"),
+    ],
+)
+def test_the_language_is_that_of_the_user(
+    variables: dict[str, str], code: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in language.VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    assert language.chosen() == code
+
+
+def test_help_and_list_are_translated_and_json_is_not(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("TOOLBOX_LANG", "tr")
+    assert main(["describe", "surface.grid"]) == 0
+    said = capsys.readouterr().out
+    assert "Noktaları raster olarak gridle" in said
+    assert "--cell NUMBER" in said
+    assert "girdiler:" in said
+    assert main(["list"]) == 0
+    assert "surface.grid" in (listed := capsys.readouterr().out)
+    assert "Noktalardan, hücre" in listed
+    assert main(["describe", "surface.grid", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == catalog.describe("surface.grid")
+
+
+@pytest.mark.parametrize(("code", "name"), CATALOGUES)
+def test_translations_hold_the_names_of_their_texts(code: str, name: str) -> None:
+    wrong = {e.msgid: translations.wrong(e) for e in read(code, name).translated_entries()}
+    assert not {text: names for text, names in wrong.items() if names}
+
+
+def test_names_that_a_translation_must_hold() -> None:
+    entry = polib.POEntry(msgid="Take `cell` of {name}, see --tile", msgstr="`cel` {name} --tile")
+    assert translations.wrong(entry) == {"`cell`", "`cel`"}
+
+
+@pytest.mark.parametrize("code", LANGUAGES)
+def test_all_messages_are_translated(code: str) -> None:
+    texts = translations.of_code()
+    said = {entry.msgid for entry in read(code, "messages.po").translated_entries()}
+    assert said == set(texts)
+
+
+@pytest.mark.parametrize("code", LANGUAGES)
+def test_titles_of_tools_have_room_in_dialogs(code: str) -> None:
+    said = language.catalogue(code)
+    titles = [catalog.describe(id)["title"] for id in catalog.own_ids()]
+    longest = LONGEST_TITLE + 10  # most languages need more letters
+    assert not [title for title in titles if len(said.get(title, "")) > longest]
+
+
+def test_an_update_keeps_what_is_translated_and_retires_what_is_gone(tmp_path: Path) -> None:
+    path = tmp_path / "tools.po"
+    old = translations.update(path, ["Points", "Gone"], "tr")
+    for entry in old:
+        entry.msgstr = {"Points": "Noktalar", "Gone": "Giden"}[entry.msgid]
+    old.save(str(path))
+    made = translations.update(path, ["Points", "New"], "tr")
+    assert [(e.msgid, e.msgstr, bool(e.obsolete)) for e in made] == [
+        ("Points", "Noktalar", False),
+        ("New", "", False),
+        ("Gone", "Giden", True),
+    ]
+    made.save(str(path))
+    again = translations.update(path, ["Gone"], "tr")
+    assert again.find("Gone").msgstr == "Giden"

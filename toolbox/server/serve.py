@@ -1,0 +1,129 @@
+"""Starts the server: pygeoapi with a configuration made of the catalogue, behind waitress."""
+
+from __future__ import annotations
+
+import importlib
+import ipaddress
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from toolbox import __version__, catalog
+from toolbox.errors import DataError, ParameterError
+from toolbox.server.jobs import Limits
+
+BODY = 1 << 20  # bytes of a request: layers come by reference
+THREADS = 32  # each request that waits for its job holds one
+
+
+def check(host: str, data: Path, *, exposed: bool) -> None:
+    """Refuse what would open the server to others, or serve no folder.
+
+    Raises
+    ------
+    ParameterError
+        The address is not of this computer alone, and nobody has said that this is known.
+    """
+    problems = {}
+    try:
+        local = host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        local = False
+    if not local and not exposed:
+        problems["host"] = (
+            f"{host} may be reached by others, and the server asks nobody who they are; put a "
+            "proxy that does in front, and say --behind-authentication"
+        )
+    if not data.is_dir():
+        problems["data"] = f"must be a folder, got {data}"
+    if problems:
+        raise ParameterError("serve", problems)
+
+
+def configuration(data: Path, jobs: Path, url: str, limits: Limits) -> dict[str, Any]:
+    """The configuration of pygeoapi."""
+    processor = "toolbox.server.manager.ToolProcessor"
+    return {
+        "server": {
+            "bind": {"host": "127.0.0.1", "port": 0},  # waitress binds
+            "url": url,
+            "mimetype": "application/json; charset=UTF-8",
+            "encoding": "utf-8",
+            "languages": ["en-US"],
+            "pretty_print": True,
+            "limits": {"default_items": 1000, "max_items": 1000},
+            "map": {"url": "", "attribution": ""},
+            "manager": {
+                "name": "toolbox.server.manager.JobManager",
+                "url": url,
+                "data": str(data),
+                "jobs": str(jobs),
+                "limits": vars(limits),
+            },
+        },
+        "logging": {"level": "ERROR"},
+        "metadata": {
+            "identification": {
+                "title": "LiDAR toolbox",
+                "description": "Geoprocessing tools for LiDAR",
+                "keywords": ["lidar"],
+                "terms_of_service": "",
+                "url": url,
+            },
+            "license": {"name": "MIT", "url": "https://opensource.org/license/mit"},
+            "provider": {"name": "LiDAR toolbox", "url": url},
+            "contact": {"name": "", "email": ""},
+        },
+        "resources": {
+            id: {"type": "process", "processor": {"name": processor, "tool": id}}
+            for id in catalog.own_ids()
+        },
+    }
+
+
+def application(data: Path, state: Path, url: str, limits: Limits) -> Any:
+    """The application of pygeoapi for our tools, with the files of results.
+
+    Raises
+    ------
+    DataError
+        The extra is not installed.
+    """
+    state.mkdir(parents=True, exist_ok=True, mode=0o700)
+    says = configuration(data, state / "jobs", url, limits)
+    paths = {"PYGEOAPI_CONFIG": "pygeoapi.json", "PYGEOAPI_OPENAPI": "openapi.json"}
+    os.environ.update({name: str(state / file) for name, file in paths.items()})
+    (state / "pygeoapi.json").write_text(json.dumps(says), encoding="utf-8")  # JSON is YAML
+    try:
+        openapi = importlib.import_module("pygeoapi.openapi")
+        flask = importlib.import_module("flask")
+    except ImportError as err:
+        raise DataError(f"{err}; pip install 'lidar-toolbox[server]'") from None
+    (state / "openapi.json").write_text(
+        json.dumps(openapi.get_oas(says), default=str), encoding="utf-8"
+    )
+    front = importlib.import_module("pygeoapi.flask_app")
+    app, manager = front.APP, front.api_.manager
+
+    def file(id: str, name: str) -> Any:
+        path = manager.file_of(id, name)
+        return flask.send_file(path) if path else ("no such file", 404)
+
+    app.add_url_rule("/files/<id>/<name>", "files", file)
+    return app
+
+
+def serve(data: Path, state: Path, host: str, port: int, limits: Limits) -> None:
+    """Serve until the process is ended."""
+    url = f"http://{host}:{port}"
+    app = application(data, state, url, limits)
+    waitress = importlib.import_module("waitress")
+    waitress.serve(
+        app,
+        host=host,
+        port=port,
+        threads=THREADS,
+        max_request_body_size=BODY,
+        ident=f"lidar-toolbox {__version__}",
+    )

@@ -46,7 +46,7 @@ def descriptors(metadata: LasMetadata) -> tuple[WaveformDescriptor, ...]:
         whole = len(record.data) >= _DESCRIPTOR.size
         if user == "LASF_Spec" and _FIRST < number <= _FIRST + 255 and whole:
             bits, compression, *rest = _DESCRIPTOR.unpack_from(record.data)
-            found.append(WaveformDescriptor(number - _FIRST, bits, compression, *rest))
+            found.append(WaveformDescriptor(number - _FIRST, compression, bits, *rest))
     return tuple(sorted(found, key=lambda one: one.number))
 
 

@@ -129,7 +129,7 @@ def _layers(spec: Spec, found: Mapping[str, Any]) -> dict[str, Layer]:
 
 def _of_layer(declared: Field, layer: Layer) -> Iterator[Section]:
     """The sections that list what is in a layer, whose rows are found on the map."""
-    title = words.title_of(declared.name)
+    title = _titled(declared)
     columns = words.columns_in(declared.columns, layer)
     for section in layer.page_sections(title, declared.help, columns):
         blocks: list[Block] = [
@@ -141,12 +141,17 @@ def _of_layer(declared: Field, layer: Layer) -> Iterator[Section]:
         yield Section(section.title, blocks, section.folded)
 
 
+def _titled(declared: Field) -> str:
+    """The heading of a result: its label, else its name in words."""
+    return declared.label or words.title_of(declared.name)
+
+
 def _pictures(found: Mapping[str, Any], spec: Spec) -> list[Section]:
     """A picture of what cannot be put on a map."""
     layers = {n: s for n, s in drawable(found, spec.results).items() if not isinstance(s[0], Table)}
     if not layers:
         return []
-    names = ", ".join(words.title_of(name) for name in layers)
+    names = ", ".join(_titled(spec.results[name]) for name in layers)
     return [Section("Picture", [Figure(png(layers), names)])]
 
 
@@ -154,7 +159,7 @@ def _charts(found: Mapping[str, Any], spec: Spec) -> list[Section]:
     """The tables that are shown as charts."""
     charts = {n: s for n, s in drawable(found, spec.results).items() if isinstance(s[0], Table)}
     return [
-        Section(f"Chart: {words.title_of(name).lower()}", [Figure(png({name: shown}), help)])
+        Section(f"Chart: {_titled(spec.results[name])}", [Figure(png({name: shown}), help)])
         for name, shown in charts.items()
         for help in [spec.results[name].help if name in spec.results else name]
     ]

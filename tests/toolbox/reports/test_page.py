@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 import toolbox
+from toolbox import catalog
 from toolbox.cli.replay import replay
 from toolbox.data import PointCloud, Table
 from toolbox.data.crs import parse_crs
+from toolbox.reports.page import page
 from toolbox.tiles.tiling import Tiling
 
 
@@ -31,7 +33,7 @@ def test_page_of_numbers_and_tables(points: Path) -> None:
     assert written["page"] == place
     text = place.read_text()
     assert 'Agreement beyond chance (Cohen)</td><td class="short">1</td>' in text
-    assert "<h2>Confusion</h2>" in text
+    assert "<h2>Confusion matrix</h2>" in text
     assert "points: a.laz" in text
     assert replay(place) == []
 
@@ -66,3 +68,16 @@ def test_counts_of_all_steps(points: Path) -> None:
     made = Table.open(tiled).frame
     assert made["step"].unique().tolist() == ["ground", "top", "bottom"]  # those that lead to it
     assert made.merge(rows, how="left", indicator=True)["_merge"].eq("both").all()
+
+
+def test_labels_are_headings_of_results() -> None:
+    spec = catalog.load("shoreline.storage_curve")
+    curve = Table.from_rows(
+        [
+            {"level": float(k), "unit": "metre", "level_m": float(k), "area_m2": k * 1e3}
+            for k in range(4)
+        ]
+    )
+    titles = [section.title for section in page(spec, {"curve": curve}, None).sections]
+    assert "Storage curve" in titles
+    assert "Curve" not in titles

@@ -482,7 +482,6 @@ class Lines:
     much_more: float = tried(
         1.1, "1", "times the length of wires, for which a larger tolerance is taken"
     )
-    fewest_points: int = unlikely(30, "points", "fewer lie in arcs by chance in a wood")
     fewest_carriers: int = unlikely(3, "bodies", "below the wires of a ropeway")
     carriers_per_wire: float = built(0.5, "bodies", "below each wire of a ropeway")
 

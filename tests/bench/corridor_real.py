@@ -45,19 +45,25 @@ TOWN_UNSURE = (
 )
 ON_AXIS = 1.0  # m in plan from an axis, of a wire that is one of those drawn
 STEP = 0.5  # m along axes and wires between places that are compared
+LEFT_OUT = 0.01  # of the points, of each draw
 AT_END = 3.0  # m in plan from a place where axes end or meet, of a pole
 
 
 def corridor_real(*options: str) -> None:
     """Extraction from real corridors.
 
-    Options: --data 12AN2_20,12BZ1_21,hills,town (all)
+    Options: --data 12AN2_20,12BZ1_21,hills,town (all) --draws 0 (town, a hundredth left out)
     """
     parser = argparse.ArgumentParser("corridor_real", allow_abbrev=False)
     parser.add_argument("--data", default="12AN2_20,12BZ1_21,hills,town", help="names (all)")
+    parser.add_argument("--draws", type=int, default=0, help="of the town, points left out (0)")
+    chosen = parser.parse_args(options)
     logging.getLogger("toolbox").setLevel(logging.ERROR)
-    for name in parser.parse_args(options).data.split(","):
-        {"hills": _hills, "town": _town}.get(name, _tile)(name)
+    for name in chosen.data.split(","):
+        if name == "town":
+            _town(name, chosen.draws)
+        else:
+            {"hills": _hills}.get(name, _tile)(name)
 
 
 def _tile(name: str) -> None:
@@ -99,30 +105,61 @@ def _said(name: str, cloud: Any, truth: NDArray[np.uint8], feet: NDArray[np.floa
     )
 
 
-def _town(name: str) -> None:
-    """Wires of a town, by length along the axes drawn: their points are not told apart."""
+def _town(name: str, draws: int) -> None:
+    """Wires of a town, by length along the axes drawn: their points are not told apart.
+
+    What a single run finds depends on single points, so the means of draws say more: each with a
+    hundredth of the points left out at random.
+    """
     from toolbox.data import PointCloud
 
-    found, seconds = _extracted(PointCloud.open(DATA / "line_williams_town/west.laz"))
+    cloud = PointCloud.open(DATA / "line_williams_town/west.laz")
     axes = {key: shapely.LineString(np.add(xy, TOWN_ORIGIN)) for key, xy in TOWN_AXES.items()}
+    rows = []
+    for seed in range(draws):
+        kept = np.random.default_rng(seed).random(len(cloud)) >= LEFT_OUT
+        rows.append(_town_run(f"{name} {seed}", cloud.select(kept), axes, False))
+    if draws:
+        found, right, poles, good = np.mean(rows, axis=0)
+        least, draw = np.min(rows, axis=0), np.argmin(rows, axis=0)
+        say(
+            f"corridor_real {name:9} mean of {draws} draws: found {found:.1f} %, "
+            f"right {right:.1f} % (least {least[0]:.1f} % in draw {draw[0]}, "
+            f"{least[1]:.1f} % in draw {draw[1]})  poles {poles:.1f}, "
+            f"where lines bend or end {good:.1f}"
+        )
+    else:
+        _town_run(name, cloud, axes, True)
+
+
+def _town_run(
+    name: str, cloud: Any, axes: dict[str, Any], each: bool
+) -> tuple[float, float, int, int]:
+    """Say what of the axes is found; per cent found, per cent right, poles, those at ends."""
+    found, seconds = _extracted(cloud)
     wires = [shapely.force_2d(line) for line in found.wires.frame.geometry]
     shares = {key: share_within(axis, wires) for key, axis in axes.items()}
     length = sum(axis.length for axis in axes.values())
-    seen = sum(shares[key] * axis.length for key, axis in axes.items())
+    seen = 100 * sum(shares[key] * axis.length for key, axis in axes.items()) / length
     unsure = [shapely.LineString(np.add(xy, TOWN_ORIGIN)) for xy in TOWN_UNSURE]
     on_axis = sum(share_within(wire, list(axes.values())) * wire.length for wire in wires)
     either = sum(share_within(wire, [*axes.values(), *unsure]) * wire.length for wire in wires)
     claimed = on_axis + sum(wire.length for wire in wires) - either
+    right = 100 * on_axis / max(claimed, 1e-9)
     ends = shapely.MultiPoint(np.vstack([axis.coords for axis in axes.values()]))
     poles = [point.distance(ends) < AT_END for point in found.towers.frame.geometry]
     say(
-        f"corridor_real {name:9} of {length:.0f} m of line found {100 * seen / length:.1f} %, "
-        f"of {claimed:.0f} m found {100 * on_axis / max(claimed, 1e-9):.1f} % are line  "
+        f"corridor_real {name:9} of {length:.0f} m of line found {seen:.1f} %, "
+        f"of {claimed:.0f} m found {right:.1f} % are line  "
         f"poles {len(poles)}, where lines bend or end {sum(poles)}  spans {found.span_count}, "
         f"wires {len(found.wires)}  {seconds:.1f} CPU s / M points"
     )
     for key, share in shares.items():
-        say(f"corridor_real {name:9}   {key:26} {axes[key].length:4.0f} m  {100 * share:3.0f} %")
+        if each:
+            say(
+                f"corridor_real {name:9}   {key:26} {axes[key].length:4.0f} m  {100 * share:3.0f} %"
+            )
+    return seen, right, len(poles), sum(poles)
 
 
 def share_within(line: Any, others: list[Any]) -> float:

@@ -199,7 +199,9 @@ def isolated(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:
         taken[corridor.wires.order[piece.points]] = True
     found = []
     for piece in pieces:
-        on_it, beside = by_step(corridor, piece.curve, taken, SETTINGS.tracks.hole)
+        on_it, beside = by_step(
+            corridor, piece.curve, taken, SETTINGS.tracks.hole, corridor.tolerance
+        )
         clear = np.mean((on_it > 0) & (beside == 0)) > SETTINGS.curves.isolated_share
         sure = piece.sure or (bool(clear) and len(piece.points) >= SETTINGS.curves.isolated_points)
         found.append(replace(piece, sure=sure))
@@ -207,12 +209,11 @@ def isolated(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:
 
 
 def by_step(
-    corridor: Corridor, curve: Catenary, taken: NDArray[np.bool_], step: float
+    corridor: Corridor, curve: Catenary, taken: NDArray[np.bool_], step: float, tolerance: float
 ) -> tuple[Ints, Ints]:
     """Number of points on a curve per step along it, and of others around it that are not taken."""
     own, around = (
-        corridor.air.around(curve, r)[0]
-        for r in (corridor.tolerance, SETTINGS.curves.clutter_radius)
+        corridor.air.around(curve, r)[0] for r in (tolerance, SETTINGS.curves.clutter_radius)
     )
     beside = np.setdiff1d(around[~taken[around]], own, assume_unique=True)
     bins = max(1, round(curve.length / step))
@@ -296,7 +297,9 @@ def alone(corridor: Corridor, curve: Catenary, taken: NDArray[np.bool_]) -> floa
 
     Twigs that happen to lie along an arc have others around them everywhere.
     """
-    on_it, beside = by_step(corridor, curve, taken, SETTINGS.curves.clutter_step)
+    on_it, beside = by_step(
+        corridor, curve, taken, SETTINGS.curves.clutter_step, corridor.tolerance
+    )
     return float(np.mean((on_it > beside)[on_it + beside > 0] if on_it.any() else 0.0))
 
 

@@ -12,6 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from algorithms.corridor._curves.arcs import arcs_of
+from algorithms.corridor._curves.chance import chance, is_no_accident
 from algorithms.corridor._curves.lanes import followed_together
 from algorithms.corridor._curves.network import (
     Corridor,
@@ -139,18 +140,14 @@ class Line:
         return sum(wire.seen_length for wire in self.wires)
 
     def is_no_accident(self, corridor: Corridor) -> bool:
-        """Whether it is too much, or too long or thin, for points that happen to lie so."""
+        """Whether points that happen to lie so would not look like it."""
         own = self.points(corridor)
         if 2 * np.count_nonzero(corridor.proven[own]) > len(own):
             return True
-        points = sum(wire.curve.count for wire in self.wires)
-        long = max(wire.seen_length for wire in self.wires) >= SETTINGS.curves.sure_length
-        thin = (
-            min(wire.curve.rms for wire in self.wires)
-            < SETTINGS.curves.roughest * SETTINGS.lines.tolerances[0]
-        )
-        return points >= SETTINGS.lines.fewest_points and (
-            long or (thin and self.length >= 2 * SETTINGS.trace.seed_reach)
+        taken = corridor.on(wire.curve for wire in self.wires)
+        return is_no_accident(
+            corridor,
+            sum(chance(corridor, wire.curve, wire.tolerance, taken) for wire in self.wires),
         )
 
     def is_structure(self, corridor: Corridor) -> bool:
@@ -187,8 +184,11 @@ def lines_of(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Line]:
 
 
 def better(corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]) -> list[Line]:
-    """Of lines at a smaller and a larger tolerance, the larger where it finds much more."""
-    found = list(narrow)
+    """Of lines at a smaller and a larger tolerance, the larger where it finds much more.
+
+    Wires that only the other one finds are lines of their own.
+    """
+    found, spare = list(narrow), []
     taken = [line.points(corridor) for line in narrow]
     for line in wide:
         points = line.points(corridor)
@@ -200,7 +200,22 @@ def better(corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]) -> 
         if line.length > SETTINGS.lines.much_more * sum(narrow[k].length for k in same):
             found = [one for one in found if not any(one is narrow[k] for k in same)]
             found.append(line)
+            spare += [narrow[k] for k in same]
+        else:
+            spare.append(line)
+    for line in spare:
+        found += rest_of(corridor, line, found)
     return found
+
+
+def rest_of(corridor: Corridor, line: Line, found: Sequence[Line]) -> list[Line]:
+    """What remains of a line without the wires that mostly lie on those of lines found."""
+    taken = corridor.on(wire.curve for one in found for wire in one.wires)
+    own = [(wire, taken[on_wire(corridor, wire)[0]]) for wire in line.wires]
+    left = [wire for wire, on_others in own if 2 * np.count_nonzero(on_others) <= len(on_others)]
+    if not left:
+        return []
+    return [one for one in lines_of(left, line.supports) if one.is_no_accident(corridor)]
 
 
 def together(lines: Sequence[Line]) -> tuple[list[Wire], list[Support]]:

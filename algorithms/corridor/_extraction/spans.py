@@ -19,10 +19,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from algorithms.corridor._curves.catenary import Catenary, fit
+from algorithms.corridor._curves.chance import chance, is_no_accident
 from algorithms.corridor._curves.network import (
     Corridor,
     Piece,
-    alone,
     apart,
     heading,
     roofed,
@@ -99,7 +99,7 @@ def spans_of(
     parted = [conductors_of(corridor, wires) for wires in without_doubles(corridor, spans)]
     found: list[Wire] = []
     bundle = 0
-    for span, conductors in enumerate(upheld(parted, corridor.tolerance), start=1):
+    for span, conductors in enumerate(upheld(corridor, parted), start=1):
         found += [
             replace(to_supports(wire, supports), span=span, bundle=bundle + k)
             for wire, k in conductors
@@ -114,15 +114,16 @@ def conductors_of(corridor: Corridor, wires: Sequence[Wire]) -> list[tuple[Wire,
 
 
 def upheld(
-    spans: Sequence[list[tuple[Wire, int]]], tolerance: float
+    corridor: Corridor, spans: Sequence[list[tuple[Wire, int]]]
 ) -> list[list[tuple[Wire, int]]]:
     """The spans that surely are of wires, and those that go on behind a support of one of these.
 
     A short span may have too few points to tell that its wires sag; between others it is known.
     """
     wires = [[wire for wire, _ in conductors] for conductors in spans]
-    kept = {k for k, own in enumerate(wires) if are_wires(own, tolerance)}
-    may = {k for k, own in enumerate(wires) if may_be_wires(own, tolerance)} - kept
+    taken = corridor.on(wire.curve for own in wires for wire in own)
+    kept = {k for k, own in enumerate(wires) if are_wires(corridor, own, taken)}
+    may = {k for k, own in enumerate(wires) if may_be_wires(own, corridor.tolerance)} - kept
     while fresh := {k for k in may if any(meet(wires[k], wires[j]) for j in kept)}:
         kept |= fresh
         may -= fresh
@@ -152,18 +153,21 @@ def without_doubles(corridor: Corridor, spans: Sequence[Sequence[Wire]]) -> list
     return [kept[k] for k in range(len(spans))]
 
 
-def are_wires(wires: Sequence[Wire], tolerance: float) -> bool:
+def are_wires(corridor: Corridor, wires: Sequence[Wire], taken: NDArray[np.bool_]) -> bool:
     """Whether the curves of a span surely sag and are thin, as wires are.
 
-    Curves without a support at both ends must be thinner, and known by themselves.
+    Curves without a support at both ends must be known by themselves, and be no accident.
     """
-    if not may_be_wires(wires, tolerance):
+    if not may_be_wires(wires, corridor.tolerance):
         return False
     mean, sigma = usual_curvature(wires)
-    thin = min(wire.curve.rms for wire in wires) < SETTINGS.arcs.smooth * tolerance
-    held = any(min(wire.supports) >= 0 for wire in wires)
-    alone = any(wire.sure for wire in wires)
-    return mean > SETTINGS.curves.certain_sigmas * sigma and (held or (thin and alone))
+    if mean <= SETTINGS.curves.certain_sigmas * sigma:
+        return False
+    if any(min(wire.supports) >= 0 for wire in wires):
+        return True
+    return any(wire.sure for wire in wires) and is_no_accident(
+        corridor, sum(chance(corridor, wire.curve, wire.tolerance, taken) for wire in wires)
+    )
 
 
 def may_be_wires(wires: Sequence[Wire], tolerance: float) -> bool:
@@ -435,7 +439,7 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
 def stands_alone(corridor: Corridor, wire: Wire, taken: NDArray[np.bool_]) -> bool:
     """Whether there is little around a wire but what is taken, and it is no edge of a roof."""
     return (
-        alone(corridor, wire.curve, taken) >= SETTINGS.curves.alone_share
+        chance(corridor, wire.curve, wire.tolerance, taken) < math.log(SETTINGS.sparse.false_alarms)
         and roofed(corridor, wire.curve) < SETTINGS.roofs.share
     )
 

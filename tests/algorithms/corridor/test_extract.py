@@ -701,7 +701,29 @@ def test_a_span_too_short_to_tell_that_it_sags_is_one_where_others_hold_it() -> 
     few = wire((60, 0, 9), (80, 0, 9), 2000, per_metre=0.5)[1]
     beside, away = span((1, 2), few), span((3, 4), few)
     straight = span((1, 5), bar((60, 0, 9), (120, 0, 9), 8, 0.02))
-    assert upheld([sure, beside, away, straight], 0.25) == [sure, beside]
+    air = Airborne.of(np.vstack([wire((0, 0, 9), (60, 0, 9), 400)[1], few]))
+    corridor = in_free_air(air)
+    assert upheld(corridor, [sure, beside, away, straight]) == [sure, beside]
+
+
+def in_free_air(air: Airborne) -> Corridor:
+    """Points that all may be wire, 8 m above the ground."""
+    count = len(air.xyz)
+    return Corridor(
+        air, np.full(count, 8.0), np.ones(count, bool), 0.25, lambda x, y: 0.0, lambda x, y: True
+    )
+
+
+@pytest.mark.parametrize("leaves", [0, 6000])
+def test_a_wire_that_no_support_is_seen_to_hold_is_one_if_it_is_no_accident(leaves: int) -> None:
+    """As thin or thick as it may be: its points scatter by 0.15 m."""
+    _, points = wire((0, 0, 9), (30, 0, 9), 100, per_metre=1, noise=0.15)
+    hedge = np.random.default_rng(3).uniform((0, -3, 5), (30, 3, 11), (leaves, 3))
+    corridor = in_free_air(Airborne.of(np.vstack([points, hedge])))
+    made = fit(points, spread=1.0)
+    assert made is not None
+    one = [(Wire(made, (-1, -1), (0.0, made.length), 0.25), 0)]
+    assert bool(upheld(corridor, [one])) == (leaves == 0)
 
 
 @pytest.mark.parametrize("leaves", [0, 2000])
@@ -710,11 +732,7 @@ def test_a_wire_found_beside_others_stands_alone(leaves: int) -> None:
     curve, points = wire((0, 0, 9), (60, 0, 9), 400, per_metre=0.5)
     rng = np.random.default_rng(3)
     hedge = rng.uniform((0, -3, 5), (60, 3, 11), (leaves, 3))
-    air = Airborne.of(np.vstack([points, hedge]))
-    count = len(air.xyz)
-    corridor = Corridor(
-        air, np.full(count, 8.0), np.ones(count, bool), 0.25, lambda x, y: 0.0, lambda x, y: True
-    )
+    corridor = in_free_air(Airborne.of(np.vstack([points, hedge])))
     one = Wire(curve, (-1, -1), (0.0, 60.0), 0.25)
     assert stands_alone(corridor, one, corridor.on([curve])) == (leaves == 0)
 

@@ -1,0 +1,52 @@
+"""How likely points lie along a curve by chance, by how many are around it.
+
+References
+----------
+Chernoff, H. (1952). A measure of asymptotic efficiency for tests of a hypothesis based on the sum
+of observations. Annals of Mathematical Statistics 23(4), 493-507: the bound.
+Desolneux, A., Moisan, L. and Morel, J.-M. (2000). Meaningful alignments. International Journal of
+Computer Vision 40(1), 7-23: the number of false alarms.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.corridor._curves.catenary import Catenary
+from algorithms.corridor._curves.network import Corridor, by_step
+from algorithms.corridor._settings import SETTINGS
+
+EXPONENTS = np.linspace(0.05, 0.95, 19)  # of Chernoff's bound, of which the best is taken
+
+
+def chance(
+    corridor: Corridor, curve: Catenary, tolerance: float, taken: NDArray[np.bool_]
+) -> float:
+    """Logarithm of the probability, at most, that chance fills a curve with points as it is filled.
+
+    The curve is parted into steps. By chance points are as dense on it as they are around it; so
+    the probability that a step holds any is known, and each that does is the more surprising, the
+    emptier the air around. What all steps surprise by is bounded after Chernoff.
+
+    Parameters
+    ----------
+    tolerance : from the curve within which points are on it, metres
+    taken : which points above the ground are on wires, and so are not around others
+    """
+    on_it, beside = by_step(corridor, curve, taken, SETTINGS.tracks.hole, tolerance)
+    own, around = tolerance**2, SETTINGS.curves.clutter_radius**2
+    near = np.convolve(beside, np.ones(3), "full")[1:-1] / 3
+    usual = np.maximum(near, SETTINGS.arcs.least_usual) * own / (around - own)
+    by_chance = -np.expm1(-usual)
+    surprise = -float(np.log(by_chance[on_it > 0]).sum())
+    tilted = np.log1p(by_chance[:, None] ** (1 - EXPONENTS) - by_chance[:, None]).sum(axis=0)
+    return float(min(0.0, (tilted - EXPONENTS * surprise).min()))
+
+
+def is_no_accident(corridor: Corridor, log_chance: float) -> bool:
+    """Whether, of one tried from each point, a hundredth as unlikely is expected at most."""
+    tried = max(1, len(corridor.wires.xyz))
+    return log_chance < math.log(SETTINGS.sparse.false_alarms / tried)

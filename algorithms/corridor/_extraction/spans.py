@@ -24,6 +24,7 @@ from algorithms.corridor._curves.network import (
     Corridor,
     Piece,
     apart,
+    goes_on,
     heading,
     roofed,
     runs_beside,
@@ -32,6 +33,7 @@ from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._settings import SETTINGS
 from algorithms.shared.kernels.sorting import distinct
 
+NONE = np.zeros(0, np.int64)
 SECTION_BIN = 0.05  # metres, of the cross-section of a bundle
 
 Floats = NDArray[np.float64]
@@ -88,14 +90,6 @@ def spans_of(
 ) -> list[Wire]:
     """Wires of each span: pieces cut at the supports, joined, fitted again, bundles split."""
     spans = list(bundles_of(corridor, pieces, supports))
-    spans = [
-        [
-            wire
-            for wire in wires
-            if min(wire.supports) >= 0 or wire.curve.length > 2 * SETTINGS.trace.seed_reach
-        ]
-        for wires in spans
-    ]
     parted = [conductors_of(corridor, wires) for wires in without_doubles(corridor, spans)]
     found: list[Wire] = []
     bundle = 0
@@ -124,16 +118,22 @@ def upheld(
     taken = corridor.on(wire.curve for own in wires for wire in own)
     kept = {k for k, own in enumerate(wires) if are_wires(corridor, own, taken)}
     may = {k for k, own in enumerate(wires) if may_be_wires(own, corridor.tolerance)} - kept
-    while fresh := {k for k in may if any(meet(wires[k], wires[j]) for j in kept)}:
+    certain = {k for k in may if are_no_accident(corridor, wires[k], taken)}
+    while fresh := {k for k in may if any(meet(wires[k], wires[j], k in certain) for j in kept)}:
         kept |= fresh
         may -= fresh
     return [spans[k] for k in sorted(kept)]
 
 
-def meet(one: Sequence[Wire], other: Sequence[Wire]) -> bool:
-    """Whether two spans have a support in common."""
+def meet(one: Sequence[Wire], other: Sequence[Wire], certain: bool) -> bool:
+    """Whether two spans have a support in common, or meet where one is, if the first is certain."""
     held = {number for wire in one for number in wire.supports if number >= 0}
-    return any(number in held for wire in other for number in wire.supports)
+    if any(number in held for wire in other for number in wire.supports):
+        return True
+    return certain and any(
+        goes_on(*(Piece(NONE, wire.curve) for wire in pair))
+        for pair in itertools.product(one, other)
+    )
 
 
 def without_doubles(corridor: Corridor, spans: Sequence[Sequence[Wire]]) -> list[list[Wire]]:
@@ -165,7 +165,12 @@ def are_wires(corridor: Corridor, wires: Sequence[Wire], taken: NDArray[np.bool_
         return False
     if any(min(wire.supports) >= 0 for wire in wires):
         return True
-    return any(wire.sure for wire in wires) and is_no_accident(
+    return any(wire.sure for wire in wires) and are_no_accident(corridor, wires, taken)
+
+
+def are_no_accident(corridor: Corridor, wires: Sequence[Wire], taken: NDArray[np.bool_]) -> bool:
+    """Whether points would hardly lie so along all of these by chance."""
+    return is_no_accident(
         corridor, sum(chance(corridor, wire.curve, wire.tolerance, taken) for wire in wires)
     )
 

@@ -123,9 +123,6 @@ class Curves:
     clutter_step: float = tried(
         4.0, "m", "along a wire, for which clutter, or a roof beside it, is counted"
     )
-    alone_share: float = tried(
-        0.2, "1", "share of a wire along which there is no clutter, at least"
-    )
     isolated_share: float = tried(
         0.55, "1", "share of a curve with points, and nothing around it, of a sure wire"
     )
@@ -287,6 +284,12 @@ class Sparse:
 
     company: int = surveyed(
         3, "points", "around one that stands alone; several wires of 20 points per 100 m leave less"
+    )
+    stack_company: int = surveyed(
+        12, "points", "the same of wires above each other, four of 60 points per 100 m"
+    )
+    stack_tolerance: float = built(
+        0.1, "m", "how far points may lie from wires above each other, a third of their distance"
     )
     neighbours: int = tried(256, "points", "that stand alone, among which wires from one are tried")
     reach: float = built(8.0, "m", "aside and up from a wire, to others that it is seen with")

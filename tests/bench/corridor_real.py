@@ -52,16 +52,18 @@ AT_END = 3.0  # m in plan from a place where axes end or meet, of a pole
 def corridor_real(*options: str) -> None:
     """Extraction from real corridors.
 
-    Options: --data 12AN2_20,12BZ1_21,hills,town (all) --draws 0 (town, a hundredth left out)
+    Options: --data 12AN2_20,12BZ1_21,hills,town (all) --draws 0 (of the town, a hundredth left out)
+    --first 0 (seed; 0 to 5 were chosen on)
     """
     parser = argparse.ArgumentParser("corridor_real", allow_abbrev=False)
     parser.add_argument("--data", default="12AN2_20,12BZ1_21,hills,town", help="names (all)")
     parser.add_argument("--draws", type=int, default=0, help="of the town, points left out (0)")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first draw (0)")
     chosen = parser.parse_args(options)
     logging.getLogger("toolbox").setLevel(logging.ERROR)
     for name in chosen.data.split(","):
         if name == "town":
-            _town(name, chosen.draws)
+            _town(name, range(chosen.first, chosen.first + chosen.draws))
         else:
             {"hills": _hills}.get(name, _tile)(name)
 
@@ -105,7 +107,7 @@ def _said(name: str, cloud: Any, truth: NDArray[np.uint8], feet: NDArray[np.floa
     )
 
 
-def _town(name: str, draws: int) -> None:
+def _town(name: str, draws: range) -> None:
     """Wires of a town, by length along the axes drawn: their points are not told apart.
 
     What a single run finds depends on single points, so the means of draws say more: each with a
@@ -116,16 +118,16 @@ def _town(name: str, draws: int) -> None:
     cloud = PointCloud.open(DATA / "line_williams_town/west.laz")
     axes = {key: shapely.LineString(np.add(xy, TOWN_ORIGIN)) for key, xy in TOWN_AXES.items()}
     rows = []
-    for seed in range(draws):
+    for seed in draws:
         kept = np.random.default_rng(seed).random(len(cloud)) >= LEFT_OUT
         rows.append(_town_run(f"{name} {seed}", cloud.select(kept), axes, False))
     if draws:
         found, right, poles, good = np.mean(rows, axis=0)
         least, draw = np.min(rows, axis=0), np.argmin(rows, axis=0)
         say(
-            f"corridor_real {name:9} mean of {draws} draws: found {found:.1f} %, "
-            f"right {right:.1f} % (least {least[0]:.1f} % in draw {draw[0]}, "
-            f"{least[1]:.1f} % in draw {draw[1]})  poles {poles:.1f}, "
+            f"corridor_real {name:9} mean of {len(draws)} draws: found {found:.1f} %, "
+            f"right {right:.1f} % (least {least[0]:.1f} % in draw {draws[draw[0]]}, "
+            f"{least[1]:.1f} % in draw {draws[draw[1]]})  poles {poles:.1f}, "
             f"where lines bend or end {good:.1f}"
         )
     else:

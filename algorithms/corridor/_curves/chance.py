@@ -11,13 +11,18 @@ Computer Vision 40(1), 7-23: the number of false alarms.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.corridor._curves.catenary import Catenary
-from algorithms.corridor._curves.network import Corridor, by_step
 from algorithms.corridor._settings import SETTINGS
+
+if TYPE_CHECKING:
+    from algorithms.corridor._curves.network import Corridor
+
+Ints = NDArray[np.int64]
 
 EXPONENTS = np.linspace(0.05, 0.95, 19)  # of Chernoff's bound, of which the best is taken
 
@@ -50,3 +55,19 @@ def is_no_accident(corridor: Corridor, log_chance: float) -> bool:
     """Whether, of one tried from each point, a hundredth as unlikely is expected at most."""
     tried = max(1, len(corridor.wires.xyz))
     return log_chance < math.log(SETTINGS.sparse.false_alarms / tried)
+
+
+def by_step(
+    corridor: Corridor, curve: Catenary, taken: NDArray[np.bool_], step: float, tolerance: float
+) -> tuple[Ints, Ints]:
+    """Number of points on a curve per step along it, and of others around it that are not taken."""
+    own, around = (
+        corridor.air.around(curve, r)[0] for r in (tolerance, SETTINGS.curves.clutter_radius)
+    )
+    beside = np.setdiff1d(around[~taken[around]], own, assume_unique=True)
+    bins = max(1, round(curve.length / step))
+    on_it, beside = (
+        np.histogram(curve.along(corridor.air.xyz[points])[0], bins, (0.0, curve.length))[0]
+        for points in (own, beside)
+    )
+    return on_it, beside

@@ -33,6 +33,7 @@ from toolbox.context import Context
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 
 def sparse_wires(corridor: Corridor, pieces: Sequence[Piece], ctx: Context) -> list[Piece]:
@@ -42,7 +43,22 @@ def sparse_wires(corridor: Corridor, pieces: Sequence[Piece], ctx: Context) -> l
     ----------
     pieces : of wires that were followed, whose points are left out
     """
-    own = lonely(corridor, pieces)
+    free = np.ones(len(corridor.wires.xyz), bool)
+    for piece in pieces:
+        free[corridor.wires.around(piece.curve, 2 * corridor.tolerance)[0]] = False
+    own = np.flatnonzero(free)
+    return wires_of(corridor, own[lonely(corridor, own, SETTINGS.sparse.company)], ctx)
+
+
+def stacked_wires(corridor: Corridor, ctx: Context) -> list[Piece]:
+    """The same of wires so close above each other that one followed would change over."""
+    own = np.arange(len(corridor.wires.xyz))
+    own = own[lonely(corridor, own, SETTINGS.sparse.stack_company)]
+    return wires_of(corridor, own[in_sheets(corridor, own)], ctx)
+
+
+def wires_of(corridor: Corridor, own: Ints, ctx: Context) -> list[Piece]:
+    """Pieces of wires among some of the points that may be wire."""
     if len(own) < 3:
         return []
     xyz = np.ascontiguousarray(corridor.wires.xyz[own])
@@ -57,19 +73,38 @@ def sparse_wires(corridor: Corridor, pieces: Sequence[Piece], ctx: Context) -> l
     return found
 
 
-def lonely(corridor: Corridor, pieces: Sequence[Piece]) -> Ints:
-    """Which points that may be wire stand alone, and are on no wire that was followed."""
-    xyz = corridor.wires.xyz
-    free = np.ones(len(xyz), bool)
-    for piece in pieces:
-        free[corridor.wires.around(piece.curve, 2 * corridor.tolerance)[0]] = False
-    own = np.flatnonzero(free)
-    company = SETTINGS.sparse.company + 2  # itself, and one more
-    if len(corridor.air.xyz) < company:
-        return own
-    room = SETTINGS.trace.crowd_reach * SETTINGS.trace.crowd_voxel
-    away = np.asarray(cKDTree(corridor.air.xyz).query(xyz[own], k=[company])[0])
-    return own[away[:, 0] > room]
+def room() -> float:
+    """Metres around a point, in which what stands alone has few others."""
+    return SETTINGS.trace.crowd_reach * SETTINGS.trace.crowd_voxel
+
+
+def lonely(corridor: Corridor, own: Ints, company: int) -> Mask:
+    """Which of some points that may be wire have at most so many others in the air around them."""
+    others = company + 2  # itself, and one more
+    if len(corridor.air.xyz) < others:
+        return np.ones(len(own), bool)
+    away = cKDTree(corridor.air.xyz).query(corridor.wires.xyz[own], k=[others])[0]
+    return np.asarray(away)[:, 0] > room()
+
+
+def in_sheets(corridor: Corridor, own: Ints) -> Mask:
+    """Which of some points lie with those around them in one vertical plane, but not on one wire.
+
+    So lie those of wires above each other, and none of a crown.
+    """
+    if len(own) < 3:
+        return np.zeros(len(own), bool)
+    xyz = corridor.wires.xyz[own]
+    most = min(SETTINGS.sparse.stack_company + 1, len(own))
+    away, near = cKDTree(xyz).query(xyz, k=range(1, most + 1))
+    weight = (np.asarray(away) < room()).astype(np.float64)[..., None]
+    count = weight.sum(axis=1)
+    step = weight * (xyz[np.asarray(near)] - xyz[:, None])
+    step -= weight * (step.sum(axis=1) / count)[:, None]
+    spread = np.einsum("nki,nkj->nij", step, step) / count[..., None]
+    across = np.linalg.eigvalsh(spread[:, :2, :2])[:, 0]
+    up = np.linalg.eigvalsh(spread)[:, 1]
+    return np.asarray((across < corridor.tolerance**2) & (up > corridor.tolerance**2))
 
 
 def groups(xyz: Floats, near: Ints, radius: float, ctx: Context) -> list[tuple[Ints, float, bool]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,11 +16,12 @@ from algorithms.corridor._curves.chance import chance, is_no_accident
 from algorithms.corridor._curves.lanes import followed_together
 from algorithms.corridor._curves.network import (
     Corridor,
+    Piece,
     curves_of,
     is_straight,
     wires_among,
 )
-from algorithms.corridor._curves.sparse import sparse_wires
+from algorithms.corridor._curves.sparse import sparse_wires, stacked_wires
 from algorithms.corridor._curves.structures import carriers, holds_level, in_mesh
 from algorithms.corridor._curves.trace import trace_all
 from algorithms.corridor._curves.tracks import alignments_among
@@ -71,22 +72,20 @@ def follow(
     max_gap : longest piece of a wire that may be missing, metres
     tolerances : how far a point may lie from the wire that is followed, ascending, metres
     """
-    lines: list[Line] = []
+    lines = stacked(corridor, max_gap, ctx.part(0.0, 0.1))
     for k, tolerance in enumerate(tolerances):
-        part = ctx.part(k / len(tolerances), (k + 1) / len(tolerances))
+        part = ctx.part(0.1 + 0.9 * k / len(tolerances), 0.1 + 0.9 * (k + 1) / len(tolerances))
         if k:
             voxel, corridor = voxel[~corridor.refused], corridor.without_refused(tolerance)
-        wires, supports = followed(corridor, voxel, max_gap, part)
-        here = [line for line in lines_of(wires, supports) if line.is_no_accident(corridor)]
-        here = [line for line in here if not line.is_structure(corridor)]
-        lines = better(corridor, lines, here)
+        pieces = followed(corridor, voxel, max_gap, part)
+        lines = better(corridor, lines, lines_among(corridor, pieces, max_gap, part))
     return together(lines)
 
 
 def followed(
     corridor: Corridor, voxel: NDArray[np.int64], max_gap: float, ctx: Context
-) -> tuple[list[Wire], Sequence[Support]]:
-    """The conductors of all spans, and their supports, at the tolerance of the corridor."""
+) -> list[Piece]:
+    """Pieces of what may be wires, followed from point to point or found where points are few."""
     curves = trace_all(
         corridor.wires,
         voxel,
@@ -94,15 +93,40 @@ def followed(
         max_gap=max_gap,
         ctx=ctx.part(0.0, 0.7),
     )
-    here = ctx.part(0.7, 0.7)
-    traced = curves_of(corridor, curves)
-    traced += sparse_wires(corridor, traced, here)
-    found = alignments_among(corridor, traced)
-    arcs, alignments = arcs_of(
-        corridor, [followed_together(corridor, alignment, max_gap, here) for alignment in found]
-    )
+    pieces = curves_of(corridor, curves)
+    return pieces + sparse_wires(corridor, pieces, ctx.part(0.7, 0.7))
+
+
+def stacked(corridor: Corridor, max_gap: float, ctx: Context) -> list[Line]:
+    """Lines of wires so close above each other that one followed would change over to the next.
+
+    Each is found by itself, as sparse wires are, nearer to its points than to the other wires.
+    """
+    if SETTINGS.sparse.stack_tolerance >= corridor.tolerance:
+        return []
+    close = corridor.without_refused(SETTINGS.sparse.stack_tolerance)
+    return lines_among(close, stacked_wires(close, ctx), max_gap, ctx)
+
+
+def lines_among(
+    corridor: Corridor, pieces: Sequence[Piece], max_gap: float, ctx: Context
+) -> list[Line]:
+    """The lines among pieces of what may be wires, without structures and accidents."""
+    wires, supports = hung(corridor, pieces, max_gap, ctx.part(0.7, 1.0))
+    here = [line for line in lines_of(wires, supports) if line.is_no_accident(corridor)]
+    return [line for line in here if not line.is_structure(corridor)]
+
+
+def hung(
+    corridor: Corridor, traced: Sequence[Piece], max_gap: float, ctx: Context
+) -> tuple[list[Wire], Sequence[Support]]:
+    """The conductors of all spans, and their supports, at the tolerance of the corridor."""
+    found = list(alignments_among(corridor, traced))
+    if corridor.tolerance > SETTINGS.sparse.stack_tolerance:  # else lanes are not told apart
+        found = [followed_together(corridor, one, max_gap, ctx.part(0.0, 0.0)) for one in found]
+    arcs, alignments = arcs_of(corridor, found)
     pieces = wires_among(corridor, arcs)
-    ctx.progress(0.8)
+    ctx.progress(0.5)
     if not pieces:
         return [], []
     supports = supports_of(corridor, pieces, alignments)
@@ -172,6 +196,8 @@ class Line:
 
 def lines_of(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Line]:
     """The lines among wires, in the order of their first wires."""
+    if not wires:
+        return []
     nodes = [[("span", w.span), *(("support", n) for n in w.supports if n >= 0)] for w in wires]
     names = {node: k for k, node in enumerate(dict.fromkeys(itertools.chain(*nodes)))}
     pairs = np.array([(names[own[0]], names[node]) for own in nodes for node in own]).reshape(-1, 2)
@@ -184,28 +210,51 @@ def lines_of(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Line]:
 
 
 def better(corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]) -> list[Line]:
-    """Of lines at a smaller and a larger tolerance, the larger where it finds much more.
+    """Of spans at a smaller and a larger tolerance, the larger where they find much more.
 
-    Wires that only the other one finds are lines of their own.
+    Spans that share most of their points are compared. Wires that only the others find are kept.
     """
-    found, spare = list(narrow), []
-    taken = [line.points(corridor) for line in narrow]
-    for line in wide:
-        points = line.points(corridor)
-        same = [
-            k
-            for k, own in enumerate(taken)
-            if 2 * len(np.intersect1d(own, points)) > min(len(own), len(points))
-        ]
-        if line.length > SETTINGS.lines.much_more * sum(narrow[k].length for k in same):
-            found = [one for one in found if not any(one is narrow[k] for k in same)]
-            found.append(line)
-            spare += [narrow[k] for k in same]
-        else:
-            spare.append(line)
-    for line in spare:
-        found += rest_of(corridor, line, found)
+    spans = [[one for line in lines for one in spans_apart(line)] for lines in (narrow, wide)]
+    found, spare = [], []
+    for same, other in same_spans(corridor, *spans):
+        lengths = [sum(one.length for one in some) for some in (same, other)]
+        more = lengths[1] > SETTINGS.lines.much_more * lengths[0]
+        found += other if more else same
+        spare += same if more else other
+    for one in spare:
+        found += rest_of(corridor, one, found)
     return found
+
+
+def spans_apart(line: Line) -> list[Line]:
+    """The spans of a line, each by itself."""
+    own: dict[int, list[Wire]] = {}
+    for wire in line.wires:
+        own.setdefault(wire.span, []).append(wire)
+    return [Line(*with_supports(wires, line.supports)) for wires in own.values()]
+
+
+def same_spans(
+    corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]
+) -> Iterator[tuple[list[Line], list[Line]]]:
+    """Groups of spans at both tolerances that have most of the points of one in common."""
+    points = [[span.points(corridor) for span in spans] for spans in (narrow, wide)]
+    of_span = np.full(len(corridor.air.xyz), -1)
+    for k, own in enumerate(points[0]):
+        of_span[own] = k
+    count = len(narrow) + len(wide)
+    link = np.zeros((count, count), bool)
+    for j, own in enumerate(points[1]):
+        shared = np.bincount(of_span[own] + 1, minlength=len(narrow) + 1)[1:]
+        least = np.minimum([len(one) for one in points[0]], len(own))
+        link[len(narrow) + j, : len(narrow)] = 2 * shared > least
+    _, label = connected_components(coo_array(link), directed=False)
+    for number in range(label.max() + 1 if count else 0):
+        here = np.flatnonzero(label == number).tolist()
+        yield (
+            [narrow[k] for k in here if k < len(narrow)],
+            [wide[k - len(narrow)] for k in here if k >= len(narrow)],
+        )
 
 
 def rest_of(corridor: Corridor, line: Line, found: Sequence[Line]) -> list[Line]:
@@ -229,7 +278,8 @@ def together(lines: Sequence[Line]) -> tuple[list[Wire], list[Support]]:
             low, high = (n + len(supports) if n >= 0 else -1 for n in wire.supports)
             wires.append(replace(wire, supports=(low, high), span=span, bundle=bundle, wire=number))
         supports += line.supports
-    return shared(wires, supports)
+    wires, supports = shared(wires, supports)
+    return numbered(wires, supports), supports
 
 
 def in_a_row(wires: Sequence[Wire], before: Sequence[Wire], name: str) -> dict[int, int]:

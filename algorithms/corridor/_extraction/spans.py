@@ -33,7 +33,6 @@ from algorithms.corridor._extraction.supports import Support
 from algorithms.corridor._settings import SETTINGS
 from algorithms.shared.kernels.sorting import distinct
 
-NONE = np.zeros(0, np.int64)
 SECTION_BIN = 0.05  # metres, of the cross-section of a bundle
 
 Floats = NDArray[np.float64]
@@ -131,7 +130,7 @@ def meet(one: Sequence[Wire], other: Sequence[Wire], certain: bool) -> bool:
     if any(number in held for wire in other for number in wire.supports):
         return True
     return certain and any(
-        goes_on(*(Piece(NONE, wire.curve) for wire in pair))
+        goes_on(*(Piece(np.zeros(0, np.int64), wire.curve) for wire in pair))
         for pair in itertools.product(one, other)
     )
 
@@ -289,10 +288,7 @@ def wires_of(
     """
     link = np.array(
         [
-            [
-                i < j and apart(a, b) < SETTINGS.network.bundle_width / 2
-                for j, b in enumerate(pieces)
-            ]
+            [i < j and apart(a, b) < one_wire(corridor.tolerance) for j, b in enumerate(pieces)]
             for i, a in enumerate(pieces)
         ]
     )
@@ -330,12 +326,15 @@ def alike(wires: list[Wire], tolerance: float) -> list[Wire]:
         odd = off > SETTINGS.arcs.curvature_spread * best.sag + 3 * curve.sigma("sag")
         if short and (odd or curve.rms > roughest(best, tolerance)):
             continue
-        if short and any(
-            apart_wires(curve, other.curve) < SETTINGS.network.bundle_width / 2 for other in found
-        ):
+        if short and any(apart_wires(curve, other.curve) < one_wire(tolerance) for other in found):
             continue
         found.append(wire)
     return found
+
+
+def one_wire(tolerance: float) -> float:
+    """Metres between two curves that are of one wire, as they were found at a tolerance."""
+    return min(SETTINGS.network.bundle_width / 2, 2 * tolerance)
 
 
 def roughest(best: Catenary, tolerance: float) -> float:
@@ -475,6 +474,8 @@ def densest_group(
 
 def subconductors(corridor: Corridor, wire: Wire) -> list[Wire]:
     """The subconductors of a bundle, each with a catenary; the wire itself if it is single."""
+    if corridor.tolerance <= SETTINGS.sparse.stack_tolerance:
+        return [wire]  # those beside it were found by themselves
     low, high = wire.known
     points, _ = corridor.wires.around(
         wire.curve, SETTINGS.network.bundle_width, low - 0.5, high + 0.5

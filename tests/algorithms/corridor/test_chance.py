@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -96,3 +97,18 @@ def test_what_only_the_other_tolerance_finds_is_none_if_it_may_be_an_accident() 
     first, second = (((0, y, 9), (60, y, 9)) for y in (0.0, 8.0))
     corridor = corridor_of(wire(*first, 400, per_metre=1)[1], twigs(0, 6000) + np.array([0, 8, 0]))
     assert len(better(corridor, [line_of(first, second)], [line_of(first, first, first)])) == 1
+
+
+def test_each_span_is_taken_at_the_tolerance_at_which_more_of_it_is_found() -> None:
+    """The larger finds more of the second span; of the first all is found at both."""
+    first, second = (((x, 0, 9), (x + 60, 0, 9)) for x in (0.0, 60.0))
+    part = ((60, 0, 9), (90, 0, 9))
+    corridor = corridor_of(*(wire(*ends, 400, per_metre=1)[1] for ends in (first, second)))
+
+    def line(*ends: tuple[tuple[float, float, float], tuple[float, float, float]]) -> Line:
+        spans = [replace(line_of(one).wires[0], span=k) for k, one in enumerate(ends)]
+        return Line(spans, [])
+
+    narrow, wide = line(first, part), line(first, second)
+    found = better(corridor, [narrow], [wide])
+    assert [one.wires[0] for one in found] == [narrow.wires[0], wide.wires[1]]

@@ -123,6 +123,9 @@ class Curves:
     clutter_step: float = tried(
         4.0, "m", "along a wire, for which clutter, or a roof beside it, is counted"
     )
+    alone_share: float = tried(
+        0.2, "1", "share of a wire along which there is no clutter, at least"
+    )
     isolated_share: float = tried(
         0.55, "1", "share of a curve with points, and nothing around it, of a sure wire"
     )

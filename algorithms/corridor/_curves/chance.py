@@ -11,6 +11,7 @@ Computer Vision 40(1), 7-23: the number of false alarms.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,10 +52,18 @@ def chance(
     return float(min(0.0, (tilted - EXPONENTS * surprise).min()))
 
 
-def is_no_accident(corridor: Corridor, log_chance: float) -> bool:
-    """Whether, of one tried from each point, a hundredth as unlikely is expected at most."""
-    tried = max(1, len(corridor.wires.xyz))
-    return log_chance < math.log(SETTINGS.sparse.false_alarms / tried)
+def is_no_accident(corridor: Corridor, chances: Iterable[float]) -> bool:
+    """Whether of curves as unlikely as some together a hundredth of one is expected at most.
+
+    Of each of them one is tried from each point.
+
+    Parameters
+    ----------
+    chances : of each curve, as :func:`chance` gives it
+    """
+    tried = math.log(max(1, len(corridor.wires.xyz)))
+    together = sum(min(0.0, one + tried) for one in chances)
+    return together < math.log(SETTINGS.sparse.false_alarms)
 
 
 def by_step(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from algorithms.corridor._curves import trace_kernels as kernels
 from algorithms.corridor._curves.catenary import Catenary, fit
-from algorithms.corridor._curves.chance import by_step, chance
+from algorithms.corridor._curves.chance import by_step
 from algorithms.corridor._curves.structures import carries_deck, holds_level, in_mesh
 from algorithms.corridor._curves.trace import PLAN_CELL, Airborne
 from algorithms.corridor._settings import SETTINGS
@@ -224,12 +224,12 @@ def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
     found = joined(corridor, found)
     found = [one for one in found if not any(lies_on(corridor, one, other) for other in found)]
     corridor.take(arc.curve for arc in found)
-    by_chance = math.log(SETTINGS.sparse.false_alarms)
     found = [
         arc
         for arc in found
         if arc.curve.rms < SETTINGS.curves.fine_rms * corridor.tolerance
-        or chance(corridor, arc.curve, corridor.tolerance, ~corridor.free) < by_chance
+        or alone(corridor, arc.curve, ~corridor.free) >= SETTINGS.curves.alone_share
+        or 2 * np.count_nonzero(corridor.proven[corridor.wires.order[arc.points]]) > len(arc.points)
     ]
     below = [other.curve for other in straight]
     carriers = [
@@ -276,6 +276,17 @@ def is_straight(curve: Catenary) -> bool:
     return curve.sag + SETTINGS.curves.certain_sigmas * curve.sigma("sag") < curve.length**2 / (
         8 * SETTINGS.curves.largest_c
     )
+
+
+def alone(corridor: Corridor, curve: Catenary, taken: NDArray[np.bool_]) -> float:
+    """Share of a curve with more points on it than around it, those that are taken not counted.
+
+    Twigs that happen to lie along an arc have others around them everywhere.
+    """
+    on_it, beside = by_step(
+        corridor, curve, taken, SETTINGS.curves.clutter_step, corridor.tolerance
+    )
+    return float(np.mean((on_it > beside)[on_it + beside > 0] if on_it.any() else 0.0))
 
 
 def carries(corridor: Corridor, curve: Catenary, straight: Sequence[Catenary]) -> bool:

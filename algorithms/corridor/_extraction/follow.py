@@ -171,7 +171,7 @@ class Line:
         taken = corridor.on(wire.curve for wire in self.wires)
         return is_no_accident(
             corridor,
-            sum(chance(corridor, wire.curve, wire.tolerance, taken) for wire in self.wires),
+            [chance(corridor, wire.curve, wire.tolerance, taken) for wire in self.wires],
         )
 
     def is_structure(self, corridor: Corridor) -> bool:
@@ -215,14 +215,23 @@ def better(corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]) -> 
     Spans that share most of their points are compared. Wires that only the others find are kept.
     """
     spans = [[one for line in lines for one in spans_apart(line)] for lines in (narrow, wide)]
-    found, spare = [], []
+    chosen, spare = [], []
     for same, other in same_spans(corridor, *spans):
         lengths = [sum(one.length for one in some) for some in (same, other)]
         more = lengths[1] > SETTINGS.lines.much_more * lengths[0]
-        found += other if more else same
+        chosen += other if more else same
         spare += same if more else other
+    taken = np.zeros(len(corridor.air.xyz), bool)
+    found: list[Line] = []
+    for one in sorted(chosen, key=lambda line: -line.length):
+        rest = rest_of(corridor, one, taken)
+        found += [one] if len(rest) == len(one.wires) else lines_of(rest, one.supports)
+        taken |= corridor.on(wire.curve for wire in rest)
     for one in spare:
-        found += rest_of(corridor, one, found)
+        rest = rest_of(corridor, one, taken)
+        certain = [line for line in lines_of(rest, one.supports) if line.is_no_accident(corridor)]
+        found += certain
+        taken |= corridor.on(wire.curve for line in certain for wire in line.wires)
     return found
 
 
@@ -257,14 +266,10 @@ def same_spans(
         )
 
 
-def rest_of(corridor: Corridor, line: Line, found: Sequence[Line]) -> list[Line]:
-    """What remains of a line without the wires that mostly lie on those of lines found."""
-    taken = corridor.on(wire.curve for one in found for wire in one.wires)
+def rest_of(corridor: Corridor, line: Line, taken: NDArray[np.bool_]) -> list[Wire]:
+    """The wires of a line without those of which most points are taken."""
     own = [(wire, taken[on_wire(corridor, wire)[0]]) for wire in line.wires]
-    left = [wire for wire, on_others in own if 2 * np.count_nonzero(on_others) <= len(on_others)]
-    if not left:
-        return []
-    return [one for one in lines_of(left, line.supports) if one.is_no_accident(corridor)]
+    return [wire for wire, on_others in own if 2 * np.count_nonzero(on_others) <= len(on_others)]
 
 
 def together(lines: Sequence[Line]) -> tuple[list[Wire], list[Support]]:

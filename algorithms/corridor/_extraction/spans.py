@@ -23,6 +23,7 @@ from algorithms.corridor._curves.chance import chance, is_no_accident
 from algorithms.corridor._curves.network import (
     Corridor,
     Piece,
+    alone,
     apart,
     goes_on,
     heading,
@@ -170,7 +171,7 @@ def are_wires(corridor: Corridor, wires: Sequence[Wire], taken: NDArray[np.bool_
 def are_no_accident(corridor: Corridor, wires: Sequence[Wire], taken: NDArray[np.bool_]) -> bool:
     """Whether points would hardly lie so along all of these by chance."""
     return is_no_accident(
-        corridor, sum(chance(corridor, wire.curve, wire.tolerance, taken) for wire in wires)
+        corridor, [chance(corridor, wire.curve, wire.tolerance, taken) for wire in wires]
     )
 
 
@@ -443,7 +444,9 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
 def stands_alone(corridor: Corridor, wire: Wire, taken: NDArray[np.bool_]) -> bool:
     """Whether there is little around a wire but what is taken, and it is no edge of a roof."""
     return (
-        chance(corridor, wire.curve, wire.tolerance, taken) < math.log(SETTINGS.sparse.false_alarms)
+        alone(corridor, wire.curve, taken) >= SETTINGS.curves.alone_share
+        and chance(corridor, wire.curve, wire.tolerance, taken)
+        < math.log(SETTINGS.sparse.false_alarms)
         and roofed(corridor, wire.curve) < SETTINGS.roofs.share
     )
 

@@ -44,15 +44,15 @@ def test_a_hundredth_of_curves_among_twigs_has_a_chance_of_a_hundredth(count: in
 
 def test_a_wire_in_empty_air_is_no_accident_and_one_among_leaves_may_be() -> None:
     free = corridor_of(POINTS)
-    assert is_no_accident(free, of_curve(free))
+    assert is_no_accident(free, [of_curve(free)])
     hidden = corridor_of(POINTS, twigs(0, 6000))
-    assert not is_no_accident(hidden, of_curve(hidden))
+    assert not is_no_accident(hidden, [of_curve(hidden)])
 
 
 def test_a_wire_in_leaves_along_half_of_its_way_is_known_by_the_other_half() -> None:
     leaves = twigs(0, 6000)
     half = corridor_of(POINTS, leaves[leaves[:, 0] < 30])
-    assert is_no_accident(half, of_curve(half))
+    assert is_no_accident(half, [of_curve(half)])
 
 
 def test_points_of_other_wires_are_not_around_one() -> None:
@@ -64,8 +64,15 @@ def test_points_of_other_wires_are_not_around_one() -> None:
 def test_of_more_points_more_lie_so_by_chance() -> None:
     few, many = corridor_of(POINTS), corridor_of(POINTS, twigs(0, 10_000) + 100)
     limit = math.log(0.01 / len(POINTS)) - 0.1
-    assert is_no_accident(few, limit)
-    assert not is_no_accident(many, limit)
+    assert is_no_accident(few, [limit])
+    assert not is_no_accident(many, [limit])
+
+
+def test_each_of_several_curves_must_be_unlikelier_than_the_best_of_all_tried() -> None:
+    free = corridor_of(POINTS)
+    usual = -math.log(len(POINTS))
+    assert not is_no_accident(free, [usual] * 20)
+    assert is_no_accident(free, [usual - 3.0, usual - 3.0])
 
 
 def line_of(*ends: tuple[tuple[float, float, float], tuple[float, float, float]]) -> Line:

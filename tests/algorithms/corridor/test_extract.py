@@ -699,9 +699,11 @@ def test_a_span_too_short_to_tell_that_it_sags_is_one_where_others_hold_it() -> 
 
     sure = span((0, 1), wire((0, 0, 9), (60, 0, 9), 400)[1])
     few = wire((60, 0, 9), (80, 0, 9), 2000, per_metre=0.5)[1]
-    beside, away = span((1, 2), few), span((3, 4), few)
+    beside, away = span((1, 2), few), span((3, 4), few + np.array([0, 50, 0]))
     straight = span((1, 5), bar((60, 0, 9), (120, 0, 9), 8, 0.02))
-    air = Airborne.of(np.vstack([wire((0, 0, 9), (60, 0, 9), 400)[1], few]))
+    air = Airborne.of(
+        np.vstack([wire((0, 0, 9), (60, 0, 9), 400)[1], few, few + np.array([0, 50, 0])])
+    )
     corridor = in_free_air(air)
     assert upheld(corridor, [sure, beside, away, straight]) == [sure, beside]
 

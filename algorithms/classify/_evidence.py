@@ -19,6 +19,7 @@ from algorithms.shared.chance import random_keys
 from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
 from algorithms.shared.heights import HEIGHT, given_heights
+from algorithms.shared.kernels.sorting import add_partners
 from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import has_numbers, let_through
 from algorithms.shared.terrain import HALO as GROUND_HALO
@@ -248,11 +249,7 @@ def means_around(
     total = held.copy()
     offsets = _half_ball(reach)
     for done, offset in enumerate(offsets):
-        shift = offset @ STRIDES
-        at = np.minimum(np.searchsorted(own, own + shift), len(own) - 1)
-        here = np.flatnonzero(own[at] == own + shift)
-        total[here] += held[at[here]]
-        total[at[here]] += held[here]
+        add_partners(own, offset @ STRIDES, held, total)
         ctx.progress(0.6 + 0.4 * (done + 1) / len(offsets))
     return np.asarray((total[:, 1:] / FINE / total[:, :1])[place])
 

@@ -20,6 +20,7 @@ from toolbox.declare import ClassList, Share, outputs, param, show, sink, source
 from toolbox.errors import DataError, NothingToDo
 
 UNKNOWN = 1  # class of points of which the model is not sure enough
+MILLION = 1_000_000  # steps in which probabilities are summed up, so that sums are exact
 DENSITIES = 4.0  # times denser or sparser than in training
 
 
@@ -38,8 +39,10 @@ class ClassifyApply:
     How unlike the training the points are stands in `drift`, a row per feature: the share outside
     of all that was seen, and the population stability index within classes, of which more than 0.25
     is a major change, beside the largest that folds of the training have (`usual`). Points with a
-    feature outside of all that was seen are counted in `outside`. A cloud that lacks a feature, or
-    is four times as dense or as sparse as the training, is refused; with `any_density` it is
+    feature outside of all that was seen are counted in `outside`. `expected` is the mean
+    probability of the classes given. Of all this it follows the accuracy on another survey best;
+    it knows nothing of objects that no training has shown. A cloud that lacks a feature, or is
+    four times as dense or as sparse as the training, is refused; with `any_density` it is
     classified with a warning. In tiles there is no table of drift, but a warning of each tile.
     Points that take no part keep their class.
     """
@@ -62,6 +65,9 @@ class ClassifyApply:
         )
         drift: Table = sink("How unlike the training the features are, the most unlike first")
         outside: float = sink("Share of points with a feature beyond all of the training", unit="1")
+        expected: float = sink(
+            "Share of the points that is right, as far as their probabilities can tell", unit="1"
+        )
         unknown: int = sink("Points that are not probable enough, now of class 1", unit="1")
 
     def check_data(self) -> Iterator[tuple[str, str]]:
@@ -140,5 +146,8 @@ class ClassifyApply:
             classified=cloud.with_attributes(added, descriptions=texts),
             drift=Table.from_rows(rows),
             outside=Share.of_points(outside, cloud.core & part),
+            expected=Share(
+                int(np.rint(best[own] * MILLION).sum()), MILLION * np.count_nonzero(own)
+            ),
             unknown=int(np.count_nonzero(unknown & cloud.core)),
         )

@@ -16,7 +16,7 @@ from tests.bench.files import copc, damaged, memory, reading, reprojecting, roun
 from tests.bench.fingerprints import fingerprints
 from tests.bench.gridding import gridding
 from tests.bench.ground import cloth, filters, grounds, halos, isprs, surveys, terrain
-from tests.bench.learning import learning, learning_speed
+from tests.bench.learning import learning, learning_elsewhere, learning_speed, suggesting
 from tests.bench.long_lines import long_lines
 from tests.bench.metamorphic import metamorphic
 from tests.bench.path import path
@@ -54,7 +54,9 @@ ALL = (
     corridor_real,
     corridor_settings,
     learning,
+    learning_elsewhere,
     learning_speed,
+    suggesting,
     long_lines,
     facades,
     fingerprints,

@@ -26,9 +26,13 @@ Codes = NDArray[np.int64]
 
 
 def learning() -> None:
-    """Leave one tile out; from one survey to another; wires and towers."""
+    """Leave one tile out."""
+    _left_out({name: _opened(name) for name in TILES})
+
+
+def learning_elsewhere() -> None:
+    """From one survey to another; wires and towers."""
     tiles = {name: _opened(name) for name in (*TILES, *AHN3, AHN4)}
-    _left_out({name: tiles[name] for name in TILES})
     french = _model([tiles[name] for name in TILES], CLASSES)
     for name in (*AHN3, AHN4):
         _elsewhere(f"IGN to {name}", french, tiles[name], OBJECTS)
@@ -39,6 +43,57 @@ def learning() -> None:
     codes = (1, 2, 5, 14, 15)
     lines = _model(clouds[:1], codes)
     _elsewhere(f"wires: {LINES[0]} to {LINES[1]}", lines, clouds[1], np.arange(256))
+
+
+def suggesting() -> None:
+    """Three rounds of 20 patches of 2 m of one tile against all of it, judged on another one."""
+    from algorithms.classify._learning.features import usual
+
+    pool, other = _opened(TILES[0]), _opened(TILES[1])
+    names = usual(pool, RADII)
+    data, asked = _described(pool, names), _described(other, names)
+    label = other["classification"].astype(np.int64)
+    known = np.isin(label, CLASSES)
+
+    def accuracy(made: Any) -> float:
+        """Three classes on the other tile."""
+        given = made.classes[made.probabilities(asked[known]).argmax(axis=1)].astype(np.int64)
+        return float((MERGED[given] == MERGED[label[known]]).mean())
+
+    whole = accuracy(_learnt([data], [pool], [np.ones(len(pool), bool)], CLASSES, names))
+    say(f"learning  all of {TILES[0]}: {100 * whole:.2f} % on {TILES[1]}")
+    for title, how in (("suggested", True), ("random", False)):
+        for seed in range(3):
+            found = [accuracy(made) / whole for made in _rounds(pool, data, names, how, seed)]
+            say(f"learning  {title}, seed {seed}: {_percents(found)} % of that after each round")
+
+
+def _rounds(pool: Any, data: Any, names: Any, suggest: bool, seed: int) -> Any:
+    """Models after each of three rounds of 20 patches, suggested or by chance."""
+    import geopandas
+    import pandas
+    import shapely
+
+    from algorithms.classify.suggest import ClassifySuggest
+    from toolbox.data import Vector
+
+    made, layer = None, None
+    for round_ in range(3):
+        how: dict[str, Any] = {"wanted": 20, "patch": 2.0, "labelled": layer}
+        if suggest:
+            tool = ClassifySuggest(points=pool, model=made and made.table(), seed=seed, **how)
+            frame = tool.run().patches.frame[["geometry"]]
+        else:
+            rng = np.random.default_rng((seed, round_))
+            corners = np.unique(np.floor(pool.xyz[:, :2] / 2) * 2, axis=0)
+            shapes = [shapely.box(x, y, x + 2, y + 2) for x, y in rng.permutation(corners)[:20]]
+            frame = geopandas.GeoDataFrame(geometry=shapes, crs=pool.crs)
+        frames = [frame] if layer is None else [layer.frame, frame]
+        layer = Vector(pandas.concat(frames, ignore_index=True), geometry_type="Polygon")
+        shape = shapely.union_all(layer.frame.geometry.to_numpy())
+        inside = shapely.contains_xy(shape, *pool.xyz[:, :2].T)
+        made = _learnt([data], [pool], [inside], CLASSES, names, block=2.0)
+        yield made
 
 
 def learning_speed() -> None:
@@ -72,7 +127,8 @@ def _left_out(tiles: Mapping[str, Any]) -> None:
     """Each tile by a model of the other ones, and all of them together."""
     true, said = [], []
     for name, cloud in tiles.items():
-        made = _model([other for key, other in tiles.items() if key != name], CLASSES)
+        others = [other for key, other in tiles.items() if key != name]
+        made = _model(others, CLASSES, checked=False)
         label, given, _ = _applied(made, cloud)
         known = np.isin(label, CLASSES)
         true.append(label[known])
@@ -130,12 +186,30 @@ def _described(cloud: Any, names: Any) -> Any:
     return described(cloud, names)
 
 
-def _model(clouds: list[Any], codes: tuple[int, ...]) -> Any:
+def _model(clouds: list[Any], codes: tuple[int, ...], checked: bool = True) -> Any:
     """A model of 15,000 points of each class of all clouds, as classify.train makes it."""
+    from algorithms.classify._learning.features import usual
+
+    names = [name for name in usual(clouds[0], RADII) if all(_has(c, name) for c in clouds)]
+    each = [np.ones(len(cloud), bool) for cloud in clouds]
+    return _learnt(
+        [_described(cloud, names) for cloud in clouds], clouds, each, codes, names, checked
+    )
+
+
+def _learnt(
+    described: Any,
+    clouds: Any,
+    some: Any,
+    codes: tuple[int, ...],
+    names: Any,
+    checked: bool = True,
+    block: float = 10.0,
+) -> Any:
+    """The model of some points of clouds whose features are given."""
     import dataclasses
 
     from algorithms.classify._learning import drift
-    from algorithms.classify._learning.features import usual
     from algorithms.classify._learning.training import (
         Labelled,
         Settings,
@@ -147,19 +221,21 @@ def _model(clouds: list[Any], codes: tuple[int, ...]) -> Any:
     from algorithms.classify.train import drawn
     from algorithms.shared.accuracy.blocks import blocks
 
-    names = [name for name in usual(clouds[0], RADII) if all(_has(c, name) for c in clouds)]
     parts = []
-    for cloud in clouds:
-        label = cloud["classification"].astype(np.int64)
+    for cloud, features, own in zip(clouds, described, some, strict=True):
+        label = np.where(own, cloud["classification"].astype(np.int64), -1)
         here = [code for code in codes if (label == code).any()]
         chosen, weight = drawn(cloud.xyz, label, here, 15_000 // len(clouds), 0)
-        data = _described(cloud, names)[chosen]
+        data = features[chosen]
         parts.append((data, np.searchsorted(codes, label[chosen]), weight, cloud.xyz[chosen, :2]))
     data, label, weight, xy = (np.concatenate(column) for column in zip(*parts, strict=True))
-    points = Labelled(data, label, weight, blocks(xy, 10.0)[0])
+    points = Labelled(data, label, weight, blocks(xy, block)[0])
     about = {"kind": "boosting", "classes": list(codes), "features": names, "density": 1.0}
     how = Settings("boosting", 50, False, 0, about)
-    made, folds = trained(points, how), folds_of(points.block, 2)
+    made = trained(points, how)
+    if not checked:  # classes alone are asked for: neither probabilities nor drift
+        return made
+    folds = folds_of(points.block, 2)
     heat = {"temperature": temperature(kept_back(points, 2, how), points)}
     more = heat | drift.learnt(points, folds, len(codes))
     return dataclasses.replace(made, about={**made.about, **more})

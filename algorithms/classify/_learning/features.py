@@ -2,9 +2,8 @@
 
 Beside those of :mod:`algorithms.classify._evidence` and any attribute of the points there are, as
 ``name@radius`` with a radius in metres, the features of :mod:`algorithms.shared.covariance`, which
-features.local gives, and the height above the lowest and below the highest point around. Larger
-radii take coarser points, one for each voxel of a quarter of the radius: so that each radius costs
-about the same.
+features.local gives, and those of :mod:`algorithms.classify._learning.columns`. Larger radii take
+coarser points, one for each voxel of a quarter of the radius: so that each costs about the same.
 
 References
 ----------
@@ -20,9 +19,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, minimum_filter
 
 from algorithms.classify._evidence import MADE, PointFeatures
+from algorithms.classify._learning import columns
+from algorithms.classify._learning.columns import BORDER, Measured
+from algorithms.classify._learning.columns import NAMES as COLUMN
 from algorithms.shared.covariance import FEATURES, covariance_features
 from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import has_numbers
@@ -33,31 +34,31 @@ from toolbox.errors import DataError, nearest
 PER_RADIUS = 4  # voxels along a radius
 FINE = float(1 << 20)  # steps of a voxel in which positions are summed up, so that sums are exact
 MOST = 1 << 20  # voxels, and cells, along an axis
+WITHOUT_HEIGHTS = {"above_lowest", "below_highest", "mean_intensity", "intensity_spread"}
+BENT = {"flat_share", "mean_variation"}
 LARGEST = 10.0  # metres, of a radius
-BORDER = (
-    0.00037  # metres: borders lie here, where no coordinate does that is written in millimetres
-)
 DIGITS = 4  # of features, so that what arithmetic rounds otherwise makes no other tree
 PLANE_RADIUS, CONTEXT = 1.0, 3.0  # metres, of the features of classify.som
-COLUMN = ("above_lowest", "below_highest")
 LOCAL = (
     *("linearity", "planarity", "sphericity", "surface_variation", "eigenentropy", "omnivariance"),
     *("verticality", "height_range", "height_deviation", "roughness", "surface_density"),
-    *COLUMN,
+    *("above_lowest", "below_highest"),  # the other ones of columns are taken if they are named
 )
 SINGLE = ("height_above_ground", "ground", "planarity", "roughness", "returns")
+ECHOES = ("returns", "passing_share")
 
 Floats = NDArray[np.float64]
 
 
 def usual(cloud: PointCloud, radii: Sequence[float]) -> tuple[str, ...]:
     """Names of the features that are taken if none are named, of those that the points can have."""
-    single = [name for name in SINGLE if name != "returns" or has_numbers(cloud)]
     given = [
         name
         for name in ("return_number", "number_of_returns", "intensity")
         if name in cloud and np.ptp(cloud[name]) > 0
     ]
+    missing = () if has_numbers(cloud) else ECHOES
+    single = [name for name in SINGLE if name not in missing]
     return (*single, *given, *(f"{name}@{radius:g}" for radius in radii for name in LOCAL))
 
 
@@ -96,8 +97,8 @@ def problem(names: Sequence[str], cloud: PointCloud) -> str:
                 else f"no attribute of {cloud.name or 'the points'}"
             )
             return f"{name!r} is {text}{nearest(base, known)}"
-        if base == "returns" and radius is None and not has_numbers(cloud):
-            return f"returns needs the attributes {' and '.join(RETURNS)}"
+        if base in ECHOES and not has_numbers(cloud):
+            return f"{base} needs the attributes {' and '.join(RETURNS)}"
     return ""
 
 
@@ -117,28 +118,47 @@ def described(
     for k, name in enumerate(names):
         if split(name)[1] is None:
             made[:, k] = single.feature(name)
+    measured = _measured(cloud, single, {split(name)[0] for name in names if "@" in name})
     radii = sorted({radius for name in names if (radius := split(name)[1]) is not None})
     for done, radius in enumerate(radii):
         part = ctx.part(0.5 + 0.5 * done / len(radii), 0.5 + 0.5 * (done + 1) / len(radii))
         wanted = [(k, split(name)[0]) for k, name in enumerate(names) if split(name)[1] == radius]
-        for k, values in _of_radius(cloud.xyz / metre, radius, wanted, part):
+        for k, values in _of_radius(measured, radius, wanted, part):
             made[:, k] = values
     ctx.progress(1.0)
     return np.round(made, DIGITS)
 
 
+def _measured(cloud: PointCloud, single: PointFeatures, bases: set[str]) -> Measured:
+    """What columns need of the points; heights are only looked for if a feature asks for them."""
+    count, some = len(cloud), {base for base in bases if base in COLUMN}
+    ground, height = np.zeros(count, bool), np.zeros(count)
+    if some - WITHOUT_HEIGHTS:
+        ground, height = single.terrain
+        height = np.asarray(height, float)
+    passing = single.let_through if has_numbers(cloud) else np.zeros(count, bool)
+    light = np.asarray(cloud["intensity"], float) if "intensity" in cloud else np.zeros(count)
+    xyz, bent = cloud.xyz / cloud.metre, np.full(count, np.nan)
+    if some & BENT and count:
+        coarse, place = voxel_means(xyz, PLANE_RADIUS / PER_RADIUS)
+        bent = covariance_features(
+            coarse, neighbours=None, radius=PLANE_RADIUS, names=("surface_variation",)
+        )["surface_variation"][place]
+    return Measured(xyz, height, ground, passing, light, np.asarray(bent, float))
+
+
 def _of_radius(
-    xyz: Floats, radius: float, wanted: Sequence[tuple[int, str]], ctx: Context
+    points: Measured, radius: float, wanted: Sequence[tuple[int, str]], ctx: Context
 ) -> list[tuple[int, NDArray[np.floating]]]:
-    """Features of one radius with their columns, of points in metres."""
+    """Features of one radius with their columns."""
     local = [name for name in FEATURES if name in {base for _, base in wanted}]
     found: dict[str, NDArray[np.floating]] = {}
-    if local and len(xyz):
-        coarse, place = voxel_means(xyz, radius / PER_RADIUS)
+    if local and len(points.xyz):
+        coarse, place = voxel_means(points.xyz, radius / PER_RADIUS)
         made = covariance_features(coarse, neighbours=None, radius=radius, names=local, ctx=ctx)
         found |= {name: values[place] for name, values in made.items()}
-    if any(base in COLUMN for _, base in wanted) and len(xyz):
-        found |= dict(zip(COLUMN, _in_column(xyz, radius), strict=True))
+    if any(base in COLUMN for _, base in wanted) and len(points.xyz):
+        found |= columns.features(points, radius)
     return [(k, found[base]) for k, base in wanted if base in found]
 
 
@@ -162,22 +182,6 @@ def voxel_means(xyz: Floats, side: float) -> tuple[Floats, NDArray[np.int64]]:
     )
     means = np.column_stack([np.bincount(number, column) for column in inside.T]) / FINE
     return (index[first] + means / count[:, None]) * side - BORDER, number
-
-
-def _in_column(xyz: Floats, radius: float) -> tuple[Floats, Floats]:
-    """How far points are above the lowest and below the highest one in nine cells around them."""
-    cell = np.floor((xyz[:, :2] + BORDER) / radius).astype(np.int64)
-    cell -= cell.min(axis=0)
-    shape = cell.max(axis=0) + 1
-    if shape.max() >= MOST or np.prod(shape) > 1 << 28:
-        raise DataError("points: they extend too far for these radii: remove stray points")
-    at, z = (cell[:, 0], cell[:, 1]), xyz[:, 2]
-    low, high = np.full(shape, np.inf), np.full(shape, -np.inf)
-    np.minimum.at(low, at, z)
-    np.maximum.at(high, at, z)
-    lowest = minimum_filter(low, 3, mode="constant", cval=np.inf)
-    highest = maximum_filter(high, 3, mode="constant", cval=-np.inf)
-    return z - lowest[at], highest[at] - z
 
 
 def _keys(index: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -100,3 +100,84 @@ def leaves(feature, left, right, held, before):
         if feature[node] >= 0:
             before[left[node]] = before[node]
             before[right[node]] = before[node] + held[left[node]]
+
+
+# Sums of a cell.
+COUNT, GROUND, ABOVE, PASSING, HEIGHT, HEIGHTS, LIGHT, LIGHTS, BENT, HIGH, FLAT = range(11)
+SUMS = 11
+
+
+@njit(cache=True, nogil=True)
+def columns(place, cols, rows, z, height, ground, passing, light, bent, high, flat, found):
+    """Fill in the features of columns, as :mod:`algorithms.classify._learning.columns` names them.
+
+    `place` is the number of the cell of each point, row after row, with an empty cell at each side.
+    """
+    sums = np.zeros((rows * cols, SUMS), np.int64)
+    lowest, highest = np.full(rows * cols, np.inf), np.full(rows * cols, -np.inf)
+    top = np.full(rows * cols, -(1 << 40), np.int64)
+    for i in range(len(place)):
+        own, p = sums[place[i]], place[i]
+        lowest[p], highest[p] = min(lowest[p], z[i]), max(highest[p], z[i])
+        top[p] = max(top[p], height[i])
+        own[COUNT] += 1
+        own[LIGHT] += light[i]
+        own[LIGHTS] += light[i] * light[i]
+        if ground[i]:
+            own[GROUND] += 1
+        else:
+            own[ABOVE] += 1
+            own[PASSING] += passing[i]
+            own[HEIGHT] += height[i]
+            own[HEIGHTS] += height[i] * height[i]
+            own[BENT] += bent[i]
+            if high[i]:
+                own[HIGH] += 1
+                own[FLAT] += flat[i]
+    around = np.full((rows * cols, len(found)), np.nan, np.float32)
+    low, up = lowest.copy(), highest.copy()
+    total = np.empty(SUMS, np.int64)
+    for p in range(cols + 1, rows * cols - cols - 1):
+        if sums[p, COUNT] > 0:
+            _column(p, cols, sums, lowest, highest, top, total, low, up, around[p])
+    for i in range(len(place)):
+        p = place[i]
+        found[:, i] = around[p]
+        found[0, i], found[1, i] = z[i] - low[p], up[p] - z[i]
+        found[8, i] = height[i] - around[p, 6]
+        found[13, i] = highest[p] - z[i]
+
+
+@helper
+def _column(p, cols, sums, lowest, highest, top, total, low, high, row):
+    """Fill in what nine cells have in common: in `row`, and their lowest and highest points."""
+    total[:] = 0
+    most, cells, first, second = -(1 << 40), 0, 0, 0
+    for dy in range(-1, 2):
+        for dx in range(-1, 2):
+            q = p + dy * cols + dx
+            if sums[q, COUNT] == 0:
+                continue
+            low[p], high[p] = min(low[p], lowest[q]), max(high[p], highest[q])
+            most, cells = max(most, top[q]), cells + 1
+            first, second = first + top[q], second + top[q] * top[q]
+            for k in range(SUMS):
+                total[k] += sums[q, k]
+    row[2], row[3] = most, _spread(cells, first, second)
+    row[4] = total[GROUND] / total[COUNT]
+    if total[ABOVE] > 0:
+        row[5] = total[PASSING] / total[ABOVE]
+        row[6] = total[HEIGHT] / total[ABOVE]
+        row[7] = _spread(total[ABOVE], total[HEIGHT], total[HEIGHTS])
+        row[11] = total[BENT] / total[ABOVE]
+    if total[HIGH] > 0:
+        row[12] = total[FLAT] / total[HIGH]
+    row[9] = total[LIGHT] / total[COUNT]
+    row[10] = _spread(total[COUNT], total[LIGHT], total[LIGHTS])
+
+
+@helper
+def _spread(count, first, second):
+    """Standard deviation from a count, a sum and a sum of squares."""
+    mean = first / count
+    return math.sqrt(max(second / count - mean * mean, 0.0))

@@ -8,6 +8,8 @@ Guo, C. et al. (2017). On calibration of modern neural networks. ICML, 1321-1330
 Friedman, J. H. (2001). Greedy function approximation: a gradient boosting machine. Annals of
 Statistics 29(5), 1189-1232. Breiman, L. (2001). Random forests. Machine Learning 45, 5-32:
 permutation importance.
+Chen, T. and Guestrin, C. (2016). XGBoost: a scalable tree boosting system. KDD, 785-794: a
+penalty of leaves (equation 5).
 """
 
 from __future__ import annotations
@@ -23,6 +25,10 @@ from algorithms.classify._learning.model import FORMAT, LEAF, Trained, softmax
 from toolbox.context import QUIET, Context
 
 Kind = Literal["boosting", "forest", "logistic"]
+PENALTY = (
+    1.0  # points of doubt in each leaf (lambda of Chen and Guestrin 2016): without any, leaves
+)
+# of points that are nearly certain get values beyond all bounds, and later rounds chase them
 COOLEST, HOTTEST = 0.2, 10.0  # temperatures
 
 Floats = NDArray[np.float64]
@@ -78,7 +84,10 @@ def _boosting(points: Labelled, weight: Floats, how: Settings) -> Trained:
     from sklearn.ensemble import HistGradientBoostingClassifier
 
     made = HistGradientBoostingClassifier(
-        max_iter=how.trees, early_stopping=False, random_state=how.seed
+        max_iter=how.trees,
+        l2_regularization=PENALTY,
+        early_stopping=False,
+        random_state=how.seed,
     ).fit(points.data, points.label, weight)
     k = len(how.about["classes"])
     columns = [int(c) for c in made.classes_]

@@ -48,6 +48,25 @@ def first_at(rising, value, start, stop):
     return start
 
 
+@njit(cache=True, nogil=True)
+def add_partners(rising, step, values, total):
+    """Add the values of each two rows whose numbers differ by `step` to each other's total.
+
+    `rising` has no number twice; both places of a pair move on together.
+    """
+    other = 0
+    for row in range(len(rising)):
+        wanted = rising[row] + step
+        while other < len(rising) and rising[other] < wanted:
+            other += 1
+        if other == len(rising):
+            return
+        if rising[other] == wanted:
+            for k in range(values.shape[1]):
+                total[row, k] += values[other, k]
+                total[other, k] += values[row, k]
+
+
 @helper
 def median(values):
     """Median of values, which are reordered (selection by Hoare 1961, FIND).

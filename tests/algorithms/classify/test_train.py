@@ -15,7 +15,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from algorithms.classify._learning import drift, model
+from algorithms.classify._learning import columns, drift, model
 from algorithms.classify._learning import features as names_of
 from algorithms.classify._learning.model import softmax
 from algorithms.classify._learning.training import (
@@ -82,7 +82,9 @@ def test_trees_give_the_probabilities_of_scikit_learn(kind: Kind, classes: int) 
     points = Labelled(data, label, np.ones(600), np.arange(600) % 9)
     made = trained(points, settings(classes, kind))
     theirs = (
-        HistGradientBoostingClassifier(max_iter=8, early_stopping=False, random_state=0)
+        HistGradientBoostingClassifier(
+            max_iter=8, early_stopping=False, random_state=0, l2_regularization=1.0
+        )
         if kind == "boosting"
         else RandomForestClassifier(8, min_samples_leaf=5, random_state=0, max_depth=20)
     ).fit(data, label, np.ones(600))
@@ -156,6 +158,13 @@ def test_the_order_of_the_points_does_not_matter(made: Any) -> None:
     again = ClassifyTrain(points=cloud.select(order), features=NAMES, **QUICK).run()
     assert again.model.rows() == made.model.rows()
     assert again.accuracy.rows() == made.accuracy.rows()
+
+
+def test_what_is_expected_is_the_mean_probability(made: Any) -> None:
+    out = ClassifyApply(points=yard(3), model=made.model).run()
+    assert out.expected == pytest.approx(float(out.classified["probability"].mean()), abs=1e-5)
+    right = (out.classified["classification"] == yard(3)["classification"]).mean()
+    assert out.expected == pytest.approx(float(right), abs=0.03)
 
 
 def test_points_that_are_not_probable_enough_are_unknown(made: Any) -> None:
@@ -322,6 +331,59 @@ def test_heights_in_columns() -> None:
     xyz = np.array([[0.5, 0.5, 2.0], [1.5, 0.5, 5.0], [9.5, 0.5, 1.0]])
     found = names_of.described(PointCloud(xyz, {}, crs=UTM), ("above_lowest@1", "below_highest@1"))
     np.testing.assert_allclose(found, [[0, 3], [3, 0], [0, 0]])
+
+
+def test_columns_are_those_of_brute_force() -> None:
+    """Of nine cells, counted point by point; whatever the order of the points."""
+    rng = np.random.default_rng(0)
+    xyz = rng.uniform((0, 0, 0), (12, 9, 8), (400, 3))
+    ground, passing = rng.random(400) < 0.4, rng.random(400) < 0.3
+    light = rng.integers(0, 3000, 400).astype(float)
+    height = np.round(xyz[:, 2] - 1, 3)
+    bent = np.where(rng.random(400) < 0.1, np.nan, rng.random(400) / 10)
+    points = columns.Measured(xyz, height, ground, passing, light, bent)
+    found = columns.features(points, 2.0)
+    cell = np.floor((xyz[:, :2] + columns.BORDER) / 2.0)
+    for i in range(0, 400, 7):
+        near = (np.abs(cell - cell[i]) <= 1).all(axis=1)
+        tops = [height[(cell == c).all(axis=1)].max() for c in np.unique(cell[near], axis=0)]
+        up = near & ~ground
+        expected = {
+            "above_lowest": xyz[i, 2] - xyz[near, 2].min(),
+            "below_highest": xyz[near, 2].max() - xyz[i, 2],
+            "top_height": height[near].max(),
+            "top_spread": np.std(tops),
+            "ground_share": ground[near].mean(),
+            "passing_share": passing[up].mean(),
+            "mean_height": height[up].mean(),
+            "height_spread": height[up].std(),
+            "above_mean": height[i] - height[up].mean(),
+            "mean_intensity": light[near].mean(),
+            "intensity_spread": light[near].std(),
+            "mean_variation": np.where(np.isnan(bent), columns.SHAPELESS, bent)[up].mean(),
+            "flat_share": (bent < columns.FLAT)[up & (height > columns.HIGH)].mean(),
+            "below_top": xyz[(cell == cell[i]).all(axis=1), 2].max() - xyz[i, 2],
+        }
+        assert set(expected) == set(columns.NAMES)
+        for name, value in expected.items():
+            assert found[name][i] == pytest.approx(value, rel=1e-4, abs=1.5e-3), name
+    order = rng.permutation(400)
+    parts = (xyz[order], height[order], ground[order], passing[order], light[order], bent[order])
+    again = columns.features(columns.Measured(*parts), 2.0)
+    for name in columns.NAMES:
+        np.testing.assert_array_equal(found[name][order], again[name])
+
+
+def test_columns_without_points_above_the_ground_have_no_heights() -> None:
+    xyz, yes = np.array([[0.5, 0.5, 2.0], [0.7, 0.5, 5.0]]), np.ones(2, bool)
+    found = columns.features(
+        columns.Measured(xyz, np.zeros(2), yes, ~yes, np.zeros(2), np.zeros(2)), 1.0
+    )
+    assert np.isnan(found["passing_share"]).all()
+    assert np.isnan(found["above_mean"]).all()
+    far = columns.Measured(xyz * 1e9, np.zeros(2), yes, ~yes, np.zeros(2), np.zeros(2))
+    with pytest.raises(DataError, match="too far for these radii"):
+        columns.features(far, 1.0)
 
 
 def test_stability_index_counts_within_classes() -> None:

@@ -147,7 +147,7 @@ class ClassifyApply:
             drift=Table.from_rows(rows),
             outside=Share.of_points(outside, cloud.core & part),
             expected=Share(
-                int(np.rint(best[own] * MILLION).sum()), MILLION * np.count_nonzero(own)
+                int(np.rint(best[own] * MILLION).sum()), MILLION * int(np.count_nonzero(own))
             ),
             unknown=int(np.count_nonzero(unknown & cloud.core)),
         )

@@ -93,8 +93,8 @@ class ClassifySuggest:
                 yield "points", text
         if self.labelled is None:
             return
-        if text := crs_conflict(self.labelled.crs, self.points.crs, heights=False):
-            yield "labelled", f"{self.labelled.name or 'the layer'} {text} of the points"
+        if conflict := crs_conflict(self.labelled.crs, self.points.crs, heights=False):
+            yield "labelled", f"{self.labelled.name or 'the layer'} {conflict} of the points"
 
     def halo(self) -> float:
         """Patches compete over the whole survey."""

@@ -187,15 +187,20 @@ def _record(found: Mapping[str, float]) -> None:
     """Keep ratios under the present commit, beside those of other chains."""
     command = ["git", "rev-parse", "--short", "HEAD"]
     commit = subprocess.check_output(command, text=True, cwd=ROOT).strip()
-    kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    kept = _kept()
     kept[commit] = kept.get(commit, {}) | {name: round(ratio, 2) for name, ratio in found.items()}
     KEPT.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+
+
+def _kept() -> dict[str, dict[str, float]]:
+    """The ratios that were recorded, by commit, the oldest first."""
+    return dict(json.loads(KEPT.read_text(encoding="utf-8"))) if KEPT.exists() else {}
 
 
 def _check(found: Mapping[str, float]) -> None:
     """Say what is slower than the last ratio that was kept for it."""
     kept: dict[str, float] = {}
-    for ratios in json.loads(KEPT.read_text(encoding="utf-8")).values():
+    for ratios in _kept().values():
         kept |= ratios
     for name, ratio in found.items():
         if name not in kept:

@@ -32,6 +32,17 @@ def test_a_command_may_take_several_lines_and_end_with_a_comment(tmp_path: Path)
     assert commands(page) == [["run", "a", "--b", "c d"]]
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+def test_commands_of_a_page_name_tools_and_their_options(page: Path) -> None:
+    for words in commands(page):
+        if words[:4] == ["python", "-m", "toolbox", "run"]:
+            described = catalog.describe(words[4])
+            values, _ = arguments.read(described, words[5:])
+            known = described["inputs"].keys() | described["outputs"].keys()
+            known |= described.get("between", {}).keys()
+            assert {name.partition(".")[0] for name in values} <= known, words
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
 def test_commands_of_a_page_run(

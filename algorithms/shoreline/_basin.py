@@ -22,6 +22,7 @@ from toolbox.data import Lattice
 from toolbox.errors import DataError
 
 BLOCK = 200_000  # squares or triangles at a time
+AT_ONCE = 500  # triangles cut by the part of an outline that is near them
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -180,6 +181,7 @@ class RasterBasin:
         self._cell, self._heights = lattice.cell, np.ascontiguousarray(heights, np.float64)
         there = _at_all_corners(np.isfinite(self._heights))
         self._inside, self._cut = there, _no_cut()
+        self._outline, self._lake = outline, _no_cut()
         wanted = there.size * self._cell**2
         if outline is not None:
             self._inside, near = self._placed(outline, there, ctx.part(0, 0.5))
@@ -187,8 +189,7 @@ class RasterBasin:
             self._cut = cut(outline, xy, z, ctx.part(0.5, 1))
             self._cut = self._cut._replace(parent=square[self._cut.parent])
             wanted = outline.area
-        squares = self._inside.copy()
-        squares.flat[self._cut.parent] = True
+        squares = self._squares()
         if not squares.any():
             raise no_ground(outline)
         self._used = _of_any_square(squares)
@@ -220,10 +221,26 @@ class RasterBasin:
         self._joined = self._flooded(first, ctx.part(0.5, 1))
         ctx.progress(1.0)
 
-    def rise(self, start: int, *, ctx: Context = QUIET) -> None:
-        """Find the water connected with that of the cell `start`, as it rises from there."""
+    def rise(self, start: int, lake: Polygon, *, ctx: Context = QUIET) -> None:
+        """Find the water connected with that of the cell `start`, as it rises from there.
+
+        The lake counts with all of its area from that height on, and squares that its outline cuts
+        with what is outside of it: without that half a cell would be lost along the shore.
+        """
         self.lowest = float(self._heights.flat[start])
         self._joined = self._flooded(start, ctx)
+        inside, near = self._placed(lake, self._squares(), QUIET)
+        water = inside | near
+        around = shapely.box(*lake.bounds).buffer(2 * self._cell)
+        if self._outline is not None:
+            around, lake = self._outline, lake.intersection(self._outline)
+        xy, z, square = self._around(np.flatnonzero(near))
+        land = cut(shapely.difference(around, lake), xy, z, QUIET)
+        land = land._replace(parent=square[land.parent])
+        self._inside = self._inside & ~water
+        self._cut = self._cut.of(~water.flat[self._cut.parent]).joined_by(land)
+        under = np.nextafter(self.lowest, -np.inf)  # water counts where it is above the ground
+        self._lake = Cut(np.full((1, 3), under), np.array([lake.area]), np.zeros(1, int))
         ctx.progress(1.0)
 
     def opens(self) -> float:
@@ -250,6 +267,13 @@ class RasterBasin:
                 triangles.reshape(-1, 3), z.ravel(), areas, np.repeat(joined.flat[some], 4)
             )
         yield self._cut.pieces(joined.ravel())
+        yield self._lake.pieces(np.full(1, -np.inf))
+
+    def _squares(self) -> Mask:
+        """The squares of which some part holds water, shape (rows - 1, cols - 1)."""
+        squares = self._inside.copy()
+        squares.flat[self._cut.parent] = True
+        return squares
 
     def _placed(self, outline: Polygon, there: Mask, ctx: Context) -> tuple[Mask, Mask]:
         """Masks of the squares within the outline and near it, shape (rows - 1, cols - 1)."""
@@ -360,6 +384,14 @@ class Cut(NamedTuple):
         triangles = np.arange(self.z.size).reshape(-1, 3)
         return Pieces(triangles, self.z.ravel(), self.areas, joined[self.parent])
 
+    def of(self, wanted: Mask) -> Cut:
+        """Some of the triangles."""
+        return Cut(*(values[wanted] for values in self))
+
+    def joined_by(self, other: Cut) -> Cut:
+        """These triangles and others."""
+        return Cut(*(np.concatenate(both) for both in zip(self, other, strict=True)))
+
 
 def _no_cut() -> Cut:
     return Cut(np.empty((0, 3)), np.empty(0), np.empty(0, np.int64))
@@ -402,9 +434,13 @@ def cut(outline: Polygon, xy: Array, z: Array, ctx: Context) -> Cut:
     z : array of shape (t, 3)
     """
     found = [_no_cut()]
-    for first in range(0, len(xy), BLOCK // 100):
-        last = min(first + BLOCK // 100, len(xy))
-        shapes = shapely.intersection(shapely.polygons(xy[first:last]), outline)
+    for first in range(0, len(xy), AT_ONCE):
+        last = min(first + AT_ONCE, len(xy))
+        # Of a long outline each triangle meets a small part: the rest is cut off for all at once.
+        low, high = xy[first:last].min(axis=(0, 1)), xy[first:last].max(axis=(0, 1))
+        near = shapely.box(*(2 * low - high - 1), *(2 * high - low + 1))
+        part = outline if len(xy) <= AT_ONCE else shapely.intersection(outline, near)
+        shapes = shapely.intersection(shapely.polygons(xy[first:last]), part)
         parts, parent = shapely.get_parts(shapes, return_index=True)
         areal = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
         parts, parent = shapely.orient_polygons(parts[areal]), parent[areal]

@@ -33,7 +33,6 @@ MOST_LEVELS = 100_000  # more are taken for a mistake in the step
 DIGITS = 9  # of a level after the point, so that three times 0.1 is 0.3
 ROUNDING = 1e-9  # steps
 GROUND = 2  # class
-FILM = 1e-6  # steps of water on a lake, so that its own area counts
 NINETY_FIVE = 1.96  # standard errors on each side of 95 % of a normal distribution
 
 
@@ -69,9 +68,10 @@ class ShorelineStorageCurve:
     survey could not see does not count as depth.
 
     With a `lake`, and a terrain into which its water was laid by surface.flatten_water, the curve
-    is that of this lake: it begins at its level, and water rises from there, into side valleys as
-    it gets there. The last level is by default the one at which it would run over the rim, or reach
-    the edge of the data; what lies beyond a dam, lower, does not count below that.
+    is that of this lake: it begins at its level with the area of its polygon, and water rises
+    from there, into side valleys as it gets there. The last level is by default the one at which
+    it would run over the rim, or reach the edge of the data; what lies beyond a dam, lower, does
+    not count below that.
 
     With `height_error`, a standard error that all heights have in common, as that of a level or of
     a survey, the table has the limits between which area and volume lie with 95 %: the figures of
@@ -236,13 +236,10 @@ class ShorelineStorageCurve:
             and (next_one := whole(first + self.step / 100, self.step)) < highest
         ):
             levels = np.append(first, levels_between(next_one, highest, self.step))
-        filled = levels
-        if self.lake is not None:  # level ground counts above its height, and the lake is level
-            filled = np.append(levels[0] + FILM * self.step, levels[1:])
-        area, volume, everything = storage(basin.pieces(), filled, ctx=ctx.part(0.8, 0.9))
+        area, volume, everything = storage(basin.pieces(), levels, ctx=ctx.part(0.8, 0.9))
         made = table(levels, area, volume, everything, opens, ground)
         if self.height_error:
-            made = with_limits(made, basin.pieces, filled, NINETY_FIVE * self.height_error, ground)
+            made = with_limits(made, basin.pieces, levels, NINETY_FIVE * self.height_error, ground)
         ctx.progress(1.0)
         if opens < highest:
             log.warning(
@@ -286,17 +283,18 @@ class ShorelineStorageCurve:
 
     def _fill(self, basin: PointBasin | RasterBasin, highest: float, ctx: Context) -> None:
         """Find the connected water, from the seed point or from the lowest ground."""
-        name, place = "seed_point", self.seed_point
+        name, place, lake = "seed_point", self.seed_point, None
         if self.lake is not None:
-            name, place = "lake", place_in(self.lake)
+            name, lake = "lake", largest(self.lake)
+            place = place_in(lake) if lake else None
             if place is None:
                 log.warning("there is no lake: the basin is that of the lowest ground")
         if place is None:
             basin.fill(None, highest, ctx=ctx)
             return
         try:
-            if name == "lake" and isinstance(basin, RasterBasin):
-                basin.rise(basin.at(*place), ctx=ctx)
+            if lake and isinstance(basin, RasterBasin):
+                basin.rise(basin.at(*place), lake, ctx=ctx)
             else:
                 basin.fill(basin.at(*place), highest, ctx=ctx)
         except DataError as err:
@@ -326,14 +324,15 @@ def whole(level: float, step: float) -> float:
     return (math.floor(level / step + ROUNDING) + 1) * step
 
 
-def place_in(lake: Vector) -> Position | None:
-    """A position well inside the largest polygon of a layer; None if it holds none."""
+def largest(lake: Vector) -> shapely.Polygon | None:
+    """The largest polygon of a layer; None if it holds none."""
     shapes = polygons(lake, "lake")
-    if not len(shapes):
-        return None
-    largest = shapely.force_2d(shapes[int(np.argmax(shapely.area(shapes)))])
-    inside = shapely.maximum_inscribed_circle(largest)
-    x, y = shapely.get_coordinates(inside)[0].tolist()
+    return shapely.force_2d(shapes[int(np.argmax(shapely.area(shapes)))]) if len(shapes) else None
+
+
+def place_in(lake: shapely.Polygon) -> Position:
+    """A position well inside a polygon."""
+    x, y = shapely.get_coordinates(shapely.maximum_inscribed_circle(lake))[0].tolist()
     return Position(x, y)
 
 

@@ -18,6 +18,7 @@ from scenes.layers import NORTH, UTM, WEST, cloud, raster
 
 from algorithms.shoreline._basin import Pieces, RasterBasin, _of_any_square
 from algorithms.shoreline.storage_curve import ShorelineStorageCurve, height_system, storage
+from algorithms.surface.flatten_water import SurfaceFlattenWater
 from toolbox.context import Context
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.declare import ClassList, Position
@@ -390,7 +391,7 @@ def test_the_curve_of_a_lake_begins_at_its_level_and_ends_where_it_runs_over() -
     assert found.lowest_ground == 10.0
     assert found.opens == pytest.approx(11.5)
     assert frame["level"].tolist() == [10.0, 10.5, 11.0, 11.5]
-    assert frame["area_m2"].iloc[0] == pytest.approx(81.0), "nothing of the valley"
+    assert frame["area_m2"].iloc[0] == pytest.approx(100.0), "nothing of the valley"
     other = ShorelineStorageCurve(terrain=terrain, lowest=10.0, step=0.5, highest=11.5).run()
     assert other.lowest_ground == 5.0
 
@@ -402,6 +403,49 @@ def test_limits_are_the_curve_of_water_lower_and_higher() -> None:
     np.testing.assert_allclose(frame["volume_low_m3"][1:], frame["volume_m3"][:-1], atol=1e-4)
     np.testing.assert_allclose(frame["volume_high_m3"][:-1], frame["volume_m3"][1:], atol=1e-4)
     assert (frame["area_low_m2"] >= frame["area_m2"].iloc[0]).all()
+
+
+def pond(radius: float, slope: float, cell: float) -> tuple[Raster, Vector]:
+    """A round lake at 10 m in ground that rises evenly from its shore, laid level."""
+    size = math.ceil(120 / cell)
+    lattice = Lattice(500_000.0, 4_400_000.0, cell, size, size)
+    x, y = np.meshgrid(*lattice.centres())
+    middle = np.array([500_060.3, 4_399_940.4])
+    apart = np.hypot(x - middle[0], y - middle[1])
+    z = 10 + slope * np.maximum(apart - radius, -0.2)
+    terrain = Raster.from_lattice(z, lattice, crs=CRS(32635))
+    shape = shapely.Point(middle).buffer(radius, quad_segs=64)
+    frame = geopandas.GeoDataFrame({"level": [10.0]}, geometry=[shape], crs=CRS(32635))
+    lake = Vector(frame)
+    return SurfaceFlattenWater(terrain=terrain, water=lake).run().flattened, lake
+
+
+@pytest.mark.parametrize("cell", [0.5, 1.0, 3.0])
+def test_at_its_level_a_lake_has_the_area_of_its_polygon(cell: float) -> None:
+    terrain, lake = pond(30.0, 0.2, cell)
+    frame = ShorelineStorageCurve(terrain=terrain, lake=lake, highest=14.0).run().curve.frame
+    assert frame["area_m2"].iloc[0] == pytest.approx(lake.frame.area.iloc[0], rel=1e-9)
+    assert frame["volume_m3"].iloc[0] == pytest.approx(0.0, abs=1e-6)
+    wide = 30 + (frame["level_m"].to_numpy() - 10) / 0.2
+    volume = math.pi * 0.2 / 3 * (wide**3 - 30**3)
+    np.testing.assert_allclose(frame["area_m2"], math.pi * wide**2, rtol=2e-3)
+    np.testing.assert_allclose(frame["volume_m3"][1:], volume[1:], rtol=0.02 * cell)
+
+
+def test_an_outline_is_a_wall_to_a_lake_too() -> None:
+    terrain, lake = pond(30.0, 0.2, 1.0)
+    x, y = lake.frame.geometry.iloc[0].centroid.coords[0]
+    half = shapely.box(x - 100, y - 100, x, y + 100)
+    wall = Vector(geopandas.GeoDataFrame(geometry=[half], crs=CRS(32635)))
+    how = {"terrain": terrain, "lake": lake, "highest": 14.0}
+    whole = ShorelineStorageCurve(**how).run().curve.frame  # type: ignore[arg-type]
+    west = lake.frame.intersection(half)
+    west_lake = Vector(lake.frame.set_geometry(west))
+    for one in (lake, west_lake):
+        how["lake"] = one
+        part = ShorelineStorageCurve(**how, outline=wall).run().curve.frame  # type: ignore[arg-type]
+        np.testing.assert_allclose(part["area_m2"], whole["area_m2"] / 2, rtol=2e-3)
+        np.testing.assert_allclose(part["volume_m3"], whole["volume_m3"] / 2, rtol=2e-3, atol=1e-6)
 
 
 def test_a_lake_needs_a_terrain() -> None:

@@ -25,6 +25,13 @@ def test_a_cell_has_the_class_of_most_first_returns() -> None:
     ]
 
 
+def test_what_lies_under_a_crown_is_not_seen() -> None:
+    """Of four returns on a cell one is the first: three later ones on the ground do not count."""
+    number = np.array([1, 2, 3, 4], np.uint8)
+    points = cloud(at(*[(0.5, 0.5)] * 4), [5, 2, 2, 2], return_number=number)
+    assert SurfaceLandCover(points=points).run().cover.band().tolist() == [[5]]
+
+
 def test_small_gaps_take_the_nearest_class_and_wide_ones_stay() -> None:
     points = cloud(at((0.5, 0.5), (9.5, 0.5)), [2, 6])
     band = SurfaceLandCover(points=points, max_gap=2.0).run().cover.band()[0]

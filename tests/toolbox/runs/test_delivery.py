@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,10 +16,11 @@ import toolbox
 from toolbox import catalog
 from toolbox.cli.main import main
 from toolbox.cli.replay import replay
+from toolbox.context import Context
 from toolbox.data import PointCloud, Raster
 from toolbox.data.crs import parse_crs
 from toolbox.errors import DataError, ParameterError
-from toolbox.models.model import Model
+from toolbox.models.model import Model, run_tool
 
 MODEL = """
 id: toy.hills
@@ -118,6 +121,27 @@ def test_its_steps_run_only_when_asked_for(model: str, points: Path, tmp_path: P
     assert set(pd.read_csv(tmp_path / "n.csv")["step"]) == {"top"}
     toolbox.run(model, {"points": points, "lines.contours": tmp_path / "b.gpkg"})
     assert (tmp_path / "b.gpkg").exists()
+
+
+@pytest.mark.parametrize(
+    ("keep", "ran"), [((), ["top"]), (("lines.contours",), ["top", "lines"])]
+)
+def test_its_steps_stay_out_of_a_run_from_code(
+    model: str, keep: tuple[str, ...], ran: list[str]
+) -> None:
+    """A ModelRun that is made and run without the files around it runs what is kept alone."""
+    spec = catalog.load(model)
+    assert isinstance(spec, Model)
+    names: list[str] = []
+
+    def noted(name: str, job: Any, ctx: Context) -> Any:
+        names.append(name)
+        return run_tool(name, job, ctx)
+
+    job = spec.build({"points": hill()})
+    found = dataclasses.replace(job, keep=frozenset(keep), runner=noted).run()
+    assert names == ran
+    assert set(vars(found)) == {"surface", "share", *keep}
 
 
 def test_a_setting_of_its_steps_alone_is_told_to_be_idle(

@@ -123,9 +123,7 @@ def test_its_steps_run_only_when_asked_for(model: str, points: Path, tmp_path: P
     assert (tmp_path / "b.gpkg").exists()
 
 
-@pytest.mark.parametrize(
-    ("keep", "ran"), [((), ["top"]), (("lines.contours",), ["top", "lines"])]
-)
+@pytest.mark.parametrize(("keep", "ran"), [((), ["top"]), (("lines.contours",), ["top", "lines"])])
 def test_its_steps_stay_out_of_a_run_from_code(
     model: str, keep: tuple[str, ...], ran: list[str]
 ) -> None:

@@ -50,7 +50,8 @@ class PointsSurveyQuality:
     another everywhere shows as a mean difference.
 
     Noise, and what else is in `ignore`, takes no part. Cells count that lie within the outline of
-    the data: between the first and the last cell with points of their row and of their column.
+    the data: between the first and the last cell with points of their row and of their column. The
+    mean density and thin cells leave out those at the edge, which the data covers in part alone.
     """
 
     points: PointCloud = source("Points of a survey")
@@ -137,6 +138,8 @@ class PointsSurveyQuality:
         if not first_there.any():
             raise NothingToDo("points: there are none")
         xyz = cloud.xyz[taken]
+        if not np.ptp(xyz[:, :2], axis=0).all():
+            raise NothingToDo("points: all lie on one line, or at one place, so have no density")
         first = _attribute(cloud, "return_number", taken, 1) <= 1
         single = _attribute(cloud, "number_of_returns", taken, 1) <= 1
         strip = _attribute(cloud, STRIP, taken, 0)
@@ -160,7 +163,11 @@ class PointsSurveyQuality:
         ctx.progress(0.9)
         spread_of = np.full(size, np.nan)
         spread_of[differences.index] = differences.to_numpy()
-        mean = float(density[inside].mean())
+        full = surrounded(inside)
+        if not full.any():
+            log.warning("no cell of %.3g m is within the data: densities are too low", cell / metre)
+            full = inside
+        mean = float(density[full].mean())
         if len(np.unique(strip)) < 2:
             log.warning("all points have one %s: strips are not told apart", STRIP)
         rms = pairs.attrs["rms"]
@@ -173,7 +180,7 @@ class PointsSurveyQuality:
             pairs=Table(pairs),
             mean_density=mean / metre**2,
             spacing=metre / math.sqrt(mean) if mean else math.inf,
-            thin_share=float((density[inside] < mean / 2).mean()),
+            thin_share=float((density[full] < mean / 2).mean()),
             void_share=float((counts[inside] == 0).mean()),
             strip_count=len(np.unique(strip)),
             overlap_share=float((numbers[inside] > 1).mean()),
@@ -216,6 +223,14 @@ def within_data(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
         behind = np.flip(np.maximum.accumulate(np.flip(there, axis), axis=axis), axis)
         inside &= ahead & behind
     return inside
+
+
+def surrounded(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The cells with eight neighbours within the data, which covers others in part alone."""
+    wide = np.pad(inside, 1)
+    for axis in (0, 1):
+        wide = wide & np.roll(wide, 1, axis) & np.roll(wide, -1, axis)
+    return wide[1:-1, 1:-1]
 
 
 def strips_in(place: Ints, strip: Ints, size: int) -> Ints:

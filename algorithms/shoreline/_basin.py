@@ -386,7 +386,7 @@ class Cut(NamedTuple):
 
     def of(self, wanted: Mask) -> Cut:
         """Some of the triangles."""
-        return Cut(*(values[wanted] for values in self))
+        return Cut(self.z[wanted], self.areas[wanted], self.parent[wanted])
 
     def joined_by(self, other: Cut) -> Cut:
         """These triangles and others."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table
 from toolbox.data.asprs import CLASSES
 from toolbox.data.report import Column
@@ -32,7 +32,8 @@ class SurfaceLandCover:
     First returns show what is seen from above: the crown of a tree, not the grass below. Of classes
     with as many points the one with the higher number counts. Cells without points take the class
     of the nearest one within `max_gap`. The values are the classes of LAS (2 ground, 3 to 5
-    vegetation, 6 building, 9 water), 0 for none; the table has the area of each.
+    vegetation, 6 building, 9 water), 0 for none; the table has the area of each. Points of class
+    0, never classified, take no part.
     """
 
     points: PointCloud = source("Classified points")
@@ -84,6 +85,12 @@ class SurfaceLandCover:
             taken &= cloud["return_number"] <= 1
         if not taken.any():
             raise NothingToDo("points: none takes part")
+        without = taken & (classes == NONE)
+        taken &= ~without
+        if not taken.any():
+            raise NothingToDo("points: all are of class 0, never classified; classify them first")
+        if without.any():
+            log.warning("%d points of class 0, never classified, take no part", without.sum())
         xy = cloud.xyz[taken, :2]
         lattice = Lattice.cover((*xy.min(axis=0), *xy.max(axis=0)), self.cell)
         row, col = lattice.indices(*xy.T)

@@ -8,6 +8,7 @@ from pyproj import CRS
 
 from algorithms.points.survey_quality import PointsSurveyQuality
 from toolbox.data import PointCloud
+from toolbox.errors import NothingToDo
 
 
 def strip(number: int, west: float, east: float, height: float = 0.0, **more: int) -> PointCloud:
@@ -80,3 +81,23 @@ def test_noise_takes_no_part() -> None:
     noise = strip(1, 0, 40, 90.0, classification=18)
     found = quality(strip(1, 0, 40, classification=2), noise, cell=2.0)
     assert found.mean_density == pytest.approx(4.0)
+
+
+def test_cells_that_the_data_covers_in_part_do_not_thin_it() -> None:
+    """One row of points beyond a line of the grid makes cells of a quarter."""
+    found = quality(strip(1, 0.5, 40.5), cell=2.0)
+    assert found.mean_density == pytest.approx(4.0)
+    assert found.thin_share == 0.0
+
+
+def test_data_narrower_than_cells_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    assert quality(strip(1, 0, 40), cell=30.0).mean_density < 4.0
+    assert "no cell of 30 m is within the data" in caplog.text
+
+
+def test_points_on_a_line_have_no_density() -> None:
+    cloud = strip(1, 0, 40)
+    one = cloud.select(cloud.xyz[:, 0] == cloud.xyz[0, 0])
+    for some in (one, one.select(np.arange(len(one)) < 1)):
+        with pytest.raises(NothingToDo, match="no density"):
+            quality(some)

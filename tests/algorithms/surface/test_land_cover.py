@@ -7,7 +7,7 @@ import pytest
 from scenes.layers import NORTH, WEST, cloud
 
 from algorithms.surface.land_cover import SurfaceLandCover
-from toolbox.errors import DataError
+from toolbox.errors import DataError, NothingToDo
 
 
 def at(*places: tuple[float, float]) -> list[tuple[float, float, float]]:
@@ -43,6 +43,15 @@ def test_small_gaps_take_the_nearest_class_and_wide_ones_stay() -> None:
 def test_noise_takes_no_part() -> None:
     points = cloud(at((0.5, 0.5), (0.6, 0.5), (0.7, 0.5)), [2, 7, 7])
     assert SurfaceLandCover(points=points).run().cover.band().tolist() == [[2]]
+
+
+def test_points_never_classified_take_no_part(caplog: pytest.LogCaptureFixture) -> None:
+    places = at((0.5, 0.5), (0.6, 0.5), (0.7, 0.5))
+    with pytest.raises(NothingToDo, match="all are of class 0"):
+        SurfaceLandCover(points=cloud(places, [0, 0, 0])).run()
+    found = SurfaceLandCover(points=cloud(places, [0, 0, 6])).run()
+    assert found.cover.band().tolist() == [[6]]
+    assert "2 points of class 0" in caplog.text
 
 
 def test_points_need_classes() -> None:

@@ -29,6 +29,7 @@ LOCK = "lock"  # file in a temporary folder, locked while the process lives that
 OTHERS_WRITE = 0o022  # of the mode of a folder
 FULL = 2**20  # bytes; a disk with less space than this is full
 _unfinished: dict[Path, FileLock] = {}  # temporary folders of this process, removed at a hard exit
+_made: set[Path] = set()  # folders for outputs, removed at a hard exit if nothing is in them
 _moving = threading.Lock()  # held while outputs are moved to their paths
 
 
@@ -166,6 +167,21 @@ def scratch() -> Iterator[Path]:
         _discard(folder)
 
 
+@contextmanager
+def made(folder: Path) -> Iterator[None]:
+    """Make a folder for outputs; after an error or a hard exit it goes if nothing is in it."""
+    folder.mkdir()
+    _made.add(folder)
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):  # it holds what --resume needs
+            folder.rmdir()
+        raise
+    finally:
+        _made.discard(folder)
+
+
 def recover(parent: Path) -> None:
     """Undo the moves that killed runs have left half made in a folder, and remove what they hid.
 
@@ -236,6 +252,9 @@ def discard_unfinished() -> None:
     with _moving:
         for folder in list(_unfinished):
             _discard(folder)
+        for folder in list(_made):
+            with suppress(OSError):  # outputs are in it
+                folder.rmdir()
 
 
 def _discard(folder: Path) -> None:

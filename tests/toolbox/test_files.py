@@ -128,6 +128,27 @@ def test_unfinished_files_can_be_discarded_from_outside(tmp_path: Path) -> None:
         crash()
 
 
+def test_a_new_folder_goes_at_a_hard_exit_unless_it_holds_outputs(tmp_path: Path) -> None:
+    empty, full = tmp_path / "empty", tmp_path / "full"
+
+    def crash() -> None:
+        with (
+            files.made(empty),
+            files.made(full),
+            files.staged({empty / "a.tif": alone}, overwrite=False),
+        ):
+            (full / "b.tif").write_text("an output")
+            files.discard_unfinished()
+            assert [path.name for path in tmp_path.iterdir()] == ["full"]
+
+    with pytest.raises(FileNotFoundError):
+        crash()
+    with files.made(empty):
+        pass
+    files.discard_unfinished()
+    assert empty.is_dir(), "its run has ended well"
+
+
 def test_parts_of_a_format_count_as_outputs(tmp_path: Path) -> None:
     other = tmp_path / "a.dbf"
     other.write_text("not mine")

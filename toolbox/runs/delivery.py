@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from toolbox import files
 from toolbox.context import Context, log
 from toolbox.data.crs import is_local
 from toolbox.data.layer import Layer
@@ -83,7 +84,8 @@ def problems(
     there = [t.resolved.name for t in made.values() if t.resolved and t.resolved.exists()]
     if there and not overwrite:
         more = f" and {len(set(there)) - 1} more" if len(set(there)) > 1 else ""
-        return {DELIVER: f"{there[0]}{more} exist in {_folder(made)}; allow it with --overwrite"}
+        verb = "exist" if more else "exists"
+        return {DELIVER: f"{there[0]}{more} {verb} in {_folder(made)}; allow it with --overwrite"}
     found = targets.problems(made, reads, overwrite=overwrite)
     return {DELIVER: next(iter(found.values()))} if found else {}
 
@@ -115,15 +117,8 @@ def folder_of(writes: Mapping[str, Target]) -> Iterator[None]:
     """Make the folder of the set; it is removed again if nothing has been written into it."""
     made = _of_set(writes)
     new = bool(made) and not _folder(made).exists()
-    if new:
-        _folder(made).mkdir()
-    try:
+    with files.made(_folder(made)) if new else nullcontext():
         yield
-    except BaseException:
-        if new:
-            with suppress(OSError):  # it holds what --resume needs
-                _folder(made).rmdir()
-        raise
 
 
 def write(

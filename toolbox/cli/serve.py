@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from toolbox.cli.console import Console
@@ -34,7 +35,7 @@ def run(args: argparse.Namespace, _: Console) -> None:
     from toolbox.server import serve
     from toolbox.server.jobs import Limits
 
-    serve.check(args.host, args.data, exposed=args.behind_authentication)
     limits = Limits(args.jobs, args.waiting, args.seconds, args.megabytes)
-    print(f"http://{args.host}:{args.port}/processes", flush=True)
-    serve.serve(args.data.resolve(), args.state.resolve(), args.host, args.port, limits)
+    serve.check(args.host, args.port, args.data, limits, exposed=args.behind_authentication)
+    data, state = args.data.resolve(), args.state.resolve()
+    serve.serve(data, state, args.host, args.port, limits, ready=partial(print, flush=True))

@@ -24,6 +24,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from toolbox.errors import DataError
+
 WAITS, RUNS, DONE, FAILED, DISMISSED = "accepted", "running", "successful", "failed", "dismissed"
 OPEN = (WAITS, RUNS)
 STOPPING = 5.0  # seconds from the end of its input until a process is killed
@@ -62,7 +64,13 @@ class Limits:
 
 
 class Jobs:
-    """The jobs in a folder, and the threads that see to them."""
+    """The jobs in a folder, and the threads that see to them.
+
+    Raises
+    ------
+    DataError
+        Another server uses the folder.
+    """
 
     def __init__(self, folder: Path, limits: Limits) -> None:
         self.folder, self.limits = folder, limits
@@ -70,6 +78,7 @@ class Jobs:
         self.processes: dict[str, subprocess.Popen[str]] = {}
         self.changed = threading.Condition()
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        self.lock = _lock(folder)
         columns = ", ".join(f"{name} TEXT" for name in (*COLUMNS, *TIMES))
         with self._db() as db:
             db.execute(f"CREATE TABLE IF NOT EXISTS jobs (id TEXT PRIMARY KEY, {columns})")
@@ -232,6 +241,20 @@ class Jobs:
         text = re.sub(rf"{re.escape(str(self.folder))}/[-0-9a-f/]*", "", text)
         self.set(id, status=FAILED, message=text, finished=_now())
         shutil.rmtree(self.folder / id, ignore_errors=True)
+
+
+def _lock(folder: Path) -> sqlite3.Connection:
+    """What keeps other servers from a folder, whose jobs they would begin again, until it closes.
+
+    SQLite locks on every system, and the lock goes with the process, however that ends.
+    """
+    lock = sqlite3.connect(folder / "lock.sqlite", timeout=0, check_same_thread=False)
+    try:
+        lock.execute("BEGIN EXCLUSIVE")
+    except sqlite3.OperationalError:
+        lock.close()
+        raise DataError(f"{folder} is used by another server; name another (--state)") from None
+    return lock
 
 
 def _start(tool: str, folder: Path, limits: Limits) -> subprocess.Popen[str]:

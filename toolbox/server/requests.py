@@ -1,11 +1,12 @@
 """Turns a request to execute a tool into its values, and keeps it inside its folders.
 
-Layers come by reference: ``{"href": "a.laz"}`` is a file in the folder of data, and the address of
-a result of an earlier job is that file. Nothing else can be named.
+Layers and other files come by reference: ``{"href": "a.laz"}`` is a file in the folder of data, and
+the address of a result of an earlier job is that file. Nothing else can be named.
 """
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -43,6 +44,23 @@ class Places:
         return path
 
 
+def problem_of(body: bytes) -> str | None:
+    """Why the body of a request is none that asks for a job; None if it may be one.
+
+    pygeoapi takes for granted what is looked at here.
+    """
+    try:
+        said = json.loads(body or b"{}")
+    except (ValueError, RecursionError):
+        return "the body is not JSON"
+    if not isinstance(said, dict):
+        return 'the body must be an object: {"inputs": {...}}'
+    for name in ("inputs", "outputs", "subscriber"):
+        if not isinstance(said.get(name, {}), dict):
+            return f"{name} must be an object, by names"
+    return None
+
+
 def values_of(
     described: Mapping[str, Any], inputs: Mapping[str, Any], places: Places
 ) -> dict[str, Any]:
@@ -76,12 +94,19 @@ def _value(field: Mapping[str, Any] | None, value: Any, places: Places) -> Any:
         texts = plain if isinstance(plain, list) else [plain]
         if "text" in kinds and any(ELSEWHERE.search(str(text)) for text in texts):
             raise ValueError("a text with / or \\ may be a path, and is not taken here")
+        if "file" in kinds:
+            return str(places.path_of(_href(value)))
         return plain
     given = value if isinstance(value, list) else [value]
-    if not all(isinstance(item, Mapping) and isinstance(item.get("href"), str) for item in given):
-        raise ValueError('a layer is given by reference: {"href": "name.laz"}')
-    paths = [str(places.path_of(item["href"])) for item in given]
+    paths = [str(places.path_of(_href(item))) for item in given]
     return paths if isinstance(value, list) else paths[0]
+
+
+def _href(value: Any) -> str:
+    """The reference that stands for a file."""
+    if isinstance(value, Mapping) and isinstance(href := value.get("href"), str):
+        return href
+    raise ValueError('a layer or file is given by reference: {"href": "name.laz"}')
 
 
 def outputs_of(described: Mapping[str, Any], wanted: Iterable[str] | None) -> dict[str, str]:

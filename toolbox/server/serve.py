@@ -6,24 +6,27 @@ import importlib
 import ipaddress
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from toolbox import __version__, catalog
 from toolbox.errors import DataError, ParameterError
 from toolbox.server.jobs import Limits
+from toolbox.server.requests import problem_of
 
 BODY = 1 << 20  # bytes of a request: layers come by reference
 THREADS = 32  # each request that waits for its job holds one
 
 
-def check(host: str, data: Path, *, exposed: bool) -> None:
-    """Refuse what would open the server to others, or serve no folder.
+def check(host: str, port: int, data: Path, limits: Limits, *, exposed: bool) -> None:
+    """Refuse what would open the server to others, serve no folder, or never run a job.
 
     Raises
     ------
     ParameterError
-        The address is not of this computer alone, and nobody has said that this is known.
+        The address is not of this computer alone, and nobody has said that this is known; or a
+        value is out of its limits.
     """
     problems = {}
     try:
@@ -37,6 +40,17 @@ def check(host: str, data: Path, *, exposed: bool) -> None:
         )
     if not data.is_dir():
         problems["data"] = f"must be a folder, got {data}"
+    if not 0 < port < 2**16:
+        problems["port"] = f"must be from 1 to {2**16 - 1}, got {port}"
+    above_zero = {
+        "jobs": limits.at_once,
+        "waiting": limits.waiting,
+        "seconds": limits.seconds,
+        "megabytes": limits.megabytes,
+    }
+    problems |= {
+        name: f"must be > 0, got {value:g}" for name, value in above_zero.items() if not value > 0
+    }
     if problems:
         raise ParameterError("serve", problems)
 
@@ -110,20 +124,41 @@ def application(data: Path, state: Path, url: str, limits: Limits) -> Any:
         path = manager.file_of(id, name)
         return flask.send_file(path) if path else ("no such file", 404)
 
+    def refusal() -> Any:
+        asked = flask.request
+        if asked.method == "POST" and (problem := problem_of(asked.get_data())):
+            says = {"code": "InvalidParameterValue", "type": "InvalidParameterValue"}
+            return says | {"description": problem}, 400
+        return None
+
     app.add_url_rule("/files/<id>/<name>", "files", file)
+    app.before_request(refusal)
     return app
 
 
-def serve(data: Path, state: Path, host: str, port: int, limits: Limits) -> None:
-    """Serve until the process is ended."""
-    url = f"http://{host}:{port}"
+def serve(
+    data: Path, state: Path, host: str, port: int, limits: Limits, *, ready: Callable[[str], None]
+) -> None:
+    """Serve until the process is ended; ready is told the address as soon as it is ours.
+
+    Raises
+    ------
+    DataError
+        The address is taken, or another server uses the folder of state.
+    """
+    url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
     app = application(data, state, url, limits)
     waitress = importlib.import_module("waitress")
-    waitress.serve(
-        app,
-        host=host,
-        port=port,
-        threads=THREADS,
-        max_request_body_size=BODY,
-        ident=f"lidar-toolbox {__version__}",
-    )
+    try:
+        server = waitress.create_server(
+            app,
+            host=host,
+            port=port,
+            threads=THREADS,
+            max_request_body_size=BODY,
+            ident=f"lidar-toolbox {__version__}",
+        )
+    except OSError as err:
+        raise DataError(f"cannot listen at {host}:{port}: {err.strerror}") from None
+    ready(f"{url}/processes")
+    server.run()

@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from toolbox import catalog
-from toolbox.errors import ParameterError
-from toolbox.server.requests import Places, outputs_of, values_of
+from toolbox.errors import DataError, ParameterError
+from toolbox.server.jobs import Jobs, Limits
+from toolbox.server.requests import Places, outputs_of, problem_of, values_of
 from toolbox.server.serve import check
 
 JOB = "6db873d5-02c3-4ae4-afa4-1c04ed36636d"
@@ -74,15 +75,39 @@ def problems(tool: str, inputs: dict[str, Any], places: Places) -> dict[str, str
 def test_all_problems_of_a_request_are_told_at_once(places: Places) -> None:
     found = problems("points.filter", {"points": "a.laz", "clases": "2"}, places)
     assert found == {
-        "points": 'a layer is given by reference: {"href": "name.laz"}',
+        "points": 'a layer or file is given by reference: {"href": "name.laz"}',
         "clases": "unknown parameter",
     }
     assert problems("points.filter", {}, places) == {"points": "missing (Points to choose from)"}
 
 
 def test_a_text_that_may_be_a_path_is_refused(places: Places) -> None:
-    inputs = {"points": {"href": "a.laz"}, "crs": "EPSG:3035", "geoid": "/etc/passwd"}
+    inputs = {"points": {"href": "a.laz"}, "pattern": "../{x}_{y}.laz"}
+    assert problems("points.retile", inputs, places).keys() == {"pattern"}
+
+
+@pytest.mark.parametrize("geoid", ["/etc/passwd", {"href": "/etc/passwd"}, {"value": "a.laz"}])
+def test_a_file_that_is_no_layer_comes_by_reference_too(places: Places, geoid: Any) -> None:
+    inputs = {"points": {"href": "a.laz"}, "crs": "EPSG:3035", "geoid": geoid}
     assert problems("points.reproject", inputs, places).keys() == {"geoid"}
+    inputs["geoid"] = {"href": "sub/b.laz"}
+    values = values_of(catalog.describe("points.reproject"), inputs, places)
+    assert Path(values["geoid"]).name == "b.laz"
+
+
+def test_no_other_kind_of_parameter_names_a_file() -> None:
+    """A kind that is new here has to be looked at before a request may fill it."""
+    kinds = {
+        meta["value"]
+        for id in catalog.own_ids()
+        for field in catalog.describe(id)["inputs"].values()
+        for meta in field["metadata"]
+        if meta["role"] == "type"
+    }
+    layers = {"PointCloud", "Vector", "Raster", "Table", "Survey"}
+    numbers = {"number", "integer", "boolean", "extent", "position", "range", "direction"}
+    words = {"text", "file", "choice", "class list", "attribute", "CRS", "expression"}
+    assert kinds <= layers | numbers | words
 
 
 def test_values_and_several_layers(places: Places) -> None:
@@ -94,7 +119,9 @@ def test_values_and_several_layers(places: Places) -> None:
 
 def test_outputs_are_all_layers_or_those_asked_for() -> None:
     described = catalog.describe("surface.contours")
-    assert outputs_of(described, None) == {"contours": "contours.gpkg"}
+    layers = {"contours": "contours.gpkg", "labels": "labels.gpkg"}
+    assert outputs_of(described, None) == layers
+    assert outputs_of(described, ["labels"]) == {"labels": "labels.gpkg"}
     assert outputs_of(described, ["levels"]) == {}
     with pytest.raises(ParameterError, match="lines: unknown output"):
         outputs_of(described, ["lines"])
@@ -103,12 +130,48 @@ def test_outputs_are_all_layers_or_those_asked_for() -> None:
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.7", "example.org"])
 def test_an_address_that_others_reach_must_be_acknowledged(host: str, tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="--behind-authentication"):
-        check(host, tmp_path, exposed=False)
-    check(host, tmp_path, exposed=True)
+        check(host, 5000, tmp_path, Limits(), exposed=False)
+    check(host, 5000, tmp_path, Limits(), exposed=True)
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "::1"])
 def test_loopback_needs_no_word(host: str, tmp_path: Path) -> None:
-    check(host, tmp_path, exposed=False)
+    check(host, 5000, tmp_path, Limits(), exposed=False)
     with pytest.raises(ParameterError, match="data: must be a folder"):
-        check(host, tmp_path / "none", exposed=False)
+        check(host, 5000, tmp_path / "none", Limits(), exposed=False)
+
+
+@pytest.mark.parametrize(
+    ("body", "problem"),
+    [
+        (b"{", "not JSON"),
+        (b"\xff", "not JSON"),
+        (b"[" * 10**5, "not JSON"),
+        (b"null", "the body must be an object"),
+        (b"[]", "the body must be an object"),
+        (b'{"inputs": []}', "inputs must be an object"),
+        (b'{"inputs": {}, "outputs": "all"}', "outputs must be an object"),
+        (b'{"inputs": {}, "subscriber": "me"}', "subscriber must be an object"),
+    ],
+)
+def test_a_body_that_asks_for_no_job_is_told_so(body: bytes, problem: str) -> None:
+    assert problem in str(problem_of(body))
+
+
+def test_a_body_may_name_inputs_and_outputs() -> None:
+    assert problem_of(b'{"inputs": {"cell": 1}, "outputs": {"dtm": {}}}') is None
+
+
+def test_a_server_that_could_run_no_job_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError) as caught:
+        check("::1", 0, tmp_path, Limits(0, -1, float("nan"), 0), exposed=False)
+    assert caught.value.problems.keys() == {"port", "jobs", "waiting", "seconds", "megabytes"}
+    assert caught.value.problems["jobs"] == "must be > 0, got 0"
+
+
+def test_a_folder_of_jobs_has_one_server(tmp_path: Path) -> None:
+    first = Jobs(tmp_path, Limits())
+    with pytest.raises(DataError, match="is used by another server"):
+        Jobs(tmp_path, Limits())
+    first.lock.close()
+    Jobs(tmp_path, Limits())

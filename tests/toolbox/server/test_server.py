@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import socket
 import subprocess
@@ -116,6 +115,22 @@ def test_wrong_requests_are_refused_in_words(server: Server) -> None:
     reply = server.execute("surface.grid", {"points": {"href": "a.laz"}, "cell": -1})
     assert reply.status_code == 400
     assert "cell: must be > 0 m, got -1" in reply.json()["description"]
+    url = f"{server.url}/processes/points.filter/execution"
+    reply = requests.post(url, data=b"[]", timeout=30)
+    assert reply.status_code == 400
+    assert "must be an object" in reply.json()["description"]
+
+
+def test_a_second_server_of_an_address_or_of_a_folder_is_refused(server: Server) -> None:
+    argv = [sys.executable, "-m", "toolbox", "serve", "--data", str(server.folder / "data")]
+    taken = [*argv, "--state", str(server.folder / "other"), "--port", str(server.port)]
+    second = subprocess.run(taken, check=False, capture_output=True, text=True, timeout=60)
+    assert second.stdout == ""
+    assert "cannot listen at 127.0.0.1" in second.stderr
+    same = [*argv, "--state", str(server.folder / "state"), "--port", str(server.port)]
+    second = subprocess.run(same, check=False, capture_output=True, text=True, timeout=60)
+    assert second.returncode
+    assert "is used by another server" in second.stderr
 
 
 def test_a_job_that_runs_can_be_dismissed(server: Server) -> None:
@@ -146,4 +161,4 @@ def test_limits_of_time_and_jobs(server: Server) -> None:
     for reply in (first, second):
         job = server.until(reply.headers["Location"], is_over)
         assert (job["status"], job["message"]) == ("failed", "stopped after 1 s")
-    assert os.listdir(server.folder / "state" / "jobs") == ["jobs.sqlite"]
+    assert all(path.is_file() for path in (server.folder / "state" / "jobs").iterdir())

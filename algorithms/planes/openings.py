@@ -154,8 +154,8 @@ class PlanesOpenings:
         def in_words(self) -> str:
             """How many openings in how many fronts."""
             return (
-                f"{self.count} openings in {self.fronts} fronts; {self.dropped_count} other gaps "
-                "are no openings, with the reason of each."
+                f"Openings: {self.count}, in {self.fronts} front{'s'[: self.fronts != 1]}; other "
+                f"gaps, which are no openings, each with its reason: {self.dropped_count}."
             )
 
     def check(self) -> Iterator[tuple[str, str]]:

@@ -72,7 +72,9 @@ class PointsProfile:
     length: float = param("Length of a cross-section", default=40.0, unit="m", gt=0)
     ground_classes: ClassList = parameters.ground_classes()
     piece: float = param("Length of a piece of the surface", default=0.5, unit="m", gt=0)
-    max_gap: float = param("Longest gap that the surface is drawn across", default=5.0, unit="m")
+    max_gap: float = param(
+        "Longest gap that the surface is drawn across", default=5.0, unit="m", gt=0
+    )
     paper_scale: int | None = param(
         "Scale of the drawing, 1 to this; without it, one that fits a sheet A3",
         default=None,

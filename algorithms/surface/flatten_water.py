@@ -64,9 +64,12 @@ class SurfaceFlattenWater:
         flattened: Raster = sink("The terrain with level water", label="Flattened terrain")
         raised: int = sink("Cells of the shore that were raised", unit="1", label="Raised cells")
         largest_raise: float = sink("By how much at most", unit="m", label="Largest raise")
+        bodies: int = sink("Water bodies laid level", unit="1", label="Water bodies")
 
         def in_words(self) -> str:
             """What was done to the shore."""
+            if not self.bodies:
+                return "No water lies on the terrain: it is as it was."
             if not self.raised:
                 return "The water is level, and no ground at its shore lies lower."
             return (
@@ -96,9 +99,11 @@ class SurfaceFlattenWater:
         reach = math.ceil(self.shore / lattice.cell)
         wet = np.zeros(heights.shape, bool)
         bodies = list(self._bodies())
+        level_bodies = 0
         for number, (shape, level) in enumerate(bodies):
             ctx.progress(number / len(bodies))
             inside = within(shape, lattice, heights.shape)
+            level_bodies += bool(inside.any())
             lower = shore_below(heights, inside, level, reach)
             heights[inside | lower] = level
             wet |= inside
@@ -106,6 +111,8 @@ class SurfaceFlattenWater:
         most = float(np.max((heights - before)[raised], initial=0.0))
         if not bodies:
             log.warning("there is no water to flatten")
+        elif apart := len(bodies) - level_bodies:
+            log.warning("%d of %d bodies of water hold no cell of the terrain", apart, len(bodies))
         return self.Outputs(
             flattened=Raster.from_lattice(
                 heights.astype(np.float32),
@@ -115,6 +122,7 @@ class SurfaceFlattenWater:
             ),
             raised=int(np.count_nonzero(raised)),
             largest_raise=most,
+            bodies=level_bodies,
         )
 
     def _bodies(self) -> Iterator[tuple[shapely.Polygon, float]]:

@@ -22,7 +22,7 @@ _OPENS = {
     ".tif": "a GIS; cloud-optimised GeoTIFF",
     ".kmz": "Google Earth and GIS",
     ".kml": "Google Earth and GIS",
-    ".dxf": "CAD; coordinates as in the data",
+    ".dxf": "CAD",
     ".csv": "a spreadsheet; comma between columns, point before decimals, UTF-8",
     ".xlsx": "a spreadsheet",
     ".laz": "programs for points; LAS, packed",

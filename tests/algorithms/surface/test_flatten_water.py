@@ -40,6 +40,21 @@ def test_water_is_level_and_no_shore_is_lower() -> None:
     assert (z[0] == 12.0).all()
 
 
+def test_water_that_is_not_there_or_elsewhere_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    elsewhere = Vector(pond().frame.translate(1000.0).to_frame("geometry").assign(level=10.0))
+    nothing = Vector(pond().frame.iloc[:0])
+    for water, says in (
+        (elsewhere, "1 of 1 bodies of water hold no cell"),
+        (nothing, "there is no water to flatten"),
+    ):
+        found = SurfaceFlattenWater(terrain=bowl(), water=water).run()
+        assert found.bodies == 0
+        assert found.in_words() == "No water lies on the terrain: it is as it was."
+        assert says in caplog.text
+    found = SurfaceFlattenWater(terrain=bowl(), water=pond()).run()
+    assert (found.bodies, found.in_words()[:18]) == (1, "The water is level")
+
+
 def test_lower_ground_beyond_the_shore_stays() -> None:
     z = bowl().band().copy()
     z[3:7, 7:] = 9.0  # a valley that runs off to the east

@@ -54,6 +54,10 @@ def test_help_and_list_are_translated_and_json_is_not(
     assert main(["list"]) == 0
     assert "surface.grid" in (listed := capsys.readouterr().out)
     assert "Noktalardan, hücre" in listed
+    assert main(["list", "zemini", "sınıflandır"]) == 0
+    assert "ground.classify" in capsys.readouterr().out
+    assert main(["list", "contour"]) == 0  # English words find as well
+    assert "surface.contours" in capsys.readouterr().out
     assert main(["describe", "surface.grid", "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == catalog.describe("surface.grid")
 

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import IO, Any
 
+from toolbox import language
+
 Summary = Mapping[str, Any]
 
 GUIDE = """\
@@ -28,7 +30,9 @@ _GAP = 2  # blanks between columns
 
 
 def matching(tools: Sequence[Summary], words: Sequence[str]) -> list[Summary]:
-    """The tools that speak of all words; first those whose id, title or tags do.
+    """The tools that speak of all words, in English or the language of the user.
+
+    First come those whose id, title or tags do.
 
     Examples
     --------
@@ -42,7 +46,8 @@ def matching(tools: Sequence[Summary], words: Sequence[str]) -> list[Summary]:
     wanted = [word.lower() for word in words]
 
     def of(tool: Summary, *keys: str) -> str:
-        return " ".join(str(tool[key]) for key in keys).lower()
+        both = tool, language.summary(tool)
+        return " ".join(str(text[key]) for text in both for key in keys).lower()
 
     names = "id", "title", "keywords"
     named = [t for t in tools if all(word in of(t, *names) for word in wanted)]

@@ -67,6 +67,7 @@ def replay(path: str | Path, *, inputs: Path | None = None, ctx: Context = QUIET
     if record.qgis and record.qgis != (here := lineage.qgis_of(catalog.load(tool))):
         log.warning("%s was made with QGIS %s; this is %s", path, record.qgis, here)
     with tempfile.TemporaryDirectory(prefix="toolbox-replay-") as folder:
+        values = _that_were_set(values, tool)
         made = _made_again(record, tool, values, Path(folder) / path.name, ctx.part(FIND, COMPARE))
         if _same_files(path, made, kind_of(record.output, catalog.load(tool)).own_files):
             log.info("%s: the same, byte for byte", path.name)
@@ -76,6 +77,17 @@ def replay(path: str | Path, *, inputs: Path | None = None, ctx: Context = QUIET
         log.info("%s: the content is the same, but not every byte of the file", path.name)
     ctx.progress(1.0)
     return found
+
+
+def _that_were_set(values: Mapping[str, Any], tool: str) -> dict[str, Any]:
+    """The values without defaults: a record names them too, and some no step of a model may use."""
+    fields = catalog.load(tool).inputs
+    defaults = {
+        name: field.to_json(field.default)
+        for name, field in fields.items()
+        if field.role == "param" and not field.required
+    }
+    return {n: value for n, value in values.items() if n not in defaults or value != defaults[n]}
 
 
 class _Finder:

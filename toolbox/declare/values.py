@@ -245,6 +245,8 @@ class Share(float):
 
     >>> Share(1, 4) + Share(1, 1)
     Share(2, 5)
+    >>> print(Share(1, 4))
+    0.25
     """
 
     count: int
@@ -271,3 +273,6 @@ class Share(float):
 
     def __repr__(self) -> str:
         return f"Share({self.count}, {self.total})"
+
+    def __str__(self) -> str:
+        return str(float(self))

@@ -17,7 +17,7 @@ from toolbox.data.crs import describe_crs, is_local
 from toolbox.data.layer import Layer
 from toolbox.data.paths import LAS
 from toolbox.data.record import foreign_side_car
-from toolbox.data.remote.address import Address
+from toolbox.data.remote.address import Address, as_path
 from toolbox.data.report.document import LOOKS, today
 from toolbox.declare.fields import Spec
 from toolbox.declare.kinds import Kind, find, parsed_options
@@ -63,7 +63,7 @@ class Target:
         """Parse a path, or a mapping of a path and options."""
         how = dict(value) if isinstance(value, Mapping) else {"path": value}
         path = how.pop("path", None)
-        given = Path(path) if isinstance(path, str | Path) and str(path) else None
+        given = as_path(path) if isinstance(path, str | Path) and str(path) else None
         resolved = _resolved(given) if given else None
         kind = kind_of(name, spec)
         folder = kind.several and (
@@ -125,8 +125,8 @@ class Target:
         """The problem of the target, not counting existing files; None if there is none."""
         if not self.suffixes:
             return "is a value, which is printed; it cannot be written to a file"
-        if self.resolved is None:
-            return "must be a path" if self.path is None else f"{self.path} is no usable path"
+        if self.resolved is None or isinstance(self.path, Address):
+            return self._unusable()
         try:
             if not self.folder and (other := foreign_side_car(self.resolved)):
                 return f"{other} stands where its record would be written; choose another name"
@@ -136,6 +136,12 @@ class Target:
         except ValueError as err:
             return str(err)
         return None
+
+    def _unusable(self) -> str:
+        """Why there is no file on this computer that could be written."""
+        if isinstance(self.path, Address):
+            return "nothing is written to the web; name a file on this computer"
+        return "must be a path" if self.path is None else f"{self.path} is no usable path"
 
 
 def _resolved(path: Path) -> Path | None:

@@ -169,6 +169,7 @@ def test_all_problems_are_reported_at_once(
         (["stray"], "stray"),
         (["--metho", "idw"], "metho: unknown parameter; did you mean 'method'?"),
         (["--filled_share", "a.csv"], "filled_share"),
+        (["--surface", "https://example.org/a.tif"], "surface: nothing is written to the web"),
         (["--points.colums", "x"], "points: no option 'colums'; there are columns"),
         (["--cell"], "expected one argument"),
         (["--events", "xml"], "invalid choice"),

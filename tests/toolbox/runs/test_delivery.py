@@ -142,6 +142,15 @@ def test_its_steps_stay_out_of_a_run_from_code(
     assert set(vars(found)) == {"surface", "share", *keep}
 
 
+def test_replay_does_not_warn_of_defaults_that_no_step_uses(
+    model: str, points: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    made = points.with_name("made.tif")
+    toolbox.run(model, {"points": points, "surface": made})
+    assert replay(made, inputs=Path(model).parent) == []
+    assert "is not used" not in caplog.text
+
+
 def test_a_setting_of_its_steps_alone_is_told_to_be_idle(
     model: str, points: Path, caplog: pytest.LogCaptureFixture, tmp_path: Path
 ) -> None:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 SCALES = (20, 50, 100, 200, 250, 500, 1000, 2000, 2500, 5000, 10_000, 25_000, 50_000)
 """Scales that are chosen from, as 1 : n."""
 
-_WIDEST = 380.0  # mm of a section whose scale is chosen: the frame of a sheet A3
+_WIDEST, _HIGHEST = 380.0, 240.0  # mm of a section whose scale is chosen: the frame of a sheet A3
 _LEFT, _RIGHT, _TOP, _BOTTOM = 20.0, 8.0, 12.0, 14.0  # mm around a section
 _KEY = 9.0  # mm for the line with scale and colours
 _LARGEST = 5000.0  # mm of a sheet: what a roll of paper and readers of PDF bear
@@ -128,8 +128,10 @@ class Drawing(Layer):
         """The scale, as 1 : n."""
         if self.scale is not None:
             return self.scale
-        longest = max((panel.length for panel in self.panels), default=0.0)
-        fits = (scale for scale in SCALES if longest * self._mm(scale) <= _WIDEST)
+        wide = max((panel.length for panel in self.panels), default=0.0) / _WIDEST
+        tall = [high - low for low, high in (panel.heights for panel in self.panels)]
+        high = max(tall, default=0.0) * self.exaggeration / _HIGHEST
+        fits = (scale for scale in SCALES if max(wide, high) * self._mm(scale) <= 1)
         return next(fits, SCALES[-1])
 
     def _mm(self, scale: int) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from scenes.layers import NORTH, UTM, WEST, cloud
 import toolbox
 from algorithms.points.profile import PointsProfile, across, medians
 from toolbox.data import Drawing, PointCloud, Survey, Vector
+from toolbox.data.drawing import Panel
 from toolbox.data.record import read_record
 from toolbox.errors import DataError, ParameterError
 
@@ -131,6 +133,17 @@ def test_feet_are_cut_as_metres() -> None:
     assert len(one.section) == pytest.approx(len(other.section), abs=3)
     assert one.drawing.chosen_scale == other.drawing.chosen_scale
     assert [p.title for p in one.drawing.panels] == [p.title for p in other.drawing.panels]
+
+
+def test_the_scale_fits_a_sheet_in_width_and_in_height() -> None:
+    """A sheet A3 has 380 x 240 mm for a section: 70 m at 1:200, or 200 m of height at 1:1000."""
+    xy = np.array([[0.0, 0.0], [70.0, 40.0]])
+    panel = Panel("A", 70.0, 0.0, xy, np.zeros(2, int))
+    sheet = Drawing("Road", (panel,), (("Ground", "#c2a477"),))
+    assert sheet.chosen_scale == 200
+    assert dataclasses.replace(sheet, exaggeration=5.0).chosen_scale == 1000
+    steep = dataclasses.replace(panel, xy=xy * [1, 5])
+    assert dataclasses.replace(sheet, panels=(steep,)).chosen_scale == 1000
 
 
 def drawn(tmp_path: Path, name: str, **more: Any) -> Path:

@@ -98,6 +98,12 @@ class PointsFeatureCodes:
                 "points.feature_codes",
                 {"code_table": f"classes are 0 to 255, codes 0 to {MOST}, got {wrong[0]}"},
             )
+        numbers = [int(r[CLASS]) for r in rows]
+        if twice := [number for number in numbers if numbers.count(number) > 1]:
+            raise DataError(
+                "points.feature_codes",
+                {"code_table": f"must have each class once, has class {twice[0]} more often"},
+            )
         return (
             {int(r[CLASS]): int(r[CODE]) for r in rows},
             {int(r[CLASS]): str(r[TEXT] or "") for r in rows},

@@ -81,3 +81,9 @@ def test_points_need_classes() -> None:
     bare = PointCloud(np.zeros((1, 3)), crs=CRS(32635))
     with pytest.raises(DataError, match="has no classification"):
         PointsFeatureCodes(points=bare).run()
+
+
+def test_a_class_has_one_code() -> None:
+    rows = [{"classification": 2, "code": code, "description": "x"} for code in (10, 11)]
+    with pytest.raises(DataError, match="must have each class once, has class 2 more often"):
+        PointsFeatureCodes(points=cloud(2), code_table=Table.from_rows(rows)).run()

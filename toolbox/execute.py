@@ -32,6 +32,11 @@ from toolbox.tiles.tiling import Tiling
 # shares of the progress at which hashing and reading end, and writing begins
 HASH, READ, WRITE = 0.03, 0.15, 0.85
 
+IN_TILES = (
+    "The run was made in tiles: what its steps say in words of what they found, did not look at or "
+    "are not sure of is not in this text."
+)
+
 
 @memory_named()
 def run(
@@ -130,6 +135,7 @@ def _run(
     if tiling:
         from toolbox.tiles import engine as tiles
 
+        told.unseen.append(IN_TILES)
         with delivery.folder_of(writes):
             return tiles.run(
                 id,

@@ -223,6 +223,13 @@ def test_the_same_in_tiles(model: str, points: Path, tmp_path: Path) -> None:
     toolbox.run(model, {**values, "deliver": tmp_path / "tiled"}, tiling=tiling)
     toolbox.run(model, {"points": points, "deliver": tmp_path / "whole"})
     assert names(tmp_path / "tiled") == FILES
+    readme = {
+        name: " ".join((tmp_path / name / "README.txt").read_text().split())
+        for name in ("tiled", "whole")
+    }
+    says = "made in tiles: what its steps say in words of what they found, did not look at or"
+    assert says in readme["tiled"]
+    assert says not in readme["whole"]
     tiled, whole = (Raster.open(tmp_path / name / "top.tif").band() for name in ("tiled", "whole"))
     assert np.array_equal(tiled, whole, equal_nan=True)
 

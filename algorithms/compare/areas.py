@@ -43,7 +43,7 @@ from algorithms.compare._shapes import (
 )
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Table, Vector
-from toolbox.declare import Attribute, Extent, outputs, param, show, sink, source, tool
+from toolbox.declare import Extent, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
 ROUNDING = 1e-9  # of an area: less than this is what calculation leaves
@@ -124,7 +124,7 @@ class CompareAreas:
         default=False,
         label="Only what has a counterpart",
     )
-    label: Attribute | None = param(
+    label: str | None = param(
         "Attribute that names polygons in the table", default=None, label="Attribute with names"
     )
     repair: bool = param(

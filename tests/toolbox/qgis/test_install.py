@@ -49,7 +49,7 @@ def test_fields_say_which_widget_they_need(listed: dict[str, dict[str, object]])
     assert classes["type"] == "classes"
     assert [2, "Ground"] in classes["known"]  # type: ignore[operator]
     assert field("compare.classes", "attribute")["of"] == "points"
-    assert field("compare.areas", "label")["of"] == "areas"  # the first layer, as none is stated
+    assert field("compare.classes", "other_attribute")["of"] == "points"  # the first layer
     assert field("points.clip", "extent")["type"] == "extent"
     assert field("points.merge", "points")["type"] == "pointcloud"
     assert field("compare.classes", "table", "outputs")["type"] == "table"

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from algorithms.corridor._curves.arcs import arcs_of
 from algorithms.corridor._curves.chance import chance, is_no_accident
@@ -283,8 +283,56 @@ def together(lines: Sequence[Line]) -> tuple[list[Wire], list[Support]]:
             low, high = (n + len(supports) if n >= 0 else -1 for n in wire.supports)
             wires.append(replace(wire, supports=(low, high), span=span, bundle=bundle, wire=number))
         supports += line.supports
-    wires, supports = shared(wires, supports)
+    wires, supports = along_the_line(*shared(wires, supports))
     return numbered(wires, supports), supports
+
+
+def along_the_line(
+    wires: Sequence[Wire], supports: Sequence[Support]
+) -> tuple[list[Wire], list[Support]]:
+    """Spans and supports in the order in which one meets them who walks along a line."""
+    if not wires:
+        return [], []
+    row = {span: len(supports) + k for k, span in enumerate(sorted({w.span for w in wires}))}
+    place = np.zeros((len(supports) + len(row), 2))
+    for k, support in enumerate(supports):
+        place[k] = support.x, support.y
+    for wire in wires:
+        place[row[wire.span]] = wire.curve.ends[:, :2].mean(axis=0)
+    pairs = {(row[wire.span], n) for wire in wires for n in wire.supports if n >= 0}
+    met = walked(place, sorted(pairs), [row[wire.span] for wire in wires])
+    held = [n for n in met if n < len(supports)]
+    new = {-1: -1} | {n: k for k, n in enumerate(held)}
+    span = {n: k for k, n in enumerate((n for n in met if n >= len(supports)), 1)}
+    renamed = [
+        replace(
+            wire,
+            span=span[row[wire.span]],
+            supports=(new[wire.supports[0]], new[wire.supports[1]]),
+        )
+        for wire in wires
+    ]
+    return sorted(renamed, key=lambda wire: wire.span), [supports[n] for n in held]
+
+
+def walked(
+    place: NDArray[np.float64], pairs: Sequence[tuple[int, int]], begin: Sequence[int]
+) -> list[int]:
+    """Numbers of places, joined by pairs, in the order of a walk along each line of them.
+
+    Each line is walked from the westernmost of its ends; lines follow in the order of `begin`.
+    """
+    ends = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    graph = coo_array((np.ones(len(ends)), ends.T), shape=(len(place), len(place))).tocsr()
+    _, line = connected_components(graph, directed=False)
+    branches = np.bincount(ends.ravel(), minlength=len(place))
+    met: list[int] = []
+    for number in dict.fromkeys(line[list(begin)].tolist()):
+        own = np.flatnonzero(line == number)
+        own = own[branches[own] == branches[own].min()]
+        west = own[np.lexsort((place[own, 1], place[own, 0]))[0]]
+        met += depth_first_order(graph, west, directed=False)[0].tolist()
+    return met
 
 
 def in_a_row(wires: Sequence[Wire], before: Sequence[Wire], name: str) -> dict[int, int]:

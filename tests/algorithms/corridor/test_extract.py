@@ -112,6 +112,8 @@ def test_a_wire_keeps_its_number_across_the_poles(three_spans) -> None:
     assert set(points["tower_id"][points["classification"] == 15]) <= {1, 2, 3, 4}
     ends = sorted(zip(frame.from_tower, frame.to_tower, strict=True))
     assert {tuple(sorted(pair)) for pair in ends} == {(1, 2), (2, 3), (3, 4)}
+    west = frame.groupby("span_id").geometry.agg(lambda own: own.iloc[0].centroid.x)
+    assert west.is_monotonic_increasing  # spans are numbered along the line
 
 
 def test_conductors_of_a_bundle_are_told_apart() -> None:

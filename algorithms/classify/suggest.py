@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from algorithms.classify._learning import features as names_of
 from algorithms.classify._learning.model import Trained
-from algorithms.classify.train import RADII
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context
@@ -107,7 +106,7 @@ class ClassifySuggest:
         made = None if self.model is None else Trained.of(self.model)
         if not len(chosen):
             raise NothingToDo("points: there are none to label", instead=self._outputs([], 0.0))
-        names = made.features if made else names_of.usual(chosen, RADII)
+        names = made.features if made else names_of.usual(chosen, names_of.RADII)
         data = names_of.described(chosen, names, ctx=ctx.part(0.0, 0.8))
         chance = np.ones((len(data), 1)) if made is None else made.probabilities(data)
         squares = Squares.of(chosen.xyz[:, :2], self.patch)

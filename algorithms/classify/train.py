@@ -45,7 +45,6 @@ from toolbox.errors import DataError
 FEWEST = 20  # points of a class
 NO_LABEL = -1
 FINE = 0.001  # metres
-RADII = (0.5, 1.0, 2.0, 4.0)
 
 Ints = NDArray[np.int64]
 
@@ -90,7 +89,7 @@ class ClassifyTrain:
         default=None,
     )
     radii: tuple[float, ...] = param(
-        "Radii of the features, if none are named", default=RADII, unit="m", gt=0, le=10
+        "Radii of the features, if none are named", default=names_of.RADII, unit="m", gt=0, le=10
     )
     learner: Kind = param(
         "Boosted trees, a random forest or logistic regression", default="boosting"

@@ -136,7 +136,13 @@ DIFFER = {  # parameters that are declared in several ways, and why
     "smoothing": "of a line, and of a surface",
     "threshold": "of an index of vegetation, and of distances",
 }
-AMPLE = {"classify.buildings", "classify.urban", "classify.vegetation_by_returns"}
+AMPLE = {
+    "classify.apply",
+    "classify.buildings",
+    "classify.som_apply",
+    "classify.urban",
+    "classify.vegetation_by_returns",
+}
 """Tools for which half the halo may do here, though not everywhere."""
 BUILT = {"classify.buildings"}
 """Tools that are tried on a strip with a house across the edge of a tile."""

@@ -36,7 +36,7 @@ MILLIMETRES = 1000.0  # in a metre
         "dxf",
         "dimension",
         "elevation",
-        "title block",
+        "title-block",
         "window",
         "schedule",
     ),

@@ -149,12 +149,12 @@ class Retiled(Survey):
         be in if it were moved by the overlap.
         """
         found: dict[Cell, list[tuple[NDArray[np.intp], int]]] = {}
-        home = np.floor(xyz[:, :2] / self.side).astype(np.int64)
+        own = np.floor(xyz[:, :2] / self.side).astype(np.int64)
         steps = (0, -1, 1) if self.overlap else (0,)
         for step in itertools.product(steps, repeat=2):
             moved = xyz[:, :2] + np.array(step) * self.overlap
             there = np.floor(moved / self.side).astype(np.int64)
-            beyond = ((there != home) == (np.array(step) != 0)).all(axis=1)
+            beyond = ((there != own) == (np.array(step) != 0)).all(axis=1)
             rows = np.flatnonzero(beyond)
             names, tile = np.unique(there[rows], axis=0, return_inverse=True)
             order = np.argsort(tile.ravel(), kind="stable")

@@ -18,9 +18,10 @@ from toolbox.data.vector import Vector
 from toolbox.errors import DataError
 
 X, Y = 700000.0, 6600000.0
-FLAT = [suffix for suffix in Vector.SUFFIXES if suffix != ".ply"]  # a mesh holds polygons alone
+# A mesh and CityJSON hold polygons alone.
+FLAT = [suffix for suffix in Vector.SUFFIXES if suffix not in (".ply", ".city.json")]
 KEEPING = [
-    suffix for suffix in FLAT if suffix not in (".kml", ".dxf", ".csv")
+    suffix for suffix in FLAT if suffix not in (".kml", ".kmz", ".dxf", ".csv")
 ]  # other CRS, and none
 
 

@@ -174,10 +174,10 @@ def _of_aws() -> dict[str, Any]:
     if any(os.environ.get(name) for name in _AWS_KEYS):
         return {}
     profile = os.environ.get("AWS_PROFILE", "default")
-    home = Path.home() / ".aws"
+    aws = Path.home() / ".aws"
     files = {
-        os.environ.get("AWS_SHARED_CREDENTIALS_FILE", home / "credentials"): profile,
-        os.environ.get("AWS_CONFIG_FILE", home / "config"): (
+        os.environ.get("AWS_SHARED_CREDENTIALS_FILE", aws / "credentials"): profile,
+        os.environ.get("AWS_CONFIG_FILE", aws / "config"): (
             profile if profile == "default" else f"profile {profile}"
         ),
     }

@@ -11,6 +11,7 @@ from scenes.layers import raster
 
 from algorithms.surface.reproject import SurfaceReproject
 from toolbox.data import Lattice
+from toolbox.declare import DataFile
 from toolbox.errors import DataError, ParameterError
 
 
@@ -77,4 +78,4 @@ def test_elevations_change_where_heights_do() -> None:
 
 def test_a_geoid_is_for_elevations() -> None:
     with pytest.raises(ParameterError, match="geoid: is for elevations"):
-        SurfaceReproject(surface=ramp(), crs=CRS(4326), geoid="a.tif", values="other")
+        SurfaceReproject(surface=ramp(), crs=CRS(4326), geoid=DataFile("a.tif"), values="other")

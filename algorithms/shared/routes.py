@@ -31,6 +31,12 @@ class Route(NamedTuple):
     line : array of shape (n,), number of the line
     chainage : array of shape (n,), length along the line, in the plane
     closed : array of shape (lines,), whether each line ends where it begins
+
+    Examples
+    --------
+    >>> route = Route.of([np.array([[0.0, 0, 5], [3, 4, 5], [3, 10, 5]])])
+    >>> route.length, route.divided(1.0).nodes.shape
+    (11.0, (12, 3))
     """
 
     nodes: Array
@@ -93,7 +99,13 @@ class Route(NamedTuple):
 
 
 def chainages(nodes: Array, line: Indices) -> Array:
-    """Length along each line from its beginning to each node."""
+    """Length along each line from its beginning to each node.
+
+    Examples
+    --------
+    >>> chainages(np.array([[0.0, 0], [3, 4], [9, 9]]), np.array([0, 0, 1]))
+    array([0., 5., 0.])
+    """
     way = np.diff(nodes[:, :2], axis=0)
     step = np.where(line[1:] == line[:-1], np.hypot(way[:, 0], way[:, 1]), 0.0)
     total = np.concatenate([[0.0], np.cumsum(step)])
@@ -107,6 +119,12 @@ def routes(shapes: Shapes) -> list[Array]:
 
     Lines that go on in the same direction where another ends are one; polygons have their inside
     on the left. Vertices in a row at one position are one.
+
+    Examples
+    --------
+    >>> pieces = [shapely.LineString([(0, 0), (1, 0)]), shapely.LineString([(1, 0), (2, 0)])]
+    >>> [len(line) for line in routes(np.array(pieces))]
+    [3]
     """
     areas = shapely.get_dimensions(shapes) == 2
     outlines = shapely.boundary(shapely.orient_polygons(shapes[areas]))
@@ -180,6 +198,11 @@ class Feet(NamedTuple):
     segment : number of the segment
     share : of the segment up to the position
     distance : in the plane
+
+    Examples
+    --------
+    >>> Feet(np.array([0]), np.array([0.25]), np.array([2.0])).distance
+    array([2.])
     """
 
     segment: Indices
@@ -188,7 +211,15 @@ class Feet(NamedTuple):
 
 
 class IndexedRoute:
-    """A route with a spatial index of its segments, which finds the nearest position on it."""
+    """A route with a spatial index of its segments, which finds the nearest position on it.
+
+    Examples
+    --------
+    >>> line = IndexedRoute(Route.of([np.array([[0.0, 0, 1], [4, 0, 3]])]))
+    >>> feet = line.feet(np.array([[1.0, 2.0]]))
+    >>> feet.distance, line.at(feet)[2]  # and the height there
+    (array([2.]), array([1.5]))
+    """
 
     def __init__(self, route: Route) -> None:
         self.route = route
@@ -276,6 +307,13 @@ def farthest(
     ----------
     feet : of the nodes of the route
     within : how far the answer may be too small
+
+    Examples
+    --------
+    >>> one, other = (Route.of([np.array([[0.0, y, 0], [4, y, 0]])]) for y in (0.0, 3.0))
+    >>> indexed = IndexedRoute(other)
+    >>> farthest(one, indexed.feet(one.nodes[:, :2]), indexed, 0.01)
+    3.0
     """
     begins = route.begins
 
@@ -299,6 +337,13 @@ def farthest(
 
 
 def halved(ends: NDArray[Any], middle: NDArray[Any]) -> NDArray[Any]:
-    """Values at the ends of the halves of pieces, shape (2 n, 2, ...), from those of pieces."""
+    """Values at the ends of the halves of pieces, shape (2 n, 2, ...), from those of pieces.
+
+    Examples
+    --------
+    >>> halved(np.array([[0.0, 4.0]]), np.array([2.0]))
+    array([[0., 2.],
+           [2., 4.]])
+    """
     first, last = ends[:, 0], ends[:, 1]
     return np.concatenate([np.stack([first, middle], axis=1), np.stack([middle, last], axis=1)])

@@ -65,7 +65,7 @@ def tolerances(above: Floats, blocks: Ints, share: Floats) -> Floats:
     --------
     >>> above = np.random.default_rng(1).normal(0.05, 0.03, 4000)
     >>> tolerances(above, np.full(4000, 5), np.ones((3, 3)))[:, 1, 1].round(1)
-    array([0.2, 0.5], dtype=float32)
+    array([0.2, 0.5])
     """
     counts = histograms(above, blocks, share.shape)
     height = BIN * (np.arange(counts.shape[2], dtype=np.float64) + 0.5) - REACH
@@ -89,7 +89,7 @@ def densest_heights(counts: Floats, height: Floats) -> Floats:
     Examples
     --------
     >>> densest_heights(np.array([0.0, 9, 9, 0, 0, 0, 5, 0]), np.arange(8.0)).round(2)
-    np.float64(1.52)
+    np.float64(1.48)
     """
     smooth = gaussian_filter(counts, (*(0,) * (counts.ndim - 1), 1))
     fullest = smooth.max(axis=-1, keepdims=True)

@@ -323,6 +323,9 @@ EXCEPTIONS: Mapping[tuple[str, str], Promise | None] = {
     ("classify.som", "in-feet"): Promise(
         0.01, 0.03, "heights above other ground, of a point or two, lead to another map"
     ),
+    # Cells of the ground lie on the grid of the map. Where there is one tree, which then falls into
+    # three (ISPRS sample 23), no share of the count can be promised.
+    ("classify.trees", "shifted"): None,
     ("surface.contours", "turned"): Promise(
         0.0, 0.25, "lines end at the gaps of a grid whose cells lie elsewhere", counted=2.0
     ),

@@ -23,6 +23,11 @@ if TYPE_CHECKING:
     from toolbox.data.report.document import Report
 
 _EPOCH = datetime(1980, 1, 1)
+_PROPERTIES = (  # openpyxl's say when, and name spaces as other libraries have registered them
+    b'<cp:coreProperties xmlns:cp="http://schemas.openxmlformats.org/package/2006/metadata/'
+    b'core-properties"><dc:creator xmlns:dc="http://purl.org/dc/elements/1.1/">lidar-toolbox'
+    b"</dc:creator></cp:coreProperties>"
+)
 _MOST_ROWS = 1_048_575  # that a sheet holds below its head
 _LONGEST_NAME = 31  # characters of the name of a sheet
 _WIDEST = 48  # characters of a column
@@ -41,8 +46,6 @@ def write_workbook(report: Report, path: Path) -> None:
     from openpyxl import Workbook
 
     book = Workbook()
-    book.properties.creator = "lidar-toolbox"
-    book.properties.created = book.properties.modified = _EPOCH
     first = book.active
     first.title = "Summary"
     for row in _head(report):
@@ -143,8 +146,6 @@ def _save(book: Any, path: Path) -> None:
         for item in made.infolist():
             content = made.read(item)
             if item.filename == "docProps/core.xml":
-                content = re.sub(
-                    rb"(<dcterms:modified[^>]*>)[^<]*", rb"\g<1>1980-01-01T00:00:00Z", content
-                )
+                content = _PROPERTIES
             entry = zipfile.ZipInfo(item.filename, _EPOCH.timetuple()[:6])
             archive.writestr(entry, content, zipfile.ZIP_DEFLATED)

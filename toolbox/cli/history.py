@@ -7,6 +7,7 @@ or where the environment variable TOOLBOX_HISTORY says; if that is empty, there 
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import time
@@ -73,7 +74,7 @@ def add(
     try:
         line = json_text(entry, default=str)
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if path.is_file():
+        with contextlib.suppress(FileNotFoundError):  # none yet, or put aside by another process
             path.chmod(OWN)  # if somebody has opened it to others
         _begin_anew_if_full(path)
         _append(path, line.encode())

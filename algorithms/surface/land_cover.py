@@ -24,7 +24,7 @@ NONE = 0  # value of cells without a class
 @tool(
     "surface.land_cover",
     title="Land cover",
-    tags=("land cover", "classification", "raster", "map", "classes", "majority"),
+    tags=("land-cover", "classification", "raster", "map", "classes", "majority"),
 )
 class SurfaceLandCover:
     """Give each cell the class of most of its first returns.

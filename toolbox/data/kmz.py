@@ -15,8 +15,6 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
-import pandas as pd
-
 from toolbox.data import geopackage
 
 if TYPE_CHECKING:
@@ -24,14 +22,7 @@ if TYPE_CHECKING:
 
 SUFFIX = ".kmz"
 _SPACE = "http://www.opengis.net/kml/2.2"
-_EPOCH = (
-    1980,
-    1,
-    1,
-    0,
-    0,
-    0,
-)  # of all files in the archive, so that the same layer is the same file
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # of all files in the archive: the same layer is the same file
 _COLOURS = (  # aabbggrr of folders in turn, told apart also by those who see no red or green
     "ff0055d4",
     "ffb27200",
@@ -78,8 +69,9 @@ def _named(rows: geopandas.GeoDataFrame, layer: str) -> geopandas.GeoDataFrame:
     frame = rows.drop(columns=[*empty, *({"layer"} & set(rows))])
     number = next((name for name in _NAMES if name in frame), None)
     if number is not None and "Name" not in frame:
-        texts = [layer if pd.isna(v) else f"{layer} {_text(v)}" for v in frame[number]]
-        frame.insert(0, "Name", texts)
+        texts = (f"{layer} {_text(value)}" for value in frame[number])
+        missing = frame[number].isna()
+        frame.insert(0, "Name", [layer if m else t for m, t in zip(missing, texts, strict=True)])
     return frame
 
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from toolbox.data import Vector
 from toolbox.declare.show import Classes, Values
@@ -105,6 +104,8 @@ def filled(polygon: Any, origin: Floats) -> Floats:
     -------
     array of shape (3 n, 3), three rows for each triangle; holes are left out
     """
+    from scipy.spatial import cKDTree
+
     corners = shapely.get_coordinates(polygon, include_z=True) - origin
     centre = corners.mean(axis=0)
     across, up, normal = np.linalg.svd(corners - centre, full_matrices=False)[2]

@@ -62,6 +62,14 @@ sys.exit(", ".join(name for name in {HEAVY!r} if name in sys.modules) or 0)
     assert "--cloth_resolution" in done.stdout
 
 
+def test_running_imports_no_library_before_a_tool_or_a_format_needs_it() -> None:
+    """Each of these would add a tenth to half of a second to every command."""
+    lazy = set(HEAVY) - {"numpy", "pyproj"}
+    code = f"import sys, toolbox.execute; sys.exit(', '.join({lazy!r} & set(sys.modules)) or 0)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_list_and_describe(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
     assert "surface.grid" in capsys.readouterr().out

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from toolbox import renamed
 from toolbox.errors import DataError, ParameterError, nearest
+from toolbox.places import METADATA
 
 if TYPE_CHECKING:
     from toolbox.declare.fields import Spec
@@ -28,12 +29,6 @@ if TYPE_CHECKING:
 NOT_GROUPS = ("shared",)  # folders of algorithms/ that hold no tools
 MODEL = (".yaml", ".yml")  # endings of model files
 QGIS = "qgis:"  # begins the id of an algorithm of QGIS
-_PACKAGE = Path(__file__).parent
-# An installed wheel carries metadata/ inside the package, a checkout has it beside the package.
-METADATA = next(
-    (p for p in (_PACKAGE / "metadata", _PACKAGE.parent / "metadata") if p.is_dir()),
-    _PACKAGE.parent / "metadata",
-)
 
 
 def own_files() -> dict[str, Path]:

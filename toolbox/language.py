@@ -10,15 +10,11 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-_PACKAGE = Path(__file__).parent
-# An installed wheel carries metadata/ inside the package, a checkout has it beside the package.
-FOLDER = (
-    next((p for p in (_PACKAGE / "metadata", _PACKAGE.parent / "metadata") if p.is_dir()), _PACKAGE)
-    / "translations"
-)
+from toolbox.places import METADATA
+
+FOLDER = METADATA / "translations"
 VARIABLES = ("TOOLBOX_LANG", "LC_ALL", "LC_MESSAGES", "LANG")
 
 

@@ -17,8 +17,9 @@ from toolbox.declare.fields import Spec
 from toolbox.labels import labelled
 from toolbox.models.diagram import markdown
 from toolbox.models.model import Model
+from toolbox.places import METADATA
 
-ROOT = catalog.METADATA.parent
+ROOT = METADATA.parent
 EXAMPLES = ROOT / "docs" / "examples.yaml"
 LINE = 100  # characters
 PICTURES = ROOT / "docs" / "images" / "tools"
@@ -30,7 +31,7 @@ def files() -> Iterator[tuple[Path, str]]:
     described = [spec.describe() for spec in specs]
     shown = examples()
     for spec, tool in zip(specs, described, strict=True):
-        yield catalog.METADATA / "tools" / f"{spec.id}.json", as_json(tool)
+        yield METADATA / "tools" / f"{spec.id}.json", as_json(tool)
         more = [steps(spec), columns(spec), in_tiles(spec), in_use(spec, shown.get(spec.id))]
         yield ROOT / "docs" / "tools" / f"{spec.id}.md", page(tool, *more)
     yield ROOT / "docs" / "tools" / "index.md", index(specs)

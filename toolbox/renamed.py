@@ -10,22 +10,19 @@ from __future__ import annotations
 import functools
 import json
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any
 
 from toolbox.context import log
 from toolbox.errors import ParameterError
+from toolbox.places import METADATA
 
-_PACKAGE = Path(__file__).parent
-# An installed wheel carries metadata/ inside the package, a checkout has it beside the package.
-_PATHS = [folder / "metadata" / "renamed.json" for folder in (_PACKAGE, _PACKAGE.parent)]
+_FILE = METADATA / "renamed.json"
 
 
 @functools.cache
 def table() -> Mapping[str, Any]:
     """The table of old names."""
-    path = next((path for path in _PATHS if path.is_file()), None)
-    return dict(json.loads(path.read_text(encoding="utf-8"))) if path else {}
+    return dict(json.loads(_FILE.read_text(encoding="utf-8"))) if _FILE.is_file() else {}
 
 
 def tool(id: str) -> str:

@@ -25,7 +25,7 @@ from types import SimpleNamespace
 from typing import Any, BinaryIO
 from weakref import WeakKeyDictionary
 
-from toolbox import files
+from toolbox import files, places
 from toolbox.context import Context, listening, log
 from toolbox.data.layer import Layer
 from toolbox.data.reading import file_hash
@@ -42,11 +42,7 @@ BLOCK = 2**22  # bytes
 
 def folder() -> Path:
     """Folder in which results are kept."""
-    if named := os.environ.get(FOLDER_VARIABLE):
-        return Path(named)
-    from platformdirs import user_cache_path
-
-    return user_cache_path("lidar-toolbox") / "steps"
+    return places.cache(FOLDER_VARIABLE, "steps")
 
 
 def limit() -> float:

@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from toolbox import places
 from toolbox.context import QUIET, Context, log
 from toolbox.data.remote.address import Address
 from toolbox.data.remote.store import Facts, facts_of, fetched
@@ -177,11 +178,7 @@ def whole(address: Address, ctx: Context = QUIET) -> Path:
 
 def folder() -> Path:
     """Folder in which ranges of files are kept."""
-    if named := os.environ.get(FOLDER_VARIABLE):
-        return Path(named)
-    from platformdirs import user_cache_path
-
-    return user_cache_path("lidar-toolbox") / "remote"
+    return places.cache(FOLDER_VARIABLE, "remote")
 
 
 def limit() -> float:

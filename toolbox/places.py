@@ -1,0 +1,31 @@
+"""Folders that belong to the package, and to the user's account."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parent
+
+METADATA = next(
+    (path for path in (_PACKAGE / "metadata", _PACKAGE.parent / "metadata") if path.is_dir()),
+    _PACKAGE.parent / "metadata",
+)
+"""What is made from the declarations, translations and old names.
+
+An installed wheel carries the folder inside the package, a checkout has it beside the package.
+"""
+
+
+def cache(variable: str, name: str) -> Path:
+    """A folder for what can be made again: the one that a variable names, else the system's.
+
+    >>> os.environ["SCANS_HERE"] = "scans"
+    >>> cache("SCANS_HERE", "steps").name
+    'scans'
+    """
+    if named := os.environ.get(variable):
+        return Path(named)
+    from platformdirs import user_cache_path
+
+    return user_cache_path("lidar-toolbox") / name

@@ -83,7 +83,7 @@ def lonely(corridor: Corridor, own: Ints, company: int) -> Mask:
     others = company + 2  # itself, and one more
     if len(corridor.air.xyz) < others:
         return np.ones(len(own), bool)
-    away = cKDTree(corridor.air.xyz).query(corridor.wires.xyz[own], k=[others])[0]
+    away = corridor.air.tree.query(corridor.wires.xyz[own], k=[others])[0]
     return np.asarray(away)[:, 0] > room()
 
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from algorithms.corridor._curves import trace_kernels as kernels
 from algorithms.corridor._curves.catenary import Catenary
@@ -130,6 +131,11 @@ class Airborne:
         return np.concatenate(
             [np.arange(self.start[r + c0], self.start[r + c1 + 1]) for r in rows.tolist()]
         )
+
+    @functools.cached_property
+    def tree(self) -> cKDTree:
+        """The points in a search tree, which the searches at all tolerances share."""
+        return cKDTree(self.xyz)
 
     @functools.cached_property
     def _scratch(self) -> tuple[Ints, Floats]:

@@ -12,7 +12,6 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from algorithms.corridor._curves.arcs import arcs_of
-from algorithms.corridor._curves.chance import chance, is_no_accident
 from algorithms.corridor._curves.lanes import followed_together
 from algorithms.corridor._curves.network import (
     Corridor,
@@ -28,14 +27,15 @@ from algorithms.corridor._curves.tracks import alignments_among
 from algorithms.corridor._extraction.continued import completed
 from algorithms.corridor._extraction.spans import (
     Wire,
+    are_no_accident,
     numbered,
+    on_any,
     on_wire,
     spans_of,
     with_supports,
 )
 from algorithms.corridor._extraction.supports import Support, supports_of
 from algorithms.corridor._settings import SETTINGS
-from algorithms.shared.kernels.sorting import distinct
 from toolbox.context import Context
 
 NUMBERS = ("span", "bundle", "wire")
@@ -165,14 +165,8 @@ class Line:
 
     def is_no_accident(self, corridor: Corridor) -> bool:
         """Whether points that happen to lie so would not look like it."""
-        own = self.points(corridor)
-        if 2 * np.count_nonzero(corridor.proven[own]) > len(own):
-            return True
         taken = corridor.on(wire.curve for wire in self.wires)
-        return is_no_accident(
-            corridor,
-            [chance(corridor, wire.curve, wire.tolerance, taken) for wire in self.wires],
-        )
+        return are_no_accident(corridor, self.wires, taken)
 
     def is_structure(self, corridor: Corridor) -> bool:
         """Whether chairs hang below its wires, or much of them holds a contact wire or a mesh."""
@@ -188,10 +182,6 @@ class Line:
             if in_it or holds_level(corridor.air, corridor.height, wire.curve)
         ]
         return sum(held) > SETTINGS.structures.level_share * self.length
-
-    def points(self, corridor: Corridor) -> NDArray[np.int64]:
-        """Indices of the points on its wires."""
-        return distinct(np.concatenate([on_wire(corridor, wire)[0] for wire in self.wires]))
 
 
 def lines_of(wires: Sequence[Wire], supports: Sequence[Support]) -> list[Line]:
@@ -247,7 +237,7 @@ def same_spans(
     corridor: Corridor, narrow: Sequence[Line], wide: Sequence[Line]
 ) -> Iterator[tuple[list[Line], list[Line]]]:
     """Groups of spans at both tolerances that have most of the points of one in common."""
-    points = [[span.points(corridor) for span in spans] for spans in (narrow, wide)]
+    points = [[on_any(corridor, span.wires) for span in spans] for spans in (narrow, wide)]
     of_span = np.full(len(corridor.air.xyz), -1)
     for k, own in enumerate(points[0]):
         of_span[own] = k

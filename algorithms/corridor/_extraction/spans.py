@@ -170,12 +170,17 @@ def are_wires(corridor: Corridor, wires: Sequence[Wire], taken: NDArray[np.bool_
 
 def are_no_accident(corridor: Corridor, wires: Sequence[Wire], taken: NDArray[np.bool_]) -> bool:
     """Whether points would hardly lie so along all of these by chance, or are known not to."""
-    own = distinct(np.concatenate([on_wire(corridor, wire)[0] for wire in wires]))
+    own = on_any(corridor, wires)
     if 2 * np.count_nonzero(corridor.proven[own]) > len(own):
         return True
     return is_no_accident(
         corridor, [chance(corridor, wire.curve, wire.tolerance, taken) for wire in wires]
     )
+
+
+def on_any(corridor: Corridor, wires: Sequence[Wire]) -> NDArray[np.int64]:
+    """Indices of the points on wires, rising."""
+    return distinct(np.concatenate([on_wire(corridor, wire)[0] for wire in wires]))
 
 
 def may_be_wires(wires: Sequence[Wire], tolerance: float) -> bool:

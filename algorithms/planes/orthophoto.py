@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.shared.windows import filled
 from toolbox.context import QUIET, Context
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.declare import outputs, param, sink, source, tool
@@ -103,7 +104,7 @@ class PlanesOrthophoto:
             row, col = lattice.indices(*uv[order].T)
             for band, shade in zip(image, shades, strict=True):
                 band[row, col] = shade[which[order]]
-        shown = filled(image, self.fill_cells)
+        shown = filled(image, image[0] == 0, self.fill_cells)
         inside = np.zeros(lattice.shape, bool)
         x, y = lattice.centres()
         import shapely
@@ -154,16 +155,3 @@ def stretched(values: Floats) -> NDArray[np.uint8]:
         np.clip((values - low) / (high - low), 0, 1) if high > low else np.full(len(values), 0.5)
     )
     return np.asarray(np.rint(BLACK + (WHITE - BLACK) * share), np.uint8)
-
-
-def filled(image: NDArray[np.uint8], reach: int) -> NDArray[np.uint8]:
-    """An image of shape (bands, rows, cols) with empty cells as the nearest within reach."""
-    from scipy.ndimage import distance_transform_edt
-
-    empty = image[0] == 0
-    if not reach or empty.all():
-        return image
-    distance, (row, col) = distance_transform_edt(empty, return_indices=True)
-    near = np.asarray(distance <= reach, bool)
-    made: NDArray[np.uint8] = np.where(near[None], image[:, row, col], np.uint8(0))
-    return made

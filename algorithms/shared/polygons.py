@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from algorithms.shared.kernels import polygons as kernels
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context
-from toolbox.data import Vector
+from toolbox.data import Lattice, Vector
 from toolbox.errors import DataError
 
 BLOCK = 500_000  # points between two checks for cancellation
@@ -29,6 +29,7 @@ CELLS_PER_EDGE, FEWEST, MOST = 4, 1 << 12, 1 << 22  # of the grid
 ULPS = 2.0**-46  # share of a coordinate that rounding may move it by, amply
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 Shapes = NDArray[Any]  # of shapely geometries
 
 
@@ -69,6 +70,24 @@ def geometries(layer: Vector) -> Shapes:
     shapes = layer.frame.geometry.to_numpy()
     there: Shapes = shapes[~(shapely.is_missing(shapes) | shapely.is_empty(shapes))]
     return there
+
+
+def cells_within(shape: shapely.Polygon, lattice: Lattice) -> tuple[Ints, Ints]:
+    """Rows and columns, row by row, of the cells whose centre is in a polygon.
+
+    Examples
+    --------
+    >>> lattice = Lattice.cover((0.0, 0.0, 3.0, 2.0), 1.0)
+    >>> cells_within(shapely.box(0.0, 1.0, 2.0, 2.0), lattice)  # the first row is the northern one
+    (array([0, 0]), array([0, 1]))
+    """
+    east, north = lattice.centres()
+    west, south, right, top = shape.bounds
+    cols = np.flatnonzero((east >= west) & (east <= right))
+    rows = np.flatnonzero((north >= south) & (north <= top))
+    shapely.prepare(shape)
+    row, col = np.nonzero(shapely.contains_xy(shape, east[cols][None, :], north[rows][:, None]))
+    return rows[row], cols[col]
 
 
 @dataclass(frozen=True)

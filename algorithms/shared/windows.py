@@ -1,14 +1,17 @@
-"""Sums of a raster in Gaussian windows, for blocks of its cells."""
+"""What lies around the cells of a raster: sums in Gaussian windows, the nearest known cell."""
 
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Number = TypeVar("Number", bound=np.generic)
 
 
 def window_sums(values: NDArray[np.generic], block: int, sigma: float) -> Floats:
@@ -50,3 +53,24 @@ def spread(values: Floats, block: int) -> Floats:
            [1., 1., 2., 2.]])
     """
     return values.repeat(block, axis=0).repeat(block, axis=1)
+
+
+def filled(values: NDArray[Number], empty: Mask, reach: float) -> NDArray[Number]:
+    """Values with those of empty cells from the nearest other cell within reach.
+
+    Parameters
+    ----------
+    values : array of shape (..., rows, cols)
+    empty : array of shape (rows, cols)
+    reach : cells
+
+    Examples
+    --------
+    >>> known = np.array([[7, 0, 0, 0]])
+    >>> filled(known, known == 0, 2.0)
+    array([[7, 7, 7, 0]])
+    """
+    if not empty.any() or empty.all():
+        return values
+    distance, (row, col) = distance_transform_edt(empty, return_indices=True)
+    return np.where(distance <= reach, values[..., row, col], values)

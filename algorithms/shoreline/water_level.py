@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from algorithms.shared import parameters
-from algorithms.shared.polygons import polygons
+from algorithms.shared.polygons import cells_within, polygons
 from algorithms.shoreline._bodies import LEVEL, STEP, Body, CellGrid, grid
 from algorithms.shoreline._level import lowest_mode
 from algorithms.shoreline._returns import Returns
@@ -113,16 +113,9 @@ def on_polygons(cells: CellGrid, shapes: Any) -> Iterator[Body]:
     cells : see :func:`algorithms.shoreline._bodies.grid`
     shapes : polygons
     """
-    xs, ys = cells.lattice.centres()
     for k in np.argsort(-shapely.area(shapes), kind="stable"):
-        wider = shapes[k].buffer(cells.lattice.cell)
-        west, south, east, north = wider.bounds
-        cols = np.flatnonzero((xs >= west) & (xs <= east))
-        rows = np.flatnonzero((ys >= south) & (ys <= north))
-        shapely.prepare(wider)
-        within = shapely.contains_xy(wider, xs[cols][None, :], ys[rows][:, None])
-        r, c = np.nonzero(within)
-        some = rows[r] * cells.lattice.cols + cols[c]
+        rows, cols = cells_within(shapes[k].buffer(cells.lattice.cell), cells.lattice)
+        some = rows * cells.lattice.cols + cols
         heights = cells.low.ravel()[some]
         heights = heights[np.isfinite(heights)]
         if not len(heights):

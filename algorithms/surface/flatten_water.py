@@ -16,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from algorithms.shared.heights import heights_problem
-from algorithms.shared.polygons import polygons
+from algorithms.shared.polygons import cells_within, polygons
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, Raster, Vector
 from toolbox.declare import outputs, param, sink, source, tool
@@ -102,7 +102,8 @@ class SurfaceFlattenWater:
         level_bodies = 0
         for number, (shape, level) in enumerate(bodies):
             ctx.progress(number / len(bodies))
-            inside = within(shape, lattice, heights.shape)
+            inside = np.zeros(heights.shape, bool)
+            inside[cells_within(shape, lattice)] = True
             level_bodies += bool(inside.any())
             lower = shore_below(heights, inside, level, reach)
             heights[inside | lower] = level
@@ -135,20 +136,6 @@ class SurfaceFlattenWater:
             one = Vector(frame.iloc[[number]], name=self.water.name)
             for shape in polygons(one, "water"):
                 yield shape, level
-
-
-def within(shape: shapely.Polygon, lattice: Lattice, size: tuple[int, int]) -> Mask:
-    """The cells, array of shape (rows, cols), whose centre is in a polygon."""
-    east, north = lattice.centres()
-    found = np.zeros(size, bool)
-    xmin, ymin, xmax, ymax = shape.bounds
-    cols = np.flatnonzero((east >= xmin) & (east <= xmax))
-    rows = np.flatnonzero((north >= ymin) & (north <= ymax))
-    if len(cols) and len(rows):
-        shapely.prepare(shape)
-        x, y = np.meshgrid(east[cols], north[rows])
-        found[np.ix_(rows, cols)] = shapely.contains_xy(shape, x, y)
-    return found
 
 
 def shore_below(heights: Array, water: Mask, level: float, reach: int) -> Mask:

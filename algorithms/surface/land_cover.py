@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
+from algorithms.shared.windows import filled
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table
 from toolbox.data.asprs import CLASSES
@@ -96,7 +97,8 @@ class SurfaceLandCover:
         row, col = lattice.indices(*xy.T)
         found = most_frequent(row * lattice.cols + col, classes[taken], lattice.rows * lattice.cols)
         ctx.progress(0.6)
-        cover = filled(found.reshape(lattice.shape), self.max_gap / lattice.cell)
+        cover = found.reshape(lattice.shape)
+        cover = filled(cover, cover == NONE, self.max_gap / lattice.cell)
         raster = Raster.from_lattice(
             cover.astype(np.uint8),
             lattice,
@@ -120,17 +122,6 @@ def most_frequent(place: Ints, classes: Ints, size: int) -> Ints:
     made = np.full(size, NONE, np.int64)
     made[keys[order] // CODES] = keys[order] % CODES
     return made
-
-
-def filled(cover: Ints, reach: float) -> Ints:
-    """Cells without a class with that of the nearest one within a number of cells."""
-    from scipy.ndimage import distance_transform_edt
-
-    empty = cover == NONE
-    if not empty.any() or empty.all():
-        return cover
-    distance, (row, col) = distance_transform_edt(empty, return_indices=True)
-    return np.where(distance <= reach, cover[row, col], NONE)
 
 
 def areas(cover: Ints, cell: float) -> Table:

@@ -12,6 +12,7 @@ from affine import Affine
 from pyproj import CRS
 
 import toolbox
+from algorithms.ground.csf import GroundCsf
 from algorithms.shoreline.alpha_shape import ShorelineAlphaShape
 from toolbox import PointCloud, Raster, Vector, execute
 from toolbox.context import QUIET, Context
@@ -307,6 +308,23 @@ def test_formats_that_need_a_crs_are_refused_before_the_run(
     monkeypatch.setattr(ShorelineAlphaShape, "run", None)
     with pytest.raises(DataError, match="needs a CRS of the Earth, and the data have local coord"):
         toolbox.run("shoreline.alpha_shape", values, assume_crs="local")
+
+
+@pytest.mark.parametrize(
+    ("output", "file", "extra"),
+    [
+        ("classified", "a.ply", "ply"),
+        ("classified", "a.parquet", "parquet"),
+        ("page", "a.pdf", "pdf"),
+    ],
+)
+def test_formats_whose_library_is_missing_are_refused_before_the_run(
+    output: str, file: str, extra: str, text: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("toolbox.data.extras.find_spec", lambda name: None)
+    monkeypatch.setattr(GroundCsf, "run", None)
+    with pytest.raises(ParameterError, match=rf"pip install lidar-toolbox\[{extra}\]"):
+        toolbox.run("ground.csf", {"points": text, output: tmp_path / file})
 
 
 def test_an_input_that_changes_before_it_is_hashed_is_an_error(

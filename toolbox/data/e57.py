@@ -11,6 +11,7 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from toolbox.context import QUIET, Context, log
+from toolbox.data.extras import E57
 from toolbox.data.reading import errors_named
 from toolbox.errors import DataError
 
@@ -41,10 +42,9 @@ def read_e57(
     DataError
         The file is damaged, or pye57 is not installed.
     """
-    try:
-        import pye57
-    except ImportError as error:
-        raise DataError(f"{path}: E57 files need pye57: pip install lidar-toolbox[e57]") from error
+    E57.need()
+    import pye57
+
     with errors_named(f"{path} cannot be read as an E57 file"), pye57.E57(str(path)) as file:
         scans = []
         for index in range(file.scan_count):

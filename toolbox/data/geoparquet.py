@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context
 from toolbox.data.crs import is_local
+from toolbox.data.extras import PARQUET
 from toolbox.data.reading import errors_named
-from toolbox.data.table import need_pyarrow
 
 if TYPE_CHECKING:
     from toolbox.data.pointcloud import PointCloud
@@ -37,7 +37,7 @@ def write_geoparquet(path: Path, cloud: PointCloud, *, ctx: Context = QUIET) -> 
     DataError
         pyarrow is not installed, or the file cannot be written.
     """
-    need_pyarrow()
+    PARQUET.need()
     import pyarrow as pa
     import pyarrow.parquet
 

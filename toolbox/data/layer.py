@@ -19,6 +19,7 @@ from pyproj import CRS
 
 from toolbox.context import QUIET, Context
 from toolbox.data.crs import describe_crs
+from toolbox.data.extras import Extra
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ class Layer(Protocol):
     Attributes
     ----------
     SUFFIXES : endings of the files that it can be written to
+    NEEDS : optional libraries that files with some endings need
     is_spatial : whether it has coordinates, and so may have a CRS
     is_gridded : whether it is made of cells, which reach beyond the points that they were made from
     in_blocks : whether its file can be written block by block, so that it need not be in memory
@@ -45,6 +47,7 @@ class Layer(Protocol):
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = ()
+    NEEDS: ClassVar[Mapping[str, Extra]] = MappingProxyType({})
     is_spatial: ClassVar[bool] = False
     is_gridded: ClassVar[bool] = False
     in_blocks: ClassVar[bool] = False

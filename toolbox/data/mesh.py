@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from toolbox.data.extras import PLY
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
@@ -30,8 +31,9 @@ def write(frame: geopandas.GeoDataFrame, path: Path) -> None:
     Raises
     ------
     DataError
-        A feature is no polygon with heights.
+        plyfile is not installed, or a feature is no polygon with heights.
     """
+    PLY.need()
     import plyfile
 
     vertices, faces, owners, count = [], [], [], 0

@@ -13,6 +13,7 @@ from pyproj import CRS
 
 from toolbox.context import log
 from toolbox.data.crs import crs_text, is_local, local_crs
+from toolbox.data.extras import PLY
 from toolbox.data.reading import Reading, errors_named, opened, room, unpacked
 from toolbox.data.text import Points, standard_names
 from toolbox.errors import DataError
@@ -48,8 +49,9 @@ def read_ply(
     Raises
     ------
     DataError
-        The file is damaged, or has no vertices with x, y and z.
+        plyfile is not installed, or the file is damaged or has no vertices with x, y and z.
     """
+    PLY.need()
     import plyfile
 
     with errors_named(f"{path} cannot be read as a PLY file"), opened(path, reading) as stream:
@@ -121,8 +123,9 @@ def write_ply(path: Path, cloud: Points) -> None:
     Raises
     ------
     DataError
-        PLY has no type for an attribute, or its name is no word.
+        plyfile is not installed, or PLY has no type for an attribute, or its name is no word.
     """
+    PLY.need()
     import plyfile
 
     columns = {name: _typed(path, name, cloud[name]) for name in cloud.names}

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -23,6 +24,7 @@ from toolbox.data.crs import (
     is_local,
     metres_per_unit,
 )
+from toolbox.data.extras import PARQUET, PLY, Extra
 from toolbox.data.las import points as las_points
 from toolbox.data.las import versions as las_versions
 from toolbox.data.las.copc_write import copc_sink, is_copc, write_copc
@@ -88,6 +90,7 @@ class PointCloud(Layer):
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".laz", ".las", ".csv", ".xyz", ".txt", ".ply")
     SUFFIXES += (".csv.gz", ".xyz.gz", ".txt.gz", ".copc.laz", ".parquet")
+    NEEDS: ClassVar[Mapping[str, Extra]] = MappingProxyType({".parquet": PARQUET, ".ply": PLY})
     OF_LAS: ClassVar[frozenset[str]] = las_points.STANDARD  # attributes of some point format
     is_spatial: ClassVar[bool] = True
     tools: ClassVar[str] = "points"

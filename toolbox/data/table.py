@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context
 from toolbox.data import differences, geopackage
+from toolbox.data.extras import PARQUET, Extra
 from toolbox.data.layer import Inside, Layer, text_array
 from toolbox.data.paths import local, named_as_given
 from toolbox.data.reading import errors_named
@@ -45,6 +45,7 @@ class Table(Layer):
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".csv", ".json", ".parquet", ".gpkg")
+    NEEDS: ClassVar[Mapping[str, Extra]] = MappingProxyType({".parquet": PARQUET})
     crs: ClassVar[None] = None
     metre: ClassVar[float] = 1.0
     name: str
@@ -208,18 +209,6 @@ class Table(Layer):
         """The table as aligned plain text: numbers to the right, "-" if missing."""
         columns = [_aligned(str(name), column) for name, column in self._frame.items()]
         return "\n".join("  ".join(cells).rstrip() for cells in zip(*columns, strict=True))
-
-
-def need_pyarrow() -> None:
-    """Raise a DataError unless pyarrow is installed, which Parquet needs.
-
-    Raises
-    ------
-    DataError
-        The optional package pyarrow is not installed; says how to get it.
-    """
-    if find_spec("pyarrow") is None:
-        raise DataError("Parquet needs pyarrow: pip install lidar-toolbox[parquet]")
 
 
 def plain(frame: pd.DataFrame) -> pd.DataFrame:

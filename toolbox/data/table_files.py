@@ -14,8 +14,9 @@ import pandas as pd
 
 from toolbox.context import log
 from toolbox.data import geopackage
+from toolbox.data.extras import PARQUET
 from toolbox.data.layer import refuse_zero_bytes
-from toolbox.data.table import Table, need_pyarrow
+from toolbox.data.table import Table
 
 _BEGINS = tuple("=+-@\t\r")  # of what a spreadsheet takes for a formula
 
@@ -53,7 +54,7 @@ def _read_json(path: Path) -> pd.DataFrame:
 
 
 def _read_parquet(path: Path) -> pd.DataFrame:
-    need_pyarrow()
+    PARQUET.need()
     return pd.read_parquet(path, dtype_backend="numpy_nullable")
 
 
@@ -119,7 +120,7 @@ def _write_json(table: Table, path: Path) -> None:
 
 
 def _write_parquet(table: Table, path: Path) -> None:
-    need_pyarrow()
+    PARQUET.need()
     frame = table.frame
     texts = {name: column.map(_text) for name, column in frame.items() if column.dtype == object}
     frame.assign(**{str(n): c for n, c in texts.items()}).to_parquet(path, index=False)

@@ -28,6 +28,7 @@ from toolbox.data.crs import (
     same_crs,
 )
 from toolbox.data.drivers import check_vector
+from toolbox.data.extras import PARQUET, PLY, Extra
 from toolbox.data.layer import Inside, Layer, refuse_zero_bytes, text_array
 from toolbox.data.paths import local, named_as_given
 from toolbox.data.reading import errors_named
@@ -38,7 +39,7 @@ from toolbox.data.record import (
     write_into_geopackage,
 )
 from toolbox.data.remote.address import as_path
-from toolbox.data.table import Table, need_pyarrow
+from toolbox.data.table import Table
 from toolbox.errors import DataError
 
 if TYPE_CHECKING:
@@ -83,6 +84,7 @@ class Vector(Layer):
         ".csv",
         cityjson.SUFFIX,
     )
+    NEEDS: ClassVar[Mapping[str, Extra]] = MappingProxyType({".parquet": PARQUET, ".ply": PLY})
     NEEDING_CRS: ClassVar[tuple[str, ...]] = (".geojson", ".kml", ".kmz")  # one of the Earth
     is_spatial: ClassVar[bool] = True
     tools: ClassVar[str] = "vectors"
@@ -278,7 +280,7 @@ class Vector(Layer):
         """Write a file without GDAL."""
         suffix = _suffix_of(path)
         if suffix == ".parquet":
-            need_pyarrow()
+            PARQUET.need()
             self.frame.to_parquet(path)
         elif suffix == cityjson.SUFFIX:
             cityjson.write(self.frame, path)
@@ -467,7 +469,7 @@ def _layer_names(path: Path) -> tuple[str, ...]:
 
 
 def _is_geoparquet(path: Path) -> bool:
-    need_pyarrow()
+    PARQUET.need()
     import pyarrow.parquet
 
     return b"geo" in (pyarrow.parquet.read_schema(path).metadata or {})
@@ -476,7 +478,7 @@ def _is_geoparquet(path: Path) -> bool:
 def _read_parquet(path: Path) -> geopandas.GeoDataFrame:
     import geopandas
 
-    need_pyarrow()
+    PARQUET.need()
     return geopandas.read_parquet(path)
 
 

@@ -16,6 +16,7 @@ from pyproj import CRS
 from toolbox.context import QUIET, Context
 from toolbox.data import Drawing, PointCloud, Raster, Report, Survey, Table, Vector
 from toolbox.data.crs import parse_crs
+from toolbox.data.extras import Extra
 from toolbox.data.las.versions import VERSIONS
 from toolbox.data.paths import Paths, PointFiles
 from toolbox.data.reading import Reading
@@ -48,6 +49,7 @@ class Kind:
     plain : whether the word alone says what a text must look like, so that errors need no more
     open : reads a layer from a path; only `toolbox.runs.source` calls it
     suffixes : endings of the files that it can be written to; empty if it is no layer
+    needs : optional libraries that files with some endings need
     open_options, save_options : names in `OPTIONS` that a source or target may have
     own_files : all files that a layer written to a path consists of
     several : whether one value may be read from many files: a folder, a pattern or a list
@@ -62,6 +64,7 @@ class Kind:
     plain: bool = False
     open: Callable[..., Any] | None = None
     suffixes: tuple[str, ...] = ()
+    needs: Mapping[str, Extra] = field(default_factory=dict)
     open_options: tuple[str, ...] = ()
     save_options: tuple[str, ...] = ()
     own_files: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
@@ -252,6 +255,7 @@ def _layer(
         lambda value: value,
         open=reader,
         suffixes=cls.SUFFIXES,
+        needs=cls.NEEDS,
         open_options=_options_of(reader),
         save_options=_options_of(cls.save),
         own_files=getattr(cls, "own_files", lambda path: (path,)),

@@ -10,7 +10,6 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from toolbox import files
 from toolbox.context import Context, log
 from toolbox.data.crs import is_local
 from toolbox.data.layer import Layer
-from toolbox.data.report.document import PDF, today
+from toolbox.data.report.document import today
 from toolbox.declare.delivered import Delivered
 from toolbox.declare.fields import Spec
 from toolbox.errors import ParameterError
@@ -55,9 +54,10 @@ def of_run(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Target]:
         Path(folder) / README,
         Path(folder).resolve() / README,
         head,
-        (".txt",),
-        targets.kind_of(PAGE, spec).save_options,
-        lambda path: (path,),
+        suffixes=(".txt",),
+        needs={},
+        known=targets.kind_of(PAGE, spec).save_options,
+        own_files=lambda path: (path,),
         output=DELIVER,
         delivered=True,
     )
@@ -172,9 +172,7 @@ def write(
 def _why_not(target: Target, found: Mapping[str, Any]) -> str | None:
     """Why a file of the set cannot be written; None if it can."""
     if target.output == PAGE:
-        if target.resolved and target.resolved.suffix == PDF and find_spec("weasyprint") is None:
-            return "PDF needs WeasyPrint: pip install lidar-toolbox[pdf]"
-        return None
+        return target.missing
     layer = found.get(target.output)
     if layer is None or layer == ():
         return "there is nothing to write"

@@ -14,6 +14,7 @@ from toolbox import files
 from toolbox.context import Context, log
 from toolbox.data import Report, Table, Vector, geopackage
 from toolbox.data.crs import describe_crs, is_local
+from toolbox.data.extras import Extra
 from toolbox.data.layer import Layer
 from toolbox.data.paths import LAS
 from toolbox.data.record import foreign_side_car
@@ -43,6 +44,7 @@ class Target:
     path : as it was given; None if the value does not name one
     resolved : the file to write, links followed; None if there is no usable path
     suffixes : endings that the output can have; none for a number, which is printed
+    needs : optional libraries that files with some endings need
     output : the result that it is for
     folder : it is one, for one file per file of a survey
     delivered : it belongs to the set of a folder, see `toolbox.runs.delivery`
@@ -52,6 +54,7 @@ class Target:
     resolved: Path | None
     options: Mapping[str, Any]
     suffixes: tuple[str, ...]
+    needs: Mapping[str, Extra]
     known: tuple[str, ...]
     own_files: files.OwnFiles
     output: str = ""
@@ -69,7 +72,7 @@ class Target:
         folder = kind.several and (
             str(path).endswith(("/", os.sep)) or bool(resolved and _is_folder(resolved))
         )
-        own = kind.suffixes, kind.save_options, kind.own_files
+        own = kind.suffixes, kind.needs, kind.save_options, kind.own_files
         return cls(given, resolved, how, *own, output=name, folder=folder)
 
     @property
@@ -104,6 +107,12 @@ class Target:
     def is_las(self) -> bool:
         """Whether LAS or LAZ is written, as always in a folder."""
         return self.folder or (self.resolved is not None and self.resolved.suffix.lower() in LAS)
+
+    @property
+    def missing(self) -> str | None:
+        """Which library is not there, and how to get it; None if nothing is missing."""
+        extra = self.needs.get(self.resolved.suffix.lower()) if self.resolved else None
+        return extra.missing() if extra else None
 
     def inside(self, name: str) -> Target:
         """Target in this folder for a file of a survey: LAS and COPC stay, all else becomes LAZ."""
@@ -185,7 +194,9 @@ def problems(
     targets: Mapping[str, Target], reads: Iterable[Path], *, overwrite: bool
 ) -> dict[str, str]:
     """Problems of targets by output name; `reads` are the files that the run reads."""
-    found = {name: text for name, target in targets.items() if (text := target.problem())}
+    asked = {name: target for name, target in targets.items() if not target.delivered}
+    found = {name: text for name, target in asked.items() if (text := target.missing)}
+    found |= {name: text for name, target in targets.items() if (text := target.problem())}
     good = {name: target for name, target in targets.items() if name not in found}
     found |= dict(_twins(good))
     first = {(t.resolved if t.layer else None) or n: n for n, t in reversed(good.items())}

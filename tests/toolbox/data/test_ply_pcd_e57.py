@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import builtins
 import gzip
 import logging
 from collections.abc import Callable
@@ -202,18 +201,17 @@ def test_damaged_e57(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     capfd.readouterr()  # libE57Format prints its errors
 
 
-def test_e57_without_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = e57(tmp_path / "a.e57")
-    plain = builtins.__import__
-
-    def refusing(name: str, *rest: Any) -> Any:
-        if name == "pye57":
-            raise ImportError(name)
-        return plain(name, *rest)
-
-    monkeypatch.setattr(builtins, "__import__", refusing)
+    cloud = PointCloud.open(path)
+    cloud.save(tmp_path / "a.ply")
+    monkeypatch.setattr("toolbox.data.extras.find_spec", lambda name: None)
     with pytest.raises(DataError, match=r"pip install lidar-toolbox\[e57\]"):
         PointCloud.open(path)
+    with pytest.raises(DataError, match=r"pip install lidar-toolbox\[ply\]"):
+        PointCloud.open(tmp_path / "a.ply")
+    with pytest.raises(DataError, match=r"pip install lidar-toolbox\[ply\]"):
+        cloud.save(tmp_path / "b.ply")
 
 
 @pytest.mark.parametrize(

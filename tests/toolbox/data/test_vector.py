@@ -223,7 +223,7 @@ def test_folder_is_missing(tmp_path: Path) -> None:
 
 
 def test_parquet_needs_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("toolbox.data.table.find_spec", lambda name: None)
+    monkeypatch.setattr("toolbox.data.extras.find_spec", lambda name: None)
     with pytest.raises(DataError, match=r"pip install lidar-toolbox\[parquet\]"):
         Vector(points()).save(tmp_path / "a.parquet")
 

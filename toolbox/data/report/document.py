@@ -12,6 +12,8 @@ from typing import Any, ClassVar
 from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context
+from toolbox.data import extras
+from toolbox.data.extras import Extra
 from toolbox.data.layer import Layer, text_array
 from toolbox.data.record import own_side_car, write_beside
 from toolbox.data.report.blocks import Head, Section
@@ -45,6 +47,7 @@ class Report(Layer):
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".html", PDF, WORKBOOK)
+    NEEDS: ClassVar[Mapping[str, Extra]] = MappingProxyType({PDF: extras.PDF})
     crs: ClassVar[None] = None
     metre: ClassVar[float] = 1.0
     name: str

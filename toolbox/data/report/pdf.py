@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from toolbox.data.extras import PDF
 from toolbox.data.report.render import render
 from toolbox.errors import DataError
 
@@ -36,8 +36,8 @@ def write_pdf(report: Report, path: Path, *, style: Path | None, logo: Path | No
 
 def _weasyprint() -> Any:
     """The library, which needs one of the system."""
-    if find_spec("weasyprint") is None:
-        raise DataError(f"PDF needs WeasyPrint: {_HOW}; or print the .html from a browser")
+    if missing := PDF.missing():
+        raise DataError(f"{missing}; or print the .html from a browser")
     for name in ("fontTools", "weasyprint"):
         logging.getLogger(name).setLevel(logging.ERROR)
     try:

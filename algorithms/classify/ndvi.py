@@ -68,10 +68,14 @@ class ClassifyNdvi:
     nir: str | None = param(
         "Near-infrared band: its number, or a word of its description",
         default=None,
+        of="image",
         label="Near-infrared band",
     )
     red: str | None = param(
-        "Red band: its number, or a word of its description", default=None, label="Red band"
+        "Red band: its number, or a word of its description",
+        default=None,
+        of="image",
+        label="Red band",
     )
     threshold: float | Literal["otsu"] = param(
         "Lowest NDVI of vegetation; otsu splits the values in two",

@@ -84,6 +84,8 @@ class ClassifySom:
     features: tuple[str, ...] | None = param(
         "Names of features; by default height_above_ground ground planarity returns intensity",
         default=None,
+        of="points",
+        offers=tuple(_evidence.MADE),
     )
     weights: tuple[float, ...] | None = param(
         "Weight of each feature; by default 1 for x and y and 10 for all others",

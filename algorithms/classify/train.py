@@ -81,12 +81,14 @@ class ClassifyTrain:
         "Attribute that holds the class to learn", default=Attribute("classification")
     )
     class_attribute: str | None = param(
-        "Attribute of polygons or points that is the true class", default=None
+        "Attribute of polygons or points that is the true class", default=None, of="areas"
     )
     leave_out: ClassList | None = parameters.leave_out()
     features: tuple[str, ...] | None = param(
         "Names of features, such as intensity or planarity@2; by default all that suit",
         default=None,
+        of="points",
+        offers=names_of.OFFERED,
     )
     radii: tuple[float, ...] = param(
         "Radii of the features, if none are named", default=names_of.RADII, unit="m", gt=0, le=10

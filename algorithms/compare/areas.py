@@ -125,7 +125,10 @@ class CompareAreas:
         label="Only what has a counterpart",
     )
     label: str | None = param(
-        "Attribute that names polygons in the table", default=None, label="Attribute with names"
+        "Attribute that names polygons in the table",
+        default=None,
+        of="areas",
+        label="Attribute with names",
     )
     repair: bool = param(
         "Rebuild polygons that are not valid, and leave out those without geometry",

@@ -79,7 +79,7 @@ class CompareRasters:
     areas: Vector | None = source("Polygons with true classes", default=None)
     checkpoints: Vector | None = source("Points with true classes", default=None)
     class_attribute: str | None = param(
-        "Attribute of polygons or points that is the true class", default=None
+        "Attribute of polygons or points that is the true class", default=None, of="areas"
     )
     map: tuple[str, ...] | None = parameters.map()
     reference_map: tuple[str, ...] | None = parameters.reference_map()

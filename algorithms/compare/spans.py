@@ -56,7 +56,9 @@ class CompareSpans:
 
     wires: Vector = source("Wires that were found")
     reference: Vector = source("True wires")
-    span: str = param("Column of the reference with the number of the span", default="span_id")
+    span: str = param(
+        "Column of the reference with the number of the span", default="span_id", of="reference"
+    )
     max_distance: float = param(
         "Farthest that a wire may lie from the true one",
         default=0.5,

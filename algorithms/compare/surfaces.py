@@ -103,6 +103,7 @@ class CompareSurfaces:
     cover_attribute: str | None = param(
         "Attribute of polygons, checkpoints or points that is the land cover",
         default=None,
+        of="areas",
         label="Land cover (attribute)",
     )
     vegetated: tuple[str, ...] | None = param(

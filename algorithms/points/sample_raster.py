@@ -48,7 +48,11 @@ class PointsSampleRaster:
     points: PointCloud = source("Points that get the values")
     raster: Raster = source("Raster to take values from")
     bands: tuple[int, ...] | None = param(
-        "Numbers of the bands, counted from 1; all by default", default=None, unit="1", ge=1
+        "Numbers of the bands, counted from 1; all by default",
+        default=None,
+        unit="1",
+        ge=1,
+        of="raster",
     )
     method: Literal["nearest", "linear"] = param(
         "Value of the cell that holds a point, or mean of the four around it", default="nearest"

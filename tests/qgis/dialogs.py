@@ -54,8 +54,10 @@ class Interface:
 qgis.utils.iface = Interface()
 
 from lidar_toolbox import parameters  # noqa: E402
+from lidar_toolbox.layers import is_missing  # noqa: E402
 from lidar_toolbox.plugin import Provider  # noqa: E402
 from lidar_toolbox.settings import OptionsFactory, base_python  # noqa: E402
+from lidar_toolbox.values import UNSET, Reader  # noqa: E402
 from lidar_toolbox.widgets import use  # noqa: E402
 from processing.core.Processing import Processing  # noqa: E402
 from processing.gui.AlgorithmDialog import AlgorithmDialog  # noqa: E402
@@ -78,7 +80,7 @@ def differences(algorithm: Any, given: dict[str, str]) -> list[str]:
     values = dialog.createProcessingParameters()
     tool, feedback = algorithm.tool, QgsProcessingFeedback()
     ctx = QgsProcessingContext()
-    read = parameters.Reader(algorithm, tool["inputs"], values, ctx, feedback)
+    read = Reader(algorithm, tool["inputs"], values, ctx, feedback)
     found = []
     for field in tool["inputs"]:
         value, default = read.input(field), field.get("default")
@@ -86,11 +88,11 @@ def differences(algorithm: Any, given: dict[str, str]) -> list[str]:
             default = given[field["name"].upper()]
         if isinstance(value, list) and isinstance(default, str):
             value = ";".join(map(str, value))
-        if value != (parameters.UNSET if default in (None, "") else default):
+        if value != (UNSET if default in (None, "") else default):
             found.append(f"{field['name']}: {value!r} and not {default!r}")
     for field in tool["outputs"]:
         if not parameters.is_value(field):
-            written = not parameters.is_missing(values.get(field["name"].upper()))
+            written = not is_missing(values.get(field["name"].upper()))
             if written != bool(field.get("first")):
                 found.append(f"{field['name']}: written {written}")
     return found

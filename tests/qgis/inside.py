@@ -17,6 +17,7 @@ import threading
 import time
 import traceback
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 from qgis.core import (
@@ -26,12 +27,18 @@ from qgis.core import (
     QgsCoordinateTransform,
     QgsFeature,
     QgsGeometry,
+    QgsMapLayerType,
+    QgsPointCloudAttribute,
+    QgsPointCloudAttributeCollection,
+    QgsProcessing,
     QgsProcessingContext,
     QgsProcessingException,
     QgsProcessingFeatureSourceDefinition,
     QgsProcessingFeedback,
+    QgsProcessingUtils,
     QgsProject,
     QgsProperty,
+    QgsProviderRegistry,
     QgsRasterLayer,
     QgsRectangle,
     QgsReferencedRectangle,
@@ -48,7 +55,9 @@ app.initQgis()
 
 from lidar_toolbox import bridge, lasheader, parameters, settings, styling  # noqa: E402
 from lidar_toolbox.algorithm import ToolAlgorithm, option_words  # noqa: E402
+from lidar_toolbox.layers import moves, source_of, suggestions  # noqa: E402
 from lidar_toolbox.plugin import Provider  # noqa: E402
+from lidar_toolbox.values import UNSET, Reader  # noqa: E402
 
 provider = Provider()
 QgsApplication.processingRegistry().addProvider(provider)
@@ -177,10 +186,10 @@ def read(**values: object) -> dict[str, object]:
     """The values that a tool of all types would be given."""
     algorithm = ToolAlgorithm(EVERYTHING, COLOURS).create()
     feedback = Feedback()
-    reader = parameters.Reader(algorithm, FIELDS, values, context(), feedback)
+    reader = Reader(algorithm, FIELDS, values, context(), feedback)
     found = {f["name"]: reader.input(f) for f in FIELDS}
     found["said"] = feedback.said
-    return {name: value for name, value in found.items() if value is not parameters.UNSET}
+    return {name: value for name, value in found.items() if value is not UNSET}
 
 
 def check_values_of_every_type() -> None:
@@ -268,7 +277,7 @@ def check_a_layer_without_a_file_is_refused() -> None:
     )
     said = ""
     try:
-        parameters.source_of(layer)
+        source_of(layer)
     except QgsProcessingException as err:
         said = str(err)
     assert "save it to a file first" in said
@@ -278,10 +287,10 @@ def check_a_layer_without_a_file_is_refused() -> None:
     transform = QgsProject.instance().transformContext()
     QgsVectorFileWriter.writeAsVectorFormatV2(square(), package, transform, options)
     part = QgsVectorLayer(f"{package}|layername=parts", "part", "ogr")
-    assert parameters.source_of(part) == {"path": package, "layer": "parts"}
+    assert source_of(part) == {"path": package, "layer": "parts"}
     part.setSubsetString("severity = 'low'")
     try:
-        parameters.source_of(part)
+        source_of(part)
     except QgsProcessingException as err:
         said = str(err)
     assert "'part' is filtered" in said
@@ -335,7 +344,7 @@ def check_no_file_is_written_over_for_a_layer_of_it() -> None:
         (database.format(new), {"path": new, "layer": "a"}),
         (taken, taken),  # a plain file: the dialog has asked
     ):
-        reader = parameters.Reader(algorithm, [], {"MADE": place}, context(), Feedback())
+        reader = Reader(algorithm, [], {"MADE": place}, context(), Feedback())
         try:
             got = reader.output(output)
         except QgsProcessingException as err:
@@ -426,17 +435,36 @@ def check_names_of_attributes_are_offered() -> None:
     run("features.local", POINTS=CLOUD, DESCRIBED=described, FEATURES=["planarity"])
     names = lasheader.las_attributes(described)
     assert {"intensity", "classification", "planarity"} <= set(names), names
-    assert parameters.suggestions([described, CLOUD]) == names
+    assert list(suggestions([described, CLOUD])) == names
     layer = square("offered")
     QgsProject.instance().addMapLayer(layer)
-    assert parameters.suggestions(layer.id()) == ["severity"]
+    assert suggestions(layer.id()) == {"severity": "severity"}
+    image = out("bands.tif")
+    run("surface.grid", POINTS=CLOUD, CELL=2.0, SURFACE=image)
+    assert list(suggestions(image, True).values()) == ["1"]
     clearance = provider.algorithm("corridorclearance").create()
     assert "thesis" in clearance.parameterDefinition("RULES").offers
     assert "Drake" in clearance.parameterDefinition("CONDUCTOR").clone().offers
     plain = FOLDER / "no header.xyz"
     plain.write_text("1 2 3\n")
     for nothing in (None, "", str(plain), "/no/file.laz", str(FOLDER)):
-        assert parameters.suggestions(nothing) == [], nothing
+        assert suggestions(nothing) == {}, nothing
+    assert suggestions("/no/file.tif", True) == {}
+    for tool, name, source in (
+        ("classifyndvi", "NIR", "IMAGE"),
+        ("pointssampleraster", "BANDS", "RASTER"),
+        ("compareareas", "LABEL", "AREAS"),
+        ("comparespans", "SPAN", "REFERENCE"),
+        ("pointsfilter", "WHERE", "POINTS"),
+    ):
+        made = provider.algorithm(tool).create().parameterDefinition(name)
+        assert made.clone().sources == [source], (tool, made.sources)
+    made = provider.algorithm("comparerasters").create().parameterDefinition("CLASS_ATTRIBUTE")
+    assert made.sources == ["AREAS", "CHECKPOINTS"]
+    made = provider.algorithm("surfacegrid").create().parameterDefinition("TILE")
+    assert made.offers[0] == "auto"
+    made = provider.algorithm("pointsreproject").create().parameterDefinition("GEOID")
+    assert made.type() == "file"
 
 
 def check_points_are_picked_by_all_endings_that_are_read() -> None:
@@ -468,7 +496,7 @@ def check_features_in_another_crs_are_reprojected() -> None:
     # of one place with a name of heights, as LAS files state it
     plain, compound = (QgsCoordinateReferenceSystem(f"EPSG:{n}") for n in (28992, 7415))
     way = QgsCoordinateTransform(plain, compound, QgsProject.instance())
-    assert not parameters.moves(way, QgsRectangle(121000, 486000, 122000, 487000))
+    assert not moves(way, QgsRectangle(121000, 486000, 122000, 487000))
 
 
 def check_save_dialogs_offer_what_can_be_written() -> None:
@@ -706,6 +734,114 @@ def check_shipped_models_run() -> None:
     assert QgsRasterLayer(made["NDSM"], "n").isValid()
     made = run("models.urban_classes", POINTS=CLOUD, WATER=False, CLASSIFIED=out("mu.laz"))
     assert os.path.getsize(made["CLASSIFIED"]) > 1000
+
+
+def check_a_set_is_handed_over_and_its_layers_are_loaded() -> None:
+    """Once from the folder, and not besides from a temporary file; an own file is loaded itself."""
+    folder, ctx, feedback = out("set"), context(), Feedback()
+    values = {"POINTS": CLOUD, "CELL": 2.0, "DELIVER": folder, "DSM": out("own dsm.tif")}
+    values |= {"DTM": QgsProcessing.TEMPORARY_OUTPUT}
+    results, ok = provider.algorithm("modelsterrain").create().run(values, ctx, feedback)
+    assert ok, feedback.said
+    assert results["DELIVER"] == folder
+    assert Path(results["DELIVER_README"]).read_text("utf-8").startswith("Terrain")
+    assert results["DTM"] == os.path.join(folder, "dtm.tif")
+    loads = [path.replace(folder, "SET") for path in ctx.layersToLoadOnCompletion()]
+    assert sorted(Path(path).name for path in loads if path.endswith("dtm.tif")) == ["dtm.tif"]
+    assert {"SET/hillshade.tif", "SET/contours.gpkg|layername=labels"} <= set(loads), loads
+    assert "SET/dsm.tif" not in loads, "the same as the own file"
+    for path, details in ctx.layersToLoadOnCompletion().items():
+        assert details.postProcessor() is not None, path
+        layer = QgsProcessingUtils.mapLayerFromString(path, ctx)
+        assert layer is not None, path
+        assert layer.isValid(), path
+
+
+def check_a_set_is_handed_over_whole_or_not_at_all() -> None:
+    """Cancelled at any time, or refused, there is no folder, and no file in one that was there."""
+    for percent in (5, 60, 95):
+        feedback, folder = Feedback(), out(f"cancelled set {percent}")
+        feedback.progressChanged.connect(
+            lambda now, feedback=feedback, percent=percent: now > percent and feedback.cancel()
+        )
+        values = {"POINTS": CLOUD, "CELL": 0.5, "DELIVER": folder}
+        _, ok = provider.algorithm("modelsterrain").create().run(values, context(), feedback)
+        assert not ok, percent
+        assert not os.path.exists(folder), percent
+    nowhere = os.path.join(out("no folder"), "set")
+    feedback = Feedback()
+    values = {"POINTS": CLOUD, "DELIVER": nowhere}
+    _, ok = provider.algorithm("modelsterrain").create().run(values, context(), feedback)
+    assert not ok
+    assert "there is no folder" in "".join(feedback.said)
+
+
+class Signal:
+    """As much of a signal of Qt as is used."""
+
+    def __init__(self) -> None:
+        self.connected: list[Callable[[int], None]] = []
+
+    def connect(self, call: Callable[[int], None]) -> None:
+        self.connected.append(call)
+
+
+class Points:
+    """A layer of points as QGIS with PDAL has it: its attributes are known once it is indexed."""
+
+    def __init__(self) -> None:
+        self.names: list[str] = []
+        self.indexGenerationStateChanged = Signal()
+        self.renderers: list[object] = []
+
+    def dataProvider(self) -> Points:
+        return self
+
+    def attributes(self) -> QgsPointCloudAttributeCollection:
+        kind = QgsPointCloudAttribute.DataType.Char
+        return QgsPointCloudAttributeCollection(
+            [QgsPointCloudAttribute(name, kind) for name in self.names]
+        )
+
+    def type(self) -> object:
+        return QgsMapLayerType.PointCloudLayer
+
+    def setRenderer(self, renderer: object) -> None:
+        self.renderers.append(renderer)
+
+    def triggerRepaint(self) -> None:
+        pass
+
+
+def check_points_are_coloured_once_they_are_indexed() -> None:
+    """A stand-in, as no QGIS of Debian has PDAL."""
+    layer = Points()
+    styling.style(layer, COLOURS)
+    (call,) = layer.indexGenerationStateChanged.connected
+    call(1)  # begun
+    assert layer.renderers == []
+    layer.names = ["X", "Intensity", "Classification"]
+    call(2)
+    (renderer,) = layer.renderers
+    assert (renderer.type(), renderer.attribute()) == ("classified", "Classification")
+    assert len(renderer.categories()) > 10
+    assert len(layer.indexGenerationStateChanged.connected) == 1
+
+
+def check_copc_is_loaded_at_once_where_qgis_opens_it() -> None:
+    ctx, made, plain = context(), out("kept.copc.laz"), out("kept.laz")
+    for path in (made, plain):
+        values = {"POINTS": CLOUD, "KEPT": path}
+        _, ok = provider.algorithm("pointsfilter").create().run(values, ctx, Feedback())
+        assert ok
+    providers = QgsProviderRegistry.instance().providerList()
+    loads = ctx.layersToLoadOnCompletion()
+    assert (made in loads) == ("copc" in providers and parameters.POINTS_AS_LAYERS), providers
+    assert (plain in loads) == ("pdal" in providers)
+    if made in loads:
+        layer = QgsProcessingUtils.mapLayerFromString(made, ctx)
+        loads[made].postProcessor().postProcessLayer(layer, ctx, Feedback())
+        assert layer.renderer().type() == "classified"
 
 
 def check_several_results_of_a_repeated_step_go_to_a_folder() -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -27,6 +28,7 @@ from qgis.PyQt.QtWidgets import (
     QFileDialog,
     QLineEdit,
     QMessageBox,
+    QScrollArea,
     QTabWidget,
     QToolButton,
     QTreeView,
@@ -58,7 +60,8 @@ def named(kind: str) -> Any:
 
 
 def click(button: QWidget) -> None:
-    QTest.mouseClick(button, Qt.LeftButton)
+    assert button is not None, "there is no such button"  # QTest would end QGIS
+    QTest.mouseClick(button, Qt.MouseButton.LeftButton)
 
 
 def click_later(button: QWidget) -> None:
@@ -78,7 +81,7 @@ def write(line: QLineEdit, text: str) -> None:
         QTest.keyClicks(line, text)
     else:  # as from the clipboard: QTest has no such keys
         line.insert(text)
-    QTest.keyClick(line, Qt.Key_Tab)
+    QTest.keyClick(line, Qt.Key.Key_Tab)
 
 
 def toolbox() -> Any:
@@ -122,9 +125,9 @@ def opened(title: str, by: str = "") -> Play:
     tree: QTreeView = toolbox().algorithmTree
     tree.scrollTo(index)
     spot = tree.visualRect(index).center()
-    QTest.mouseClick(tree.viewport(), Qt.LeftButton, pos=spot)
+    QTest.mouseClick(tree.viewport(), Qt.MouseButton.LeftButton, pos=spot)
     QTimer.singleShot(
-        0, lambda: QTest.mouseDClick(tree.viewport(), Qt.LeftButton, pos=QPoint(spot))
+        0, lambda: QTest.mouseDClick(tree.viewport(), Qt.MouseButton.LeftButton, pos=QPoint(spot))
     )
     yield lambda: named("AlgorithmDialog")
 
@@ -152,7 +155,7 @@ def pick(dialog: Any, files: list[str], shows: list[str]) -> Play:
     text = " ".join(f'"{Path(file).name}"' for file in files) if len(files) > 1 else files[0]
     line = chooser.findChild(QLineEdit, "fileNameEdit")
     write(line, text)
-    QTimer.singleShot(0, lambda: QTest.keyClick(line, Qt.Key_Return))
+    QTimer.singleShot(0, lambda: QTest.keyClick(line, Qt.Key.Key_Return))
     yield lambda: not windows(QFileDialog)
 
 
@@ -319,15 +322,15 @@ def play_classes_by_name() -> Play:
     classes = row_of(dialog, "CLASSES")
     write(classes.box.lineEdit(), "6,70-71")
     click_later(button(classes, "Choose"))
-    yield lambda: named("ClassesDialog")
-    chooser = named("ClassesDialog")
+    yield lambda: named("TickDialog")
+    chooser = named("TickDialog")
     picture("classes", chooser)
     assert chooser.ticked() == [6, 70, 71], chooser.ticked()
     names = [chooser.list.item(n).text() for n in range(chooser.list.count())]
     ground = chooser.list.item(names.index("2  Ground"))
-    ground.setCheckState(Qt.Checked)
+    ground.setCheckState(Qt.CheckState.Checked)
     QTimer.singleShot(0, lambda: click(button(chooser, "OK")))
-    yield lambda: not named("ClassesDialog")
+    yield lambda: not named("TickDialog")
     assert dialog.mainWidget().wrappers["CLASSES"].widgetValue() == "2,6,70,71"
     yield from run(dialog)
     assert "Execution completed" in log(dialog), log(dialog)
@@ -453,6 +456,95 @@ def play_page_of_results() -> Play:
     yield from run(dialog)
     assert "HTML output has been generated" in log(dialog), log(dialog)
     assert len(resultsList.getResults()) == before + 1
+    yield from over(dialog)
+
+
+def play_set_that_is_handed_over() -> Play:
+    """A folder for the set: its layers are loaded, and the viewer of results has its README."""
+    from processing.core.ProcessingResults import resultsList
+
+    before, folder = set(QgsProject.instance().mapLayers()), FOLDER / "set of the terrain"
+    shutil.rmtree(folder, ignore_errors=True)
+    yield from opened("Terrain and surface models", "dtm")
+    dialog = named("AlgorithmDialog")
+    dialog.setParameters({"POINTS": SAYS["cloud"], "CELL": 2.0})
+    line = row_of(dialog, "DELIVER").findChild(QLineEdit)
+    write(line, str(folder))
+    dialog.findChild(QScrollArea).ensureWidgetVisible(line)
+    picture("set dialog", dialog)
+    yield from run(dialog)
+    look(dialog, 1)
+    picture("set log", dialog)
+    assert "Execution completed" in log(dialog), log(dialog)
+    assert resultsList.getResults()[-1].filename == str(folder / "README.txt")
+    made = [lay for i, lay in QgsProject.instance().mapLayers().items() if i not in before]
+    sources = [Path(layer.source().split("|")[0]) for layer in made]
+    assert {path.parent for path in sources} == {folder}, sources
+    SAYS.setdefault("notes", {})["set"] = sorted(layer.name() for layer in made)
+    assert len(made) >= 8, made
+    tree = QgsProject.instance().layerTreeRoot()
+    hidden = {layer.name() for layer in made if not tree.findLayer(layer).isVisible()}
+    assert hidden == {"Hillshade", "Density", "Strips", "Strip difference"}, hidden
+    yield from over(dialog)
+    end = time.monotonic() + 2
+    yield lambda: time.monotonic() > end
+    picture("set canvas")
+
+
+def play_names_in_layers() -> Play:
+    """Attributes and bands are picked among those of the layer that is given."""
+    yield from opened("Filter points", "filter")
+    dialog = named("AlgorithmDialog")
+    write(row_of(dialog, "POINTS").box.lineEdit(), SAYS["cloud"])
+    where = row_of(dialog, "WHERE")
+    click_later(button(where, "Attribute"))
+    yield QApplication.activePopupWidget
+    menu = QApplication.activePopupWidget()
+    picture("attributes", menu)
+    names = [action.text() for action in menu.actions()]
+    assert "intensity" in names, names
+    spot = menu.actionGeometry(menu.actions()[names.index("intensity")]).center()
+    QTimer.singleShot(
+        0, lambda: QTest.mouseClick(menu, Qt.MouseButton.LeftButton, pos=QPoint(spot))
+    )
+    yield lambda: QApplication.activePopupWidget() is None
+    where.box.lineEdit().insert(" > 500")
+    assert dialog.mainWidget().wrappers["WHERE"].widgetValue() == "intensity > 500"
+    yield from run(dialog)
+    assert "Execution completed" in log(dialog), log(dialog)
+    yield from over(dialog)
+    yield from opened("Sample raster at points", "sample")
+    dialog = named("AlgorithmDialog")
+    dialog.setParameters({"POINTS": SAYS["cloud"], "RASTER": str(FOLDER / "batch 0.tif")})
+    bands = row_of(dialog, "BANDS")
+    click_later(button(bands, "Choose"))
+    yield lambda: named("TickDialog")
+    chooser = named("TickDialog")
+    picture("bands", chooser)
+    chooser.list.item(0).setCheckState(Qt.CheckState.Checked)
+    QTimer.singleShot(0, lambda: click(button(chooser, "OK")))
+    yield lambda: not named("TickDialog")
+    assert dialog.mainWidget().wrappers["BANDS"].widgetValue() == "1"
+    yield from run(dialog)
+    assert "Execution completed" in log(dialog), log(dialog)
+    yield from over(dialog)
+
+
+def play_ended_by_the_system() -> Play:
+    """A tool that the system has ended for want of memory: the message says what to do."""
+    program = FOLDER / "python that is ended"
+    program.write_text("#!/bin/sh\nread line\nkill -9 $$\n")
+    program.chmod(0o755)
+    yield from opened("Information about points", "density")
+    dialog = named("AlgorithmDialog")
+    dialog.setParameters({"POINTS": SAYS["cloud"]})
+    os.environ["LIDAR_TOOLBOX_PYTHON"] = str(program)
+    yield from run(dialog)
+    del os.environ["LIDAR_TOOLBOX_PYTHON"]
+    look(dialog, 1)
+    picture("ended by the system", dialog)
+    assert "memory runs out" in log(dialog), log(dialog)
+    assert "tile size" in log(dialog), log(dialog)
     yield from over(dialog)
 
 

@@ -57,9 +57,12 @@ def _played(qgis: Qgis, cloud: Path, folder: Path) -> dict[str, str]:
         check=False,
         timeout=900,
     )
+    (pictures / "stderr.txt").write_text(done.stderr, "utf-8")
     results = pictures / "results.json"
     assert results.exists(), done.stderr[:3000]
-    return dict(json.loads(results.read_text("utf-8"))["results"])
+    played = dict(json.loads(results.read_text("utf-8"))["results"])
+    ended = f"QGIS ended before with exit code {done.returncode}:\n{done.stderr[-3000:]}"
+    return {name: played.get(name, ended) for name in SCENARIOS}
 
 
 def _data(cloud: Path, folder: Path) -> dict[str, object]:

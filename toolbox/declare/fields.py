@@ -40,7 +40,7 @@ class Field:
         number (``float | Literal["auto"]``), they are allowed as well
     many : whether the value is a tuple of values of `kind`
     optional : whether None is a valid value
-    of : the source to which an attribute name or expression refers
+    of : the source to which an attribute name or expression refers, or whose names dialogs offer
     any_crs : whether the tool itself looks at the CRS of a source
     show : how an output is shown in a plot
     label : its title, where the words of the name are not those of its users

@@ -82,7 +82,8 @@ def param(
     ----------
     help : one sentence without a full stop
     unit : "m" and other lengths are metres for the user whatever the data; "1" is a ratio or count
-    of : the source to which an `Attribute` or `Expression` refers
+    of : the source to which an `Attribute` or `Expression` refers, or whose attributes or bands
+        dialogs offer for a text or number
     label : its title in dialogs, where the words of its name are not those of its users
     words : what dialogs call each choice, where its own words do not say enough
     offers : texts that dialogs offer, such as names of what the toolbox brings along; others may
@@ -418,7 +419,8 @@ def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
 def _attribute_problems(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """The problems of attributes that their source does not have."""
     for name, field in spec.inputs.items():
-        layer = values[field.of] if field.of else None
+        named = field.of and field.kind.word in ("attribute", "expression")
+        layer = values[field.of] if named and field.of else None
         if layer is None or values[name] is None:
             continue
         wanted: set[str] = set()

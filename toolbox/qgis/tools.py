@@ -13,22 +13,30 @@ from typing import Any
 
 from toolbox import __version__, catalog, language
 from toolbox.context import log
-from toolbox.data import Report, Table
+from toolbox.data import Raster, Report, Table
 from toolbox.data.paths import READABLE, VPC
 from toolbox.declare.fields import Field, Spec
 from toolbox.declare.kinds import CHOICE, find
 from toolbox.declare.show import Classes
 from toolbox.errors import ParameterError
+from toolbox.labels import in_words
 from toolbox.models.model import Model
 from toolbox.pictures.images import OTHER, POINT_CLASSES, RELIEF
+from toolbox.runs.delivery import README
+from toolbox.shown import DELIVER
 
 PROVIDER = "lidartoolbox"
+TILES = ("auto", "100", "250", "500", "1000")  # metres, offered beside any other
+MEMORY = ("1GB", "2GB", "4GB", "8GB", "16GB")
 SCHEMA = 1  # version of the list; the plugin refuses any other
 LAYERS = {"PointCloud": "pointcloud", "Raster": "raster", "Vector": "vector", "Table": "table"}
 SCALARS = {"number", "integer", "boolean", "range", "extent", "position", "CRS"}
+WIDGETS = {"class list": "classes", "file": "file", "expression": "condition"}
 SEPARATOR = ";"  # between several values in one text
 TAGS = ("lidar", "las", "laz", "point cloud")
 ASSUME_CRS = "assume_crs"
+GRID = find(Raster)
+SHOWN_OF_SET = (".tif", ".gpkg", ".laz")  # files of the set that is handed over
 SHOWN_AT_ONCE = 12  # inputs of a dialog; optional ones after these are "advanced"
 
 
@@ -85,7 +93,7 @@ def tool(spec: Spec) -> dict[str, Any]:
         "help": help_page(spec),
         "tags": _tags(spec),
         "inputs": _inputs(spec),
-        "outputs": [*_results(spec), *SHOWN_OUTPUTS],
+        "outputs": [*_results(spec), *_set(spec), *SHOWN_OUTPUTS],
     }
 
 
@@ -103,11 +111,19 @@ def _inputs(spec: Spec) -> list[dict[str, Any]]:
     return [*made[:after], *crs, *made[after:], *(f for f in options if f not in crs)]
 
 
-def _offered_of(f: Field, spec: Spec) -> dict[str, str]:
-    """The layer whose attributes the dialog offers: the one stated, or else the first."""
-    if f.kind.word != "attribute":
+def _offered_of(f: Field, spec: Spec) -> dict[str, list[str]]:
+    """The layers whose attributes or bands the dialog offers: the one stated, or else the first.
+
+    One that may be left out has others in its place, so these are offered, too.
+    """
+    first = next(iter(spec.sources)) if f.kind.word == "attribute" else None
+    name = f.of or first
+    if name is None or f.role != "param":
         return {}
-    return {"of": f.of or next(iter(spec.sources))}
+    others = [
+        n for n, source in spec.sources.items() if source.optional and source.kind is not GRID
+    ]
+    return {"of": [name, *(n for n in others if n != name and spec.sources[name].optional)]}
 
 
 def field(f: Field) -> dict[str, Any]:
@@ -121,7 +137,8 @@ def field(f: Field) -> dict[str, Any]:
         made |= {"suffixes": list(f.kind.suffixes)} if f.kind.is_layer else {}
         classes = next((show for show in f.show if isinstance(show, Classes)), None)
         return made | ({"classes": _classes(classes)} if classes else {})
-    made |= {"offers": list(f.offers)} if f.offers else {}
+    offers = f.offers or (f.choices if f.kind is not CHOICE else ())
+    made |= {"offers": list(map(str, offers))} if offers else {}
     if made["type"] == "classes":
         made["known"] = [[code, name] for code, (name, _) in POINT_CLASSES.items()]
     made |= {"reads": [*READABLE, VPC]} if made["type"] == "pointcloud" else {}
@@ -142,8 +159,8 @@ def _type(f: Field) -> str:
         return LAYERS.get(f.kind.word, "file")
     if f.kind is CHOICE:
         return "choice"
-    if f.kind.word == "class list" and not f.many:
-        return "classes"
+    if f.kind.word in WIDGETS and not f.many:
+        return WIDGETS[f.kind.word]
     if f.kind.word not in SCALARS or f.choices or (f.many and f.role == "param"):
         return "text"
     return "length" if f.unit == "m" and f.kind.word == "number" else f.kind.word.lower()
@@ -184,10 +201,11 @@ def general(spec: Spec) -> list[dict[str, Any]]:
         says = (
             "Work in tiles of this size in metres, or auto, so that a survey need not fit in memory"
         )
-        made.append(_option("tile", "Tile size [m]", "text", says))
+        made.append(_option("tile", "Tile size [m]", "text", says) | {"offers": list(TILES)})
         made.append(_option("workers", "Workers", "integer", "Processes that work on tiles", ge=1))
         says = "Memory that each worker may use, such as 4GB"
         made.append(_option("memory", "Memory of a worker", "text", says))
+        made[-1]["offers"] = list(MEMORY)
         says = "Keep what is done, and take over what an earlier run has kept, unless it changed"
         made.append(_option("resume", "Resume", "boolean", says) | {"default": False})
     return made
@@ -220,6 +238,33 @@ def _results(spec: Spec) -> list[dict[str, Any]]:
     for out in layers if isinstance(spec, Model) else layers[:1]:
         out["first"] = True
     return made
+
+
+def _set(spec: Spec) -> list[dict[str, Any]]:
+    """The folder of the set that is handed over, with the layers in it that QGIS shows."""
+    if not spec.deliver:
+        return []
+    files = ", ".join(dict.fromkeys(one.file for one in spec.deliver))
+    says = language.text("Write all that is handed over into this folder, completely or not at all")
+    made: dict[str, Any] = {"name": DELIVER, "label": language.text("Folder to hand over")}
+    made |= {"type": "folder", "help": f"{says}: {files}, {README}", "option": DELIVER}
+    return [made | {"many": False, "suffixes": [], "readme": README, "layers": _layers_of(spec)}]
+
+
+def _layers_of(spec: Spec) -> list[dict[str, Any]]:
+    """The layers of the set, each once: no drawing or table, which QGIS need not show."""
+    found: dict[str, dict[str, Any]] = {}
+    for one in spec.deliver:
+        if not (one.output in spec.results and one.file.endswith(SHOWN_OF_SET)):
+            continue
+        f = spec.results[one.output]
+        made = field(f) if one.output in spec.outputs else field(f) | {"name": ""}
+        layer = {"file": one.file, "layer": str(one.options.get("layer", ""))}
+        stem = one.options.get("layer") or one.file.partition(".")[0]
+        label = made["label"] if made["name"] else language.text(in_words(str(stem)))
+        kept = {key: made[key] for key in ("name", "type", "classes") if key in made}
+        found.setdefault(one.output, kept | layer | {"label": label})
+    return list(found.values())
 
 
 # Help --------------------------------------------------------------------------------------------

@@ -32,6 +32,7 @@ from toolbox.data import PointCloud
 from toolbox.errors import DataError, nearest
 
 RADII = (0.5, 1.0, 2.0, 4.0)  # metres, of features of which none are named
+OFFERED = (*MADE, *(f"{name}@2" for name in (*FEATURES, *COLUMN)))  # in dialogs
 PER_RADIUS = 4  # voxels along a radius
 FINE = float(1 << 20)  # steps of a voxel in which positions are summed up, so that sums are exact
 MOST = 1 << 20  # voxels, and cells, along an axis

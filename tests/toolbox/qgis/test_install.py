@@ -48,8 +48,13 @@ def test_fields_say_which_widget_they_need(listed: dict[str, dict[str, object]])
     classes = field("surface.grid", "classes")
     assert classes["type"] == "classes"
     assert [2, "Ground"] in classes["known"]  # type: ignore[operator]
-    assert field("compare.classes", "attribute")["of"] == "points"
-    assert field("compare.classes", "other_attribute")["of"] == "points"  # the first layer
+    assert field("compare.classes", "attribute")["of"] == ["points"]
+    assert field("compare.classes", "other_attribute")["of"] == ["points"]  # the first layer
+    assert field("compare.rasters", "class_attribute")["of"] == ["areas", "checkpoints"]
+    assert field("shoreline.alpha_shape", "alpha")["offers"] == ["auto", "all_points"]
+    assert field("points.filter", "where")["type"] == "condition"
+    assert field("points.reproject", "geoid")["type"] == "file"
+    assert field("models.terrain", "deliver", "outputs")["type"] == "folder"
     assert field("points.clip", "extent")["type"] == "extent"
     assert field("points.merge", "points")["type"] == "pointcloud"
     assert field("compare.classes", "table", "outputs")["type"] == "table"

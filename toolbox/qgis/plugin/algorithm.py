@@ -16,9 +16,11 @@ from qgis.core import (
 from qgis.PyQt.QtCore import QUrl
 from qgis.PyQt.QtGui import QIcon
 
-from . import bridge
-from .parameters import TYPES, UNSET, Reader, definition, is_plain, is_value
+from . import bridge, delivery
+from .layers import is_missing, is_plain
+from .parameters import TYPES, definition, is_value
 from .styling import Styler
+from .values import UNSET, Reader
 
 FILES = "_FILES"  # ends the name of the output that lists several layers
 
@@ -86,6 +88,8 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
                 self.addOutput(made)
                 continue
             self.addParameter(made)
+            if field["type"] == "folder":
+                self.addOutput(delivery.readme(field))
             if "suffixes" in field and field["many"]:
                 name, label = field["name"].upper() + FILES, f"{field['label']}, files"
                 self.addOutput(QgsProcessingOutputMultipleLayers(name, label))
@@ -110,9 +114,8 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
 
     def processAlgorithm(self, parameters: Any, context: Any, feedback: Any) -> dict[str, Any]:
         read = Reader(self, self.tool["inputs"], parameters, context, feedback)
-        inputs = [(field, read.input(field)) for field in self.tool["inputs"]]
-        writes = [field for field in self.tool["outputs"] if not is_value(field)]
-        given = [(f, v) for f, v in [*inputs, *((f, read.output(f)) for f in writes)]]
+        given = [(field, read.input(field)) for field in self.tool["inputs"]]
+        given += self._written(read)
         given = [(field, value) for field, value in given if value is not UNSET]
         values = {field["name"]: value for field, value in given if not field.get("option")}
         options = ["--overwrite"]  # the dialog has asked
@@ -127,11 +130,37 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         shown = {f["name"]: _path(v) for f, v in given if f.get("option") and "suffixes" in f}
         shown = {name: path for name, path in shown.items() if os.path.exists(path)}
         result |= shown
-        self.has_page = any(path.endswith(".html") for path in shown.values())
+        self._drop_what_was_not_made(result, places, context)
+        found = dict(self._results(result, places)) | self._handed_over(result, places, context)
+        pages = [name for name, path in found.items() if str(path).endswith(".html")]
+        self.has_page = bool(pages) or any(name.endswith(delivery.README) for name in found)
         if dialog := self.maker and self.maker():
             dialog.has_page = self.has_page
-        self._drop_what_was_not_made(result, places, context)
-        return dict(self._results(result, places))
+        return found
+
+    def _written(self, read: Reader) -> list[tuple[dict[str, Any], Any]]:
+        """The outputs and their places; what is handed over has no temporary file besides."""
+        writes = [field for field in self.tool["outputs"] if not is_value(field)]
+        folder = delivery.folder_of(self.tool)
+        handed = folder and not is_missing(read.parameters.get(folder["name"].upper()))
+        inside = delivery.names(folder) if folder and handed else set()
+        skipped = {name for name in inside if read.is_temporary(name.upper())}
+        return [(f, read.output(f)) for f in writes if f["name"] not in skipped]
+
+    def _handed_over(
+        self, result: dict[str, Any], places: dict[str, Any], context: Any
+    ) -> dict[str, Any]:
+        """The files of the set that is handed over, which are loaded, by the names of QGIS."""
+        field = delivery.folder_of(self.tool)
+        if field is None or field["name"] not in result:
+            return {}
+        folder, inside = result[field["name"]], delivery.names(field)
+        id = f"{bridge.PROVIDER}:{self.name()}"
+        delivery.load(field, folder, inside & places.keys(), id, self.colours, context)
+        found = {n.upper(): result[n] for n in inside - places.keys() if result.get(n)}
+        return found | {
+            field["name"].upper() + delivery.README: os.path.join(folder, field["readme"])
+        }
 
     def _repeated(self, values: dict[str, Any]) -> dict[str, Any]:
         """The values that a command must state, as they are not the defaults of the tool."""

@@ -1,46 +1,27 @@
-"""Makes parameters of QGIS from the fields of tools.json, and reads their values for the tools."""
+"""Makes parameters of QGIS from the fields of tools.json."""
 
 from __future__ import annotations
 
-import math
-import os
-import re
-from pathlib import Path
 from typing import Any
 
 import qgis.core
 from qgis.core import (
-    NULL,
-    QgsCoordinateReferenceSystem,
-    QgsCoordinateTransform,
-    QgsCsException,
     QgsProcessing,
-    QgsProcessingException,
     QgsProcessingParameterDefinition,
     QgsProcessingParameterFile,
-    QgsProcessingUtils,
-    QgsProject,
     QgsUnitTypes,
-    QgsVectorFileWriter,
-    QgsVectorLayer,
 )
-from qgis.PyQt.QtCore import QUrl
 
-from .lasheader import las_attributes, las_crs
-
-UNSET = object()
-"""The value of a parameter that was not given: the tool uses its own default."""
+from .layers import is_path
 
 POINTS_AS_LAYERS = hasattr(qgis.core, "QgsProcessingParameterPointCloudDestination")  # 3.24
 INFINITE = 1.7976931348623157e308
 LARGEST = 2147483647
-SAME_PLACE = 1e-9  # of coordinates: millimetres in those of a map
-FORMATS = ["gpkg", "shp", "geojson", "fgb"]  # of vector layers that a tool reads as they are
 TYPES = {
-    "pointcloud": QgsProcessing.TypePointCloud,
-    "raster": QgsProcessing.TypeRaster,
-    "vector": QgsProcessing.TypeVectorAnyGeometry,
-    "table": QgsProcessing.TypeVector,
+    "pointcloud": QgsProcessing.SourceType.TypePointCloud,
+    "raster": QgsProcessing.SourceType.TypeRaster,
+    "vector": QgsProcessing.SourceType.TypeVectorAnyGeometry,
+    "table": QgsProcessing.SourceType.TypeVector,
 }
 WORDS = {"pointcloud": "Point clouds", "raster": "Rasters", "vector": "Vectors", "table": "Tables"}
 NUMBERS = ("number", "integer", "length")  # also of outputs
@@ -106,10 +87,17 @@ class AnyCrs(_Cloned, _parameter("Crs")):  # type: ignore[misc]
 
 
 class Suggested(_Cloned, _parameter("String")):  # type: ignore[misc]
-    """A text, for which the names of attributes or bands of a layer are offered."""
+    """A text, for which the names of attributes or bands of layers are offered."""
 
-    source = ""  # the parameter of the layer
-    offers: Any = ()  # or texts that are always offered
+    sources: Any = ()  # the parameters of these layers
+    offers: Any = ()  # texts that are always offered
+    many = False  # whether several may be given, with ; between
+
+
+class Condition(_Cloned, _parameter("String")):  # type: ignore[misc]
+    """A condition on attributes, whose names are offered to be put into it."""
+
+    sources: Any = ()
 
 
 class Classes(_Cloned, _parameter("String")):  # type: ignore[misc]
@@ -154,14 +142,6 @@ if POINTS_AS_LAYERS:
     DESTINATIONS["pointcloud"] = _Points
 
 
-def is_path(value: Any) -> bool:
-    """Whether a value is the path of a file or folder that exists, or a pattern of paths."""
-    if not isinstance(value, str) or not value:
-        return False
-    path = value.partition("|layername=")[0]
-    return os.path.exists(path) or (any(c in path for c in "*?[") and os.path.isabs(path))
-
-
 # Definitions ---------------------------------------------------------------------------------
 
 
@@ -183,7 +163,7 @@ def definition(field: dict[str, Any]) -> Any:
     if widget := WIDGETS.get(made.__class__):
         made.setMetadata({"widget_wrapper": {"class": widget}})
     if field.get("advanced"):
-        made.setFlags(made.flags() | QgsProcessingParameterDefinition.FlagAdvanced)
+        made.setFlags(made.flags() | QgsProcessingParameterDefinition.Flag.FlagAdvanced)
     return made
 
 
@@ -241,7 +221,14 @@ def _text(field: dict[str, Any], name: str, label: str, default: Any, empty: boo
     if not (field.get("of") or field.get("offers")):
         return _parameter("String")(name, label, default, False, empty)
     made = Suggested(name, label, default, False, empty)
-    made.source, made.offers = field.get("of", "").upper(), field.get("offers", [])
+    made.sources = [name.upper() for name in field.get("of", ())]
+    made.offers, made.many = field.get("offers", []), field["many"]
+    return made
+
+
+def _condition(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
+    made = Condition(name, label, default, False, empty)
+    made.sources = [name.upper() for name in field.get("of", ())]
     return made
 
 
@@ -252,7 +239,7 @@ def _classes(field: dict[str, Any], name: str, label: str, default: Any, empty: 
 
 
 def _range(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
-    double = _parameter("Number").Double
+    double = _parameter("Number").Type.Double
     return _parameter("Range")(name, label, double, _listed(default), True)
 
 
@@ -262,8 +249,8 @@ def _extent(field: dict[str, Any], name: str, label: str, default: Any, empty: b
 
 
 def _file(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
-    file = QgsProcessingParameterFile
-    return file(name, label, file.File, "", default, empty, "All files (*)")
+    behaviour = QgsProcessingParameterFile.Behavior.File
+    return QgsProcessingParameterFile(name, label, behaviour, "", default, empty, "All files (*)")
 
 
 def _listed(numbers: list[float] | None) -> str | None:
@@ -278,10 +265,10 @@ def _number(field: dict[str, Any], name: str, label: str, default: Any, empty: b
     high = min(field.get("le", far), field.get("lt", far))
     if field["type"] == "length":
         made = _parameter("Distance")(name, label, default, "", empty, low, high)
-        made.setDefaultUnit(QgsUnitTypes.DistanceMeters)
+        made.setDefaultUnit(QgsUnitTypes.DistanceUnit.DistanceMeters)
         return made
     number = _parameter("Number")
-    type = number.Integer if whole else number.Double
+    type = number.Type.Integer if whole else number.Type.Double
     return number(name, label, type, default, empty, low, high)
 
 
@@ -296,6 +283,7 @@ MAKERS: dict[str, Any] = {
     "boolean": lambda f, *args: _parameter("Boolean")(*args),
     "choice": _choice,
     "classes": _classes,
+    "condition": _condition,
     "range": _range,
     "extent": _extent,
     "position": lambda f, n, label, default, _: _parameter("Point")(
@@ -311,7 +299,7 @@ def _destination(field: dict[str, Any]) -> Any:
     """The destination of an output, which may be skipped."""
     name, label, type = field["name"].upper(), field["label"], field["type"]
     first = bool(field.get("first"))
-    if field["many"]:
+    if field["many"] or type == "folder":
         return _parameter("FolderDestination")(name, label, None, True, first)
     patterns = (f"*{suffix}" for suffix in field["suffixes"])
     word = WORDS.get(type) or f"{field['suffixes'][0][1:].upper()} files"
@@ -322,310 +310,3 @@ def _destination(field: dict[str, Any]) -> Any:
     made = DESTINATIONS[type](name, label, *what, None, True, first)
     made.filters = filters
     return made
-
-
-# Values --------------------------------------------------------------------------------------
-
-
-class Reader:
-    """Reads the values of the parameters of one run.
-
-    Parameters
-    ----------
-    algorithm : the algorithm that runs
-    inputs : the fields of its inputs
-    parameters, context, feedback : from QGIS
-    """
-
-    def __init__(
-        self,
-        algorithm: Any,
-        inputs: list[dict[str, Any]],
-        parameters: Any,
-        context: Any,
-        feedback: Any,
-    ) -> None:
-        self.algorithm, self.inputs = algorithm, inputs
-        self.parameters, self.context, self.feedback = parameters, context, feedback
-        self.crs: QgsCoordinateReferenceSystem | None = None  # of the data, once it is needed
-
-    def input(self, field: dict[str, Any]) -> Any:
-        """The value of an input for the command line, or UNSET."""
-        name, type = field["name"].upper(), field["type"]
-        raw = self.parameters.get(name)
-        if is_missing(raw):
-            cleared = name in self.parameters and field["nullable"] and "default" in field
-            return None if cleared else UNSET
-        if type in TYPES:
-            given = self._layers(field) if field["many"] else self._layer(name, type, raw)
-            return self._in_crs_of_data(field, given) if type == "vector" else given
-        return getattr(self, f"_{type}")(field, name, raw)
-
-    def _as(self, kind: str, name: str, *more: Any) -> Any:
-        read = getattr(self.algorithm, f"parameterAs{kind}")
-        return read(self.parameters, name, self.context, *more)
-
-    def _number(self, field: dict[str, Any], name: str, raw: Any) -> Any:
-        """QGIS takes the default for a text that is no number; the tool refuses it."""
-        return raw if isinstance(raw, str) else float(self._as("Double", name))
-
-    _length = _number
-
-    def _integer(self, field: dict[str, Any], name: str, raw: Any) -> Any:
-        """QGIS would cut 5.5 to 5; the tool refuses it."""
-        number = self._number(field, name, raw)
-        return int(number) if isinstance(number, float) and number.is_integer() else number
-
-    def _boolean(self, field: dict[str, Any], name: str, raw: Any) -> Any:
-        """QGIS takes the word "no" for true; the tool reads it."""
-        return raw if isinstance(raw, str) else self._as("Bool", name)
-
-    def _choice(self, field: dict[str, Any], name: str, raw: Any) -> Any:
-        """QGIS passes over a word that is no choice; the tool refuses it."""
-        if isinstance(raw, str):
-            return [word.strip() for word in re.split("[,;]", raw)] if field["many"] else raw
-        return self._as("EnumStrings" if field["many"] else "EnumString", name)
-
-    def _text(self, field: dict[str, Any], name: str, raw: Any) -> Any:
-        text = self._as("String", name)
-        if not field["many"]:
-            return text
-        return [item.strip() for item in text.split(";") if item.strip()]
-
-    _classes = _text
-
-    def _file(self, field: dict[str, Any], name: str, raw: Any) -> Any:
-        return self._as("File", name)
-
-    def _range(self, field: dict[str, Any], name: str, raw: Any) -> Any:
-        numbers = self._as("Range", name)
-        if all(map(math.isfinite, numbers)):
-            return numbers
-        empty = not isinstance(raw, str) or re.search("nan|none", raw.lower())  # as QGIS says it
-        return UNSET if empty else raw
-
-    def _crs(self, field: dict[str, Any], name: str, raw: Any) -> Any:
-        crs = self._as("Crs", name)
-        if not crs.isValid():
-            return str(raw)  # such as "local"; the tool says whether it knows it
-        return crs.authid() or crs.toWkt(QgsCoordinateReferenceSystem.WKT_PREFERRED)
-
-    def _extent(self, field: dict[str, Any], name: str, raw: Any) -> Any:
-        box = self._as("Extent", name, self._target_crs(self._as("ExtentCrs", name), field))
-        if box.isNull() and isinstance(raw, str):
-            return raw  # no rectangle; the tool says so
-        return [box.xMinimum(), box.yMinimum(), box.xMaximum(), box.yMaximum()]
-
-    def _position(self, field: dict[str, Any], name: str, raw: Any) -> Any:
-        point = self._as("Point", name, self._target_crs(self._as("PointCrs", name), field))
-        if point.isEmpty() and isinstance(raw, str):
-            return raw
-        return [point.x(), point.y()]
-
-    def _target_crs(self, stated: Any, field: dict[str, Any]) -> QgsCoordinateReferenceSystem:
-        """The CRS of the data, to which coordinates from the map are transformed."""
-        if not stated.isValid():
-            return QgsCoordinateReferenceSystem()
-        if self.crs is None:
-            self.crs = self._data_crs()
-        if not self.crs.isValid():
-            self.feedback.pushWarning(
-                f"{field['label']} is given in {stated.authid()}, and the CRS of the data is not "
-                "known to QGIS: its numbers are taken as coordinates of the data."
-            )
-        return self.crs
-
-    def _data_crs(self, types: Any = TYPES) -> QgsCoordinateReferenceSystem:
-        """The CRS of the first given layer of these types that states one."""
-        for field in (f for f in self.inputs if f["type"] in types):
-            name = field["name"].upper()
-            raw = self.parameters.get(name)
-            raw = raw[0] if isinstance(raw, (list, tuple)) and raw else raw
-            if is_missing(raw):
-                continue
-            found = QgsCoordinateReferenceSystem()
-            if isinstance(raw, str) and os.path.isfile(raw) and (stated := las_crs(raw)):
-                found.createFromUserInput(stated)
-            layer = None if found.isValid() else self._loaded(field, name)
-            if layer is not None:
-                found = layer.crs()
-            if found.isValid():
-                return found
-        return QgsCoordinateReferenceSystem()
-
-    def _loaded(self, field: dict[str, Any], name: str) -> Any:
-        if field["many"]:
-            return next(iter(self._as("LayerList", name)), None)
-        return self._as("Layer", name)
-
-    def _layers(self, field: dict[str, Any]) -> list[Any]:
-        name = field["name"].upper()
-        raw = self.parameters[name]
-        values = list(raw) if isinstance(raw, (list, tuple)) else [raw]
-        if all(map(is_path, values)):
-            return [_layer_path(value) for value in values]
-        layers = self._as("LayerList", name)
-        if len(layers) < len(values) and is_plain(values):
-            return values  # the tool says which file is not there
-        return [source_of(layer) for layer in layers]
-
-    def _layer(self, name: str, type: str, raw: Any) -> Any:
-        if isinstance(raw, (list, tuple)) and is_plain(raw):
-            return list(raw)
-        if is_path(raw):  # as it is: QGIS need not open it, nor build an index beside it
-            return _layer_path(raw)
-        layer = self._as("Layer", name)
-        if layer is None and isinstance(raw, str):
-            return raw  # the tool says that there is no such file
-        if type in ("vector", "table"):
-            return self._features(name)
-        if layer is None:
-            raise QgsProcessingException(f"{name}: {raw} is no layer and no file")
-        return source_of(layer)
-
-    def _in_crs_of_data(self, field: dict[str, Any], given: Any) -> Any:
-        """Features in the CRS of the points or raster, as tools of QGIS take them.
-
-        A file of them in another is written anew. One that the tool would refuse stays as it is.
-        """
-        source = f"{given['path']}|layername={given['layer']}" if is_layer(given) else given
-        target = self._data_crs(("pointcloud", "raster"))
-        if not (is_path(source) and target.isValid()):
-            return given
-        layer = QgsVectorLayer(source, field["name"], "ogr")
-        if not (layer.isValid() and layer.isSpatial() and layer.crs().isValid()):
-            return given
-        way = QgsCoordinateTransform(layer.crs(), target, self.context.transformContext())
-        if not moves(way, layer.extent()):
-            return given
-        options = QgsVectorFileWriter.SaveVectorOptions()
-        options.driverName, options.ct = "GPKG", way
-        path = QgsProcessingUtils.generateTempFilename(f"{field['name']}.gpkg")
-        rules = self.context.transformContext()
-        error, said, *_ = QgsVectorFileWriter.writeAsVectorFormatV3(layer, path, rules, options)
-        if error != QgsVectorFileWriter.NoError:
-            raise QgsProcessingException(f"{field['label']} cannot be reprojected: {said}")
-        names = [crs.authid() or crs.description() for crs in (layer.crs(), target)]
-        self.feedback.pushInfo(f"{field['label']}: reprojected from {names[0]} to {names[1]}")
-        return path
-
-    def _features(self, name: str) -> Any:
-        """The file of a layer; one in memory, filtered or selected is written to a file first."""
-        path, layer = self.algorithm.parameterAsCompatibleSourceLayerPathAndLayerName(
-            self.parameters, name, self.context, FORMATS, "gpkg", self.feedback
-        )
-        return {"path": path, "layer": layer} if layer else path
-
-    def output(self, field: dict[str, Any]) -> Any:
-        """The path of an output, or UNSET if it is skipped.
-
-        Raises
-        ------
-        QgsProcessingException
-            It is not a file of its own.
-        """
-        name = field["name"].upper()
-        if field["many"]:
-            folder = self._as("String", name) if name in self.parameters else ""
-            return self._in_folder(folder, field) if folder else UNSET
-        loads = field["type"] in ("raster", "vector", "table") or (
-            field["type"] == "pointcloud" and POINTS_AS_LAYERS and opens_points()
-        )
-        path = self._as("OutputLayer" if loads else "FileOutput", name)
-        if not path:
-            return UNSET
-        database = re.fullmatch(r"ogr:dbname='(.+?)' table=\"(.+?)\".*", path)
-        if database and os.path.exists(database[1]):
-            raise QgsProcessingException(
-                f"{field['label']}: {database[1]} exists, and its other layers would be lost: "
-                "tools write whole files. Choose a new GeoPackage."
-            )
-        if not database and re.match("[a-z]{2,}:", path):
-            raise QgsProcessingException(f"{field['label']}: must be a file, got {path}")
-        return {"path": database[1], "layer": database[2]} if database else path
-
-    def _in_folder(self, folder: str, field: dict[str, Any]) -> str:
-        os.makedirs(folder, exist_ok=True)
-        return str(Path(folder) / (field["name"] + field["suffixes"][0]))
-
-
-def is_missing(value: Any) -> bool:
-    """Whether a value is empty; QGIS has NULL for it."""
-    return value is None or value == NULL or (isinstance(value, str) and value == "") or value == []
-
-
-def is_plain(value: Any) -> bool:
-    """Whether a value is a text or number, or several of these, which a tool reads itself."""
-    if isinstance(value, (list, tuple)):
-        return bool(value) and all(map(is_plain, value))
-    return isinstance(value, (str, int, float)) and value != ""
-
-
-def _layer_path(value: str) -> Any:
-    path, _, layer = value.partition("|layername=")
-    return {"path": path, "layer": layer} if layer else path
-
-
-def source_of(layer: Any) -> Any:
-    """The file behind a layer, or the file and the name of the layer in it.
-
-    Raises
-    ------
-    QgsProcessingException
-        There is none, as for a layer of a server, or the layer is filtered.
-    """
-    path, *more = layer.source().split("|")
-    path = path.removeprefix("vpc://")
-    if path.startswith("file:"):
-        path = QUrl(path).toLocalFile()
-    if not os.path.exists(path):
-        raise QgsProcessingException(
-            f"Layer '{layer.name()}' is no file on this computer; save it to a file first."
-        )
-    if hasattr(layer, "subsetString") and layer.subsetString():
-        raise QgsProcessingException(
-            f"Layer '{layer.name()}' is filtered, which its file is not; save it to a file first."
-        )
-    names = [item[len("layername=") :] for item in more if item.startswith("layername=")]
-    return {"path": path, "layer": names[0]} if names else path
-
-
-def is_layer(value: Any) -> bool:
-    """Whether a value is a layer of a file, and not the file."""
-    return isinstance(value, dict)
-
-
-def moves(way: Any, extent: Any) -> bool:
-    """Whether a transformation changes coordinates; one between names of one CRS does not."""
-    if way.isShortCircuited() or extent.isNull():
-        return False
-    corners = [(extent.xMinimum(), extent.yMinimum()), (extent.xMaximum(), extent.yMaximum())]
-    try:
-        there = [way.transform(x, y) for x, y in corners]
-    except QgsCsException:  # outside of where it holds; the tool says which CRS there are
-        return False
-    size = max(1.0, *(abs(number) for corner in corners for number in corner))
-    far = [(abs(p.x() - x), abs(p.y() - y)) for p, (x, y) in zip(there, corners)]
-    return max(max(pair) for pair in far) > SAME_PLACE * size
-
-
-def suggestions(value: Any) -> list[str]:
-    """The names of the attributes of a layer or file; none if they cannot be told."""
-    first = value[0] if isinstance(value, (list, tuple)) and value else value
-    if is_missing(first):
-        return []
-    layer = QgsProject.instance().mapLayer(str(first))
-    if layer is None and is_path(first):
-        if names := las_attributes(str(first)):
-            return names
-        layer = QgsVectorLayer(str(first), "", "ogr")
-    if isinstance(layer, QgsVectorLayer):
-        return [field.name() for field in layer.fields()] if layer.isValid() else []
-    if layer is None or not hasattr(layer, "attributes"):
-        return []
-    return las_attributes(layer.source()) or [a.name() for a in layer.attributes().attributes()]
-
-
-def opens_points() -> bool:
-    """Whether this QGIS can show LAS files."""
-    return "pdal" in qgis.core.QgsProviderRegistry.instance().providerList()

@@ -24,6 +24,7 @@ from qgis.core import (
     QgsSingleBandGrayRenderer,
     QgsSingleBandPseudoColorRenderer,
     QgsSymbol,
+    QgsWkbTypes,
 )
 from qgis.PyQt.QtGui import QColor
 
@@ -33,11 +34,19 @@ NO_HEIGHT = ("(std)", "(count)", "points", "distance", "error")
 ABOUT_ZERO = ("differ", "change")
 BLUE_RED = ("#2166ac", "#92c5de", "#f7f7f7", "#f4a582", "#b2182b")
 VIRIDIS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#fde725")
+OF_GEOMETRY = {  # names of settings
+    QgsWkbTypes.GeometryType.PointGeometry: "VECTOR_POINT_STYLE",
+    QgsWkbTypes.GeometryType.LineGeometry: "VECTOR_LINE_STYLE",
+    QgsWkbTypes.GeometryType.PolygonGeometry: "VECTOR_POLYGON_STYLE",
+}
 MOST = 20  # distinct values of such an attribute
 
 
 class Styler(QgsProcessingLayerPostProcessorInterface):
-    """Sets the colours of a layer after it was loaded."""
+    """Sets the colours of a layer after it was loaded.
+
+    One that is hidden is in the project, but not drawn until it is switched on.
+    """
 
     _kept: ClassVar[list[Any]] = []  # QGIS holds a bare pointer only
 
@@ -47,6 +56,7 @@ class Styler(QgsProcessingLayerPostProcessorInterface):
     ) -> Styler:
         made = cls()
         made.colours, made.classes, made.output = colours, classes, output
+        made.hidden = False
         cls._kept.append(made)
         return made
 
@@ -56,6 +66,9 @@ class Styler(QgsProcessingLayerPostProcessorInterface):
                 style(layer, self.colours, self.classes)
         except Exception as err:  # a layer in plain colours is better than none
             QgsMessageLog.logMessage(f"{layer.name()} keeps its colours: {err}", "LiDAR Toolbox")
+        tree = context.project().layerTreeRoot() if self.hidden and context.project() else None
+        if node := tree and tree.findLayer(layer):
+            node.setItemVisibilityChecked(False)
 
 
 def has_style_of_user(layer: Any, algorithm: str, output: str) -> bool:
@@ -80,8 +93,7 @@ def has_style_of_user(layer: Any, algorithm: str, output: str) -> bool:
             return True
     usual = {QgsMapLayerType.RasterLayer: "RASTER_STYLE"}
     if layer.type() == QgsMapLayerType.VectorLayer:
-        words = {0: "VECTOR_POINT_STYLE", 1: "VECTOR_LINE_STYLE", 2: "VECTOR_POLYGON_STYLE"}
-        usual[layer.type()] = words.get(int(layer.geometryType()), "")
+        usual[layer.type()] = OF_GEOMETRY.get(layer.geometryType(), "")
     setting = getattr(ProcessingConfig, usual.get(layer.type(), ""), None)
     return bool(setting and ProcessingConfig.getSetting(setting))
 
@@ -101,10 +113,10 @@ def _style_raster(layer: Any, colours: dict[str, Any]) -> None:
     name = layer.bandName(1).partition(": ")[2].lower()
     stats = layer.dataProvider().bandStatistics(
         1,
-        QgsRasterBandStats.Min
-        | QgsRasterBandStats.Max
-        | QgsRasterBandStats.StdDev
-        | QgsRasterBandStats.Mean,
+        QgsRasterBandStats.Stats.Min
+        | QgsRasterBandStats.Stats.Max
+        | QgsRasterBandStats.Stats.StdDev
+        | QgsRasterBandStats.Stats.Mean,
         layer.extent(),
         SAMPLE,
     )
@@ -131,7 +143,9 @@ def _style_raster(layer: Any, colours: dict[str, Any]) -> None:
 def _grey(layer: Any, low: float, high: float) -> None:
     renderer = QgsSingleBandGrayRenderer(layer.dataProvider(), 1)
     stretch = QgsContrastEnhancement(layer.dataProvider().dataType(1))
-    stretch.setContrastEnhancementAlgorithm(QgsContrastEnhancement.StretchToMinimumMaximum)
+    stretch.setContrastEnhancementAlgorithm(
+        QgsContrastEnhancement.ContrastEnhancementAlgorithm.StretchToMinimumMaximum
+    )
     stretch.setMinimumValue(low)
     stretch.setMaximumValue(high)
     renderer.setContrastEnhancement(stretch)
@@ -142,7 +156,7 @@ def _ramp(layer: Any, colours: Any, low: float, high: float) -> None:
     """Colours in equal steps from low to high."""
     step = (high - low) / (len(colours) - 1)
     shown = QgsColorRampShader(low, high)
-    shown.setColorRampType(QgsColorRampShader.Interpolated)
+    shown.setColorRampType(QgsColorRampShader.Type.Interpolated)
     shown.setColorRampItemList(
         [
             QgsColorRampShader.ColorRampItem(
@@ -181,15 +195,31 @@ def _style_features(layer: Any, colours: dict[str, Any], classes: dict[str, Any]
 
 
 def _style_points(layer: Any, colours: dict[str, Any], classes: dict[str, Any] | None) -> None:
-    """By the attribute that the output names, else by the classes."""
+    """By the attribute that the output names, else by the classes.
+
+    QGIS first makes an index of a LAZ in the background, and knows no attributes until then.
+    """
     from qgis.core import QgsPointCloudCategory, QgsPointCloudClassifiedRenderer
 
     names = {a.name().lower(): a.name() for a in layer.attributes().attributes()}
+    if not names:
+        signal = layer.dataProvider().indexGenerationStateChanged
+        signal.connect(lambda state: _style_once_indexed(layer, colours, classes))
+        return
     usual = {"attribute": "classification", "looks": colours["classification"]}
     for shown in (classes or usual, usual):
         if shown["attribute"].lower() in names:
             looks = shown["looks"]
             made = [QgsPointCloudCategory(code, QColor(c), label) for code, label, c in looks]
             name = names[shown["attribute"].lower()]
-            layer.setRenderer(QgsPointCloudClassifiedRenderer(name, made))
+            renderer = QgsPointCloudClassifiedRenderer()  # that of 3.22 takes nothing here
+            renderer.setAttribute(name)
+            renderer.setCategories(made)
+            layer.setRenderer(renderer)
             return
+
+
+def _style_once_indexed(layer: Any, colours: Any, classes: Any) -> None:
+    if layer.attributes().attributes():
+        _style_points(layer, colours, classes)
+        layer.triggerRepaint()

@@ -19,6 +19,7 @@ from typing import IO, Any
 
 from toolbox import __version__, catalog, language
 from toolbox.cli import arguments, history, listing
+from toolbox.cli import metadata as metadata_cli
 from toolbox.cli import models as model_cli
 from toolbox.cli import qgis as qgis_cli
 from toolbox.cli import serve as serve_cli
@@ -68,6 +69,7 @@ def _other(said: list[str]) -> int:
     verbs = {"list": _list, "describe": _describe, "info": _info, "history": _history}
     verbs |= {
         "provenance": _provenance,
+        "metadata": metadata_cli.run,
         "replay": _replay,
         "warm": _warm,
         "model": model_cli.run,
@@ -109,6 +111,7 @@ def _parser() -> argparse.ArgumentParser:
         "info": language.text("show what a file holds, or all files of a survey of points"),
         "history": language.text("show the runs of this user"),
         "provenance": language.text("show how a file was made"),
+        "metadata": language.text("write what catalogues ask of a file beside it: ISO 19115"),
         "replay": language.text("make a file again, and say whether it is the same"),
         "warm": language.text(
             "compile ahead, so that no later command waits for it: once after installing"
@@ -125,6 +128,7 @@ def _parser() -> argparse.ArgumentParser:
     made["info"].add_argument("file", nargs="+")
     made["history"].add_argument("--limit", type=int, default=20, help="number of runs (20)")
     made["provenance"].add_argument("file")
+    metadata_cli.declare(made["metadata"])
     made["replay"].add_argument("file")
     made["replay"].add_argument("--inputs", help="folder of the inputs, if not beside the file")
     model_cli.declare(made["model"])

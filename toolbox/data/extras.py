@@ -42,6 +42,7 @@ class Extra:
 
 
 E57 = Extra("E57", "pye57", "e57")
+ISO = Extra("Metadata after ISO 19115", "pygeometa", "metadata")
 PARQUET = Extra("Parquet", "pyarrow", "parquet")
 PDF = Extra("PDF", "weasyprint", "pdf")
 PLY = Extra("PLY", "plyfile", "ply")

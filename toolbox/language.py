@@ -9,31 +9,51 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 from toolbox.places import METADATA
 
 FOLDER = METADATA / "translations"
+_said: ContextVar[str] = ContextVar("language", default="")
 VARIABLES = ("TOOLBOX_LANG", "LC_ALL", "LC_MESSAGES", "LANG")
+
+
+def languages() -> list[str]:
+    """The languages that have a catalogue."""
+    return sorted(path.name for path in FOLDER.glob("*") if path.is_dir())
+
+
+@contextmanager
+def speaking(code: str) -> Iterator[None]:
+    """Texts are in this language for a while, whatever the language of the user."""
+    before = _said.set(code)
+    try:
+        yield
+    finally:
+        _said.reset(before)
 
 
 def chosen() -> str:
     """The language of the user, such as "tr"; "en" without a catalogue of it."""
+    if code := _said.get():
+        return code
     said = next((text for name in VARIABLES if (text := os.environ.get(name))), "")
     code = said.partition(".")[0].partition("_")[0].partition("-")[0].lower()
     return code if code.isalpha() and (FOLDER / code).is_dir() else "en"
 
 
 @functools.cache
-def catalogue(code: str) -> Mapping[str, str]:
-    """The translations of a language by the English texts."""
+def catalogue(code: str, files: str = "*.po") -> Mapping[str, str]:
+    """The translations of a language by the English texts, from all files of it or from some."""
     if code == "en":
         return {}
     import polib
 
     made: dict[str, str] = {}
-    for path in sorted((FOLDER / code).glob("*.po")):
+    for path in sorted((FOLDER / code).glob(files)):
         entries = polib.pofile(str(path), encoding="utf-8").translated_entries()
         made |= {entry.msgid: entry.msgstr for entry in entries}
     return made

@@ -38,6 +38,9 @@ def _of_tool(id: str) -> Iterator[str]:
         yield from (field["title"], field["description"])
         roles = ("choice", "option")
         yield from (meta["value"] for meta in field["metadata"] if meta["role"] in roles)
+    for field in spec.inputs.values():  # words of a choice that says enough by itself
+        if spec.id != "samples.scene":  # whose presets keep their names
+            yield from (field.choice_title(choice) for choice in field.choices)
 
 
 def of_code() -> list[str]:

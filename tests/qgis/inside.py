@@ -50,10 +50,11 @@ PROFILE, CLOUD, FOLDER = sys.argv[1], sys.argv[2], Path(sys.argv[3])
 ONLY = sys.argv[4:]
 sys.path.insert(0, str(Path(PROFILE) / "python" / "plugins"))
 
+os.environ.pop("TOOLBOX_LANG", None)
 app = QgsApplication([], False)
 app.initQgis()
 
-from lidar_toolbox import bridge, lasheader, parameters, settings, styling  # noqa: E402
+from lidar_toolbox import bridge, language, lasheader, parameters, settings, styling  # noqa: E402
 from lidar_toolbox.algorithm import ToolAlgorithm, option_words  # noqa: E402
 from lidar_toolbox.layers import moves, source_of, suggestions  # noqa: E402
 from lidar_toolbox.plugin import Provider  # noqa: E402
@@ -774,6 +775,36 @@ def check_a_set_is_handed_over_whole_or_not_at_all() -> None:
     _, ok = provider.algorithm("modelsterrain").create().run(values, context(), feedback)
     assert not ok
     assert "there is no folder" in "".join(feedback.said)
+
+
+def check_dialogs_speak_the_language_of_qgis() -> None:
+    """Titles, labels and words are Turkish; names, values and results are as in English."""
+    plain, other = out("plain.csv"), out("türkçe.csv")
+    run("points.info", POINTS=CLOUD, TABLE=plain)
+    assert language.chosen() == "en"
+    os.environ[language.VARIABLE] = "tr_TR.UTF-8"
+    for cached in (language.chosen, language._texts):
+        cached.cache_clear()
+    try:
+        turkish = Provider()
+        turkish.refreshAlgorithms()
+        grid = turkish.algorithm("surfacegrid").create()
+        assert grid.displayName() == "Noktaları raster olarak gridle"
+        assert grid.parameterDefinition("CELL").description() == "Hücre boyutu"
+        assert grid.parameterDefinition("METHOD").shown[0] == "Doğrusal (TIN)"
+        assert grid.parameterDefinition("METHOD").options()[0] == "linear"
+        assert "Girdi parametreleri" in grid.shortHelpString()
+        assert grid.helpUrl().endswith("surface.grid.tr.html")
+        assert bridge.clean_environment()[language.VARIABLE] == "tr"
+        assert "bellek" in bridge._ended(-9)
+        info = turkish.algorithm("pointsinfo").create()
+        _, ok = info.run({"POINTS": CLOUD, "TABLE": other}, context(), Feedback())
+        assert ok
+    finally:
+        del os.environ[language.VARIABLE]
+        for cached in (language.chosen, language._texts):
+            cached.cache_clear()
+    assert Path(other).read_bytes() == Path(plain).read_bytes(), "points in decimals, not commas"
 
 
 class Signal:

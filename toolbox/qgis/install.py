@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from toolbox import __version__
+from toolbox import __version__, language
 from toolbox.errors import DataError, ToolboxError
 from toolbox.qgis import process as qgis_process
 from toolbox.qgis.tools import listing
@@ -30,7 +30,7 @@ PLACEHOLDER = re.compile("lidar-toolbox/lidar-toolbox|lidar-toolbox@")  # there 
 # Must run in the Python of the tools, which needs their libraries, too.
 CHECK = "from toolbox.qgis.tools import listing; print('lidar-toolbox', listing()['toolbox'])"
 PAGE = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title>
+<html lang="{code}"><head><meta charset="utf-8"><title>{title}</title>
 <style>body {{font: 15px sans-serif; max-width: 46em; margin: 2em auto; line-height: 1.45}}</style>
 </head><body><h1>{title}</h1>
 {help}
@@ -46,11 +46,27 @@ def contents() -> dict[str, str]:
         if path.name.endswith(PACKED)
     }
     made["metadata.txt"] = made["metadata.txt"].replace("version=0\n", f"version={__version__}\n")
-    listed = listing()
-    made["tools.json"] = json.dumps(listed, ensure_ascii=False, indent=1) + "\n"
-    for tool in listed["tools"]:
-        made[f"help/{tool['id']}.html"] = PAGE.format(title=tool["title"], help=tool["help"])
+    for code in ("en", *language.languages()):
+        made |= _texts_of(code)
     return made
+
+
+def _texts_of(code: str) -> dict[str, str]:
+    """The list of tools, the help and the texts of the dialogs in a language."""
+    ending = "" if code == "en" else f".{code}"
+    with language.speaking(code):
+        listed = listing()
+    made = {f"tools{ending}.json": _json(listed)}
+    for tool in listed["tools"]:
+        page = PAGE.format(code=code, title=tool["title"], help=tool["help"])
+        made[f"help/{tool['id']}{ending}.html"] = page
+    if ending:
+        made[f"texts{ending}.json"] = _json(language.catalogue(code, "messages.po"))
+    return made
+
+
+def _json(value: object) -> str:
+    return json.dumps(value, ensure_ascii=False, indent=1) + "\n"
 
 
 def package(path: Path, wheel: Path | None = None, needs: Path | None = None) -> int:
@@ -283,7 +299,9 @@ def _tools(folder: Path, again: str) -> Finding:
         tools = json.loads((folder / "tools.json").read_text(encoding="utf-8"))
     except (OSError, ValueError) as err:
         return Finding(f"tools.json cannot be read: {err}", again)
-    if tools != listing():
+    with language.speaking("en"):
+        listed = listing()
+    if tools != listed:
         return Finding(f"tools.json is of version {tools.get('toolbox')}, or of other tools", again)
     return Finding(f"{len(tools['tools'])} tools")
 

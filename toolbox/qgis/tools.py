@@ -93,7 +93,7 @@ def tool(spec: Spec) -> dict[str, Any]:
         "help": help_page(spec),
         "tags": _tags(spec),
         "inputs": _inputs(spec),
-        "outputs": [*_results(spec), *_set(spec), *SHOWN_OUTPUTS],
+        "outputs": [*_results(spec), *_set(spec), *_shown()],
     }
 
 
@@ -191,23 +191,31 @@ def general(spec: Spec) -> list[dict[str, Any]]:
     kinds = {f.kind.word for f in spec.sources.values()}
     made = []
     if kinds:
-        says = (
+        says = language.text(
             "CRS of files that state none; one that states another keeps it. A scan in a place of "
             "its own has none: local (metres), local:mm, local:cm or local:ft"
         )
-        made.append(_option(ASSUME_CRS, "CRS, if the file states none", "crs", says))
+        label = language.text("CRS, if the file states none")
+        made.append(_option(ASSUME_CRS, label, "crs", says))
         made[-1]["advanced"] = False
     if "PointCloud" in kinds:
-        says = (
+        says = language.text(
             "Work in tiles of this size in metres, or auto, so that a survey need not fit in memory"
         )
-        made.append(_option("tile", "Tile size [m]", "text", says) | {"offers": list(TILES)})
-        made.append(_option("workers", "Workers", "integer", "Processes that work on tiles", ge=1))
-        says = "Memory that each worker may use, such as 4GB"
-        made.append(_option("memory", "Memory of a worker", "text", says))
+        made.append(
+            _option("tile", language.text("Tile size [m]"), "text", says) | {"offers": list(TILES)}
+        )
+        says = language.text("Processes that work on tiles")
+        made.append(_option("workers", language.text("Workers"), "integer", says, ge=1))
+        says = language.text("Memory that each worker may use, such as 4GB")
+        made.append(_option("memory", language.text("Memory of a worker"), "text", says))
         made[-1]["offers"] = list(MEMORY)
-        says = "Keep what is done, and take over what an earlier run has kept, unless it changed"
-        made.append(_option("resume", "Resume", "boolean", says) | {"default": False})
+        says = language.text(
+            "Keep what is done, and take over what an earlier run has kept, unless it changed"
+        )
+        made.append(
+            _option("resume", language.text("Resume"), "boolean", says) | {"default": False}
+        )
     return made
 
 
@@ -224,11 +232,16 @@ def _file(name: str, label: str, help: str, suffixes: tuple[str, ...]) -> dict[s
     return made | {"many": False, "suffixes": list(suffixes)}
 
 
-SHOWN_OUTPUTS = [
-    _file("picture", "Plot", "Draw a plot of the resulting layers", (".png",)),
-    _file("page", "Report", "Write a report of all results", find(Report).suffixes),
-    _file("counts", "Counts", "How much each step read and gave, as a table", find(Table).suffixes),
-]
+def _shown() -> list[dict[str, Any]]:
+    """What every run can write of its results."""
+    plot = language.text("Draw a plot of the resulting layers")
+    page = language.text("Write a report of all results")
+    counts = language.text("How much each step read and gave, as a table")
+    return [
+        _file("picture", language.text("Plot"), plot, (".png",)),
+        _file("page", language.text("Report"), page, find(Report).suffixes),
+        _file("counts", language.text("Counts"), counts, find(Table).suffixes),
+    ]
 
 
 def _results(spec: Spec) -> list[dict[str, Any]]:
@@ -272,19 +285,23 @@ def _layers_of(spec: Spec) -> list[dict[str, Any]]:
 
 def help_page(spec: Spec) -> str:
     """The help of a tool in the simple HTML that QGIS shows beside the dialog."""
-    lines = [_html(spec.text or f"{spec.title}.")]
-    lines += ["<h3>Input parameters</h3>", *map(_entry, spec.inputs.values())] * bool(spec.inputs)
-    lines += ["<h3>Outputs</h3>", *map(_entry, spec.outputs.values())]
-    return "\n".join([*lines, f"<p>On the command line: <code>{spec.id}</code></p>"])
+    first, _, more = (spec.text or f"{spec.title}.").partition("\n\n")
+    lines = [_html(f"{language.text(first.removesuffix('.'))}."), _html(language.paragraphs(more))]
+    head = f"<h3>{language.text('Input parameters')}</h3>"
+    lines += [head, *map(_entry, spec.inputs.values())] * bool(spec.inputs)
+    head = f"<h3>{language.text('Outputs')}</h3>"
+    lines += [head, *map(_entry, spec.outputs.values())]
+    told = language.text("On the command line:")
+    return "\n".join([*filter(None, lines), f"<p>{told} <code>{spec.id}</code></p>"])
 
 
 def _entry(f: Field) -> str:
     unit = f" [{f.unit}]" if f.unit and f.unit != "1" else ""
     says = f.rule() if f.role == "param" else ""
     if f.many and f.role == "param" and f.kind is not CHOICE:
-        says = "; ".join(filter(None, ["several with ; between", says]))
+        says = "; ".join(filter(None, [language.text("several with ; between"), says]))
     rule = f" ({says})" if says else ""
-    text = f"<b>{f.title}</b>{unit}: {_inline(f.help + rule)}."
+    text = f"<b>{language.text(f.title)}</b>{unit}: {_inline(language.text(f.help) + rule)}."
     return f"<p>{text}</p>"
 
 

@@ -68,6 +68,23 @@ def test_fields_say_which_widget_they_need(listed: dict[str, dict[str, object]])
     assert first == ["table"]
 
 
+def test_each_language_has_its_own_list_help_and_texts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TOOLBOX_LANG", "tr")
+    made = qgis_install.contents()
+    english, turkish = (json.loads(made[name]) for name in ("tools.json", "tools.tr.json"))
+    lists = (english["tools"], turkish["tools"])
+    titles = [next(t for t in tools if t["id"] == "surface.grid") for tools in lists]
+    assert [t["title"] for t in titles] == [
+        "Grid points to a raster",
+        "Noktaları raster olarak gridle",
+    ]
+    assert [f["name"] for f in titles[0]["inputs"]] == [f["name"] for f in titles[1]["inputs"]]
+    assert "Girdi parametreleri" in made["help/surface.grid.tr.html"]
+    assert 'lang="tr"' in made["help/surface.grid.tr.html"]
+    assert "Input parameters" in made["help/surface.grid.html"]
+    assert json.loads(made["texts.tr.json"])["Choose…"] == "Seç…"
+
+
 def test_the_plugin_imports_qgis_and_the_standard_library_alone() -> None:
     allowed = {*sys.stdlib_module_names, "qgis", "processing"}  # a plugin that QGIS brings along
     for path in SOURCE.glob("*.py"):

@@ -16,7 +16,7 @@ from qgis.core import (
 from qgis.PyQt.QtCore import QUrl
 from qgis.PyQt.QtGui import QIcon
 
-from . import bridge, delivery
+from . import bridge, delivery, language
 from .layers import is_missing, is_plain
 from .parameters import TYPES, definition, is_value
 from .styling import Styler
@@ -71,7 +71,7 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         return str(self.tool["help"])
 
     def helpUrl(self) -> str:
-        page = bridge.HERE / "help" / f"{self.tool['id']}.html"
+        page = language.file(f"help/{self.tool['id']}", ".html")
         return str(QUrl.fromLocalFile(str(page)).toString()) if page.is_file() else ""
 
     def icon(self) -> Any:
@@ -91,7 +91,10 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
             if field["type"] == "folder":
                 self.addOutput(delivery.readme(field))
             if "suffixes" in field and field["many"]:
-                name, label = field["name"].upper() + FILES, f"{field['label']}, files"
+                name, label = (
+                    field["name"].upper() + FILES,
+                    language.text("{label}, files").format(label=field["label"]),
+                )
                 self.addOutput(QgsProcessingOutputMultipleLayers(name, label))
 
     def canExecute(self) -> tuple[bool, str]:
@@ -109,7 +112,9 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         for name, made in definitions.items():
             value = parameters.get(name)
             if not is_plain(value) and not made.checkValueIsAcceptable(value, context):
-                return False, f"Incorrect parameter value for {made.description()}"
+                return False, (language.text("Incorrect value: {label}")).format(
+                    label=made.description()
+                )
         return True, ""
 
     def processAlgorithm(self, parameters: Any, context: Any, feedback: Any) -> dict[str, Any]:
@@ -176,7 +181,7 @@ class ToolAlgorithm(QgsProcessingAlgorithm):
         if qgis.utils.iface is None:
             raise err
         if isinstance(err, bridge.Cancelled):
-            feedback.pushInfo("Cancelled: no result was written.")
+            feedback.pushInfo(language.text("Cancelled: no result was written."))
             return {}
         raise QgsProcessingException(self.in_words_of_the_dialog(str(err))) from None
 

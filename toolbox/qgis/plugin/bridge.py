@@ -19,6 +19,8 @@ from typing import Any
 from qgis.core import QgsApplication, QgsProcessingException, QgsSettings
 from qgis.PyQt.QtCore import QCoreApplication, QThread
 
+from . import language
+
 HERE = Path(__file__).parent
 PROVIDER = "lidartoolbox"
 PYTHON, ROOT = "LIDAR_TOOLBOX_PYTHON", "LIDAR_TOOLBOX_ROOT"
@@ -45,10 +47,6 @@ GRACE = 5.0  # seconds that a tool has to stop before it is killed
 POLL = 0.05
 TAIL = 60  # lines of standard error that are kept
 CHECK = "from toolbox.qgis.tools import listing; print('lidar-toolbox', listing()['toolbox'])"
-WAYS = (
-    "Choose or create one in Settings > Options > LiDAR Toolbox, run "
-    f"'python -m toolbox qgis install', or set {PYTHON}."
-)
 
 
 def find_python() -> str | None:
@@ -68,8 +66,14 @@ def _named() -> str:
 
 def missing() -> str:
     """The message if no Python was found, and how to choose one."""
-    where = f" at {said}" if (said := _named()) else ""
-    return f"No Python environment for the LiDAR Toolbox was found{where}. {WAYS}"
+    ways = language.text(
+        "Choose or create one in Settings > Options > LiDAR Toolbox, run 'python -m toolbox qgis "
+        "install', or set {variable}."
+    ).format(variable=PYTHON)
+    if said := _named():
+        what = language.text("No Python environment for the LiDAR Toolbox was found at {path}.")
+        return f"{what.format(path=said)} {ways}"
+    return f"{language.text('No Python environment for the LiDAR Toolbox was found.')} {ways}"
 
 
 def own_environment() -> Path:
@@ -105,6 +109,7 @@ def clean_environment() -> dict[str, str]:
         folders = env.get("PATH", "").split(os.pathsep)
         env["PATH"] = os.pathsep.join(f for f in folders if not _plain_path(f).startswith(top))
     env |= {"PYTHONNOUSERSITE": "1", "PYTHONSAFEPATH": "1"}  # nothing from where QGIS works
+    env[language.VARIABLE] = language.chosen()
     if root := _root():
         env["PYTHONPATH"] = root
     return env
@@ -184,12 +189,14 @@ def run(
     """
     words = command("-m", "toolbox", "run", tool, "--params", "-", "--events", "jsonl", *options)
     feedback.pushDebugInfo(" ".join(words))
-    feedback.pushInfo("The same on the command line:")
+    feedback.pushInfo(language.text("The same on the command line:"))
     feedback.pushCommandInfo(repeated(words[0], tool, options, shown or values))
     try:
         child = _Child(words, feedback)
     except OSError as err:
-        raise QgsProcessingException(f"Cannot start {words[0]}: {err}") from None
+        raise QgsProcessingException(
+            language.text("Cannot start {program}: {why}").format(program=words[0], why=err)
+        ) from None
     try:
         child.say(values)
         child.wait()
@@ -219,14 +226,14 @@ def repeated(python: str, tool: str, options: list[str], values: dict[str, Any])
 def _ended(code: int) -> str:
     """What the end of a process without a word means, and what to do."""
     if code in (-9, 137):
-        return (
+        return language.text(
             "The system ended the tool (signal 9), as it does when memory runs out. Give a tile "
             "size under Advanced, such as auto, or work on a part of the data."
         )
-    return (
-        f"The tool ended with exit code {code} and without a message. If memory was short, give a "
+    return language.text(
+        "The tool ended with exit code {code} and without a message. If memory was short, give a "
         "tile size under Advanced, such as auto."
-    )
+    ).format(code=code)
 
 
 def _tell_of_another_version(feedback: Any) -> None:
@@ -237,10 +244,11 @@ def _tell_of_another_version(feedback: Any) -> None:
         return
     here = json.loads((HERE / "tools.json").read_text(encoding="utf-8"))["toolbox"]
     if there != here:
-        feedback.pushWarning(
-            f"The Python of the tools has version {there}, and this plugin is of {here}. "
+        text = language.text(
+            "The Python of the tools has version {there}, and this plugin is of {here}. "
             "Run 'python -m toolbox qgis install' there."
         )
+        feedback.pushWarning(text.format(there=there, here=here))
 
 
 class Cancelled(QgsProcessingException):

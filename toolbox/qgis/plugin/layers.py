@@ -16,6 +16,7 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QUrl
 
+from . import language
 from .lasheader import las_attributes
 
 SAME_PLACE = 1e-9  # of coordinates: millimetres in those of a map
@@ -60,11 +61,15 @@ def source_of(layer: Any) -> Any:
         path = QUrl(path).toLocalFile()
     if not os.path.exists(path):
         raise QgsProcessingException(
-            f"Layer '{layer.name()}' is no file on this computer; save it to a file first."
+            language.text(
+                "Layer '{name}' is no file on this computer; save it to a file first."
+            ).format(name=layer.name())
         )
     if hasattr(layer, "subsetString") and layer.subsetString():
         raise QgsProcessingException(
-            f"Layer '{layer.name()}' is filtered, which its file is not; save it to a file first."
+            language.text(
+                "Layer '{name}' is filtered, which its file is not; save it to a file first."
+            ).format(name=layer.name())
         )
     names = [item[len("layername=") :] for item in more if item.startswith("layername=")]
     return {"path": path, "layer": names[0]} if names else path

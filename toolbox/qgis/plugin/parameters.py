@@ -12,6 +12,7 @@ from qgis.core import (
     QgsUnitTypes,
 )
 
+from . import language
 from .layers import is_path
 
 POINTS_AS_LAYERS = hasattr(qgis.core, "QgsProcessingParameterPointCloudDestination")  # 3.24
@@ -23,7 +24,12 @@ TYPES = {
     "vector": QgsProcessing.SourceType.TypeVectorAnyGeometry,
     "table": QgsProcessing.SourceType.TypeVector,
 }
-WORDS = {"pointcloud": "Point clouds", "raster": "Rasters", "vector": "Vectors", "table": "Tables"}
+WORDS = {  # of the kinds of files
+    "pointcloud": language.text("Point clouds"),
+    "raster": language.text("Rasters"),
+    "vector": language.text("Vector layers"),
+    "table": language.text("Tables"),
+}
 NUMBERS = ("number", "integer", "length")  # also of outputs
 WIDGETS: dict[Any, Any] = {}
 """The widget of ours by class of parameter; filled where there are dialogs."""
@@ -70,7 +76,7 @@ class PointCloud(_PathMixin, _parameter("PointCloudLayer")):  # type: ignore[mis
     def createFileFilter(self) -> str:
         """What file dialogs show: all that the tools read, which is more than QGIS does."""
         patterns = " ".join(f"*{suffix} *{suffix.upper()}" for suffix in self.reads)
-        return f"Points ({patterns});;All files (*)"
+        return f"{WORDS['pointcloud']} ({patterns});;{all_files()}"
 
 
 class Choice(_Cloned, _parameter("Enum")):  # type: ignore[misc]
@@ -174,8 +180,14 @@ def is_value(field: dict[str, Any]) -> bool:
 
 def _tip(field: dict[str, Any]) -> str:
     rule = field.get("rule")
-    more = " Several with ; between." if field["many"] and field["type"] == "text" else ""
+    several = field["many"] and field["type"] == "text"
+    more = f" {language.text('Several with ; between.')}" if several else ""
     return field["help"] + (f" ({rule})" if rule else "") + "." + more
+
+
+def all_files() -> str:
+    """What file dialogs show of which nothing is known."""
+    return f"{language.text('All files')} (*)"
 
 
 def _input(field: dict[str, Any]) -> Any:
@@ -250,7 +262,7 @@ def _extent(field: dict[str, Any], name: str, label: str, default: Any, empty: b
 
 def _file(field: dict[str, Any], name: str, label: str, default: Any, empty: bool) -> Any:
     behaviour = QgsProcessingParameterFile.Behavior.File
-    return QgsProcessingParameterFile(name, label, behaviour, "", default, empty, "All files (*)")
+    return QgsProcessingParameterFile(name, label, behaviour, "", default, empty, all_files())
 
 
 def _listed(numbers: list[float] | None) -> str | None:
@@ -302,7 +314,7 @@ def _destination(field: dict[str, Any]) -> Any:
     if field["many"] or type == "folder":
         return _parameter("FolderDestination")(name, label, None, True, first)
     patterns = (f"*{suffix}" for suffix in field["suffixes"])
-    word = WORDS.get(type) or f"{field['suffixes'][0][1:].upper()} files"
+    word = WORDS.get(type) or field["suffixes"][0][1:].upper()
     filters = ";;".join(f"{word} ({pattern})" for pattern in patterns)
     if type not in DESTINATIONS:
         return _parameter("FileDestination")(name, label, filters, None, True, first)

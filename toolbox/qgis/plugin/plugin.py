@@ -10,7 +10,7 @@ from typing import Any
 from qgis.core import Qgis, QgsApplication, QgsMessageLog, QgsProcessingProvider
 from qgis.PyQt.QtGui import QIcon
 
-from . import bridge
+from . import bridge, language
 from .algorithm import ToolAlgorithm
 from .parameters import definition
 
@@ -120,7 +120,9 @@ def read_tools() -> dict[str, Any]:
     """Read the list of tools; if it cannot be used, log a message and give an empty one."""
     nothing: dict[str, Any] = {"toolbox": "", "colours": {}, "tools": []}
     try:
-        listed: dict[str, Any] = json.loads((HERE / "tools.json").read_text(encoding="utf-8"))
+        listed: dict[str, Any] = json.loads(
+            language.file("tools", ".json").read_text(encoding="utf-8")
+        )
     except (OSError, ValueError) as err:
         say(f"tools.json cannot be read: {err}; run: python -m toolbox qgis install")
         return nothing

@@ -23,17 +23,18 @@ from qgis.PyQt.QtWidgets import (
     QWidget,
 )
 
+from . import language
 from .layers import is_missing
 
 LAST_FOLDER = "/Processing/LastInputPath"  # as the dialogs of QGIS remember it
 SCANS = (
-    ("local", "None: a scan in metres (local)"),
-    ("local:mm", "None: a scan in millimetres (local:mm)"),
-    ("local:cm", "None: a scan in centimetres (local:cm)"),
-    ("local:ft", "None: a scan in feet (local:ft)"),
+    ("local", language.text("None: a scan in metres (local)")),
+    ("local:mm", language.text("None: a scan in millimetres (local:mm)")),
+    ("local:cm", language.text("None: a scan in centimetres (local:cm)")),
+    ("local:ft", language.text("None: a scan in feet (local:ft)")),
 )
-CONDITION = "such as intensity > 40 and classification in (2, 9)"
-EMPTY = "A file, several, a folder or a layer; files can be dropped here"
+CONDITION = language.text("such as intensity > 40 and classification in (2, 9)")
+EMPTY = language.text("A file, several, a folder or a layer; files can be dropped here")
 
 
 class Row(QWidget):
@@ -80,8 +81,16 @@ class PointsRow(Row):
         self.setAcceptDrops(True)
         self.box.lineEdit().setAcceptDrops(False)  # it would take the text of the first
         self.box.lineEdit().setPlaceholderText(EMPTY)
-        self.button("Files…", "One file, or several that are one survey", self.pick_files)
-        self.button("Folder…", "All files of points in a folder, as one survey", self.pick_folder)
+        self.button(
+            language.text("Files…"),
+            language.text("One file, or several that are one survey"),
+            self.pick_files,
+        )
+        self.button(
+            language.text("Folder…"),
+            language.text("All files of points in a folder, as one survey"),
+            self.pick_folder,
+        )
 
     def list_layers(self) -> None:
         for layer in QgsProject.instance().mapLayers().values():
@@ -90,11 +99,15 @@ class PointsRow(Row):
         self.box.setCurrentIndex(0 if self.box.count() else -1)
 
     def pick_files(self) -> None:
-        paths, _ = QFileDialog.getOpenFileNames(self, "Points", self._folder(), self.filters)
+        paths, _ = QFileDialog.getOpenFileNames(
+            self, language.text("Points"), self._folder(), self.filters
+        )
         self._take(paths)
 
     def pick_folder(self) -> None:
-        path = QFileDialog.getExistingDirectory(self, "Folder of points", self._folder())
+        path = QFileDialog.getExistingDirectory(
+            self, language.text("Folder of points"), self._folder()
+        )
         self._take([path] if path else [])
 
     def _folder(self) -> str:
@@ -131,13 +144,13 @@ class CrsRow(Row):
 
     def __init__(self) -> None:
         super().__init__(QComboBox())
-        self.box.addItem("As the file states", None)
+        self.box.addItem(language.text("As the file states"), None)
         project = QgsProject.instance().crs()
         if project.isValid():
-            self.box.addItem(f"Project: {_named(project)}", _code(project))
+            self.box.addItem(f"{language.text('Project')}: {_named(project)}", _code(project))
         for value, words in SCANS:
             self.box.addItem(words, value)
-        self.button("Choose…", "Choose a CRS", self.pick)
+        self.button(language.text("Choose…"), language.text("Choose a CRS"), self.pick)
 
     def pick(self) -> None:
         dialog = QgsProjectionSelectionDialog(self)
@@ -161,13 +174,16 @@ class ClassesRow(Row):
         super().__init__(QComboBox())
         self.known = dict(known)
         self.box.lineEdit().setClearButtonEnabled(True)
-        self.button("Choose…", "Tick classes by their names", self.pick)
+        self.button(
+            language.text("Choose…"), language.text("Tick classes by their names"), self.pick
+        )
 
     def pick(self) -> None:
         given = codes_in(self.box.currentText())
         codes = sorted({*self.known, *given})
-        words = {code: f"{code}  {self.known.get(code, 'of the user')}" for code in codes}
-        dialog = TickDialog(self, "Classes", words, given)
+        own = language.text("of the user")
+        words = {code: f"{code}  {self.known.get(code, own)}" for code in codes}
+        dialog = TickDialog(self, language.text("Classes"), words, given)
         if dialog.exec():
             self.box.setEditText(",".join(map(str, dialog.ticked())))
 
@@ -177,7 +193,7 @@ class NamesRow(Row):
 
     def __init__(self) -> None:
         super().__init__(QComboBox())
-        self.button("Choose…", "Tick them in a list", self.pick)
+        self.button(language.text("Choose…"), language.text("Tick them in a list"), self.pick)
 
     def pick(self) -> None:
         known = {self.box.itemData(n): self.box.itemText(n) for n in range(self.box.count())}
@@ -186,7 +202,7 @@ class NamesRow(Row):
         given = [name.strip() for name in said.split(";")] if isinstance(said, str) else []
         given = [name for name in given if name]
         known.update({name: name for name in given if name not in known})
-        dialog = TickDialog(self, "Names", known, given)
+        dialog = TickDialog(self, language.text("Names"), known, given)
         if dialog.exec():
             self.box.setEditText(";".join(map(str, dialog.ticked())))
 
@@ -199,14 +215,18 @@ class ConditionRow(Row):
         self.names = names
         self.box.lineEdit().setPlaceholderText(CONDITION)
         self.box.lineEdit().setClearButtonEnabled(True)
-        self.button("Attribute…", "Put the name of an attribute into the condition", self.pick)
+        self.button(
+            language.text("Attribute…"),
+            language.text("Put the name of an attribute into the condition"),
+            self.pick,
+        )
 
     def pick(self) -> None:
         menu = QMenu(self)
         for name in self.names():
             menu.addAction(name)
         if menu.isEmpty():
-            menu.addAction("Choose the layer first").setEnabled(False)
+            menu.addAction(language.text("Choose the layer first")).setEnabled(False)
         action = menu.exec(self.mapToGlobal(self.rect().bottomRight()))
         if action is not None:
             self.box.lineEdit().insert(action.text())

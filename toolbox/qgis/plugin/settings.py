@@ -13,11 +13,13 @@ from qgis.gui import QgsFileWidget, QgsOptionsPageWidget, QgsOptionsWidgetFactor
 from qgis.PyQt.QtGui import QIcon
 from qgis.PyQt.QtWidgets import QFormLayout, QLabel, QPushButton, QVBoxLayout
 
-from . import bridge
+from . import bridge, language
 
 BUNDLED = bridge.HERE / "wheel"  # with one wheel, its hash, and what it needs with hashes
 HASHES, NEEDS = "SHA256", "requirements.txt"
-NO_WHEEL = "Choose the wheel of the toolbox (.whl), or the folder of its code; names are not taken."
+NO_WHEEL = language.text(
+    "Choose the wheel of the toolbox (.whl), or the folder of its code; names are not taken."
+)
 PYTHONS = ("python3.14", "python3.13", "python3.12", "python3.11", "python3", "python", "py")
 # Of Python on macOS, where a program not started from a terminal has a short search path.
 FOLDERS = ("/opt/homebrew/bin", "/usr/local/bin")
@@ -47,22 +49,28 @@ class OptionsPage(QgsOptionsPageWidget):
         self.python = QgsFileWidget()
         self.python.setFilePath(str(QgsSettings().value(bridge.SETTING, "")))
         self.wheel = QgsFileWidget()
-        self.wheel.setFilter("Wheels (*.whl)")
+        self.wheel.setFilter("Python wheel (*.whl)")
         self.wheel.setFilePath(str(bundled() or ""))
-        self.wheel.setToolTip(f"{NO_WHEEL} A name could be that of anybody's package")
+        self.wheel.setToolTip(
+            f"{NO_WHEEL} {language.text('A name could be that of a package of anybody.')}"
+        )
         self.found = QLabel()
         self.found.setWordWrap(True)
         self.task: Any = None
         form = QFormLayout()
-        form.addRow("Python of the tools", self.python)
-        form.addRow("", self._button("Test", self.test))
-        form.addRow("Wheel to install", self.wheel)
-        form.addRow("", self._button("Create an environment of its own", self.create))
+        form.addRow(language.text("Python of the tools"), self.python)
+        form.addRow("", self._button(language.text("Test"), self.test))
+        form.addRow(language.text("Wheel to install"), self.wheel)
+        form.addRow(
+            "", self._button(language.text("Create an environment of its own"), self.create)
+        )
         layout = QVBoxLayout(self)
         layout.addLayout(form)
         layout.addWidget(self.found)
         layout.addStretch()
-        self.found.setText(f"Used now: {bridge.find_python() or 'none'}")
+        self.found.setText(
+            language.text("Used now: {python}").format(python=bridge.find_python() or "-")
+        )
 
     def _button(self, text: str, work: Any) -> Any:
         button = QPushButton(text)
@@ -83,7 +91,7 @@ class OptionsPage(QgsOptionsPageWidget):
 
     def create(self) -> None:
         """Create an environment in the profile, in the background: it takes a minute or two."""
-        self.found.setText("Creating the environment ...")
+        self.found.setText(language.text("Creating the environment ..."))
         self.task = QgsTask.fromFunction(
             "LiDAR Toolbox: create environment",
             create_environment,
@@ -95,7 +103,7 @@ class OptionsPage(QgsOptionsPageWidget):
     def _created(self, error: Any, python: Any = None) -> None:
         if error is None:
             QgsSettings().setValue(bridge.SETTING, python)
-        text = str(error or f"{python} runs the tools now")
+        text = str(error or language.text("{python} runs the tools now").format(python=python))
         try:
             self.python.setFilePath(python or self.python.filePath())
             self.found.setText(text)
@@ -127,7 +135,9 @@ def create_environment(task: Any, wheel: str = "") -> str:
     """
     source = Path(wheel)
     if not (source.suffix == ".whl" and source.is_file()) and not _is_code(source):
-        raise RuntimeError(f"{wheel or 'nothing'} is no wheel. {NO_WHEEL}")
+        raise RuntimeError(
+            f"{language.text('{file} is no wheel.').format(file=wheel or '-')} {NO_WHEEL}"
+        )
     needs = _checked(source) if source == bundled() else None
     folder, base = bridge.own_environment(), base_python()
     python = str(bridge.python_of(folder))
@@ -161,7 +171,11 @@ def _checked(wheel: Path) -> Path | None:
     said = (BUNDLED / HASHES).read_text(encoding="utf-8").split()[0]
     found = hashlib.sha256(wheel.read_bytes()).hexdigest()
     if found != said:
-        raise RuntimeError(f"{wheel.name} is damaged: its hash is {found}, and should be {said}")
+        raise RuntimeError(
+            language.text("{file} is damaged: its hash is {found}, and should be {said}").format(
+                file=wheel.name, found=found, said=said
+            )
+        )
     needs = BUNDLED / NEEDS
     return needs if needs.is_file() else None
 
@@ -180,4 +194,6 @@ def base_python() -> str:
             return bridge.said([path, "-c", NEEDED])
         except (OSError, RuntimeError):  # an older one, or one without venv
             continue
-    raise RuntimeError("No Python 3.11 or later with venv was found; install one first.")
+    raise RuntimeError(
+        language.text("No Python 3.11 or later with venv was found; install one first.")
+    )

@@ -19,6 +19,7 @@ from qgis.core import (
     QgsVectorLayer,
 )
 
+from . import language
 from .lasheader import las_crs
 from .layers import (
     is_layer,
@@ -141,8 +142,10 @@ class Reader:
             self.crs = self._data_crs()
         if not self.crs.isValid():
             self.feedback.pushWarning(
-                f"{field['label']} is given in {stated.authid()}, and the CRS of the data is not "
-                "known to QGIS: its numbers are taken as coordinates of the data."
+                language.text(
+                    "{label} is given in {crs}, and the CRS of the data is not known to QGIS: its "
+                    "numbers are taken as coordinates of the data."
+                ).format(label=field["label"], crs=stated.authid())
             )
         return self.crs
 
@@ -191,7 +194,11 @@ class Reader:
         if type in ("vector", "table"):
             return self._features(name)
         if layer is None:
-            raise QgsProcessingException(f"{name}: {raw} is no layer and no file")
+            raise QgsProcessingException(
+                language.text("{name}: {value} is no layer and no file").format(
+                    name=name, value=raw
+                )
+            )
         return source_of(layer)
 
     def _in_crs_of_data(self, field: dict[str, Any], given: Any) -> Any:
@@ -215,9 +222,14 @@ class Reader:
         rules = self.context.transformContext()
         error, said, *_ = QgsVectorFileWriter.writeAsVectorFormatV3(layer, path, rules, options)
         if error != QgsVectorFileWriter.WriterError.NoError:
-            raise QgsProcessingException(f"{field['label']} cannot be reprojected: {said}")
+            raise QgsProcessingException(
+                language.text("{label} cannot be reprojected: {why}").format(
+                    label=field["label"], why=said
+                )
+            )
         names = [crs.authid() or crs.description() for crs in (layer.crs(), target)]
-        self.feedback.pushInfo(f"{field['label']}: reprojected from {names[0]} to {names[1]}")
+        text = language.text("{label}: reprojected from {old} to {new}")
+        self.feedback.pushInfo(text.format(label=field["label"], old=names[0], new=names[1]))
         return path
 
     def _features(self, name: str) -> Any:
@@ -250,11 +262,17 @@ class Reader:
         database = re.fullmatch(r"ogr:dbname='(.+?)' table=\"(.+?)\".*", path)
         if database and os.path.exists(database[1]):
             raise QgsProcessingException(
-                f"{field['label']}: {database[1]} exists, and its other layers would be lost: "
-                "tools write whole files. Choose a new GeoPackage."
+                language.text(
+                    "{label}: {file} exists, and its other layers would be lost: tools write whole "
+                    "files. Choose a new GeoPackage."
+                ).format(label=field["label"], file=database[1])
             )
         if not database and re.match("[a-z]{2,}:", path):
-            raise QgsProcessingException(f"{field['label']}: must be a file, got {path}")
+            raise QgsProcessingException(
+                language.text("{label}: must be a file, got {path}").format(
+                    label=field["label"], path=path
+                )
+            )
         return {"path": database[1], "layer": database[2]} if database else path
 
     def _folder(self, name: str) -> Any:

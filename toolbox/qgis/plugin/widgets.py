@@ -14,6 +14,7 @@ from processing.gui.wrappers import DIALOG_MODELER, WidgetWrapper
 from qgis.core import QgsProcessingModelChildParameterSource, QgsProcessingParameterDefinition
 from qgis.PyQt.QtWidgets import QComboBox
 
+from . import language
 from .layers import suggestions
 from .parameters import WIDGETS, AnyCrs, Choice, Classes, Condition, PointCloud, Suggested
 from .rows import ClassesRow, ConditionRow, CrsRow, NamesRow, PointsRow, Row
@@ -54,7 +55,7 @@ class _Wrapper(WidgetWrapper):
         if not known:
             several = isinstance(source, list)
             named = [] if several else [source.expression(), source.expressionText()]
-            box.addItem(next(filter(None, named), "From several steps"), source)
+            box.addItem(next(filter(None, named), language.text("From several steps")), source)
         box.setCurrentIndex(known[0] if known else box.count() - 1)
 
     def value(self) -> Any:

@@ -243,7 +243,9 @@ def check_layers_of_every_type() -> None:
         options = QgsVectorFileWriter.SaveVectorOptions()
         options.layerName, options.driverName = name, "GPKG"
         if name == "second":
-            options.actionOnExistingFile = QgsVectorFileWriter.CreateOrOverwriteLayer
+            options.actionOnExistingFile = (
+                QgsVectorFileWriter.ActionOnExistingFile.CreateOrOverwriteLayer
+            )
         transform = QgsProject.instance().transformContext()
         QgsVectorFileWriter.writeAsVectorFormatV2(layer, package, transform, options)
     second = f"{package}|layername=second"
@@ -458,14 +460,15 @@ def check_names_of_attributes_are_offered() -> None:
         ("comparespans", "SPAN", "REFERENCE"),
         ("pointsfilter", "WHERE", "POINTS"),
     ):
-        made = provider.algorithm(tool).create().parameterDefinition(name)
+        holds = provider.algorithm(tool).create()
+        made = holds.parameterDefinition(name)
         assert made.clone().sources == [source], (tool, made.sources)
-    made = provider.algorithm("comparerasters").create().parameterDefinition("CLASS_ATTRIBUTE")
-    assert made.sources == ["AREAS", "CHECKPOINTS"]
-    made = provider.algorithm("surfacegrid").create().parameterDefinition("TILE")
-    assert made.offers[0] == "auto"
-    made = provider.algorithm("pointsreproject").create().parameterDefinition("GEOID")
-    assert made.type() == "file"
+    holds = provider.algorithm("comparerasters").create()
+    assert holds.parameterDefinition("CLASS_ATTRIBUTE").sources == ["AREAS", "CHECKPOINTS"]
+    holds = provider.algorithm("surfacegrid").create()
+    assert holds.parameterDefinition("TILE").offers[0] == "auto"
+    holds = provider.algorithm("pointsreproject").create()
+    assert holds.parameterDefinition("GEOID").type() == "file"
 
 
 def check_points_are_picked_by_all_endings_that_are_read() -> None:

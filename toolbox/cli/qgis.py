@@ -54,19 +54,18 @@ def _uninstall(args: argparse.Namespace) -> str:
 
 
 def _package(args: argparse.Namespace) -> str:
-    from toolbox.qgis.install import FOLDER, SOURCE, package, placeholders
+    from toolbox.qgis.install import FOLDER, package
+    from toolbox.qgis.published import problems
 
     path = Path(args.file or f"{FOLDER}-{__version__}.zip")
     if args.needs and not args.wheel:
         raise ParameterError("qgis package", {"needs": "is for a wheel; give --wheel too"})
     wheel, needs = (Path(name) if name else None for name in (args.wheel, args.needs))
     told = f"{path}: {package(path, wheel, needs)} files"
-    if names := placeholders():
-        told += (
-            f"\nBefore it goes to plugins.qgis.org, fill in {', '.join(names)} "
-            f"in {SOURCE / 'metadata.txt'}: these are placeholders."
-        )
-    return told
+    found = problems(path)
+    lines = [f"\n  {text}" for text in found]
+    heading = "\nplugins.qgis.org would not take it yet:" if found else ""
+    return "".join([told, heading, *lines])
 
 
 def _doctor(args: argparse.Namespace) -> str:

@@ -18,6 +18,7 @@ from pathlib import Path
 from toolbox import __version__, language
 from toolbox.errors import DataError, ToolboxError
 from toolbox.qgis import process as qgis_process
+from toolbox.qgis.published import metadata
 from toolbox.qgis.tools import listing
 
 SOURCE = Path(__file__).parent / "plugin"
@@ -26,7 +27,6 @@ PLUGINS, SETTINGS = Path("python/plugins"), Path("QGIS")
 ENVIRONMENT = "environment.json"
 OWN = "lidar_toolbox_env"  # the environment that the settings page of the plugin creates
 PACKED = (".py", ".txt", ".svg", "LICENSE")
-PLACEHOLDER = re.compile("lidar-toolbox/lidar-toolbox|lidar-toolbox@")  # there is no such address
 # Must run in the Python of the tools, which needs their libraries, too.
 CHECK = "from toolbox.qgis.tools import listing; print('lidar-toolbox', listing()['toolbox'])"
 PAGE = """<!DOCTYPE html>
@@ -45,7 +45,7 @@ def contents() -> dict[str, str]:
         for path in sorted(SOURCE.rglob("*"))
         if path.name.endswith(PACKED)
     }
-    made["metadata.txt"] = made["metadata.txt"].replace("version=0\n", f"version={__version__}\n")
+    made["metadata.txt"] = metadata(made["metadata.txt"])
     for code in ("en", *language.languages()):
         made |= _texts_of(code)
     return made
@@ -118,12 +118,6 @@ def _wheel(wheel: Path, needs: Path | None) -> dict[str, bytes]:
     if bare := [line for line in entries if "--hash=" not in line]:
         raise DataError(f"{needs}: {bare[0].split()[0]} has no hash; pip-compile --generate-hashes")
     return made | {"wheel/requirements.txt": needs.read_bytes()}
-
-
-def placeholders() -> list[str]:
-    """The names in metadata.txt whose values are placeholders."""
-    lines = contents()["metadata.txt"].splitlines()
-    return [line.partition("=")[0] for line in lines if PLACEHOLDER.search(line)]
 
 
 def install(profile: Path) -> Path:

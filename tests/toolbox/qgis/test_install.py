@@ -15,6 +15,7 @@ from toolbox import __version__, catalog
 from toolbox.cli.main import main
 from toolbox.qgis import install as qgis_install
 from toolbox.qgis import process as qgis_process
+from toolbox.qgis import published
 from toolbox.qgis import tools as qgis_tools
 from toolbox.qgis.install import SOURCE, switched_on
 
@@ -129,7 +130,10 @@ def test_package_is_what_the_plugin_site_takes(tmp_path: Path, capsys: Capture) 
     assert main(["qgis", "package", str(path)]) == 0
     told = capsys.readouterr().out
     assert "plugin.zip" in told
-    assert "fill in email, homepage, tracker, repository in " in told
+    missing = [published.KEYS[key] for key, said in published.addresses().items() if not said]
+    asked = f"fill in {', '.join(missing)} under [tool.lidar-toolbox.addresses] in pyproject.toml"
+    assert published.problems(path) == [asked] * bool(missing)
+    assert (asked in told) == bool(missing)
     with zipfile.ZipFile(path) as archive:
         names = archive.namelist()
         meta = archive.read("lidar_toolbox/metadata.txt").decode()
@@ -147,16 +151,13 @@ def test_package_is_what_the_plugin_site_takes(tmp_path: Path, capsys: Capture) 
         "about",
         "qgisMinimumVersion",
         "author",
-        "email",
         "icon",
-        "homepage",
-        "tracker",
-        "repository",
         "tags",
+        "changelog",
     ):
         assert f"\n{key}=" in meta
     assert "\nqgisMaximumVersion=4" in meta
-    assert "\nsupportsQt6=True\n" in meta  # for builds of QGIS 3 with Qt 6
+    assert "supportsQt6" not in meta  # which the site calls deprecated
     assert "\nhasProcessingProvider=yes\n" in meta
     assert len(tools["tools"]) == len(catalog.ids())
     assert path.stat().st_size < 1_000_000
@@ -164,6 +165,52 @@ def test_package_is_what_the_plugin_site_takes(tmp_path: Path, capsys: Capture) 
     main(["qgis", "package", str(path)])
     assert path.read_bytes() == again
     assert main(["qgis", "package", str(tmp_path / "no" / "a.zip")]) == 3
+
+
+def test_addresses_come_from_the_settings_of_the_project(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = tmp_path / "pyproject.toml"
+    settings.write_text(
+        "[tool.lidar-toolbox.addresses]\nhomepage = 'https://a.org/100%'\n"
+        "repository = 'https://a.org/r'\ntracker = 'a.org/t'\nmail = 'a@b.org'\n"
+    )
+    monkeypatch.setattr(published, "PROJECT", settings)
+    path = tmp_path / "plugin.zip"
+    assert main(["qgis", "package", str(path)]) == 0
+    assert published.problems(path) == ["tracker must be an address of the web, got a.org/t"]
+    with zipfile.ZipFile(path) as archive:
+        meta = archive.read("lidar_toolbox/metadata.txt").decode()
+    assert "\nemail=a@b.org\n" in meta
+    assert "\nhomepage=https://a.org/100%%\n" in meta
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("lidar_toolbox/__pycache__/a.pyc", "", "must not be in it"),
+        ("lidar_toolbox/../a.py", "", "is no plain path"),
+        ("other/a.py", "", "must be in one folder"),
+        ("lidar_toolbox/metadata.txt", "[general]\nname=a\n", "metadata.txt has no description"),
+        ("lidar_toolbox/metadata.txt", "name=a\n", "metadata.txt cannot be read"),
+        ("lidar_toolbox/metadata.txt", "[general]\nauthor=a/b\n", "author has a slash"),
+        ("lidar_toolbox/metadata.txt", "[general]\nicon=no.svg\n", "there is no icon no.svg"),
+        ("lidar_toolbox/LICENSE", None, "there is no LICENSE"),
+    ],
+)
+def test_what_the_plugin_site_refuses_is_told(
+    name: str, text: str | None, said: str, tmp_path: Path
+) -> None:
+    good, bad = tmp_path / "good.zip", tmp_path / "bad.zip"
+    qgis_install.package(good)
+    with zipfile.ZipFile(good) as archive, zipfile.ZipFile(bad, "w") as other:
+        for each in archive.namelist():
+            if each != name:
+                other.writestr(each, archive.read(each))
+        if text is not None:
+            other.writestr(name, text)
+    assert said not in "\n".join(published.problems(good))
+    assert said in "\n".join(published.problems(bad))
 
 
 def test_the_licence_is_that_of_the_toolbox() -> None:

@@ -318,4 +318,4 @@ def _html(text: str) -> str:
 
 def _inline(text: str) -> str:
     plain = html.escape(" ".join(text.split()), quote=False)
-    return re.sub(r"`([^`]+)`", r"<code>\1</code>", plain)
+    return re.sub(r"`+([^`]+)`+", r"<code>\1</code>", plain)

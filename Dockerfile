@@ -2,7 +2,7 @@
 #   docker run --rm --network none -v "$PWD:/data" lidar-toolbox info town.laz
 FROM python:3.12-slim AS build
 WORKDIR /source
-COPY pyproject.toml README.md LICENSE ./
+COPY pyproject.toml README.md LICENSE CHANGELOG.md ./
 COPY metadata metadata
 COPY toolbox toolbox
 COPY algorithms algorithms

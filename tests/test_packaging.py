@@ -32,5 +32,12 @@ def test_versions_are_the_same() -> None:
 def test_the_image_copies_what_the_wheel_needs() -> None:
     copied = set(re.findall(r"^COPY (.*) \S+$", (ROOT / "Dockerfile").read_text("utf-8"), re.M))
     named = {name for line in copied if "--from" not in line for name in line.split()}
-    assert {"toolbox", "algorithms", "metadata", "pyproject.toml", "README.md"} <= named
+    assert {
+        "toolbox",
+        "algorithms",
+        "metadata",
+        "pyproject.toml",
+        "README.md",
+        "CHANGELOG.md",
+    } <= named
     assert all((ROOT / name).exists() for name in named)

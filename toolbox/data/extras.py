@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import redirect_stdout
 from dataclasses import dataclass
+from importlib import import_module
 from importlib.util import find_spec
+from io import StringIO
 
 from toolbox.errors import DataError
 
@@ -17,17 +20,25 @@ class Extra:
     what : is not to be had without it
     library : name under which it is imported
     name : of the extra, as in ``pip install lidar-toolbox[name]``
+    system : the library of the system that it needs, and how to get that; "" for none
     """
 
     what: str
     library: str
     name: str
+    system: str = ""
 
     def missing(self) -> str | None:
         """How to get the library; None if it is there."""
-        if find_spec(self.library) is not None:
-            return None
-        return f"{self.what} needs {self.library}: pip install lidar-toolbox[{self.name}]"
+        if find_spec(self.library) is None:
+            return f"{self.what} needs {self.library}: pip install lidar-toolbox[{self.name}]"
+        if self.system:
+            try:
+                with redirect_stdout(StringIO()):  # where WeasyPrint explains at length
+                    import_module(self.library)
+            except OSError:
+                return f"{self.what} needs {self.system}"
+        return None
 
     def need(self) -> None:
         """Raise an error unless the library is there.
@@ -44,5 +55,10 @@ class Extra:
 E57 = Extra("E57", "pye57", "e57")
 ISO = Extra("Metadata after ISO 19115", "pygeometa", "metadata")
 PARQUET = Extra("Parquet", "pyarrow", "parquet")
-PDF = Extra("PDF", "weasyprint", "pdf")
+PDF = Extra(
+    "PDF",
+    "weasyprint",
+    "pdf",
+    "Pango, of the system: apt install libpango-1.0-0 libpangoft2-1.0-0, brew install pango",
+)
 PLY = Extra("PLY", "plyfile", "ply")

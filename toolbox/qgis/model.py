@@ -69,6 +69,7 @@ class _ToQgis:
     def __init__(
         self, model: Model, values: dict[str, Any], given: tuple[str, ...], point_layers: bool
     ) -> None:
+        model = model.wanting(())  # without the steps of a set that is handed over
         self.model, self.given, self.point_layers = model, given, point_layers
         self.problems: dict[str, str] = {}
         self.notes: list[str] = []

@@ -40,11 +40,6 @@ def _weasyprint() -> Any:
         raise DataError(f"{missing}; or print the .html from a browser")
     for name in ("fontTools", "weasyprint"):
         logging.getLogger(name).setLevel(logging.ERROR)
-    try:
-        import weasyprint
-    except OSError as error:
-        raise DataError(
-            f"PDF needs Pango, a library of the system ({error}): apt install libpango-1.0-0 "
-            "libpangoft2-1.0-0, brew install pango; or print the .html from a browser"
-        ) from error
+    import weasyprint
+
     return weasyprint

@@ -355,7 +355,7 @@ class _Child:
             stream.close()
 
     def outputs(self) -> dict[str, Any]:
-        if self.stop_at is not None:  # an empty result would count as success
+        if self.stop_at is not None and self.result is None:  # else it came too late
             raise Cancelled("Cancelled.")
         said = "\n".join(self.tail)
         if self.error is not None:

@@ -16,13 +16,13 @@ from toolbox.data.crs import parse_crs
 from toolbox.data.reading import Reading
 from toolbox.declare.fields import Spec
 from toolbox.errors import ParameterError, memory_named
-from toolbox.models.model import Model, ModelRun, Runner
-from toolbox.reports.page import Told, told_by
+from toolbox.models.model import Model, ModelRun
+from toolbox.reports.page import Told
 from toolbox.runs import delivery
 from toolbox.runs import source as sources
 from toolbox.runs import target as targets
 from toolbox.runs.cache import Cache
-from toolbox.runs.lineage import counting, read_files, record_of
+from toolbox.runs.lineage import counting, read_files, record_of, telling
 from toolbox.runs.provenance import Count
 from toolbox.runs.source import Sources
 from toolbox.runs.target import Target
@@ -31,11 +31,6 @@ from toolbox.tiles.tiling import Tiling
 
 # shares of the progress at which hashing and reading end, and writing begins
 HASH, READ, WRITE = 0.03, 0.15, 0.85
-
-IN_TILES = (
-    "The run was made in tiles: what its steps say in words of what they found, did not look at or "
-    "are not sure of is not in this text."
-)
 
 
 @memory_named()
@@ -135,7 +130,6 @@ def _run(
     if tiling:
         from toolbox.tiles import engine as tiles
 
-        told.unseen.append(IN_TILES)
         with delivery.folder_of(writes):
             return tiles.run(
                 id,
@@ -162,7 +156,7 @@ def _run(
     asked = {target.output for target in writes.values()} & spec.between.keys()
     counts: list[Count] = []
     runner = Cache().runner(counting(counts)) if resume else counting(counts)
-    runner = _telling(told, runner)
+    runner = telling(told, runner)
     told.given = layers
     if isinstance(job, ModelRun):
         result = replace(job, keep=frozenset(asked), runner=runner).run(ctx.part(READ, WRITE))
@@ -177,19 +171,6 @@ def _run(
         )
     shown = {n: value for n, value in found.items() if n in spec.outputs or n in writes}
     return shown | done
-
-
-def _telling(told: Told, inner: Runner) -> Runner:
-    """Runner that runs `inner`, and notes what the results of each step say in words."""
-
-    def run(step: str, job: Any, ctx: Context) -> Any:
-        result = inner(step, job, ctx)
-        words, unseen = told_by(job.spec, result)
-        told.words += words
-        told.unseen += unseen
-        return result
-
-    return run
 
 
 def _crs(crs: str | CRS | None, where: str) -> CRS | None:

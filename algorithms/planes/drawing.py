@@ -47,7 +47,8 @@ class PlanesDrawing:
     Write it as .dxf: a layer each for walls, openings, dimensions, numbers and the title block, in
     metres or millimetres as asked. Below each front stand the widths of the openings of its lowest
     row and the piers between them, and its whole length; to the left sills and heads of the
-    openings, and its whole height; in each opening its number. All are rounded to `rounding`.
+    openings, and its whole height; in each opening its number. All are rounded to `rounding`. The
+    title block says how far apart the points are.
 
     The table lists the openings with width, height and sill in millimetres, front by front.
     """
@@ -97,7 +98,10 @@ class PlanesDrawing:
             sheet.front(int(wall.front_id), wall.geometry, here)
         if len(walls):
             sheet.title_block(
-                self.subject or self.elevation.name or "Fronts", len(walls), self.unit
+                self.subject or "Fronts of the building",
+                len(walls),
+                self.unit,
+                float(walls["spacing"].max()) if "spacing" in walls else None,
             )
         return self.Outputs(drawing=sheet.layer(self.elevation), schedule=schedule(frame, metre))
 
@@ -159,8 +163,11 @@ class Sheet:
         digits = max(0, math.ceil(-math.log10(self.rounding / self.metre * self.shown) - 1e-9))
         return f"{value:.{digits}f}"
 
-    def title_block(self, subject: str, fronts: int, unit: str) -> None:
-        """A frame at the lower right with what is drawn, in which unit, and how exactly."""
+    def title_block(self, subject: str, fronts: int, unit: str, spacing: float | None) -> None:
+        """A frame at the lower right with what is drawn, in which unit, and how exactly.
+
+        `spacing` is the distance of points on the walls, in the unit of the elevation.
+        """
         west, south, east, _ = shapely.total_bounds(np.array(self.shapes, object))
         step = self.rounding / self.metre * self.shown
         lines = [
@@ -169,6 +176,9 @@ class Sheet:
             f"Dimensions in {unit}, rounded to {step:g} {unit}",
             "From points of a laser scan; what was hidden is not drawn",
         ]
+        if spacing is not None:
+            apart = f"{spacing / self.metre * self.shown:.{0 if unit == 'mm' else 2}f} {unit}"
+            lines.append(f"Points {apart} apart: no edge is surer than that")
         width = 0.7 * self.size * max(map(len, lines)) + 2 * self.size
         top, height = south - 2 * OFF * self.size, (len(lines) + 1) * ROW * self.size
         right = max(east, west + width)

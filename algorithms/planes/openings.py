@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import geopandas
 import numpy as np
+import pandas as pd
 import shapely
 from numpy.typing import NDArray
 
@@ -29,6 +30,7 @@ from toolbox.data.crs import local_like
 from toolbox.declare import Attribute, outputs, param, show, sink, source, tool
 from toolbox.errors import DataError
 
+POINTS_ACROSS = 4  # points in a row that an opening needs to be told from a gap between points
 TALL = 1.5  # height over width, of the largest opening
 APART = STOREY  # metres between two fronts of an elevation
 
@@ -261,6 +263,7 @@ class PlanesOpenings:
                 ctx=part,
             )
             seen.append(_Seen(int(numbers[front.members[0]]), near, relief, made))
+            self._warn_if_sparse(number + 1, seen[-1].spacing)
         if not any(one.made.found for one in seen):
             names = ", ".join(str(one.number) for one in seen)
             log.warning(
@@ -268,6 +271,21 @@ class PlanesOpenings:
                 names,
             )
         return seen
+
+    def _warn_if_sparse(self, number: int, spacing: float) -> None:
+        """Say so where points of a wall are too far apart for the openings that are asked for."""
+        metres = spacing / self.points.metre
+        if metres * POINTS_ACROSS > self.min_width:
+            log.warning(
+                "the points of front %d are %.2f m apart: openings narrower than %.1f m cannot be "
+                "told, wider ones may be missed or of another size, and no edge is surer than "
+                "%.2f m; a drawing needs points %.2g m apart",
+                number,
+                metres,
+                metres * POINTS_ACROSS,
+                metres,
+                self.min_width / POINTS_ACROSS,
+            )
 
     def _chosen(self, ranks: NDArray[np.int32], numbers: Ints, planes: list[Plane]) -> list[Front]:
         """The fronts that are looked at: all, or that of one plane."""
@@ -305,6 +323,7 @@ class PlanesOpenings:
             shift = np.array([aside - left if front_id > 1 else 0.0, 0.0])
             hole = shapely.difference(wall, shapely.union_all(shapes)) if shapes else wall
             whole = {"opening_id": 0, "kind": "facade", "plane_id": one.number}
+            whole |= {"spacing": one.spacing}
             shown.append(whole | {"front_id": front_id} | _place(one.relief.view, shift))
             flat.append(_moved(hole, shift))
             for opening in one.made.found:
@@ -320,9 +339,11 @@ class PlanesOpenings:
             aside = right + shift[0] + APART * metre
         crs = self.points.crs
         names = ["opening_id", "front_id", *COLUMNS]
+        both = pd.DataFrame(shown)
+        both = both.reindex(columns=list(dict.fromkeys([*both, *names])))  # also without openings
         layers = (
             geopandas.GeoDataFrame(rows, columns=names, geometry=solid, crs=crs),
-            geopandas.GeoDataFrame(shown, geometry=flat, crs=local_like(crs)),
+            geopandas.GeoDataFrame(both, geometry=flat, crs=local_like(crs)),
             geopandas.GeoDataFrame(reasons, columns=["front_id", "reason"], geometry=gaps, crs=crs),
         )
         return (
@@ -349,6 +370,13 @@ class _Seen(NamedTuple):
     near: Ints
     relief: Relief
     made: Openings
+
+    @property
+    def spacing(self) -> float:
+        """Distance from one point on the wall to the next, in the unit of the points."""
+        walls = int(np.count_nonzero(self.relief.own))
+        bare = self.made.wall.area - sum(one.shape.area for one in self.made.found)
+        return math.sqrt(max(bare, 0.0) / max(walls, 1))
 
 
 def _place(view: View, shift: Floats) -> dict[str, float]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
+from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud, Table
 from toolbox.data.asprs import CLASSES
@@ -70,7 +71,7 @@ class PointsFeatureCodes:
         """Look the codes up."""
         ctx.progress(0.0)
         classes = self.points[CLASS].astype(np.int64)
-        taken = ~np.isin(classes, list(self.ignore or ()))
+        taken = taking_part(self.points, self.ignore)
         codes, texts = self._codes(np.unique(classes[taken]))
         kept = taken & np.isin(classes, list(codes))
         look_up = np.zeros(256, np.uint16)

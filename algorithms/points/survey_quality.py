@@ -18,6 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
+from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table
 from toolbox.data.report import Column
@@ -49,9 +50,10 @@ class PointsSurveyQuality:
     strips may see a roof and the street below it in one cell. A strip that lies higher than
     another everywhere shows as a mean difference.
 
-    Noise, and what else is in `ignore`, takes no part. Cells count that lie within the outline of
-    the data: between the first and the last cell with points of their row and of their column. The
-    mean density and thin cells leave out those at the edge, which the data covers in part alone.
+    Noise, what else is in `ignore`, and withheld points take no part. Cells count that lie within
+    the outline of the data: between the first and the last cell with points of their row and of
+    their column. The mean density and thin cells leave out those at the edge, which the data covers
+    in part alone.
     """
 
     points: PointCloud = source("Points of a survey")
@@ -131,9 +133,7 @@ class PointsSurveyQuality:
         """Count by cell, then compare strips by cell."""
         ctx.progress(0.0)
         cloud = self.points
-        taken = np.ones(len(cloud), bool)
-        if self.ignore and "classification" in cloud:
-            taken &= ~np.isin(cloud["classification"], list(self.ignore))
+        taken = taking_part(cloud, self.ignore)
         first_there = taken & (cloud["return_number"] <= 1) if "return_number" in cloud else taken
         if not first_there.any():
             raise NothingToDo("points: there are none")

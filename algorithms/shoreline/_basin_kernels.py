@@ -1,4 +1,4 @@
-"""Compiled loops of storage curves; see :mod:`algorithms.shoreline._basin`."""
+"""Compiled loops of storage curves; see :mod:`algorithms.shoreline._basin_pieces`."""
 
 from __future__ import annotations
 

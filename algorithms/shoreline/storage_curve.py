@@ -21,7 +21,9 @@ from algorithms.shared.lowest import require_finite
 from algorithms.shared.polygons import polygons
 from algorithms.shoreline import _basin_kernels as kernels
 from algorithms.shoreline import _columns as columns
-from algorithms.shoreline._basin import BLOCK, Pieces, PointBasin, RasterBasin
+from algorithms.shoreline._basin_pieces import BLOCK, Pieces
+from algorithms.shoreline._basin_points import PointBasin
+from algorithms.shoreline._basin_raster import RasterBasin
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table, Vector
 from toolbox.data.crs import vertical_unit
@@ -286,9 +288,9 @@ class ShorelineStorageCurve:
         name, place, lake = "seed_point", self.seed_point, None
         if self.lake is not None:
             name, lake = "lake", largest(self.lake)
-            place = place_in(lake) if lake else None
-            if place is None:
-                log.warning("there is no lake: the basin is that of the lowest ground")
+            if lake is None:
+                raise DataError(f"lake: {self.lake.name or 'the layer'} holds no water")
+            place = place_in(lake)
         if place is None:
             basin.fill(None, highest, ctx=ctx)
             return

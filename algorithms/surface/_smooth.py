@@ -5,6 +5,9 @@ one may. So it is the surface that is smoothed: heights spread to their neighbou
 and are put back to the limit of the tolerance wherever they have left it. That is the projected
 descent for the smoothest surface between two others.
 
+Water that was laid level stays as it is. Lines at its own height would else wander across it, as
+its heights moved by next to nothing.
+
 References
 ----------
 Bertsekas, D. P. (1976). On the Goldstein-Levitin-Polyak gradient projection method. IEEE
@@ -26,7 +29,7 @@ MOST_ROUNDS = 300  # a bump as wide as some twenty cells is gone by then
 
 
 def smoothed(heights: Array, tolerance: float, *, ctx: Context = QUIET) -> Array:
-    """Smooth a surface so that no height changes by more than a tolerance.
+    """Smooth a surface so that no height changes by more than a tolerance, and level places stay.
 
     Parameters
     ----------
@@ -41,7 +44,8 @@ def smoothed(heights: Array, tolerance: float, *, ctx: Context = QUIET) -> Array
     """
     known = np.isfinite(heights)
     made = np.where(known, heights, 0.0)
-    low, high = made - tolerance, made + tolerance
+    free = tolerance * ~level(heights)
+    low, high = made - free, made + free
     for number in range(MOST_ROUNDS):
         ctx.progress(number / MOST_ROUNDS)
         new = np.clip(_spread(made, known), low, high)
@@ -51,6 +55,27 @@ def smoothed(heights: Array, tolerance: float, *, ctx: Context = QUIET) -> Array
             break
     ctx.progress(1.0)
     return np.where(known, made, np.nan)
+
+
+def level(heights: Array) -> NDArray[np.bool_]:
+    """The cells of places that are level to the last digit, such as water that was laid level.
+
+    A place is level where a cell and its eight neighbours have one height; measured ground, with
+    its noise, has none of that.
+
+    Examples
+    --------
+    >>> pond = np.array([[1, 5, 5, 5, 2], [3, 5, 5, 5, 4], [6, 5, 5, 5, 7.0]])
+    >>> level(pond).astype(int).tolist()
+    [[0, 1, 1, 1, 0], [0, 1, 1, 1, 0], [0, 1, 1, 1, 0]]
+    """
+    from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
+
+    known = np.isfinite(heights)
+    filled = np.where(known, heights, np.inf)
+    same = (maximum_filter(filled, 3) == minimum_filter(filled, 3)) & known
+    same[[0, -1]] = same[:, [0, -1]] = False
+    return np.asarray(binary_dilation(same, np.ones((3, 3), bool)))
 
 
 def _spread(values: Array, known: NDArray[np.bool_]) -> Array:

@@ -52,8 +52,8 @@ class SurfaceContours:
 
     Lines are not smoothed, since smoothed ones may cross. With `smooth_tolerance` the surface is
     made as smooth as it can be without moving any height by more, and the lines are those of that
-    surface. With `min_length` shorter lines are left out, and their number is told: the noise of
-    a survey makes many around single cells.
+    surface; water that was laid level stays level. With `min_length` shorter lines are left out,
+    and their number is told: the noise of a survey makes many around single cells.
 
     `labels` has a position on index contours every `label_spacing` along them, at least one on
     each that is half as long, with the text, and the angle in degrees, counterclockwise from the

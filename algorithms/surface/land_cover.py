@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
+from algorithms.shared.ground import taking_part
 from algorithms.shared.windows import filled
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table
@@ -81,7 +82,7 @@ class SurfaceLandCover:
         ctx.progress(0.0)
         cloud = self.points
         classes = cloud["classification"].astype(np.int64)
-        taken = ~np.isin(classes, list(self.ignore or ()))
+        taken = taking_part(cloud, self.ignore)
         if "return_number" in cloud:
             taken &= cloud["return_number"] <= 1
         if not taken.any():

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import os
+import shutil
 import sys
 import threading
 import traceback
@@ -14,6 +16,8 @@ from typing import Any
 from toolbox.errors import DataError, ToolboxError
 from toolbox.json_text import json_text
 
+_COLOURS = {"warning": "33", "error": "1;31"}  # yellow, bold red
+_BAR = 60  # characters of the progress bar with its time
 LEVELS = {"quiet": logging.ERROR, "normal": logging.INFO, "verbose": logging.DEBUG}
 
 
@@ -39,6 +43,7 @@ class Console:
 
     def __init__(self, level: str = "normal", *, as_json: bool = False) -> None:
         self.level, self.as_json = level, as_json
+        self._told: Callable[[str], None] = lambda text: None
         log = logging.getLogger("toolbox")
         log.handlers = [_Handler(self.message)]
         log.handlers[0].setLevel(LEVELS[level])
@@ -56,13 +61,18 @@ class Console:
 
         with Progress(console=RichConsole(stderr=True), transient=True) as bar:
             task = bar.add_task("", total=1.0)
-            yield lambda fraction: bar.update(task, completed=fraction)
+            self._told = lambda text: bar.update(task, description=_short(text))
+            try:
+                yield lambda fraction: bar.update(task, completed=fraction)
+            finally:
+                self._told = lambda text: None
 
     def stage(self, text: str) -> None:
-        """Take note of the step or tile that is worked on; the progress bar says enough."""
+        """Name the step or tile that is worked on beside the progress bar."""
+        self._told(text)
 
     def message(self, level: str, text: str) -> None:
-        _warn(text if level == "info" else f"{level}: {text}")
+        _warn(text if level == "info" else f"{_coloured(f'{level}:', level)} {text}")
 
     def result(self, description: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
         """Print the results of a tool: paths, layers and values."""
@@ -79,8 +89,11 @@ class Console:
         if isinstance(value, tuple):  # from a repeated step
             for number, item in enumerate(value, start=1):
                 self._print_value(f"{name} {number}", item, unit)
-        elif hasattr(value, "text"):
-            print(value.text())
+        elif hasattr(value, "rows"):
+            from toolbox.cli.tables import fitted
+
+            print(f"{name}:")
+            print(fitted(value.frame, shutil.get_terminal_size().columns))
         elif hasattr(value, "save"):
             print(f"{name}: {_kind(value)}, not saved (--{name} PATH)")
         elif isinstance(value, float):
@@ -99,7 +112,7 @@ class Console:
         return code
 
     def _report(self, code: int, text: str) -> None:
-        _warn(f"error: {text}" if code != 130 else text)
+        _warn(f"{_coloured('error:', 'error')} {text}" if code != 130 else text)
 
 
 class Events(Console):
@@ -160,6 +173,25 @@ def exit_code(err: BaseException) -> int:
     if isinstance(err, ToolboxError):
         return err.exit_code
     return DataError.exit_code if isinstance(err, OSError) else 1
+
+
+def _coloured(word: str, level: str) -> str:
+    """A word in the colour of warnings or errors, on a terminal that shows colours.
+
+    Reference: https://no-color.org, by which a NO_COLOR that is not empty asks for none.
+    """
+    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+    if plain or level not in _COLOURS or not sys.stderr.isatty():
+        return word
+    return f"\033[{_COLOURS[level]}m{word}\033[0m"
+
+
+def _short(text: str) -> str:
+    """A text that leaves room for the progress bar beside it; brackets are no markup."""
+    from rich.markup import escape
+
+    most = max(shutil.get_terminal_size().columns - _BAR, _BAR // 2)
+    return escape(text if len(text) <= most else f"{text[: most - 1]}…")
 
 
 def _warn(text: str) -> None:

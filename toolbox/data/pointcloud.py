@@ -48,6 +48,7 @@ from toolbox.data.record import own_side_car, with_record, write_beside
 from toolbox.data.remote.address import Address
 from toolbox.errors import DataError, nearest
 
+INTENSITY = "intensity"
 _EPOCH = datetime(1980, 1, 6, tzinfo=UTC) - timedelta(seconds=18)  # leap seconds since 2017
 _FIRST_TIME = -7.0e8  # adjusted standard GPS time, in July 1989: before there were such surveys
 
@@ -749,7 +750,9 @@ class PointCloud(Layer):
 
         A LAS file keeps header, VLRs and all that was not changed. It is written in a newer
         point format where the attributes need it (classes above 31, NIR, ...), and attributes
-        that LAS does not know become extra bytes; both are logged. A name that ends in .copc.laz
+        that LAS does not know become extra bytes; both are logged. Intensities with decimals, as
+        scanners give them, are rounded, those from 0 to 1 after they are spread to 65535; a
+        warning says so. A name that ends in .copc.laz
         makes a COPC file, whose points come in another order, in a point format from 6 to 8. The
         provenance record that the points were read with is not kept.
 
@@ -810,7 +813,7 @@ class PointCloud(Layer):
         ctx: Context,
     ) -> None:
         try:
-            metadata, points = self.as_las()
+            metadata, points = self._with_las_intensity().as_las()
             metadata, convert = las_versions.wanted(metadata, *wanted)
             metadata, points = with_record(metadata, record), convert(points)
         except DataError as error:
@@ -819,6 +822,13 @@ class PointCloud(Layer):
             write_copc(path, metadata, points, ctx=ctx)
         else:
             write_las(path, metadata, points, compress=compress, ctx=ctx)
+
+    def _with_las_intensity(self) -> PointCloud:
+        """The cloud with intensities as LAS has them; scans have decimals there."""
+        old = self._columns.get(INTENSITY)
+        if old is None or old.dtype.kind != "f":
+            return self
+        return self.with_attributes({INTENSITY: las_points.whole_intensity(old)})
 
     def as_las(self) -> tuple[LasMetadata, NDArray[Any]]:
         """What a LAS file of the points holds: its metadata, and point records of shape (n,).

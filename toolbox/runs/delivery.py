@@ -6,6 +6,7 @@ Which results it holds, in which formats and under which names, is declared in t
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
@@ -29,6 +30,7 @@ from toolbox.runs.target import More, Target
 from toolbox.shown import DELIVER, PAGE
 
 README = "README.txt"
+NOTHING = "nothing of this kind was asked for or found"
 
 
 def of_run(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Target]:
@@ -144,7 +146,8 @@ def write(
     others = {name: target for name, target in writes.items() if target is not notes}
     left_out = {n: why for n, t in others.items() if t.delivered and (why := _why_not(t, found))}
     for name, why in left_out.items():
-        log.warning("%s is left out: %s", name, why)
+        level = logging.INFO if why == NOTHING else logging.WARNING
+        log.log(level, "%s is left out: %s", name, why)
     kept = {name: target for name, target in others.items() if name not in left_out}
     readme_path = notes.resolved
     made = {path.name for path in more.own_files} | {
@@ -175,7 +178,7 @@ def _why_not(target: Target, found: Mapping[str, Any]) -> str | None:
         return target.missing
     layer = found.get(target.output)
     if layer is None or layer == ():
-        return "there is nothing to write"
+        return NOTHING
     crs = getattr(layer, "crs", None)
     if target.needs_crs and (crs is None or is_local(crs)):
         return "the data have no CRS of the Earth"

@@ -25,6 +25,7 @@ from toolbox.data.remote.address import Address
 from toolbox.declare.fields import Field, Spec
 from toolbox.errors import DataError
 from toolbox.models.model import Model, Runner, leading_steps, run_tool
+from toolbox.reports.page import Told, told_by
 from toolbox.runs.provenance import Count, Entry, Input, Record, plain, read
 from toolbox.runs.source import Source, Sources
 
@@ -166,6 +167,19 @@ def counting(counts: list[Count], inner: Runner = run_tool) -> Runner:
         counts.extend(counted(step, job.spec.sources, job))
         result = inner(step, job, ctx)
         counts.extend(counted(step, job.spec.outputs, result))
+        return result
+
+    return run
+
+
+def telling(told: Told, inner: Runner) -> Runner:
+    """Runner that runs `inner`, and notes what the results of each step say in words."""
+
+    def run(step: str, job: Any, ctx: Context) -> Any:
+        result = inner(step, job, ctx)
+        words, unseen = told_by(job.spec, result)
+        told.words += words
+        told.unseen += unseen
         return result
 
     return run

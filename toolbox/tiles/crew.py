@@ -18,7 +18,8 @@ from toolbox.context import Context, log
 from toolbox.declare.values import Share
 from toolbox.errors import DataError, ToolboxError
 from toolbox.models.model import INPUTS, ModelRun, reads_batches
-from toolbox.runs.lineage import counting
+from toolbox.reports.page import Told
+from toolbox.runs.lineage import counting, telling
 from toolbox.runs.provenance import Count, Record
 from toolbox.tiles import products as tile_products
 from toolbox.tiles import store as tile_store
@@ -53,6 +54,7 @@ class Crew:
     Attributes
     ----------
     job : what all passes have in common
+    told : takes what steps say in words, and what they did not look at
     found : numbers of all tiles, None where they have no sum, and results on the whole survey
     counts : sizes of the layers of each step
     done : passes whose tiles were run
@@ -60,8 +62,11 @@ class Crew:
     unreadable : the reason, for each file whose points could not be read or stored
     """
 
-    def __init__(self, workers: Workers, id: str, work: Path, job: TileJob, plan: TilePlan) -> None:
+    def __init__(
+        self, workers: Workers, id: str, work: Path, job: TileJob, plan: TilePlan, told: Told
+    ) -> None:
         self.workers, self.id, self.work, self.job, self.plan = workers, id, work, job, plan
+        self.told = told
         self.found: dict[str, Any] = {}
         self.counts: list[Count] = []
         self.done: set[int] = set()
@@ -198,6 +203,7 @@ class Crew:
         calls = [(tile, tuple(tiles[tile])) for tile in sorted(tiles)]
         results = self.all(tile_work.run_tile, self._shared(number), calls, ctx, "Tiles")
         said: dict[str, list[Tile]] = {}
+        unseen: dict[str, list[Tile]] = {}
         numbers: dict[str, list[Any]] = {}
         counts: dict[tuple[str, str], int] = {}
         for (tile, _), result in zip(calls, results, strict=True):
@@ -206,14 +212,16 @@ class Crew:
                 continue
             for text in dict.fromkeys(result.said):
                 said.setdefault(text, []).append(tile)
+            for text in dict.fromkeys(result.unseen):
+                unseen.setdefault(text, []).append(tile)
             for name, value in result.values.items():
                 numbers.setdefault(name, []).append(value)
             for count in result.counts:
                 key = count.step, count.name
                 counts[key] = counts.get(key, 0) + count.count
-        for text, where in list(said.items())[:LISTED]:
-            more = f" and {len(where) - 1} more tiles" if len(where) > 1 else ""
-            log.warning("tile %s%s: %s", tile_work.name_of(where[0]), more, text)
+        for text in _of_tiles(said):
+            log.warning("%s", text)
+        self.told.unseen += _of_tiles(unseen)
         memory = max((r.memory for r in results if not isinstance(r, _Failed)), default=0)
         log.debug("%d tiles; a worker needed up to %d MB", len(calls), memory // 10**6)
         self.found |= {name: _sum(values) for name, values in numbers.items()}
@@ -240,7 +248,7 @@ class Crew:
             for name in needs & self.plan.keep.keys()
         }
         values = dict.fromkeys(model.sources) | dict(self.plan.settings) | self.job.layers | clouds
-        runner = counting(self.counts)
+        runner = telling(self.told, counting(self.counts))
         run = ModelRun(rest, values, keep=one.gives, given=given, runner=runner)
         result = run.run(ctx.part(0.1, 1))
         return {name: getattr(result, name) for name in one.gives}
@@ -310,6 +318,16 @@ def _tiles(table: NDArray[np.int64], reach: int) -> set[Tile]:
             tiles = np.minimum(low + np.array([down, right]), high)
             found |= set(map(tuple, np.unique(tiles, axis=0).tolist()))
     return found
+
+
+def _of_tiles(texts: Mapping[str, list[Tile]]) -> list[str]:
+    """The first of the texts, each with where it was said first, and in how many tiles more."""
+    return [
+        f"tile {tile_work.name_of(where[0])}"
+        + (f" and {len(where) - 1} more tiles" if len(where) > 1 else "")
+        + f": {text}"
+        for text, where in list(texts.items())[:LISTED]
+    ]
 
 
 def _sum(values: list[Any]) -> Any:

@@ -34,7 +34,7 @@ from toolbox.context import Context, log
 from toolbox.data import Survey
 from toolbox.data.reading import Reading
 from toolbox.declare.fields import Spec
-from toolbox.errors import DataError, ParameterError
+from toolbox.errors import Cancelled, DataError, ParameterError
 from toolbox.models.model import Model, resolved
 from toolbox.reports.page import Told
 from toolbox.runs.cache import code_of
@@ -73,7 +73,7 @@ def run(
     overwrite: bool,
     resume: bool,
     assume_crs: CRS | None,
-    told: Told | None = None,
+    told: Told,
     ctx: Context,
 ) -> dict[str, Any]:
     """Run a tool or model in tiles.
@@ -132,24 +132,43 @@ def run(
         halo=reach_of(plan.halo, metre),
         grid=TileGrid(size * metre),
     )
+    told.given = surveys | job.layers
+    told.unseen += _silent(plan)
     products = _products(plan, targets, survey)
     _check_products(spec.id, products, surveys, overwrite=overwrite)
     with (
         _working_folder(job, plan, record, targets, resume=resume) as work,
         workers_of(tiling) as workers,
     ):
-        crew = Crew(workers, spec.id, work, job, plan)
-        rim = RIM if plan.gives_rasters else 0.0
-        tiles = crew.split(rim * metre, ctx.part(0, STORED))
-        for number in range(len(plan.passes)):
-            edges = (STORED + (DONE - STORED) * (number + k) / len(plan.passes) for k in (0, 1))
-            crew.run_pass(number, tiles, ctx.part(*edges))
-            if crew.failures:
-                break
-        if reading:
-            of_others = (source.files for items in others.values() for source in items)
-            reading.check_unchanged(read_files(itertools.chain(*of_others)))
-        return _finish(spec, crew, products, targets, record, told, overwrite, ctx.part(DONE, 1))
+        try:
+            crew = Crew(workers, spec.id, work, job, plan, told)
+            rim = RIM if plan.gives_rasters else 0.0
+            tiles = crew.split(rim * metre, ctx.part(0, STORED))
+            for number in range(len(plan.passes)):
+                edges = (STORED + (DONE - STORED) * (number + k) / len(plan.passes) for k in (0, 1))
+                crew.run_pass(number, tiles, ctx.part(*edges))
+                if crew.failures:
+                    break
+            if reading:
+                of_others = (source.files for items in others.values() for source in items)
+                reading.check_unchanged(read_files(itertools.chain(*of_others)))
+            return _finish(
+                spec, crew, products, targets, record, told, overwrite, ctx.part(DONE, 1)
+            )
+        except Cancelled:
+            if reading:  # else nothing is kept
+                log.warning("stopped; --resume goes on from here, with what is kept in %s", work)
+            raise
+
+
+def _silent(plan: TilePlan) -> list[str]:
+    """The steps whose results are never there as a whole, so that they say nothing in words."""
+    names = [name for one in plan.passes for name in one.local]
+    specs = [plan.model.steps[name].spec for name in names]
+    titles = [s.title for s in specs if hasattr(getattr(s.make, "Outputs", None), "in_words")]
+    if not titles:
+        return []
+    return [f"In words, as these steps ran tile by tile: {', '.join(dict.fromkeys(titles))}."]
 
 
 def _products(plan: TilePlan, targets: Mapping[str, Target], survey: Survey) -> list[Product]:
@@ -202,7 +221,7 @@ def _finish(
     products: list[Product],
     targets: Mapping[str, Target],
     record: Record | None,
-    told: Told | None,
+    told: Told,
     overwrite: bool,
     ctx: Context,
 ) -> dict[str, Any]:

@@ -31,6 +31,7 @@ from toolbox.data.survey import Survey
 from toolbox.declare.values import Share
 from toolbox.errors import NothingToDo
 from toolbox.models.model import INPUTS, Model, ModelRun
+from toolbox.reports.page import told_by
 from toolbox.runs.lineage import counted
 from toolbox.runs.provenance import Count
 from toolbox.runs.source import Sources, open_all
@@ -107,12 +108,14 @@ class Result:
     values : numbers, by step.output
     counts : sizes of the layers of each step, within the tile
     said : warnings
+    unseen : what the steps did not look at
     memory : peak memory of the worker so far, bytes
     """
 
     values: Mapping[str, Any]
     counts: tuple[Count, ...]
     said: tuple[str, ...]
+    unseen: tuple[str, ...]
     memory: int
 
     def to_json(self) -> dict[str, Any]:
@@ -131,7 +134,8 @@ class Result:
             for name, value in given["values"].items()
         }
         counts = tuple(Count(**count) for count in given["counts"])
-        return cls(values, counts, tuple(given["said"]), given["memory"])
+        said, unseen = (tuple(given[name]) for name in ("said", "unseen"))
+        return cls(values, counts, said, unseen, given["memory"])
 
 
 def split(job: TileJob, block: FileBlock) -> NDArray[np.int64]:
@@ -156,13 +160,14 @@ def run_tile(job: TileJob, tile: Tile, blocks: tuple[FileBlock, ...]) -> Result:
     with _said() as said, tile_store.whole(path) as draft:
         values = dict.fromkeys(model.sources) | dict(job.settings) | job.layers | clouds
         counts: list[Count] = []
+        unseen: list[str] = []
         given = {**job.given, **pieces}
-        results = _results(job, model, values, given, tile, counts) if first else {}
+        results = _results(job, model, values, given, tile, counts, unseen) if first else {}
         numbers = {name: v for name, v in results.items() if isinstance(v, float | int)}
         for name, result in results.items():
             if result is not None and model.between[name].kind.is_layer:
                 _store(draft / name, result, job.grid.inside(tile), las=name in job.las)
-        made = Result(numbers, tuple(counts), tuple(said), _peak())
+        made = Result(numbers, tuple(counts), tuple(said), tuple(unseen), _peak())
         tile_store.save_json(draft / "result.json", made.to_json())
     return made
 
@@ -207,6 +212,7 @@ def _results(
     given: Mapping[str, Any],
     tile: Tile,
     counts: list[Count],
+    unseen: list[str],
 ) -> dict[str, Any]:
     """Run the local steps on a tile and give their results, by step.output."""
     inside = job.grid.inside(tile)
@@ -216,6 +222,8 @@ def _results(
         result = _result(tool, ctx)
         counts.extend(counted(step, tool.spec.sources, tool, inside))
         counts.extend(counted(step, tool.spec.outputs, result, inside))
+        if not isinstance(result, SimpleNamespace):  # of a tile without data
+            unseen.extend(told_by(tool.spec, result)[1])
         return result
 
     local = model.subset(job.steps)

@@ -58,6 +58,14 @@ def test_dimensions_are_those_of_the_wall() -> None:
     ]
 
 
+def test_the_title_block_says_how_far_apart_the_points_are() -> None:
+    layer = elevation()
+    layer = Vector(layer.frame.assign(spacing=[0.052, *[np.nan] * 3]), name="elevation")
+    for unit, says in (("m", "0.05 m"), ("mm", "52 mm")):
+        frame = PlanesDrawing(elevation=layer, unit=unit).run().drawing.frame  # type: ignore[arg-type]
+        assert texts(frame, "title")[-1] == f"Points {says} apart: no edge is surer than that"
+
+
 def test_millimetres() -> None:
     found = PlanesDrawing(elevation=elevation(), unit="mm", rounding=0.005).run().drawing
     assert texts(found.frame, "dimensions")[5] == "10000"

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from algorithms.planes._relief import around
+from algorithms.planes.drawing import PlanesDrawing
 from algorithms.planes.extract import PlanesExtract
 from algorithms.planes.openings import PlanesOpenings
 from algorithms.samples.scene import scene
@@ -189,6 +190,26 @@ def test_no_openings_and_no_facade(caplog: pytest.LogCaptureFixture) -> None:
     negative = cloud["plane_id"].astype(np.int32) - 2
     with pytest.raises(DataError, match=r"plane_id is below 0 at \d+ points; planes must be"):
         found(cloud.with_attributes({"plane_id": negative}))
+
+
+def test_a_front_without_openings_is_drawn() -> None:
+    rng = np.random.default_rng(3)
+    wall = flat((0, 0, 8, 4), 400, 0.0, rng)
+    cloud = PointCloud(wall, {"plane_id": np.ones(len(wall), np.int32)}, crs=CRS(32635))
+    elevation = found(cloud).elevation
+    assert elevation.frame["kind"].tolist() == ["facade"]
+    assert len(PlanesDrawing(elevation=elevation).run().schedule) == 0
+
+
+def test_points_too_far_apart_for_openings_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    """The same front with points 0.05 m and, after all but one in 16, 0.2 m apart."""
+    dense = front()
+    found(dense)
+    assert "apart" not in caplog.text
+    sparse = found(dense.select(np.arange(0, len(dense), 16)))
+    (wall,) = sparse.elevation.frame.loc[sparse.elevation.frame["kind"] == "facade", "spacing"]
+    assert f"the points of front 1 are {wall:.2f} m apart" in caplog.text
+    assert 0.1 < wall < 0.3
 
 
 def test_what_an_opening_is_found_by_and_what_was_dropped() -> None:

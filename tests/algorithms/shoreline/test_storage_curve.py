@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from scenes.layers import NORTH, UTM, WEST, cloud, raster
 
-from algorithms.shoreline._basin import Pieces, RasterBasin, _of_any_square
+from algorithms.shoreline._basin_pieces import Pieces
+from algorithms.shoreline._basin_raster import RasterBasin, _of_any_square
 from algorithms.shoreline.storage_curve import ShorelineStorageCurve, height_system, storage
 from algorithms.surface.flatten_water import SurfaceFlattenWater
 from toolbox.context import Context
@@ -453,3 +454,10 @@ def test_a_lake_needs_a_terrain() -> None:
     points = PointCloud(np.zeros((3, 3)), crs=CRS(32635))
     with pytest.raises(DataError, match="lake: is for a terrain"):
         ShorelineStorageCurve(points=points, lake=lake).run()
+
+
+def test_a_lake_that_is_not_there_is_an_error() -> None:
+    terrain, lake = dammed()
+    none = Vector(lake.frame.iloc[:0], name="water")
+    with pytest.raises(DataError, match="lake: water holds no water"):
+        ShorelineStorageCurve(terrain=terrain, lake=none).run()

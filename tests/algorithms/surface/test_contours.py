@@ -259,6 +259,20 @@ def test_lines_of_a_smoothed_surface_do_not_cross() -> None:
     assert not (one != other).any()
 
 
+@pytest.mark.parametrize("tolerance", [0.1, 0.5])
+def test_smoothing_draws_no_line_across_water_at_a_whole_level(tolerance: float) -> None:
+    """A lake at 5 m in rough ground that rises from it by 0.2 m per metre."""
+    row, col = np.mgrid[0:60, 0:60]
+    away = np.hypot(row - 30, col - 30) - 15
+    ground = 5.02 + 0.2 * away + np.random.default_rng(1).normal(0, 0.05, away.shape)
+    heights = np.where(away < 0, 5.0, np.maximum(ground, 5.0))
+    found = SurfaceContours(surface=raster(heights), smooth_tolerance=tolerance).run()
+    lines = found.contours.frame.geometry[found.contours.frame["elevation"] == 5.0]
+    inside = shapely.Point(WEST + 30.5, NORTH - 30.5).buffer(13.0)
+    assert len(lines)
+    assert not lines.intersects(inside).any()
+
+
 def test_gaps_stay_gaps_when_smoothed() -> None:
     heights = rough()
     heights[20:30, 20:30] = np.nan

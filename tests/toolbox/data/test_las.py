@@ -752,3 +752,25 @@ def test_the_crs_of_joined_files_is_stated_as_their_point_format_wants(tmp_path:
     PointCloud.concat([unknown, plain(6)]).save(tmp_path / "d.las")
     kept = laspy.read(tmp_path / "d.las").header.vlrs
     assert [vlr.record_id for vlr in kept] == [34735]  # what nobody understands stays
+
+
+@pytest.mark.parametrize(
+    ("given", "written", "says"),
+    [
+        ([0.25, 0.5, 1.0], [16384, 32768, 65535], "written times 65535"),
+        ([10.4, 7856.6, 3.0], [10, 7857, 3], "rounded"),
+    ],
+)
+def test_intensities_with_decimals_are_written_as_whole_numbers(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, given: Any, written: Any, says: str
+) -> None:
+    cloud = PointCloud(np.eye(3), {"intensity": np.array(given)})
+    cloud.save(tmp_path / "a.laz")
+    assert PointCloud.open(tmp_path / "a.laz")["intensity"].tolist() == written
+    assert says in caplog.text
+
+
+def test_intensities_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+    cloud = PointCloud(np.eye(3), {"intensity": np.array([0.5, -1.0, 2.0])})
+    with pytest.raises(DataError, match="LAS holds whole numbers"):
+        cloud.save(tmp_path / "a.laz")

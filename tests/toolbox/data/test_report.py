@@ -12,6 +12,7 @@ import pytest
 
 from toolbox.data import Figure, Report, Rows, Section, Table
 from toolbox.data.record import MEMBER, read_record
+from toolbox.data.report.render import render
 from toolbox.errors import DataError
 
 RECORD = json.dumps({MEMBER: "1", "text": "</script><b>"})
@@ -87,3 +88,22 @@ def test_no_text_of_a_record_ends_or_hides_the_page(text: str, tmp_path: Path) -
     inside = (tmp_path / "a.html").read_text().partition('id="provenance">')[2]
     assert "<" not in inside.partition("</script>\n<style>")[0]
     assert json.loads(read_record(tmp_path / "a.html"))["settings"]["where"] == text
+
+
+def test_a_wide_table_is_printed_with_columns_as_wide_as_their_texts() -> None:
+    rows = [
+        {"span": 5, "remark": "far from any wire, and of no kind that has a rule"}
+        | {f"measure_{k}": 1000.25 + k for k in range(9)}
+        for _ in range(3)
+    ]
+    block = Rows(Table.from_rows(rows))
+    widths = block.widths
+    assert sum(widths) == pytest.approx(100)
+    assert len(widths) == len(block.headings) == 11
+    # "Span" and "1000.25" with a gap of two, and 26 characters of the remark
+    assert widths[0] / widths[2] == pytest.approx((2 + 4) / (2 + 7))
+    assert widths[1] / widths[2] == pytest.approx((2 + 26) / (2 + 7))
+    report = Report("Line", [Section("Spans", [block])])
+    paper = render(report, style=None, logo=None, on_paper=True)
+    assert paper.count("<col style=") == 11
+    assert "<col style=" not in report.html()

@@ -215,23 +215,45 @@ def test_what_needs_a_place_on_the_earth_is_left_out(model: str, tmp_path: Path)
     assert "- lines.kmz: Lines for Google Earth. the data have no CRS of the Earth" in text
 
 
-def test_the_same_in_tiles(model: str, points: Path, tmp_path: Path) -> None:
+QUALITY = """
+    quality: {tool: points.survey_quality, points: {from: inputs.points}}
+    ground: {tool: ground.classify, points: {from: inputs.points}}
+"""
+"""A step on the whole survey and one on each tile, which both say something in words."""
+
+
+def test_the_same_in_tiles(points: Path, tmp_path: Path) -> None:
     from toolbox.tiles.tiling import Tiling
 
+    path = tmp_path / "hills.yaml"
+    text = MODEL.replace("\n    named:", QUALITY + "    named:")
+    for result in ("quality.density", "ground.ground"):
+        suffix = "tif" if result == "quality.density" else "laz"
+        text += f"    - {{file: {result}.{suffix}, from: {result}, help: More}}\n"
+    path.write_text(text)
     values = {"points": points, "page": tmp_path / "a.html"}
     tiling = Tiling.parse({"tile": 20, "workers": 1})
-    toolbox.run(model, {**values, "deliver": tmp_path / "tiled"}, tiling=tiling)
-    toolbox.run(model, {"points": points, "deliver": tmp_path / "whole"})
-    assert names(tmp_path / "tiled") == FILES
-    readme = {
-        name: " ".join((tmp_path / name / "README.txt").read_text().split())
+    toolbox.run(str(path), {**values, "deliver": tmp_path / "tiled"}, tiling=tiling)
+    toolbox.run(str(path), {"points": points, "deliver": tmp_path / "whole"})
+    more = {"quality.density.tif", "ground.ground.laz"}
+    assert names(tmp_path / "tiled") == names(tmp_path / "whole") == FILES | more
+    tiled, whole = (
+        " ".join((tmp_path / name / "README.txt").read_text().split())
         for name in ("tiled", "whole")
-    }
-    says = "made in tiles: what its steps say in words of what they found, did not look at or"
-    assert says in readme["tiled"]
-    assert says not in readme["whole"]
-    tiled, whole = (Raster.open(tmp_path / name / "top.tif").band() for name in ("tiled", "whole"))
-    assert np.array_equal(tiled, whole, equal_nan=True)
+    )
+    for said in (
+        "Coordinates EPSG:32635 WGS 84 / UTM zone 35N",
+        "Date of the survey not known",
+        "pulses per square metre",
+        "Whether a void is water was not looked at.",
+    ):
+        assert said in tiled
+        assert said in whole
+    says = "In words, as these steps ran tile by tile: "
+    assert f"{says}{catalog.load('ground.classify').title}." in tiled
+    assert says not in whole
+    bands = [Raster.open(tmp_path / name / "top.tif").band() for name in ("tiled", "whole")]
+    assert np.array_equal(*bands, equal_nan=True)
 
 
 def test_the_same_bytes_again_and_by_replay(

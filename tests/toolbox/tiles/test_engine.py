@@ -381,7 +381,7 @@ def test_repeated_steps_are_not_cut(survey: Path, tiling: Tiling, tmp_path: Path
 
 
 def test_resume_begins_anew_if_another_layer_has_changed(
-    survey: Path, tiling: Tiling, tmp_path: Path
+    survey: Path, tiling: Tiling, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """What a killed run has left belongs to the contents of all files."""
     template = toolbox.run("surface.grid", {"points": survey, "method": "max", "cell": 2})
@@ -400,6 +400,8 @@ def test_resume_begins_anew_if_another_layer_has_changed(
         ctx = Context(lambda fraction: None, begun)
         with pytest.raises(Cancelled):
             toolbox.run("surface.grid", values, tiling=tiling, resume=True, ctx=ctx)
+        said = "stopped; --resume goes on from here, with what is kept in"
+        assert f"{said} {tmp_path}{os.sep}.tiles-" in caplog.text
     toolbox.run("surface.grid", values, tiling=tiling, resume=True)
     whole = toolbox.run("surface.grid", values | {"surface": None})["surface"]
     np.testing.assert_array_equal(Raster.open(out).values, whole.values)

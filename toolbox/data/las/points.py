@@ -44,6 +44,7 @@ STANDARD = frozenset(name for number in range(11) for name in standard_names(num
 MIXED_WAVEFORMS = "lazrs does not keep the wave packets of several scanner channels in LAZ"
 """Why LAZ spoils a file in which :func:`waveform_channels` finds more than one (lazrs 0.8)."""
 
+MOST_INTENSE = 65_535  # intensity of LAS, of 16 bits
 SCAN_ANGLE = 0.006  # degrees per step of scan_angle in point formats 6-10
 _WEEK = 604_800  # seconds; larger GPS times are not times of the week
 
@@ -350,6 +351,33 @@ def without_extras(
 def _steps(degrees: Array) -> NDArray[np.float64]:
     """Scan angles in degrees as steps of 0.006 degrees, as in point formats 6-10."""
     return np.asarray(np.rint(degrees / SCAN_ANGLE), np.float64)
+
+
+def whole_intensity(values: Array) -> Array:
+    """Intensities as LAS has them, whole numbers from 0 to 65535, which a warning tells.
+
+    LAS asks for the range of the instrument to be spread to 16 bits; that of PTX and E57 is often
+    0 to 1. What does not fit stays, and is refused later by name.
+
+    Examples
+    --------
+    >>> whole_intensity(np.array([0.0, 0.5, 1.0])).tolist()
+    [0, 32768, 65535]
+    >>> whole_intensity(np.array([7.0, -1.5])).tolist()
+    [7.0, -1.5]
+    """
+    if not len(values) or not np.isfinite(values).all() or (values == np.rint(values)).all():
+        return values
+    low, high = values.min(), values.max()
+    if low < 0 or high > MOST_INTENSE:
+        return values
+    spread = high <= 1
+    log.warning(
+        "intensities have decimals, which LAS does not hold: they are %s",
+        f"written times {MOST_INTENSE}" if spread else "rounded",
+    )
+    whole: Array = np.rint(values * (MOST_INTENSE if spread else 1)).astype(np.uint16)
+    return whole
 
 
 def put(points: PackedPointRecord, name: str, values: Array) -> None:

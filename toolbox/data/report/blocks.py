@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 from toolbox.data.report.columns import Column, column_of
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 500  # of a table; all of them are in the file of the layer
 _SHORT = 10  # rows that are shown before all are asked for
+_GAP = 2  # characters between the columns of a printed table
+_LONGEST_WORD = 11  # characters of a heading before it is hyphenated in print
+_LONGEST_TEXT = 26  # characters of a text in print before it goes on in another line
 _WIDE = 9  # columns; a table of more is printed on a page of its own, across
 
 
@@ -68,7 +72,7 @@ class Rows:
     layer: str = ""
     short: int = _SHORT
 
-    @property
+    @cached_property
     def shown(self) -> pd.DataFrame:
         """The rows without the columns that reports leave out, and those that hold nothing."""
         frame = self.table.frame
@@ -92,7 +96,7 @@ class Rows:
         """Whether it has too many columns for an upright page."""
         return len(self.headings) > _WIDE
 
-    @property
+    @cached_property
     def headings(self) -> list[tuple[Column, bool]]:
         """How each column is shown, and whether it holds numbers."""
         return [
@@ -100,7 +104,7 @@ class Rows:
             for name, values in self.shown.items()
         ]
 
-    @property
+    @cached_property
     def cells(self) -> list[list[str]]:
         """The texts of the cells of each row that is shown."""
         frame = self.shown.head(self.most)
@@ -111,6 +115,21 @@ class Rows:
             )
         ]
         return [list(row) for row in zip(*texts, strict=True)]
+
+    @property
+    def widths(self) -> list[float]:
+        """Share of the width of a page that each column needs, in percent: by its longest text.
+
+        Headings break between words, and long texts in lines.
+        """
+        headings = [f"{how.heading} [{how.unit}]".split() for how, _ in self.headings]
+        words = [max(len(word) for word in heading) for heading in headings]
+        texts = [max(map(len, column)) for column in zip(*self.cells, strict=True)] or words
+        most = [
+            _GAP + max(min(word, _LONGEST_WORD), min(text, _LONGEST_TEXT))
+            for word, text in zip(words, texts, strict=True)
+        ]
+        return [100 * one / sum(most) for one in most]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,94 @@
+"""What people see on a terminal: tables of its width, colours, the step that is worked on."""
+
+from __future__ import annotations
+
+import os
+import pty
+import sys
+from collections.abc import Callable, Iterator
+from typing import TextIO
+
+import pandas as pd
+import pytest
+
+from toolbox.cli.console import Console
+from toolbox.cli.tables import fitted
+from toolbox.context import log
+
+WIDTH = 60
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], str]]:
+    """Standard error as a terminal; gives what was written there."""
+    ours, theirs = pty.openpty()
+    stream: TextIO = os.fdopen(theirs, "w", buffering=1)
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    yield lambda: os.read(ours, 100_000).decode()
+    stream.close()
+    os.close(ours)
+
+
+def test_warnings_and_errors_have_colours_on_a_terminal(terminal: Callable[[], str]) -> None:
+    console = Console()
+    log.warning("the lake is dark")
+    log.info("five lakes")
+    console.error(ValueError("no lake"))
+    shown = terminal()
+    assert "\x1b[33mwarning:\x1b[0m the lake is dark" in shown
+    assert "\x1b[1;31merror:\x1b[0m ValueError: no lake" in shown
+    assert "\nfive lakes" in shown
+
+
+@pytest.mark.parametrize(("name", "value"), [("NO_COLOR", "1"), ("TERM", "dumb")])
+def test_colours_are_left_out_where_nobody_wants_them(
+    terminal: Callable[[], str], monkeypatch: pytest.MonkeyPatch, name: str, value: str
+) -> None:
+    monkeypatch.setenv(name, value)
+    Console().message("warning", "the lake is dark")
+    assert terminal().strip() == "warning: the lake is dark"
+
+
+def test_a_file_gets_no_colours(capsys: pytest.CaptureFixture[str]) -> None:
+    Console().message("warning", "the lake is dark")
+    assert capsys.readouterr().err == "warning: the lake is dark\n"
+
+
+def test_the_progress_bar_names_the_step(terminal: Callable[[], str]) -> None:
+    console = Console()
+    with console.progress() as report:
+        console.stage("Step ground: Classify ground [fast]")
+        report(0.5)
+    assert "Step ground: Classify ground [fast]" in terminal()
+
+
+def wide() -> pd.DataFrame:
+    numbers = {f"measure_{k}": [k + 0.25, k + 0.5] for k in range(9)}
+    frame = pd.DataFrame({"class": ["ground", "water"], **numbers})
+    frame["measure_0_low"], frame["measure_0_high"] = [0.2, 0.4], [0.3, float("nan")]
+    return frame.assign(meaning="a text so long that it must go on in another line of the terminal")
+
+
+def test_tables_fit_the_width_of_a_terminal() -> None:
+    lines = fitted(wide(), WIDTH).splitlines()
+    assert max(map(len, lines)) <= WIDTH
+    assert sum(line.startswith("class") for line in lines) == 3
+    assert any("0.25 (0.2 to 0.3)" in line for line in lines)
+    words = " ".join(fitted(wide(), WIDTH).split())
+    for k in range(9):
+        assert f"measure_{k} " in words
+    assert "_low" not in words
+    assert "so long that" in words
+
+
+def test_a_wide_row_is_shown_upright() -> None:
+    lines = fitted(wide().iloc[:1], WIDTH).splitlines()
+    assert lines[0].split() == ["class", "ground"]
+    assert lines[2].split() == ["measure_1", "1.25"]
+
+
+def test_a_table_that_fits_stays_in_one_piece() -> None:
+    frame = pd.DataFrame({"level": [1.5, 2.5], "area": [10, 200]})
+    assert fitted(frame, WIDTH).splitlines() == ["level  area", "  1.5    10", "  2.5   200"]

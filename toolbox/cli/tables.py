@@ -1,0 +1,117 @@
+"""Tables on a terminal: as wide as that, with limits beside their values."""
+
+from __future__ import annotations
+
+import itertools
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from toolbox.data.table import cell_texts, is_number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+GAP = "  "
+NARROWEST = 24  # characters to which a text is wrapped at least
+
+
+@dataclass(frozen=True)
+class _Column:
+    """A column as texts; numbers stand to the right."""
+
+    name: str
+    cells: Sequence[str]
+    number: bool
+
+    @property
+    def width(self) -> int:
+        return max(map(len, [self.name, *self.cells]))
+
+    def lines(self, width: int) -> list[list[str]]:
+        """The name and each cell in lines of a width."""
+        texts = [self.name, *self.cells]
+        if self.number:
+            return [[text.rjust(width)] for text in texts]
+        wrapped = [textwrap.wrap(text, width, break_on_hyphens=False) or [""] for text in texts]
+        return [[line.ljust(width) for line in lines] for lines in wrapped]
+
+
+def fitted(frame: pd.DataFrame, width: int) -> str:
+    """A table as text that is not wider than a number of characters, if its columns allow.
+
+    Limits, in columns named like another one with _low and _high, stand beside its values. Columns
+    that do not fit follow below, each part with the first column; of a single row each value
+    stands in a line then. Long texts go on in the next line.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> frame = pd.DataFrame({"class": ["2", "6"], "f1": [0.91, 0.5]})
+    >>> print(fitted(frame.assign(f1_low=[0.9, 0.25], f1_high=[0.92, 0.75]), 40))
+    class                  f1
+    2      0.91 (0.9 to 0.92)
+    6      0.5 (0.25 to 0.75)
+    """
+    columns = list(_columns(frame))
+    if not columns:
+        return ""
+    parts = list(_parts(columns, width))
+    if len(parts) > 1 and len(frame) == 1:
+        names = [column.name for column in columns]
+        values = [column.cells[0] for column in columns]
+        parts = [[_Column("", names, number=False), _Column("", values, number=False)]]
+        return "\n".join(_printed(parts[0], width)[1:])
+    return "\n".join("\n".join(_printed(part, width)) for part in parts)
+
+
+def _columns(frame: pd.DataFrame) -> Iterator[_Column]:
+    """The columns, those of limits within that of their values."""
+    names = [str(name) for name in frame]
+    frame = frame.set_axis(names, axis=1)
+    with_limits = {n for n in names if {f"{n}_low", f"{n}_high"} <= set(names)}
+    limits = {f"{name}_{end}" for name in with_limits for end in ("low", "high")}
+    for name in names:
+        texts = cell_texts(frame[name], missing="-")
+        if name in with_limits:
+            ends = zip(frame[name], frame[f"{name}_low"], frame[f"{name}_high"], strict=True)
+            texts = [
+                text if high != high else f"{value:.4g} ({low:.4g} to {high:.4g})"  # noqa: PLR0124
+                for text, (value, low, high) in zip(texts, ends, strict=True)
+            ]
+        if name not in limits:
+            yield _Column(name, texts, is_number(frame[name]))
+
+
+def _parts(columns: list[_Column], width: int) -> Iterator[list[_Column]]:
+    """Columns that fit beside each other, the first one in each part."""
+    first, *rest = columns
+    part = [first]
+    for column in rest:
+        left = width - sum(one.width + len(GAP) for one in part)
+        fits = column.width <= left or (not column.number and left >= NARROWEST)
+        if not fits and len(part) > 1:
+            yield part
+            part = [first]
+        part.append(column)
+    yield part
+
+
+def _printed(part: Sequence[_Column], width: int) -> list[str]:
+    """The lines of some columns; the last one, if it is text, is wrapped."""
+    *others, last = part
+    left = width - sum(one.width + len(GAP) for one in others)
+    widths = [*(one.width for one in others), max(min(last.width, left), NARROWEST)]
+    if last.number or last.width <= left:
+        widths[-1] = last.width
+    cells = [column.lines(wide) for column, wide in zip(part, widths, strict=True)]
+    empty = [" " * wide for wide in widths]
+    made = []
+    for row in zip(*cells, strict=True):
+        for lines in itertools.zip_longest(*row):
+            texts = [
+                blank if text is None else text for text, blank in zip(lines, empty, strict=True)
+            ]
+            made.append(GAP.join(texts).rstrip())
+    return made

@@ -4,7 +4,7 @@ What each figure means, and when to trust it: docs/explanation/accuracy.md.
 
 References
 ----------
-ASPRS (2023). Positional Accuracy Standards for Digital Geospatial Data, Edition 2, Version 1.0:
+ASPRS (2024). Positional Accuracy Standards for Digital Geospatial Data, Edition 2, Version 2:
 RMSE of vertical errors, apart for ground without and with vegetation, of at least 30 checkpoints.
 Freedman, D. and Diaconis, P. (1981). On the histogram as a density estimator: L2 theory.
 Zeitschrift für Wahrscheinlichkeitstheorie 57, 453-476: width of bins.
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from algorithms.compare._shapes import areas_at
 from algorithms.compare._spread import Quarters, spread
+from algorithms.compare._statement import FEWEST, horizontal, statement
 from algorithms.shared import parameters
 from algorithms.shared.alignment import difference, misfit
 from algorithms.shared.error_measures import COUNTS, MEANING, measures
@@ -36,7 +37,7 @@ from toolbox.errors import DataError
 REFERENCES = ("reference", "checkpoints", "points")
 ROWS = 512  # resampled between two checks for cancellation
 MOST_COVERS = 256
-FEWEST = 30  # checkpoints, by the standard
+STATED = "RMSEH"
 CONFIDENCE = 1.959963984540054  # standard deviations of a normal distribution that hold 95 %
 MOST_BINS = 80
 UNKNOWN = "not known"  # land cover of a position that no class or polygon covers
@@ -77,11 +78,13 @@ class CompareSurfaces:
     polygons, checkpoints or points. The covers named in `vegetated` make up the vegetated
     vertical accuracy (VVA), all others the non-vegetated one (NVA).
 
-    For points there is a report in the manner of the ASPRS standards (Edition 2, 2023): RMSE of the
+    For points there is a report after the ASPRS standards, Edition 2, Version 2 (2024): RMSE of the
     fit to the checkpoints, with their own error as root of the sum of squares, for NVA and VVA; how
     many there are of the 30 that are needed; whether they are spread over the area, with a fifth of
     them in each quarter, and not crowded; and whether the NVA meets `accuracy_class`. VVA is
-    reported as found and fails nothing. `covers` has the share in the emptiest quarter too.
+    reported as found and fails nothing. A statement says so in words. Horizontal accuracy is not
+    tested; `horizontal_rmse` is what its maker states. `covers` has the share in the emptiest
+    quarter too.
 
     Tables are in metres, layers in the unit of the data.
     """
@@ -125,6 +128,13 @@ class CompareSurfaces:
         gt=0,
         label="RMSE to be met",
     )
+    horizontal_rmse: float | None = param(
+        "Horizontal RMSE that the maker of the surface states, for the report",
+        default=None,
+        unit="m",
+        gt=0,
+        label="Horizontal RMSE",
+    )
     largest_errors: int = param(
         "Number of the largest errors to mark",
         default=100,
@@ -137,7 +147,7 @@ class CompareSurfaces:
     class Outputs:
         table: Table = sink("One row per measure: measure, value, unit, meaning")
         covers: Table = sink("One row per land cover, with the same measures", label="Land covers")
-        report: Table | None = sink("Report in the manner of ASPRS 2023, for points")
+        report: Table | None = sink("Report after ASPRS 2024, for points")
         difference: Raster | None = sink("Surface minus reference raster")
         errors: Vector = sink(
             "The largest errors, the largest first",
@@ -154,6 +164,23 @@ class CompareSurfaces:
         nmad: float = sink("Median absolute deviation times 1.4826", unit="m", label="NMAD")
         le95: float = sink("Error that 95 % of the errors do not exceed", unit="m", label="LE95")
 
+        def in_words(self) -> str:
+            """The statement of accuracy, or how well two rasters agree."""
+            if self.report is None:
+                return (
+                    f"Surface less reference: mean {self.bias:.3f} m, RMSE {self.rmse:.3f} m, "
+                    f"NMAD {self.nmad:.3f} m, at {self.count} cells."
+                )
+            return "\n".join(statement(self.report.frame))
+
+        def not_looked_at(self) -> Iterator[str]:
+            """What heights do not tell."""
+            if self.report is not None:
+                items = self.report.frame.set_index("item")["value"]
+                yield horizontal(items.get(STATED))
+            if self.missing:
+                yield f"Places without a counterpart: {self.missing}."
+
     def check(self) -> Iterator[tuple[str, str]]:
         """No land cover is named twice."""
         if self.vegetated and len(set(self.vegetated)) < len(self.vegetated):
@@ -169,7 +196,7 @@ class CompareSurfaces:
             yield "surface", f"{_named(self.surface)} {text}"
         if self.resample and self.reference is None:
             yield "resample", "is for a reference raster"
-        for name in ("checkpoint_rmse", "accuracy_class"):
+        for name in ("checkpoint_rmse", "accuracy_class", "horizontal_rmse"):
             if self.reference is not None and getattr(self, name) is not None:
                 yield name, "is for the report on points, not for a reference raster"
         yield from self._reference_problems()
@@ -354,6 +381,9 @@ class CompareSurfaces:
             wanted = self.accuracy_class if kind == "NVA" else None
             rows += report(kind, found.error[which], self.checkpoint_rmse, wanted)
             rows += spread(kind, found.xy[which], quarters)
+        if self.horizontal_rmse is not None:
+            note = "stated by the maker of the surface, not tested"
+            rows.append({"item": STATED, "value": self.horizontal_rmse, "unit": "m", "note": note})
         return Table.from_rows(in_metres(rows, self.surface.metre))
 
     def _largest(
@@ -524,15 +554,15 @@ def report(kind: str, error: Array, own: float | None, wanted: float | None) -> 
     fit = measures(error)
     yield row("mean error", fit["bias"], "surface minus checkpoint")
     yield row("standard deviation", fit["std"], "")
-    yield row("RMSEv1", fit["rmse"], "fit of the surface to the checkpoints")
-    yield row("RMSEv2", own, _own_note(own, wanted))
+    yield row("RMSEV1", fit["rmse"], "fit of the surface to the checkpoints")
+    yield row("RMSEV2", own, _own_note(own, wanted))
     total = math.hypot(fit["rmse"], own or 0.0)
     if kind == "VVA":
-        yield row("RMSEv", total, "root of RMSEv1² + RMSEv2²; reported as found, no pass or fail")
+        yield row("RMSEV", total, "root of RMSEV1² + RMSEV2²; reported as found, no pass or fail")
         yield row("95th percentile", fit["le95"], "vegetated accuracy of Edition 1 (2014)")
         return
-    yield row("RMSEv", total, "root of RMSEv1² + RMSEv2²")
-    yield row("1.96 RMSEv1", CONFIDENCE * fit["rmse"], "accuracy at 95 % of Edition 1 (2014)")
+    yield row("RMSEV", total, "root of RMSEV1² + RMSEV2²")
+    yield row("1.96 RMSEV1", CONFIDENCE * fit["rmse"], "accuracy at 95 % of Edition 1 (2014)")
     if wanted is not None:
         verdict = "met" if total <= wanted else "NOT MET"
         if len(error) < FEWEST:

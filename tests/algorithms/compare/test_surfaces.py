@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 from itertools import pairwise
 from typing import Any
 
 import geopandas
 import numpy as np
+import pandas as pd
 import pytest
 import shapely
 from pyproj import CRS
@@ -18,7 +20,8 @@ from scipy import stats
 
 from algorithms.compare import surfaces as module
 from algorithms.compare._spread import Quarters, spread
-from algorithms.compare.surfaces import CompareSurfaces, histogram, resampled, rounded_up
+from algorithms.compare._statement import statement
+from algorithms.compare.surfaces import CompareSurfaces, histogram, report, resampled, rounded_up
 from algorithms.shared.error_measures import measures
 from toolbox.data import Lattice, PointCloud, Raster, Vector
 from toolbox.declare import ClassList
@@ -212,13 +215,53 @@ def test_land_cover_of_checkpoints_by_hand() -> None:
     report = by(out.report, "item", "value")
     fit = math.sqrt((0.09 + 0.01 + 0.01) / 3)  # forest apart
     assert report["NVA checkpoints"] == 3
-    assert report["NVA RMSEv1"] == pytest.approx(fit)
-    assert report["NVA RMSEv"] == pytest.approx(math.hypot(fit, 0.3))
-    assert report["NVA 1.96 RMSEv1"] == pytest.approx(1.96 * fit, rel=1e-4)
+    assert report["NVA RMSEV1"] == pytest.approx(fit)
+    assert report["NVA RMSEV"] == pytest.approx(math.hypot(fit, 0.3))
+    assert report["NVA 1.96 RMSEV1"] == pytest.approx(1.96 * fit, rel=1e-4)
     assert report["VVA checkpoints"] == 2
-    assert report["VVA RMSEv"] == pytest.approx(math.hypot(math.sqrt(0.32), 0.3))
+    assert report["VVA RMSEV"] == pytest.approx(math.hypot(math.sqrt(0.32), 0.3))
     assert report["VVA 95th percentile"] == pytest.approx(0.76)
     assert out.errors.frame["cover"].tolist()[:2] == ["forest", "road"]  # of 0.8 and -0.3
+
+
+@pytest.mark.parametrize(
+    ("count", "wanted", "says"),
+    [
+        (
+            40,
+            0.5,
+            "Tested at 40 checkpoints by the ASPRS .* Edition 2, Version 2 .*50 cm RMSEV is met",
+        ),
+        (40, 0.2, "the vertical accuracy class of 20 cm RMSEV is not met"),
+        (40, None, "no accuracy class was asked for"),
+        (29, 0.5, "Not tested by the ASPRS .* asks for 30 checkpoints .*; there are 29"),
+    ],
+)
+def test_the_statement_says_whether_the_class_is_met(
+    count: int, wanted: float | None, says: str
+) -> None:
+    """Errors of 0.3 m, and of 0.4 m of the checkpoints where that is given, make 0.5 m."""
+    error = np.where(np.arange(count) % 2, 0.3, -0.3)
+    own = 0.4 if wanted != 0.2 else None
+    rows = [*report("NVA", error, own, wanted), *report("VVA", error[:5] * 2, own, None)]
+    said = "\n".join(statement(pd.DataFrame(rows)))
+    assert re.search(says, said)
+    if own:
+        assert "(NVA): RMSEV 50.0 cm, of which 30.0 cm are the fit" in said
+        assert "at 5 checkpoints: RMSEV 72.1 cm" in said
+    else:
+        assert "(NVA): RMSEV 30.0 cm, the fit alone" in said
+
+
+def test_the_statement_is_what_the_tool_says_and_horizontal_accuracy_is_not_tested() -> None:
+    out = CompareSurfaces(surface=slope(), checkpoints=checks(), horizontal_rmse=0.25).run()
+    assert out.in_words().startswith("Not tested by the ASPRS")
+    assert (
+        "Horizontal accuracy (RMSEH) was not tested; its maker states RMSEH 25 cm."
+        in out.not_looked_at()
+    )
+    assert out.report is not None
+    assert by(out.report, "item", "value")["RMSEH"] == 0.25
 
 
 def test_land_cover_of_points_and_in_numeric_order() -> None:
@@ -264,8 +307,8 @@ def test_accuracy_class_includes_the_error_of_the_checkpoints(
     assert out.report is not None
     notes, values = by(out.report, "item", "note"), by(out.report, "item", "value")
     assert notes["NVA accuracy class"] == verdict
-    assert values["NVA RMSEv"] == pytest.approx(math.hypot(size, own))
-    assert ("MORE THAN HALF" in notes["NVA RMSEv2"]) == (own > 0.051)
+    assert values["NVA RMSEV"] == pytest.approx(math.hypot(size, own))
+    assert ("MORE THAN HALF" in notes["NVA RMSEV2"]) == (own > 0.051)
     assert notes["NVA checkpoints"].startswith("enough")
 
 
@@ -276,8 +319,8 @@ def test_too_few_checkpoints_are_said_to_be() -> None:
     notes, values = by(out.report, "item", "note"), by(out.report, "item", "value")
     assert notes["NVA checkpoints"] == "TOO FEW: at least 30 are needed"
     assert notes["NVA accuracy class"] == "met, by fewer than 30 checkpoints"
-    assert "not given" in notes["NVA RMSEv2"]
-    assert math.isnan(values["NVA RMSEv2"])
+    assert "not given" in notes["NVA RMSEV2"]
+    assert math.isnan(values["NVA RMSEV2"])
 
 
 # The spread of checkpoints --------------------------------------------------------------------

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import pty
 import sys
-from collections.abc import Callable, Iterator
-from typing import TextIO
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 import pandas as pd
 import pytest
@@ -18,37 +19,48 @@ from toolbox.context import log
 WIDTH = 60
 
 
-@pytest.fixture
-def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], str]]:
-    """Standard error as a terminal; gives what was written there."""
+@contextmanager
+def terminal(**environment: str) -> Iterator[list[str]]:
+    """Standard error as a terminal; the list holds what was written there, once it is closed."""
     ours, theirs = pty.openpty()
-    stream: TextIO = os.fdopen(theirs, "w", buffering=1)
-    monkeypatch.setattr(sys, "stderr", stream)
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    monkeypatch.setenv("TERM", "xterm")
-    yield lambda: os.read(ours, 100_000).decode()
-    stream.close()
+    pieces: list[bytes] = []
+    text: list[str] = []
+
+    def read() -> None:
+        with suppress(OSError):  # that nobody writes there any more
+            while piece := os.read(ours, 1000):
+                pieces.append(piece)
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("NO_COLOR", raising=False)
+        for name, value in {"TERM": "xterm", **environment}.items():
+            patch.setenv(name, value)
+        with os.fdopen(theirs, "w", buffering=1) as stream:
+            patch.setattr(sys, "stderr", stream)
+            yield text
+    reader.join()
     os.close(ours)
+    text.append(b"".join(pieces).decode().replace("\r\n", "\n"))
 
 
-def test_warnings_and_errors_have_colours_on_a_terminal(terminal: Callable[[], str]) -> None:
-    console = Console()
-    log.warning("the lake is dark")
-    log.info("five lakes")
-    console.error(ValueError("no lake"))
-    shown = terminal()
-    assert "\x1b[33mwarning:\x1b[0m the lake is dark" in shown
-    assert "\x1b[1;31merror:\x1b[0m ValueError: no lake" in shown
-    assert "\nfive lakes" in shown
+def test_warnings_and_errors_have_colours_on_a_terminal() -> None:
+    with terminal() as shown:
+        console = Console()
+        log.warning("the lake is dark")
+        log.info("five lakes")
+        console.error(ValueError("no lake"))
+    assert "\x1b[33mwarning:\x1b[0m the lake is dark" in shown[0]
+    assert "\x1b[1;31merror:\x1b[0m ValueError: no lake" in shown[0]
+    assert "\nfive lakes" in shown[0]
 
 
-@pytest.mark.parametrize(("name", "value"), [("NO_COLOR", "1"), ("TERM", "dumb")])
-def test_colours_are_left_out_where_nobody_wants_them(
-    terminal: Callable[[], str], monkeypatch: pytest.MonkeyPatch, name: str, value: str
-) -> None:
-    monkeypatch.setenv(name, value)
-    Console().message("warning", "the lake is dark")
-    assert terminal().strip() == "warning: the lake is dark"
+@pytest.mark.parametrize("environment", [{"NO_COLOR": "1"}, {"TERM": "dumb"}])
+def test_colours_are_left_out_where_nobody_wants_them(environment: dict[str, str]) -> None:
+    with terminal(**environment) as shown:
+        Console().message("warning", "the lake is dark")
+    assert shown[0].strip() == "warning: the lake is dark"
 
 
 def test_a_file_gets_no_colours(capsys: pytest.CaptureFixture[str]) -> None:
@@ -56,12 +68,13 @@ def test_a_file_gets_no_colours(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().err == "warning: the lake is dark\n"
 
 
-def test_the_progress_bar_names_the_step(terminal: Callable[[], str]) -> None:
-    console = Console()
-    with console.progress() as report:
-        console.stage("Step ground: Classify ground [fast]")
-        report(0.5)
-    assert "Step ground: Classify ground [fast]" in terminal()
+def test_the_progress_bar_names_the_step() -> None:
+    with terminal(COLUMNS="120") as shown:
+        console = Console()
+        with console.progress() as report:
+            console.stage("Step ground: Classify ground [fast]")
+            report(0.5)
+    assert "Step ground: Classify ground [fast]" in shown[0]
 
 
 def wide() -> pd.DataFrame:

@@ -45,6 +45,7 @@ MIXED_WAVEFORMS = "lazrs does not keep the wave packets of several scanner chann
 """Why LAZ spoils a file in which :func:`waveform_channels` finds more than one (lazrs 0.8)."""
 
 MOST_INTENSE = 65_535  # intensity of LAS, of 16 bits
+LEAST_RANGE = 100  # of intensities that may be rounded: a hundredth of it is as much as is lost
 SCAN_ANGLE = 0.006  # degrees per step of scan_angle in point formats 6-10
 _WEEK = 604_800  # seconds; larger GPS times are not times of the week
 
@@ -357,7 +358,8 @@ def whole_intensity(values: Array) -> Array:
     """Intensities as LAS has them, whole numbers from 0 to 65535, which a warning tells.
 
     LAS asks for the range of the instrument to be spread to 16 bits; that of PTX and E57 is often
-    0 to 1. What does not fit stays, and is refused later by name.
+    0 to 1. What does not fit stays, and is refused later by name, as are ranges of which rounding
+    would leave little.
 
     Examples
     --------
@@ -369,9 +371,9 @@ def whole_intensity(values: Array) -> Array:
     if not len(values) or not np.isfinite(values).all() or (values == np.rint(values)).all():
         return values
     low, high = values.min(), values.max()
-    if low < 0 or high > MOST_INTENSE:
-        return values
     spread = high <= 1
+    if low < 0 or high > MOST_INTENSE or not (spread or high >= LEAST_RANGE):
+        return values
     log.warning(
         "intensities have decimals, which LAS does not hold: they are %s",
         f"written times {MOST_INTENSE}" if spread else "rounded",

@@ -1,0 +1,82 @@
+"""The statement of accuracy of a surface, after the standard of the ASPRS, in words of our own.
+
+References
+----------
+ASPRS (2024). Positional Accuracy Standards for Digital Geospatial Data, Edition 2, Version 2: what
+a statement names is the class, the actual RMSE with that of the checkpoints, for ground without
+(NVA) and with vegetation (VVA), and the number of checkpoints; without enough of them nothing is
+called tested.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import pandas as pd
+
+STANDARD = (
+    "ASPRS Positional Accuracy Standards for Digital Geospatial Data, Edition 2, Version 2 (2024)"
+)
+FEWEST = 30  # checkpoints, by the standard
+CENTIMETRES = 100.0  # in a metre; classes of the standard are centimetres
+
+
+def statement(report: pd.DataFrame) -> Iterator[str]:
+    """Sentences on NVA and VVA from the rows of a report.
+
+    Parameters
+    ----------
+    report : columns item and value, metres
+
+    Examples
+    --------
+    >>> items = ["NVA checkpoints", "NVA RMSEV1", "NVA RMSEV2", "NVA RMSEV", "NVA accuracy class"]
+    >>> values = [40, 0.03, 0.04, 0.05, 0.1]
+    >>> for said in statement(pd.DataFrame({"item": items, "value": values})):
+    ...     print(said)
+    Tested at 40 checkpoints by the ASPRS Positional Accuracy Standards for Digital Geospatial \
+Data, Edition 2, Version 2 (2024): the vertical accuracy class of 10 cm RMSEV is met.
+    Non-vegetated vertical accuracy (NVA): RMSEV 5.0 cm, of which 3.0 cm are the fit to the \
+checkpoints and 4.0 cm these themselves.
+    """
+    found = dict(zip(report["item"], report["value"], strict=True))
+    count = int(found.get("NVA checkpoints", 0))
+    wanted = found.get("NVA accuracy class")
+    if count < FEWEST:
+        yield (
+            f"Not tested by the {STANDARD}, which asks for {FEWEST} checkpoints without "
+            f"vegetation; there are {count}. What follows is how well the surface fits these."
+        )
+    elif wanted is None:
+        yield f"Tested at {count} checkpoints by the {STANDARD}; no accuracy class was asked for."
+    else:
+        verdict = "met" if found["NVA RMSEV"] <= wanted else "not met"
+        yield (
+            f"Tested at {count} checkpoints by the {STANDARD}: the vertical accuracy class of "
+            f"{wanted * CENTIMETRES:.3g} cm RMSEV is {verdict}."
+        )
+    if count:
+        yield f"Non-vegetated vertical accuracy (NVA): {_actual('NVA', found)}"
+    if green := int(found.get("VVA checkpoints", 0)):
+        yield (
+            f"Vegetated vertical accuracy (VVA), reported as found at {green} checkpoints: "
+            f"{_actual('VVA', found)}"
+        )
+
+
+def _actual(kind: str, found: Mapping[str, float]) -> str:
+    """The RMSE found, and what it is made of."""
+    total, fit, own = (
+        f"{found[f'{kind} RMSEV{part}'] * CENTIMETRES:.1f} cm" for part in ("", "1", "2")
+    )
+    if pd.isna(found[f"{kind} RMSEV2"]):
+        return f"RMSEV {total}, the fit alone, as the error of the checkpoints is not given."
+    return (
+        f"RMSEV {total}, of which {fit} are the fit to the checkpoints and {own} these themselves."
+    )
+
+
+def horizontal(rmse: float | None) -> str:
+    """What is to be said of the horizontal accuracy, which heights do not tell."""
+    stated = "" if rmse is None else f"; its maker states RMSEH {rmse * CENTIMETRES:.3g} cm"
+    return f"Horizontal accuracy (RMSEH) was not tested{stated}."

@@ -53,6 +53,7 @@ class Extra:
 
 
 E57 = Extra("E57", "pye57", "e57")
+IFC = Extra("IFC", "ifcopenshell", "ifc")
 ISO = Extra("Metadata after ISO 19115", "pygeometa", "metadata")
 PARQUET = Extra("Parquet", "pyarrow", "parquet")
 PDF = Extra(

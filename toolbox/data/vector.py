@@ -14,7 +14,17 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox.context import QUIET, Context, log
-from toolbox.data import cityjson, differences, dxf, feature_table, geopackage, kmz, mesh, shapefile
+from toolbox.data import (
+    cityjson,
+    differences,
+    dxf,
+    feature_table,
+    geopackage,
+    ifc,
+    kmz,
+    mesh,
+    shapefile,
+)
 from toolbox.data.crs import (
     crs_from_json,
     crs_to_json,
@@ -28,7 +38,7 @@ from toolbox.data.crs import (
     same_crs,
 )
 from toolbox.data.drivers import check_vector
-from toolbox.data.extras import PARQUET, PLY, Extra
+from toolbox.data.extras import IFC, PARQUET, PLY, Extra
 from toolbox.data.layer import Inside, Layer, refuse_zero_bytes, text_array
 from toolbox.data.paths import local, named_as_given
 from toolbox.data.reading import errors_named
@@ -83,8 +93,11 @@ class Vector(Layer):
         ".ply",
         ".csv",
         cityjson.SUFFIX,
+        ifc.SUFFIX,
     )
-    NEEDS: ClassVar[Mapping[str, Extra]] = MappingProxyType({".parquet": PARQUET, ".ply": PLY})
+    NEEDS: ClassVar[Mapping[str, Extra]] = MappingProxyType(
+        {".parquet": PARQUET, ".ply": PLY, ifc.SUFFIX: IFC}
+    )
     NEEDING_CRS: ClassVar[tuple[str, ...]] = (".geojson", ".kml", ".kmz")  # one of the Earth
     is_spatial: ClassVar[bool] = True
     tools: ClassVar[str] = "vectors"
@@ -232,13 +245,14 @@ class Vector(Layer):
         packed, with colours and folders. DXF has a unit, but no CRS. PLY is a mesh of polygons
         with heights, CSV a table with x, y and z of points or the WKT of others, both without a
         CRS. CityJSON makes blocks of outlines of buildings with the heights of ground and roof
-        (`toolbox.data.cityjson`). KMZ and CityJSON are not read again. What a Shapefile cannot
-        hold: `toolbox.data.shapefile`.
+        (`toolbox.data.cityjson`), IFC walls with openings of an elevation (`toolbox.data.ifc`).
+        These two and KMZ are not read again. What a Shapefile cannot hold stands in
+        `toolbox.data.shapefile`.
 
         Parameters
         ----------
-        path : ends in .gpkg, .geojson, .fgb, .parquet, .shp, .kml, .kmz, .dxf, .ply, .csv or
-            .city.json
+        path : ends in .gpkg, .geojson, .fgb, .parquet, .shp, .kml, .kmz, .dxf, .ply, .csv,
+            .city.json or .ifc
         layer : name of the layer in the file; the stem of the file name unless given
         add : keep the other layers of a GeoPackage
         record : how the file was made, as JSON text (see `toolbox.runs.provenance`)
@@ -284,6 +298,8 @@ class Vector(Layer):
             self.frame.to_parquet(path)
         elif suffix == cityjson.SUFFIX:
             cityjson.write(self.frame, path)
+        elif suffix == ifc.SUFFIX:
+            ifc.write(self.frame, path, self.metre)
         elif suffix == ".dxf":
             dxf.write(self.frame, path, layer)
         elif suffix == ".ply":

@@ -174,8 +174,10 @@ def write(
 
 def _why_not(target: Target, found: Mapping[str, Any]) -> str | None:
     """Why a file of the set cannot be written; None if it can."""
-    if target.output == PAGE:
+    if target.missing:
         return target.missing
+    if target.output == PAGE:
+        return None
     layer = found.get(target.output)
     if layer is None or layer == ():
         return NOTHING

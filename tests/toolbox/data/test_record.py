@@ -53,7 +53,11 @@ LAYERS: list[tuple[Callable[[], Any], str, dict[str, Any]]] = [
     *((cloud, suffix, {}) for suffix in PointCloud.SUFFIXES),
     (raster, ".tif", {}),
     (raster, ".TIFF", {"cog": True}),
-    *((vector, suffix, {}) for suffix in Vector.SUFFIXES if suffix not in (".ply", ".city.json")),
+    *(
+        (vector, suffix, {})
+        for suffix in Vector.SUFFIXES
+        if suffix not in (".ply", ".city.json", ".ifc")
+    ),
     (building, ".city.json", {}),
     *((table, suffix, {}) for suffix in Table.SUFFIXES),
 ]

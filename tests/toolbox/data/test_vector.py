@@ -19,7 +19,7 @@ from toolbox.errors import DataError
 
 X, Y = 700000.0, 6600000.0
 # A mesh and CityJSON hold polygons alone.
-FLAT = [suffix for suffix in Vector.SUFFIXES if suffix not in (".ply", ".city.json")]
+FLAT = [suffix for suffix in Vector.SUFFIXES if suffix not in (".ply", ".city.json", ".ifc")]
 KEEPING = [
     suffix for suffix in FLAT if suffix not in (".kml", ".kmz", ".dxf", ".csv")
 ]  # other CRS, and none

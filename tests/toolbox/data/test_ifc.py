@@ -1,0 +1,118 @@
+"""Fronts as IFC4: valid, where they are, as large as they are, with openings of the size told."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import numpy as np
+import pytest
+import shapely
+
+from toolbox.data import Vector
+from toolbox.data.crs import parse_crs
+from toolbox.errors import DataError
+
+ifcopenshell = pytest.importorskip("ifcopenshell")
+FOOT = 0.3048
+
+
+def elevation(unit: str = "local", metre: float = 1.0) -> Vector:
+    """A wall of 10 m by 6 m that looks south, and one that looks east, with a door and a window."""
+    door, window = shapely.box(1, 0, 2, 2.1), shapely.box(24, 1, 25.5, 2.5)
+    south = shapely.box(0, 0, 10, 6).difference(door)
+    east = shapely.box(20, 0, 26, 6).difference(window)
+    names = [f"{name}_{axis}" for name in ("corner", "right", "up") for axis in "xyz"]
+    # the place of (0, 0): the second front begins at 20 in the elevation, at y = 0 in space
+    first = (500.25 * metre, 400.0 * metre, 100.0 * metre, 1, 0, 0, 0, 0, 1)
+    second = (510.25 * metre, (400.0 - 20) * metre, 100.0 * metre, 0, 1, 0, 0, 0, 1)
+    size = {"set_back": 0.1 * metre, "certainty": 0.9, "hidden": "left"}
+    rows: list[dict[str, Any]] = [
+        {"kind": "facade", "front_id": 1, "opening_id": 0, **dict(zip(names, first, strict=True))},
+        {"kind": "facade", "front_id": 2, "opening_id": 0, **dict(zip(names, second, strict=True))},
+        {"kind": "door", "front_id": 1, "opening_id": 1, "width": metre, "height": 2.1 * metre}
+        | {"sill": 0.0, **size},
+        {"kind": "window", "front_id": 2, "opening_id": 2, "width": 1.5 * metre}
+        | {"height": 1.5 * metre, "sill": metre, **size},
+    ]
+    shapes = [shapely.transform(s, lambda xy: xy * metre) for s in (south, east, door, window)]
+    return Vector(geopandas.GeoDataFrame(rows, geometry=shapes, crs=parse_crs(unit)))
+
+
+def written(layer: Vector, path: Path) -> Any:
+    layer.save(path, record=json.dumps({"lidar-toolbox": 1}))
+    return ifcopenshell.open(path)
+
+
+def corners(model: Any, element: Any) -> Any:
+    """The least and greatest coordinates of an element in space."""
+    import ifcopenshell.geom
+
+    settings = ifcopenshell.geom.settings()
+    settings.set("use-world-coords", True)
+    shape = ifcopenshell.geom.create_shape(settings, element)
+    vertices = np.reshape(shape.geometry.verts, (-1, 3))
+    return np.array([vertices.min(axis=0), vertices.max(axis=0)])
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # files of theirs
+@pytest.mark.parametrize(("unit", "metre"), [("local", 1.0), ("local:ft", 1 / FOOT)])
+def test_a_front_is_valid_ifc_with_the_sizes_in_metres(
+    tmp_path: Path, unit: str, metre: float
+) -> None:
+    import ifcopenshell.validate
+
+    model = written(elevation(unit, metre), tmp_path / "a.ifc")
+    logger = ifcopenshell.validate.json_logger()
+    ifcopenshell.validate.validate(model, logger, express_rules=True)
+    assert logger.statements == []
+    assert model.schema == "IFC4"
+    assert [wall.Name for wall in model.by_type("IfcWall")] == ["Front 1", "Front 2"]
+    (door,), (window,) = model.by_type("IfcDoor"), model.by_type("IfcWindow")
+    assert (door.OverallWidth, door.OverallHeight) == pytest.approx((1.0, 2.1))
+    assert (window.OverallWidth, window.OverallHeight) == pytest.approx((1.5, 1.5))
+    (fills,) = window.FillsVoids
+    (voids,) = fills.RelatingOpeningElement.VoidsElements
+    assert voids.RelatingBuildingElement.Name == "Front 2"
+    properties = {
+        one.Name: one.NominalValue.wrappedValue
+        for defined in window.IsDefinedBy
+        for one in defined.RelatingPropertyDefinition.HasProperties
+    }
+    assert properties["Sill"] == pytest.approx(1.0)
+    assert properties["SidesNotSeen"] == "left"
+
+
+def test_walls_and_openings_are_where_the_points_were(tmp_path: Path) -> None:
+    """The walls go 0.3 m into the building: northwards, and westwards."""
+    model = written(elevation(), tmp_path / "a.ifc")
+    south, east = model.by_type("IfcWall")
+    np.testing.assert_allclose(
+        corners(model, south), [[500.25, 400, 100], [510.25, 400.3, 106]], atol=1e-6
+    )
+    np.testing.assert_allclose(
+        corners(model, east), [[509.95, 400, 100], [510.25, 406, 106]], atol=1e-6
+    )
+    (window,) = model.by_type("IfcWindow")
+    np.testing.assert_allclose(
+        corners(model, window), [[510.10, 404, 101], [510.15, 405.5, 102.5]], atol=1e-6
+    )
+
+
+def test_the_same_layer_makes_the_same_bytes_and_keeps_its_record(tmp_path: Path) -> None:
+    for name in ("a.ifc", "b.ifc"):
+        written(elevation(), tmp_path / name)
+    assert (tmp_path / "a.ifc").read_bytes() == (tmp_path / "b.ifc").read_bytes()
+    assert (tmp_path / "a.ifc.json").exists()
+
+
+def test_another_layer_is_refused(tmp_path: Path) -> None:
+    layer = Vector(elevation().frame[["kind", "geometry"]])
+    with pytest.raises(
+        DataError, match=r"IFC holds fronts with openings.* has no attribute front_id"
+    ):
+        layer.save(tmp_path / "a.ifc")
+    assert not (tmp_path / "a.ifc").exists()

@@ -393,14 +393,20 @@ def _layers(spec: Spec, values: Mapping[str, Any]) -> Iterator[tuple[str, Layer]
                 yield name, layer
 
 
+def measures_lengths(spec: Spec, values: Mapping[str, Any]) -> bool:
+    """Whether a tool with these values needs to know how long a metre is in the data."""
+    if any(f.unit in METRE_POWERS and values[name] is not None for name, f in spec.inputs.items()):
+        return True
+    # A halo of some metres is a length, even if there is none to set.
+    settings = {name: value for name, value in values.items() if name not in spec.sources}
+    return 0 < spec.halo(settings) < math.inf
+
+
 def _layer_problems(spec: Spec, values: Mapping[str, Any]) -> dict[str, str]:
     """The problems of layers: different CRS, or a CRS in which metres have no meaning."""
     found: dict[str, str] = {}
     layers = [(n, layer) for n, layer in _layers(spec, values) if not spec.sources[n].any_crs]
-    settings = {n: v for n, v in values.items() if n not in spec.sources}
-    # A tool with a halo of some metres measures lengths, even if it has no length to set.
-    lengths = any(f.unit in METRE_POWERS and values[n] is not None for n, f in spec.inputs.items())
-    lengths = lengths or 0 < spec.halo(settings) < math.inf
+    lengths = measures_lengths(spec, values)
     for name, layer in layers:
         if not (text := length_problem(layer.crs)):
             continue

@@ -333,6 +333,10 @@ class ModelRun:
         found = {f"{INPUTS}.{name}": value for name, value in self.values.items()}
         found |= self.given
         steps = _active(self.spec.wanting(self.keep).steps, found)
+        from toolbox.models.places import unmeasurable  # which looks at steps itself
+
+        if problems := unmeasurable(steps, found):
+            raise DataError(self.spec.id, problems)
         wanted = {name for r in self.spec.returns.values() for name in r.names} | self.keep
         for index, step in enumerate(steps):
             part = ctx.part(index / len(steps), (index + 1) / len(steps))

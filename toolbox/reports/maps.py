@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import functools
 import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -106,7 +107,15 @@ def _map(bases: Sequence[Base], layers: Mapping[str, Shown]) -> Plot:
     picture = Figure(
         map_png(data, bases[0][1] if bases else None), _caption(bases, layers, left_out)
     )
-    return Plot("map", data, picture)
+    return Plot("map", data, picture, functools.partial(_others, data, bases))
+
+
+def _others(data: Mapping[str, Any], bases: Sequence[Base]) -> Iterator[Figure]:
+    """The other rasters that can lie below, each with nothing above it."""
+    for number, (name, image, layer, _) in enumerate(bases):
+        if number and isinstance(layer, Raster):
+            alone = {**data, "bases": [data["bases"][number]], "layers": []}
+            yield Figure(map_png(alone, image), name)
 
 
 def _bases(shown: Mapping[str, Shown], given: Mapping[str, Any]) -> Iterator[Base]:

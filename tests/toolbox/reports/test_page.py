@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 import toolbox
+from algorithms.surface.difference import SurfaceDifference
 from toolbox import catalog
 from toolbox.cli.replay import replay
-from toolbox.data import PointCloud, Table
+from toolbox.data import Lattice, PointCloud, Raster, Table
 from toolbox.data.crs import parse_crs
-from toolbox.reports.page import page
+from toolbox.data.report.render import render
+from toolbox.reports.page import Told, page
 from toolbox.tiles.tiling import Tiling
 
 
@@ -81,3 +83,20 @@ def test_labels_are_headings_of_results() -> None:
     titles = [section.title for section in page(spec, {"curve": curve}, None).sections]
     assert "Storage curve" in titles
     assert "Curve" not in titles
+
+
+def test_on_paper_all_rasters_of_a_map_are_shown() -> None:
+    rng = np.random.default_rng(1)
+    lattice = Lattice(500_000.0, 4_600_000.0, 1.0, 20, 30)
+    crs = parse_crs("EPSG:32635")
+    surface, base = (
+        Raster.from_lattice(rng.normal(9, 1, (20, 30)), lattice, crs=crs) for _ in "ab"
+    )
+    found = vars(SurfaceDifference(surface=surface, base=base).run())
+    told = Told(given={"surface": surface, "base": base})
+    report = page(catalog.load("surface.difference"), found, None, told)
+    paper = render(report, style=None, logo=None, on_paper=True)
+    assert paper.count('<figure class="other">') == 2
+    for name in ("Surface (input)", "Base (input)"):
+        assert f"<figcaption>{name}</figcaption>" in paper
+    assert '<figure class="other">' not in report.html()

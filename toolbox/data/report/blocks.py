@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -141,11 +141,13 @@ class Plot:
     kind : "map" from above, "space" to be turned
     data : what is drawn, as JSON values; see `toolbox.reports`
     picture : what is shown where the plot cannot be, as on paper
+    others : makes what else the plot can show, for paper alone
     """
 
     kind: Literal["map", "space"]
     data: Mapping[str, Any]
     picture: Figure
+    others: Callable[[], Iterable[Figure]] = tuple
 
 
 Block = str | Rows | Figure | Plot

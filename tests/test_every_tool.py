@@ -164,6 +164,12 @@ tools = pytest.mark.parametrize("spec", TOOLS, ids=lambda s: s.id)
 SHARES = {"classify.urban"}  # the class that withheld points keep counts in its share
 IGNORING = [s for s in POINT_TOOLS if "ignore" in s.inputs and s.id not in SHARES]
 point_tools = pytest.mark.parametrize("spec", POINT_TOOLS, ids=lambda s: s.id)
+DRY = {"models.reservoir_storage"}
+"""Tools that end with an error without a lake, as the block is; their own tests have one."""
+runs, point_runs = (
+    pytest.mark.parametrize("spec", [s for s in some if s.id not in DRY], ids=lambda s: s.id)
+    for some in (TOOLS, POINT_TOOLS)
+)
 
 
 def name_of(value: Any) -> str:
@@ -538,7 +544,7 @@ def test_reach_and_rules_need_no_layers(spec: Spec) -> None:
         assert spec.halo(settings) >= 0
 
 
-@tools
+@runs
 def test_same_input_same_answer_and_input_untouched(spec: Spec, block: PointCloud) -> None:
     before = {name: array.copy() for name, array in values(block).items()}
     first, second = (contents(job(spec, block).run()) for _ in range(2))
@@ -546,7 +552,7 @@ def test_same_input_same_answer_and_input_untouched(spec: Spec, block: PointClou
     np.testing.assert_equal(before, values(block))
 
 
-@tools
+@runs
 def test_progress_rises_and_cancel_stops(spec: Spec, block: PointCloud) -> None:
     seen: list[float] = []
     job(spec, block).run(Context(seen.append))
@@ -557,7 +563,7 @@ def test_progress_rises_and_cancel_stops(spec: Spec, block: PointCloud) -> None:
         job(spec, block).run(Context(stop=lambda: True))
 
 
-@point_tools
+@point_runs
 def test_order_of_points_does_not_matter(spec: Spec, block: PointCloud) -> None:
     order = np.random.default_rng(2).permutation(len(block))
     straight = contents(job(spec, block).run())
@@ -585,7 +591,7 @@ def _sorted_points(columns: dict[str, Any]) -> list[tuple[Any, ...]]:
     return sorted(map(tuple, rows.tolist()))
 
 
-@point_tools
+@point_runs
 def test_feet_give_the_answer_of_metres(spec: Spec, block: PointCloud) -> None:
     """The same block in US survey feet: equal labels and shares, lengths reported in metres."""
     if spec.id in OF_CRS:
@@ -648,7 +654,7 @@ def _run_or_error(spec: Spec, points: PointCloud) -> dict[str, Any]:
         return {}
 
 
-@point_tools
+@point_runs
 def test_attributes_survive(spec: Spec, block: PointCloud) -> None:
     result = job(spec, block).run()
     for name, field in spec.outputs.items():

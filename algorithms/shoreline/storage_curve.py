@@ -289,7 +289,7 @@ class ShorelineStorageCurve:
         if self.lake is not None:
             name, lake = "lake", largest(self.lake)
             if lake is None:
-                raise DataError(f"lake: {self.lake.name or 'the layer'} holds no water")
+                raise DataError("lake: holds no water, so no level can rise")
             place = place_in(lake)
         if place is None:
             basin.fill(None, highest, ctx=ctx)

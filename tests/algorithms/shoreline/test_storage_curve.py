@@ -458,6 +458,6 @@ def test_a_lake_needs_a_terrain() -> None:
 
 def test_a_lake_that_is_not_there_is_an_error() -> None:
     terrain, lake = dammed()
-    none = Vector(lake.frame.iloc[:0], name="water")
-    with pytest.raises(DataError, match="lake: water holds no water"):
+    none = Vector(lake.frame.iloc[:0])
+    with pytest.raises(DataError, match="lake: holds no water"):
         ShorelineStorageCurve(terrain=terrain, lake=none).run()

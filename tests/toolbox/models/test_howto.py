@@ -27,7 +27,7 @@ def town(tmp_path: Path) -> Path:
 
 
 def test_models_are_models(tmp_path: Path) -> None:
-    assert len(MODELS) == 3
+    assert len(MODELS) == 4
     for text in MODELS:
         (tmp_path / "m.yaml").write_text(text, "utf-8")
         assert catalog.load(str(tmp_path / "m.yaml")).id.startswith("my.")

@@ -147,7 +147,7 @@ class Plot:
     kind: Literal["map", "space"]
     data: Mapping[str, Any]
     picture: Figure
-    others: Callable[[], Iterable[Figure]] = tuple
+    others: Callable[[], Iterable[Figure]] = field(default=tuple, compare=False)
 
 
 Block = str | Rows | Figure | Plot

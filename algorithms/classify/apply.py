@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from algorithms.classify import _evidence
 from algorithms.classify._learning import drift
 from algorithms.classify._learning import features as names_of
-from algorithms.classify._learning.model import Trained
+from algorithms.classify._learning.model import Trained, problems
+from algorithms.classify._learning.smoothing import LARGEST, smoothed
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context, log
@@ -45,12 +46,25 @@ class ClassifyApply:
     four times as dense or as sparse as the training, is refused; with `any_density` it is
     classified with a warning. In tiles there is no table of drift, but a warning of each tile.
     Points that take no part keep their class.
+
+    With `smooth` points within that radius share what kind of object they are: the chances of all
+    points that are not ground are averaged, so that a façade is not half a hedge. How probably a
+    point is ground stays its own, and so does which height of vegetation it is (3 to 5), so that
+    edges at the ground stay where they are. It is not for objects thinner than the radius, as
+    wires.
     """
 
     points: PointCloud = source("Points to classify")
     model: Table = source("Trained model, as classify.train gives it")
     min_probability: float = param(
         "Probability below which a point becomes class 1", default=0.0, unit="1", ge=0, le=1
+    )
+    smooth: float | None = param(
+        "Radius in which points share what kind of object they are; none to leave it",
+        default=None,
+        unit="m",
+        gt=0,
+        le=LARGEST,
     )
     any_density: bool = param(
         "Classify points of a density far from that of the training, too", default=False
@@ -72,17 +86,11 @@ class ClassifyApply:
 
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The table is a model, and the points have its features."""
-        try:
-            made = Trained.of(self.model)
-        except DataError as error:
-            yield "model", str(error).removeprefix("model: ")
-            return
-        if text := names_of.problem(made.features, self.points):
-            yield "points", text
+        yield from problems(self.model, self.points)
 
     def halo(self) -> float:
         """Reach of the ground filter and of the neighbourhoods of the features."""
-        return _evidence.HALO
+        return _evidence.HALO + 2 * (self.smooth or 0.0)
 
     def run(self, ctx: Context = QUIET) -> ClassifyApply.Outputs:
         """Compute the features of the model, and the probabilities of its classes."""
@@ -96,7 +104,7 @@ class ClassifyApply:
         chosen = cloud if part.all() else cloud.select(part)
         self._check_density(made, chosen)
         data = names_of.described(chosen, made.features, ctx=ctx.part(0.0, 0.7))
-        return self._outputs(part, made, data, ctx.part(0.7, 1.0))
+        return self._outputs(part, made, data, ctx.part(0.7, 0.9))
 
     def _check_density(self, made: Trained, chosen: PointCloud) -> None:
         """Refuse points of a density far from that of the training."""
@@ -120,6 +128,8 @@ class ClassifyApply:
     ) -> ClassifyApply.Outputs:
         cloud, count = self.points, len(part)
         chance = made.probabilities(data, ctx)
+        if self.smooth:
+            chance = smoothed(chance, made.classes, cloud.xyz[part], self.smooth)
         order = np.argsort(-chance, axis=1, kind="stable")[:, :2]
         best = np.take_along_axis(chance, order[:, :1], axis=1)[:, 0]
         unsure = best < self.min_probability

@@ -19,7 +19,7 @@ import shapely
 from numpy.typing import NDArray
 
 from algorithms.classify._learning import features as names_of
-from algorithms.classify._learning.model import Trained
+from algorithms.classify._learning.model import Trained, problems
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
 from toolbox.context import QUIET, Context
@@ -27,7 +27,7 @@ from toolbox.data import PointCloud, Table, Vector
 from toolbox.data.crs import crs_conflict
 from toolbox.data.report import Column
 from toolbox.declare import ClassList, outputs, param, sink, source, tool
-from toolbox.errors import DataError, NothingToDo
+from toolbox.errors import NothingToDo
 
 FEWEST = 5  # points of a patch
 MORE = 10  # times as many uncertain patches as are wanted compete by their variety
@@ -83,13 +83,7 @@ class ClassifySuggest:
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The model is one of these points, and the polygons lie in their CRS."""
         if self.model is not None:
-            try:
-                made = Trained.of(self.model)
-            except DataError as error:
-                yield "model", str(error).removeprefix("model: ")
-                return
-            if text := names_of.problem(made.features, self.points):
-                yield "points", text
+            yield from problems(self.model, self.points)
         if self.labelled is None:
             return
         if conflict := crs_conflict(self.labelled.crs, self.points.crs, heights=False):

@@ -26,6 +26,7 @@ from algorithms.classify._learning.training import (
     Kind,
     Labelled,
     Settings,
+    binned,
     folds_of,
     kept_back,
     temperature,
@@ -168,17 +169,19 @@ class ClassifyTrain:
         """Describe the points, learn, and check at blocks that were kept back."""
         part = taking_part(self.points, self.ignore)
         cloud = self.points if part.all() else self.points.select(part)
-        codes, chosen, points, names = self._learnt(cloud, ctx.part(0.0, 0.4))
+        codes, chosen, points, names = self._learnt(cloud, ctx.part(0.0, 0.2))
         how = self._settings(codes, names, cloud)
-        scores = kept_back(points, self.folds, how, ctx.part(0.4, 0.7))
+        points = binned(points, how)
+        folds = folds_of(points.block, self.folds)
+        scores, models = kept_back(points, folds, how, ctx.part(0.2, 0.7))
         heat = temperature(scores, points)
         made = trained(points, how)
-        ctx.progress(0.75)
+        ctx.progress(0.85)
         by_block = reports.matrices(points, scores.argmax(axis=1), len(codes))
         by_class = list(reports.class_rows(by_block, codes, self.seed))
-        own, kept = (points.some(which) for which in folds_of(points.block, self.folds)[0])
-        learning = list(reports.learning_rows(own, kept, how, ctx.part(0.75, 0.9)))
-        importance = reports.importance_rows(trained(own, how), kept, self.seed, ctx.part(0.9, 1.0))
+        own, kept = (points.some(which) for which in folds[0])
+        learning = list(reports.learning_rows(own, kept, models[0], how, ctx.part(0.85, 0.95)))
+        importance = reports.importance_rows(models[0], kept, self.seed, ctx.part(0.95, 1.0))
         missed = reports.reliability(scores, heat, points)
         report = list(reports.verdict_rows(by_class, learning, missed))
         for row in report:
@@ -190,7 +193,7 @@ class ClassifyTrain:
             "accuracy": {n: value[n] for n in ("overall_accuracy", "mean_f1", "kappa")}
         }
         record |= {"points": len(chosen), "blocks": len(by_block), "temperature": heat}
-        record |= drift.learnt(points, folds_of(points.block, self.folds), len(codes))
+        record |= drift.learnt(points, folds, len(codes))
         return self.Outputs(
             model=dataclasses.replace(made, about={**made.about, **record}).table(),
             report=Table.from_rows(report),
@@ -218,7 +221,8 @@ class ClassifyTrain:
                     f"labels: class {code} has {count} points, at least {FEWEST} are needed; "
                     "leave it out"
                 )
-        names = self.features or names_of.usual(cloud, self.radii)
+        radii = [round(radius / cloud.metre, 6) for radius in self.radii]  # names are in metres
+        names = self.features or names_of.usual(cloud, radii)
         places = np.rint(cloud.xyz / cloud.metre / FINE)  # so that rounding does not draw others
         chosen, weight = drawn(places, label, codes, self.per_class, self.seed)
         number, _ = blocks(cloud.xyz[chosen, :2], self.block)

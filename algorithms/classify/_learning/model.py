@@ -7,7 +7,7 @@ row a node of a tree, or the coefficients of a feature. It is read without sciki
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,12 +15,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from algorithms.classify._learning import features as names_of
 from algorithms.classify._learning import kernels
 from algorithms.classify._learning.kernels import MOST_LEAVES
 from algorithms.shared.kernels.threads import side_by_side
 from algorithms.shared.lowest import blocks
 from toolbox.context import QUIET, Context
-from toolbox.data import Table
+from toolbox.data import PointCloud, Table
 from toolbox.errors import DataError
 
 FORMAT = 1
@@ -195,6 +196,17 @@ class Trained:
         known = known and bool((led_to[:count] == (steps == 0)).all())  # each node but roots once
         if not known or not np.isin(steps, (0, 1)).all():
             raise DataError(f"model: {name} is damaged: a branch leads to no node")
+
+
+def problems(table: Table, cloud: PointCloud) -> Iterator[tuple[str, str]]:
+    """What is wrong with a model for these points, as pairs of the parameter and a text."""
+    try:
+        made = Trained.of(table)
+    except DataError as error:
+        yield "model", str(error).removeprefix("model: ")
+        return
+    if text := names_of.problem(made.features, cloud):
+        yield "points", text
 
 
 def _about(text: str, name: str) -> Mapping[str, Any]:

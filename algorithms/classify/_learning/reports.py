@@ -127,9 +127,12 @@ def _right(weight: Floats) -> Any:
 
 
 def learning_rows(
-    own: Labelled, kept: Labelled, how: Settings, ctx: Context = QUIET
+    own: Labelled, kept: Labelled, made: Trained, how: Settings, ctx: Context = QUIET
 ) -> Iterator[Row]:
-    """Accuracy at blocks that are kept back, with more and more of the others to learn from."""
+    """Accuracy at blocks that are kept back, with more and more of the others to learn from.
+
+    `made` is the model of all the others.
+    """
     held = np.unique(own.block)
     order = np.random.default_rng(how.seed).permutation(held)
     k = len(how.about["classes"])
@@ -137,7 +140,8 @@ def learning_rows(
         count = max(1, round(share * len(held)))
         some = own.some(np.isin(own.block, order[:count]))
         if len(np.unique(some.label)) > 1:
-            given = trained(some, how).scores(kept.data).argmax(axis=1)
+            model = made if count == len(held) else trained(some, how)
+            given = model.scores(kept.data).argmax(axis=1)
             found = measures(matrices(kept, given, k).sum(axis=0)[None])
             row: Row = {"blocks": count, "points": len(some.label)}
             row["overall_accuracy"] = float(found["overall_accuracy"][0])

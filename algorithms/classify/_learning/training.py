@@ -14,13 +14,15 @@ penalty of leaves (equation 5).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.classify._learning.bins import Bins
 from algorithms.classify._learning.model import FORMAT, LEAF, Trained, softmax
 from toolbox.context import QUIET, Context
 
@@ -46,16 +48,20 @@ class Labelled:
     label : number of the class, array of shape (n,)
     weight : how many points of the data each stands for
     block : number of the block of ground
+    bins : in which features are looked at; None to make them of these points
     """
 
     data: Rows
     label: Ints
     weight: Floats
     block: Ints
+    bins: Bins | None = None
 
     def some(self, which: NDArray[Any]) -> Labelled:
-        """A part of the points."""
-        return Labelled(self.data[which], self.label[which], self.weight[which], self.block[which])
+        """A part of the points, in the bins of all of them."""
+        bins = self.bins and Bins(self.bins.edges, self.bins.number[which])
+        own = self.data[which], self.label[which], self.weight[which], self.block[which]
+        return Labelled(*own, bins)
 
 
 @dataclass(frozen=True)
@@ -71,24 +77,43 @@ class Settings:
 
 def trained(points: Labelled, how: Settings) -> Trained:
     """A model of points of all classes; its temperature is 1."""
-    weight = points.weight / points.weight.mean()
-    if how.balanced:
-        total = np.bincount(points.label, weight)
-        weight = weight / total[points.label] * total.sum() / np.count_nonzero(total)
+    weight = weights(points, how)
     learn = {"boosting": _boosting, "forest": _forest, "logistic": _logistic}[how.kind]
     return learn(points, weight, how)
 
 
-def _boosting(points: Labelled, weight: Floats, how: Settings) -> Trained:
-    """Histogram gradient boosting: trees that mend the errors of those before them."""
-    from sklearn.ensemble import HistGradientBoostingClassifier
+def weights(points: Labelled, how: Settings) -> Floats:
+    """What each point counts for in a training, 1 as mean."""
+    weight = points.weight / points.weight.mean()
+    if how.balanced:
+        total = np.bincount(points.label, weight)
+        weight = weight / total[points.label] * total.sum() / np.count_nonzero(total)
+    return np.asarray(weight)
 
-    made = HistGradientBoostingClassifier(
-        max_iter=how.trees,
-        l2_regularization=PENALTY,
-        early_stopping=False,
-        random_state=how.seed,
-    ).fit(points.data, points.label, weight)
+
+def binned(points: Labelled, how: Settings) -> Labelled:
+    """The same points with bins for boosting, so that all models of a training share them."""
+    if how.kind != "boosting":
+        return points
+    return dataclasses.replace(points, bins=Bins.of(points.data, weights(points, how)))
+
+
+def _boosting(points: Labelled, weight: Floats, how: Settings) -> Trained:
+    """Histogram gradient boosting: trees that mend the errors of those before them.
+
+    Its loops are short, and several threads would spend more time on waiting for each other.
+    """
+    from sklearn.ensemble import HistGradientBoostingClassifier
+    from threadpoolctl import threadpool_limits
+
+    bins = points.bins or Bins.of(points.data, weight)
+    with threadpool_limits(1, user_api="openmp"):
+        made = HistGradientBoostingClassifier(
+            max_iter=how.trees,
+            l2_regularization=PENALTY,
+            early_stopping=False,
+            random_state=how.seed,
+        ).fit(bins.number, points.label, weight)
     k = len(how.about["classes"])
     columns = [int(c) for c in made.classes_]
     if len(columns) == 2:
@@ -104,7 +129,8 @@ def _boosting(points: Labelled, weight: Floats, how: Settings) -> Trained:
             values = np.zeros((len(nodes), k))
             values[leaf, column] = nodes["value"][leaf]
             feature = np.where(leaf, LEAF, nodes["feature_idx"])
-            part = feature, nodes["num_threshold"], nodes["left"], nodes["right"]
+            threshold = bins.threshold(feature, nodes["num_threshold"])
+            part = feature, threshold, nodes["left"], nodes["right"]
             parts.append((*part, nodes["missing_go_to_left"] > 0, values))
     return _of_trees(parts, baseline, how)
 
@@ -180,13 +206,16 @@ def folds_of(block: Ints, folds: int) -> list[tuple[Ints, Ints]]:
     return list(GroupKFold(folds).split(block, groups=block))
 
 
-def kept_back(points: Labelled, folds: int, how: Settings, ctx: Context = QUIET) -> Floats:
-    """Scores of each point by a model that saw nothing of its block, array of shape (n, k)."""
-    found = np.zeros((len(points.label), len(how.about["classes"])))
-    for done, (own, kept) in enumerate(folds_of(points.block, folds)):
-        found[kept] = trained(points.some(own), how).scores(points.data[kept])
-        ctx.progress((done + 1) / folds)
-    return found
+def kept_back(
+    points: Labelled, folds: Sequence[tuple[Ints, Ints]], how: Settings, ctx: Context = QUIET
+) -> tuple[Floats, list[Trained]]:
+    """Scores of each point by a model that saw nothing of its block, (n, k), and these models."""
+    found, models = np.zeros((len(points.label), len(how.about["classes"]))), []
+    for done, (own, kept) in enumerate(folds):
+        models.append(trained(points.some(own), how))
+        found[kept] = models[-1].scores(points.data[kept])
+        ctx.progress((done + 1) / len(folds))
+    return found, models
 
 
 def temperature(scores: Floats, points: Labelled) -> float:

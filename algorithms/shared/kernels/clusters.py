@@ -7,6 +7,7 @@ from numba import njit
 
 from algorithms.shared.kernels import cells
 from algorithms.shared.kernels.compiling import helper
+from algorithms.shared.sets import root
 
 
 @njit(cache=True, nogil=True)
@@ -43,17 +44,17 @@ def join(xyz, key, start, stride, reach, is_core, parent):
         for own in range(start[cell], start[cell + 1]):
             if not is_core[own]:
                 continue
-            root = _root(parent, own)
+            lowest = root(parent, own)
             for c in range(cells.COLUMNS):
                 for i in range(first[c], min(last[c], own)):
-                    if not is_core[i] or parent[i] == root:
+                    if not is_core[i] or parent[i] == lowest:
                         continue
                     if _squared(xyz, own, i) <= reach * reach:
-                        other = _root(parent, i)
-                        root, high = min(root, other), max(root, other)
-                        parent[high] = root
+                        other = root(parent, i)
+                        lowest, high = min(lowest, other), max(lowest, other)
+                        parent[high] = lowest
     for i in range(len(parent)):
-        parent[i] = _root(parent, i)
+        parent[i] = root(parent, i)
 
 
 @njit(cache=True, nogil=True)
@@ -94,12 +95,3 @@ def _before(xyz, i, other):
 def _squared(xyz, i, j):
     dx, dy, dz = xyz[i, 0] - xyz[j, 0], xyz[i, 1] - xyz[j, 1], xyz[i, 2] - xyz[j, 2]
     return dx * dx + dy * dy + dz * dz
-
-
-@helper
-def _root(parent, i):
-    """Where parents lead to; the way there is halved."""
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -17,11 +18,13 @@ from pyproj import CRS
 
 from algorithms.classify._learning import columns, drift, model
 from algorithms.classify._learning import features as names_of
+from algorithms.classify._learning.bins import Bins
 from algorithms.classify._learning.model import softmax
 from algorithms.classify._learning.training import (
     Kind,
     Labelled,
     Settings,
+    binned,
     folds_of,
     temperature,
     trained,
@@ -78,7 +81,9 @@ def settings(classes: int, kind: Kind) -> Settings:
 def test_trees_give_the_probabilities_of_scikit_learn(kind: Kind, classes: int) -> None:
     from sklearn.ensemble import HistGradientBoostingClassifier, RandomForestClassifier
 
+    """Of rounded values, of which each is a bin, there and here."""
     data, label = rows_and_labels(0, classes)
+    data = np.round(data, 1)
     points = Labelled(data, label, np.ones(600), np.arange(600) % 9)
     made = trained(points, settings(classes, kind))
     theirs = (
@@ -88,10 +93,56 @@ def test_trees_give_the_probabilities_of_scikit_learn(kind: Kind, classes: int) 
         if kind == "boosting"
         else RandomForestClassifier(8, min_samples_leaf=5, random_state=0, max_depth=20)
     ).fit(data, label, np.ones(600))
-    fresh = rows_and_labels(1, classes)[0]
+    fresh = np.round(rows_and_labels(1, classes)[0], 1)
     expected = np.maximum(theirs.predict_proba(fresh), 1e-6)
     expected /= expected.sum(axis=1, keepdims=True)
     np.testing.assert_allclose(made.probabilities(fresh), expected, atol=1e-6)
+
+
+def test_bins_have_the_same_weight() -> None:
+    """Light points are many to a bin; those without the feature are in none."""
+    rng = np.random.default_rng(0)
+    data = rng.normal(0, 1, (20_000, 1)).astype(np.float32)
+    data[:500] = np.nan
+    weight = np.where(data[:, 0] < 0, 1.0, 9.0)
+    bins = Bins.of(data, weight)
+    held = np.bincount(bins.number[500:, 0].astype(int), weight[500:])
+    assert len(held) == 255
+    np.testing.assert_allclose(held, weight[500:].sum() / 255, atol=9)
+    assert np.isnan(bins.number[:500]).all()
+    inside = bins.number[500:, 0] <= 99.5
+    limit = bins.threshold(np.zeros(1, int), np.array([99.5]))
+    np.testing.assert_array_equal(inside, data[500:, 0] <= limit)
+
+
+def test_models_of_a_training_share_their_bins() -> None:
+    """Those of a part branch at edges that all points have made."""
+    data, label = rows_and_labels(0, 3)
+    how = settings(3, "boosting")
+    points = binned(Labelled(data, label, np.ones(600), np.arange(600) % 9), how)
+    assert points.bins is not None
+    part = trained(points.some(np.flatnonzero(points.block < 3)), how)
+    inner = part.feature >= 0
+    for feature, threshold in zip(part.feature[inner], part.threshold[inner], strict=True):
+        assert threshold in points.bins.edges[feature]
+    alone = trained(dataclasses.replace(points, bins=None), how)
+    np.testing.assert_array_equal(alone.threshold, trained(points, how).threshold)
+
+
+def test_leaves_of_certain_points_have_a_penalty() -> None:
+    """Without it their values grow beyond bounds, and later rounds chase them."""
+    rng = np.random.default_rng(0)
+    label = rng.choice(3, 20_000, p=[0.6, 0.39, 0.01])
+    data = rng.normal(0, 1, (20_000, 4)).astype(np.float32)
+    data[:, 0] += 9 * (label == 1)
+    data[:, 1] += 9 * (label == 2)
+    own = np.arange(20_000) < 15_000
+    points = Labelled(data, label, np.where(label == 0, 30.0, 1.0), np.arange(20_000) % 9)
+    about = {**settings(3, "boosting").about, "features": list("abcd")}
+    how = dataclasses.replace(settings(3, "boosting"), trees=50, about=about)
+    made = trained(points.some(own), how)
+    assert np.abs(made.values).max() < 20
+    assert (made.scores(data[~own]).argmax(axis=1) == label[~own]).mean() > 0.985
 
 
 @pytest.mark.parametrize("classes", [2, 3])
@@ -165,6 +216,30 @@ def test_what_is_expected_is_the_mean_probability(made: Any) -> None:
     assert out.expected == pytest.approx(float(out.classified["probability"].mean()), abs=1e-5)
     right = (out.classified["classification"] == yard(3)["classification"]).mean()
     assert out.expected == pytest.approx(float(right), abs=0.03)
+
+
+def test_neighbours_may_share_what_they_are(made: Any) -> None:
+    """Within a radius in metres, and the tiles of a survey are as much larger."""
+    other = yard(2)
+    plain = ClassifyApply(points=other, model=made.model).run()
+    tool = ClassifyApply(points=other, model=made.model, smooth=1.5)
+    out = tool.run()
+    truth, before = other["classification"], plain.classified["classification"]
+    after = out.classified["classification"]
+    assert (after == truth).mean() > (before == truth).mean()
+    assert out.expected == pytest.approx((after == truth).mean(), abs=0.03)
+    assert tool.halo() == ClassifyApply(points=other, model=made.model).halo() + 3.0
+    feet = other.with_xyz(other.xyz * 3937 / 1200).with_crs(CRS(2263))
+    in_feet = ClassifyApply(points=feet, model=made.model, smooth=1.5).run()
+    away = np.abs(in_feet.classified["probability"] - out.classified["probability"])
+    assert (away < 1e-3).mean() > 0.99
+
+
+def test_radii_are_metres_in_feet_too() -> None:
+    feet = yard().with_xyz(yard().xyz * 3937 / 1200).with_crs(CRS(2263))
+    out = ClassifyTrain(points=feet, radii=(1.0, 4.0), trees=2, per_class=100, folds=2).run()
+    said = json.loads(out.model.frame["about"].iloc[0])["features"]
+    assert {name.partition("@")[2] for name in said if "@" in name} == {"1", "4"}
 
 
 def test_points_that_are_not_probable_enough_are_unknown(made: Any) -> None:

@@ -153,7 +153,7 @@ class GroundPtd:
         gt=0,
         label="Distance of ground from the surface",
     )
-    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0, label="Cell size")
+    cell: float = parameters.cell()
     returns: Returns = parameters.ground_returns()
     ignore: ClassList | None = parameters.ignore()
     keep_classes: ClassList | None = parameters.keep_classes()

@@ -85,7 +85,7 @@ class GroundRobustInterpolation:
     """
 
     points: PointCloud = source("Points to classify")
-    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0, label="Cell size")
+    cell: float = parameters.cell()
     building_size: float = param(
         "Width of the widest building",
         default=48.0,

@@ -20,6 +20,7 @@ from toolbox.declare import ClassList, Share, outputs, param, show, sink, source
 
 Method = Literal["dbscan", "hdbscan"]
 MOST = 50_000  # points for hdbscan, whose time grows with their square: some minutes
+RADIUS = 1.0  # metres, between the neighbours of dbscan unless told otherwise
 EDGE = 0.01  # metres around points that lie on one line or at one place, so that they have an area
 ID = "cluster_id"
 COLUMNS = {
@@ -67,9 +68,9 @@ class PointsCluster:
         default="dbscan",
         words={"dbscan": "Dense and connected", "hdbscan": "Of different densities"},
     )
-    radius: float = param(
-        "Points nearer than this are neighbours, for dbscan",
-        default=1.0,
+    radius: float | None = param(
+        "Points nearer than this are neighbours, for dbscan; 1 m unless given",
+        default=None,
         unit="m",
         gt=0,
         le=1000,
@@ -97,7 +98,9 @@ class PointsCluster:
         apart: float = sink("Share of the points grouped that are of no cluster", unit="1")
 
     def check(self) -> Iterator[tuple[str, str]]:
-        """HDBSCAN knows no clusters of one point."""
+        """Every setting that is given is used; HDBSCAN knows no clusters of one point."""
+        if self.method == "hdbscan" and self.radius is not None:
+            yield "radius", "is for method dbscan, not for hdbscan"
         if self.method == "hdbscan" and self.min_points < 2:
             yield "min_points", "must be at least 2 for hdbscan"
 
@@ -117,7 +120,8 @@ class PointsCluster:
         cloud, part = self.points, self._part()
         xyz = cloud.xyz[part]
         if self.method == "dbscan":
-            label = dbscan(xyz, self.radius, self.min_points, ctx=ctx.part(0.0, 0.7))
+            radius = RADIUS * cloud.metre if self.radius is None else self.radius
+            label = dbscan(xyz, radius, self.min_points, ctx=ctx.part(0.0, 0.7))
         else:
             label = hdbscan(xyz, self.min_points)
         label = without_small(label, self.min_size)

@@ -76,7 +76,7 @@ class PointsThin:
             "duplicates": "Remove duplicates only",
         },
     )
-    cell: float = param("Size of the cells", default=0.01, unit="m", gt=0, label="Cell size")
+    cell: float = parameters.cell(default=0.01)
     dimensions: Literal[3, 2] = param(
         "Cells are cubes (3) or columns (2)",
         default=3,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared.kernels import lowest as kernels
-from toolbox.context import Context
+from toolbox.context import Context, log
 from toolbox.data import Lattice
 from toolbox.errors import DataError
 
@@ -92,6 +92,14 @@ def lattice_around(
             f"{', '.join(ways[:-1])} or {ways[-1]}"
         )
     return Lattice.cover((*(low - cell), *(high + cell)), cell)
+
+
+def tell_of_one_cell(lattice: Lattice, metre: float) -> None:
+    """Warn where one cell holds all points, so that a raster of them says nothing of places."""
+    if lattice.shape == (1, 1):
+        log.warning(
+            "one cell of %g m holds all points; is the cell size right?", lattice.cell / metre
+        )
 
 
 def outlier_reach(cell: float) -> float:

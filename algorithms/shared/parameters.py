@@ -152,6 +152,11 @@ def context_by_density() -> Any:
     )
 
 
+def cell(default: float = 1.0) -> Any:
+    """Declare the size of the cells of a raster: ``float``."""
+    return param("Size of the cells", default=default, unit="m", gt=0, le=10_000, label="Cell size")
+
+
 def seed() -> Any:
     """Declare the seed of all that a tool draws: ``int``."""
     return param("Seed of the random numbers", default=0, unit="1", ge=0, label="Random seed")

@@ -99,7 +99,7 @@ class SurfaceCrossValidation:
     methods: tuple[Interpolation | CellStatistic, ...] | None = param(
         "Methods to compare; all interpolations by default", default=None
     )
-    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0, label="Cell size")
+    cell: float = parameters.cell()
     attribute: Attribute = param("Attribute to grid", default=Attribute("z"), of="points")
     classes: ClassList | None = parameters.classes()
     returns: ReturnKind = parameters.returns()

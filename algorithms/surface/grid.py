@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.shared import parameters
+from algorithms.shared.lowest import tell_of_one_cell
 from algorithms.shared.polygons import polygons
 from algorithms.shared.selection import ReturnKind, choice_problems, chosen
 from algorithms.surface import _outlines as shapes
@@ -134,7 +135,7 @@ class SurfaceGrid:
             "std": "Standard deviation",
         },
     )
-    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0, label="Cell size")
+    cell: float = parameters.cell()
     extent: Extent | None = param("Rectangle to work in; that of the data by default", default=None)
     attribute: Attribute = param("Attribute to grid", default=Attribute("z"), of="points")
     classes: ClassList | None = parameters.classes()
@@ -237,6 +238,7 @@ class SurfaceGrid:
 
     def _gridded(self, xy: Array, values: Array, ctx: Context) -> SurfaceGrid.Outputs:
         lattice = self._lattice(xy)
+        tell_of_one_cell(lattice, self.points.metre)
         if ctx.window:
             near_tile = lattice.near(ctx.window)
             if near_tile is None:

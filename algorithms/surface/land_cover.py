@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from algorithms.shared import parameters
 from algorithms.shared.ground import taking_part
+from algorithms.shared.lowest import tell_of_one_cell
 from algorithms.shared.windows import filled
 from toolbox.context import QUIET, Context, log
 from toolbox.data import Lattice, PointCloud, Raster, Table
@@ -39,7 +40,7 @@ class SurfaceLandCover:
     """
 
     points: PointCloud = source("Classified points")
-    cell: float = param("Size of the cells", default=1.0, unit="m", gt=0, label="Cell size")
+    cell: float = parameters.cell()
     max_gap: float = param(
         "Leave empty what lies farther than this from any point",
         default=2.0,
@@ -95,6 +96,7 @@ class SurfaceLandCover:
             log.warning("%d points of class 0, never classified, take no part", without.sum())
         xy = cloud.xyz[taken, :2]
         lattice = Lattice.cover((*xy.min(axis=0), *xy.max(axis=0)), self.cell)
+        tell_of_one_cell(lattice, cloud.metre)
         row, col = lattice.indices(*xy.T)
         found = most_frequent(row * lattice.cols + col, classes[taken], lattice.rows * lattice.cols)
         ctx.progress(0.6)

@@ -64,6 +64,7 @@ class SurfaceReproject:
         default=None,
         unit="m",
         gt=0,
+        le=10_000,
         label="Cell size",
     )
     method: Method = param("How a new cell gets its value", default="linear")

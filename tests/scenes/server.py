@@ -86,6 +86,7 @@ def _handler(state: Server) -> type[BaseHTTPRequestHandler]:
             self.send_header("Content-Length", str(len(body)))
             if tag:
                 self.send_header("ETag", tag)
+                self.send_header("Last-Modified", "Sat, 14 Nov 2026 10:00:00 GMT")
             self.end_headers()
             cut = fault in ("cut", "cut later") and (first or fault == "cut")
             body = body[: len(body) // 2] if cut else body

@@ -20,6 +20,7 @@ from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
 from toolbox.context import QUIET, Context
+from toolbox.data import ept
 from toolbox.data.reading import errors_named
 from toolbox.data.remote.address import Address, as_path, is_remote
 from toolbox.data.remote.stream import whole
@@ -67,7 +68,7 @@ class PointFiles:
     remarks: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, paths: Paths | PointFiles) -> PointFiles:
+    def of(cls, paths: Paths | PointFiles, bounds: Sequence[float] | None = None) -> PointFiles:
         """Find the files.
 
         Parameters
@@ -75,7 +76,9 @@ class PointFiles:
         paths : a file; a folder, which stands for the files of points directly in it that are not
             hidden: LAS and LAZ if there are any, else those of all other formats; a pattern such
             as ``tiles/*.laz`` or ``survey/**/*.las`` (where ** searches nested folders); a virtual
-            point cloud (.vpc); or a list of these
+            point cloud (.vpc) or entwine point tiles (ept.json); or a list of these
+        bounds : (xmin, ymin, xmax, ymax) outside which no points are wanted; entwine point tiles
+            leave out the files that do not touch it
 
         Raises
         ------
@@ -94,7 +97,7 @@ class PointFiles:
         remarks: list[str] = []
         for item in items:
             try:
-                found += _files(item, remarks)
+                found += _files(item, remarks, bounds)
             except DataError as error:
                 problems.append(str(error))
         problems += [text for path in found if (text := _problem(path))]
@@ -164,7 +167,7 @@ def _matches(pattern: str) -> bool:
     return glob.has_magic(pattern) and any(glob.iglob(pattern, recursive=True))
 
 
-def _files(item: str | Path, remarks: list[str]) -> list[Path]:
+def _files(item: str | Path, remarks: list[str], bounds: Sequence[float] | None) -> list[Path]:
     if not str(item):
         raise DataError("an empty path names no file")
     path = as_path(item)
@@ -172,6 +175,8 @@ def _files(item: str | Path, remarks: list[str]) -> list[Path]:
         if path.is_dir():
             return _in_folder(path, remarks)
         if path.exists():
+            if ept.is_ept(path):
+                return ept.files_of(path, bounds)
             return _in_vpc(path) if suffix_of(path) == VPC else [path]
         if not is_remote(item) and glob.has_magic(str(item)):
             return _matching(str(item), remarks)

@@ -212,10 +212,10 @@ class PointCloud(Layer):
         DataError
             The file is missing, damaged or of an unknown format, or the options do not suit it.
         """
-        files = PointFiles.of(path)
         if bounds is not None and not _is_box(bounds):
             text = f"bounds must be xmin ymin xmax ymax, got {list(bounds)}"
-            raise DataError(f"{files.name}: {text}")
+            raise DataError(f"{PointFiles.of(path).name}: {text}")
+        files = PointFiles.of(path, bounds)
         if len(files.paths) > 1:
             from toolbox.data.survey import Survey
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 import math
 import numbers
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -200,6 +202,25 @@ def _fields(value: Any) -> dict[str, str]:
     return {name.strip(): text.strip() for name, _, text in pairs}
 
 
+_ORDERS = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%Y-%m", "%Y")
+
+
+def _date(value: Any) -> str:
+    """A date as a user writes it: words are kept as they are, figures must be a day, month, year.
+
+    >>> _date("14.11.2026"), _date("mid-November 2026")
+    ('14.11.2026', 'mid-November 2026')
+    """
+    text = _text(value).strip()
+    if any(map(str.isalpha, text)):
+        return text
+    for order in _ORDERS:
+        with contextlib.suppress(ValueError):
+            datetime.strptime(text, order)
+            return text
+    raise ValueError(f"must be a date, such as 2026-11-14 or 14 November 2026, got {value!r}")
+
+
 def _path(value: Any) -> Path:
     if not isinstance(value, str | Path) or not Path(value).is_file():
         raise ValueError(f"there is no file {value}")
@@ -222,7 +243,7 @@ OPTIONS: Mapping[str, Option] = {
     "title": Option("Title of the report", _text),
     "client": Option("For whom the report is made", _text),
     "fields": Option("More of the head of the report, such as Contract=2026-17", _fields),
-    "date": Option("Date of the report; today if it is not given", _text),
+    "date": Option("Date of the report; today if it is not given", _date),
     "style": Option("CSS file whose rules come after those of the toolbox", _path),
     "logo": Option("Image for the head of the report: PNG, SVG or JPEG", _path),
 }
@@ -277,7 +298,7 @@ def _cloud_or_survey(
 ) -> PointCloud | Survey:
     """Several files as a survey, whose headers say enough; a single one, or a part, as a cloud."""
     how: dict[str, Any] = {"columns": columns, "separator": separator, "assume_crs": assume_crs}
-    files = PointFiles.of(paths)
+    files = PointFiles.of(paths, bounds)
     if bounds is not None or len(files.paths) == 1:
         return PointCloud.open(files, bounds=bounds, reading=reading, ctx=ctx, **how)
     return Survey.open(files, ctx=ctx, **how)

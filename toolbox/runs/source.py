@@ -71,7 +71,7 @@ class Source:
         DataError
             They cannot be found.
         """
-        return PointFiles.of(self.paths)
+        return PointFiles.of(self.paths, self.options.get("bounds"))
 
     @property
     def files(self) -> tuple[Path, ...]:

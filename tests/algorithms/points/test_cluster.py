@@ -106,6 +106,8 @@ def test_hdbscan_finds_heaps_of_different_density() -> None:
 def test_what_cannot_be() -> None:
     with pytest.raises(ParameterError, match="min_points: must be at least 2 for hdbscan"):
         PointsCluster(points=PointCloud(heaps(), crs=UTM), method="hdbscan", min_points=1)
+    with pytest.raises(ParameterError, match="radius: is for method dbscan, not for hdbscan"):
+        PointsCluster(points=PointCloud(heaps(), crs=UTM), method="hdbscan", radius=1.0)
     many = PointCloud(np.random.default_rng(0).random((MOST + 1, 3)), crs=UTM)
     with pytest.raises(DataError, match="method: hdbscan takes up to 50,000 points, got 50,001"):
         PointsCluster(points=many, method="hdbscan")

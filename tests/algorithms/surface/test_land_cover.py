@@ -7,7 +7,7 @@ import pytest
 from scenes.layers import NORTH, WEST, cloud
 
 from algorithms.surface.land_cover import SurfaceLandCover
-from toolbox.errors import DataError, NothingToDo
+from toolbox.errors import DataError, NothingToDo, ParameterError
 
 
 def at(*places: tuple[float, float]) -> list[tuple[float, float, float]]:
@@ -57,3 +57,15 @@ def test_points_never_classified_take_no_part(caplog: pytest.LogCaptureFixture) 
 def test_points_need_classes() -> None:
     with pytest.raises(DataError, match="has no classification"):
         SurfaceLandCover(points=cloud(at((0, 0)))).run()
+
+
+def test_cells_wider_than_the_data_are_told_and_larger_ones_refused(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    points = cloud(at((0.5, 0.5), (9.5, 0.5)), [2, 2])
+    SurfaceLandCover(points=points, cell=5.0).run()
+    assert not caplog.text
+    SurfaceLandCover(points=points, cell=5000.0).run()
+    assert "one cell of 5000 m holds all points" in caplog.text
+    with pytest.raises(ParameterError, match="cell: must be > 0 and <= 10000 m, got 1000000000"):
+        SurfaceLandCover(points=points, cell=1e9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import logging
 import os
@@ -112,16 +113,25 @@ def test_a_survey_of_addresses_in_an_index(server: Server, tmp_path: Path) -> No
 
 
 def test_tiles_of_addresses_are_those_of_files(server: Server, tmp_path: Path) -> None:
+    """A file, its address, and an index of this computer whose items are on the web."""
     whole = points(3000)
     whole.save(tmp_path / "a.laz")
     server.files["/a.laz"] = (tmp_path / "a.laz").read_bytes()
+    toolbox.run("points.index", {"points": tmp_path / "a.laz", "index": tmp_path / "a.vpc"})
+    index = (tmp_path / "a.vpc").read_text().replace("./a.laz", f"{server.url}/a.laz")
+    (tmp_path / "web.vpc").write_text(index)
     found = []
-    for number, path in enumerate((str(tmp_path / "a.laz"), f"{server.url}/a.laz")):
+    for number, path in enumerate(
+        (tmp_path / "a.laz", f"{server.url}/a.laz", tmp_path / "web.vpc")
+    ):
         out = tmp_path / f"{number}.laz"
         tiling = toolbox.tiles.tiling.Tiling.parse({"tile": "200", "workers": "1"})
-        toolbox.run("points.thin", {"points": path, "cell": 20.0, "thinned": out}, tiling=tiling)
+        values = {"points": str(path), "cell": 20.0, "thinned": out}
+        toolbox.run("points.thin", values, tiling=tiling)
         found.append(PointCloud.open(out))
-    np.testing.assert_array_equal(found[0].xyz, found[1].xyz)
+    assert server.sent
+    for other in found[1:]:
+        np.testing.assert_array_equal(found[0].xyz, other.xyz)
 
 
 FAULTS = {
@@ -250,6 +260,80 @@ def test_buckets_with_keys_of_the_environment(
         PointCloud.open("s3://bucket/deep/a.laz")
     assert "very-secret" not in str(error.value)
     store._opened.cache_clear()
+
+
+def test_google_with_and_without_a_token(
+    server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server.files["/bucket/deep/a.laz"] = laz(tmp_path)
+    for name in [name for name in os.environ if name.startswith("GOOGLE_")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("GOOGLE_BASE_URL", server.url)
+    monkeypatch.setenv("GOOGLE_ALLOW_HTTP", "true")
+    store._opened.cache_clear()
+    assert len(PointCloud.open("gs://bucket/deep/a.laz")) == 2000
+    assert all("authorization" not in headers for *_, headers in lowered(server))
+    monkeypatch.setenv("GOOGLE_SERVICE_ACCOUNT_KEY", json.dumps(SERVICE))
+    store._opened.cache_clear()
+    store._known.clear()
+    with pytest.raises(DataError, match="keys, account or endpoint in the env") as error:
+        PointCloud.open("gs://bucket/deep/a.laz")
+    assert "very-secret" not in str(error.value)
+    monkeypatch.delenv("GOOGLE_SERVICE_ACCOUNT_KEY")
+    monkeypatch.setenv("GOOGLE_BEARER_TOKEN", "very-secret")
+    store._opened.cache_clear()
+    server.asked.clear()
+    assert len(PointCloud.open("gs://bucket/deep/a.laz")) == 2000
+    assert all(headers["authorization"] == "Bearer very-secret" for *_, headers in lowered(server))
+    store._opened.cache_clear()
+
+
+SERVICE = {
+    "type": "service_account",
+    "private_key": "very-secret",
+    "private_key_id": "1",
+    "client_email": "a@example.org",
+}
+
+
+def test_azure_with_and_without_keys(
+    server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server.files["/box/deep/a.laz"] = laz(tmp_path)
+    for name in [name for name in os.environ if name.startswith("AZURE_")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("AZURE_STORAGE_ENDPOINT", server.url)
+    monkeypatch.setenv("AZURE_ALLOW_HTTP", "true")
+    store._opened.cache_clear()
+    with pytest.raises(DataError, match="name the account in AZURE_STORAGE_ACCOUNT_NAME"):
+        PointCloud.open("az://box/deep/a.laz")
+    monkeypatch.setenv("AZURE_STORAGE_ACCOUNT_NAME", "survey")
+    assert len(PointCloud.open("az://box/deep/a.laz")) == 2000
+    assert all("authorization" not in headers for *_, headers in lowered(server))
+    monkeypatch.setenv("AZURE_STORAGE_ACCOUNT_KEY", base64.b64encode(b"very-secret").decode())
+    store._opened.cache_clear()
+    store._known.clear()
+    server.asked.clear()
+    assert len(PointCloud.open("az://box/deep/a.laz")) == 2000
+    signed = [headers["authorization"] for *_, headers in lowered(server)]
+    assert all(text.startswith("SharedKey survey:") for text in signed)
+    monkeypatch.delenv("AZURE_STORAGE_ACCOUNT_KEY")
+    monkeypatch.setenv("AZURE_STORAGE_SAS_TOKEN", "sv=1&sig=very-secret")
+    store._opened.cache_clear()
+    store._known.clear()
+    server.faults["/box/deep/a.laz"] = 403
+    with pytest.raises(DataError, match=r"az://box/deep/a\.laz cannot be read.*refuses") as error:
+        PointCloud.open("az://box/deep/a.laz")
+    assert "sig=very-secret" in server.asked[-1][0]
+    assert "very-secret" not in str(error.value)
+    store._opened.cache_clear()
+
+
+def laz(folder: Path) -> bytes:
+    """The bytes of a file of 2000 points."""
+    points(2000).save(folder / "made.laz")
+    return (folder / "made.laz").read_bytes()
 
 
 def lowered(server: Server) -> list[tuple[str, dict[str, str]]]:

@@ -17,6 +17,7 @@ from toolbox.cli.replay import replay
 from toolbox.data import PointCloud, Rows, Table, Vector
 from toolbox.data.crs import parse_crs
 from toolbox.data.report import Column
+from toolbox.declare.kinds import parsed_options
 from toolbox.reports import words
 from toolbox.reports.page import page
 
@@ -88,6 +89,17 @@ def test_style_and_logo_do_not_change_what_is_said(
 def test_project_words_need_a_report(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "surface.grid", "--points", "a.laz", "--title", "A"]) == 2
     assert "title: is for a report, and none is written" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("date", ["2026-11-14", "14/11/2026", "November 2026", "2026"])
+def test_a_date_is_kept_as_it_is_written(date: str) -> None:
+    assert parsed_options({"date": date}, ("date",)) == {"date": date}
+
+
+@pytest.mark.parametrize("date", ["99/99", "2026-13-01", "30.02.2026", "14"])
+def test_figures_that_are_no_date_are_refused(date: str) -> None:
+    with pytest.raises(ValueError, match=f"option date: must be a date, such as .* got '{date}'"):
+        parsed_options({"date": date}, ("date",))
 
 
 def test_every_warning_of_a_run_is_on_its_report(tmp_path: Path) -> None:

@@ -7,10 +7,8 @@ noticed.
 
 from __future__ import annotations
 
-import configparser
 import errno
 import math
-import os
 import re
 import time
 from collections.abc import Iterator
@@ -18,12 +16,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit, urlunsplit
 
 from toolbox.data.reading import CHANGED
+from toolbox.data.remote import credentials
 from toolbox.data.remote.address import SCHEMES, Address
+from toolbox.data.remote.credentials import is_true
 from toolbox.errors import DataError
 
 OFFLINE_VARIABLE = "TOOLBOX_OFFLINE"
@@ -34,16 +33,7 @@ FIRST = 2**14  # bytes that are read to learn the size, which hold the header of
 FRESH = 5.0  # seconds for which an answer holds, if a change shows in later requests (ETag)
 _STATUS = re.compile(r"[Ss]tatus\D{0,40}?\b([45]\d\d)\b")
 _KIND = re.compile(r"kind: (Connect|Timeout)\b")
-_AWS_KEYS = (
-    "AWS_ACCESS_KEY_ID",
-    "AWS_WEB_IDENTITY_TOKEN_FILE",
-    "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
-    "AWS_CONTAINER_CREDENTIALS_FULL_URI",
-    "AWS_SKIP_SIGNATURE",
-)
-_GOOGLE_KEYS = ("GOOGLE_APPLICATION_CREDENTIALS", "GOOGLE_SERVICE_ACCOUNT")
 _ALLOW_HTTP = ("AWS_ALLOW_HTTP", "GOOGLE_ALLOW_HTTP", "AZURE_ALLOW_HTTP")
-_GOOGLE_FILE = Path(".config/gcloud/application_default_credentials.json")
 
 
 @dataclass(frozen=True)
@@ -123,7 +113,7 @@ def fetched(address: Address, facts: Facts, start: int, stop: int) -> bytes:
 @lru_cache(maxsize=64)
 def _opened(url: str, timeout: float, connect: float, retries: int) -> tuple[Any, str]:
     """What reads from the place of a file, and the name of the file there."""
-    if _is_true(OFFLINE_VARIABLE):
+    if is_true(OFFLINE_VARIABLE):
         raise DataError(f"{Address(url)}: nothing is read from the web ({OFFLINE_VARIABLE} is set)")
     parts = urlsplit(url)
     if parts.scheme not in SCHEMES or not parts.netloc:
@@ -139,7 +129,7 @@ def _opened(url: str, timeout: float, connect: float, retries: int) -> tuple[Any
             "timeout": timedelta(seconds=timeout),
             "connect_timeout": timedelta(seconds=connect),
             "user_agent": "lidar-toolbox",
-            "allow_http": parts.scheme == "http" or any(map(_is_true, _ALLOW_HTTP)),
+            "allow_http": parts.scheme == "http" or any(map(is_true, _ALLOW_HTTP)),
         },
         "retry_config": {
             "max_retries": retries,
@@ -152,45 +142,22 @@ def _opened(url: str, timeout: float, connect: float, retries: int) -> tuple[Any
         there = urlunsplit((parts.scheme, parts.netloc, folder or "/", parts.query, ""))
         return HTTPStore.from_url(there, **how), unquote(name)
     key = unquote(parts.path.lstrip("/"))
-    if parts.scheme == "s3":
-        how["config"] = _of_aws()
-        return S3Store(parts.netloc, **how), key
-    if parts.scheme == "gs":
-        keys = any(os.environ.get(name) for name in _GOOGLE_KEYS)
-        public = not (keys or (Path.home() / _GOOGLE_FILE).exists())
-        return GCSStore(parts.netloc, config={"skip_signature": public}, **how), key
-    return AzureStore(parts.netloc, **how), key
+    stores = {"s3": S3Store, "gs": GCSStore, "az": AzureStore}
+    how["config"] = credentials.of(parts.scheme)
+    with _named_settings(parts.scheme):
+        return stores[parts.scheme](parts.netloc, **how), key
 
 
-def _is_true(variable: str) -> bool:
-    return os.environ.get(variable, "").lower() in ("true", "1", "yes")
+@contextmanager
+def _named_settings(scheme: str) -> Iterator[None]:
+    """Turn an error about keys, which may show them, into one that does not."""
+    from obstore import exceptions
 
-
-def _of_aws() -> dict[str, Any]:
-    """Keys and region of the profile in ~/.aws, unless the environment has them.
-
-    Without any keys requests are not signed, as public data want it.
-    """
-    if any(os.environ.get(name) for name in _AWS_KEYS):
-        return {}
-    profile = os.environ.get("AWS_PROFILE", "default")
-    aws = Path.home() / ".aws"
-    files = {
-        os.environ.get("AWS_SHARED_CREDENTIALS_FILE", aws / "credentials"): profile,
-        os.environ.get("AWS_CONFIG_FILE", aws / "config"): (
-            profile if profile == "default" else f"profile {profile}"
-        ),
-    }
-    found: dict[str, Any] = {}
-    for path, section in files.items():
-        parser = configparser.ConfigParser(interpolation=None)
-        parser.read(path, encoding="utf-8")
-        if parser.has_section(section):
-            names = ("access_key_id", "secret_access_key", "session_token")
-            said = {name: parser.get(section, f"aws_{name}", fallback="") for name in names}
-            said["region"] = parser.get(section, "region", fallback="")
-            found |= {name: value for name, value in said.items() if value}
-    return found if "access_key_id" in found else {**found, "skip_signature": True}
+    try:
+        yield
+    except (exceptions.BaseError, ValueError):
+        text = "keys, account or endpoint in the environment cannot be used"
+        raise DataError(f"{scheme}://: {text}") from None
 
 
 @contextmanager

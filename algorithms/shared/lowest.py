@@ -95,7 +95,16 @@ def lattice_around(
 
 
 def tell_of_one_cell(lattice: Lattice, metre: float) -> None:
-    """Warn where one cell holds all points, so that a raster of them says nothing of places."""
+    """Warn where one cell holds all points, so that a raster of them says nothing of places.
+
+    Parameters
+    ----------
+    metre : in the unit of the lattice
+
+    Examples
+    --------
+    >>> tell_of_one_cell(Lattice.cover((0, 0, 50, 50), 10.0), 1.0)
+    """
     if lattice.shape == (1, 1):
         log.warning(
             "one cell of %g m holds all points; is the cell size right?", lattice.cell / metre

@@ -14,7 +14,7 @@ GLOSSARY = ROOT / "docs" / "reference" / "glossary.md"
 
 ALLOWED = {
     ("home", "toolbox/qgis/install.py"): "XDG_DATA_HOME of Linux",
-    ("home", "toolbox/data/remote/store.py"): "Path.home of Python",
+    ("home", "toolbox/data/remote/credentials.py"): "Path.home of Python",
     ("station", "algorithms/samples/_facade.py"): "where a terrestrial scanner stands",
     ("station", "docs/explanation/denoise.md"): "the same",
     ("station", "docs/explanation/cloth-simulation.md"): "a railway station",

@@ -306,7 +306,7 @@ def _command(advice: str, tools: str, crs: CRS) -> str:
     text = crs_text(crs)
     word = text if _CODE.fullmatch(text) else '"its WKT"'
     if advice.startswith(("reproject it", "bring its heights")):
-        option = f", or read it with the option reproject={word}" if tools == "vectors" else ""
+        option = "" if tools == "points" else f", or read it with the option reproject={word}"
         return f" ({tools}.reproject --crs {word}{option})"
     assigned = advice.startswith("assign it the heights") and tools == "points"
     return f" (points.assign_crs --crs {word})" if assigned else ""

@@ -24,6 +24,7 @@ from toolbox.data.crs import (
     is_local,
     local_crs,
     metres_per_unit,
+    parse_crs,
 )
 from toolbox.data.drivers import raster_driver
 from toolbox.data.lattice import Lattice
@@ -148,7 +149,14 @@ class Raster(Layer):
         return Path(path), *(Path(f"{path}{ending}") for ending in _SIDE_CARS)
 
     @classmethod
-    def open(cls, path: str | Path, *, band: int | None = None, ctx: Context = QUIET) -> Raster:
+    def open(
+        cls,
+        path: str | Path,
+        *,
+        band: int | None = None,
+        reproject: CRS | str | None = None,
+        ctx: Context = QUIET,
+    ) -> Raster:
         """Read a raster: GeoTIFF, ASCII grid and more, see `toolbox.data.drivers`.
 
         Cells without data are those of the file's nodata value, mask or alpha band. Integers
@@ -159,6 +167,8 @@ class Raster(Layer):
         ----------
         path : of a file in a format that does not refer to other files, as virtual rasters do
         band : its number, counted from 1; all bands unless given
+        reproject : bring the raster to this CRS as surface.reproject does, integers by the cell
+            that they lie in and floats between cells; refused where that changes heights
         ctx : where to report progress
 
         Raises
@@ -175,8 +185,14 @@ class Raster(Layer):
             driver = raster_driver(here)
             with _position_unchecked(), rasterio.open(here, driver=driver) as source:
                 raster = _read(source, path.name)
+        raster = raster if band is None else raster._alone(band)
+        if reproject is not None:
+            from toolbox.data.resampling import on_the_way
+
+            wanted = parse_crs(reproject) if isinstance(reproject, str) else reproject
+            raster = on_the_way(raster, wanted, ctx=ctx.part(0.2, 1.0))
         ctx.progress(1.0)
-        return raster if band is None else raster._alone(band)
+        return raster
 
     def _alone(self, band: int) -> Raster:
         """The raster of one of the bands."""

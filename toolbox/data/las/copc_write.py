@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import mmap
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -34,8 +35,9 @@ from toolbox.data.las.octree import (
     merge_small,
     place,
     priorities,
+    starts_of,
 )
-from toolbox.data.las.points import attribute, box_of, coordinates
+from toolbox.data.las.points import attribute, axes_of, box_of
 from toolbox.data.las.versions import recast
 from toolbox.data.las.write import empty_file
 from toolbox.data.reading import errors_named
@@ -52,6 +54,7 @@ _RETURNS = 15
 _LEVEL = 48  # bit of a key above those of the code of a node
 
 Array = NDArray[Any]
+Indices = NDArray[np.integer[Any]]
 
 
 def is_copc(path: Path) -> bool:
@@ -129,24 +132,50 @@ class _Chunks:
     compressor: Any
     nodes: list[tuple[int, int]] = field(default_factory=list)
 
-    def add(self, rows: Array, levels: Levels, codes: Codes, cube: Cube) -> None:
-        """Write points, as rows of bytes, by node; within one they keep their order."""
-        if not len(rows):
+    def add(self, rows: Array, order: Indices, levels: Levels, codes: Codes, cube: Cube) -> None:
+        """Write points by node; within one they keep their order.
+
+        Parameters
+        ----------
+        rows : all points, as rows of bytes
+        order : which of them, sorted by code
+        levels, codes : of those, in the same order
+        """
+        if not len(order):
             return
+        by_level = np.argsort(levels, kind="stable")  # one byte each, so sorted by counting
+        order, levels, codes = order[by_level], levels[by_level], codes[by_level]
         shifts = np.array([cube.shift(level) for level in range(cube.depth + 1)], np.uint64)
         nodes = codes >> shifts[levels]
-        keys = (levels.astype(np.uint64) << np.uint64(_LEVEL)) | nodes
-        order = np.argsort(keys, kind="stable")
-        keys = keys[order]
-        starts = [0, *(np.flatnonzero(keys[1:] != keys[:-1]) + 1).tolist(), len(order)]
+        starts = starts_of((levels.astype(np.uint64) << np.uint64(_LEVEL)) | nodes)
+        self.nodes += zip(levels[starts].tolist(), nodes[starts].tolist(), strict=True)
+        sizes = np.diff(starts, append=len(order))
+        own = _by_number(len(rows), order, sizes)
         waiting: list[Array] = []
-        for start, stop in itertools.pairwise(starts):
-            first = order[start]
-            self.nodes.append((int(levels[first]), int(nodes[first])))
-            waiting.append(np.take(rows, order[start:stop], axis=0).ravel())
-            if len(waiting) == _GROUP or stop == len(order):
+        for start, stop in itertools.pairwise([*starts.tolist(), len(own)]):
+            waiting.append(np.take(rows, own[start:stop], axis=0).ravel())
+            if len(waiting) == _GROUP or stop == len(own):
                 self.compressor.compress_chunks(waiting)
                 waiting = []
+
+
+def _by_number(count: int, members: Indices, sizes: Indices) -> Indices:
+    """Members of groups, which follow each other, sorted within each group.
+
+    Parameters
+    ----------
+    count : members are below it
+    sizes : of the groups
+
+    Examples
+    --------
+    >>> _by_number(9, np.array([5, 2, 8, 7, 1]), np.array([2, 3])).tolist()
+    [2, 5, 1, 7, 8]
+    """
+    small = np.min_scalar_type(len(sizes))  # mostly 16 bits, which are sorted by counting
+    group = np.full(count, len(sizes), small)
+    group[members] = np.repeat(np.arange(len(sizes), dtype=small), sizes)
+    return np.argsort(group, kind="stable")[: len(members)]
 
 
 def _write(stream: BinaryIO, metadata: LasMetadata, records: Array, ctx: Context) -> None:
@@ -208,7 +237,7 @@ class _Figures:
         cube = Cube.around(low, high, float(np.abs(header.scales).max()), len(records))
         for done, block in _blocks(records):
             ctx.progress(0.5 + 0.5 * done / len(records))
-            nodes = cube.coarse(coordinates(header, block), _FINEST)
+            nodes = cube.coarse(axes_of(header, block), _FINEST)
             parts += np.bincount(nodes, minlength=len(parts))
         span = (float(np.min(times)), float(np.max(times))) if times else (0.0, 0.0)
         return cls(cube, len(records), low, high, returns[1:], span, parts)
@@ -229,11 +258,18 @@ def _blocks(records: Array) -> Iterator[tuple[int, Array]]:
     """Blocks of point records, each with how many are before it."""
     for start in range(0, len(records), _BLOCK):
         yield start, records[start : start + _BLOCK]
+        _let_go(records)
+
+
+def _let_go(records: Array) -> None:
+    """Give the pages of a file back to the system, which else count as memory of ours."""
+    if isinstance(records.base, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+        records.base.madvise(mmap.MADV_DONTNEED)
 
 
 def _parts(
     metadata: LasMetadata, records: Array, figures: _Figures, level: int
-) -> Iterator[NDArray[np.integer[Any]]]:
+) -> Iterator[Indices]:
     """The indices of the points of each part, in their order."""
     if level == 0:
         yield np.arange(len(records))
@@ -241,13 +277,13 @@ def _parts(
     cube, there = figures.cube, np.flatnonzero(figures.parts)
     codes = cube.codes_of(there, _FINEST) >> np.uint64(3 * (_FINEST - level))
     names, numbers = np.unique(codes, return_inverse=True)
-    number_of = np.zeros(len(figures.parts), np.int64)
+    number_of = np.zeros(len(figures.parts), np.min_scalar_type(len(names)))
     number_of[there] = numbers
     ends = np.cumsum(np.bincount(numbers, figures.parts[there])).astype(np.int64)
     fill = np.r_[0, ends[:-1]]
     index = np.empty(len(records), np.uint32 if len(records) < 2**32 else np.int64)
     for done, block in _blocks(records):
-        part = number_of[cube.coarse(coordinates(metadata.header, block), _FINEST)]
+        part = number_of[cube.coarse(axes_of(metadata.header, block), _FINEST)]
         order = np.argsort(part, kind="stable")
         sizes = np.bincount(part, minlength=len(names))
         ahead = np.cumsum(sizes) - sizes
@@ -267,27 +303,30 @@ def _add_points(
     plain = records.view(np.uint8).reshape(len(records), -1)
     for part in _parts(metadata, records, figures, level):
         rows = np.take(plain, part, axis=0)
+        _let_go(records)
         block = rows.view(records.dtype)[:, 0]
-        codes = cube.codes(coordinates(header, block))
-        whole = np.stack([block[name] for name in "XYZ"], axis=1)
-        order = np.argsort(codes, kind="stable")
-        levels = levels_of(codes[order], priorities(whole)[order], cube)
-        kept.append(merge_small(levels, codes[order], cube, max(level, 1)))
-        of_point = np.empty(len(levels), np.uint8)
-        of_point[order] = levels
-        fine = of_point >= level
-        chunks.add(rows[fine], of_point[fine], codes[fine], cube)
-        coarse.append((rows[~fine], of_point[~fine], codes[~fine]))
+        codes = cube.codes(axes_of(header, block))
+        order = np.argsort(codes)  # which of equal codes comes first makes no difference
+        ordered = codes[order]
+        levels = levels_of(ordered, priorities(block)[order], cube)
+        kept.append(merge_small(levels, ordered, cube, max(level, 1)))
+        fine = levels >= level
+        if level:
+            left = np.sort(order[~fine])
+            of_point = np.empty(len(levels), np.uint8)
+            of_point[order] = levels
+            coarse.append((rows[left], of_point[left], codes[left]))
+            order, levels, ordered = order[fine], levels[fine], ordered[fine]
+        chunks.add(rows, order, levels, ordered, cube)
         done += len(part)
         ctx.progress(done / figures.count)
     if level == 0:
         return
     rows, of_point, codes = (np.concatenate(found) for found in zip(*coarse, strict=True))
-    order = np.argsort(codes, kind="stable")
+    order = np.argsort(codes)
     levels = of_point[order]
     merge_small(levels, codes[order], cube, 1, np.unique(np.concatenate(kept)))
-    of_point[order] = levels
-    chunks.add(rows, of_point, codes, cube)
+    chunks.add(rows, order, levels, codes[order], cube)
 
 
 def _hierarchy(stream: BinaryIO, nodes: list[tuple[int, int]], laszip: Any, start: int) -> bytes:

@@ -31,6 +31,7 @@ FEWEST = 1000
 _BITS = 7  # of CELLS
 _DEEPEST = 14  # level; with 7 bits for the cells of a node, three coordinates fit in 63 bits
 _BLOCK = 65_536  # points, whose arrays fit into the cache of a processor
+_CROWDED = 0.7  # share of points still shown, below which the others are put aside
 _DENSER = 4  # levels beyond that of the mean density, for places that are up to 256 times denser
 
 Codes = NDArray[np.uint64]
@@ -58,23 +59,33 @@ class Cube(NamedTuple):
         mean = math.ceil(math.log2(max(math.sqrt(count) / CELLS, 1)))
         return cls(np.asarray(low, float) - step, side, min(mean + _DENSER, _DEEPEST))
 
-    def codes(self, xyz: NDArray[np.float64]) -> Codes:
-        """The cell of each point at the deepest level, x, y and z bit by bit (Morton order)."""
-        cells = 1 << (_BITS + self.depth)
-        found = np.empty(len(xyz), np.uint64)
-        for start in range(0, len(xyz), _BLOCK):
-            block = xyz[start : start + _BLOCK]
-            index = self._cells(block, cells)
+    def codes(self, axes: NDArray[np.float64]) -> Codes:
+        """The cell of each point at the deepest level, x, y and z bit by bit (Morton order).
+
+        Parameters
+        ----------
+        axes : x, y and z, of shape (3, n)
+        """
+        found = np.empty(axes.shape[1], np.uint64)
+        for start in range(0, len(found), _BLOCK):
+            index = self._cells(axes[:, start : start + _BLOCK], _BITS + self.depth)
             part = _spread(index[0])
             part |= _spread(index[1]) << np.uint64(1)
             part |= _spread(index[2]) << np.uint64(2)
-            found[start : start + len(block)] = part
+            found[start : start + _BLOCK] = part
         return found
 
-    def coarse(self, xyz: NDArray[np.float64], level: int) -> NDArray[np.int64]:
-        """The node of a level that holds each point, numbered row by row and not by its code."""
-        x, y, z = self._cells(xyz, 1 << level).astype(np.int64)
-        found: NDArray[np.int64] = ((x << level) | y) << level | z
+    def coarse(self, axes: NDArray[np.float64], level: int) -> NDArray[np.int64]:
+        """The node of a level that holds each point, numbered row by row and not by its code.
+
+        Parameters
+        ----------
+        axes : x, y and z, of shape (3, n)
+        """
+        found = np.empty(axes.shape[1], np.int64)
+        for start in range(0, len(found), _BLOCK):
+            x, y, z = self._cells(axes[:, start : start + _BLOCK], level).view(np.int64)
+            found[start : start + _BLOCK] = ((x << level) | y) << level | z
         return found
 
     def codes_of(self, coarse: NDArray[np.int64], level: int) -> Codes:
@@ -86,10 +97,12 @@ class Cube(NamedTuple):
         found |= _spread(z.astype(np.uint64)) << np.uint64(2)
         return found
 
-    def _cells(self, xyz: NDArray[np.float64], count: int) -> Codes:
-        """The x, y and z, of shape (3, n), of the cell of each point, `count` along a side."""
-        place: Codes = ((xyz.T - self.low[:, None]) * (count / self.side)).astype(np.uint64)
-        return np.minimum(place, np.uint64(count - 1), out=place)
+    def _cells(self, axes: NDArray[np.float64], bits: int) -> Codes:
+        """The x, y and z, of shape (3, n), of the cell of each point, 2^bits along a side."""
+        count = 1 << bits
+        place = axes - self.low[:, None]
+        place *= count / self.side
+        return np.minimum(place.astype(np.uint64), np.uint64(count - 1))
 
     def shift(self, level: int) -> np.uint64:
         """Bits of a code below those of the node of a level."""
@@ -120,20 +133,24 @@ def place(code: int) -> tuple[int, int, int]:
     return x, y, z
 
 
-def priorities(whole: NDArray[np.integer[Any]]) -> Codes:
-    """A number for each point, mixed from its whole coordinates of shape (n, 3).
+def priorities(records: NDArray[Any]) -> Codes:
+    """A number for each point, mixed from its whole coordinates, the fields X, Y and Z.
 
     The upper half is mixed (the finaliser of MurmurHash3), the lower one the rank among points of
     equal coordinates, so that no two are equal in one array.
     """
-    mixed = np.zeros(len(whole), np.uint64)
-    for axis in range(3):
-        mixed ^= whole[:, axis].astype(np.int64).view(np.uint64)
-        for factor in (0xFF51AFD7ED558CCD, 0xC4CEB9FE1A85EC53):
+    found = np.arange(len(records), dtype=np.uint64)
+    for start in range(0, len(records), _BLOCK):
+        block = records[start : start + _BLOCK]
+        mixed = np.zeros(len(block), np.uint64)
+        for axis in "XYZ":
+            mixed ^= block[axis].astype(np.int64).view(np.uint64)
+            for factor in (0xFF51AFD7ED558CCD, 0xC4CEB9FE1A85EC53):
+                mixed ^= mixed >> np.uint64(33)
+                mixed *= np.uint64(factor)
             mixed ^= mixed >> np.uint64(33)
-            mixed *= np.uint64(factor)
-        mixed ^= mixed >> np.uint64(33)
-    return (mixed & np.uint64(0xFFFFFFFF00000000)) | np.arange(len(whole), dtype=np.uint64)
+        found[start : start + len(block)] |= mixed & np.uint64(0xFFFFFFFF00000000)
+    return found
 
 
 def levels_of(codes: Codes, priority: Codes, cube: Cube) -> Levels:
@@ -143,18 +160,34 @@ def levels_of(codes: Codes, priority: Codes, cube: Cube) -> Levels:
     ----------
     codes : sorted
     """
-    levels = np.full(len(codes), cube.depth, np.uint8)
-    shown = np.arange(len(codes))
+    levels = np.zeros(len(codes), np.uint8)
+    shown, stays, left = np.arange(len(codes)), np.ones(len(codes), bool), len(codes)
     for level in range(cube.depth - 1, -1, -1):
-        cells = codes[shown] >> np.uint64(3 * (cube.depth - level))
-        starts = np.flatnonzero(np.r_[True, cells[1:] != cells[:-1]][: len(cells)])
-        if not len(starts):
-            break
-        rank = priority[shown]
-        lowest = np.repeat(np.minimum.reduceat(rank, starts), np.diff(starts, append=len(cells)))
-        shown = shown[rank == lowest]
-        levels[shown] = level
+        lost = _not_lowest(codes >> np.uint64(3 * (cube.depth - level)), priority)
+        lost = lost[stays[lost]]
+        levels[shown[lost]] = level + 1
+        stays[lost] = False
+        left -= len(lost)
+        if left < _CROWDED * len(codes):  # those that are out harm nothing but take time
+            codes, priority, shown = codes[stays], priority[stays], shown[stays]
+            stays = np.ones(left, bool)
     return levels
+
+
+def _not_lowest(groups: Codes, rank: Codes) -> NDArray[np.intp]:
+    """Indices of all but the lowest of each group; groups are sorted, no two ranks are equal."""
+    as_before = np.zeros(len(groups), bool)
+    np.equal(groups[1:], groups[:-1], out=as_before[1:])
+    several = as_before.copy()  # whether a group has another one
+    several[:-1] |= as_before[1:]
+    among = np.flatnonzero(several)
+    if not len(among):
+        return among
+    starts = np.flatnonzero(~as_before[among])
+    rank = rank[among]
+    lowest = np.minimum.reduceat(rank, starts)
+    higher: NDArray[np.bool_] = rank != np.repeat(lowest, np.diff(starts, append=len(among)))
+    return among[higher]
 
 
 def merge_small(
@@ -176,10 +209,17 @@ def merge_small(
     kept = np.empty(0, np.uint64) if below is None else below
     for level in range(int(levels.max(initial=0)), last - 1, -1):
         here = np.flatnonzero(levels == level)
-        nodes, _start, size = np.unique(
-            codes[here] >> cube.shift(level), return_index=True, return_counts=True
-        )
-        stays = (size >= FEWEST) | np.isin(nodes, kept)
+        nodes = codes[here] >> cube.shift(level)
+        starts = starts_of(nodes)
+        names, size = nodes[starts], np.diff(starts, append=len(here))
+        stays = (size >= FEWEST) | np.isin(names, kept)
         levels[here[np.repeat(~stays, size)]] = level - 1
-        kept = np.unique(np.concatenate([nodes[stays], kept]) >> np.uint64(3))
+        kept = np.unique(np.concatenate([names[stays], kept]) >> np.uint64(3))
     return kept
+
+
+def starts_of(values: Codes) -> NDArray[np.intp]:
+    """Where each run of equal values begins."""
+    new = np.ones(len(values), bool)
+    np.not_equal(values[1:], values[:-1], out=new[1:])
+    return np.flatnonzero(new)

@@ -59,6 +59,15 @@ def coordinates(header: LasHeader, packed: Array) -> NDArray[np.float64]:
     return xyz
 
 
+def axes_of(header: LasHeader, packed: Array) -> NDArray[np.float64]:
+    """The same coordinates axis by axis, of shape (3, n)."""
+    axes = np.empty((3, len(packed)))
+    for axis, name in enumerate("XYZ"):
+        np.multiply(packed[name], header.scales[axis], out=axes[axis])
+        axes[axis] += header.offsets[axis]
+    return axes
+
+
 def box_of(header: LasHeader, packed: Array) -> Box:
     """Lowest and highest coordinates of at least one point."""
     limits = np.array([[packed[axis].min(), packed[axis].max()] for axis in "XYZ"], float)

@@ -16,7 +16,7 @@ DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGES = sorted(
     page for room in ("start", "jobs", "choose", "tr") for page in (DOCS / room).glob("*.md")
 )
-PAGES += [DOCS / "howto" / "deliver.md"]
+PAGES += [DOCS / "howto" / name for name in ("deliver.md", "in-and-out.md")]
 BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 

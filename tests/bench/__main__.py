@@ -12,7 +12,7 @@ from tests.bench.corridor_presets import corridor_presets
 from tests.bench.corridor_real import corridor_real
 from tests.bench.corridor_settings import corridor_settings
 from tests.bench.facades import facades
-from tests.bench.files import copc, damaged, memory, reading, reprojecting, roundtrip, startup
+from tests.bench.files import copc, damaged, memory, reading, reprojecting, startup
 from tests.bench.fingerprints import fingerprints
 from tests.bench.gridding import gridding
 from tests.bench.ground import cloth, filters, grounds, halos, isprs, surveys, terrain
@@ -21,6 +21,7 @@ from tests.bench.long_lines import long_lines
 from tests.bench.metamorphic import metamorphic
 from tests.bench.path import path
 from tests.bench.remote import remote
+from tests.bench.roundtrip import roundtrip
 from tests.bench.shorelines import shorelines, water_levels, waters
 from tests.bench.speed import speed
 from tests.bench.structures import structures

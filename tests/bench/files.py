@@ -7,8 +7,6 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from tests.bench.measuring import DATA, PEAK, ROOT, ROUNDS, alternately, folder, say, toolbox
@@ -138,66 +136,3 @@ def damaged() -> None:
             f"damaged  {path.name:32} exit {exit_code}  {points:>6} points  "
             f"{time.perf_counter() - start:.1f} s  {mib} MiB  {note}"
         )
-
-
-def roundtrip() -> None:
-    """Every readable cloud through PointCloud.open and save; what comes back differently."""
-    from toolbox.data import PointCloud
-    from toolbox.errors import DataError
-
-    same = 0
-    endings = (".las", ".laz", ".txt.gz", ".csv.gz", ".ply", ".ply.gz", ".pcd")
-    paths = sorted(p for p in DATA.rglob("*") if p.name.lower().endswith(endings))
-    with folder() as out:
-        for path in paths:
-            suffix = ".ply" if ".ply" in path.name or path.suffix == ".pcd" else path.suffix
-            suffix = ".txt.gz" if suffix == ".gz" else suffix
-            try:
-                cloud = PointCloud.open(path)
-                cloud.save(out / f"a{suffix}")
-                differences = list(_differences(cloud, path, out / f"a{suffix}"))
-            except DataError as err:
-                differences = [str(err)]
-            same += not differences
-            for text in differences:
-                say(f"roundtrip  {path.parent.name}/{path.name}: {text[:150]}")
-    say(f"roundtrip  {same} of {len(paths)} files came back without a difference")
-
-
-def _differences(cloud: Any, path: Path, copy: Path) -> Iterator[str]:
-    import laspy
-    import numpy as np
-
-    from toolbox.data import PointCloud
-    from toolbox.data.crs import same_crs
-
-    back = PointCloud.open(copy)
-    if not np.array_equal(cloud.xyz, back.xyz):
-        yield f"coordinates differ by up to {abs(cloud.xyz - back.xyz).max():.1g}"
-    lost = [n for n in cloud.names if n not in back or not _equal(cloud[n], back[n])]
-    if lost:
-        yield f"attributes differ: {', '.join(lost)}"
-    if not same_crs(cloud.crs, back.crs):
-        yield "the CRS differs"
-    if path.suffix.lower() in (".las", ".laz") and path.parent.name != "robustness":
-        one, two = laspy.read(path), laspy.read(copy)
-        if one.points.array.tobytes() != two.points.array.tobytes():
-            yield "raw point records differ"
-        records = [
-            {
-                (v.user_id, v.record_id, v.record_data_bytes())
-                for v in las.vlrs
-                if "copc" not in v.user_id
-            }
-            for las in (one, two)
-        ]
-        if records[0] != records[1]:
-            yield "VLRs differ"
-        if "copc" in {vlr.user_id for vlr in one.vlrs}:
-            yield "COPC records are left out, the copy is plain LAZ"
-
-
-def _equal(one: Any, two: Any) -> bool:
-    import numpy as np
-
-    return bool(np.array_equal(one, two, equal_nan=one.dtype.kind == "f"))

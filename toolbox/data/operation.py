@@ -283,7 +283,7 @@ def _step(transformer: Any, axes: int, epoch: float | None) -> Step:
         given = [*xyz[:axes]]
         if epoch is not None:
             given = [*given, *np.zeros((3 - axes, xyz.shape[1])), np.full(xyz.shape[1], epoch)]
-        xyz[:axes] = transformer.transform(*given, direction=way)[:axes]
+        transformer.transform(*given, direction=way, inplace=True)
 
     return step
 

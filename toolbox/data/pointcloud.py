@@ -924,7 +924,10 @@ def days_of(times: NDArray[Any]) -> tuple[date, date] | None:
 
 
 def _coordinates(xyz: ArrayLike) -> NDArray[np.float64]:
-    found = np.array(xyz, np.float64, order="C", ndmin=2)
+    """A copy that nobody can change, or an array of its own that is so already."""
+    given = np.asarray(xyz, np.float64)
+    fixed = given is xyz and given.base is None and not given.flags.writeable
+    found = given if fixed and given.flags.c_contiguous else np.array(given, order="C", ndmin=2)
     if found.size == 0:
         found = found.reshape(0, 3)
     if found.ndim != 2 or found.shape[1] != 3:

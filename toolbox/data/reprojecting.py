@@ -40,7 +40,9 @@ def points(cloud: PointCloud, way: Operation, *, ctx: Context = QUIET) -> PointC
         Points lie where the operation is not defined.
     """
     before = cloud.steps
-    moved = cloud.with_xyz(way.transform(cloud.xyz, ctx=ctx)).with_crs(way.target)
+    there = way.transform(cloud.xyz, ctx=ctx)
+    there.flags.writeable = False  # so that it need not be copied
+    moved = cloud.with_xyz(there).with_crs(way.target)
     return _in_unit(moved, way).with_steps(_steps(moved.xyz, before, way))
 
 

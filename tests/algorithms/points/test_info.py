@@ -293,6 +293,15 @@ def test_waveforms_are_listed(tmp_path: Path) -> None:
     assert not [text for text in warned if "descriptors" in text]
 
 
+def test_waveforms_that_stay_behind_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    cloud = scanned(tmp_path / "a.las", [1, 1])
+    cloud.save(tmp_path / "b.laz")
+    assert "waveforms stay in the .wdp file of the input" in caplog.text
+    assert PointCloud.open(tmp_path / "b.laz")["wavepacket_index"].tolist() == [1, 1]
+
+
 def test_waveforms_without_a_descriptor_are_warned_of(tmp_path: Path) -> None:
     _, warned = report(scanned(tmp_path / "a.las", [0, 1, 3]))
     assert "points have waveforms of descriptors that are not there: 3" in warned

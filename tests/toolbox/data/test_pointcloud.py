@@ -230,3 +230,15 @@ def test_as_a_data_frame() -> None:
     assert frame.attrs["crs"] == "EPSG:32635"
     with pytest.raises(DataError, match=r"three arrays of one length, got \(2,\), \(1,\), \(2,\)"):
         PointCloud.from_arrays([0, 1], [2], [4, 5])
+
+
+def test_coordinates_that_nobody_can_change_are_not_copied() -> None:
+    free = np.arange(6.0).reshape(2, 3)
+    cloud = PointCloud(free)
+    free[0, 0] = 9.0
+    assert cloud.xyz[0, 0] == 0.0
+    fixed = np.arange(6.0).reshape(2, 3).copy()
+    fixed.flags.writeable = False
+    assert PointCloud(fixed).xyz is fixed
+    part = fixed[:1]  # a view of an array that its owner may set free again
+    assert PointCloud(part).xyz is not part

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Iterator
+
 from toolbox.context import QUIET, Context
 from toolbox.data import Survey
 from toolbox.declare import outputs, sink, source, tool
@@ -25,14 +28,27 @@ class PointsIndex:
     Only headers are read. QGIS, PDAL and this toolbox open the index as one cloud. The files stay
     where they are, and are named relative to it: move them together. COPC files (.copc.laz) show
     at once in QGIS, others as outlines.
+
+    From afar QGIS shows the `overview`, where there is one: a COPC file of a part of the points,
+    such as points.thin makes of the index.
     """
 
     points: Survey = source("Files to index: a folder, a pattern or a list")
+    overview: Survey | None = source(
+        "COPC file of a part of the points, shown from afar", default=None
+    )
 
     @outputs
     class Outputs:
         index: Survey = sink("The index, one item per file")
         count: int = sink("Number of points of all files", unit="1")
+
+    def check_data(self) -> Iterator[tuple[str, str]]:
+        """The overview is one COPC file."""
+        if self.overview is not None:
+            names = [path.name for path in self.overview.paths]
+            if len(names) != 1 or not names[0].lower().endswith(".copc.laz"):
+                yield "overview", f"must be one COPC file (.copc.laz), got {', '.join(names)}"
 
     def halo(self) -> float:
         """Zero, as no point is read."""
@@ -41,4 +57,6 @@ class PointsIndex:
     def run(self, ctx: Context = QUIET) -> PointsIndex.Outputs:
         """Give the headers on."""
         ctx.progress(1.0)
-        return self.Outputs(index=self.points, count=self.points.count)
+        overview = self.overview.paths[0] if self.overview else None
+        index = dataclasses.replace(self.points, overview=overview)
+        return self.Outputs(index=index, count=self.points.count)

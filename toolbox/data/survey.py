@@ -239,6 +239,7 @@ class Survey(Layer):
     ----------
     files : sorted by path
     name : of the folder, pattern or list, for messages
+    overview : COPC file of a part of all points, which a virtual point cloud of them names
 
     Examples
     --------
@@ -254,6 +255,7 @@ class Survey(Layer):
 
     files: tuple[SurveyFile, ...]
     name: str
+    overview: Path | None = None
     SUFFIXES: ClassVar[tuple[str, ...]] = (vpc.SUFFIX,)
     is_spatial: ClassVar[bool] = True
     tools: ClassVar[str] = "points"
@@ -350,7 +352,8 @@ class Survey(Layer):
         if path.suffix.lower() not in self.SUFFIXES:
             raise DataError(f"{path}: a survey is written as {', '.join(self.SUFFIXES)}")
         with errors_named(f"{path} cannot be written"):
-            path.write_text(vpc.text_of(self.files, place or path), encoding="utf-8", newline="\n")
+            text = vpc.text_of(self.files, place or path, overview=self.overview)
+            path.write_text(text, encoding="utf-8", newline="\n")
             write_beside(path, record)
         ctx.progress(1.0)
 

@@ -35,7 +35,9 @@ _EXTENSIONS = [
 _KINDS = {"f": "floating", "i": "signed", "u": "unsigned", "b": "unsigned"}
 
 
-def text_of(files: Sequence[SurveyFile], place: Path, *, own: bool = False) -> str:
+def text_of(
+    files: Sequence[SurveyFile], place: Path, *, own: bool = False, overview: Path | None = None
+) -> str:
     """The text of a virtual point cloud.
 
     Parameters
@@ -43,9 +45,14 @@ def text_of(files: Sequence[SurveyFile], place: Path, *, own: bool = False) -> s
     files : what their headers say
     place : path of the virtual point cloud, to which the paths of the files are relative
     own : whether the files, which stand beside it, were made with it; see :func:`own_files`
+    overview : COPC file of a part of all points, which QGIS shows from afar; each item names it
     """
     ids = _ids([file.path.name for file in files])
     items = [_item(file, id, place.parent) for file, id in zip(files, ids, strict=True)]
+    if overview is not None:
+        asset = {"href": _href(overview, place.parent), "roles": ["overview"]}
+        for item in items:
+            item["assets"]["overview"] = asset
     head: dict[str, Any] = {"type": "FeatureCollection"} | ({_OWN: True} if own else {})
     return json.dumps({**head, "features": items}, indent=1) + "\n"
 

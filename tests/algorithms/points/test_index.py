@@ -57,6 +57,23 @@ def test_it_is_read_back_wherever_it_stands(folder: Path) -> None:
     assert "points.index" in read_record(folder / "all.vpc")
 
 
+def test_an_overview_is_named_and_not_read_as_points(folder: Path) -> None:
+    xyz = np.array([[500_000, 4_600_000, 5.0]])
+    cloud(xyz).save(folder / "far.copc.laz")
+    values = {"points": folder / "ä b", "index": folder / "ä b/all.vpc"}
+    toolbox.run("points.index", {**values, "overview": folder / "far.copc.laz"})
+    items = json.loads((folder / "ä b/all.vpc").read_text("utf-8"))["features"]
+    overview = {"href": "../far.copc.laz", "roles": ["overview"]}
+    assert [item["assets"]["overview"]["roles"] for item in items] == [["overview"]] * 3
+    assert items[0]["assets"]["overview"]["href"].removeprefix("./") == overview["href"]
+    assert Survey.open(folder / "ä b/all.vpc").count == 6
+    with pytest.raises(DataError, match=r"overview: must be one COPC file .* got two\.laz"):
+        toolbox.run(
+            "points.index",
+            {**values, "index": folder / "b.vpc", "overview": folder / "ä b/two.laz"},
+        )
+
+
 def test_without_crs_there_is_no_outline(tmp_path: Path) -> None:
     (tmp_path / "ä b").mkdir()
     cloud([[1, 2, 3.0]], crs=None).save(tmp_path / "ä b" / "a.laz")

@@ -66,7 +66,13 @@ def test_a_row_that_fails_does_not_stop_the_rest(capsys: Capture) -> None:
     assert [row["status"] for row in found] == ["failed"] * 4 + ["done"]
     for row, text in zip(
         found,
-        ["there is no file no.laz", "bad.laz", "cell: must be > 0 m, got -1.0", "none is", ""],
+        [
+            "there is no file no.laz",
+            "bad.laz",
+            "cell: must be > 0 and <= 10000 m, got -1.0",
+            "none is",
+            "",
+        ],
         strict=True,
     ):
         assert text in row["message"]

@@ -161,7 +161,7 @@ def test_all_problems_are_reported_at_once(
     error = capsys.readouterr().err
     for text in [
         "surface.grid: 5 problem(s)",
-        "cell: must be > 0 m, got -1.0",
+        "cell: must be > 0 and <= 10000 m, got -1.0",
         "methd: unknown parameter; did you mean 'method'?",
         "points: there is no file",
         "power: must be a number, got 'x'",

@@ -561,7 +561,7 @@ def test_rules_are_named_after_steps_and_told_before_anything_is_read(
     (tmp_path / "no.laz").write_bytes(b"unreadable")
     text = catalog.own_files()["models.terrain"].read_text("utf-8").replace("gt: 0, ", "")
     (tmp_path / "t.yaml").write_text(text, "utf-8")
-    with pytest.raises(ParameterError, match=r"top.cell: must be > 0 m, got -1"):
+    with pytest.raises(ParameterError, match=r"top.cell: must be > 0 and <= 10000 m, got -1"):
         run(str(tmp_path / "t.yaml"), {"points": tmp_path / "no.laz", "cell": -1.0})
 
 

@@ -114,7 +114,7 @@ def test_wrong_requests_are_refused_in_words(server: Server) -> None:
     assert "is no file of the data" in reply.json()["description"]
     reply = server.execute("surface.grid", {"points": {"href": "a.laz"}, "cell": -1})
     assert reply.status_code == 400
-    assert "cell: must be > 0 m, got -1" in reply.json()["description"]
+    assert "cell: must be > 0 and <= 10000 m, got -1" in reply.json()["description"]
     url = f"{server.url}/processes/points.filter/execution"
     reply = requests.post(url, data=b"[]", timeout=30)
     assert reply.status_code == 400

@@ -1,42 +1,21 @@
-"""planes.drawing and planes.orthophoto: lengths, texts, units and places of a known front."""
+"""Lengths, texts and units of the drawing of a known front."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import geopandas
 import numpy as np
 import pytest
 import shapely
 from pyproj import CRS
+from scenes.fronts import elevation
 
 from algorithms.planes.drawing import PlanesDrawing
-from algorithms.planes.orthophoto import PlanesOrthophoto
-from toolbox.data import PointCloud, Vector
-from toolbox.data.crs import parse_crs
+from toolbox.data import Vector
 from toolbox.errors import DataError
 
 UTM = CRS(32635)
-
-
-def elevation(unit: str = "local", metre: float = 1.0) -> Vector:
-    """A wall of 10 m by 6 m that looks south, with a door and two windows above each other."""
-    holes = [(1, 0, 2, 2.1), (4, 1, 5.5, 2.5), (4, 4, 5.5, 5)]
-    boxes = [shapely.box(*np.array(hole) * metre) for hole in holes]
-    wall = shapely.box(0, 0, 10 * metre, 6 * metre).difference(shapely.union_all(boxes))
-    sizes = [((e - w) * metre, (n - s) * metre, s * metre) for w, s, e, n in holes]
-    corner = (500_000.0, 4_400_000.0, 100.0, 1, 0, 0, 0, 0, 1)
-    names = [f"{name}_{axis}" for name in ("corner", "right", "up") for axis in "xyz"]
-    rows: list[dict[str, Any]] = [
-        {"kind": "facade", "front_id": 1, "opening_id": 0, **dict(zip(names, corner, strict=True))}
-    ]
-    for number, (width, height, sill) in enumerate(sizes, start=1):
-        kind = "door" if number == 1 else "window"
-        size = {"width": width, "height": height, "sill": sill}
-        rows.append({"kind": kind, "front_id": 1, "opening_id": number, **size})
-    frame = geopandas.GeoDataFrame(rows, geometry=[wall, *boxes], crs=parse_crs(unit))
-    return Vector(frame, name="elevation")
 
 
 def texts(frame: geopandas.GeoDataFrame, layer: str) -> list[str]:
@@ -104,32 +83,3 @@ def test_another_layer_is_refused() -> None:
     other = Vector(geopandas.GeoDataFrame(geometry=[shapely.box(0, 0, 1, 1)], crs=UTM))
     with pytest.raises(DataError, match=r"take that of planes\.openings"):
         PlanesDrawing(elevation=other).run()
-
-
-def test_an_image_shows_points_where_they_are_on_the_elevation() -> None:
-    u, v = (a.ravel() for a in np.meshgrid(np.arange(0.05, 10, 0.1), np.arange(0.05, 6, 0.1)))
-    bright = (u > 4) & (u < 5.5) & (v > 4) & (v < 5)
-    xyz = np.column_stack([500_000 + u, np.full(len(u), 4_400_000.02), 100 + v])
-    behind = xyz[:200] + np.array([0, 3, 0])  # too far behind to be shown
-    shade = np.concatenate([np.where(bright, 900, 100), np.full(200, 5000)]).astype(np.uint16)
-    points = PointCloud(np.vstack([xyz, behind]), {"intensity": shade}, crs=UTM)
-    found = PlanesOrthophoto(points=points, elevation=elevation(), cell=0.1).run()
-    band = found.image.band()
-    assert band.shape == (60, 100)
-    assert found.filled_share == 1.0
-    window = band[10:20, 40:55]
-    assert window.min() > band[30:].max()
-
-
-def test_empty_cells_take_the_nearest_within_reach() -> None:
-    u, v = (a.ravel() for a in np.meshgrid(np.arange(0.05, 10, 0.3), np.arange(0.05, 6, 0.3)))
-    xyz = np.column_stack([500_000 + u, np.full(len(u), 4_400_000.0), 100 + v])
-    points = PointCloud(xyz, {"intensity": np.arange(len(u)).astype(np.uint16)}, crs=UTM)
-    shares = [
-        PlanesOrthophoto(points=points, elevation=elevation(), cell=0.1, fill_cells=n)
-        .run()
-        .filled_share
-        for n in (0, 2)
-    ]
-    assert shares[0] == pytest.approx(1 / 9, abs=0.02)
-    assert shares[1] > 0.95

@@ -1,4 +1,4 @@
-"""points.reproject and points.assign_crs: there and back, steps, tiles, units of attributes."""
+"""points.reproject: there and back, steps, tiles, units of attributes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from pyproj import CRS
 from scenes.layers import cloud
 
 import toolbox
-from algorithms.points.assign_crs import PointsAssignCrs
 from algorithms.points.reproject import PointsReproject
 from toolbox.cli.replay import replay
 from toolbox.data import PointCloud, Survey
@@ -145,26 +144,3 @@ def test_differing_layers_name_the_command_that_mends_it() -> None:
     text = r"b\.laz is in EPSG:32636 .*\(points\.reproject --crs EPSG:32635\)"
     with pytest.raises(DataError, match=text):
         PointCloud.concat([scattered(), other])
-
-
-def test_assigning_keeps_coordinates() -> None:
-    points = scattered(crs=None)
-    out = PointsAssignCrs(points=points, crs=CRS("EPSG:32635")).run().assigned
-    assert same_crs(out.crs, CRS(32635))
-    np.testing.assert_array_equal(out.xyz, points.xyz)
-
-
-def test_a_stated_crs_is_replaced_only_if_asked() -> None:
-    points = scattered()
-    with pytest.raises(DataError, match=r"a\.laz states EPSG:32635 .*--replace true"):
-        PointsAssignCrs(points=points, crs=CRS(32636))
-    out = PointsAssignCrs(points=points, crs=CRS(32636), replace=True).run().assigned
-    assert same_crs(out.crs, CRS(32636))
-    high = CRS("EPSG:32635+5773")  # adds what was not said
-    assert same_crs(PointsAssignCrs(points=points, crs=high).run().assigned.crs, high)
-
-
-def test_coordinates_that_cannot_be_there_are_refused() -> None:
-    degrees = cloud([[29.0, 41.0, 0.0], [29.001, 41.001, 0.0]], crs=None)
-    with pytest.raises(DataError, match="look like degrees"):
-        PointsAssignCrs(points=degrees, crs=CRS(32635))

@@ -83,6 +83,7 @@ PROCESS: dict[str, Any] = {
         "title": TEXT,
         "description": TEXT,
         "keywords": {"type": "array", "items": TEXT},
+        "metadata": METADATA,
         "jobControlOptions": {
             "type": "array",
             "items": {"enum": ["sync-execute", "async-execute", "dismiss"]},

@@ -31,8 +31,10 @@ def files() -> Iterator[tuple[Path, str]]:
     described = [spec.describe() for spec in specs]
     shown = examples()
     for spec, tool in zip(specs, described, strict=True):
-        yield METADATA / "tools" / f"{spec.id}.json", as_json(tool)
-        more = [steps(spec), columns(spec), in_tiles(spec), in_use(spec, shown.get(spec.id))]
+        runs = runs_of(spec, shown.get(spec.id))
+        commands = {"metadata": list(examples_of(spec.id, runs))}
+        yield METADATA / "tools" / f"{spec.id}.json", as_json({**tool, **commands})
+        more = [steps(spec), columns(spec), in_tiles(spec), in_use(spec.id, runs)]
         yield ROOT / "docs" / "tools" / f"{spec.id}.md", page(tool, *more)
     yield ROOT / "docs" / "tools" / "index.md", index(specs)
 
@@ -41,6 +43,20 @@ def examples() -> dict[str, list[dict[str, Any]]]:
     """The values of the runs that docs/examples.yaml shows, by tool."""
     read = yaml.safe_load(EXAMPLES.read_text(encoding="utf-8"))
     return {id: runs if isinstance(runs, list) else [runs] for id, runs in read.items()}
+
+
+def runs_of(spec: Spec, runs: list[dict[str, Any]] | None) -> list[dict[str, Any]]:
+    """The values of the runs that are shown: the examples of a tool, or the inputs it needs."""
+    runs = runs or [{n: f"{n}" for n, field in spec.inputs.items() if field.required}]
+    return [{k: v for k, v in run.items() if not k.startswith("$")} for run in runs]
+
+
+def examples_of(id: str, runs: list[dict[str, Any]]) -> Iterator[dict[str, str]]:
+    """Two commands, which ``--help`` shows: two examples, or one, and the same with a report."""
+    first, second = runs[0], runs[1] if len(runs) > 1 else {**runs[0], "page": "report.html"}
+    for run in (first, second):
+        command = f"python -m toolbox run {id} {as_words(run)}".strip()
+        yield {"role": "example", "title": "Example", "value": command}
 
 
 def as_json(tool: Mapping[str, Any]) -> str:
@@ -93,12 +109,10 @@ def in_tiles(spec: Spec) -> str:
     return f"## In tiles\n\n{says}"
 
 
-def in_use(spec: Spec, runs: list[dict[str, Any]] | None) -> str:
-    """The section of a page with a run in the shell and in Python."""
-    runs = runs or [{n: f"{n}" for n, field in spec.inputs.items() if field.required}]
-    shown = [{k: v for k, v in run.items() if not k.startswith("$")} for run in runs]
-    shell = "\n".join(f"python -m toolbox run {spec.id} {as_words(run)}".strip() for run in shown)
-    return f"## Example\n\n```sh\n{shell}\n```\n\n```python\n{_as_call(spec.id, shown[0])}\n```"
+def in_use(id: str, runs: list[dict[str, Any]]) -> str:
+    """The section of a page with runs in the shell and in Python."""
+    shell = "\n".join(f"python -m toolbox run {id} {as_words(run)}".strip() for run in runs)
+    return f"## Example\n\n```sh\n{shell}\n```\n\n```python\n{_as_call(id, runs[0])}\n```"
 
 
 def _as_call(id: str, values: Mapping[str, Any]) -> str:

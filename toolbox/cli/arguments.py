@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import re
+import shutil
+import textwrap
 from collections.abc import Iterable, Mapping
 from typing import Any, NoReturn
 
@@ -19,6 +21,7 @@ SHAPES = {  # placeholders in --help for values of several numbers
     "direction": "X,Y,Z",
     "range": "LOW,HIGH",
 }
+_KEPT = "\0"  # stands for a blank at which no line is broken
 HELP = {"-h", "--help"}
 SEVERAL = ("PointCloud", "Survey")  # types of layers that can be read from several files
 
@@ -38,6 +41,7 @@ def parser(described: Description) -> argparse.ArgumentParser:
     made = _Parser(
         f"toolbox run {described['id']}",
         description=f"{described['title']}\n\n{described['description']}",
+        epilog=_examples(described),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,  # else --windo would quietly be taken for --window
         argument_default=argparse.SUPPRESS,
@@ -60,6 +64,30 @@ def parser(described: Description) -> argparse.ArgumentParser:
     general = made.add_argument_group(language.text("how to run"))
     _add_general(general, described.get("deliver", ()))
     return made
+
+
+def _examples(described: Description) -> str | None:
+    """The examples of a tool, on lines that the terminal holds and a shell takes as they are."""
+    told = described.get("metadata", ())
+    commands = [meta["value"] for meta in told if meta["role"] == "example"]
+    if not commands:
+        return None
+    return "\n".join([f"{language.text('examples')}:", *map(_on_lines, commands)])
+
+
+def _on_lines(command: str) -> str:
+    """A command on several lines, if it must be; an option and its values stay together."""
+    words = command.replace(" ", _KEPT).replace(f"{_KEPT}--", " --")
+    wide = shutil.get_terminal_size().columns - len(" \\")
+    lines = textwrap.wrap(
+        words,
+        wide,
+        initial_indent="  ",
+        subsequent_indent="      ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return " \\\n".join(lines).replace(_KEPT, " ")
 
 
 def is_layer(schema: Mapping[str, Any]) -> bool:

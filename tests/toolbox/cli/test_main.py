@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -17,6 +18,8 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
+from toolbox import catalog
+from toolbox.cli import arguments
 from toolbox.cli.console import Console, Events
 from toolbox.cli.main import main
 from toolbox.data import PointCloud, Raster, Table
@@ -68,6 +71,22 @@ def test_running_imports_no_library_before_a_tool_or_a_format_needs_it() -> None
     code = f"import sys, toolbox.execute; sys.exit(', '.join({lazy!r} & set(sys.modules)) or 0)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_help_ends_with_two_commands_that_a_terminal_holds_and_a_shell_takes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    for id in ("models.terrain", "points.filter"):
+        with pytest.raises(SystemExit):
+            main(["run", id, "--help"])
+        text = capsys.readouterr().out.partition("\nexamples:\n")[2]
+        assert max(map(len, text.splitlines())) <= 80
+        commands = [shlex.split(one) for one in text.replace("\\\n", "").splitlines()]
+        assert len(commands) == 2
+        for words in commands:
+            assert words[:5] == ["python", "-m", "toolbox", "run", id]
+            arguments.parser(catalog.describe(id)).parse_args(words[5:])
 
 
 def test_list_and_describe(capsys: pytest.CaptureFixture[str]) -> None:

@@ -63,6 +63,16 @@ class DataError(ToolboxError, ValueError):
     exit_code = 3
 
 
+class UnknownResult(ToolboxError, KeyError, AttributeError):
+    """A run has no result of that name.
+
+    Examples
+    --------
+    >>> print(UnknownResult("surface.grid has no result 'dtm', only 'surface'"))
+    surface.grid has no result 'dtm', only 'surface'
+    """
+
+
 class NothingToDo(DataError):
     """The data contain nothing that the tool can process.
 

@@ -24,6 +24,7 @@ from toolbox.runs import target as targets
 from toolbox.runs.cache import Cache
 from toolbox.runs.lineage import counting, read_files, record_of, telling
 from toolbox.runs.provenance import Count
+from toolbox.runs.results import Results
 from toolbox.runs.source import Sources
 from toolbox.runs.target import Target
 from toolbox.shown import PICTURE, SHOWN
@@ -44,7 +45,7 @@ def run(
     tiling: Tiling | None = None,
     resume: bool = False,
     ctx: Context = QUIET,
-) -> dict[str, Any]:
+) -> Results:
     """Run a tool on files or layers.
 
     Parameters
@@ -68,9 +69,9 @@ def run(
 
     Returns
     -------
-    dict
-        By output name: the path if one was given, else the layer, number or text; for a repeated
-        step of a model a tuple of them.
+    Results
+        A dict, by output name: the path if one was given, else the layer, number or text; for a
+        repeated step of a model a tuple of them. ``results.surface`` is ``results["surface"]``.
 
     Raises
     ------
@@ -80,6 +81,20 @@ def run(
         A source cannot be read, or holds what the tool cannot use.
     Cancelled
         `ctx` asked the run to stop; nothing was written.
+
+    Examples
+    --------
+    >>> made = run("samples.scene", {"kind": "town", "size": 40, "density": 2})
+    >>> made = run("surface.grid", {"points": made.points, "cell": 2})
+    >>> made
+    <Results of surface.grid>
+      surface: <Raster in memory: 20 rows, 20 columns, cell 2>
+      filled_share: 0.9975
+    >>> made.surface.cell
+    2.0
+    >>> made.dtm
+    Traceback (most recent call last):
+    toolbox.errors.UnknownResult: surface.grid has no result 'dtm', only surface, filled_share
     """
     with listening() as warnings:
         return _run(
@@ -106,7 +121,7 @@ def _run(
     tiling: Tiling | None,
     resume: bool,
     ctx: Context,
-) -> dict[str, Any]:
+) -> Results:
     """Run a tool; what it tells is noted."""
     spec = catalog.load(id)
     values = renamed.values(spec.id, values)
@@ -131,7 +146,7 @@ def _run(
         from toolbox.tiles import engine as tiles
 
         with delivery.folder_of(writes):
-            return tiles.run(
+            made = tiles.run(
                 id,
                 spec,
                 settings,
@@ -146,6 +161,7 @@ def _run(
                 told=told,
                 ctx=ctx.part(HASH if writes else 0, 1),
             )
+        return Results.of(spec, made)
     layers = sources.opened(spec, reads, crs, reading, ctx.part(0, READ - HASH))
     given_layers = (layer for n, value in layers.items() for layer in spec.sources[n].items(value))
     targets.check_crs(spec.id, writes, given_layers)
@@ -170,7 +186,7 @@ def _run(
             spec, found, writes, record=record, told=told, overwrite=overwrite, ctx=part
         )
     shown = {n: value for n, value in found.items() if n in spec.outputs or n in writes}
-    return shown | done
+    return Results.of(spec, shown | done)
 
 
 def _crs(crs: str | CRS | None, where: str) -> CRS | None:

@@ -88,8 +88,11 @@ class Drawing(Layer):
     --------
     >>> points = np.array([[0.0, 5.0], [40.0, 7.0]])
     >>> panel = Panel("A", 50.0, 0.0, points, np.zeros(2, int))
-    >>> Drawing("Road", (panel,), (("Ground", "#c2a477"),)).chosen_scale
+    >>> drawing = Drawing("Road", (panel,), (("Ground", "#c2a477"),))
+    >>> drawing.chosen_scale
     200
+    >>> drawing
+    <Drawing in memory: 'Road', 1 sections, 1:200>
     """
 
     title: str
@@ -101,6 +104,10 @@ class Drawing(Layer):
     name: str = ""
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".pdf", ".svg", ".png", ".dxf")
+
+    def __repr__(self) -> str:
+        size = f"{self.title!r}, {len(self.panels)} sections, 1:{self.chosen_scale}"
+        return f"<Drawing {self.name or 'in memory'}: {size}>"
 
     @classmethod
     def open(cls, path: str | Path, *, ctx: Context = QUIET) -> Drawing:

@@ -75,6 +75,8 @@ class Raster(Layer):
     >>> raster = Raster.from_lattice(np.array([[7.0, 8.0], [9.0, np.nan]]), lattice, crs=None)
     >>> raster.band()[0], raster.bounds
     (array([7., 8.]), (0.0, 0.0, 2.0, 2.0))
+    >>> raster
+    <Raster in memory: 2 rows, 2 columns, cell 1>
     >>> raster.sample(np.array([0.2, 1.9]), np.array([1.8, 1.5]))
     array([7., 8.])
     """
@@ -116,6 +118,11 @@ class Raster(Layer):
             if len(given) != len(values):
                 raise ValueError(f"{len(given)} {texts} for {len(values)} bands")
             object.__setattr__(self, texts, given)
+
+    def __repr__(self) -> str:
+        bands = f"{len(self.values)} bands, " if len(self.values) > 1 else ""
+        size = f"{bands}{self.size_text()}, cell {self.cell:g}"
+        return f"<Raster {self.name or 'in memory'}: {size}>"
 
     @classmethod
     def from_lattice(

@@ -251,6 +251,8 @@ class Survey(Layer):
     ...     near = survey.read(bounds=(0, 0, 1, 1))
     >>> survey.count, len(near)
     (4, 2)
+    >>> repr(survey).endswith(": 2 files, 4 points>")
+    True
     """
 
     files: tuple[SurveyFile, ...]
@@ -260,6 +262,9 @@ class Survey(Layer):
     is_spatial: ClassVar[bool] = True
     tools: ClassVar[str] = "points"
     axes: ClassVar[tuple[str, ...]] = PointCloud.axes
+
+    def __repr__(self) -> str:
+        return f"<Survey {self.name}: {len(self.files)} files, {self.count} points>"
 
     @classmethod
     def open(

@@ -42,6 +42,8 @@ class Table(Layer):
     >>> table = Table.from_rows([{"class": 2, "points": 40}, {"class": 6, "points": 2}])
     >>> len(table), table.rows()[1]
     (2, {'class': 6, 'points': 2})
+    >>> table
+    <Table in memory: 2 rows, 2 columns>
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".csv", ".json", ".parquet", ".gpkg")
@@ -68,6 +70,10 @@ class Table(Layer):
 
     def __len__(self) -> int:
         return len(self._frame)
+
+    def __repr__(self) -> str:
+        size = f"{len(self)} rows, {len(self.names)} columns"
+        return f"<Table {self.name or 'in memory'}: {size}>"
 
     @classmethod
     def from_rows(cls, rows: Iterable[Mapping[str, Any]], *, name: str = "") -> Table:

@@ -83,6 +83,8 @@ class Vector(Layer):
     >>> layer = Vector(geopandas.GeoDataFrame(yard, crs=32635), name="yard.gpkg")
     >>> len(layer), layer.names, layer.metre
     (1, ('name',), 1.0)
+    >>> layer
+    <Vector yard.gpkg: 1 features, Polygon>
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (
@@ -138,6 +140,11 @@ class Vector(Layer):
 
     def __len__(self) -> int:
         return len(self._frame)
+
+    def __repr__(self) -> str:
+        kinds = sorted(set(self._frame.geom_type.dropna())) or [self.geometry_type]
+        size = ", ".join([f"{len(self)} features", *kinds])
+        return f"<Vector {self.name or 'in memory'}: {size}>"
 
     @classmethod
     def own_files(cls, path: str | Path) -> tuple[Path, ...]:

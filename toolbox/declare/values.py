@@ -244,7 +244,7 @@ class Share(float):
     """The ratio of a count to a total, from 0 to 1; shares of several totals can be added.
 
     >>> Share(1, 4) + Share(1, 1)
-    Share(2, 5)
+    0.4 (2 of 5)
     >>> print(Share(1, 4))
     0.25
     """
@@ -272,7 +272,7 @@ class Share(float):
         return float(self) + other
 
     def __repr__(self) -> str:
-        return f"Share({self.count}, {self.total})"
+        return f"{self} ({self.count} of {self.total})"
 
     def __str__(self) -> str:
         return str(float(self))

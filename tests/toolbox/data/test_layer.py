@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from toolbox.data import PointCloud, Raster, Report, Section, Table, Vector
+from toolbox.data.drawing import Drawing
 from toolbox.data.layer import Layer
 from toolbox.errors import DataError
 
@@ -120,3 +121,23 @@ def test_a_notebook_shows_a_table() -> None:
     assert "<td>own</td>" in html
     for layer in (CELLS, Table(pd.DataFrame({"a": [1]}))):
         assert layer._repr_html_().startswith(f"<table><caption>{type(layer).__name__} in memory")
+
+
+@pytest.mark.parametrize(
+    ("layer", "text"),
+    [
+        (POINTS, "<PointCloud in memory: 3 points>"),
+        (CELLS, "<Raster in memory: 3 rows, 2 columns, cell 1>"),
+        (
+            Raster(np.zeros((2, 1, 1)), Affine(0.5, 0, 0, 0, -0.5, 3), name="a.tif"),
+            "<Raster a.tif: 2 bands, 1 rows, 1 columns, cell 0.5>",
+        ),
+        (Vector(SQUARES, name="a.gpkg"), "<Vector a.gpkg: 2 features, Polygon>"),
+        (Vector(SQUARES[:0], geometry_type="Point Z"), "<Vector in memory: 0 features, Point Z>"),
+        (LAYERS["rows"], "<Table in memory: 2 rows, 2 columns>"),
+        (LAYERS["page"], "<Report in memory: 'Title', 1 sections>"),
+        (Drawing("Road", (), (), scale=500), "<Drawing in memory: 'Road', 0 sections, 1:500>"),
+    ],
+)
+def test_a_layer_is_shown_in_one_line(layer: Layer, text: str) -> None:
+    assert repr(layer) == text

@@ -131,7 +131,7 @@ def test_numbers_of_a_tile() -> None:
     result = Result(values, (Count("step", "points", 5),), ("mind",), ("dark",), 10**9)
     found = Result.from_json(result.to_json())
     assert found == result
-    assert repr(found.values["share"]) == "Share(1, 3)"
+    assert repr(found.values["share"]) == "0.3333333333333333 (1 of 3)"
 
 
 @pytest.mark.parametrize("harm", ["array", "text", "missing"])

@@ -44,6 +44,8 @@ class Report(Layer):
     >>> report = Report("Survey", [Section("Points", ["There are 42."])])
     >>> "There are 42." in report.html()
     True
+    >>> report
+    <Report in memory: 'Survey', 1 sections>
     """
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".html", PDF, WORKBOOK)
@@ -63,6 +65,10 @@ class Report(Layer):
     ) -> None:
         self.title, self.sections, self.summary, self.name = title, tuple(sections), summary, name
         self.head = head
+
+    def __repr__(self) -> str:
+        size = f"{self.title!r}, {len(self.sections)} sections"
+        return f"<Report {self.name or 'in memory'}: {size}>"
 
     @classmethod
     def open(cls, path: str | Path, *, ctx: Context = QUIET) -> Report:

@@ -66,7 +66,7 @@ def write(path: Path, said: Said, *, overwrite: bool = False, ctx: Context = QUI
     Raises
     ------
     ParameterError
-        The file stands there already, and may not be replaced.
+        The path is of a folder, or the metadata stand there already and may not be replaced.
     DataError
         The file cannot be read, has no position on the Earth, or a library is missing.
     """
@@ -74,6 +74,8 @@ def write(path: Path, said: Said, *, overwrite: bool = False, ctx: Context = QUI
     from pygeometa.schemas.iso19139 import ISO19139OutputSchema
 
     path = path.resolve()
+    if path.is_dir():
+        raise ParameterError("metadata", {"file": f"must be a file, and {path} is a folder"})
     target = path.with_name(path.name + SUFFIX)
     found = files.problems(
         {"file": target}, {"file": (SUFFIX,)}, {"file": _alone}, [], overwrite=overwrite
@@ -97,15 +99,18 @@ def described(path: Path, said: Said, ctx: Context = QUIET) -> dict[str, Any]:
     Raises
     ------
     DataError
-        The file cannot be read, or has no position on the Earth.
+        The file cannot be read, has no position on the Earth, or layers in more than one CRS.
     """
     layers = list(layers_of(path, ctx))
     if not layers:
         raise DataError(f"{path.name}: holds no layer with a position")
     record = provenance.read(path)
-    crs = next((layer.crs for layer in layers if layer.crs is not None), None)
+    crs = layers[0].crs
     if crs is None or is_local(crs):
         raise DataError(f"{path.name}: has no CRS of the Earth, so that no place can be stated")
+    if other := next((layer for layer in layers if layer.crs != crs), None):
+        names = [describe_crs(layer.crs) if layer.crs else "no CRS" for layer in (layers[0], other)]
+        raise DataError(f"{path.name}: its layers must have one CRS, got {' and '.join(names)}")
     kind, geometry = representation(layers[0])
     made = f"{record.title} ({record.tool})" if record else ""
     title = said.title or (f"{path.name}: {made}" if record else path.name)
@@ -133,7 +138,7 @@ def described(path: Path, said: Said, ctx: Context = QUIET) -> dict[str, Any]:
             "dates": {"creation": said.date},
             "keywords": {"default": {"keywords": ["LiDAR"], "keywords_type": "theme"}},
             "topiccategory": ["elevation"],
-            "extents": {"spatial": list(extents(crs, layers)), "temporal": []},
+            "extents": {"spatial": list(extents(path.name, crs, layers)), "temporal": []},
             "rights": said.rights,
             "license": {"name": said.rights},
             "url": path.name,
@@ -167,7 +172,7 @@ def representation(layer: Layer) -> tuple[str, str]:
     return "vector", _GEOMETRIES[kinds.pop()] if len(kinds) == 1 else "complex"
 
 
-def extents(crs: CRS, layers: Sequence[Layer]) -> Iterator[dict[str, Any]]:
+def extents(name: str, crs: CRS, layers: Sequence[Layer]) -> Iterator[dict[str, Any]]:
     """The extent in the CRS of the file, whose code stands with it, and in WGS 84.
 
     Raises
@@ -179,10 +184,12 @@ def extents(crs: CRS, layers: Sequence[Layer]) -> Iterator[dict[str, Any]]:
     corners = np.array([plan_bounds(layer) for layer in layers])
     corners = corners[np.isfinite(corners).all(axis=1)]
     if not len(corners):
-        raise DataError("it holds nothing, and so has no extent")
+        raise DataError(f"{name}: holds nothing, and so has no extent")
     code = flat.to_epsg()
     if code is None:
-        raise DataError(f"its CRS has no EPSG code, which is what is stated: {describe_crs(crs)}")
+        raise DataError(
+            f"{name}: its CRS has no EPSG code, which is what is stated: {describe_crs(crs)}"
+        )
     box = [*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist()]
     if code != LONG_LAT.to_epsg():
         yield {"bbox": box, "crs": code}

@@ -123,6 +123,31 @@ def test_without_a_place_or_a_code(
     assert not (tmp_path / "dtm.tif.xml").exists()
 
 
+def test_layers_in_two_crs_are_not_taken_as_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "two.gpkg"
+    for layer, crs, point in (("a", 32635, (500_000, 4_400_000)), ("b", 4326, (27.5, 39.9))):
+        frame = geopandas.GeoDataFrame(geometry=[shapely.Point(point)], crs=crs)
+        frame.to_file(path, layer=layer, driver="GPKG")
+    assert main(["metadata", str(path), *WHO]) == 3
+    said = capsys.readouterr().err
+    assert "two.gpkg: its layers must have one CRS" in said
+    assert "EPSG:32635" in said
+    assert "EPSG:4326" in said
+    assert not (tmp_path / "two.gpkg.xml").exists()
+
+
+def test_of_nothing_and_of_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "none.gpkg"
+    frame = geopandas.GeoDataFrame({"n": []}, geometry=geopandas.GeoSeries([], crs=32635))
+    frame.to_file(path, driver="GPKG")
+    assert main(["metadata", str(path), *WHO]) == 3
+    assert "none.gpkg: holds nothing" in capsys.readouterr().err
+    assert main(["metadata", str(tmp_path), *WHO]) == 2
+    assert f"file: must be a file, and {tmp_path} is a folder" in capsys.readouterr().err
+
+
 def test_without_its_library(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -133,7 +158,12 @@ def test_without_its_library(
 
 @pytest.mark.parametrize(
     ("more", "text"),
-    [(["--date", "99/99"], "such as 2026-11-23"), ([], "--organisation")],
+    [
+        (["--date", "99/99"], "such as 2026-11-23"),
+        ([], "--organisation"),
+        (["--email", " "], "--email: must not be blank, got ' '"),
+        (["--title", "a\x01b"], r"--title: must be of printable characters, got 'a\x01b'"),
+    ],
 )
 def test_arguments_of_no_use(
     more: list[str], text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

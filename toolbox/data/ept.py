@@ -8,10 +8,12 @@ Hobu, Inc. (2019). Entwine Point Tile specification 1.0.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from toolbox.context import log
 from toolbox.data.reading import errors_named
 from toolbox.data.remote.address import Address
 from toolbox.errors import DataError
@@ -44,14 +46,21 @@ def files_of(path: Path, bounds: Sequence[float] | None = None) -> list[Path]:
         kind, cube = head["dataType"], [float(value) for value in head["bounds"]]
         if kind != "laszip":
             raise DataError(f"{path}: points are read from EPT of laszip, not of {kind}")
-        keys = list(_nodes(path, cube, bounds))
-    if not keys:
+        if len(cube) != 6 or not all(map(math.isfinite, cube)):
+            raise ValueError(f"its bounds must be six numbers, got {cube}")
+        nodes = dict(_nodes(path, cube, bounds))
+        promised = int(head["points"])
+    if not nodes:
         raise DataError(f"{path} has no points{' there' if bounds is not None else ''}")
-    return [_beside(path, f"ept-data/{_text(key)}.laz") for key in sorted(keys)]
+    if bounds is None and (listed := sum(nodes.values())) != promised:
+        log.warning("%s says %d points, and its hierarchy lists %d", path, promised, listed)
+    return [_beside(path, f"ept-data/{_text(key)}.laz") for key in sorted(nodes)]
 
 
-def _nodes(path: Path, cube: list[float], bounds: Sequence[float] | None) -> Iterator[Key]:
-    """The nodes with points, from all pages of the hierarchy that touch bounds."""
+def _nodes(
+    path: Path, cube: list[float], bounds: Sequence[float] | None
+) -> Iterator[tuple[Key, int]]:
+    """The nodes that touch bounds, and how many points each has, from all pages."""
     waiting: list[Key] = [(0, 0, 0, 0)]
     seen: set[Key] = set()
     while waiting:
@@ -67,7 +76,7 @@ def _nodes(path: Path, cube: list[float], bounds: Sequence[float] | None) -> Ite
             if int(count) < 0:  # a page of its own says how many
                 waiting.append(key)
             elif int(count) > 0:
-                yield key
+                yield key, int(count)
 
 
 def _page(path: Path) -> dict[str, Any]:

@@ -83,6 +83,25 @@ def test_on_the_web_only_what_a_place_needs_is_asked_for(
         assert len([path for path in asked if "hierarchy" in path]) == 1 + 2
 
 
+def test_points_that_the_hierarchy_does_not_list_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    tiles(tmp_path / "a")
+    path = tmp_path / "a/ept.json"
+    ept.files_of(path)
+    assert not caplog.messages
+    (tmp_path / "a/ept-hierarchy/0-0-0-0.json").write_text(json.dumps({"0-0-0-0": 5}))
+    assert len(ept.files_of(path)) == 1
+    assert "says 4000 points, and its hierarchy lists 5" in caplog.text
+
+
+@pytest.mark.parametrize("bounds", [[1, 2, 3], [0, 0, 0, 1, 1, float("nan")]])
+def test_bounds_that_are_no_box(bounds: list[float], tmp_path: Path) -> None:
+    tiles(tmp_path / "a", bounds=bounds)
+    with pytest.raises(DataError, match="its bounds must be six numbers, got"):
+        ept.files_of(tmp_path / "a/ept.json")
+
+
 def test_what_cannot_be_read(tmp_path: Path) -> None:
     tiles(tmp_path / "a", dataType="zstandard")
     with pytest.raises(DataError, match="points are read from EPT of laszip, not of zstandard"):

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from datetime import UTC, date, datetime, timedelta
+from datetime import date
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -14,44 +13,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pyproj import CRS
 
-from toolbox.context import QUIET, Context, log
-from toolbox.data import differences
-from toolbox.data.crs import (
-    crs_conflicts,
-    crs_from_json,
-    crs_to_json,
-    describe_crs,
-    is_local,
-    metres_per_unit,
-)
+from toolbox.context import QUIET, Context
+from toolbox.data.cloud import joining, parts, saving
+from toolbox.data.cloud.arrays import columns_of, coordinates, frozen, indices
+from toolbox.data.cloud.gps_time import days_of
+from toolbox.data.cloud.opening import read_other
+from toolbox.data.crs import metres_per_unit
 from toolbox.data.extras import PARQUET, PLY, Extra
 from toolbox.data.las import points as las_points
-from toolbox.data.las import versions as las_versions
-from toolbox.data.las.copc_write import copc_sink, is_copc, write_copc
 from toolbox.data.las.header import LasMetadata
-from toolbox.data.las.joint import in_layout, joint_metadata, with_layout
+from toolbox.data.las.joint import with_layout
 from toolbox.data.las.read import read_las
 from toolbox.data.las.waveforms import WaveformDescriptor, descriptors, place_of
-from toolbox.data.las.write import las_sink, metadata_bytes, metadata_of, write_las
 from toolbox.data.layer import Inside, Layer
-from toolbox.data.paths import (
-    LAS,
-    TEXT,
-    Paths,
-    PointFiles,
-    local,
-    named_as_given,
-    suffix_of,
-)
+from toolbox.data.paths import LAS, TEXT, Paths, PointFiles, suffix_of
 from toolbox.data.reading import Reading
-from toolbox.data.record import own_side_car, with_record, write_beside
-from toolbox.data.remote.address import Address
+from toolbox.data.record import own_side_car
 from toolbox.errors import DataError, nearest
-
-INTENSITY = "intensity"
-_EPOCH = datetime(1980, 1, 6, tzinfo=UTC) - timedelta(seconds=18)  # leap seconds since 2017
-_FIRST_TIME = -7.0e8  # adjusted standard GPS time, in July 1989: before there were such surveys
-
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -109,7 +87,7 @@ class PointCloud(Layer):
         name: str = "",
         descriptions: Mapping[str, str] | None = None,
     ) -> None:
-        self._xyz: NDArray[np.float64] | None = _coordinates(xyz)
+        self._xyz: NDArray[np.float64] | None = coordinates(xyz)
         self._size = len(self._xyz)
         self._metadata: LasMetadata | None = None
         self._packed: NDArray[Any] | None = None
@@ -118,7 +96,7 @@ class PointCloud(Layer):
         self._file: NDArray[np.int32] | None = None  # see `file`
         self._extent: tuple[float, ...] | None = None  # see `extent`
         self._steps: las_points.Steps | None = None  # see `with_steps`
-        self._columns = _columns(attributes or {}, self._size)
+        self._columns = columns_of(attributes or {}, self._size)
         self._descriptions = dict(descriptions or {})
         self.crs, self.name = crs, name
 
@@ -163,18 +141,7 @@ class PointCloud(Layer):
              x    y    z  classification
         0  0.0  0.0  5.0               2
         """
-        import pandas as pd
-
-        columns: dict[str, NDArray[Any]] = {axis: self[axis] for axis in self.axes}
-        for name in self.names:
-            values = self[name]
-            if values.ndim == 1:
-                columns[name] = values
-            else:
-                columns |= {f"{name}_{k}": values[:, k] for k in range(values.shape[1])}
-        frame = pd.DataFrame(columns)
-        frame.attrs["crs"] = crs_to_json(self.crs)
-        return frame
+        return parts.dataframe(self)
 
     @classmethod
     def open(
@@ -248,32 +215,9 @@ class PointCloud(Layer):
         if suffix in LAS:
             found = read_las(path, bounds=bounds, point_range=point_range, reading=reading, ctx=ctx)
             return cls._of_las(*found, path.name)
-        here = local(path, ctx)
-        known = None if isinstance(path, Address) else reading  # its version is noted
-        crs = None
-        with named_as_given(path):
-            if suffix in TEXT:
-                from toolbox.data.text import read_text
-
-                xyz, attributes = read_text(
-                    here, columns=columns, separator=separator, reading=known, ctx=ctx
-                )
-            elif suffix == ".ply":
-                from toolbox.data.ply import read_ply
-
-                xyz, attributes, crs = read_ply(here, known)
-            elif suffix == ".pcd":
-                from toolbox.data.pcd import read_pcd
-
-                xyz, attributes = read_pcd(here, known)
-            elif suffix == ".ptx":
-                from toolbox.data.ptx import read_ptx
-
-                xyz, attributes = read_ptx(here, known, ctx)
-            else:
-                from toolbox.data.e57 import read_e57
-
-                xyz, attributes, crs = read_e57(here, ctx=ctx)
+        xyz, attributes, crs = read_other(
+            path, suffix, columns=columns, separator=separator, reading=reading, ctx=ctx
+        )
         cloud = cls(xyz, attributes, crs=crs, name=path.name)
         return cloud.select(np.arange(*point_range)) if point_range else cloud
 
@@ -302,7 +246,7 @@ class PointCloud(Layer):
             raise DataError("there are no clouds to join")
         if len(given) == 1:
             return given[0]
-        empty = cls.template([cloud.select([]) for cloud in given], lambda: _boxes(given))
+        empty = cls.template([cloud.select([]) for cloud in given], lambda: joining.boxes_of(given))
         return empty.filled((cloud.like(empty) for cloud in given), sum(map(len, given)))
 
     @classmethod
@@ -321,27 +265,7 @@ class PointCloud(Layer):
         DataError
             As for :meth:`concat`.
         """
-        if problems := crs_conflicts([(cloud.name, cloud.crs) for cloud in clouds]):
-            raise DataError("\n    ".join(problems))
-        first = clouds[0].select([])
-        names = [cloud.name for cloud in clouds]
-        members = [cloud._metadata for cloud in clouds if cloud._metadata is not None]
-        if len(members) == len(clouds):
-            columns = dict.fromkeys(name for cloud in clouds for name in cloud._columns)
-            first._metadata = joint_metadata(members, names, boxes, columns)
-            first._packed = _frozen(np.empty(0, first._metadata.header.point_format.dtype()))
-        else:
-            first._metadata = first._packed = None
-            columns = dict.fromkeys(name for cloud in clouds for name in cloud.names)
-            _check_same_attributes(clouds, columns)
-        first._columns = {name: _common_column(clouds, name) for name in columns}
-        first._descriptions = {
-            name: text for cloud in reversed(clouds) for name, text in cloud._descriptions.items()
-        }
-        first._moved = any(cloud._moved for cloud in clouds)
-        first._xyz = _frozen(np.empty((0, 3)))
-        first.name = _joint_name(names)
-        return first
+        return joining.template(clouds, boxes)
 
     def like(self, template: PointCloud) -> PointCloud:
         """The same points in the layout of a template: point format, attributes and CRS.
@@ -351,31 +275,7 @@ class PointCloud(Layer):
         DataError
             The points do not fit the point format of the template.
         """
-        if template._metadata is not None and self._metadata is None:
-            raise DataError(f"{self.name} has no LAS records to join with those of others")
-        cloud = self._copy()
-        cloud.__dict__.update(
-            _metadata=template._metadata, _descriptions=template._descriptions, crs=template.crs
-        )
-        cloud._columns = {
-            name: self._column_like(name, values) for name, values in template._columns.items()
-        }
-        keeps = template._moved or template._metadata is None
-        cloud._xyz, cloud._moved = self.xyz if keeps else None, template._moved
-        if self._metadata is None or self._packed is None or template._metadata is None:
-            cloud._packed = None
-            return cloud
-        try:
-            cloud._packed = _frozen(in_layout(self._metadata, self._packed, template._metadata))
-        except DataError as error:
-            raise DataError(f"{self.name} {error}") from error
-        return cloud
-
-    def _column_like(self, name: str, values: NDArray[Any]) -> NDArray[Any]:
-        """An attribute of this cloud in the type of `values`; 0 if it has none."""
-        if name in self:
-            return _frozen(self[name].astype(values.dtype, copy=False))
-        return _frozen(np.zeros((len(self), *values.shape[1:]), values.dtype))
+        return joining.like(self, template)
 
     def filled(self, clouds: Iterable[PointCloud], size: int) -> PointCloud:
         """This template filled with the points of clouds that are like it.
@@ -385,15 +285,7 @@ class PointCloud(Layer):
         clouds : made one after the other, so that they need not be in memory at the same time
         size : number of all their points
         """
-        whole = {n: np.empty((size, *a.shape[1:]), a.dtype) for n, a in self.arrays().items()}
-        start = 0
-        for cloud in clouds:
-            rows = slice(start, start := start + len(cloud))
-            for name, array in cloud.arrays().items():
-                _plain(whole[name])[rows] = _plain(array)
-        if start != size:
-            raise DataError(f"{self.name} holds {start} points, and {size} were expected")
-        return self.with_arrays({name: _frozen(array) for name, array in whole.items()})
+        return joining.filled(self, clouds, size)
 
     @classmethod
     def _of_las(cls, metadata: LasMetadata, packed: NDArray[Any], name: str) -> PointCloud:
@@ -511,15 +403,15 @@ class PointCloud(Layer):
 
     def select(self, which: ArrayLike) -> PointCloud:
         """The points of a mask, or of an array of indices in that order."""
-        index = _indices(np.asarray(which), len(self))
+        index = indices(np.asarray(which), len(self))
         cloud = self._copy()
         cloud._size = len(index)
-        cloud._packed = None if self._packed is None else _frozen(self._packed[index])
+        cloud._packed = None if self._packed is None else frozen(self._packed[index])
         keeps = self._moved or self._packed is None
-        cloud._xyz = _frozen(self.xyz[index]) if keeps else None
-        cloud._columns = {name: _frozen(values[index]) for name, values in self._columns.items()}
-        cloud._origin = None if self._origin is None else _frozen(self._origin[index])
-        cloud._file = None if self._file is None else _frozen(self._file[index])
+        cloud._xyz = frozen(self.xyz[index]) if keeps else None
+        cloud._columns = {name: frozen(values[index]) for name, values in self._columns.items()}
+        cloud._origin = None if self._origin is None else frozen(self._origin[index])
+        cloud._file = None if self._file is None else frozen(self._file[index])
         return cloud
 
     def within(self, bounds: Sequence[float]) -> PointCloud:
@@ -542,7 +434,7 @@ class PointCloud(Layer):
         descriptions : of those that LAS does not know, with their unit
         """
         cloud = self._copy()
-        cloud._columns = self._columns | _columns(attributes, len(self))
+        cloud._columns = self._columns | columns_of(attributes, len(self))
         cloud._descriptions = self._descriptions | dict(descriptions or {})
         return cloud
 
@@ -561,7 +453,7 @@ class PointCloud(Layer):
             extras = {extra.name for extra in self._metadata.extras}
             if dropped & extras:
                 made = las_points.without_extras(self._metadata, self._packed, dropped & extras)
-                cloud._metadata, cloud._packed = made[0], _frozen(made[1])
+                cloud._metadata, cloud._packed = made[0], frozen(made[1])
         if left := dropped & set(cloud.names):
             raise DataError(f"{', '.join(sorted(left))} belongs to the point format")
         if unknown := sorted(dropped - set(self.names)):
@@ -571,7 +463,7 @@ class PointCloud(Layer):
 
     def with_xyz(self, xyz: ArrayLike) -> PointCloud:
         """The same points with other coordinates, of shape (n, 3)."""
-        moved = _coordinates(xyz)
+        moved = coordinates(xyz)
         if len(moved) != len(self):
             raise DataError(f"{len(moved)} coordinates do not fit {len(self)} points")
         cloud = self._copy()
@@ -620,18 +512,18 @@ class PointCloud(Layer):
     def with_origin(self, origin: NDArray[np.int64] | None) -> PointCloud:
         """The same points as a tile of a survey, see `origin`."""
         cloud = self._copy()
-        cloud._origin = None if origin is None else _frozen(origin)
+        cloud._origin = None if origin is None else frozen(origin)
         return cloud
 
     @property
     def file(self) -> NDArray[np.int32]:
         """Index of the file of a survey that each of the n points comes from."""
-        return _frozen(np.zeros(len(self), np.int32)) if self._file is None else self._file
+        return frozen(np.zeros(len(self), np.int32)) if self._file is None else self._file
 
     def with_file(self, file: NDArray[np.integer[Any]] | None) -> PointCloud:
         """The same points as those of several files, see `file`."""
         cloud = self._copy()
-        cloud._file = None if file is None else _frozen(file.astype(np.int32))
+        cloud._file = None if file is None else frozen(file.astype(np.int32))
         return cloud
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -682,35 +574,12 @@ class PointCloud(Layer):
 
     def apart(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """The arrays of the points; header, layout, and the box around them."""
-        origin = {} if self._origin is None else {"origin": self._origin}
-        rest: dict[str, Any] = {
-            "name": self.name,
-            "crs": crs_to_json(self.crs),
-            "columns": list(self._columns),
-            "descriptions": self._descriptions,
-            "moved": self._moved,
-            "steps": self._steps,
-            "box": np.reshape(self.bounds, (2, 3)).tolist(),
-        }
-        if self._metadata is not None:
-            rest["las"] = base64.b64encode(metadata_bytes(self._metadata)).decode()
-            rest["las_crs"] = crs_to_json(self._metadata.crs)
-        return self.arrays() | origin, rest
+        return parts.apart(self)
 
     @classmethod
     def of_parts(cls, arrays: Mapping[str, NDArray[Any]], rest: Mapping[str, Any]) -> PointCloud:
         """The points that :meth:`apart` has taken apart."""
-        crs, empty = crs_from_json(rest["crs"]), np.empty((0, 3))
-        cloud = cls(empty, crs=crs, name=rest["name"], descriptions=rest["descriptions"])
-        if "las" in rest:
-            metadata = metadata_of(base64.b64decode(rest["las"]))
-            cloud._metadata = replace(metadata, crs=crs_from_json(rest["las_crs"]))
-        cloud._moved = rest["moved"]
-        cloud._steps = rest["steps"] and tuple(map(tuple, rest["steps"]))
-        cloud._columns = dict.fromkeys(rest["columns"], np.empty(0))
-        origin = arrays.get("origin")
-        points = {name: values for name, values in arrays.items() if name != "origin"}
-        return cloud.with_arrays(points).with_origin(origin)
+        return parts.joined(cls, arrays, rest)
 
     def size_text(self) -> str:
         """The number of points in words."""
@@ -718,13 +587,7 @@ class PointCloud(Layer):
 
     def differences(self, now: PointCloud) -> Iterator[str]:
         """What differs in another cloud, in words."""
-        if len(self) != len(now):
-            yield f"{len(self)} points, now {len(now)}"
-            return
-        names = [*self.axes, *(name for name in self.names if name in now)]
-        arrays = ({n: cloud[n] for n in names} for cloud in (self, now))
-        yield from differences.of_arrays(next(arrays), next(arrays), "points")
-        yield from differences.of_names(self.names, now.names)
+        return parts.differing(self, now)
 
     def _copy(self) -> PointCloud:
         cloud = object.__new__(type(self))
@@ -770,65 +633,15 @@ class PointCloud(Layer):
             The format cannot hold a value, something would be lost in the version or point
             format asked for, or the file cannot be written.
         """
-        path = Path(path)
-        wanted = (version, format)
-        suffix = suffix_of(path)
-        if not path.name.lower().endswith(self.SUFFIXES):
-            raise DataError(f"{path}: points are written as {', '.join(self.SUFFIXES)}")
-        holds_local = suffix == ".ply" and self.crs is not None and is_local(self.crs)
-        holds_local |= suffix == ".parquet"
-        if suffix not in LAS and self.crs is not None and not holds_local:
-            log.info("%s: the format holds no CRS (%s)", path.name, describe_crs(self.crs))
-        try:
-            if columns is not None and suffix in (*LAS, ".ply"):
-                raise DataError(f"{path}: columns are for text, not for {suffix}")
-            if suffix in LAS:
-                self._save_las(path, record, wanted, compress=suffix == ".laz", ctx=ctx)
-                return
-            if wanted != (None, None):
-                raise DataError(f"{path}: version and format are for LAS and LAZ, not {suffix}")
-            if suffix == ".ply":
-                from toolbox.data.ply import write_ply
-
-                write_ply(path, self)
-            elif suffix == ".parquet":
-                from toolbox.data.geoparquet import write_geoparquet
-
-                write_geoparquet(path, self, ctx=ctx)
-            else:
-                from toolbox.data.text import write_text
-
-                write_text(path, self, wanted=columns, ctx=ctx)
-            write_beside(path, record)
-        except OSError as error:
-            raise DataError(f"{path} cannot be written: {error.strerror or error}") from error
-
-    def _save_las(
-        self,
-        path: Path,
-        record: str,
-        wanted: tuple[str | None, int | None],
-        *,
-        compress: bool,
-        ctx: Context,
-    ) -> None:
-        try:
-            metadata, points = self._with_las_intensity().as_las()
-            metadata, convert = las_versions.wanted(metadata, *wanted)
-            metadata, points = with_record(metadata, record), convert(points)
-        except DataError as error:
-            raise DataError(f"{path} cannot be written: {error}") from error
-        if is_copc(path):
-            write_copc(path, metadata, points, ctx=ctx)
-        else:
-            write_las(path, metadata, points, compress=compress, ctx=ctx)
-
-    def _with_las_intensity(self) -> PointCloud:
-        """The cloud with intensities as LAS has them; scans have decimals there."""
-        old = self._columns.get(INTENSITY)
-        if old is None or old.dtype.kind != "f":
-            return self
-        return self.with_attributes({INTENSITY: las_points.whole_intensity(old)})
+        saving.save(
+            self,
+            Path(path),
+            columns=columns,
+            version=version,
+            format=format,
+            record=record,
+            ctx=ctx,
+        )
 
     def as_las(self) -> tuple[LasMetadata, NDArray[Any]]:
         """What a LAS file of the points holds: its metadata, and point records of shape (n,).
@@ -876,19 +689,16 @@ class PointCloud(Layer):
         DataError
             The file cannot be written.
         """
-        metadata, _ = self.as_las()
-        metadata, convert = las_versions.wanted(metadata, version, format)
-        done, metadata = 0, with_record(metadata, record)
-        sink = (
-            copc_sink(path, metadata)
-            if is_copc(path)
-            else las_sink(path, metadata, compress=suffix_of(path) == ".laz")
+        saving.save_batches(
+            self,
+            path,
+            clouds,
+            size,
+            version=version,
+            format=format,
+            record=record,
+            ctx=ctx,
         )
-        with sink as write:
-            for cloud in clouds:
-                ctx.progress(done / max(size, 1))
-                write(convert(cloud.as_las()[1]))
-                done += len(cloud)
 
     def with_header_of(self, owner: PointCloud) -> PointCloud:
         """This template with header and VLRs of another cloud (owner), but its own layout."""
@@ -914,103 +724,5 @@ class PointCloud(Layer):
         return f"<PointCloud {self.name or 'in memory'}: {len(self)} points>"
 
 
-def days_of(times: NDArray[Any]) -> tuple[date, date] | None:
-    """First and last day of adjusted standard GPS times; None if none is a time of a survey."""
-    known = times[np.isfinite(times) & (times > _FIRST_TIME)]
-    if not len(known):
-        return None
-    low, high = (_EPOCH + timedelta(seconds=float(t) + 1e9) for t in (known.min(), known.max()))
-    return low.date(), high.date()
-
-
-def _coordinates(xyz: ArrayLike) -> NDArray[np.float64]:
-    """A copy that nobody can change, or an array of its own that is so already."""
-    given = np.asarray(xyz, np.float64)
-    fixed = given is xyz and given.base is None and not given.flags.writeable
-    found = given if fixed and given.flags.c_contiguous else np.array(given, order="C", ndmin=2)
-    if found.size == 0:
-        found = found.reshape(0, 3)
-    if found.ndim != 2 or found.shape[1] != 3:
-        raise DataError(f"coordinates must have the shape (n, 3), got {found.shape}")
-    return _frozen(found)
-
-
-def _columns(attributes: Mapping[str, ArrayLike], size: int) -> dict[str, NDArray[Any]]:
-    """Read-only copies of attributes, checked."""
-    columns = {}
-    for name, values in attributes.items():
-        column = np.array(values, order="C")
-        if name in ("x", "y", "z", "X", "Y", "Z"):
-            raise DataError(f"{name!r} is a coordinate, not an attribute; see with_xyz")
-        if column.dtype.kind not in "biuf":
-            raise DataError(f"attribute {name!r} must be numbers, got {column.dtype}")
-        if column.shape[:1] != (size,) or column.ndim > 2:
-            raise DataError(f"attribute {name!r} must have {size} values, got {column.shape}")
-        columns[name] = _frozen(column)
-    return columns
-
-
-def _indices(which: NDArray[Any], size: int) -> NDArray[np.intp]:
-    """The indices that a mask selects, or the given indices."""
-    # An array of bytes is more likely a mask that lost its type than indices up to 255.
-    if which.size and (which.dtype.kind not in "biu" or which.dtype in (np.uint8, np.int8)):
-        raise DataError(f"points are selected by a mask or by indices, not by {which.dtype}")
-    if which.dtype.kind != "b":
-        return which.astype(np.intp)
-    if which.shape != (size,):
-        raise DataError(f"a mask of shape {which.shape} does not fit a cloud of {size} points")
-    return np.flatnonzero(which)
-
-
-def _plain(array: NDArray[Any]) -> NDArray[Any]:
-    """Point records as rows of bytes, which numpy copies faster than their many fields."""
-    if array.dtype.names is None:
-        return array
-    return array.view(np.uint8).reshape(len(array), array.itemsize)
-
-
-def _frozen(array: NDArray[Any]) -> NDArray[Any]:
-    array.flags.writeable = False
-    return array
-
-
 def _is_box(bounds: Sequence[float]) -> bool:
     return len(bounds) == 4 and bool(bounds[0] <= bounds[2] and bounds[1] <= bounds[3])
-
-
-def _boxes(clouds: Sequence[PointCloud]) -> list[las_points.Box]:
-    """Lowest and highest coordinates of each cloud from LAS that has points."""
-    return [
-        las_points.box_of(cloud._metadata.header, cloud._packed)
-        for cloud in clouds
-        if cloud._metadata is not None and cloud._packed is not None and len(cloud)
-    ]
-
-
-def _check_same_attributes(clouds: Sequence[PointCloud], names: Iterable[str]) -> None:
-    """Raise a DataError unless all clouds have all of these attributes."""
-    problems = []
-    for cloud in clouds:
-        if lacking := [name for name in names if name not in cloud]:
-            having = next(other for other in clouds if lacking[0] in other)
-            listed = ", ".join(lacking)
-            problems.append(f"{cloud.name} has no attribute {listed}, which {having.name} has")
-    if problems:
-        raise DataError("\n    ".join(problems))
-
-
-def _common_column(clouds: Sequence[PointCloud], name: str) -> NDArray[Any]:
-    """An array of no points in the type that holds an attribute of all clouds."""
-    having = [cloud.select([])[name] for cloud in clouds if name in cloud]
-    if len({values.shape for values in having}) > 1:
-        raise DataError(f"attribute {name!r} has not the same number of elements in all files")
-    if lacking := [cloud.name for cloud in clouds if name not in cloud]:
-        log.warning("%s: has no %s; it is 0 there", ", ".join(lacking), name)
-    return _frozen(np.empty(having[0].shape, np.result_type(*having)))
-
-
-def _joint_name(names: Sequence[str]) -> str:
-    """The name of joined clouds: that of the first, and how many others there are."""
-    distinct = dict.fromkeys(names)
-    more = f" and {len(distinct) - 1} more" if len(distinct) > 1 else ""
-    return f"{names[0]}{more}"

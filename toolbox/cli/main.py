@@ -7,6 +7,7 @@ All that comes before a run is read from the process descriptions, so that `list
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import os
 import stat
@@ -43,6 +44,8 @@ def main(argv: list[str] | None = None) -> int:
         text = f"error: {' and '.join(closed)} closed; direct it to a file, or to {os.devnull}"
         print(text, file=sys.stderr or sys.stdout)
         return ParameterError.exit_code
+    for stream in (sys.stdout, sys.stderr):
+        _never_failing(stream)
     said = sys.argv[1:] if argv is None else argv
     if not said:
         print(listing.GUIDE)
@@ -62,6 +65,15 @@ def main(argv: list[str] | None = None) -> int:
         )
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the end would fail again
     return code
+
+
+def _never_failing(stream: object) -> None:
+    """Write letters that the encoding has not as codes, or a run would end in an error there.
+
+    Windows gives a pipe the encoding of the system, which has not all letters of names of files.
+    """
+    if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+        stream.reconfigure(errors="backslashreplace")
 
 
 def _other(said: list[str]) -> int:

@@ -555,6 +555,13 @@ def test_head_of_a_long_list_is_no_error() -> None:
     assert done.stderr == ""
 
 
+def test_letters_that_the_encoding_has_not_end_no_run() -> None:
+    env = os.environ | {"PYTHONIOENCODING": "ascii", "TOOLBOX_LANG": "tr"}
+    done = run("list", "ground.csf", env=env)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "zemini s\\u0131n\\u0131fland\\u0131r\\u0131r" in done.stdout
+
+
 def test_quiet_prints_errors_and_what_is_asked_for_as_json(
     town: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

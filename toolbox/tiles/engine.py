@@ -232,7 +232,7 @@ def _finish(
         products = [p for p in products if p.file in complete and plan.keep[p.result] in done]
     known = {n: w for n, w in plan.model.returns.items() if crew.found.keys() & set(w.names)}
     found = {n: resolved(link, crew.found) for n, link in known.items()}
-    wanted = {target.output for target in targets.values()}
+    wanted = dict.fromkeys(target.output for target in targets.values())
     found |= {n: value for n, value in crew.found.items() if n in wanted}
     if lost := [n for n, value in found.items() if value is None and n in plan.stored]:
         log.warning("not known from tiles: %s", ", ".join(lost))
@@ -250,14 +250,16 @@ def _finish(
 
     more = More({p.resolved: p.target.own_files for p in products}, write_products)
     part = ctx.part(0.9, 1)
-    found |= write(
+    asked = {n: value for n, value in found.items() if n in spec.outputs or n in targets}
+    saved = write(
         spec, found, others, more=more, record=made, told=told, overwrite=overwrite, ctx=part
     )
     crew.report()
     written = {product.output for product in products}
     shown = written & {*spec.outputs, *targets}
     paths = {t.output: t.path for t in reversed(list(targets.values())) if t.output in shown}
-    return found | paths | {n: t.path for n, t in targets.items() if n in shown}
+    given = asked | saved | paths | {n: t.path for n, t in targets.items() if n in shown}
+    return {n: given[n] for n in dict.fromkeys([*spec.outputs, *given]) if n in given}
 
 
 def suitable_size(survey: Survey, halo: float, tiling: Tiling) -> float:

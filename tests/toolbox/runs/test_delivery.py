@@ -233,8 +233,10 @@ def test_the_same_in_tiles(points: Path, tmp_path: Path) -> None:
     path.write_text(text)
     values = {"points": points, "page": tmp_path / "a.html"}
     tiling = Tiling.parse({"tile": 20, "workers": 1})
-    toolbox.run(str(path), {**values, "deliver": tmp_path / "tiled"}, tiling=tiling)
-    toolbox.run(str(path), {"points": points, "deliver": tmp_path / "whole"})
+    found = toolbox.run(str(path), {**values, "deliver": tmp_path / "tiled"}, tiling=tiling)
+    expected = toolbox.run(str(path), {"points": points, "deliver": tmp_path / "whole"})
+    assert list(expected) == ["surface", "share", "deliver"]
+    assert list(found) == ["surface", "page", "deliver"], "a share is not known from tiles"
     more = {"quality.density.tif", "ground.ground.laz"}
     assert names(tmp_path / "tiled") == names(tmp_path / "whole") == FILES | more
     tiled, whole = (

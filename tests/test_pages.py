@@ -82,5 +82,6 @@ def test_every_tool_of_the_examples_is_one() -> None:
 
 
 def test_an_example_that_is_not_written_shows_what_a_tool_needs() -> None:
-    text = reference.in_use(catalog.load("points.assign_crs"), None)
+    runs = reference.runs_of(catalog.load("points.assign_crs"), None)
+    text = reference.in_use("points.assign_crs", runs)
     assert "python -m toolbox run points.assign_crs --points points --crs crs" in text

@@ -48,6 +48,7 @@ def load(
         source = f"{path}|layername={layer['layer']}" if layer["layer"] else path
         name = layer["name"].upper()
         details = QgsProcessingContext.LayerDetails(layer["label"], context.project(), name)
+        details.forceName = True  # else QGIS names layers by files, of which some hold several
         styler = Styler.of(colours, layer.get("classes"), (algorithm, name))
         styler.hidden = not name and layer["type"] == "raster"  # it would cover the results
         details.setPostProcessor(styler)

@@ -226,21 +226,9 @@ def _finish(
     ctx: Context,
 ) -> dict[str, Any]:
     """Write all products; after failures, only those files of folders that are complete."""
-    plan = crew.plan
-    if crew.failures:
-        complete, done = crew.complete(), crew.done
-        products = [p for p in products if p.file in complete and plan.keep[p.result] in done]
-    known = {n: w for n, w in plan.model.returns.items() if crew.found.keys() & set(w.names)}
-    found = {n: resolved(link, crew.found) for n, link in known.items()}
-    wanted = dict.fromkeys(target.output for target in targets.values())
-    found |= {n: value for n, value in crew.found.items() if n in wanted}
-    if lost := [n for n, value in found.items() if value is None and n in plan.stored]:
-        log.warning("not known from tiles: %s", ", ".join(lost))
-        found = {n: value for n, value in found.items() if n not in lost}
-    at_once = [name for name in wanted if name in plan.stored and not _in_blocks(plan, name)]
-    found |= {name: crew.read(plan.stored[name]) for name in at_once}
-    made = record and replace(record, counts=tuple(plan.ordered(crew.counts)))
-    others = {n: t for n, t in targets.items() if t.output in found or t.output in SHOWN}
+    products = _complete(crew, products)
+    found = _found(crew, [target.output for target in targets.values()])
+    made = record and replace(record, counts=tuple(crew.plan.ordered(crew.counts)))
     for folder in {product.resolved.parent for product in products}:
         folder.mkdir(exist_ok=True)
 
@@ -250,15 +238,43 @@ def _finish(
 
     more = More({p.resolved: p.target.own_files for p in products}, write_products)
     part = ctx.part(0.9, 1)
-    asked = {n: value for n, value in found.items() if n in spec.outputs or n in targets}
+    others = {n: t for n, t in targets.items() if t.output in found or t.output in SHOWN}
     saved = write(
         spec, found, others, more=more, record=made, told=told, overwrite=overwrite, ctx=part
     )
     crew.report()
-    written = {product.output for product in products}
+    asked = {n: value for n, value in found.items() if n in spec.outputs or n in targets}
+    return _results(spec, asked | saved, {product.output for product in products}, targets)
+
+
+def _complete(crew: Crew, products: list[Product]) -> list[Product]:
+    """The products that can be written: after failures, files of a folder that miss nothing."""
+    if not crew.failures:
+        return products
+    complete, done, keep = crew.complete(), crew.done, crew.plan.keep
+    return [p for p in products if p.file in complete and keep[p.result] in done]
+
+
+def _found(crew: Crew, wanted: list[str]) -> dict[str, Any]:
+    """What is known of the whole survey, by name: numbers, and layers that no block makes."""
+    plan = crew.plan
+    known = {n: w for n, w in plan.model.returns.items() if crew.found.keys() & set(w.names)}
+    found = {n: resolved(link, crew.found) for n, link in known.items()}
+    found |= {n: value for n, value in crew.found.items() if n in wanted}
+    if lost := [n for n, value in found.items() if value is None and n in plan.stored]:
+        log.warning("not known from tiles: %s", ", ".join(lost))
+    found = {n: value for n, value in found.items() if n not in lost}
+    at_once = [n for n in dict.fromkeys(wanted) if n in plan.stored and not _in_blocks(plan, n)]
+    return found | {name: crew.read(plan.stored[name]) for name in at_once}
+
+
+def _results(
+    spec: Spec, known: Mapping[str, Any], written: set[str], targets: Mapping[str, Target]
+) -> dict[str, Any]:
+    """What the run returns, in the order of the tool: what is known, and where files are."""
     shown = written & {*spec.outputs, *targets}
-    paths = {t.output: t.path for t in reversed(list(targets.values())) if t.output in shown}
-    given = asked | saved | paths | {n: t.path for n, t in targets.items() if n in shown}
+    first = {t.output: t.path for t in reversed(list(targets.values())) if t.output in shown}
+    given = {**known, **first, **{n: t.path for n, t in targets.items() if n in shown}}
     return {n: given[n] for n in dict.fromkeys([*spec.outputs, *given]) if n in given}
 
 

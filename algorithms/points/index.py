@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from toolbox.context import QUIET, Context
 from toolbox.data import Survey
+from toolbox.data.paths import is_copc
 from toolbox.declare import outputs, sink, source, tool
 
 
@@ -46,9 +47,10 @@ class PointsIndex:
     def check_data(self) -> Iterator[tuple[str, str]]:
         """The overview is one COPC file."""
         if self.overview is not None:
-            names = [path.name for path in self.overview.paths]
-            if len(names) != 1 or not names[0].lower().endswith(".copc.laz"):
-                yield "overview", f"must be one COPC file (.copc.laz), got {', '.join(names)}"
+            paths = self.overview.paths
+            if len(paths) != 1 or not is_copc(paths[0]):
+                names = ", ".join(path.name for path in paths)
+                yield "overview", f"must be one COPC file (.copc.laz), got {names}"
 
     def halo(self) -> float:
         """Zero, as no point is read."""

@@ -42,6 +42,7 @@ READABLE = (
     ".ptx",
 )
 VPC = ".vpc"
+COPC = ".copc.laz"
 _OF_SEVERAL = (".shp", ".tab", ".mif")
 _DATA = "data"  # name and role of what holds the points in an item of a VPC
 
@@ -50,6 +51,11 @@ def suffix_of(path: Path) -> str:
     """The suffix of a path in lower case; of "a.xyz.gz" it is ".xyz"."""
     name = path.name.lower()
     return Path(name.removesuffix(".gz")).suffix
+
+
+def is_copc(path: Path) -> bool:
+    """Whether the name of a file is that of a COPC file."""
+    return path.name.lower().endswith(COPC)
 
 
 @dataclass(frozen=True)

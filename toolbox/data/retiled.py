@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from toolbox.context import QUIET, Context, log
 from toolbox.data import vpc
-from toolbox.data.las.copc_write import copc_sink, is_copc
+from toolbox.data.las.copc_write import points_sink
 from toolbox.data.las.header import LasMetadata
-from toolbox.data.las.write import las_sink
-from toolbox.data.paths import LAS, suffix_of
+from toolbox.data.paths import LAS
 from toolbox.data.pointcloud import PointCloud
 from toolbox.data.reading import errors_named
 from toolbox.data.record import with_record, write_beside
@@ -235,12 +234,7 @@ def count_of(bounds: Sequence[float], side: float) -> int:
 def _write(path: Path, metadata: LasMetadata, draft: Path) -> None:
     """Write point records to LAS, LAZ or COPC."""
     records: NDArray[Any] = np.memmap(draft, metadata.header.point_format.dtype(), "r")
-    sink = (
-        copc_sink(path, metadata)
-        if is_copc(path)
-        else las_sink(path, metadata, compress=suffix_of(path) == ".laz")
-    )
-    with sink as write:
+    with points_sink(path, metadata) as write:
         for start in range(0, len(records), _BATCH):
             write(records[start : start + _BATCH])
 

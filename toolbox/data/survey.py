@@ -20,7 +20,7 @@ from toolbox.data.crs import crs_conflicts, metres_per_unit
 from toolbox.data.las.points import Box
 from toolbox.data.las.read import chunk_sizes, read_metadata
 from toolbox.data.layer import Inside, Layer
-from toolbox.data.paths import LAS, Paths, PointFiles, suffix_of
+from toolbox.data.paths import LAS, Paths, PointFiles, is_copc, suffix_of
 from toolbox.data.pointcloud import PointCloud
 from toolbox.data.reading import CHANGED, Reading, errors_named, state
 from toolbox.data.record import own_side_car, write_beside
@@ -157,7 +157,7 @@ class SurveyFile:
         """
         if self.only and not self.touches(self.only):
             return []
-        if suffix_of(self.path) not in LAS or (self.only and self._is_copc):
+        if suffix_of(self.path) not in LAS or (self.only and is_copc(self.path)):
             return [(0, self.count)]
         chunks = chunk_sizes(self.path)
         if chunks is None:
@@ -190,10 +190,6 @@ class SurveyFile:
         if not self.only and len(cloud) != stop - start:
             raise DataError(f"{self.path} has {len(cloud)} points now, and {self.count} before")
         return cloud
-
-    @property
-    def _is_copc(self) -> bool:
-        return self.path.name.lower().endswith(".copc.laz")
 
     def within(
         self,

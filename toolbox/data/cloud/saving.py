@@ -10,9 +10,9 @@ from toolbox.context import Context, log
 from toolbox.data.crs import describe_crs, is_local
 from toolbox.data.las import points as las_points
 from toolbox.data.las import versions as las_versions
-from toolbox.data.las.copc_write import copc_sink, is_copc, write_copc
-from toolbox.data.las.write import las_sink, write_las
-from toolbox.data.paths import LAS, suffix_of
+from toolbox.data.las.copc_write import points_sink, write_copc
+from toolbox.data.las.write import write_las
+from toolbox.data.paths import LAS, is_copc, suffix_of
 from toolbox.data.record import with_record, write_beside
 from toolbox.errors import DataError
 
@@ -110,12 +110,7 @@ def save_batches(
     metadata, _ = like.as_las()
     metadata, convert = las_versions.wanted(metadata, version, format)
     done, metadata = 0, with_record(metadata, record)
-    sink = (
-        copc_sink(path, metadata)
-        if is_copc(path)
-        else las_sink(path, metadata, compress=suffix_of(path) == ".laz")
-    )
-    with sink as write:
+    with points_sink(path, metadata) as write:
         for cloud in clouds:
             ctx.progress(done / max(size, 1))
             write(convert(cloud.as_las()[1]))

@@ -15,7 +15,7 @@ import itertools
 import mmap
 import struct
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -39,11 +39,11 @@ from toolbox.data.las.octree import (
 )
 from toolbox.data.las.points import attribute, axes_of, box_of
 from toolbox.data.las.versions import recast
-from toolbox.data.las.write import empty_file
+from toolbox.data.las.write import empty_file, las_sink
+from toolbox.data.paths import is_copc, suffix_of
 from toolbox.data.reading import errors_named
 from toolbox.errors import DataError
 
-SUFFIX = ".copc.laz"
 _BLOCK = 1_000_000  # points looked at when parts are chosen
 _PART = 2_000_000  # points in a part, which takes some 400 MB
 _FINEST = 6  # level of the nodes that are parts at most
@@ -57,9 +57,13 @@ Array = NDArray[Any]
 Indices = NDArray[np.integer[Any]]
 
 
-def is_copc(path: Path) -> bool:
-    """Whether the name of a file is that of a COPC file."""
-    return path.name.lower().endswith(SUFFIX)
+def points_sink(
+    path: Path, metadata: LasMetadata
+) -> AbstractContextManager[Callable[[Array], None]]:
+    """Write LAS, LAZ or COPC, as the name of the file says, by calling the result with points."""
+    if is_copc(path):
+        return copc_sink(path, metadata)
+    return las_sink(path, metadata, compress=suffix_of(path) == ".laz")
 
 
 def for_copc(metadata: LasMetadata) -> tuple[LasMetadata, Callable[[Array], Array]]:

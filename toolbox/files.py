@@ -33,6 +33,11 @@ _made: set[Path] = set()  # folders for outputs, removed at a hard exit if nothi
 _moving = threading.Lock()  # held while outputs are moved to their paths
 
 
+def itself(path: Path) -> tuple[Path, ...]:
+    """The files that belong to a path where nothing does but its own."""
+    return (path,)
+
+
 def problems(
     targets: Mapping[str, Path],
     suffixes: Mapping[str, tuple[str, ...]],

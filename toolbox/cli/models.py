@@ -148,7 +148,7 @@ def _write(
     """Write a text into the file that an option names, or raise what is wrong with its path."""
     overwrite = getattr(args, "overwrite", None)  # `model new` has no such option
     found = files.problems(
-        {option: path}, {option: suffixes}, {option: _alone}, [], overwrite=bool(overwrite)
+        {option: path}, {option: suffixes}, {option: files.itself}, [], overwrite=bool(overwrite)
     )
     if overwrite is None:
         found = {n: says.removesuffix("; allow it with --overwrite") for n, says in found.items()}
@@ -171,8 +171,3 @@ def _model(name: str) -> Model:
     if not isinstance(found, Model):
         raise ParameterError(f"{name} is a tool, no model")
     return found
-
-
-def _alone(path: Path) -> tuple[Path, ...]:
-    """The files that belong to a path: itself."""
-    return (path,)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 
 from toolbox.data.crs import describe_crs, horizontal_crs
+from toolbox.data.lattice import in_plan
 
 MARGIN = 3.0  # degrees, half a UTM zone: at its edge surveys keep the zone they began in
 ROUND = 1.0  # degrees that rasters of the whole Earth may reach beyond it
@@ -47,8 +48,7 @@ def misplaced(crs: CRS | None, bounds: Sequence[float]) -> Misplaced | None:
     >>> misplaced(CRS(32635), (29.01, 41.0, 29.02, 41.01)).in_other_unit
     True
     """
-    if len(bounds) == 6:
-        bounds = (*bounds[:2], *bounds[3:5])
+    bounds = in_plan(bounds)
     if crs is None or not np.isfinite(bounds).all():
         return None
     horizontal, (xmin, ymin, xmax, ymax) = horizontal_crs(crs), bounds

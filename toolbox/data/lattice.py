@@ -25,6 +25,15 @@ MAX_CELLS = 1_000_000_000
 _ROUNDING = 1e-6  # cells: coordinates this close to a cell boundary lie on it
 
 
+def in_plan(bounds: Sequence[float]) -> Sequence[float]:
+    """Bounds (xmin, ymin, xmax, ymax), also of those with heights as a point cloud has them.
+
+    >>> in_plan((0, 1, 5, 2, 3, 6))
+    (0, 1, 2, 3)
+    """
+    return (*bounds[:2], *bounds[3:5]) if len(bounds) == 6 else bounds
+
+
 @dataclass(frozen=True)
 class Lattice:
     """Square cells in rows from north to south and columns from west to east.
@@ -85,8 +94,7 @@ class Lattice:
         DataError
             The bounds are not finite, or hold more than `MAX_CELLS` cells.
         """
-        if len(bounds) == 6:
-            bounds = (*bounds[:2], *bounds[3:5])
+        bounds = in_plan(bounds)
         if not (math.isfinite(cell) and cell > 0):
             raise DataError(f"the cell size must be > 0, got {cell}")
         if not all(math.isfinite(value) for value in bounds):

@@ -38,6 +38,7 @@ from toolbox.data.crs import (
     same_crs,
     vertical_unit,
 )
+from toolbox.data.lattice import in_plan
 from toolbox.errors import DataError
 
 MissingGrid = Literal["refuse", "next_best"]
@@ -208,7 +209,7 @@ def _factors(across: float, up: float) -> Step:
 
 def _area(source: CRS, bounds: Sequence[float]) -> AreaOfInterest | None:
     """Longitudes and latitudes of bounds; None if they have none."""
-    xmin, ymin, xmax, ymax = (*bounds[:2], *bounds[3:5]) if len(bounds) == 6 else bounds
+    xmin, ymin, xmax, ymax = in_plan(bounds)
     flat = plane(source)
     flat = flat.source_crs if flat.is_bound and flat.source_crs else flat
     degrees = flat.geodetic_crs

@@ -15,6 +15,7 @@ from typing import Any
 
 from pyproj import CRS
 
+from toolbox import files
 from toolbox.context import QUIET, Context
 from toolbox.data import Drawing, PointCloud, Raster, Report, Survey, Table, Vector
 from toolbox.data.crs import parse_crs
@@ -69,7 +70,7 @@ class Kind:
     needs: Mapping[str, Extra] = field(default_factory=dict)
     open_options: tuple[str, ...] = ()
     save_options: tuple[str, ...] = ()
-    own_files: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
+    own_files: Callable[[Path], tuple[Path, ...]] = files.itself
     several: bool = False
     is_gridded: bool = False
     in_blocks: bool = False
@@ -279,7 +280,7 @@ def _layer(
         needs=cls.NEEDS,
         open_options=_options_of(reader),
         save_options=_options_of(cls.save),
-        own_files=getattr(cls, "own_files", lambda path: (path,)),
+        own_files=getattr(cls, "own_files", files.itself),
         several=several,
         is_gridded=cls.is_gridded,
         in_blocks=cls.in_blocks,

@@ -15,12 +15,10 @@ from pathlib import Path
 from urllib.parse import urlparse
 
 from toolbox import __version__
+from toolbox.places import METADATA
 
-_PACKAGE = Path(__file__).parents[1]
-# An installed wheel carries both files inside the package, a checkout has them beside it.
-_HERE = next(
-    p for p in (_PACKAGE / "metadata", _PACKAGE.parent) if (p / "pyproject.toml").is_file()
-)
+# An installed wheel carries both files in the folder of metadata, a checkout has them beside it.
+_HERE = next(p for p in (METADATA, METADATA.parent) if (p / "pyproject.toml").is_file())
 PROJECT, CHANGES = _HERE / "pyproject.toml", _HERE / "CHANGELOG.md"
 SETTINGS = "tool.lidar-toolbox.addresses"
 KEYS = {"homepage": "homepage", "repository": "repository", "tracker": "tracker", "email": "mail"}

@@ -152,7 +152,7 @@ class Cache:
         path = self.place / (key + SUFFIX)
         try:
             self.place.mkdir(mode=0o700, parents=True, exist_ok=True)
-            whole = files.staged({path: lambda path: (path,)}, overwrite=True)
+            whole = files.staged({path: files.itself}, overwrite=True)
             with whole as places, open(places[path], "wb", opener=_own) as file:
                 writer = _Hashing(file)
                 pickle.dump(dict(kept), writer, protocol=5)

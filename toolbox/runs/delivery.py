@@ -59,7 +59,7 @@ def of_run(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Target]:
         suffixes=(".txt",),
         needs={},
         known=targets.kind_of(PAGE, spec).save_options,
-        own_files=lambda path: (path,),
+        own_files=files.itself,
         output=DELIVER,
         delivered=True,
     )
@@ -174,8 +174,8 @@ def write(
 
 def _why_not(target: Target, found: Mapping[str, Any]) -> str | None:
     """Why a file of the set cannot be written; None if it can."""
-    if target.missing:
-        return target.missing
+    if missing := target.missing:
+        return missing
     if target.output == PAGE:
         return None
     layer = found.get(target.output)

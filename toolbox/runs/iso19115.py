@@ -26,7 +26,9 @@ from toolbox.data import Raster, Survey, Vector
 from toolbox.data.crs import describe_crs, is_local
 from toolbox.data.drivers import RASTERS, VECTORS
 from toolbox.data.extras import ISO
+from toolbox.data.lattice import in_plan
 from toolbox.data.layer import Layer
+from toolbox.data.operation import plane
 from toolbox.data.reading import file_hash
 from toolbox.errors import DataError, ParameterError
 from toolbox.runs import provenance
@@ -78,19 +80,14 @@ def write(path: Path, said: Said, *, overwrite: bool = False, ctx: Context = QUI
         raise ParameterError("metadata", {"file": f"must be a file, and {path} is a folder"})
     target = path.with_name(path.name + SUFFIX)
     found = files.problems(
-        {"file": target}, {"file": (SUFFIX,)}, {"file": _alone}, [], overwrite=overwrite
+        {"file": target}, {"file": (SUFFIX,)}, {"file": files.itself}, [], overwrite=overwrite
     )
     if found:
         raise ParameterError("metadata", found)
     text = ISO19139OutputSchema().write(described(path, said, ctx))
-    with files.staged({target: _alone}, overwrite=overwrite) as staged:
+    with files.staged({target: files.itself}, overwrite=overwrite) as staged:
         staged[target].write_text(text, encoding="utf-8", newline="\n")
     return target
-
-
-def _alone(path: Path) -> tuple[Path, ...]:
-    """Nothing else belongs to a file of metadata."""
-    return (path,)
 
 
 def described(path: Path, said: Said, ctx: Context = QUIET) -> dict[str, Any]:
@@ -180,8 +177,8 @@ def extents(name: str, crs: CRS, layers: Sequence[Layer]) -> Iterator[dict[str, 
     DataError
         There is nothing in the layers, or the CRS has no code.
     """
-    flat = (crs.sub_crs_list[0] if crs.is_compound else crs).to_2d()
-    corners = np.array([plan_bounds(layer) for layer in layers])
+    flat = plane(crs)
+    corners = np.array([in_plan(layer.bounds) for layer in layers])
     corners = corners[np.isfinite(corners).all(axis=1)]
     if not len(corners):
         raise DataError(f"{name}: holds nothing, and so has no extent")
@@ -195,9 +192,3 @@ def extents(name: str, crs: CRS, layers: Sequence[Layer]) -> Iterator[dict[str, 
         yield {"bbox": box, "crs": code}
     wide = Transformer.from_crs(flat, LONG_LAT, always_xy=True).transform_bounds(*box)
     yield {"bbox": [round(value, 7) for value in wide], "crs": LONG_LAT.to_epsg()}
-
-
-def plan_bounds(layer: Layer) -> tuple[float, ...]:
-    """The bounds (xmin, ymin, xmax, ymax) of a layer, without heights."""
-    half = len(layer.bounds) // 2
-    return (*layer.bounds[:2], *layer.bounds[half : half + 2])

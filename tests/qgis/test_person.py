@@ -47,7 +47,7 @@ def _played(qgis: Qgis, cloud: Path, folder: Path) -> dict[str, str]:
     file = folder / "says.json"
     file.write_text(json.dumps(says), "utf-8")
     env = {name: value for name, value in qgis.env.items() if name != "QT_QPA_PLATFORM"}
-    # QGIS names layers otherwise below the folder of temporary files, where the tests' own folder is.
+    # QGIS names layers otherwise in the folder of temporary files, where that of the tests is.
     env["TMPDIR"] = str(folder / "temporary")
     Path(env["TMPDIR"]).mkdir()
     words = ["xvfb-run", "-a", "-s", "-screen 0 1500x1000x24", "qgis", "--nologo"]

@@ -1,64 +1,25 @@
-"""classify.som and classify.som_apply: known scenes, steps by hand, saved maps, bad input."""
+"""classify.som: known scenes, steps by hand, bad input."""
 
 from __future__ import annotations
 
 import tracemalloc
-from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pyproj import CRS
 
 import toolbox
 from algorithms.classify import _evidence, _som
 from algorithms.classify._feature_map import FeatureMap, named
 from algorithms.classify.som import ClassifySom, drawn, growing
-from algorithms.classify.som_apply import ClassifySomApply
-from toolbox.data import PointCloud, Table
+from tests.scenes.parks import UTM, accuracy, park
+from toolbox.data import PointCloud
 from toolbox.declare import Attribute, ClassList
-from toolbox.errors import DataError, NothingToDo, ParameterError
+from toolbox.errors import DataError, ParameterError
 
 Floats = NDArray[np.float64]
-UTM = CRS("EPSG:32635+5773")
-
-
-def park(n: int = 24_000, seed: int = 0, shift: float = 0.0) -> PointCloud:
-    """Gently sloping ground, three roofs and three groups of trees on 80 x 60 m, with truth."""
-    rng = np.random.default_rng(seed)
-    x, y = rng.uniform((0, 0), (80, 60), (n, 2)).T
-    z, truth = 0.03 * x + rng.normal(0, 0.02, n), np.full(n, 2)
-    count, number = np.ones(n, int), np.ones(n, int)
-    for k, (east, north) in enumerate([(15, 15), (42, 15), (66, 20)]):
-        roof = (abs(x - east) < 6) & (abs(y - north) < 5)
-        z[roof] = 5 + k - 0.4 * abs(y - north)[roof] + rng.normal(0, 0.02, roof.sum())
-        truth[roof] = 6
-    for east, north in [(15, 42), (40, 45), (66, 45)]:
-        tree = (np.hypot(x - east, y - north) < 7) & (rng.random(n) < 0.8)
-        z[tree] += rng.uniform(1.5, 12, tree.sum())
-        truth[tree] = 5
-        count[tree] = rng.integers(1, 4, tree.sum())
-        number[tree] = rng.integers(1, count[tree] + 1)
-    columns = {
-        "intensity": rng.normal(np.choose(truth // 2 - 1, [600, 300, 900]), 150).clip(1, 2000),
-        "return_number": number,
-        "number_of_returns": count,
-        "truth": truth,
-    }
-    types = ["u2", "u1", "u1", "u1"]
-    xyz = np.column_stack([x + 500_000 + shift, y + 4_600_000, z])
-    return PointCloud(
-        xyz,
-        {name: v.astype(t) for (name, v), t in zip(columns.items(), types, strict=True)},
-        crs=UTM,
-        name="park.laz",
-    )
-
-
-def accuracy(cloud: PointCloud) -> float:
-    return float(np.mean(cloud["classification"] == cloud["truth"]))
 
 
 # The map ---------------------------------------------------------------------------------
@@ -176,11 +137,6 @@ def test_u_matrix_shows_the_gap() -> None:
 # The tool --------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def trained() -> ClassifySom.Outputs:
-    return ClassifySom(points=park()).run()
-
-
 def test_clusters_of_a_park_are_named_without_labels(trained: ClassifySom.Outputs) -> None:
     assert accuracy(trained.classified) > 0.97
     assert trained.astray < 0.03
@@ -285,28 +241,6 @@ def test_a_neuron_without_known_points_takes_the_nearest_class() -> None:
     assert found.points.tolist() == [3, 1, 1]
 
 
-def test_a_saved_map_classifies_as_the_one_that_was_trained(
-    trained: ClassifySom.Outputs, tmp_path: Path
-) -> None:
-    for suffix in (".csv", ".json"):
-        trained.map.save(tmp_path / f"map{suffix}")
-        table = Table.open(tmp_path / f"map{suffix}")
-        out = ClassifySomApply(points=park(), map=table).run()
-        for name in ("classification", "neuron", "neuron_distance"):
-            np.testing.assert_array_equal(out.classified[name], trained.classified[name])
-    elsewhere = ClassifySomApply(points=park(seed=5, shift=3000.0), map=trained.map).run()
-    assert accuracy(elsewhere.classified) > 0.96
-
-
-def test_a_map_can_be_named_by_hand(trained: ClassifySom.Outputs) -> None:
-    frame = trained.map.frame
-    frame["class"] = frame["class"].replace(6, 17)
-    out = ClassifySomApply(points=park(), map=Table(frame)).run()
-    np.testing.assert_array_equal(
-        out.classified["classification"] == 17, trained.classified["classification"] == 6
-    )
-
-
 def test_pictures_of_the_map(trained: ClassifySom.Outputs) -> None:
     """One picture for the U-matrix and each feature, of as many colours as there are neurons."""
     values = trained.planes.band()
@@ -403,20 +337,6 @@ def test_points_without_a_feature_become_class_1(caplog: pytest.LogCaptureFixtur
         ClassifySom(points=nothing, features=("z", "intensity")).run()
 
 
-def test_points_of_which_none_can_be_ground(trained: ClassifySom.Outputs) -> None:
-    """Nothing tells heights above ground; a tile of a survey may be like that, and goes on."""
-    cloud = park(300)
-    first = np.full(300, 2, np.uint8)
-    cloud = cloud.with_attributes({"number_of_returns": first, "return_number": first - 1})
-    with pytest.raises(NothingToDo, match="none has all the features") as caught:
-        ClassifySomApply(points=cloud, map=trained.map).run()
-    instead = caught.value.instead
-    assert (instead.classified["classification"] == 1).all()
-    assert instead.unclassified == 300
-    with pytest.raises(DataError, match="none has all the features"):
-        ClassifySom(points=cloud).run()
-
-
 def test_ignored_points_stay_as_they_are() -> None:
     cloud = park(6000)
     classes = np.where(np.arange(6000) < 100, 18, 1).astype(np.uint8)
@@ -447,30 +367,6 @@ def test_labels_must_be_classes() -> None:
         cloud = park(300).with_attributes({"known": values})
         with pytest.raises(DataError, match="known must hold classes from 0 to 255"):
             ClassifySom(points=cloud, labels=Attribute("known"), features=("z",)).run()
-
-
-def test_tables_that_are_no_maps(trained: ClassifySom.Outputs) -> None:
-    frame = trained.map.frame
-    for table, text in [
-        (Table(frame.drop(columns="class")), "no column class"),
-        (Table(frame.drop(columns="ground_low")), "no column ground_low"),
-        (Table(frame[["neuron"]]), "no column"),
-        (Table(frame.iloc[:0]), "has no rows"),
-        (Table(frame.assign(parent=77)), "parents that are no neurons"),
-        (Table(frame.assign(parent=[0, *[None] * (len(frame) - 1)])), "parents that are no neur"),
-        (Table(frame.assign(**{"class": 300})), "numbers from 0 to 255 as class, got 300"),
-        (Table(frame.assign(**{"class": 2.5})), "numbers from 0 to 255 as class, got 2.5"),
-        (Table(frame.assign(**{"class": "roof"})), "cells that are no numbers"),
-        (Table(frame.iloc[::-1]), "must have all its rows, in the order"),
-        (Table(frame.assign(context=np.arange(len(frame)))), "the same context in all rows"),
-        (Table(frame.assign(radius=0.0)), "must have a radius above 0"),
-        (
-            Table(frame.assign(ground_weight=-1.0)),
-            "must have a weight above 0, and a range, for gr",
-        ),
-    ]:
-        with pytest.raises(DataError, match=text):
-            ClassifySomApply(points=park(50), map=table)
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import shapely
 
 from algorithms.classify.suggest import ClassifySuggest, Squares, suggested
 from algorithms.classify.train import ClassifyTrain
-from tests.algorithms.classify.test_train import NAMES, QUICK, UTM, yard
+from tests.scenes.parks import NAMES, QUICK, UTM, yard
 from toolbox.data import PointCloud, Table, Vector
 from toolbox.errors import DataError
 

@@ -1,10 +1,9 @@
-"""classify.train and classify.apply: models, their files, training, honesty and drift."""
+"""classify.train: trees, training, features, and honest probabilities; applied elsewhere."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from algorithms.classify._learning import columns, drift, model
+from algorithms.classify._learning import columns, model
 from algorithms.classify._learning import features as names_of
 from algorithms.classify._learning.bins import Bins
 from algorithms.classify._learning.model import softmax
@@ -32,35 +31,10 @@ from algorithms.classify._learning.training import (
 from algorithms.classify.apply import ClassifyApply
 from algorithms.classify.train import ClassifyTrain, drawn
 from algorithms.shared.covariance import covariance_features
+from tests.scenes.parks import NAMES, QUICK, UTM, yard
 from toolbox.data import PointCloud, Table, Vector
 from toolbox.declare import Attribute, ClassList
 from toolbox.errors import DataError, ParameterError
-
-UTM = CRS(32635)
-QUICK: dict[str, Any] = {"trees": 10, "per_class": 400, "folds": 3}
-NAMES = ("height_above_ground", "planarity@2", "sphericity@2", "height_range@1", "intensity")
-
-
-def yard(seed: int = 0, size: float = 60.0, density: float = 4.0) -> PointCloud:
-    """Ground (2) with houses (6) and trees (5) in a raster of 20 m, moved about by chance."""
-    rng = np.random.default_rng(seed)
-    count = int(size * size * density)
-    xyz = np.column_stack([rng.uniform(0, size, (count, 2)), rng.normal(0, 0.02, count)])
-    codes = np.full(count, 2)
-    for number, (west, south) in enumerate(np.ndindex(int(size / 20), int(size / 20))):
-        middle = np.array([west, south]) * 20 + 10 + rng.uniform(-3, 3, 2)
-        if number % 2:
-            on = np.abs(xyz[:, :2] - middle).max(axis=1) < 5
-            xyz[on, 2] += 6
-            codes[on] = 6
-        else:
-            on = np.hypot(*(xyz[:, :2] - middle).T) < 4
-            xyz[on, 2] += rng.uniform(1, 9, on.sum())
-            codes[on] = 5
-    columns = {"classification": codes.astype(np.uint8)}
-    columns["intensity"] = (rng.normal(300, 30, count) + 100 * (codes == 6)).astype(np.uint16)
-    xyz += np.array([500_000, 4_600_000, 50])
-    return PointCloud(xyz, columns, crs=UTM, name="yard.laz")
 
 
 def rows_and_labels(seed: int, classes: int) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
@@ -181,11 +155,6 @@ def test_logistic_regression_finds_what_is_linear(classes: int) -> None:
     assert np.isfinite(made.probabilities(np.full((2, 3), np.nan, np.float32))).all()
 
 
-@pytest.fixture(scope="module")
-def made() -> Any:
-    return ClassifyTrain(points=yard(), features=NAMES, **QUICK).run()
-
-
 def test_learnt_in_one_yard_it_holds_in_another(made: Any, tmp_path: Path) -> None:
     assert made.overall_accuracy > 97
     assert {row["verdict"] for row in made.report.rows()} <= {"ok", "look at it"}
@@ -211,122 +180,11 @@ def test_the_order_of_the_points_does_not_matter(made: Any) -> None:
     assert again.accuracy.rows() == made.accuracy.rows()
 
 
-def test_what_is_expected_is_the_mean_probability(made: Any) -> None:
-    out = ClassifyApply(points=yard(3), model=made.model).run()
-    assert out.expected == pytest.approx(float(out.classified["probability"].mean()), abs=1e-5)
-    right = (out.classified["classification"] == yard(3)["classification"]).mean()
-    assert out.expected == pytest.approx(float(right), abs=0.03)
-
-
-def test_neighbours_may_share_what_they_are(made: Any) -> None:
-    """Within a radius in metres, and the tiles of a survey are as much larger."""
-    other = yard(2)
-    plain = ClassifyApply(points=other, model=made.model).run()
-    tool = ClassifyApply(points=other, model=made.model, smooth=1.5)
-    out = tool.run()
-    truth, before = other["classification"], plain.classified["classification"]
-    after = out.classified["classification"]
-    assert (after == truth).mean() > (before == truth).mean()
-    assert out.expected == pytest.approx((after == truth).mean(), abs=0.03)
-    assert tool.halo() == ClassifyApply(points=other, model=made.model).halo() + 3.0
-    feet = other.with_xyz(other.xyz * 3937 / 1200).with_crs(CRS(2263))
-    in_feet = ClassifyApply(points=feet, model=made.model, smooth=1.5).run()
-    away = np.abs(in_feet.classified["probability"] - out.classified["probability"])
-    assert (away < 1e-3).mean() > 0.99
-
-
 def test_radii_are_metres_in_feet_too() -> None:
     feet = yard().with_xyz(yard().xyz * 3937 / 1200).with_crs(CRS(2263))
     out = ClassifyTrain(points=feet, radii=(1.0, 4.0), trees=2, per_class=100, folds=2).run()
     said = json.loads(out.model.frame["about"].iloc[0])["features"]
     assert {name.partition("@")[2] for name in said if "@" in name} == {"1", "4"}
-
-
-def test_points_that_are_not_probable_enough_are_unknown(made: Any) -> None:
-    other = yard(2)
-    every = ClassifyApply(points=other, model=made.model).run()
-    out = ClassifyApply(points=other, model=made.model, min_probability=0.9).run()
-    unsure = every.classified["probability"] < 0.9
-    assert out.unknown == unsure.sum() > 0
-    np.testing.assert_array_equal(out.classified["classification"] == 1, unsure)
-
-
-def test_drift_tells_another_sensor_from_another_place(
-    made: Any, caplog: pytest.LogCaptureFixture
-) -> None:
-    other = yard(3)
-    alike = ClassifyApply(points=other, model=made.model).run()
-    assert [row for row in alike.drift.rows() if row["verdict"] == "unlike"] == []
-    assert alike.outside < 0.02
-    brighter = other.with_attributes({"intensity": other["intensity"] * np.uint16(5)})
-    out = ClassifyApply(points=brighter, model=made.model).run()
-    first = out.drift.rows()[0]
-    assert (first["feature"], first["verdict"]) == ("intensity", "unlike")
-    assert first["outside"] > 90
-    assert out.outside > 0.9
-    assert "unlike the training, most of all intensity" in caplog.text
-
-
-def test_other_densities_and_lacking_features_are_refused(made: Any) -> None:
-    dense = yard(4, density=40.0)
-    with pytest.raises(
-        DataError, match=r"points: yard.laz has .* the model was trained with 4\.\d"
-    ):
-        ClassifyApply(points=dense, model=made.model).run()
-    assert ClassifyApply(points=dense, model=made.model, any_density=True).run().unknown == 0
-    plain = PointCloud(dense.xyz, {}, crs=UTM)
-    with pytest.raises(DataError, match="points: 'intensity' is no attribute"):
-        ClassifyApply(points=plain, model=made.model)
-
-
-def about(change: Callable[[dict[str, Any]], Any]) -> Callable[[pandas.DataFrame], None]:
-    def apply(frame: pandas.DataFrame) -> None:
-        said = json.loads(frame.loc[0, "about"])
-        change(said)
-        frame.loc[0, "about"] = json.dumps(said)
-
-    return apply
-
-
-def cell(column: str, value: Any, row: int = 1) -> Callable[[pandas.DataFrame], None]:
-    def apply(frame: pandas.DataFrame) -> None:
-        frame.loc[row, column] = value
-
-    return apply
-
-
-@pytest.mark.parametrize(
-    ("damage", "text"),
-    [
-        (cell("about", "{}", 0), "is no model of classify.train, or damaged"),
-        (cell("about", "[1", 0), "is no model of classify.train, or damaged"),
-        (cell("left", 0), "a branch leads to no node"),
-        (cell("right", 10**9), "a branch leads to no node"),
-        (
-            lambda frame: frame.loc.__setitem__((1, "left"), frame.loc[1, "right"]),
-            "leads to no node",
-        ),
-        (cell("feature", 99), "a branch leads to no node"),
-        (cell("feature", -7), "a branch leads to no node"),
-        (cell("tree", 5), "a branch leads to no node"),
-        (cell("threshold", np.nan), "a number is missing or not finite"),
-        (cell("value_1", np.inf), "a number is missing or not finite"),
-        (about(lambda said: said.update(format=2)), "it is of format 2, this version reads 1"),
-        (about(lambda said: said.update(temperature=0)), "must be above zero"),
-        (about(lambda said: said.update(classes=[2, 5])), "baseline is not as many numbers"),
-        (about(lambda said: said.update(classes=[2, 5, 300])), "no codes from 0 to 255"),
-        (about(lambda said: said["features"].pop()), "usual is not as many numbers"),
-        (about(lambda said: said["quantiles"].pop()), "quantiles"),
-        (about(lambda said: said.update(kind="pickle")), "its kind is unknown"),
-        (lambda frame: frame.pop("left"), "no column 'left'"),
-    ],
-)
-def test_a_damaged_model_is_refused(made: Any, damage: Any, text: str) -> None:
-    frame = made.model.frame.copy()
-    frame = frame.astype(dict.fromkeys(("threshold",), float))
-    damage(frame)
-    with pytest.raises(DataError, match=text):
-        ClassifyApply(points=yard(), model=Table(frame))
 
 
 def test_polygons_on_the_map_are_labels() -> None:
@@ -459,18 +317,6 @@ def test_columns_without_points_above_the_ground_have_no_heights() -> None:
     far = columns.Measured(xyz * 1e9, np.zeros(2), yes, ~yes, np.zeros(2), np.zeros(2))
     with pytest.raises(DataError, match="too far for these radii"):
         columns.features(far, 1.0)
-
-
-def test_stability_index_counts_within_classes() -> None:
-    """More of one class is no drift; a class that looks otherwise is."""
-    rng = np.random.default_rng(0)
-    label = rng.integers(0, 2, 4000)
-    values = rng.normal(10.0 * label, 1.0).astype(np.float32)
-    edges = np.array([np.quantile(values[label == c], drift.LEVELS) for c in (0, 1)])
-    many = np.concatenate([np.flatnonzero(label == 1), np.flatnonzero(label == 0)[:100]])
-    assert drift.unlike(edges, values[many], label[many]) < 0.05
-    moved = (values + 2 * (label == 1)).astype(np.float32)
-    assert drift.unlike(edges, moved, label) > drift.MAJOR
 
 
 @pytest.mark.parametrize(

@@ -109,6 +109,18 @@ def test_the_same_layer_makes_the_same_bytes_and_keeps_its_record(tmp_path: Path
     assert (tmp_path / "a.ifc.json").exists()
 
 
+def test_two_buildings_in_one_model_have_no_identifier_in_common(tmp_path: Path) -> None:
+    """Programs take elements with the same identifier for the same element."""
+    first, moved = elevation(), elevation().frame
+    moved["corner_z"] += 3
+    ids = [
+        {one.GlobalId for one in written(layer, tmp_path / f"{k}.ifc").by_type("IfcRoot")}
+        for k, layer in enumerate((first, Vector(moved)))
+    ]
+    assert len(ids[0]) == len(ids[1]) > 10
+    assert not ids[0] & ids[1]
+
+
 def test_another_layer_is_refused(tmp_path: Path) -> None:
     layer = Vector(elevation().frame[["kind", "geometry"]])
     with pytest.raises(

@@ -186,6 +186,7 @@ class GroundPtd:
         xyz = candidates.xyz
         require_finite(xyz)
         ctx.progress(0.0)
+        lattice_around(xyz, self.cell, bytes_per_cell=4, parameter="cell")  # refuses stray points
         lattice = Lattice.cover(box_of(xyz), self.cell)
         surface = densified(
             xyz,

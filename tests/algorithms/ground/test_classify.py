@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -21,17 +20,15 @@ from scipy.ndimage import map_coordinates
 
 from algorithms.ground.classify import GroundClassify
 from algorithms.shared import terrain as finding
-from algorithms.shared.ground import Returns
 from algorithms.shared.kernels import terrain as kernels
 from algorithms.shared.terrain import Terrain, find_terrain, height_above, verdict
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET
 from toolbox.data import Lattice, PointCloud
 from toolbox.declare import ClassList
-from toolbox.errors import Cancelled, DataError
+from toolbox.errors import DataError
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-THREADS = numba.get_num_threads()
 FOOT = 0.3048
 
 # sample: total error in % that we reach with nothing set
@@ -650,41 +647,6 @@ def test_feet_give_the_labels_of_metres() -> None:
     np.testing.assert_allclose(there[1], here[1], rtol=0, atol=0.01)
 
 
-def test_the_place_of_the_origin_does_not_matter() -> None:
-    """Moved by whole cells of the coarsest level, to the origin and beyond 5e6."""
-    xyz = town()
-    xyz[:, :2] = xyz[:, :2].round(3)
-    here = find_terrain(xyz)
-    for move in [(-700_000, -5_200_000, 0), (6_400_000, -9_600_000, 0), (0, 0, 1000)]:
-        there = find_terrain(xyz + move)
-        np.testing.assert_allclose(there.heights, here.heights + move[2], rtol=0, atol=2e-3)
-        np.testing.assert_array_equal(verdict(xyz + move, there)[0], verdict(xyz, here)[0])
-
-
-def test_the_order_of_the_points_does_not_matter() -> None:
-    xyz = np.concatenate([town(), town()[:500]])  # with duplicates
-    xyz[:, 2] = xyz[:, 2].round(1)  # and equal heights
-    order = np.random.default_rng(3).permutation(len(xyz))
-    first, second = find_terrain(xyz), find_terrain(xyz[order])
-    np.testing.assert_array_equal(first.heights, second.heights)
-    for one, two in zip(verdict(xyz, first), verdict(xyz[order], second), strict=True):
-        np.testing.assert_array_equal(one[order], two)
-
-
-@pytest.mark.skipif(THREADS < 2, reason="one thread only")
-def test_the_number_of_threads_does_not_matter() -> None:
-    xyz, _ = forest()
-    try:
-        numba.set_num_threads(1)
-        one = find_terrain(xyz)
-        numba.set_num_threads(2)
-        two = find_terrain(xyz)
-    finally:
-        numba.set_num_threads(THREADS)
-    np.testing.assert_array_equal(one.heights, two.heights)
-    np.testing.assert_array_equal(verdict(xyz, one)[0], verdict(xyz, two)[0])
-
-
 def test_the_size_of_blocks_does_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     xyz = town()
     whole = find_terrain(xyz)
@@ -702,23 +664,6 @@ def test_the_lattice_is_shared_by_tiles() -> None:
 
 
 # Few, odd and bad points
-
-
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_very_few_points_are_ground(count: int) -> None:
-    xyz = np.array([[5.0, 5.0, 1.0], [6.0, 8.0, 1.2], [9.0, 4.0, 0.9]])[:count]
-    assert labels(xyz).all()
-
-
-def test_points_in_one_cell() -> None:
-    xyz = np.array([[5.1, 5.1, 1.0], [5.2, 5.1, 1.2], [5.1, 5.2, 4.0], [5.1, 5.1, 1.0]])
-    np.testing.assert_array_equal(labels(xyz), [True, True, False, True])
-
-
-def test_points_on_a_line() -> None:
-    along = np.arange(0.0, 200, 0.5)
-    assert labels(np.column_stack([along, 2 * along, 0.3 * along])).all()
-    assert labels(np.column_stack([along, 0 * along + 7, 0 * along])).all()
 
 
 def test_duplicates_do_not_move_the_terrain() -> None:
@@ -744,12 +689,6 @@ def test_coordinates_must_be_finite(bad: float) -> None:
         find_terrain(xyz)
 
 
-def test_a_stray_point_far_away_is_refused_before_memory_is_taken() -> None:
-    xyz = np.vstack([plane(), [[900_000.0, 5_000_000.0, 300.0]]])
-    with pytest.raises(DataError, match=r"y 5000000\.00 to .*remove stray points"):
-        find_terrain(xyz)
-
-
 def test_inputs_and_results_are_read_only() -> None:
     xyz = town()
     xyz.flags.writeable = False
@@ -757,18 +696,6 @@ def test_inputs_and_results_are_read_only() -> None:
     assert verdict(xyz, terrain)[0].any()
     with pytest.raises(ValueError, match="read-only"):
         terrain.heights[0, 0] = 1
-
-
-def test_progress_rises_to_one_and_a_run_can_be_cancelled() -> None:
-    seen: list[float] = []
-    find_terrain(town(), ctx=Context(seen.append))
-    assert seen == sorted(seen)
-    assert seen[-1] == pytest.approx(1.0)
-    assert len(seen) > 40
-    for count in (3, 20, 40):
-        calls = iter([False] * count + [True])
-        with pytest.raises(Cancelled):
-            find_terrain(town(), ctx=Context(stop=lambda calls=calls: next(calls)))  # type: ignore[misc]
 
 
 # The tool
@@ -797,31 +724,6 @@ def test_the_tool_in_feet_is_the_tool_in_metres() -> None:
     np.testing.assert_allclose(out.surface.band() * foot, metric, rtol=0, atol=2e-3)
 
 
-def test_ignored_classes_take_no_part_and_stay() -> None:
-    xyz = town()
-    low = inside(xyz, (40, 50, 55, 65))
-    bad = xyz.copy()
-    bad[low, 2] -= 3  # too many to be outliers
-    alone = GroundClassify(points=cloud(xyz[~low])).run()
-    points = cloud(bad, np.where(low, 7, 0))
-    out = GroundClassify(points=points).run()
-    found = out.classified["classification"]
-    assert (found[low] == 7).all()
-    np.testing.assert_array_equal(found[~low], alone.classified["classification"])
-    np.testing.assert_array_equal(out.surface.band(), alone.surface.band())
-    assert out.ground_share == pytest.approx((found == 2).mean())
-
-
-def test_other_classes_may_be_kept_but_not_ground() -> None:
-    xyz = town()
-    roof = on_roof(xyz)
-    before = np.where(roof, 6, 5)
-    before[np.flatnonzero(roof)[::2]] = 2
-    kept = GroundClassify(points=cloud(xyz, before), keep_classes=ClassList(range(256))).run()
-    expected = np.where(roof, np.where(before == 2, 1, 6), 2)
-    np.testing.assert_array_equal(kept.classified["classification"], expected)
-
-
 @pytest.mark.parametrize(("metre", "crs"), [(1.0, 32632), (1 / FOOT, 2222)])
 def test_heights_are_those_above_the_terrain(metre: float, crs: int) -> None:
     """Of all points, also those that take no part; in the unit of the data."""
@@ -833,36 +735,6 @@ def test_heights_are_those_above_the_terrain(metre: float, crs: int) -> None:
     assert np.abs(heights[~roof]).max() < 0.1
     np.testing.assert_allclose(heights[roof], (xyz - plane())[roof, 2], atol=0.5)
     assert "HeightAboveGround" not in GroundClassify(points=points).run().classified
-
-
-def test_only_last_returns_can_be_ground() -> None:
-    """Unless all may be, or their numbers are zero."""
-    xyz = plane()
-    first = np.arange(len(xyz)) % 5 == 0
-    columns = {
-        "return_number": np.where(first, 1, 2).astype(np.uint8),
-        "number_of_returns": np.full(len(xyz), 2, np.uint8),
-    }
-    every = np.ones(len(xyz), bool)
-    cases: list[tuple[int, Returns, Mask]] = [
-        (1, "last", ~first),
-        (0, "last", every),
-        (1, "all", every),
-    ]
-    for zero, returns, expected in cases:
-        numbers = {name: zero * column for name, column in columns.items()}
-        points = PointCloud(xyz, numbers, crs=UTM)
-        found = GroundClassify(points=points, returns=returns).run().classified
-        np.testing.assert_array_equal(found["classification"] == 2, expected)
-
-
-@pytest.mark.parametrize("ignore", [None, ClassList([7])])
-def test_nothing_to_classify(ignore: ClassList | None) -> None:
-    points = cloud(plane(side=5), np.full(len(plane(side=5)), 7))
-    points = points if ignore else points.select([])
-    reason = f"{len(points)} are of classes that take no part .*" if ignore else "there are none"
-    with pytest.raises(DataError, match=f"points: none can be ground: {reason}"):
-        GroundClassify(points=points, ignore=ignore).run()
 
 
 # Real data

@@ -21,10 +21,9 @@ from scipy.spatial import cKDTree
 from algorithms.ground import csf
 from algorithms.ground.csf import GroundCsf, cloth_simulation, ground_mask
 from algorithms.shared.lowest import lattice_around, lowest_points, spread_to_empty
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET
 from toolbox.data import Lattice, PointCloud
-from toolbox.declare import ClassList
-from toolbox.errors import Cancelled, DataError
+from toolbox.errors import DataError
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -283,21 +282,6 @@ def test_feet_give_the_labels_of_metres() -> None:
     np.testing.assert_allclose(cloth.heights * FOOT, metres.heights, rtol=0, atol=1e-6)
 
 
-def test_the_place_of_the_origin_does_not_matter() -> None:
-    xyz = town()
-    xyz[:, :2] = xyz[:, :2].round(3)
-    np.testing.assert_array_equal(labels(xyz - (800_000, 6_000_000, 1000)), labels(xyz))
-
-
-def test_the_order_of_the_points_does_not_matter() -> None:
-    xyz = np.concatenate([town(), town()[:500]])  # with duplicates
-    xyz[:, 2] = xyz[:, 2].round(1)  # and equal heights
-    order = np.random.default_rng(3).permutation(len(xyz))
-    first, second = cloth_simulation(xyz), cloth_simulation(xyz[order])
-    np.testing.assert_array_equal(first.heights, second.heights)
-    np.testing.assert_array_equal(ground_mask(xyz, first)[order], ground_mask(xyz[order], second))
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(THREADS < 2, reason="one thread only")
 def test_the_number_of_threads_does_not_matter() -> None:
@@ -324,17 +308,6 @@ def test_the_lattice_is_shared_by_tiles() -> None:
     assert part.heights[10, 10] == pytest.approx(whole.heights[row, col], abs=0.02)
 
 
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_very_few_points_are_ground(count: int) -> None:
-    xyz = np.array([[5.0, 5.0, 1.0], [6.0, 8.0, 1.2], [9.0, 4.0, 0.9]])[:count]
-    assert labels(xyz).all()
-
-
-def test_points_in_one_cell() -> None:
-    xyz = np.array([[5.1, 5.1, 1.0], [5.2, 5.1, 1.3], [5.1, 5.2, 4.0], [5.1, 5.1, 1.0]])
-    np.testing.assert_array_equal(labels(xyz), [True, True, False, True])
-
-
 def test_no_points() -> None:
     none = np.empty((0, 3))
     with pytest.raises(DataError, match="points: there are none"):
@@ -352,12 +325,6 @@ def test_coordinates_must_be_finite(bad: float) -> None:
             call()
 
 
-def test_a_stray_point_far_away_is_refused_before_memory_is_taken() -> None:
-    xyz = np.vstack([plane(), [[900_000.0, 5_000_000.0, 300.0]]])
-    with pytest.raises(DataError, match=r"y 5000000\.00 to .* 160,\d{3},\d{3},\d{3} cells"):
-        cloth_simulation(xyz)
-
-
 def test_a_cloth_that_is_still_moving_says_so() -> None:
     xyz = town()
     assert not cloth_simulation(xyz, iterations=3).settled
@@ -371,17 +338,6 @@ def test_inputs_and_results_are_read_only() -> None:
     assert ground_mask(xyz, cloth).any()
     with pytest.raises(ValueError, match="read-only"):
         cloth.heights[0, 0] = 1
-
-
-def test_progress_rises_to_one_and_a_run_can_be_cancelled() -> None:
-    seen: list[float] = []
-    cloth_simulation(town(), ctx=Context(seen.append))
-    assert seen == sorted(seen)
-    assert seen[-1] == 1.0
-    assert len(seen) > 30
-    calls = iter([False] * 20 + [True])
-    with pytest.raises(Cancelled):
-        cloth_simulation(town(), ctx=Context(stop=lambda: next(calls)))
 
 
 def test_the_tool_gives_classes_share_and_cloth() -> None:
@@ -452,36 +408,6 @@ def test_the_tool_in_feet_is_the_tool_in_metres(smooth_slopes: bool) -> None:
     np.testing.assert_allclose(heights, expected, atol=0.1)
 
 
-def test_ignored_classes_take_no_part_and_stay() -> None:
-    xyz = town()
-    low = inside(xyz, (24.0, 28.0, 4.0, 8.0))
-    bad = xyz.copy()
-    bad[low, 2] -= 3  # too many to be outliers
-    classes = np.where(low, 7, 0)
-    alone = GroundCsf(points=cloud(xyz[~low])).run()
-    out = GroundCsf(points=cloud(bad, classes)).run()
-    found = out.classified["classification"]
-    assert (found[low] == 7).all()
-    np.testing.assert_array_equal(found[~low], alone.classified["classification"])
-    np.testing.assert_array_equal(out.cloth.band(), alone.cloth.band())
-    assert out.ground_share == pytest.approx((found == 2).mean())
-    careless = GroundCsf(points=cloud(bad, classes), ignore=None).run()
-    assert not np.array_equal(careless.classified["classification"][~low], found[~low])
-
-
-def test_other_classes_may_be_kept_but_not_ground() -> None:
-    xyz = town()
-    roof = on_roof(xyz)
-    before = np.where(roof, 6, 1)
-    before[np.flatnonzero(roof)[::2]] = 2
-    before[~roof] = 5
-    kept = GroundCsf(points=cloud(xyz, before), keep_classes=ClassList(range(256))).run()
-    expected = np.where(roof, np.where(before == 2, 1, 6), 2)
-    np.testing.assert_array_equal(kept.classified["classification"], expected)
-    plain = GroundCsf(points=cloud(xyz, before)).run()
-    np.testing.assert_array_equal(plain.classified["classification"], np.where(roof, 1, 2))
-
-
 def test_the_tool_says_that_the_cloth_is_still_moving(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level("WARNING", "toolbox"):
         GroundCsf(points=cloud(town()), iterations=3).run()
@@ -489,15 +415,6 @@ def test_the_tool_says_that_the_cloth_is_still_moving(caplog: pytest.LogCaptureF
         caplog.clear()
         GroundCsf(points=cloud(town())).run()
     assert not caplog.text
-
-
-@pytest.mark.parametrize("ignore", [None, ClassList([7])])
-def test_nothing_to_classify(ignore: ClassList | None) -> None:
-    points = cloud(plane(side=5), np.full(len(plane(side=5)), 7))
-    points = points if ignore else points.select([])
-    reason = f"{len(points)} are of classes that take no part .*" if ignore else "there are none"
-    with pytest.raises(DataError, match=f"points: none can be ground: {reason}"):
-        GroundCsf(points=points, ignore=ignore).run()
 
 
 def test_the_cloth_lies_on_the_lattice_of_all_tools() -> None:

@@ -16,10 +16,10 @@ from scenes.towns import EAST, NORTH, inside
 
 from algorithms.ground import _ptd_kernels as kernels
 from algorithms.ground.ptd import GroundPtd, Growth, densified, ground_mask, heights_on
-from toolbox.context import QUIET, Context
+from toolbox.context import QUIET
 from toolbox.data import Lattice, PointCloud
 from toolbox.declare import ClassList
-from toolbox.errors import Cancelled, DataError
+from toolbox.errors import DataError
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -147,12 +147,6 @@ def test_a_regular_lattice_of_points() -> None:
     np.testing.assert_array_equal(labels(xyz[order]), found[order])
 
 
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_very_few_points_are_ground(count: int) -> None:
-    xyz = np.array([[5.0, 5.0, 1.0], [6.0, 8.0, 1.2], [9.0, 4.0, 0.9]])[:count]
-    assert labels(xyz).all()
-
-
 def test_points_in_one_cell_on_a_line_and_on_a_wall() -> None:
     cell = np.array([[5.1, 5.1, 1.0], [5.2, 5.1, 1.3], [5.1, 5.2, 4.0], [5.1, 5.1, 1.0]])
     np.testing.assert_array_equal(labels(cell), [True, True, False, True])
@@ -177,16 +171,6 @@ def test_a_stray_point_far_away_is_refused() -> None:
     xyz = np.vstack([town()[0], [[900_000.0, 5_000_000.0, 300.0]]])
     with pytest.raises(DataError, match="remove stray points"):
         densified(xyz)
-
-
-def test_progress_rises_to_one_and_a_run_can_be_cancelled() -> None:
-    seen: list[float] = []
-    densified(town()[0], ctx=Context(seen.append))
-    assert seen == sorted(seen)
-    assert seen[-1] == 1.0
-    calls = iter([False] * 20 + [True])
-    with pytest.raises(Cancelled):
-        densified(town()[0], ctx=Context(stop=lambda: next(calls)))
 
 
 def test_the_surface_is_the_terrain_under_roofs_too() -> None:

@@ -8,11 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pyproj import CRS
 from scenes import towns
 from scenes.layers import UTM, cloud
 from scenes.towns import EAST, NORTH, Box, inside, isprs, terrain
@@ -28,14 +26,11 @@ from algorithms.ground.robust_interpolation import (
     robust_interpolation,
 )
 from algorithms.shared.lowest import outlier_reach
-from toolbox.context import Context
-from toolbox.data import Lattice, PointCloud
-from toolbox.declare import ClassList
-from toolbox.errors import Cancelled, DataError
+from toolbox.data import Lattice
+from toolbox.errors import DataError
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-THREADS = numba.get_num_threads()
 FOOT = 0.3048
 
 # sample: total error in % that the defaults reach
@@ -261,36 +256,6 @@ def test_feet_give_the_labels_of_metres() -> None:
     np.testing.assert_allclose(surface.heights * FOOT, metres.heights, rtol=0, atol=1e-6)
 
 
-def test_the_place_of_the_origin_does_not_matter() -> None:
-    xyz = town()
-    xyz[:, :2] = xyz[:, :2].round(3)
-    far = (-5_000_000, 4_000_000, 1000)
-    np.testing.assert_array_equal(labels(xyz - far), labels(xyz))
-
-
-def test_the_order_of_the_points_does_not_matter() -> None:
-    xyz = np.concatenate([town(), town()[:500]])  # with duplicates
-    xyz[:, 2] = xyz[:, 2].round(1)  # and equal heights
-    order = np.random.default_rng(3).permutation(len(xyz))
-    first, second = robust_interpolation(xyz), robust_interpolation(xyz[order])
-    np.testing.assert_array_equal(first.heights, second.heights)
-    np.testing.assert_array_equal(ground_mask(xyz, first)[order], ground_mask(xyz[order], second))
-
-
-@pytest.mark.skipif(THREADS < 2, reason="one thread only")
-def test_the_number_of_threads_does_not_matter() -> None:
-    xyz, _ = forest()
-    try:
-        numba.set_num_threads(1)
-        one = robust_interpolation(xyz)
-        numba.set_num_threads(2)
-        two = robust_interpolation(xyz)
-    finally:
-        numba.set_num_threads(THREADS)
-    np.testing.assert_array_equal(one.heights, two.heights)
-    np.testing.assert_array_equal(ground_mask(xyz, one), ground_mask(xyz, two))
-
-
 @pytest.mark.parametrize("cell", [0.7, 1.0, 3.0])
 def test_a_tile_with_its_halo_is_the_whole_to_the_last_bit(cell: float) -> None:
     xyz, _ = forest(side=300.0)
@@ -306,23 +271,6 @@ def test_a_tile_with_its_halo_is_the_whole_to_the_last_bit(cell: float) -> None:
     narrow = (halo - outlier_reach(cell)) / 3  # there are no outliers here
     less = robust_interpolation(xyz[x < 20 + narrow], cell=cell, building_size=size)
     assert not np.array_equal(residuals(xyz[core], less), residuals(xyz[core], whole))
-
-
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_very_few_points_are_ground(count: int) -> None:
-    xyz = np.array([[5.0, 5.0, 1.0], [6.0, 8.0, 1.2], [9.0, 4.0, 0.9]])[:count]
-    assert labels(xyz).all()
-
-
-def test_points_in_one_cell() -> None:
-    xyz = np.array([[5.1, 5.1, 1.0], [5.2, 5.1, 1.3], [5.1, 5.2, 4.0], [5.1, 5.1, 1.0]])
-    np.testing.assert_array_equal(labels(xyz), [True, True, False, True])
-
-
-def test_points_on_a_line() -> None:
-    along = np.arange(0.0, 300, 0.5)
-    xyz = np.column_stack([along, 2 * along, 0.3 * along])
-    assert labels(xyz).all()
 
 
 def test_no_points() -> None:
@@ -364,14 +312,6 @@ def test_coordinates_must_be_finite(bad: float) -> None:
             call()
 
 
-def test_a_stray_point_far_away_is_refused_before_memory_is_taken() -> None:
-    xyz = np.vstack([plane(), [[900_000.0, 5_000_000.0, 300.0]]])
-    with pytest.raises(
-        DataError, match=r"y 5000000\.00 to .*cut the data into tiles or raise cell"
-    ):
-        robust_interpolation(xyz)
-
-
 def test_wide_buildings_take_no_more_memory() -> None:
     """The coarsest cells of 1 km have a margin of kilometres, the finest ones have none."""
     surface = robust_interpolation(plane(side=20), building_size=2000.0)
@@ -385,17 +325,6 @@ def test_inputs_and_results_are_read_only() -> None:
     assert ground_mask(xyz, surface).any()
     with pytest.raises(ValueError, match="read-only"):
         surface.heights[0, 0] = 1
-
-
-def test_progress_rises_to_one_and_a_run_can_be_cancelled() -> None:
-    seen: list[float] = []
-    robust_interpolation(town(), ctx=Context(seen.append))
-    assert seen == sorted(seen)
-    assert seen[-1] == pytest.approx(1.0)
-    assert len(seen) > 30
-    calls = iter([False] * 20 + [True])
-    with pytest.raises(Cancelled):
-        robust_interpolation(town(), ctx=Context(stop=lambda: next(calls)))
 
 
 def test_the_tool_gives_classes_share_and_surface() -> None:
@@ -438,73 +367,12 @@ def test_each_setting_of_the_tool_reaches_the_surface(name: str, value: Any) -> 
     assert not (same_labels if name == "above" else same_surface), "proves nothing"
 
 
-def test_the_tool_in_feet_is_the_tool_in_metres() -> None:
-    foot = 1200 / 3937
-    xyz, _ = forest()
-    metric = GroundRobustInterpolation(points=cloud(xyz)).run()
-    found = GroundRobustInterpolation(points=PointCloud(xyz / foot, crs=CRS(2263))).run()
-    assert found.ground_share == pytest.approx(metric.ground_share, abs=1e-4)
-    assert found.surface.cell == pytest.approx(1 / foot)
-    assert found.surface.units == ("US survey foot",)
-
-
 def test_the_reach_of_the_defaults_fits_a_tile() -> None:
     assert GroundRobustInterpolation(points=cloud(plane(side=5))).halo() == pytest.approx(
         reach(1.0, 48.0)
     )
     assert math.isclose(reach(1.0, 96.0), reach(1.0, 48.0) + 3.5 * 32)
     assert reach(1.0, 48.0) < 180
-
-
-def test_ignored_classes_take_no_part_and_stay() -> None:
-    xyz = town()
-    low = inside(xyz, (24.0, 30.0, 4.0, 10.0))
-    bad = xyz.copy()
-    bad[low, 2] -= 3  # too many to be outliers
-    classes = np.where(low, 7, 0)
-    alone = GroundRobustInterpolation(points=cloud(xyz[~low])).run()
-    out = GroundRobustInterpolation(points=cloud(bad, classes)).run()
-    found = out.classified["classification"]
-    assert (found[low] == 7).all()
-    np.testing.assert_array_equal(found[~low], alone.classified["classification"])
-    np.testing.assert_array_equal(out.surface.band(), alone.surface.band())
-    assert out.ground_share == pytest.approx((found == 2).mean())
-
-
-def test_other_classes_may_be_kept_but_not_ground() -> None:
-    xyz = town()
-    roof = on_roof(xyz)
-    before = np.where(roof, 6, 5)
-    before[np.flatnonzero(roof)[::2]] = 2
-    kept = GroundRobustInterpolation(
-        points=cloud(xyz, before), keep_classes=ClassList(range(256))
-    ).run()
-    expected = np.where(roof, np.where(before == 2, 1, 6), 2)
-    np.testing.assert_array_equal(kept.classified["classification"], expected)
-
-
-def test_only_last_returns_can_be_ground() -> None:
-    xyz = plane()
-    first = np.zeros(len(xyz), bool)
-    first[::5] = True
-    columns = {
-        "return_number": np.ones(len(xyz), np.uint8),
-        "number_of_returns": np.where(first, 2, 1).astype(np.uint8),
-    }
-    for zero, expected in [(1, ~first), (0, np.ones(len(xyz), bool))]:
-        numbers = {name: zero * column for name, column in columns.items()}
-        points = PointCloud(xyz, numbers, crs=UTM)
-        found = GroundRobustInterpolation(points=points).run().classified["classification"]
-        np.testing.assert_array_equal(found == 2, expected)
-
-
-@pytest.mark.parametrize("ignore", [None, ClassList([7])])
-def test_nothing_to_classify(ignore: ClassList | None) -> None:
-    points = cloud(plane(side=5), np.full(len(plane(side=5)), 7))
-    points = points if ignore else points.select([])
-    reason = f"{len(points)} are of classes that take no part .*" if ignore else "there are none"
-    with pytest.raises(DataError, match=f"points: none can be ground: {reason}"):
-        GroundRobustInterpolation(points=points, ignore=ignore).run()
 
 
 @pytest.mark.slow

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
 
 from toolbox.errors import Cancelled
 
 log = logging.getLogger("toolbox")
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
@@ -23,6 +28,8 @@ class Context:
     window : xmin, ymin, xmax, ymax in the unit of the coordinates; outside it the result is not
         needed. In a tile of a survey it is the extent of the points. A tool may ignore it.
     stage : called with a text when another step or tile is worked on
+    kept : values that steps of one run share, by name, each with what it was made from, see
+        :meth:`once`; None where nothing is kept
 
     Examples
     --------
@@ -38,6 +45,7 @@ class Context:
     stop: Callable[[], bool] = lambda: False
     window: tuple[float, float, float, float] | None = None
     stage: Callable[[str], None] = lambda text: None
+    kept: dict[str, tuple[bytes, Any]] | None = None
 
     def progress(self, fraction: float) -> None:
         """Report the fraction done, 0..1, and stop here if the user has cancelled the run.
@@ -54,6 +62,52 @@ class Context:
     def part(self, start: float, end: float) -> Context:
         """The context of one stage, whose progress 0..1 is that of the run from start to end."""
         return replace(self, report=lambda f: self.report(start + f * (end - start)))
+
+    def keeping(self) -> Context:
+        """The same, for a run of several steps that share what they need alike."""
+        return self if self.kept is not None else replace(self, kept={})
+
+    def once(self, name: str, inputs: tuple[Any, ...], make: Callable[[], Value]) -> Value:
+        """A value that several steps of a run need, made by the first of them.
+
+        The last value of each name is kept until the run ends: memory does not grow with the
+        number of steps. Do not change it in place.
+
+        Parameters
+        ----------
+        name : of the value
+        inputs : all that it depends on: arrays, which are told apart by their content, and values
+            that their text tells apart, such as numbers
+        make : makes the value
+
+        Examples
+        --------
+        >>> ctx, made = Context().keeping(), []
+        >>> for heights in (np.zeros(3), np.zeros(3), np.ones(3)):
+        ...     top = ctx.once("top", (heights,), lambda: made.append("made") or heights.max())
+        >>> made, top
+        (['made', 'made'], np.float64(1.0))
+        """
+        if self.kept is None:
+            return make()
+        of = _digest(inputs)
+        if name not in self.kept or self.kept[name][0] != of:
+            self.kept.pop(name, None)  # before there is another, which may be as large
+            self.kept[name] = of, make()
+        value: Value = self.kept[name][1]
+        return value
+
+
+def _digest(inputs: tuple[Any, ...]) -> bytes:
+    """Digest of the content of arrays, and of the texts of other values."""
+    made = hashlib.blake2b(digest_size=32)
+    for value in inputs:
+        if isinstance(value, np.ndarray):
+            made.update(f"{value.dtype.str}{value.shape}".encode())
+            made.update(np.ascontiguousarray(value).data)
+        else:
+            made.update(f"{type(value).__name__} {value!r};".encode())
+    return made.digest()
 
 
 @contextmanager

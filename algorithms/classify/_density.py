@@ -5,18 +5,21 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from algorithms.shared.places import once_each
 from algorithms.shared.returns import ReturnNumbers
-from toolbox.context import log
+from toolbox.context import QUIET, Context, log
 from toolbox.data import PointCloud
 
 CELL = 4.0  # metres, of the cells in which points are counted
+ROWS = 2.0**26  # more than the Earth has: numbers of cells are whole, and exact below 2**53
 RADIUS, CONTEXT, ALPHA = 1.0, 3.0, 1.5  # metres, where points are dense
 BY_SPACING = (1.75, 5.0, 2.25)  # times the spacing: the same where they are sparse, see the page
 LARGEST = (10.0, 20.0, 20.0)  # metres, for which halos are made
 
 
-def spacing(cloud: PointCloud) -> float:
+def spacing(cloud: PointCloud, ctx: Context = QUIET) -> float:
     """Metres between the points on a surface, from the number of last returns per area.
 
     The number is the median over the cells that have any, so that water and the edge of the data
@@ -30,11 +33,19 @@ def spacing(cloud: PointCloud) -> float:
     """
     returns = ReturnNumbers.of(cloud)
     last = ~returns.known | (returns.number == returns.count)
-    xy = np.unique(cloud.xyz[last], axis=0)[:, :2]
-    if not len(xy):
+    inputs = cloud.xyz, last, cloud.metre
+    return ctx.once("spacing", inputs, lambda: _spacing(cloud.xyz[last], cloud.metre))
+
+
+def _spacing(xyz: NDArray[np.float64], metre: float) -> float:
+    """Metres between points of shape (n, 3); those at one position count once."""
+    if not len(xyz):
         return 1.0
-    _, count = np.unique(np.floor(xy / (CELL * cloud.metre)), axis=0, return_counts=True)
-    per_area = float(np.median(count)) / CELL**2
+    col, row = (np.floor(once_each(xyz)[0][:, axis] / (CELL * metre)) for axis in (0, 1))
+    cell = (col - col.min()) * ROWS + (row - row.min())
+    cell.sort()
+    edges = np.flatnonzero(np.diff(cell, prepend=-1.0, append=-1.0))
+    per_area = float(np.median(np.diff(edges))) / CELL**2
     return float(2.0 ** (-np.rint(np.log2(per_area)) / 2))
 
 
@@ -64,13 +75,15 @@ class Lengths(NamedTuple):
         radius: float | None = None,
         context: float | None = None,
         alpha: float | None = None,
+        *,
+        ctx: Context = QUIET,
     ) -> Lengths:
         """The lengths given, and for those that are not what suits the density of the points.
 
         A surface that bends is farther from its plane the farther one looks, so `flat` grows
         with a radius that was not given.
         """
-        apart, metre = spacing(cloud), cloud.metre
+        apart, metre = spacing(cloud, ctx), cloud.metre
         dense, sparse = (RADIUS, CONTEXT, ALPHA), np.multiply(BY_SPACING, apart)
         suits = np.minimum(np.maximum(dense, sparse), LARGEST) * metre
         given = (radius, context, alpha)

@@ -11,15 +11,16 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.shared.chance import random_keys
 from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
 from algorithms.shared.heights import HEIGHT, given_heights
 from algorithms.shared.kernels.sorting import add_partners
+from algorithms.shared.places import once_each
 from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import has_numbers, let_through
 from algorithms.shared.terrain import HALO as GROUND_HALO
@@ -91,7 +92,10 @@ class PointFeatures:
             ground = np.isin(cloud["classification"], self.ground_classes) & ~is_withheld(cloud)
             if HEIGHT in cloud:
                 return ground, given_heights(cloud)
-            found = find_terrain(_frozen(self.xyz[ground]), metre=cloud.metre, ctx=ctx)
+            bare, metre = _frozen(self.xyz[ground]), cloud.metre
+            found = ctx.once(
+                "terrain", (bare, metre), lambda: find_terrain(bare, metre=metre, ctx=ctx)
+            )
             return ground, height_above(self.xyz, found)
         candidates = Candidates.of(cloud)
         ground = np.zeros(len(cloud), bool)
@@ -109,6 +113,13 @@ class PointFeatures:
         where there are too few points; the normals have the shape (n, 3). Points at one position
         count once, since duplicates would make a plane of any two positions.
         """
+        inputs = self.xyz, self.radius, self.cloud.metre
+        found = self.ctx.once("planes", inputs, self._planes)
+        self._warn_of_few(np.isnan(found[0]))
+        return found
+
+    def _planes(self) -> tuple[Floats, NDArray[np.float32]]:
+        """Scatter and normals, see `planes`."""
         xyz, place = once_each(self.xyz)
         found = covariance_features(
             xyz,
@@ -118,13 +129,11 @@ class PointFeatures:
             ctx=self.ctx.part(0.4, 0.8),
         )
         count = found["neighbours"].astype(np.float64)
-        shapeless = count < ENOUGH
-        self._warn_of_few(shapeless[place])
         # Three points always lie on a plane, so as many less are left to tell how far off it is.
-        freedom = np.where(shapeless, np.nan, count - 3)
+        freedom = np.where(count < ENOUGH, np.nan, count - 3)
         off_plane = np.sqrt(found["eigenvalue3"] * count / freedom) / self.cloud.metre
         normals = np.column_stack([found["nx"], found["ny"], found["nz"]])
-        return off_plane[place], normals[place]
+        return _frozen(off_plane[place]), _frozen(normals[place])
 
     def _warn_of_few(self, shapeless: Mask) -> None:
         """Log that many points above the ground lack neighbours, array of shape (n,)."""
@@ -154,6 +163,12 @@ class PointFeatures:
 
         Only points on the same side of the ground count: those on it, or those above it.
         """
+        how = self.radius, self.context, self.flat, self.cloud.metre
+        inputs = self.xyz, self.terrain[0], self.let_through, *how
+        return self.ctx.once("around", inputs, self._around)
+
+    def _around(self) -> Mapping[str, Floats]:
+        """Means over the points around, see `around`."""
         ground, metre, off_plane = self.terrain[0], self.cloud.metre, self.planes[0]
         values = {
             "planarity": np.where(off_plane <= self.flat, 1.0, 0.0),
@@ -193,21 +208,6 @@ def evidence(features: PointFeatures) -> NDArray[np.uint8]:
         plant = on_planes < 1
     plant |= height < LOWEST_ROOF
     return np.where(ground, GROUND, np.where(plant, VEGETATION, BUILDING)).astype(np.uint8)
-
-
-def once_each(xyz: Floats) -> tuple[Floats, NDArray[np.int64] | slice]:
-    """The distinct positions of points, and for each of the n points the index of its position."""
-    keys = random_keys(xyz, 0)
-    in_order = np.sort(keys)
-    if (in_order[1:] != in_order[:-1]).all():
-        return xyz, slice(None)
-    order = np.argsort(keys, kind="stable")
-    is_new = np.ones(len(xyz), bool)
-    is_new[1:] = (xyz[order[1:]] != xyz[order[:-1]]).any(axis=1)
-    place = np.empty(len(xyz), np.int64)
-    place[order] = np.cumsum(is_new) - 1
-    log.info("%d points share their place with another", np.count_nonzero(~is_new))
-    return xyz[order[is_new]], place
 
 
 def means_around(
@@ -251,13 +251,13 @@ def means_around(
     for done, offset in enumerate(offsets):
         add_partners(own, offset @ STRIDES, held, total)
         ctx.progress(0.6 + 0.4 * (done + 1) / len(offsets))
-    return np.asarray((total[:, 1:] / FINE / total[:, :1])[place])
+    return _frozen((total[:, 1:] / FINE / total[:, :1])[place])
 
 
-def _frozen(xyz: Floats) -> Floats:
+def _frozen(array: NDArray[Any]) -> NDArray[Any]:
     """The same array, set read-only: for a writable one kernels would be compiled once more."""
-    xyz.flags.writeable = False
-    return xyz
+    array.flags.writeable = False
+    return array
 
 
 def _half_ball(reach: float) -> NDArray[np.int64]:

@@ -203,7 +203,8 @@ class ClassifyBuildings:
         part = taking_part(cloud, self.ignore, among(self.keep_classes, STRUCTURES))
         if not len(cloud):
             return self._packed(part, part, [])
-        lengths = Lengths.of(cloud, self.flat, self.radius, self.context, self.alpha)
+        given = self.radius, self.context, self.alpha
+        lengths = Lengths.of(cloud, self.flat, *given, ctx=ctx)
         features = self._features(part, lengths, ctx.part(0.0, 0.55))
         roof = self._roof(features, lengths, ctx.part(0.55, 0.6))
         planes = on_planes(features, roof, ctx.part(0.6, 0.65))

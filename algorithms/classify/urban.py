@@ -153,7 +153,7 @@ class ClassifyUrban:
                 f"points: none is of class {bare}; classify ground first",
                 instead=self._packed(classes, confidence),
             )
-        lengths = Lengths.of(cloud, self.flat, self.radius, self.context)
+        lengths = Lengths.of(cloud, self.flat, self.radius, self.context, ctx=ctx)
         features = _evidence.PointFeatures(
             chosen,
             lengths.radius,

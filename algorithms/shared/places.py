@@ -1,4 +1,4 @@
-"""Points for gridding: one point per position with the mean value, sorted by x, then y."""
+"""Points at one position: found, left out, or averaged for gridding."""
 
 from __future__ import annotations
 
@@ -6,12 +6,46 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from algorithms.shared.chance import random_keys
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context, log
 
 RUN = 200_000  # points that one thread takes at a time
+MARKS = 1 << 22  # so many that numbers of few points fall together by chance
 
 Array = NDArray[np.float64]
+
+
+def once_each(xyz: Array) -> tuple[Array, NDArray[np.int64] | slice]:
+    """The distinct positions of points of shape (n, 3), and the index of that of each point.
+
+    Returns
+    -------
+    positions : array of shape (m, 3), in the order in which they come first
+    place : array of shape (n,), or a slice of all if no two points share a position
+
+    Examples
+    --------
+    >>> once_each(np.array([[7, 0, 0], [5, 0, 0], [7, 0, 0], [7, 0, 1.0]]))[1]
+    array([0, 1, 0, 2])
+    """
+    keys = random_keys(xyz, 0)
+    ordered = np.sort(keys)
+    shared = ordered[1:][ordered[1:] == ordered[:-1]]
+    if not len(shared):
+        return xyz, slice(None)
+    marked = np.zeros(MARKS, bool)  # sorting all points takes far longer than sorting these
+    marked[shared % MARKS] = True
+    some = np.flatnonzero(marked[keys % MARKS])
+    some = some[np.argsort(keys[some], kind="stable")]
+    again = np.zeros(len(some), bool)
+    again[1:] = (xyz[some[1:]] == xyz[some[:-1]]).all(axis=1)
+    kept = np.ones(len(xyz), bool)
+    kept[some[again]] = False
+    place = np.cumsum(kept) - 1
+    place[some] = place[some[np.maximum.accumulate(np.where(again, 0, np.arange(len(some))))]]
+    log.info("%d points share their place with another", np.count_nonzero(again))
+    return xyz[kept], place
 
 
 def averaged(xy: Array, values: Array, *, ctx: Context = QUIET) -> tuple[Array, Array]:

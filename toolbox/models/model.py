@@ -330,6 +330,7 @@ class ModelRun:
 
     def run(self, ctx: Context = QUIET) -> SimpleNamespace:
         """Run the steps in order; each result is released after its last use."""
+        ctx = ctx.keeping()
         found = {f"{INPUTS}.{name}": value for name, value in self.values.items()}
         found |= self.given
         steps = _active(self.spec.wanting(self.keep).steps, found)

@@ -29,7 +29,13 @@ def side_by_side(
     arguments : what else the kernel takes
     ctx : progress and cancellation, after each run
     """
-    pool = ThreadPoolExecutor(numba.get_num_threads())
+    threads = min(numba.get_num_threads(), len(runs))
+    if threads <= 1:  # starting a thread takes longer than most single runs
+        for done, run in enumerate(runs):
+            kernel(*run, *arguments)
+            ctx.progress((done + 1) / len(runs))
+        return
+    pool = ThreadPoolExecutor(threads)
     try:
         for done, _ in enumerate(pool.map(lambda run: kernel(*run, *arguments), runs)):
             ctx.progress((done + 1) / len(runs))

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 import toolbox
+from algorithms.classify import _evidence
 from algorithms.classify.urban import ClassifyUrban
 from algorithms.samples.scene import SamplesScene
+from toolbox.context import Context
 from toolbox.data import PointCloud, Vector
 from toolbox.errors import DataError, NothingToDo, ParameterError
 
@@ -211,6 +213,27 @@ def test_a_town_from_raw_points() -> None:
     assert plants > 0.75
     assert (classes[truth == 9] == 9).mean() > 0.9
     assert len(found["outlines"]) == (made.features.frame.kind == "building").sum()
+
+
+def test_steps_share_what_they_look_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[str] = []
+
+    def counted(name: str, inner: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any, **options: Any) -> Any:
+            calls.append(name)
+            return inner(*arguments, **options)
+
+        return call
+
+    for name in ("find_terrain", "covariance_features", "means_around"):
+        monkeypatch.setattr(_evidence, name, counted(name, getattr(_evidence, name)))
+    shared = modelled(block(), water=False)
+    assert sorted(calls) == ["covariance_features", "find_terrain", "means_around"]
+    monkeypatch.setattr(Context, "keeping", lambda ctx: ctx)
+    alone = modelled(block(), water=False)
+    assert calls.count("find_terrain") == 4
+    for name in ("classification", "confidence"):
+        np.testing.assert_array_equal(shared["classified"][name], alone["classified"][name])
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from typing import Any
 
 import numba
 import numpy as np
@@ -26,6 +27,12 @@ def test_every_run_gets_its_turn() -> None:
     np.testing.assert_array_equal(counts, 2.5)
     assert seen == [1 / 3, 2 / 3, 1]
     side_by_side(add, [], 2.5)
+
+
+def test_a_single_run_needs_no_thread() -> None:
+    seen: list[Any] = []
+    side_by_side(lambda *_: seen.append(threading.current_thread()), RUNS[:1])
+    assert seen == [threading.current_thread()]
 
 
 @pytest.mark.skipif(numba.get_num_threads() < 2, reason="one thread only")

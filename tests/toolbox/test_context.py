@@ -1,0 +1,55 @@
+"""What the steps of a run share: made once for the same inputs, anew for others, never too long."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from toolbox.context import QUIET, Context
+
+HEIGHTS = np.arange(6.0)
+
+
+def kept(*runs: tuple[Any, ...], ctx: Context) -> list[tuple[Any, ...]]:
+    """The inputs for which a value was made."""
+    made: list[tuple[Any, ...]] = []
+    for inputs in runs:
+        ctx.once("top", inputs, lambda inputs=inputs: made.append(inputs))
+    return made
+
+
+def test_equal_content_is_made_once() -> None:
+    ctx = Context().keeping()
+    assert len(kept((HEIGHTS, 1.0), (HEIGHTS.copy(), 1.0), ctx=ctx)) == 1
+    later = ctx.part(0.5, 1.0).keeping()  # a model within a model shares with it
+    assert kept((HEIGHTS, 1.0), ctx=later) == []
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        (np.nextafter(HEIGHTS, 9.0), 1.0),
+        (HEIGHTS[::-1], 1.0),
+        (HEIGHTS.reshape(2, 3), 1.0),
+        (HEIGHTS.view(np.int64), 1.0),
+        (HEIGHTS, 1),
+        (HEIGHTS, 2.0),
+        (HEIGHTS,),
+    ],
+)
+def test_other_inputs_are_told_apart(other: tuple[Any, ...]) -> None:
+    assert len(kept((HEIGHTS, 1.0), other, (HEIGHTS, 1.0), ctx=Context().keeping())) == 3
+
+
+def test_only_the_last_of_a_name_is_kept() -> None:
+    ctx = Context().keeping()
+    ctx.once("planes", (1,), lambda: "planes of 1")
+    kept((1,), (2,), ctx=ctx)
+    assert sorted(ctx.kept or ()) == ["planes", "top"]
+
+
+def test_nothing_is_kept_where_no_steps_share() -> None:
+    assert len(kept((1,), (1,), ctx=QUIET)) == 2
+    assert QUIET.kept is None

@@ -122,7 +122,7 @@ TOWERS = {
     "high_wire": Column("Highest wire", "m", 2),
     "azimuth": Column("Azimuth", "°", 0),
     "width": Column("Width", "m", 1),
-    "arms": Column("Arms"),
+    "arms": Column("Width of the arms", "m", 1),
     "string": Column("Length of strings", "m", 1),
-    "body": Column("Width of the body", "m", 1),
+    "body": Column("Seen of its height", "%", 0, 100.0),
 }

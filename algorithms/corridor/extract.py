@@ -33,7 +33,12 @@ from algorithms.corridor._extraction.follow import follow, tolerances
 from algorithms.corridor._extraction.ground import elevation
 from algorithms.corridor._extraction.labels import LABEL_NUMBERS, labelled, none_labelled
 from algorithms.corridor._extraction.layers import tower_layer, wire_layer
-from algorithms.corridor._extraction.missed import warn_of_missed, with_gaps
+from algorithms.corridor._extraction.missed import (
+    warn_of_left_out,
+    warn_of_missed,
+    warn_of_unseen_supports,
+    with_gaps,
+)
 from algorithms.corridor._extraction.points import CorridorPoints
 from algorithms.corridor._extraction.spans import Wire, on_wire
 from algorithms.corridor._extraction.supports import Support
@@ -122,15 +127,18 @@ class CorridorExtract:
             tolerances=tolerances(self.wire_tolerance, cloud.metre),
             ctx=ctx.part(0.4, 0.95),
         )
-        line = finished(points, *found)
+        line, corridor = finished(points, *found), found[0]
         ctx.progress(1.0)
         if not line.wires:
             points.warn_of_no_line()
         wires = wire_layer(line.wires, points.origin, cloud.metre, cloud.crs)
         warn_of_missed(wires)
+        warn_of_left_out([*corridor.left_out, *corridor.tied], points.origin, cloud.metre)
+        towers = tower_layer(line.towers, line.strings, points.origin, cloud.metre, cloud.crs)
+        warn_of_unseen_supports(towers)
         return self.Outputs(
             classified=labelled(cloud, use, points.index, line.labels),
-            towers=tower_layer(line.towers, line.strings, points.origin, cloud.metre, cloud.crs),
+            towers=towers,
             wires=wires,
             span_count=len({wire.span for wire in line.wires}),
             tower_count=len(line.towers),

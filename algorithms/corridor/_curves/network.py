@@ -56,6 +56,7 @@ class Corridor:
     seen : whether there are points around a position in plan
     floor : points of the ground, None if it is not known
     tied : curves that are no wires of a line, but of a mesh
+    left_out : curves that hang as wires do, and are none since something is tied to them
     wires : the points that may be wire
     free : which points above the ground lie on no wire that was found
     refused : which of the points that may be wire lie on or at what surely is none
@@ -70,6 +71,7 @@ class Corridor:
     seen: Callable[[float, float], bool]
     floor: Airborne | None = None
     tied: list[Catenary] = field(default_factory=list)
+    left_out: list[Catenary] = field(default_factory=list)
     wires: Airborne = field(init=False)
     free: NDArray[np.bool_] = field(init=False)
     refused: NDArray[np.bool_] = field(init=False)
@@ -243,6 +245,7 @@ def wires_among(corridor: Corridor, arcs: Sequence[Piece]) -> list[Piece]:
         arc for arc in straight if arc.curve.rms < SETTINGS.curves.roughest * corridor.tolerance
     ]
     corridor.refuse([*clean, *carriers])
+    corridor.left_out += [arc.curve for arc in carriers if arc.sure]
     return [arc for arc in found if all(arc is not other for other in carriers)]
 
 

@@ -93,8 +93,25 @@ def followed(
         max_gap=max_gap,
         ctx=ctx.part(0.0, 0.7),
     )
-    pieces = curves_of(corridor, curves)
+    pieces = without_contact_lines(corridor, curves_of(corridor, curves))
     return pieces + sparse_wires(corridor, pieces, ctx.part(0.7, 0.7))
+
+
+def without_contact_lines(corridor: Corridor, pieces: Sequence[Piece]) -> list[Piece]:
+    """The pieces without those of contact lines of a railway, whose points may be no wire.
+
+    Left among the others, these would share supports and spans with a line beside the railway, and
+    that would be no line as most of its wires were straight.
+    """
+    held = [holds_level(corridor.air, corridor.height, piece.curve) for piece in pieces]
+    contact = [piece for piece, level in zip(pieces, held, strict=True) if level]
+    corridor.refuse(contact)
+    corridor.left_out += [piece.curve for piece in contact if piece.sure]
+    return [
+        piece
+        for piece, level in zip(pieces, held, strict=True)
+        if not level and 2 * np.count_nonzero(corridor.refused[piece.points]) <= len(piece.points)
+    ]
 
 
 def stacked(corridor: Corridor, max_gap: float, ctx: Context) -> list[Line]:
@@ -114,7 +131,10 @@ def lines_among(
     """The lines among pieces of what may be wires, without structures and accidents."""
     wires, supports = hung(corridor, pieces, max_gap, ctx.part(0.7, 1.0))
     here = [line for line in lines_of(wires, supports) if line.is_no_accident(corridor)]
-    return [line for line in here if not line.is_structure(corridor)]
+    structures = [line.is_structure(corridor) for line in here]
+    for line, is_structure in zip(here, structures, strict=True):
+        corridor.left_out += [wire.curve for wire in line.wires if is_structure]
+    return [line for line, is_it in zip(here, structures, strict=True) if not is_it]
 
 
 def hung(

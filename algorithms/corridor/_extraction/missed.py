@@ -13,9 +13,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
+from algorithms.corridor._curves.catenary import Catenary
 from algorithms.corridor._curves.network import Corridor
 from algorithms.corridor._extraction.spans import Wire, on_wire
 from algorithms.corridor._settings import SETTINGS
@@ -130,6 +132,46 @@ def warn_of_missed(wires: Vector) -> None:
     """Log which spans lack conductors, and which conductors were seen along a part only."""
     for text in missed(wires):
         log.warning("%s; look at it, try another wire_tolerance, or denser data", text)
+
+
+def warn_of_unseen_supports(towers: Vector) -> None:
+    """Log which supports are known by their wires alone, since hardly a point is of their body."""
+    frame = towers.frame
+    unseen = frame.loc[frame["points"] < SETTINGS.towers.known_by_points, "tower_id"].astype(str)
+    if len(unseen):
+        log.warning(
+            "%d of %d towers show fewer than %d points of their own (tower_id %s): only their "
+            "wires tell of them; they may stand metres off along the line, or be none",
+            len(unseen),
+            len(frame),
+            SETTINGS.towers.known_by_points,
+            ", ".join(unseen),
+        )
+
+
+def warn_of_left_out(curves: Sequence[Catenary], origin: Floats, metre: float) -> None:
+    """Log how much hangs in arcs as wires do, and is left out since something is tied to it.
+
+    Parameters
+    ----------
+    curves : in metres from the origin
+    origin : array of shape (3,), in the unit of the data
+    metre : length of one metre in that unit
+    """
+    lines = [shapely.LineString(curve.ends[:, :2]) for curve in curves]
+    half = SETTINGS.network.bundle_width
+    around = shapely.union_all([line.buffer(half, cap_style="flat") for line in lines])
+    length = around.area / (2 * half)
+    if length < SETTINGS.curves.sure_length:
+        return
+    west, south, east, north = np.array(around.bounds) * metre + np.tile(origin[:2], 2)
+    log.warning(
+        "about %.0f m of wires between %.0f, %.0f and %.0f, %.0f were left out: something hangs "
+        "from them or is tied to them, as to those of a railway, ropeway, bridge or trellis; "
+        "look whether these are power lines",
+        length,
+        *(west, south, east, north),
+    )
 
 
 def missed(wires: Vector) -> Iterator[str]:

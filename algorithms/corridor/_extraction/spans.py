@@ -394,7 +394,7 @@ def recovered(corridor: Corridor, wires: list[Wire]) -> list[Wire]:
         SETTINGS.curves.own_radius * corridor.tolerance,
         SETTINGS.spans.group_radius * corridor.tolerance,
     )
-    taken = np.zeros(len(air.xyz), bool)
+    taken = corridor.refused.copy()
     for wire in wires:
         taken[air.around(wire.curve, own_radius, -2.0, wire.curve.length + 2)[0]] = True
     middles = curve.points(

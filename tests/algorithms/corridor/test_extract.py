@@ -636,6 +636,42 @@ def test_what_is_no_power_line(what: str, parts: list[Floats]) -> None:
     assert not np.isin(result.classified["classification"], (14, 15)).any()
 
 
+@pytest.mark.parametrize("seen", [True, False], ids=["seen", "not seen"])
+def test_supports_that_only_their_wires_tell_of_are_said(
+    seen: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    _, wires, poles = line([0, 60, 120, 180], [-1, 0, 1], 9, 400)
+    shown = poles if seen else poles[abs(poles[:, 0] - 60) > 5]
+    result = found(GROUND, *wires, shown)
+    assert result.tower_count == 4
+    text = "1 of 4 towers show fewer than 4 points of their own (tower_id 2)"
+    assert (text in caplog.text) == (not seen)
+    assert ("of their own" in caplog.text) == (not seen)
+
+
+@pytest.mark.parametrize(
+    ("tracks", "feet"),
+    [(2, (20, 80, 140, 200)), (1, (10, 62, 112, 170, 205))],
+    ids=["two tracks", "other spans"],
+)
+def test_a_line_beside_a_railway_is_found_without_the_railway(
+    tracks: int, feet: Sequence[float], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its poles stand at other places than the masts, so what they share would be wrong."""
+    _, wires, poles = line(list(feet), [-1, 0, 1], 9, 400)
+    beside = [part + np.array([-10.0, 12.0, 0.0]) for part in (*wires, poles)]
+    rails = [railway(4) - np.array([0.0, 4.5 * k, 0.0]) for k in range(tracks)]
+    classes = [2, *[19] * tracks, *[14] * len(wires), 15]
+    points = cloud(GROUND, *rails, *beside, classes=classes)
+    result = CorridorExtract(points=points).run()
+    said, true = result.classified["classification"], points["truth"]
+    assert (result.span_count, result.tower_count) == (len(feet) - 1, len(feet))
+    assert quality(said == 14, true == 14) > 0.97
+    assert not (said[true == 19] == 14).any()
+    assert "m of wires between" in caplog.text
+    assert "a railway" in caplog.text
+
+
 PAIR = (-0.22, 0.0), (0.22, 0.0)
 SQUARE = (-0.22, -0.22), (0.22, -0.22), (-0.22, 0.22), (0.22, 0.22)
 

@@ -76,8 +76,8 @@ class Context:
         Parameters
         ----------
         name : of the value
-        inputs : all that it depends on: arrays, which are told apart by their content, and values
-            that their text tells apart, such as numbers
+        inputs : all that it depends on, see :func:`digest`; the digest of a large array serves
+            several values
         make : makes the value
 
         Examples
@@ -90,7 +90,7 @@ class Context:
         """
         if self.kept is None:
             return make()
-        of = _digest(inputs)
+        of = digest(*inputs)
         if name not in self.kept or self.kept[name][0] != of:
             self.kept.pop(name, None)  # before there is another, which may be as large
             self.kept[name] = of, make()
@@ -98,8 +98,14 @@ class Context:
         return value
 
 
-def _digest(inputs: tuple[Any, ...]) -> bytes:
-    """Digest of the content of arrays, and of the texts of other values."""
+def digest(*inputs: Any) -> bytes:
+    """Digest of arrays by their content, and of values that their text tells apart, as numbers.
+
+    Examples
+    --------
+    >>> digest(np.zeros(3), 1.0) == digest(np.zeros(3), 1.0), digest(1) == digest(1.0)
+    (True, False)
+    """
     made = hashlib.blake2b(digest_size=32)
     for value in inputs:
         if isinstance(value, np.ndarray):

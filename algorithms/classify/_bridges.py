@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from algorithms.classify._evidence import PointFeatures
 from algorithms.classify._sorted_points import SortedPoints
+from algorithms.shared.places import may_be_near
 from toolbox.context import log
 
 BESIDE = 1.5  # metres from a deck in which ground lies at its ends
@@ -53,7 +54,7 @@ def bridges(features: PointFeatures, roof: Mask, shapes: Shapes) -> Mask:
     point, beside = shapely.STRtree(shapes).query(
         shapely.points(features.xyz[low, :2]), predicate="dwithin", distance=BESIDE * metre
     )
-    roofs = SortedPoints.of(features.xyz, roof)
+    roofs = SortedPoints.of(features, roof)
     for number in np.unique(beside):
         deck, ends = roofs.within(shapes[number]), low[point[beside == number]]
         ends = ends[z[ends] >= np.median(z[deck]) - LEVEL]
@@ -73,6 +74,7 @@ def low_beside(features: PointFeatures, roof: Mask) -> NDArray[np.int64]:
         features.xyz[:, 2] / features.cloud.metre,
     )
     tops, low = np.flatnonzero(roof), np.flatnonzero(~roof & (height < height[roof].min()))
+    low = low[may_be_near(features.xyz[low, :2], features.xyz[tops, :2], BESIDE * metre)]
     tree = cKDTree(features.xyz[tops, :2])
     found = tree.query(features.xyz[low, :2], distance_upper_bound=BESIDE * metre)
     away, nearest = map(np.asarray, found)

@@ -41,7 +41,8 @@ def _spacing(xyz: NDArray[np.float64], metre: float) -> float:
     """Metres between points of shape (n, 3); those at one position count once."""
     if not len(xyz):
         return 1.0
-    col, row = (np.floor(once_each(xyz)[0][:, axis] / (CELL * metre)) for axis in (0, 1))
+    positions, _ = once_each(xyz)
+    col, row = (np.floor(positions[:, axis] / (CELL * metre)) for axis in (0, 1))
     cell = (col - col.min()) * ROWS + (row - row.min())
     cell.sort()
     edges = np.flatnonzero(np.diff(cell, prepend=-1.0, append=-1.0))

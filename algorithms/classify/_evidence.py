@@ -25,7 +25,7 @@ from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import has_numbers, let_through
 from algorithms.shared.terrain import HALO as GROUND_HALO
 from algorithms.shared.terrain import find_terrain, height_above, verdict
-from toolbox.context import QUIET, Context, log
+from toolbox.context import QUIET, Context, digest, log
 from toolbox.data import PointCloud
 from toolbox.errors import DataError, nearest
 
@@ -79,6 +79,17 @@ class PointFeatures:
         return self.cloud.xyz
 
     @functools.cached_property
+    def _places(self) -> bytes:
+        """What tells the coordinates from others, see :meth:`toolbox.context.Context.once`."""
+        return digest(self.xyz)
+
+    @functools.cached_property
+    def eastward(self) -> NDArray[np.int64]:
+        """Indices of the points from west to east, array of shape (n,)."""
+        x = self.xyz[:, 0]
+        return self.ctx.once("eastward", (self._places,), lambda: np.argsort(x, kind="stable"))
+
+    @functools.cached_property
     def terrain(self) -> tuple[Mask, Floats]:
         """Which points are ground, and metres of all points above the terrain.
 
@@ -113,7 +124,7 @@ class PointFeatures:
         where there are too few points; the normals have the shape (n, 3). Points at one position
         count once, since duplicates would make a plane of any two positions.
         """
-        inputs = self.xyz, self.radius, self.cloud.metre
+        inputs = self._places, self.radius, self.cloud.metre
         found = self.ctx.once("planes", inputs, self._planes)
         self._warn_of_few(np.isnan(found[0]))
         return found
@@ -164,7 +175,7 @@ class PointFeatures:
         Only points on the same side of the ground count: those on it, or those above it.
         """
         how = self.radius, self.context, self.flat, self.cloud.metre
-        inputs = self.xyz, self.terrain[0], self.let_through, *how
+        inputs = self._places, self.terrain[0], self.let_through, *how
         return self.ctx.once("around", inputs, self._around)
 
     def _around(self) -> Mapping[str, Floats]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.classify._evidence import PointFeatures
 from algorithms.shared.polygons import Polygons
 
 Floats = NDArray[np.float64]
@@ -28,11 +29,10 @@ class SortedPoints:
     index: Ints
 
     @classmethod
-    def of(cls, xyz: Floats, some: NDArray[np.bool_]) -> SortedPoints:
+    def of(cls, features: PointFeatures, some: NDArray[np.bool_]) -> SortedPoints:
         """The chosen ones of n points, sorted by x."""
-        index = np.flatnonzero(some)
-        index = index[np.argsort(xyz[index, 0], kind="stable")]
-        return cls(np.ascontiguousarray(xyz[index, :2]), index)
+        index = features.eastward[some[features.eastward]]
+        return cls(features.xyz[index, :2], index)
 
     def within(self, shape: Any) -> Ints:
         """Indices of the points in a polygon, in rising order."""

@@ -28,6 +28,7 @@ from algorithms.classify._evidence import FOOT, PointFeatures
 from algorithms.classify._outlines import TOUCHING, margin
 from algorithms.classify._sorted_points import SortedPoints
 from algorithms.shared.alpha_shape import alpha_shape
+from algorithms.shared.places import may_be_near
 from toolbox.context import QUIET, Context
 from toolbox.errors import DataError
 
@@ -130,7 +131,7 @@ def bodies(
     shapes = shapes[shapely.area(shapes) >= SMALLEST * metre**2]
     shapes = shapes[shapely.is_empty(shapely.buffer(shapes, -WIDEST * metre / 2))]
     shapes = shapes[standing_free(shapes, xyz[height < FOOT, :2], metre) >= FREE]
-    points = SortedPoints.of(xyz, some)
+    points = SortedPoints.of(features, some)
     for shape in shapes:
         inside = points.within(shape.buffer(TOUCHING * metre))
         away = margin(len(inside) / shape.area, alpha)
@@ -169,6 +170,7 @@ def standing_free(shapes: Shapes, low: Floats, metre: float) -> Floats:
     reach = AROUND * metre
     around = shapely.segmentize(shapely.boundary(shapely.buffer(shapes, reach)), metre)
     places, owner = shapely.get_coordinates(around, return_index=True)
+    low = low[may_be_near(low, places, reach)]
     away = np.asarray(cKDTree(low).query(places, distance_upper_bound=reach)[0])
     return np.asarray(np.bincount(owner, np.isfinite(away)) / np.bincount(owner))
 
@@ -179,7 +181,7 @@ def ground_seen(shapes: Shapes, features: PointFeatures) -> Floats:
     It is 0 if there are only FEWEST points on the ground.
     """
     metre, ground = features.cloud.metre, features.terrain[0]
-    every = SortedPoints.of(features.xyz, np.ones(len(ground), bool))
+    every = SortedPoints.of(features, np.ones(len(ground), bool))
     share = np.zeros(len(shapes))
     for k, core in enumerate(shapely.buffer(shapes, -EDGE * metre)):
         parts = [ground[every.within(part)] for part in shapely.get_parts(core)]

@@ -286,7 +286,7 @@ class ClassifyBuildings:
         ctx: Context,
     ) -> list[dict[str, Any]]:
         """Attributes and outline of each building; several where only the overhang joins them."""
-        rows, narrow, roofs = [], 0, SortedPoints.of(features.xyz, planes)
+        rows, narrow, roofs = [], 0, SortedPoints.of(features, planes)
         sure = confidences(shapes, features, planes)
         for done, shape in enumerate(shapes):
             ctx.progress(done / len(shapes))
@@ -449,6 +449,6 @@ def confidences(shapes: Shapes, features: _evidence.PointFeatures, planes: Mask)
     seen in between, and 0 at the limit of that.
     """
     seen = ground_seen(shapes, features) / SEEN
-    above = SortedPoints.of(features.xyz, features.terrain[1] > FOOT)
+    above = SortedPoints.of(features, features.terrain[1] > FOOT)
     flat = [planes[above.within(shape)].mean() for shape in shapes]
     return np.asarray(flat) * (1 - seen)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from algorithms.shared.chance import random_keys
 from algorithms.shared.kernels.threads import in_blocks
 from toolbox.context import QUIET, Context, log
 
 RUN = 200_000  # points that one thread takes at a time
+WIDER = 1.001  # times a reach, so that rounding puts no neighbour two cells away
+MOST = 4096  # cells along an axis; wider ones are taken beyond that
 MARKS = 1 << 22  # so many that numbers of few points fall together by chance
 
 Array = NDArray[np.float64]
@@ -46,6 +49,45 @@ def once_each(xyz: Array) -> tuple[Array, NDArray[np.int64] | slice]:
     place[some] = place[some[np.maximum.accumulate(np.where(again, 0, np.arange(len(some))))]]
     log.info("%d points share their place with another", np.count_nonzero(again))
     return xyz[kept], place
+
+
+def may_be_near(xy: Array, places: Array, reach: float) -> NDArray[np.bool_]:
+    """True for points near enough to some place that a search has to look at them.
+
+    All points within reach of a place are among them, and few that are more than thrice as far.
+
+    Parameters
+    ----------
+    xy, places : arrays of shape (n, 2) and (m, 2)
+    reach : in their unit
+
+    Examples
+    --------
+    >>> may_be_near(np.array([[0, 0.9], [0, 9.0]]), np.zeros((1, 2)), 1.0)
+    array([ True, False])
+    """
+    if not len(places):
+        return np.zeros(len(xy), bool)
+    low, extent = places.min(axis=0), float(np.ptp(places, axis=0).max())
+    cell = max(reach * WIDER, extent / MOST)
+    held = np.floor((places - low) / cell).astype(np.int64) + 1
+    marked = np.zeros(held.max(axis=0) + 2, bool)
+    marked[tuple(held.T)] = True
+    return np.asarray(_in_marked(xy, low, cell, binary_dilation(marked, np.ones((3, 3), bool))))
+
+
+@njit(cache=True, nogil=True)
+def _in_marked(xy, low, cell, marked):
+    """Which points lie in marked cells; `low` is the corner of cell 1, 1."""
+    found = np.zeros(len(xy), np.bool_)
+    for i in range(len(xy)):
+        a, b = (
+            np.floor((xy[i, 0] - low[0]) / cell) + 1.0,
+            np.floor((xy[i, 1] - low[1]) / cell) + 1.0,
+        )
+        if 0.0 <= a < marked.shape[0] and 0.0 <= b < marked.shape[1]:
+            found[i] = marked[int(a), int(b)]
+    return found
 
 
 def averaged(xy: Array, values: Array, *, ctx: Context = QUIET) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from algorithms.shared.covariance import covariance_features
 from algorithms.shared.ground import Candidates, is_withheld
 from algorithms.shared.heights import HEIGHT, given_heights
-from algorithms.shared.kernels.sorting import add_partners
+from algorithms.shared.kernels.sorting import add_ranges
 from algorithms.shared.places import once_each
 from algorithms.shared.returns import NAMES as RETURNS
 from algorithms.shared.returns import has_numbers, let_through
@@ -40,7 +40,8 @@ LET_THROUGH, ON_PLANES = 0.25, 0.12  # shares around, of vegetation at least and
 HALO = GROUND_HALO + 40.0  # metres, for the largest radius (10) and context (20), and voxels
 FINE = float(1 << 20)  # steps in which features are summed up, so that sums are exact
 MOST = 1 << 20  # voxels along an axis
-STRIDES = np.array([1 << 42, 1 << 21, 2])  # from the number of a voxel to those beside it
+STRIDES = np.array([1 << 42, 1 << 21, 1])  # from the number of a voxel to those beside it
+OTHER_SIDE = np.int64(1 << 62)  # to that of the same voxel on the other side of the ground
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -81,7 +82,7 @@ class PointFeatures:
     @functools.cached_property
     def _places(self) -> bytes:
         """What tells the coordinates from others, see :meth:`toolbox.context.Context.once`."""
-        return digest(self.xyz)
+        return digest(self.xyz) if self.ctx.kept is not None else b""
 
     @functools.cached_property
     def eastward(self) -> NDArray[np.int64]:
@@ -248,20 +249,21 @@ def means_around(
     cells -= cells.min(axis=0) - int(reach) - 1
     if cells.max() >= MOST:
         raise DataError(f"points: they extend over more than {MOST} m: remove stray points")
-    keys = cells @ STRIDES + group
+    keys = cells @ STRIDES + group * OTHER_SIDE
     ctx.progress(0.1)
     own, place = np.unique(keys, return_inverse=True)
     ctx.progress(0.4)
-    held = np.empty((len(own), 1 + values.shape[1]))
-    held[:, 0] = np.bincount(place)
+    before = np.zeros((len(own) + 1, 1 + values.shape[1]), np.int64)
+    before[1:, 0] = np.bincount(place)
     for k, column in enumerate(values.T, start=1):
-        held[:, k] = np.bincount(place, np.rint(column * FINE))  # exact
+        before[1:, k] = np.bincount(place, np.rint(column * FINE))  # exact
         ctx.progress(0.4 + 0.2 * k / values.shape[1])
-    total = held.copy()
-    offsets = _half_ball(reach)
-    for done, offset in enumerate(offsets):
-        add_partners(own, offset @ STRIDES, held, total)
-        ctx.progress(0.6 + 0.4 * (done + 1) / len(offsets))
+    np.cumsum(before, axis=0, out=before)
+    total = np.zeros((len(own), before.shape[1]), np.int64)
+    columns = _ball(reach)
+    for done, (east, north, far) in enumerate(columns):
+        add_ranges(own, east * STRIDES[0] + north * STRIDES[1], far, before, total)
+        ctx.progress(0.6 + 0.4 * (done + 1) / len(columns))
     return _frozen((total[:, 1:] / FINE / total[:, :1])[place])
 
 
@@ -271,12 +273,16 @@ def _frozen(array: NDArray[Any]) -> NDArray[Any]:
     return array
 
 
-def _half_ball(reach: float) -> NDArray[np.int64]:
-    """Offsets of the cells within reach, array of shape (m, 3); of two opposite ones only one."""
-    far = int(reach)
-    ball = np.stack(np.meshgrid(*[np.arange(-far, far + 1)] * 3, indexing="ij"), -1).reshape(-1, 3)
-    ball = ball[(ball**2).sum(axis=1) <= reach**2]
-    return np.asarray(ball[len(ball) // 2 + 1 :])
+def _ball(reach: float) -> NDArray[np.int64]:
+    """Columns of cells within reach, array of shape (m, 3): east, north, and how far up and down.
+
+    Cells above each other have numbers one after the other, so that a column is one range.
+    """
+    far = np.arange(-int(reach), int(reach) + 1)
+    east, north, up = np.meshgrid(far, far, far, indexing="ij")
+    within = (east**2 + north**2 + up**2 <= reach**2).sum(axis=2)
+    columns = np.column_stack([east[:, :, 0][within > 0], north[:, :, 0][within > 0]])
+    return np.column_stack([columns, within[within > 0] // 2])
 
 
 def solid(features: PointFeatures) -> Mask:

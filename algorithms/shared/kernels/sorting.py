@@ -49,22 +49,21 @@ def first_at(rising, value, start, stop):
 
 
 @njit(cache=True, nogil=True)
-def add_partners(rising, step, values, total):
-    """Add the values of each two rows whose numbers differ by `step` to each other's total.
+def add_ranges(rising, step, far, before, total):
+    """Add to each row the values of all rows numbered `step` on, up to `far` before or after that.
 
-    `rising` has no number twice; both places of a pair move on together.
+    `rising` has no number twice, so both ends of the range move on with the row; `before` holds
+    the sums of the values of all rows before each, and of all.
     """
-    other = 0
+    low = high = 0
     for row in range(len(rising)):
         wanted = rising[row] + step
-        while other < len(rising) and rising[other] < wanted:
-            other += 1
-        if other == len(rising):
-            return
-        if rising[other] == wanted:
-            for k in range(values.shape[1]):
-                total[row, k] += values[other, k]
-                total[other, k] += values[row, k]
+        while low < len(rising) and rising[low] < wanted - far:
+            low += 1
+        while high < len(rising) and rising[high] <= wanted + far:
+            high += 1
+        for k in range(total.shape[1]):
+            total[row, k] += before[high, k] - before[low, k]
 
 
 @helper

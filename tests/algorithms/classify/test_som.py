@@ -291,6 +291,17 @@ def test_what_is_around_counts_cells_within_reach() -> None:
     np.testing.assert_allclose(far.ravel(), [0.5, 0.5, 5.0, 0.5])
 
 
+@pytest.mark.parametrize("reach", [1.0, 2.5, 3.0])
+def test_what_is_around_is_as_counted_cell_by_cell(reach: float) -> None:
+    rng = np.random.default_rng(0)
+    xyz, group = rng.uniform(0, (12, 9, 7), (800, 3)), rng.random(800) < 0.4
+    values, cell = rng.random((800, 2)), np.floor(xyz)
+    away = ((cell[:, None] - cell) ** 2).sum(axis=2)
+    near = (away <= reach**2) & (group[:, None] == group)
+    means = (near @ values) / near.sum(axis=1)[:, None]
+    np.testing.assert_allclose(_evidence.means_around(xyz, group, values, reach), means, atol=1e-6)
+
+
 # Bad input -------------------------------------------------------------------------------
 
 
